@@ -1,0 +1,154 @@
+"""The one place where highway-env becomes a Scene; it reads any highway-env environment, stock or ours."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from highway_env.vehicle.objects import Obstacle, RoadObject
+from numpy.typing import NDArray
+
+from scenarios.bodies import Part, parts
+from scenarios.contours import find
+from sensors.scene import Bodies, Ego, Objects, Scene
+from trackers.geometry import point_velocity, rotation, to_frame, wrap_angle
+
+ARTICULATED, OBSTACLE = "articulated", "obstacle"
+
+
+class SceneReader:
+    """Reads Scenes and remembers which object has which id.
+
+    Ids count from 1 in the order of first sight, and within one frame in the order of `road.vehicles`, then
+    `road.objects`. `contour_of` names the outline of a single-body object; without it the object's own, or a guess
+    from its length. Call `reset` with every reset of the environment.
+    """
+
+    def __init__(self, contour_of: Callable[[RoadObject], str] | None = None) -> None:
+        self._contour_of = contour_of
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all ids."""
+        # The reference in the value keeps an object that left the road alive: its id() cannot be given again
+        self._known: dict[int, tuple[RoadObject, int]] = {}
+
+    def read(self, env: Any, frame: int | None = None) -> Scene:
+        """The truth in an unwrapped environment now.
+
+        `frame` is the number of frames simulated so far. highway-env counts a frame only after `road.step`, so a
+        reader called at the end of `road.step` passes `env.steps + 1`; between calls of `env.step` the default,
+        `env.steps`, is right. `env.time` counts policy steps and disagrees where the frequencies do not divide.
+        """
+        dt = 1 / env.config["simulation_frequency"]
+        frame = env.steps if frame is None else frame
+        seen = [v for v in env.road.vehicles if v is not env.vehicle]
+        seen += [o for o in env.road.objects if isinstance(o, Obstacle) and o.solid]
+        bodies = [self._parts(v) for v in seen]
+        return Scene(
+            time=frame / env.config["simulation_frequency"],
+            dt=dt,
+            ego=self._ego(env.vehicle),
+            objects=self._objects(seen, bodies),
+            bodies=_bodies(bodies),
+            walls=_walls(env),
+        )
+
+    def number(self, vehicle: RoadObject) -> int:
+        """The id of an object, a new one at first sight."""
+        return self._known.setdefault(id(vehicle), (vehicle, len(self._known) + 1))[1]
+
+    def _parts(self, vehicle: RoadObject) -> list[Part]:
+        bodies = parts(vehicle)
+        if self._contour_of is not None and len(bodies) == 1:
+            return [bodies[0]._replace(contour=self._contour_of(vehicle))]
+        return bodies
+
+    def _ego(self, vehicle: RoadObject) -> Ego:
+        if len(bodies := self._parts(vehicle)) != 1:
+            raise ValueError(f"the ego vehicle must be one rigid body, got {len(bodies)}; drive a car, bus or truck")
+        body = bodies[0]
+        pose = _wrapped(body.pose)
+        outline = find(body.contour).place(pose, body.size)
+        return Ego(pose, body.velocity, body.yaw_rate, body.size, outline, bool(vehicle.crashed))
+
+    def _objects(self, seen: Sequence[RoadObject], bodies: Sequence[list[Part]]) -> Objects:
+        boxes = [_box(b) for b in bodies]
+        return Objects(
+            id=np.array([self.number(v) for v in seen], int),
+            kind=tuple(_kind(v, b) for v, b in zip(seen, bodies, strict=True)),
+            pose=_wrapped(np.array([b.pose for b in boxes]).reshape(-1, 3)),
+            velocity=np.array([b.velocity for b in boxes]).reshape(-1, 2),
+            yaw_rate=np.array([b.yaw_rate for b in boxes], float),
+            size=np.array([b.size for b in boxes]).reshape(-1, 2),
+            crashed=np.array([v.crashed for v in seen], bool),
+        )
+
+
+def bounding_box(bodies: Sequence[Part]) -> Part:
+    """Bounding box of the outlines of several bodies, in the frame of the longest one, as a part with contour box.
+
+    An articulated truck is seen mostly as its trailer, so the box is aligned with the trailer and shares its yaw
+    rate. Its size grows with the hitch angle, and its centre moves within the trailer as it does: the velocity is
+    that of the midpoint between the extreme vertices, so it is the derivative of the reported position.
+    """
+    frame = max(bodies, key=lambda b: b.size[0])
+    xy, rate = [], []
+    for body in bodies:
+        world = find(body.contour).place(body.pose, body.size)
+        velocity = point_velocity(body.velocity, np.asarray(body.yaw_rate), world - body.pose[:2])
+        carried = point_velocity(frame.velocity, np.asarray(frame.yaw_rate), world - frame.pose[:2])
+        xy.append(to_frame(frame.pose, world))
+        rate.append((velocity - carried) @ rotation(frame.pose[2]))
+    (low, low_rate), (high, high_rate) = _extremes(np.concatenate(xy), np.concatenate(rate))
+    R = rotation(frame.pose[2])
+    lever = R @ ((low + high) / 2)
+    velocity = point_velocity(frame.velocity, np.asarray(frame.yaw_rate), lever) + R @ ((low_rate + high_rate) / 2)
+    pose = np.array([*(frame.pose[:2] + lever), frame.pose[2]])
+    return Part("box", pose, velocity, frame.yaw_rate, high - low)
+
+
+def _extremes(xy: NDArray, rate: NDArray) -> tuple[tuple[NDArray, NDArray], tuple[NDArray, NDArray]]:
+    """Least and greatest coordinates (2,) of points (C, 2) and their rates; of equals the one that takes the lead."""
+    level = np.round(xy, 9)  # [m] bodies in line are equally wide up to rounding
+    first = [np.lexsort((rate[:, k], level[:, k]))[[0, -1]] for k in range(2)]
+    pick = np.stack(first, -1)  # (low | high, axis)
+    axis = np.arange(2)
+    return (xy[pick[0], axis], rate[pick[0], axis]), (xy[pick[1], axis], rate[pick[1], axis])
+
+
+def _box(bodies: list[Part]) -> Part:
+    return bodies[0] if len(bodies) == 1 else bounding_box(bodies)
+
+
+def _kind(vehicle: RoadObject, bodies: list[Part]) -> str:
+    if isinstance(vehicle, Obstacle):
+        return OBSTACLE
+    return bodies[0].contour if len(bodies) == 1 else ARTICULATED
+
+
+def _wrapped(pose: NDArray) -> NDArray:
+    """The poses (..., 3) with headings in [-pi, pi)."""
+    return np.concatenate([pose[..., :2], wrap_angle(pose[..., 2:])], -1)
+
+
+def _bodies(objects: Sequence[list[Part]]) -> Bodies:
+    owner = [k for k, bodies in enumerate(objects) for _ in bodies]
+    flat = [b for bodies in objects for b in bodies]
+    pose = _wrapped(np.array([b.pose for b in flat]).reshape(-1, 3))
+    turned = rotation(pose[:, 2]).mT
+    outline = tuple(p[:2] + (find(b.contour).points * b.size) @ R for b, p, R in zip(flat, pose, turned, strict=True))
+    return Bodies(
+        owner=np.array(owner, int),
+        pose=pose,
+        velocity=np.array([b.velocity for b in flat]).reshape(-1, 2),
+        yaw_rate=np.array([b.yaw_rate for b in flat], float),
+        outline=outline,
+    )
+
+
+def _walls(env: Any) -> NDArray:
+    """Guard rails (W, 2, 2) [m] of environments that have any."""
+    walls = np.asarray(getattr(env, "walls", np.zeros((0, 2, 2))), float)
+    if walls.ndim != 3 or walls.shape[1:] != (2, 2):
+        raise ValueError(f"env.walls must be (W, 2, 2): W segments of two points; got {walls.shape}")
+    return walls

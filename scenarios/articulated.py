@@ -1,0 +1,127 @@
+"""Articulated trucks: one highway-env vehicle that drives as its tractor unit and pulls a trailer.
+
+highway-env knows the tractor unit (6 x 2.55 m). The trailer hangs on it by one angle, as a kinematic trailer whose
+axle does not slip sideways: D psi_t' = v_k . n_t, with v_k the velocity of the kingpin, n_t the unit vector to the
+left of the trailer, D the distance from kingpin to axle. A trailer in `road.vehicles` would be the follower of its
+own tractor for MOBIL; so the trailer exists only in `parts`, in the collisions and in the gaps of followers.
+
+            trailer 13.6 m
+    +-----------------------------+
+    |        axle -- D -- kingpin-|--+---+     overall 16.5 m, the limit of directive 96/53/EC
+    |                         |   |  |cab|     kingpin 1.5 m behind the centre of the tractor unit
+    +-----------------------------+--+---+
+"""
+
+from collections.abc import Callable
+from typing import Any, Self
+
+import numpy as np
+from highway_env.vehicle.kinematics import Vehicle
+from numpy.typing import NDArray
+
+from scenarios.bodies import Part, body_part, motion
+from scenarios.contours import CONTOURS
+from scenarios.vehicles import CourseVehicle, SizedIDM, keep_habits
+from trackers.geometry import perpendicular, point_velocity, unit, wrap_angle
+
+UNIT, TRAILER = "tractor-unit", "trailer"
+KINGPIN = -1.5  # [m] of the kingpin from the centre of the tractor unit
+OVERHANG = 1.6  # [m] of the trailer's front from the kingpin
+AXLE = 7.7  # [m] from the kingpin to the middle axle of the trailer
+
+
+class Articulated:
+    """Mixin: a trailer behind a highway-env vehicle whose own size is that of the tractor unit."""
+
+    heading: float  # [rad] of the tractor unit, not wrapped
+    trailer_heading: float  # [rad], not wrapped
+    LENGTH: float  # [m] of the tractor unit
+    _take_size: Callable[..., None]
+
+    def _hitch_trailer(self, hitch: float) -> None:
+        self._take_size(None, None, UNIT)
+        self.trailer_size = CONTOURS[TRAILER].size
+        self.trailer_heading = float(self.heading + hitch)
+
+    @property
+    def hitch(self) -> float:
+        """Heading of the trailer relative to the tractor unit [rad]."""
+        return float(wrap_angle(self.trailer_heading - self.heading))
+
+    @property
+    def rear_extent(self) -> float:
+        """Distance [m] from the centre of the tractor unit back to the trailer's end, along the tractor unit."""
+        behind = self.trailer_size[0] - OVERHANG
+        return float(max(self.LENGTH / 2, -KINGPIN + behind * np.cos(self.hitch)))
+
+    @property
+    def reach(self) -> float:
+        """Radius [m] about the centre of the tractor unit that holds both bodies at any hitch."""
+        length, width = self.trailer_size
+        return float(-KINGPIN + np.hypot(length - OVERHANG, width / 2))
+
+    def parts(self) -> list[Part]:
+        """Tractor unit and trailer, in this order."""
+        unit_part = body_part(self)
+        kingpin = KINGPIN * unit(self.heading)
+        v_k, rate = self._trailer_motion()
+        back = (OVERHANG - self.trailer_size[0] / 2) * unit(self.trailer_heading)
+        pose = np.array([*(unit_part.pose[:2] + kingpin + back), self.trailer_heading])
+        velocity = point_velocity(v_k, np.asarray(rate), back)
+        return [unit_part, Part(TRAILER, pose, velocity, rate, self.trailer_size.copy())]
+
+    def _trailer_motion(self) -> tuple[NDArray, float]:
+        """Velocity (2,) [m/s] of the kingpin and yaw rate of the trailer [rad/s]."""
+        velocity, yaw_rate = motion(self)
+        v_k = point_velocity(velocity, np.asarray(yaw_rate), KINGPIN * unit(self.heading))
+        return v_k, float(v_k @ perpendicular(unit(self.trailer_heading)) / AXLE)
+
+    def step(self, dt: float) -> None:
+        """Move the tractor unit by dt [s] and let the trailer follow, explicit Euler as highway-env."""
+        _, rate = self._trailer_motion()
+        super().step(dt)  # type: ignore[misc]
+        self.trailer_heading += rate * dt
+
+
+class ArticulatedIDM(Articulated, SizedIDM):
+    """An articulated truck in traffic; long, so it changes lanes only when told to."""
+
+    def __init__(self, *args: Any, hitch: float = 0.0, **kwargs: Any) -> None:
+        reject_size(kwargs)
+        super().__init__(*args, **{"enable_lane_change": False, **kwargs})
+        self._hitch_trailer(hitch)
+
+    @classmethod
+    def create_from(cls, vehicle: Vehicle) -> Self:
+        """A truck in the same state with the same trailer."""
+        new = cls(
+            vehicle.road,
+            vehicle.position,
+            vehicle.heading,
+            vehicle.speed,
+            getattr(vehicle, "target_lane_index", None),
+            getattr(vehicle, "target_speed", None),
+            getattr(vehicle, "route", None),
+            timer=getattr(vehicle, "timer", None),
+            enable_lane_change=getattr(vehicle, "enable_lane_change", False),
+            hitch=getattr(vehicle, "hitch", 0.0),
+        )
+        if isinstance(vehicle, cls):
+            keep_habits(new, vehicle)
+        return new
+
+
+class ArticulatedCourse(Articulated, CourseVehicle):
+    """An articulated truck whose tractor unit follows a course table."""
+
+    def __init__(self, *args: Any, hitch: float = 0.0, **kwargs: Any) -> None:
+        reject_size(kwargs)
+        super().__init__(*args, **kwargs)
+        self._hitch_trailer(hitch)
+
+
+def reject_size(kwargs: dict[str, Any]) -> None:
+    """Raise for a size or contour: the two bodies of an articulated truck have theirs."""
+    wrong = sorted(kwargs.keys() & {"length", "width", "contour"})
+    if wrong:
+        raise ValueError(f"an articulated truck has the sizes of its two contours; leave out {', '.join(wrong)}")

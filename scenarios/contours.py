@@ -1,0 +1,214 @@
+"""CONTOURS: outlines of road users seen from above, in a unit box, scaled to each vehicle's own length and width.
+
+The box that highway-env collides is the bounding box of the outline, because every outline touches all four sides of
+its unit box. Proportions are drawn from the usual dimensions of each class (drive-train and wheel positions rounded).
+
+        y
+        |
+    1---+---0      x forward, y to the left in the mathematical sense; vertices counter-clockwise
+    |   o   |  x   from the front; every outline is symmetric about x, so one half is written down
+    2-------3
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from difflib import get_close_matches
+from functools import cached_property
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.geometry import cross, to_world
+
+Half = tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True)
+class Contour:
+    """One outline and the usual size of its class."""
+
+    name: str
+    length: float  # [m] default
+    width: float  # [m] default
+    outline: tuple[tuple[float, float], ...]  # vertices in [-0.5, 0.5]^2, counter-clockwise, not closed
+    note: str = ""
+
+    def __post_init__(self) -> None:
+        xy = np.array(self.outline)
+        box = np.stack([xy.min(0), xy.max(0)])
+        if not np.array_equal(box, [[-0.5, -0.5], [0.5, 0.5]]):
+            raise ValueError(f"{self.name}: outline must touch all sides of the unit box, its box is {box.tolist()}")
+        if cross(xy, np.roll(xy, -1, 0)).sum() <= 0:
+            raise ValueError(f"{self.name}: outline must be counter-clockwise; reverse the order of its vertices")
+
+    @cached_property
+    def points(self) -> NDArray:
+        """Vertices (C, 2) in the unit box, read-only."""
+        points = np.array(self.outline)
+        points.flags.writeable = False
+        return points
+
+    @property
+    def size(self) -> NDArray:
+        """Default length and width (2,) [m]."""
+        return np.array([self.length, self.width])
+
+    def place(self, pose: NDArray, size: NDArray) -> NDArray:
+        """Outline (C, 2) [m] in the world of a body with pose (3,) x, y [m], heading [rad] and size (2,) [m]."""
+        return to_world(np.asarray(pose, float), self.points * size)
+
+
+def mirrored(left: Half) -> Half:
+    """The whole outline from its left half (y > 0), written from the front to the rear."""
+    return left + tuple((x, -y) for x, y in reversed(left))
+
+
+def _table(contours: Iterable[Contour]) -> MappingProxyType[str, Contour]:
+    return MappingProxyType({c.name: c for c in contours})
+
+
+CONTOURS = _table(
+    (
+        Contour(
+            "car",
+            4.7,
+            1.9,
+            mirrored(
+                (
+                    (0.5, 0.18),  # front bumper, rounder than the rear
+                    (0.485, 0.33),
+                    (0.455, 0.43),
+                    (0.4, 0.485),
+                    (0.3, 0.5),  # front wing
+                    (-0.35, 0.5),  # rear wing
+                    (-0.43, 0.485),
+                    (-0.475, 0.43),
+                    (-0.495, 0.33),
+                    (-0.5, 0.2),
+                )
+            ),
+            "sedan with rounded corners",
+        ),
+        Contour(
+            "van",
+            5.5,
+            2.0,
+            mirrored(
+                (
+                    (0.5, 0.28),
+                    (0.485, 0.4),
+                    (0.45, 0.47),
+                    (0.38, 0.5),
+                    (-0.46, 0.5),
+                    (-0.49, 0.485),
+                    (-0.5, 0.44),
+                )
+            ),
+            "delivery van: short round nose, square tail",
+        ),
+        Contour(
+            "bus",
+            12.0,
+            2.55,
+            mirrored(((0.5, 0.36), (0.495, 0.45), (0.48, 0.5), (-0.485, 0.5), (-0.498, 0.47), (-0.5, 0.42))),
+            "city bus",
+        ),
+        Contour(
+            "truck",
+            8.1,
+            2.45,
+            mirrored(
+                (
+                    (0.5, 0.36),
+                    (0.49, 0.44),
+                    (0.465, 0.47),  # cab, a little narrower than the load
+                    (0.235, 0.47),
+                    (0.235, 0.3),  # gap between cab and load
+                    (0.205, 0.3),
+                    (0.205, 0.5),  # load
+                    (-0.5, 0.5),
+                )
+            ),
+            "rigid truck with cab and box body",
+        ),
+        Contour(
+            "tractor",
+            5.0,
+            2.5,
+            mirrored(
+                (
+                    (0.5, 0.14),
+                    (0.47, 0.18),  # bonnet
+                    (0.42, 0.18),
+                    (0.42, 0.38),  # front wheel
+                    (0.2, 0.38),
+                    (0.2, 0.18),
+                    (-0.06, 0.22),
+                    (-0.06, 0.5),  # rear wheel
+                    (-0.44, 0.5),
+                    (-0.44, 0.2),
+                    (-0.5, 0.15),  # linkage
+                )
+            ),
+            "farm tractor: narrow bonnet, wide rear wheels",
+        ),
+        Contour(
+            "tractor-unit",
+            6.0,
+            2.55,
+            mirrored(
+                (
+                    (0.5, 0.38),
+                    (0.49, 0.46),
+                    (0.465, 0.5),  # cab, 2.3 m
+                    (0.12, 0.5),
+                    (0.12, 0.3),  # frame under the trailer
+                    (-0.1, 0.3),
+                    (-0.1, 0.49),  # drive wheels
+                    (-0.42, 0.49),
+                    (-0.42, 0.3),
+                    (-0.5, 0.3),
+                )
+            ),
+            "front body of an articulated truck",
+        ),
+        Contour(
+            "trailer",
+            13.6,
+            2.55,
+            mirrored(((0.5, 0.45), (0.4975, 0.485), (0.491, 0.5), (-0.4955, 0.5), (-0.499, 0.49), (-0.5, 0.47))),
+            "rear body of an articulated truck",
+        ),
+        Contour(
+            "motorcycle",
+            2.2,
+            0.8,
+            mirrored(
+                (
+                    (0.5, 0.07),  # front wheel
+                    (0.27, 0.1),
+                    (0.25, 0.5),  # handlebar
+                    (0.19, 0.5),
+                    (0.12, 0.3),
+                    (-0.1, 0.34),  # rider
+                    (-0.22, 0.2),
+                    (-0.3, 0.12),
+                    (-0.5, 0.1),
+                )
+            ),
+            "motorcycle with rider",
+        ),
+        Contour("box", 4.7, 1.9, mirrored(((0.5, 0.5), (-0.5, 0.5))), "plain rectangle, for obstacles and tests"),
+    )
+)
+
+
+def find(name: str) -> Contour:
+    """The contour of that name; the error names the nearest one."""
+    try:
+        return CONTOURS[name]
+    except KeyError:
+        close = get_close_matches(name, CONTOURS, n=1)
+        hint = f"did you mean {close[0]!r}?" if close else f"known: {', '.join(CONTOURS)}"
+        raise LookupError(f"no contour {name!r}; {hint}") from None

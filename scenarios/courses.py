@@ -1,0 +1,172 @@
+"""Prescribed courses: tables of motion at 100 Hz, made by integration, to be followed exactly.
+
+A table has the columns of `COLUMNS`. The heading is the course (no crab angle), so heading, velocity and yaw rate
+agree as trackers with constant-velocity or coordinated-turn models assume. Onsets are smooth: accelerations and yaw
+rates pass from one value to the next linearly, over `onset` and `ramp` seconds.
+
+In highway-env's frame, y to the driver's right, a positive yaw rate and a positive shift turn to the right.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from scenarios.paths import Path
+from trackers.geometry import rotation, unit
+
+COLUMNS = ("t", "x", "y", "heading", "vx", "vy", "yaw_rate")  # [s], [m], [m], [rad] unwrapped, [m/s], [m/s], [rad/s]
+T, X, Y, HEADING, VX, VY, YAW_RATE = range(7)
+RATE = 100  # [Hz]
+
+
+class Segment(NamedTuple):
+    """A stretch of time with constant demand."""
+
+    duration: float  # [s]
+    acceleration: float = 0.0  # [m/s^2] along the course
+    yaw_rate: float = 0.0  # [rad/s]
+
+
+class Shift(NamedTuple):
+    """A quintic change of lateral offset: rest to rest, continuous acceleration."""
+
+    start: float  # [s]
+    duration: float  # [s]
+    distance: float  # [m] to the right
+
+
+def _demand(t: NDArray, durations: Sequence[float], values: Sequence[float], onset: float) -> NDArray:
+    """Piecewise constant demand at times t, averaged over the last `onset` seconds: the integral is kept exactly."""
+    ends = np.concatenate([[0.0], np.cumsum(durations)])
+    total = np.concatenate([[0.0], np.cumsum(np.multiply(durations, values))])
+    window = max(onset, 1.0 / RATE)
+    return (np.interp(t, ends, total) - np.interp(t - window, ends, total)) / window
+
+
+def _cumulative(f: NDArray, start: float = 0.0) -> NDArray:
+    """Running trapezoidal integral (n,) of samples at `RATE`."""
+    return start + np.concatenate([[0.0], np.cumsum((f[1:] + f[:-1]) / (2 * RATE))])
+
+
+def speed_profile(t: NDArray, speed: float, segments: Sequence[Segment], onset: float = 0.5) -> NDArray:
+    """Speeds (n,) [m/s] at times t (n,); who brakes beyond standstill stands."""
+    a = _demand(t, [g.duration for g in segments], [g.acceleration for g in segments], onset)
+    v = _cumulative(a, speed)
+    return v - np.minimum(np.minimum.accumulate(v), 0.0)  # so that a later acceleration starts from rest
+
+
+def integrate(
+    start: ArrayLike, speed: float, segments: Sequence[Segment], ramp: float = 1.0, onset: float = 0.5
+) -> NDArray:
+    """Course (n, 7) from a pose (3,) x, y [m], heading [rad] at a speed [m/s] through the segments.
+
+    The table is longer than the segments by the larger of `ramp` and `onset`, when the last demand has faded; the total
+    turn is then the sum of duration times yaw rate.
+    """
+    check_segments(segments)
+    x, y, heading = np.asarray(start, float)
+    durations = [g.duration for g in segments]
+    n = round((sum(durations) + max(ramp, onset)) * RATE)
+    fine = np.arange(2 * n + 1) / (2 * RATE)  # half steps: Simpson's rule for the position
+    t = fine[::2]
+    v = speed_profile(t, speed, segments, onset)
+    yaw_rate = _demand(t, durations, [g.yaw_rate for g in segments], ramp)
+    course = _cumulative(yaw_rate, heading)
+    v_mid = (v[1:] + v[:-1]) / 2 - np.diff(np.gradient(v, 1 / RATE)) / (8 * RATE)
+    c_mid = (course[1:] + course[:-1]) / 2 - np.diff(yaw_rate) / (8 * RATE)
+    rate, mid = v[:, None] * unit(course), v_mid[:, None] * unit(c_mid)
+    step = (rate[1:] + 4 * mid + rate[:-1]) / (6 * RATE)
+    xy = np.array([x, y]) + np.concatenate([np.zeros((1, 2)), np.cumsum(step, axis=0)])
+    return np.column_stack([t, xy, course, rate, yaw_rate])
+
+
+def follow_lane(
+    path: Path,
+    s: float,
+    speed: float,
+    segments: Sequence[Segment] = (),
+    shifts: Sequence[Shift] = (),
+    lateral: float = 0.0,
+    duration: float = 25.0,
+    onset: float = 0.5,
+) -> NDArray:
+    """Course (n, 7) along a path from arc length s [m], with a profile of speed and of lateral offset.
+
+    The speed is that along the lane at the vehicle's own offset; the lane gives the yaw rate, so that of the segments
+    must be left at 0. After the segments the speed stays.
+    """
+    check_segments(segments)
+    if any(g.yaw_rate for g in segments):
+        raise ValueError("segments of follow_lane turn with the lane; leave yaw_rate at 0 or use integrate()")
+    t = np.arange(round(duration * RATE) + 1) / RATE
+    v = speed_profile(t, speed, segments, onset)
+    d, d_rate = _offsets(t, shifts, lateral)
+    arc = _cumulative(v, s)
+    for _ in range(4):  # s' = v / (1 - curvature d): contraction by |d| times the change of curvature, 1e-3 a round
+        stretch = 1.0 - path.curvature(arc) * d
+        arc = _cumulative(v / stretch, s)
+    course = np.unwrap(path.heading(arc)) + np.arctan2(d_rate, np.where(v > 0, v, 1.0))
+    rate = np.hypot(v, d_rate)[:, None] * unit(course)
+    yaw_rate = np.gradient(course, 1 / RATE, edge_order=2)
+    return np.column_stack([t, path.position(arc, d), course, rate, yaw_rate])
+
+
+def _offsets(t: NDArray, shifts: Sequence[Shift], lateral: float) -> tuple[NDArray, NDArray]:
+    """Lateral offset (n,) [m] and its rate (n,) [m/s]."""
+    d, rate = np.full_like(t, lateral), np.zeros_like(t)
+    for start, duration, distance in shifts:
+        u = np.clip((t - start) / duration, 0.0, 1.0)
+        d += distance * u**3 * (10 - 15 * u + 6 * u**2)
+        rate += distance / duration * 30 * u**2 * (1 - u) ** 2
+    return d, rate
+
+
+def lane_change(start: ArrayLike, speed: float, distance: float, duration: float = 4.0) -> NDArray:
+    """Quintic lane change (n, 7) on a straight road, `distance` [m] to the right of a pose (3,) in `duration` [s]."""
+    x, y, heading = np.asarray(start, float)
+    t = np.arange(round(duration * RATE) + 1) / RATE
+    d, d_rate = _offsets(t, (Shift(0.0, duration, distance),), 0.0)
+    turn = np.arctan2(d_rate, speed)
+    local = np.column_stack([speed * t, d]) @ rotation(heading).T
+    rate = np.hypot(speed, d_rate)[:, None] * unit(heading + turn)
+    yaw_rate = np.gradient(turn, 1 / RATE, edge_order=2)
+    return np.column_stack([t, np.array([x, y]) + local, heading + turn, rate, yaw_rate])
+
+
+def then(first: NDArray, second: NDArray) -> NDArray:
+    """The second course moved rigidly to where the first one ends, and appended; speeds must agree at the joint."""
+    here, there = np.hypot(*first[-1, VX : VY + 1]), np.hypot(*second[0, VX : VY + 1])
+    if abs(here - there) > 1e-6:
+        raise ValueError(f"second must begin at {here:.3f} m/s where first ends, got {there:.3f} m/s")
+    turn = first[-1, HEADING] - second[0, HEADING]
+    R = rotation(turn)
+    moved = second.copy()
+    moved[:, T] += first[-1, T] - second[0, T]
+    moved[:, X : Y + 1] = first[-1, X : Y + 1] + (second[:, X : Y + 1] - second[0, X : Y + 1]) @ R.T
+    moved[:, HEADING] += turn
+    moved[:, VX : VY + 1] = second[:, VX : VY + 1] @ R.T
+    return np.vstack([first, moved[1:]])
+
+
+def peak_lateral_acceleration(table: NDArray) -> float:
+    """Largest speed times yaw rate [m/s^2] of a course."""
+    return float(np.abs(np.hypot(table[:, VX], table[:, VY]) * table[:, YAW_RATE]).max())
+
+
+def check(table: NDArray, max_lateral: float) -> NDArray:
+    """The course itself, if it is a table at `RATE` and stays below the lateral acceleration [m/s^2]."""
+    if table.ndim != 2 or table.shape[1] != len(COLUMNS) or len(table) < 2 or not np.isfinite(table).all():
+        raise ValueError(f"a course is a finite table (n, {len(COLUMNS)}) of {', '.join(COLUMNS)}, got {table.shape}")
+    peak = peak_lateral_acceleration(table)
+    if peak >= max_lateral:
+        raise ValueError(f"course peaks at {peak:.2f} m/s^2 across, allowed is {max_lateral}; drive slower or wider")
+    return table
+
+
+def check_segments(segments: Sequence[Segment]) -> None:
+    """Refuse segments that do not advance in time."""
+    for g in segments:
+        if not g.duration > 0:
+            raise ValueError(f"segments must last longer than 0 s, got {g}; leave the segment out")

@@ -1,0 +1,185 @@
+"""SCENARIOS: the catalogue of regression scenes, readable without loading the simulator.
+
+A builder is named as `module:function` and imported when the first world is built, so that listing the catalogue and
+registering environments stay light. Users may pass a `Scenario` of their own with a function in its place.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from difflib import get_close_matches
+from importlib import import_module
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from scenarios.stage import World
+
+Builder = Callable[[np.random.Generator], "World"]
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """One regression scene; everything but the seed."""
+
+    name: str
+    purpose: str  # one sentence: what a tracker or planner has to show here
+    builder: str | Builder  # "module:function", or a function from a generator to a world
+    vehicles: int  # besides the ego
+    max_lateral: float = 4.0  # [m/s^2] bound on every prescribed course
+    duration: float = 20.0  # [s]
+
+    def __post_init__(self) -> None:
+        if not self.duration > 0:
+            raise ValueError(f"{self.name}: duration must be positive, got {self.duration} s")
+        if isinstance(self.builder, str) and self.builder.count(":") != 1:
+            raise ValueError(f"{self.name}: builder must read 'module:function', got {self.builder!r}")
+
+    def build(self, rng: np.random.Generator) -> "World":
+        """Road, vehicles, guard rails and phases of one episode, drawn from the generator."""
+        world = self._builder()(rng)
+        for vehicle in world.road.vehicles:
+            if hasattr(vehicle, "table"):
+                import_module("scenarios.courses").check(vehicle.table.rows, self.max_lateral)
+        return world
+
+    def _builder(self) -> Builder:
+        if not isinstance(self.builder, str):
+            return self.builder
+        module, function = self.builder.split(":")
+        return getattr(import_module(module), function)
+
+
+SCENARIOS = MappingProxyType({s.name: s for s in (
+    Scenario(
+        "following",
+        "A leader in the ego's lane gently varies its speed; range, speed and length of one car must hold steadily.",
+        "scenarios.longitudinal:following", 9,
+    ),
+    Scenario(
+        "hard-brake",
+        "The leader brakes at 8 m/s^2; how late do estimated speed and planner react?",
+        "scenarios.longitudinal:hard_brake", 9,
+    ),
+    Scenario(
+        "stop-and-go",
+        "A jam: queues in three lanes stop and start in waves; heading and tracks must survive standstill.",
+        "scenarios.longitudinal:stop_and_go", 14,
+    ),
+    Scenario(
+        "slow-tractor",
+        "A tractor with narrow bonnet and wide wheels at 8 m/s on a country road; fast approach, oncoming traffic.",
+        "scenarios.longitudinal:slow_tractor", 7,
+    ),
+    Scenario(
+        "cut-in",
+        "A car from the left lane moves closely in front of the ego and is slower; its yaw must be seen early.",
+        "scenarios.maneuvers:cut_in", 9,
+    ),
+    Scenario(
+        "cut-out",
+        "The leader leaves the lane late and uncovers a slow van: first sight to confirmed track must be quick.",
+        "scenarios.maneuvers:cut_out", 8,
+    ),
+    Scenario(
+        "truck-cut-in",
+        "A rigid truck moves into the ego's lane; a long body turns and only its near side and rear are seen.",
+        "scenarios.maneuvers:truck_cut_in", 9,
+    ),
+    Scenario(
+        "lane-change",
+        "A car ahead changes lane within a long bend, so its turn has to be told from that of the road.",
+        "scenarios.maneuvers:lane_change", 9,
+    ),
+    Scenario(
+        "double-lane-change",
+        "A car on the right swerves towards the ego's lane and back: two reversals of yaw rate within seconds.",
+        "scenarios.maneuvers:double_lane_change", 9,
+    ),
+    Scenario(
+        "overtake",
+        "A fast car comes from behind, passes and moves in: one track from rear to front, through all aspects.",
+        "scenarios.maneuvers:overtake", 8,
+    ),
+    Scenario(
+        "dense-traffic",
+        "Thirty mixed vehicles close together, one changes lane; association and occlusion under load.",
+        "scenarios.maneuvers:dense_traffic", 30,
+    ),
+    Scenario(
+        "truck-convoy",
+        "Passing a convoy of trucks that hides cars beyond and between; one pulls out. Tracks must outlive occlusion.",
+        "scenarios.maneuvers:truck_convoy", 10,
+    ),
+    Scenario(
+        "s-curve",
+        "A motorway bends left, then right; a leader and its neighbours turn all the time, one changes lane.",
+        "scenarios.maneuvers:s_curve", 8,
+    ),
+    Scenario(
+        "six-radar-highway",
+        "The well-known public scene of six radars on a gentle left bend: truck on the right, fast car passing.",
+        "scenarios.maneuvers:six_radar_highway", 4,
+    ),
+    Scenario(
+        "merge",
+        "A van joins from the ramp in front of the ego: a track born at the edge of the road crosses into the lane.",
+        "scenarios.junctions:merge", 9,
+    ),
+    Scenario(
+        "exit",
+        "A car ahead crosses to the exit lane, brakes and leaves: the track has to follow it off the road.",
+        "scenarios.junctions:exit_ramp", 9,
+    ),
+    Scenario(
+        "oncoming",
+        "Two-way road: oncoming vehicles at 40 m/s closing speed, one of them overtaking in the ego's lane.",
+        "scenarios.junctions:oncoming", 8,
+    ),
+    Scenario(
+        "articulated-turn",
+        "A truck with trailer brakes and turns right ahead: two bodies with a hinge, one object.",
+        "scenarios.junctions:articulated_turn", 8,
+    ),
+    Scenario(
+        "roundabout",
+        "The ego drives through a roundabout with vehicles circulating inside, waiting at the arms and leaving.",
+        "scenarios.junctions:roundabout", 8,
+    ),
+    Scenario(
+        "u-turn",
+        "A car ahead makes a U-turn, the ego follows: a turn through 180 degrees seen from a turning sensor.",
+        "scenarios.junctions:u_turn", 6,
+    ),
+    Scenario(
+        "xia2020-lane",
+        "The first course of Xia et al. (2020): one car follows on a nearly straight lane and shows its front only.",
+        "scenarios.papers:xia_lane", 1,
+    ),
+    Scenario(
+        "xia2020-right-turn",
+        "The second course of Xia et al. (2020): a car behind crosses from left to right in a tight right turn.",
+        "scenarios.papers:xia_right_turn", 1,
+    ),
+    Scenario(
+        "xia2020-s-curve",
+        "The third course of Xia et al. (2020): a car behind follows the ego through a tight S of two bends.",
+        "scenarios.papers:xia_s_curve", 1,
+    ),
+    Scenario(
+        "hoher2022-u-turn",
+        "The course of Hoher et al. (2022): a standing ego sees one car from all sides as it turns back and passes.",
+        "scenarios.papers:hoher_u_turn", 1,
+    ),
+)})  # fmt: skip
+
+
+def find(name: str) -> Scenario:
+    """The scenario of that name; the error names the nearest one."""
+    try:
+        return SCENARIOS[name]
+    except KeyError:
+        close = get_close_matches(name, SCENARIOS, n=1)
+        hint = f"did you mean {close[0]!r}?" if close else f"known: {', '.join(SCENARIOS)}"
+        raise LookupError(f"no scenario {name!r}; {hint}") from None

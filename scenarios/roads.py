@@ -1,0 +1,161 @@
+"""The cached road: the states of highway-env's Road, bit by bit, in a fraction of its time.
+
+highway-env asks for neighbours about four times a vehicle and frame, each time projecting every other vehicle on the
+lane, and tests every pair for collision in Python. Positions do not change while vehicles decide, so one projection
+a lane and frame, sorted, serves all questions; and most pairs are ruled out by one array of distances. Every number
+comes from the same scalar call as in the stock road, and ties are resolved in its order.
+"""
+
+from bisect import bisect_left
+from typing import Any, NamedTuple
+
+import numpy as np
+from highway_env.road.lane import AbstractLane
+from highway_env.road.regulation import RegulatedRoad
+from highway_env.road.road import LaneIndex, Road
+from highway_env.vehicle.kinematics import Vehicle
+from highway_env.vehicle.objects import Landmark
+from numpy.typing import NDArray
+
+from scenarios.bodies import reach
+
+SLACK = 1e-6  # [m] far above the rounding of a distance: the stock check has the last word within it
+
+
+class LaneOrder(NamedTuple):
+    """Everything near one lane, by longitudinal coordinate; equal coordinates in list order."""
+
+    s: list[float]  # [m]
+    object: list[Any]
+
+
+class CachedRoad(Road):
+    """A Road that remembers projections while its vehicles act and sifts pairs before they collide."""
+
+    _orders: dict[LaneIndex, LaneOrder] | None = None  # filled during `act` only
+    _projections: dict[int, list[float | None]]
+
+    def act(self) -> None:
+        """Let every vehicle decide; nobody moves meanwhile."""
+        self._orders, self._projections = {}, {}
+        try:
+            super().act()
+        finally:
+            self._orders, self._projections = None, {}
+
+    def neighbour_vehicles(self, vehicle: Vehicle, lane_index: LaneIndex | None = None) -> tuple[Any, Any]:
+        """Nearest vehicle or obstacle ahead and behind on a lane, as `Road.neighbour_vehicles`.
+
+        Outside `act` positions may change at any time, and the stock search answers.
+        """
+        lane_index = lane_index or vehicle.lane_index
+        if self._orders is None or not lane_index:
+            return super().neighbour_vehicles(vehicle, lane_index)
+        s = self.network.get_lane(lane_index).local_coordinates(vehicle.position)[0]
+        if s != s:  # NaN is neither ahead nor behind
+            return None, None
+        if lane_index not in self._orders:
+            self._orders[lane_index] = self._order(lane_index)
+        return neighbours(self._orders[lane_index], s, vehicle)
+
+    def _order(self, lane_index: LaneIndex) -> LaneOrder:
+        """All objects on a lane or its connected lanes; the first lane that holds an object counts."""
+        lanes = self._search_lanes(lane_index)
+        rows = []
+        for k, v in enumerate(self.vehicles + self.objects):
+            if isinstance(v, Landmark):
+                continue
+            for lane, offset in lanes:
+                s = self._projected(lane)[k]
+                if s is not None:
+                    rows.append((s + offset, v))
+                    break
+        rows.sort(key=lambda row: row[0])  # stable
+        return LaneOrder([s for s, _ in rows], [v for _, v in rows])
+
+    def _projected(self, lane: AbstractLane) -> list[float | None]:
+        """Longitudinal coordinate [m] of all vehicles and objects on one lane, None for those not on it."""
+        known = self._projections.get(id(lane))
+        if known is None:
+            known = []
+            for v in self.vehicles + self.objects:
+                s, lateral = lane.local_coordinates(v.position)
+                known.append(s if lane.on_lane(v.position, s, lateral, margin=1) else None)
+            self._projections[id(lane)] = known
+        return known
+
+    def _search_lanes(self, lane_index: LaneIndex) -> list[tuple[AbstractLane, float]]:
+        """The lane, then with connected lanes its successors and predecessors, and the offsets [m] of their s."""
+        lane = self.network.get_lane(lane_index)
+        lanes: list[tuple[AbstractLane, float]] = [(lane, 0)]
+        if not self.neighbour_vehicles_connected_lanes:
+            return lanes
+        start, end, k = lane_index
+        for following in self.network.graph.get(end, {}).values():
+            if following:
+                lanes.append((following[k if k < len(following) else 0], lane.length))
+        for ends in self.network.graph.values():
+            if ends.get(start):
+                before = ends[start][k if k < len(ends[start]) else 0]
+                lanes.append((before, -before.length))
+        return lanes
+
+    def step(self, dt: float) -> None:
+        """Move every vehicle by dt [s], then collide the pairs that are near enough, in the stock order."""
+        for vehicle in self.vehicles:
+            vehicle.step(dt)
+        others = self.vehicles + self.objects
+        near = near_pairs(self.vehicles, self.objects, dt)
+        for i, vehicle in enumerate(self.vehicles):
+            for j in np.flatnonzero(near[i, i + 1 :]) + i + 1:
+                other = others[j]
+                if hasattr(other, "parts") and not hasattr(vehicle, "contour"):
+                    other.handle_collisions(vehicle, dt)  # a stock vehicle does not see trailers: ask the truck
+                else:
+                    vehicle.handle_collisions(other, dt)
+
+
+class CachedRegulatedRoad(RegulatedRoad, CachedRoad):
+    """The cached road with the priority rules of intersections."""
+
+
+def neighbours(order: LaneOrder, s: float, vehicle: Vehicle) -> tuple[Any, Any]:
+    """Ahead: least coordinate >= s [m], of equals the last in the list. Behind: greatest < s, of equals the first."""
+    split = bisect_left(order.s, s)
+    ahead, behind = range(split, len(order.s)), range(split - 1, -1, -1)
+    return _first_group(order, ahead, vehicle), _first_group(order, behind, vehicle)
+
+
+def _first_group(order: LaneOrder, rows: range, vehicle: Vehicle) -> Any:
+    """The last object of the first run of equal coordinates along `rows`, the vehicle itself left out."""
+    found = None
+    for k in rows:
+        if found is not None and order.s[k] != order.s[found]:
+            break
+        if order.object[k] is not vehicle:
+            found = k
+    return None if found is None else order.object[found]
+
+
+def near_pairs(vehicles: list[Any], objects: list[Any], dt: float) -> NDArray:
+    """Which pairs (N, N + K) of N vehicles with all, K objects last, `_is_colliding` might find near in dt [s]."""
+    everyone = vehicles + objects
+    if not vehicles:
+        return np.zeros((0, len(everyone)), bool)
+    p = np.array([o.position for o in everyone], float)
+    r = np.array([reach(o) + abs(o.speed) * dt for o in everyone])
+    n = len(vehicles)
+    with np.errstate(invalid="ignore"):
+        distance = np.linalg.norm(p[:n, None] - p, axis=-1)
+        return ~(distance > r[:n, None] + r + SLACK)  # a NaN distance goes to the stock check
+
+
+def cached(road: Road) -> Road:
+    """Turn a stock road into a cached one in place, so that all who hold it profit; returns it."""
+    swap = {Road: CachedRoad, RegulatedRoad: CachedRegulatedRoad}
+    if isinstance(road, CachedRoad):
+        return road
+    if type(road) not in swap:
+        raise TypeError(f"road must be a Road or RegulatedRoad, got {type(road).__name__}; derive it from CachedRoad")
+    road.__class__ = swap[type(road)]
+    return road

@@ -1,0 +1,170 @@
+"""A stage on which a scenario places its vehicles, and the world that comes out.
+
+Background drivers follow the intelligent driver model (IDM). Placed at random gaps they would brake hard in the first
+second; here every platoon starts at or beyond the gap at which the model drives at constant speed, so what happens
+later is caused by the maneuver.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from highway_env.road.road import LaneIndex
+from highway_env.vehicle.kinematics import Vehicle
+from numpy.typing import NDArray
+
+from scenarios.articulated import ArticulatedCourse, ArticulatedIDM
+from scenarios.bodies import rear_extent
+from scenarios.contours import find
+from scenarios.networks import Layout
+from scenarios.roads import CachedRoad
+from scenarios.vehicles import CourseVehicle, EgoVehicle, SizedIDM
+
+TARGET_SPEEDS = tuple(np.linspace(0.0, 40.0, 17).tolist())  # [m/s] what the ego's meta actions choose from
+EGO_SIZE = (4.7, 1.9)  # [m]
+WISH = 1.2  # target speed of drivers held up by a leader, as a multiple of their speed
+TRAILER_REAR = 13.6  # [m] from the centre of a tractor unit back to the end of its trailer, rounded up
+
+
+class Phase(NamedTuple):
+    """A part of the episode that metrics report by itself."""
+
+    name: str
+    start: float  # [s]
+    end: float  # [s]
+
+
+class World(NamedTuple):
+    """One episode before its first frame."""
+
+    road: CachedRoad
+    ego: EgoVehicle
+    walls: NDArray  # (W, 2, 2) [m]
+    phases: tuple[Phase, ...]
+
+
+class Flow(NamedTuple):
+    """A platoon of background traffic in one lane."""
+
+    lane: LaneIndex
+    front: float  # [m] along the lane: where the first vehicle's bumper is, give or take 4 m
+    speed: float  # [m/s]
+    kinds: tuple[str, ...]  # front to back
+    spread: float = 0.5  # gaps are the steady one times 1 to 1 + spread
+    headway: float = 1.2  # [s]
+
+
+def steady_gap(speed: float, target: float, headway: float, standstill: float = 5.0) -> float:
+    """Bumper gap [m] at which IDM drivers who want `target` [m/s] behind a leader keep `speed`."""
+    return (standstill + headway * speed) / np.sqrt(1 - (speed / target) ** 4)
+
+
+def balanced_target(speed: float, gap: float, headway: float, standstill: float = 5.0) -> float:
+    """Target speed [m/s] at which an IDM driver keeps `speed` at this gap [m] behind a leader as fast; the inverse.
+
+    Never more than `WISH` times the speed: who starts closer than that allows falls back a little.
+    """
+    share = min((standstill + headway * speed) / gap, 1.0) ** 2
+    return speed * min((1 - share) ** -0.25 if share < 1 else WISH, WISH)
+
+
+def phases(onset: float, end: float, duration: float = 20.0) -> tuple[Phase, ...]:
+    """Before, onset (its first second), during and after a maneuver from `onset` to `end` [s]."""
+    cuts = (0.0, onset, onset + 1.0, end, duration)
+    names = ("before", "onset", "during", "after")
+    return tuple(Phase(n, a, b) for n, a, b in zip(names, cuts, cuts[1:], strict=False) if b > a)
+
+
+class Stage:
+    """A road being populated; every draw comes from one generator."""
+
+    def __init__(self, layout: Layout, rng: np.random.Generator) -> None:
+        self.rng = rng
+        self.walls = layout.walls
+        self.network = layout.network
+        self.road = CachedRoad(layout.network, np_random=rng, neighbour_vehicles_connected_lanes=True)
+
+    def ego(self, lane: LaneIndex, s: float, speed: float, route: str | None = None) -> EgoVehicle:
+        """Place the ego, 4.7 x 1.9 m, with the fine list of target speeds; `route` is the node it drives to."""
+        at = self.network.get_lane(lane)
+        length, width = EGO_SIZE
+        vehicle = EgoVehicle(
+            self.road, at.position(s, 0.0), at.heading_at(s), speed,
+            target_lane_index=lane, target_speeds=TARGET_SPEEDS, length=length, width=width, contour="car",
+        )  # fmt: skip
+        return self._enter(vehicle, route)
+
+    def drive(
+        self,
+        kind: str,
+        lane: LaneIndex,
+        s: float,
+        speed: float,
+        target: float | None = None,
+        headway: float | None = None,
+        route: str | None = None,
+        size: tuple[float, float] | None = None,
+    ) -> SizedIDM:
+        """Place an IDM driver who keeps its lane; target speed is the initial one unless given."""
+        at = self.network.get_lane(lane)
+        pose = (self.road, at.position(s, 0.0), at.heading_at(s), speed, lane, speed if target is None else target)
+        if kind == "articulated":
+            vehicle: SizedIDM = ArticulatedIDM(*pose, enable_lane_change=False)
+        else:
+            length, width = size or self.size(kind)
+            vehicle = SizedIDM(*pose, enable_lane_change=False, length=length, width=width, contour=kind)
+        if headway is not None:
+            vehicle.TIME_WANTED = headway
+        return self._enter(vehicle, route)
+
+    def prescribe(self, kind: str, table: NDArray, size: tuple[float, float] | None = None) -> CourseVehicle:
+        """Place a vehicle on a course; its size is the usual one of its kind unless given."""
+        if kind == "articulated":
+            return self._enter(ArticulatedCourse(self.road, table))
+        length, width = size or find(kind).size
+        return self._enter(CourseVehicle(self.road, table, length=length, width=width, contour=kind))
+
+    def size(self, kind: str) -> tuple[float, float]:
+        """Length and width [m] of one vehicle of a kind: its usual size, up to 6 % more or less long, 2 % wide."""
+        length, width = find(kind).size * (1 + self.rng.uniform(-1, 1, 2) * (0.06, 0.02))
+        return float(length), float(width)
+
+    def fill(self, flow: Flow) -> list[SizedIDM]:
+        """Place a platoon near its steady gaps; who has nobody in sight ahead keeps its speed."""
+        front = flow.front + self.rng.uniform(-4.0, 4.0)
+        placed: list[SizedIDM] = []
+        for kind in flow.kinds:
+            ahead, behind = extent(kind)
+            target = balanced_target(flow.speed, self._gap_ahead(flow.lane, front), flow.headway)
+            placed.append(self.drive(kind, flow.lane, front - ahead, flow.speed, target, flow.headway))
+            gap = steady_gap(flow.speed, WISH * flow.speed, flow.headway) * (1 + flow.spread * self.rng.uniform())
+            front -= ahead + behind + gap
+        return placed
+
+    def _gap_ahead(self, lane: LaneIndex, front: float) -> float:
+        """Free road [m] from a point of a lane to the rear of the next vehicle placed so far."""
+        at = self.network.get_lane(lane)
+        gap = np.inf
+        for vehicle in self.road.vehicles:
+            s, lateral = at.local_coordinates(vehicle.position)
+            if abs(lateral) < at.width_at(s) / 2 and s > front:
+                gap = min(gap, s - rear_extent(vehicle) - front)
+        return gap
+
+    def world(self, plan: tuple[Phase, ...]) -> World:
+        """Everything placed so far; there must be an ego."""
+        ego = next(v for v in self.road.vehicles if isinstance(v, EgoVehicle))
+        return World(self.road, ego, self.walls, plan)
+
+    def _enter(self, vehicle: Vehicle, route: str | None = None) -> Vehicle:
+        if route is not None:
+            vehicle.plan_route_to(route)
+        self.road.vehicles.append(vehicle)
+        return vehicle
+
+
+def extent(kind: str) -> tuple[float, float]:
+    """Distance [m] from the position of a vehicle to its front and to its rear, largest of its kind."""
+    if kind == "articulated":
+        return 3.2, TRAILER_REAR
+    half = 0.53 * find(kind).length
+    return half, half

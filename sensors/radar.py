@@ -1,0 +1,248 @@
+"""The radar: a Scene in, a Scan and its Source out. Every step is a function of arrays and a generator."""
+
+from dataclasses import dataclass, fields
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sensors.illumination import Fans, Lit, Sight, fan, illuminate
+from sensors.raycast import Edges, outline_edges
+from sensors.returns import Returns, add_noise, false_alarms, join, merge_cells
+from sensors.scattering import (
+    choose_elements,
+    draw_counts,
+    draw_depth,
+    draw_scatter,
+    room_behind,
+    surface_points,
+)
+from sensors.scene import Scene
+from sensors.source import CONTOUR, STATIC, VOLUME, Source
+from trackers.geometry import point_velocity, wrap_angle
+from trackers.scan import Scan, SensorModel
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """One mounted radar. The defaults are a plausible side radar; angles in the names are in degrees."""
+
+    mount: tuple[float, float, float] = (0.0, 0.0, 0.0)  # x, y [m], heading [rad] in the frame of the vehicle's centre
+    max_range: float = 30.0  # [m]
+    fov_deg: float = 90.0  # full opening angle
+    spacing_deg: float = 0.25  # between rays; what is thinner may be missed
+    sigma_range: float = 0.15  # [m]
+    sigma_azimuth_deg: float = 1.2
+    sigma_rate: float = 0.12  # [m/s]
+    max_rate: float = 60.0  # [m/s] false alarms have range rates within +- this
+    count_at_15m: float = 7.0  # expected detections at 15 m of an object that shows 3 m of projected outline
+    count_falloff: float = 0.6  # exponent of (15 m / range)
+    count_max: float = 40.0  # of one object
+    count_shape: float = 2.0  # of the negative binomial; inf: Poisson; 0: not random, the mean rounded
+    detection_probability: float = 1.0  # that an object in view returns anything at all in a look
+    grazing: float = 0.5  # 0: returns spread over the projected outline; 1: over its true length
+    share_volume: float = 0.2  # of the detections that come from inside the body
+    depth_contour: float = 0.12  # [m] mean depth behind the surface of the others
+    depth_volume: float = np.inf  # [m] mean depth of those inside, before the body cuts it; inf: uniform
+    share_scatter: float = 0.0  # of the detections that are displaced: multipath, mirrors, mounting parts
+    scatter: float = 0.5  # [m] standard deviation of that displacement, each axis
+    cell_range: float = 0.0  # [m] resolution cell; all three 0: nothing merges
+    cell_azimuth_deg: float = 0.0
+    cell_rate: float = 0.0  # [m/s]; 0: range rate does not separate returns
+    clutter: float = 2.0  # expected false alarms a scan
+    static_density: float = 0.25  # [1/m] returns of a wall at 15 m; falls off as counts do
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = np.asarray(getattr(self, field.name))
+            if np.isnan(value).any() or (field.name != "mount" and (value < 0).any()):
+                raise ValueError(f"sensor.{field.name} must be a number of at least 0, got {getattr(self, field.name)}")
+        for name in ("max_range", "fov_deg", "spacing_deg"):
+            if getattr(self, name) <= 0 or np.isinf(getattr(self, name)):
+                raise ValueError(f"sensor.{name} must be positive and finite, got {getattr(self, name)}")
+        if self.fov_deg > 360:
+            raise ValueError(f"sensor.fov_deg must be at most 360, got {self.fov_deg}; it is the full angle in degrees")
+        for name in ("detection_probability", "share_volume", "share_scatter"):
+            if getattr(self, name) > 1:
+                raise ValueError(f"sensor.{name} must be within 0 and 1, got {getattr(self, name)}; it is a share")
+
+    @cached_property
+    def azimuths(self) -> NDArray:
+        """Azimuth (B,) [rad] of each ray in the sensor frame."""
+        return fan(np.radians(self.fov_deg), np.radians(self.spacing_deg))
+
+    @cached_property
+    def model(self) -> SensorModel:
+        """The data sheet that a tracker may know: counts are means, detection probability included."""
+        return SensorModel(
+            mount=self.mount,
+            max_range=self.max_range,
+            fov=float(np.radians(self.fov_deg)),
+            sigma_range=self.sigma_range,
+            sigma_azimuth=float(np.radians(self.sigma_azimuth_deg)),
+            sigma_rate=self.sigma_rate,
+            max_rate=self.max_rate,
+            count_at_15m=self.count_at_15m * self.detection_probability,
+            count_falloff=self.count_falloff,
+            count_max=self.count_max * self.detection_probability,
+            clutter=self.clutter,
+        )
+
+
+@dataclass(frozen=True)
+class Radar:
+    """A rig of mounted radars that look at the same instant."""
+
+    name: str
+    note: str  # where its figures come from, one line
+    sensors: tuple[Sensor, ...]
+    rate: float | None = None  # [1/s] looks; None: one every frame
+
+    def __post_init__(self) -> None:
+        if not self.sensors:
+            raise ValueError(f"{self.name}: sensors is empty; a rig needs at least one")
+        if self.rate is not None and not self.rate > 0:
+            raise ValueError(f"{self.name}: rate must be positive, got {self.rate}; None looks at every frame")
+
+    @cached_property
+    def models(self) -> tuple[SensorModel, ...]:
+        """Data sheets for a tracker, in the order of `Scan.sensor`."""
+        return tuple(sensor.model for sensor in self.sensors)
+
+    @cached_property
+    def _columns(self) -> dict[str, NDArray]:
+        return {f.name: np.array([getattr(s, f.name) for s in self.sensors], float) for f in fields(Sensor)}
+
+    def column(self, name: str, scale: float = 1.0) -> NDArray:
+        """One parameter (S,) of all sensors."""
+        return scale * self._columns[name]
+
+    @cached_property
+    def sigma(self) -> NDArray:
+        """Standard deviations (S, 3) of range [m], azimuth [rad], range rate [m/s]."""
+        azimuth = self.column("sigma_azimuth_deg", np.pi / 180)
+        return np.stack([self.column("sigma_range"), azimuth, self.column("sigma_rate")], -1)
+
+    @cached_property
+    def cells(self) -> NDArray:
+        """Resolution cells (S, 3) in range [m], azimuth [rad], range rate [m/s]."""
+        azimuth = self.column("cell_azimuth_deg", np.pi / 180)
+        return np.stack([self.column("cell_range"), azimuth, self.column("cell_rate")], -1)
+
+    def scan(self, scene: Scene, rng: np.random.Generator) -> tuple[Scan, Source]:
+        """One look of all sensors at a scene; every detection is one row, there is no padding."""
+        check_scene(scene)
+        platform = scene.ego.platform
+        pose = np.stack([model.poses(platform) for model in self.models])
+        velocity = np.stack([model.velocity(platform) for model in self.models])
+        edges = outline_edges(scene.bodies.outline)
+        lit, sight, rail = illuminate(self._fans(pose), edges, scene.bodies.owner, len(scene.objects.id), scene.walls)
+        expected = self.expected(sight)
+        vehicles = self._vehicles(scene, lit, edges, self._counts(expected, rng), pose, velocity, rng)
+        walls = self._walls(scene, rail, pose, velocity, rng)
+        true = join((vehicles, walls))
+        merged = merge_cells(true, self.cells[true.sensor])
+        seen = merged._replace(polar=add_noise(merged.polar, self.sigma[merged.sensor], rng))
+        alarms = false_alarms(self.column("clutter"), self.column("max_range"),
+                              self.column("fov_deg", np.pi / 180), self.column("max_rate"), rng)  # fmt: skip
+        got = join((seen, alarms))
+        s = got.sensor
+        scan = Scan(got.polar, np.ones(len(s), bool), pose[s], velocity[s], self.sigma[s], s, platform)
+        share = sight.share.max(0)
+        return scan, Source(got.object, got.body, got.edge, got.kind, expected.sum(0), share)
+
+    @cached_property
+    def _rays(self) -> tuple[NDArray, NDArray, NDArray]:
+        """Sensor (B,) and azimuth (B,) [rad] of all rays, and their spacing (S,) [rad]."""
+        count = [len(sensor.azimuths) for sensor in self.sensors]
+        azimuth = np.concatenate([sensor.azimuths for sensor in self.sensors])
+        return np.repeat(np.arange(len(count)), count), azimuth, self.column("fov_deg", np.pi / 180) / count
+
+    def _fans(self, pose: NDArray) -> Fans:
+        """The rays of all sensors at poses (S, 3)."""
+        sensor, azimuth, spacing = self._rays
+        return Fans(pose, sensor, pose[sensor, 2] + azimuth, spacing, self.column("max_range"))
+
+    def expected(self, sight: Sight) -> NDArray:
+        """Expected detections (S, N) of every object by every sensor, occlusion included, before cells merge any."""
+        seen = sight.chord > 0
+        nearest = np.where(seen, sight.nearest, 1.0)
+        rate = [m.expected_count(r, c) for m, r, c in zip(self.models, nearest, sight.chord, strict=True)]
+        return np.where(seen, rate, 0.0)
+
+    def _counts(self, expected: NDArray, rng: np.random.Generator) -> NDArray:
+        """Number of detections (S, N) of this look."""
+        p = self.column("detection_probability")[:, None]
+        mean = expected / np.where(p > 0, p, 1.0)
+        counts = draw_counts(mean, self.column("count_shape")[:, None], rng)
+        return np.where(rng.random(expected.shape) < p, counts, 0)
+
+    def _vehicles(
+        self, scene: Scene, lit: Lit, edges: Edges, counts: NDArray, pose: NDArray, velocity: NDArray,
+        rng: np.random.Generator,
+    ) -> Returns:  # fmt: skip
+        """True returns of the objects: a lit element each, a point on it or behind it, its motion."""
+        weight = lit.chord * lit.incidence ** -self.column("grazing")[lit.sensor]
+        pick = choose_elements(lit, weight, counts, rng)
+        s, segment = lit.sensor[pick], lit.segment[pick]
+        body, origin = edges.body[segment], pose[s, :2]
+        spacing = lit.chord[pick] / lit.range[pick]
+        point = surface_points(origin, lit.bearing[pick], spacing, edges.a[segment], edges.b[segment], rng)
+        volume = rng.random(len(pick)) < self.column("share_volume")[s]
+        mean = np.where(volume, self.column("depth_volume")[s], self.column("depth_contour")[s])
+        depth = draw_depth(mean, room_behind(origin, point, body, edges), rng)
+        sight = point - origin
+        u = sight / np.maximum(np.hypot(sight[:, 0], sight[:, 1]), 1e-12)[:, None]
+        point = point + depth[:, None] * u
+        lever = point - scene.bodies.pose[body, :2]
+        moving = point_velocity(scene.bodies.velocity[body], scene.bodies.yaw_rate[body], lever)
+        rate = (u * (moving - velocity[s])).sum(-1)
+        point = point + draw_scatter(self.column("share_scatter")[s], self.column("scatter")[s], rng)
+        kind = np.where(volume, VOLUME, CONTOUR)
+        return Returns(polar_of(pose[s], point, rate), s, lit.object[pick], body, edges.edge[segment], kind)
+
+    def _walls(self, scene: Scene, lit: Lit, pose: NDArray, velocity: NDArray, rng: np.random.Generator) -> Returns:
+        """True returns of the lit walls, which stand still."""
+        falloff = (15.0 / np.maximum(lit.range, 1.0)) ** self.column("count_falloff")[lit.sensor]
+        mean = self.column("static_density")[lit.sensor] * falloff * lit.chord / lit.incidence
+        pick = np.repeat(np.arange(len(mean)), rng.poisson(mean))
+        s, wall = lit.sensor[pick], lit.segment[pick]
+        spacing = lit.chord[pick] / lit.range[pick]
+        a, b = scene.walls[wall, 0], scene.walls[wall, 1]
+        point = surface_points(pose[s, :2], lit.bearing[pick], spacing, a, b, rng)
+        sight = point - pose[s, :2]
+        rate = -(sight * velocity[s]).sum(-1) / np.maximum(np.hypot(sight[:, 0], sight[:, 1]), 1e-12)
+        none = np.full(len(s), -1)
+        return Returns(polar_of(pose[s], point, rate), s, none, none, none, np.full(len(s), STATIC))
+
+
+def polar_of(pose: NDArray, point: NDArray, rate: NDArray) -> NDArray:
+    """Range, azimuth, range rate (M, 3) of world points (M, 2) [m] in the frames of sensors (M, 3)."""
+    d = point - pose[:, :2]
+    azimuth = wrap_angle(np.arctan2(d[:, 1], d[:, 0]) - pose[:, 2])
+    return np.stack([np.hypot(d[:, 0], d[:, 1]), azimuth, rate], -1)
+
+
+def check_scene(scene: Scene) -> None:
+    """Raise ValueError, in one sentence, for a scene that cannot be seen."""
+    bodies = scene.bodies
+    outlines = np.concatenate(bodies.outline) if len(bodies.outline) else np.zeros((0, 2))
+    arrays = {
+        "ego.platform": scene.ego.platform,
+        "bodies.pose": bodies.pose,
+        "bodies.velocity": bodies.velocity,
+        "bodies.yaw_rate": bodies.yaw_rate,
+        "bodies.outline": outlines,
+        "walls": scene.walls,
+    }
+    for name, value in arrays.items():
+        bad = value.size - int(np.isfinite(value).sum())
+        if bad:
+            raise ValueError(
+                f"scene.{name} has {bad} values that are not finite; take the object out or repair its state"
+            )
+    if not len(bodies.owner) == len(bodies.outline) == len(bodies.pose):
+        raise ValueError(
+            f"scene.bodies has {len(bodies.owner)} owners, {len(bodies.pose)} poses and {len(bodies.outline)} "
+            "outlines; every body needs one of each"
+        )

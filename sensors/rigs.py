@@ -1,0 +1,87 @@
+"""RADARS: the catalogue of mounted radars, on a car of 4.7 x 1.9 m whose centre is the origin.
+
+        -120 deg   -60 deg
+         .------------.
+    180  |     o-->   |  0 deg     x forward; drawn as highway-env does, y downwards
+         '------------'
+        +120 deg   +60 deg
+
+Mounts: bumpers at x = +-2.35 m, side radars at the corners of the body.
+"""
+
+from dataclasses import replace
+from difflib import get_close_matches
+from types import MappingProxyType
+
+import numpy as np
+
+from sensors.radar import Radar, Sensor
+
+NOSE, FLANK = 2.35, 0.85  # [m] of the mounts from the centre of the car
+
+
+def facing(sensor: Sensor, x: float, y: float, heading_deg: float) -> Sensor:
+    """The same radar mounted elsewhere."""
+    return replace(sensor, mount=(x, y, float(np.radians(heading_deg))))
+
+
+LONG_RANGE = Sensor(
+    max_range=174.0, fov_deg=20.0, spacing_deg=0.05, sigma_range=0.25, sigma_azimuth_deg=0.5, sigma_rate=0.10,
+    count_at_15m=9.0, count_falloff=0.85, clutter=3.0,
+)  # fmt: skip
+SIDE = Sensor(
+    max_range=30.0, fov_deg=90.0, spacing_deg=0.25, sigma_range=0.15, sigma_azimuth_deg=1.2, sigma_rate=0.12,
+    count_at_15m=7.0, count_falloff=0.6, clutter=1.5,
+)  # fmt: skip
+# Counts, shares and depths of this one are fitted to the cars of Meyer and Kuschk (2019): `testbed calibrate`.
+IMAGING = Sensor(
+    max_range=100.0, fov_deg=110.0, spacing_deg=0.1, sigma_range=0.12, sigma_azimuth_deg=0.4, sigma_rate=0.08,
+    count_at_15m=80.0, count_falloff=0.78, count_max=75.0, clutter=8.0, grazing=0.1, share_volume=0.5,
+    depth_contour=0.1, depth_volume=0.7, share_scatter=0.6, scatter=0.28,
+)  # fmt: skip
+NUSCENES = Sensor(
+    max_range=100.0, fov_deg=120.0, spacing_deg=0.2, sigma_range=0.1, sigma_azimuth_deg=1.0, sigma_rate=0.1,
+    count_at_15m=3.0, count_falloff=0.5, clutter=4.0, cell_range=0.4, cell_azimuth_deg=3.2, cell_rate=0.1,
+)  # fmt: skip
+LIDAR = Sensor(
+    max_range=100.0, fov_deg=360.0, spacing_deg=1.0, sigma_range=0.03, sigma_azimuth_deg=0.05, sigma_rate=0.3,
+    count_at_15m=12.0, count_falloff=1.0, count_max=100.0, count_shape=np.inf, share_volume=0.0,
+    depth_contour=0.0, clutter=0.0, static_density=0.5,
+)  # fmt: skip
+IDEAL = Sensor(
+    max_range=150.0, fov_deg=360.0, spacing_deg=0.1, sigma_range=0.0, sigma_azimuth_deg=0.0, sigma_rate=0.0,
+    count_at_15m=20.0, count_falloff=0.0, count_shape=0.0, share_volume=0.0, depth_contour=0.0, clutter=0.0,
+    static_density=0.0,
+)  # fmt: skip
+
+SIDES = tuple(
+    facing(SIDE, x, y, heading)
+    for x, y, heading in ((1.9, FLANK, 60.0), (1.9, -FLANK, -60.0), (-1.9, FLANK, 120.0), (-1.9, -FLANK, -120.0))
+)
+FRONT, REAR = facing(LONG_RANGE, NOSE, 0.0, 0.0), facing(LONG_RANGE, -NOSE, 0.0, 180.0)
+
+RADARS = MappingProxyType({r.name: r for r in (
+    Radar("front", "one long-range radar ahead, 174 m x 20 deg; figures of the tracking study's world", (FRONT,)),
+    Radar("corners", "four side radars, 30 m x 90 deg at +-60 and +-120 deg; figures as for front", SIDES),
+    Radar("surround", "front and rear long range, four side radars: the six-radar car; figures as for front",
+          (FRONT, REAR, *SIDES)),
+    Radar("nuscenes-like", "five radars at 13 Hz, sparse and merged in cells; layout after Caesar et al. (2020)", (
+        facing(NUSCENES, NOSE, 0.0, 0.0),
+        facing(NUSCENES, 1.9, FLANK, 55.0), facing(NUSCENES, 1.9, -FLANK, -55.0),
+        facing(NUSCENES, -NOSE, FLANK, 170.0), facing(NUSCENES, -NOSE, -FLANK, -170.0)), rate=13.0),
+    Radar("imaging", "high-resolution front radar, 100 m x 110 deg; calibrated on Meyer and Kuschk (2019)",
+          (facing(IMAGING, NOSE, 0.0, 0.0),)),
+    Radar("lidar-1deg", "a ray each degree, contour only, nearly without noise: the upper bound of a sensor",
+          (LIDAR,)),
+    Radar("ideal", "for tests: no noise, no clutter, every object in sight, fixed counts, contour only", (IDEAL,)),
+)})  # fmt: skip
+
+
+def find(name: str) -> Radar:
+    """The radar rig of that name."""
+    try:
+        return RADARS[name]
+    except KeyError:
+        close = get_close_matches(name, RADARS, n=1)
+        hint = f"did you mean {close[0]!r}?" if close else f"known: {', '.join(RADARS)}"
+        raise LookupError(f"no radar {name!r}; {hint}") from None

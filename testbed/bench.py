@@ -1,0 +1,138 @@
+"""Benchmarks: ratios measured side by side in one run, because absolute times belong to one machine."""
+
+from collections.abc import Callable
+from statistics import median
+from tempfile import TemporaryDirectory
+from time import perf_counter
+from typing import Any
+
+import gymnasium as gym
+import highway_env  # noqa: F401  registers the ids
+import numpy as np
+from highway_env.envs.common.observation import LidarObservation
+from rich.markup import escape
+from rich.table import Table
+
+from scenarios.adapter import SceneReader
+from scenarios.roads import cached as cached_road
+from sensors.raycast import cast_bodies
+from testbed.env import TrackedEnv
+from testbed.run import RunConfig, run
+
+Report = Callable[[float, float, str], None]  # done, total, what
+IDLE = 1  # of DiscreteMetaAction
+VEHICLES = (10, 20, 50)
+ROAD_VEHICLES = (10, 20, 50, 100)
+RAYS = 3600
+
+
+def seconds(function: Callable[[], Any], repeat: int) -> float:
+    """Median wall time [s] of a call."""
+    times = []
+    for _ in range(repeat):
+        start = perf_counter()
+        function()
+        times.append(perf_counter() - start)
+    return median(times)
+
+
+def highway(vehicles: int) -> gym.Env:
+    """The stock highway with so many other vehicles."""
+    return gym.make("highway-v0", config={"vehicles_count": vehicles, "duration": 1000})
+
+
+def stepping(env: gym.Env, steps: int) -> float:
+    """Wall time [s] of so many idle decisions."""
+    start = perf_counter()
+    for _ in range(steps):
+        env.step(IDLE)
+    return perf_counter() - start
+
+
+def perception(steps: int) -> Table:
+    """Radar and tracker a frame, against a frame of the stock environment."""
+    table = _table("perception against simulation, per frame", "vehicles", "highway-env [ms]", "radar [ms]",
+                   "tracker [ms]", "ratio (goal 1.0)")  # fmt: skip
+    for n in VEHICLES:
+        native, tracked = highway(n), TrackedEnv(highway(n), tracker="rm-feldmann", radar="surround")
+        native.reset(seed=0)
+        tracked.reset(seed=0)
+        simulation = [stepping(native, 1) for _ in range(steps)]
+        before = dict(tracked.seconds)
+        stepping(tracked, steps)
+        frames = native.unwrapped.config["simulation_frequency"] // native.unwrapped.config["policy_frequency"]  # type: ignore[attr-defined]
+        frame = median(simulation) / frames * 1e3
+        sense, track = ((tracked.seconds[k] - before[k]) / (steps * frames) * 1e3 for k in ("sense", "track"))
+        table.add_row(str(n), f"{frame:.2f}", f"{sense:.2f}", f"{track:.2f}", f"{(sense + track) / frame:.2f}")
+    return table
+
+
+def logging(duration: float) -> Table:
+    """The share of the log in the closed loop."""
+    table = _table("log against the loop", "scenario", "loop [ms a frame]", "log [ms a frame]", "share (goal 0.3)")
+    for scenario in ("cut-in", "dense-traffic"):
+        with TemporaryDirectory() as out:
+            result = run(RunConfig(scenario, duration=duration, out=out)).result
+        timing, frames = result["timing"], result["trackers"]["rm-feldmann"]["scans"]
+        wall, log = (timing[k] / frames * 1e3 for k in ("wall", "log"))
+        table.add_row(scenario, f"{wall:.1f}", f"{log:.2f}", f"{log / wall:.2f}")
+    return table
+
+
+def roads(steps: int) -> Table:
+    """The cached road against the stock road, same states."""
+    table = _table(
+        "cached road against stock road", "vehicles", "stock [ms a frame]", "cached [ms a frame]", "speed-up"
+    )
+    for n in ROAD_VEHICLES:
+        stock, cached = highway(n), highway(n)
+        stock.reset(seed=0)
+        cached.reset(seed=0)
+        cached_road(cached.unwrapped.road)  # type: ignore[attr-defined]
+        times = [(stepping(stock, 1), stepping(cached, 1)) for _ in range(steps)]
+        a, b = (median(column) / 15 * 1e3 for column in zip(*times, strict=True))
+        table.add_row(str(n), f"{a:.2f}", f"{b:.2f}", f"{a / b:.1f}")
+    return table
+
+
+def rays(repeat: int) -> Table:
+    """Our ray caster against highway-env's LidarObservation: same rays, same vehicles."""
+    table = _table(f"ray caster against LidarObservation, {RAYS} rays", "vehicles", "lidar [ms]", "ours [ms]",
+                   "lidar [rays x rectangles / s]", "ours", "speed-up")  # fmt: skip
+    for n in (10, 30):
+        env: Any = highway(n).unwrapped
+        env.reset(seed=0)
+        lidar = LidarObservation(env, cells=RAYS, maximum_range=150.0)
+        bodies = SceneReader().read(env).bodies
+        origin, bearing = env.vehicle.position, np.linspace(-np.pi, np.pi, RAYS, endpoint=False)
+        slow = seconds(lambda lidar=lidar: lidar.observe(), repeat)  # type: ignore[misc]
+        fast = seconds(lambda o=origin, b=bearing, bodies=bodies: cast_bodies(o, b, bodies), repeat)  # type: ignore[misc]
+        pairs = RAYS * len(bodies.owner)
+        table.add_row(str(n), f"{slow * 1e3:.2f}", f"{fast * 1e3:.2f}", f"{pairs / slow:.2e}", f"{pairs / fast:.2e}",
+                      f"{slow / fast:.1f}")  # fmt: skip
+    return table
+
+
+def measure(quick: bool = False, report: Report | None = None) -> list[Table]:
+    """All benchmarks; report(done, total, what) before each."""
+    tell = report or (lambda done, total, what: None)
+    steps = 3 if quick else 10
+    parts: tuple[tuple[str, Callable[[], Table]], ...] = (
+        ("perception", lambda: perception(steps)),
+        ("log", lambda: logging(4.0 if quick else 20.0)),
+        ("roads", lambda: roads(steps)),
+        ("rays", lambda: rays(10 * steps)),
+    )
+    tables = []
+    for i, (what, part) in enumerate(parts):
+        tell(i, len(parts), what)
+        tables.append(part())
+    tell(len(parts), len(parts), "done")
+    return tables
+
+
+def _table(title: str, *columns: str) -> Table:
+    table = Table(title=title)
+    for column in columns:
+        table.add_column(escape(column), justify="right")
+    return table

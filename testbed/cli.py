@@ -1,0 +1,212 @@
+"""The command line: what people vary, nothing else."""
+
+import shlex
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from testbed import tables
+
+app = typer.Typer(
+    name="testbed",
+    help="Closed-loop highway simulation testbed for extended object tracking with automotive radar.\n\n"
+    "Example: [bold]testbed run cut-in --tracker rm-feldmann --radar surround --seed 0[/bold]",
+    no_args_is_help=True,
+    rich_markup_mode="rich",
+    context_settings={"help_option_names": ["-h", "--help"]},
+    pretty_exceptions_enable=False,
+)
+console = Console()
+INPUT_FAULTS = (LookupError, ValueError, OSError)
+
+
+@contextmanager
+def user_input(faults: tuple[type[Exception], ...] = INPUT_FAULTS) -> Iterator[None]:
+    """Around checks of what the user gave: one sentence on stderr and exit status 2, no traceback.
+
+    `faults` narrows what counts as a fault of the input; in a run only OSError does, the rest would be ours.
+    """
+    try:
+        yield
+    except faults as error:
+        text = error.args[0] if len(error.args) == 1 else str(error)
+        print(f"testbed: {text}", file=sys.stderr)
+        raise typer.Exit(2) from None
+
+
+@app.command("list")
+def list_command(
+    what: Annotated[str, typer.Argument(help="scenarios, trackers, radars or planners; all without it.")] = "all",
+) -> None:
+    """Show the catalogues, one line an entry with its source.
+
+    Example: [bold]testbed list scenarios[/bold]
+    """
+    with user_input():
+        chosen = tables.catalogues(what)
+    for table in chosen:
+        console.print(table)
+
+
+@app.command()
+def run(
+    scenario: Annotated[str, typer.Argument(help="A name of `testbed list scenarios`.")],
+    tracker: Annotated[
+        list[str] | None,
+        typer.Option(help="Repeat for several: the first drives the planner, all see the same detections."),
+    ] = None,
+    radar: Annotated[str, typer.Option(help="A name of `testbed list radars`.")] = "surround",
+    planner: Annotated[str, typer.Option(help="idm, idle, or truth: the planner of idm, fed with the truth.")] = "idm",
+    seed: Annotated[int, typer.Option(help="Same seed, same result.")] = 0,
+    duration: Annotated[float | None, typer.Option(help="Seconds; the scenario's own without it.")] = None,
+    out: Annotated[Path, typer.Option(help="Directory for the log and the results.")] = Path("runs"),
+    log: Annotated[str, typer.Option(help="off, metrics or full.")] = "full",
+) -> None:
+    """Run one scenario in closed loop: live traffic, radar, trackers, planner.
+
+    Writes RUN.rrd (the review log) and RUN.json (the results) and prints the metrics. Ctrl-C ends the run early and
+    keeps what there is; a second Ctrl-C does not wait.
+
+    Example: [bold]testbed run cut-in --tracker rm-feldmann --radar surround --seed 0[/bold]
+    """
+    from scenarios import find
+    from testbed.run import RunConfig, check
+    from testbed.run import run as run_once
+
+    with user_input():
+        config = RunConfig(scenario, tuple(tracker or ("rm-feldmann",)), radar, planner, seed, duration, str(out), log)
+        check(config)
+    with user_input((OSError,)), _progress("{task.completed:.1f} / {task.total:.1f} s") as bar:
+        task = bar.add_task(f"{scenario}, seed {seed}", total=duration or find(scenario).duration)
+        result = run_once(config, lambda done, total: bar.update(task, completed=done, total=total))
+    console.print(tables.metrics(result.result))
+    console.print(tables.drive(result.result))
+    if result.interrupted:
+        console.print("[yellow]interrupted: the tables and files hold what was run until then[/yellow]")
+    console.print(f"results  {result.json}", soft_wrap=True)
+    if result.rrd is not None:
+        console.print(f"log      {result.rrd}", soft_wrap=True)
+        console.print(f"open it  testbed review {shlex.quote(str(result.rrd))}", soft_wrap=True)
+    raise typer.Exit(result.exit_status)
+
+
+@app.command()
+def review(
+    path: Annotated[list[Path], typer.Argument(help="Logs (.rrd) of runs.")],
+    web: Annotated[bool, typer.Option("--web", help="Serve a viewer for the browser on this machine.")] = False,
+    screenshot: Annotated[Path | None, typer.Option(help="Write a picture instead; needs no display.")] = None,
+    at: Annotated[float | None, typer.Option(help="Time of the picture in seconds.")] = None,
+) -> None:
+    """Open logs in the viewer, with the layout in place.
+
+    Example: [bold]testbed review runs/*.rrd[/bold]
+    Example: [bold]testbed review runs/a.rrd --screenshot a.png --at 9[/bold]
+    """
+    from testbed import review as reviewing
+
+    with user_input():
+        reviewing.check(path, screenshot, at)
+    with user_input():
+        if screenshot is not None:
+            reviewing.screenshot(path[0], screenshot, at)
+            console.print(f"picture  {screenshot}", soft_wrap=True)
+        else:
+            reviewing.review(path, web=web)
+
+
+@app.command()
+def bench(
+    quick: Annotated[bool, typer.Option("--quick", help="Fewer repetitions.")] = False,
+) -> None:
+    """Measure speed, as ratios taken side by side in this run.
+
+    Example: [bold]testbed bench --quick[/bold]
+    """
+    from testbed import bench as benching
+
+    with _progress("part {task.completed:.0f} / {task.total:.0f}") as bar:
+        task = bar.add_task("benchmarks", total=1)
+        report = benching.measure(
+            quick, lambda done, total, what: bar.update(task, completed=done, total=total, description=what)
+        )
+    for table in report:
+        console.print(table)
+
+
+@app.command("learn-htg")
+def learn_htg(
+    data: Annotated[str, typer.Argument(help="sampler:RIG[:class], an .npz, a log, or the folder of real detections.")],
+    out: Annotated[Path, typer.Option(help="The table, a .json file.")],
+    bins: Annotated[int, typer.Option(help="Aspect bins.")] = 8,
+    mass_min: Annotated[float, typer.Option(help="Least c_D; .25 for filters with pseudo-measurements.")] = 0.0,
+    count: Annotated[int, typer.Option(help="Detections of the sampler.")] = 60000,
+    seed: Annotated[int, typer.Option(help="Of the sampler.")] = 0,
+) -> None:
+    """Learn a hierarchical truncated Gaussian, one density an aspect bin.
+
+    Example: [bold]testbed learn-htg sampler:surround:car --out car.json[/bold]
+    """
+    from testbed.learning import LearnConfig, learn, report
+
+    with user_input():
+        config = LearnConfig(data, bins=bins, mass_min=mass_min, count=count, seed=seed)
+    with user_input(), _progress("part {task.completed:.0f} / {task.total:.0f}") as bar:
+        task = bar.add_task("learning", total=1)
+        learned = learn(
+            config,
+            out,
+            lambda done, total, what: bar.update(task, completed=done, total=total, description=what),
+        )
+    console.print(report(learned))
+    console.print(f"table    {learned.path}", soft_wrap=True)
+
+
+@app.command()
+def calibrate(
+    data: Annotated[
+        Path | None, typer.Option(help="Folder with the real detections; the shared one without it.")
+    ] = None,
+    radar: Annotated[str, typer.Option(help="The rig whose front radar is compared.")] = "imaging",
+) -> None:
+    """Compare simulated with real cars: where detections lie and how many there are.
+
+    Example: [bold]testbed calibrate --radar imaging[/bold]
+    """
+    from testbed import calibration
+
+    with user_input():
+        report = calibration.report(data, radar)
+    for table in report:
+        console.print(table)
+
+
+def _progress(amount: str) -> Progress:
+    """A bar on stderr, one line at the end where that is a file; `amount` says how far it is."""
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn(amount),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+    )
+    return Progress(*columns, console=Console(stderr=True))
+
+
+def main() -> None:
+    """Entry point of the `testbed` command."""
+    try:
+        status = app(standalone_mode=False)
+    except typer.TyperException as error:
+        status = 2
+        context = getattr(error, "ctx", None)
+        if text := error.format_message():  # empty where the help was shown
+            command = context.command_path if context else "testbed"
+            print(f"testbed: {text.rstrip('.')}; see `{command} --help`", file=sys.stderr)
+    sys.exit(status)

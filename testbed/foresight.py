@@ -1,0 +1,231 @@
+"""Looking ahead on a road: the path of a vehicle, who is on it, and who will be.
+
+A path is the centre line along the route, sampled evenly from the vehicle on. Others are described along and across it.
+All of it is computed from a highway-env road, which may as well hold tracks.
+"""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from highway_env.road.lane import AbstractLane, StraightLane
+from highway_env.road.road import Road, RoadNetwork
+from highway_env.vehicle.kinematics import Vehicle
+from numpy.typing import NDArray
+
+from trackers.geometry import cross, perpendicular, unit, wrap_angle
+
+LaneIndex = tuple[str, str, int]
+
+SPACING = 2.0  # [m] between the points of a path
+NODES = 1.0  # [m] between the nodes of a tabulated lane; the chord of a 15 m circle is off by 8 mm
+DRIFT = 0.5  # [m/s] slower motion across the lane is weaving
+SIGNIFICANT = 2.0  # standard deviations; slower motion across the lane is taken for noise
+FOLLOWS = np.cos(np.pi / 6)  # cosine of the angle to a lane up to which a vehicle is taken to follow it
+FADE = 1.5  # [s] motion across dies away with this time constant: nobody drifts on over many lanes
+LANE_MARGIN = 0.3  # [m] beyond both widths, to call a vehicle on the path
+
+
+class Path(NamedTuple):
+    """P points ahead of a vehicle."""
+
+    points: NDArray  # (P, 2) [m]
+    heading: NDArray  # (P,) [rad]
+    arc: NDArray  # (P,) [m] from the vehicle
+    bend: NDArray  # (P,) [1/m] curvature
+    limit: NDArray  # (P,) [m/s] speed limits, inf for none
+    jump: float  # [m] sideways from lane to lane at the joints: what lane changes must still make good
+
+
+class Others(NamedTuple):
+    """N vehicles and obstacles besides one's own, and where they are relative to a path."""
+
+    position: NDArray  # (N, 2) [m]
+    heading: NDArray  # (N,) [rad]
+    velocity: NDArray  # (N, 2) [m/s], without a motion across the lane that is too slow to mean anything
+    size: NDArray  # (N, 2) [m]
+    course: NDArray  # (N,) [rad] heading of the lane that they follow, direction of motion of those that cross it
+    bend: NDArray  # (N,) [1/m] curvature of that lane, 0 for those that cross it
+
+
+class Relation(NamedTuple):
+    """N others relative to a path: along it (positive ahead) and across (positive to the left of the heading)."""
+
+    along: NDArray  # (N,) [m] of the centre
+    across: NDArray  # (N,) [m] of the centre
+    speed: NDArray  # (N,) [m/s] along
+    drift: NDArray  # (N,) [m/s] across
+    half: NDArray  # (N, 2) [m] half of length and width as seen along and across
+
+
+def _route_from(lane: LaneIndex, route: Sequence[Any] | None) -> list[Any]:
+    """The part of a route that begins on the road of a lane; empty where the route does not lead over it."""
+    steps = list(route or ())
+    matches = [i for i, step in enumerate(steps) if step[:2] == lane[:2]]
+    return steps[matches[0] :] if matches else []
+
+
+class LaneTable(NamedTuple):
+    """The centre line of a lane by its longitudinal coordinate, to be interpolated."""
+
+    s: NDArray  # (L,) [m]
+    points: NDArray  # (L, 2) [m]
+    heading: NDArray  # (L,) [rad], unwrapped
+
+    def at(self, s: NDArray) -> tuple[NDArray, NDArray]:
+        """Points (..., 2) [m] and headings (...) [rad] at s (...) [m]; straight on beyond both ends."""
+        heading = np.interp(s, self.s, self.heading)
+        over = s - np.clip(s, self.s[0], self.s[-1])
+        points = over[..., None] * unit(heading)
+        for k in (0, 1):
+            points[..., k] += np.interp(s, self.s, self.points[:, k])
+        return points, heading
+
+
+_TABLES: "WeakKeyDictionary[AbstractLane, LaneTable]" = WeakKeyDictionary()  # lanes do not change, asking them is slow
+
+
+def lane_table(lane: AbstractLane) -> LaneTable:
+    """The table of a lane, made when it is first asked for."""
+    if lane not in _TABLES:
+        pieces = 1 if type(lane) is StraightLane else int(np.ceil(lane.length / NODES))
+        s = np.linspace(0.0, lane.length, pieces + 1)
+        points = np.array([lane.position(x, 0.0) for x in s], float)
+        _TABLES[lane] = LaneTable(s, points, np.unwrap([float(lane.heading_at(x)) for x in s]))
+    return _TABLES[lane]
+
+
+def path_ahead(network: RoadNetwork, lane: LaneIndex, route: Sequence[Any] | None, at: NDArray, reach: float) -> Path:
+    """Path of reach [m] from the position at (2,) [m] on, along a lane and then the route, or the straightest road."""
+    todo = _route_from(lane, route)
+    segment = network.get_lane(lane)
+    s, jump = float(segment.local_coordinates(at)[0]), 0.0
+    arc = SPACING * np.arange(int(reach // SPACING) + 1)
+    points, heading, limit = np.empty((len(arc), 2)), np.empty(len(arc)), np.empty(len(arc))
+    done = 0
+    while done < len(arc):
+        following = lane
+        if s + arc[-1] - arc[done] > segment.length:
+            end = segment.position(segment.length, 0)
+            following = network.next_lane(lane, route=todo, position=end)
+        last = following == lane  # of the road: straight on from there
+        count = len(arc) - done if last else min(len(arc) - done, max(0, int((segment.length - s) // SPACING) + 1))
+        part = slice(done, done + count)
+        points[part], heading[part] = lane_table(segment).at(s + SPACING * np.arange(count))
+        limit[part] = np.inf if segment.speed_limit is None else segment.speed_limit
+        done += count
+        if not last:
+            over = s + SPACING * count - segment.length
+            lane, segment = following, network.get_lane(following)
+            start, aside = segment.local_coordinates(end)
+            s, jump = float(start + over), jump + abs(aside)
+    heading = np.unwrap(heading)
+    return Path(points, heading, arc, np.gradient(heading, arc), limit, jump)
+
+
+def others_on(road: Road, ego: Vehicle, within: float) -> Others:
+    """All solid things on the road but the ego, not farther than within [m]."""
+    things = [
+        v
+        for v in (*road.vehicles, *road.objects)
+        if v is not ego and v.solid and np.hypot(*(v.position - ego.position)) < within
+    ]
+    position = np.array([v.position for v in things]).reshape(-1, 2)
+    velocity = np.array([v.velocity for v in things]).reshape(-1, 2)
+    heading = np.array([v.heading for v in things], float)
+    size = np.array([(v.LENGTH, v.WIDTH) for v in things]).reshape(-1, 2)
+    course, bend = np.array([_lane_under(v) for v in things], float).reshape(-1, 2).T
+    noise = SIGNIFICANT * np.array([getattr(v, "drift_std", 0.0) for v in things], float)
+    along = unit(course)
+    drift = cross(along, velocity)
+    straight = (velocity * along).sum(-1)[:, None] * along
+    velocity = np.where((np.abs(drift) > np.maximum(DRIFT, noise))[:, None], velocity, straight)
+    return Others(position, heading, velocity, size, course, bend)
+
+
+def _lane_under(vehicle: Vehicle) -> tuple[float, float]:
+    """Heading [rad] and curvature [1/m] of the lane under a vehicle; those of its straight course if it crosses it."""
+    lane, (vx, vy) = vehicle.lane, vehicle.velocity
+    s, _ = lane.local_coordinates(vehicle.position)
+    here = lane.heading_at(s)
+    if np.cos(vehicle.heading - here) > FOLLOWS:
+        return here, float(wrap_angle(lane.heading_at(s + SPACING) - here)) / SPACING
+    moving = vx * vx + vy * vy > DRIFT**2
+    return (float(np.arctan2(vy, vx)) if moving else vehicle.heading), 0.0
+
+
+def relate(path: Path, others: Others) -> Relation:
+    """Where the others are relative to a path, which is continued straight at both ends."""
+    nearest = np.linalg.norm(others.position[:, None] - path.points, axis=-1).argmin(-1)
+    tangent = unit(path.heading[nearest])
+    d = others.position - path.points[nearest]
+    turn = np.abs(unit(others.heading - path.heading[nearest]))  # |cos|, |sin|
+    half = 0.5 * np.stack([(others.size * turn).sum(-1), (others.size * turn[:, ::-1]).sum(-1)], -1)
+    return Relation(
+        along=path.arc[nearest] + (d * tangent).sum(-1),
+        across=cross(tangent, d),
+        speed=(others.velocity * tangent).sum(-1),
+        drift=cross(tangent, others.velocity),
+        half=half,
+    )
+
+
+def on_path(relation: Relation, width: float, later: float = 0.0) -> NDArray:
+    """Who (N,) bool is on the path of a vehicle of width [m], or would be after drifting on for later [s]."""
+    return np.abs(relation.across + later * relation.drift) < relation.half[:, 1] + width / 2 + LANE_MARGIN
+
+
+def forecast(others: Others, times: NDArray) -> tuple[NDArray, NDArray]:
+    """Positions (N, H, 2) [m] and headings (N, H) [rad] at times (H,) [s].
+
+    Speed and bend of the lane are kept, motion across fades.
+    """
+    along = unit(others.course)
+    speed, drift = (others.velocity * along).sum(-1), cross(along, others.velocity)
+    half_turn = (speed * others.bend)[:, None] * times / 2
+    chord = speed[:, None] * times * np.sinc(half_turn / np.pi)
+    aside = drift[:, None] * FADE * (1 - np.exp(-times / FADE))
+    ahead = unit(others.course[:, None] + half_turn)
+    position = others.position[:, None] + chord[..., None] * ahead + aside[..., None] * perpendicular(ahead)
+    return position, others.heading[:, None] + 2 * half_turn
+
+
+def along_path(path: Path, arc: NDArray, offset: NDArray) -> tuple[NDArray, NDArray]:
+    """Positions (..., 2) [m] and headings (...) [rad] at arc (...) [m] along and offset (...) [m] across a path."""
+    heading = np.interp(arc, path.arc, path.heading)
+    beyond = np.maximum(arc - path.arc[-1], 0.0)
+    centre = np.stack([np.interp(arc, path.arc, path.points[:, k]) for k in (0, 1)], -1)
+    side = unit(heading + np.pi / 2)
+    return centre + beyond[..., None] * unit(heading) + offset[..., None] * side, heading
+
+
+def overlap(p: NDArray, h: NDArray, size: NDArray, q: NDArray, g: NDArray, other: NDArray) -> NDArray:
+    """Which boxes overlap, (...) bool, by the separating axis theorem.
+
+    Centres p, q (..., 2) [m], headings h, g (...) [rad], sizes size, other (..., 2) length, width [m]; all broadcast.
+    """
+    d = q - p
+    apart = np.zeros(np.broadcast_shapes(h.shape, g.shape), bool)
+    for axis in (h, h + np.pi / 2, g, g + np.pi / 2):
+        reach = _shadow(axis - h, size) + _shadow(axis - g, other)
+        apart |= np.abs((d * unit(axis)).sum(-1)) > reach
+    return ~apart
+
+
+def _shadow(angle: NDArray, size: NDArray) -> NDArray:
+    """Half length (...) [m] of the projection of boxes on an axis at an angle (...) from their heading."""
+    return 0.5 * (np.abs(unit(angle)) * size).sum(-1)
+
+
+def is_oncoming(network: RoadNetwork, lane: LaneIndex, at: NDArray) -> bool:
+    """True for a lane that shares its place at (2,) [m] with one of the opposite direction."""
+    own = network.get_lane(lane)
+    s = own.local_coordinates(at)[0]
+    place, heading = own.position(s, 0), own.heading_at(s)
+    for other in network.lanes_list():
+        t, across = other.local_coordinates(place)
+        here = abs(across) < other.width_at(t) / 2 and 0 <= t <= other.length
+        if here and np.cos(other.heading_at(t) - heading) < -0.5:
+            return True
+    return False

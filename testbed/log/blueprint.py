@@ -1,0 +1,230 @@
+"""The layout in which a reviewer finds a run: strip that follows the ego, close-ups, errors, actions, events, summary.
+
+```
++------------------------------------------------------------+
+| overview: follows the ego, 2 s trails                       |
++------------------------------+-----------------------------+
+| close-up by kind | by object | errors | GOSPA | focus | ... |
+| | association of each tracker|                              |
++------------------+-----------+---------+-------------------+
+| action, speed    | events              | summary | config  |
++------------------+---------------------+-------------------+
+```
+
+On compact roads (crossings, roundabouts) the overview stands beside the close-up instead.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import rerun as rr
+import rerun.blueprint as rrb
+from rerun.blueprint.encodings import VisualizerComponentMapping
+
+from sensors.source import KINDS
+from testbed.log import palette, paths
+from testbed.log.layers import road_shape
+from testbed.log.record import RoadGeometry, RunMeta
+
+TRAIL = 2.0  # [s]
+REACH = 130.0  # [m] the overview shows this far before and behind the ego
+CLOSE = (-22.0, 48.0, -16.0, 16.0)  # [m] close-up: behind and before the ego, left and right of it on the screen
+HALF = {"strip": 12.0, "long": 22.0}  # [m] the overview shows this far to the sides
+AROUND, CLOSE_AROUND = 65.0, 26.0  # [m] overview and close-up on compact roads, where traffic comes from all sides
+
+TITLES = {
+    "gwd": "GWD [m]",
+    "nees_position": "NEES of position [-]",
+    "position": "position error [m]",
+    "velocity": "velocity error [m/s]",
+    "heading_deg": "heading error [deg]",
+    "length": "length error [m]",
+    "width": "width error [m]",
+    "box_iou": "box IoU [-]",
+    "contour_iou": "contour IoU [-]",
+    "nees_velocity": "NEES of velocity [-]",
+    "gospa": "GOSPA [m]",
+    "localisation": "GOSPA, localisation part",
+    "missed": "GOSPA, missed part",
+    "false": "GOSPA, false part",
+    "objects": "objects that count",
+    "tracks": "reported tracks",
+    "unassigned": "objects without a track",
+    "ghosts": "tracks without an object",
+}
+ERRORS = ("gwd", "nees_position", "position", "velocity", "heading_deg", "length")
+GOSPA = ("gospa", "localisation", "missed", "false", "unassigned", "ghosts")
+FOCUS = ("gwd", "position", "velocity", "heading_deg")
+
+Metrics = Mapping[str, Sequence[str]]  # tracker -> names of the metrics it has
+
+
+def title(metric: str) -> str:
+    """What stands above a plot; a metric without a title of its own has its name."""
+    return TITLES.get(metric, metric)
+
+
+def layout(meta: RunMeta, metrics: Metrics, focus: int | None, road: RoadGeometry, full: bool) -> rrb.Blueprint:
+    """The whole screen; without geometry (`full` false) the numbers take the room of the scene."""
+    plots = _plots(meta, metrics, focus)
+    shape = road_shape(road)
+    if not full:
+        rows, shares = [plots], [2.4]
+    elif shape == "compact":
+        columns = rrb.Horizontal(_overview(meta, shape), _closeups(meta, shape), plots, column_shares=[4, 5, 5])
+        rows, shares = [columns], [2.4]
+    else:
+        closer = rrb.Horizontal(_closeups(meta, shape), plots, column_shares=[5, 4])
+        rows, shares = [_overview(meta, shape), closer], [0.62 if shape == "strip" else 1.0, 1.8]
+    return rrb.Blueprint(
+        rrb.Vertical(*rows, _bottom(), row_shares=[*shares, 1.0]),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        rrb.TopPanel(state="expanded"),
+        rrb.TimePanel(state="collapsed", timeline=paths.TIME),
+        auto_layout=False,
+        auto_views=False,
+    )
+
+
+def _scene(
+    name: str, bounds: tuple[float, float, float, float], hide: Sequence[str] = (), overrides: dict | None = None
+) -> rrb.Spatial2DView:
+    x0, x1, y0, y1 = bounds
+    return rrb.Spatial2DView(
+        origin=f"/{paths.FOLLOW}",
+        contents=["+ /world/**", *(f"- /{path}" for path in hide)],
+        name=name,
+        visual_bounds=rrb.VisualBounds2D(x_range=[x0, x1], y_range=[y0, y1]),
+        background=[14, 15, 19],
+        overrides=overrides,
+    )
+
+
+def _overview(meta: RunMeta, shape: str) -> rrb.Spatial2DView:
+    """The traffic around the ego; dots show where each track was during the last seconds."""
+    recent = rrb.VisibleTimeRanges(
+        timeline=paths.TIME,
+        start=rrb.TimeRangeBoundary.cursor_relative(seconds=-TRAIL),
+        end=rrb.TimeRangeBoundary.cursor_relative(),
+    )
+    trails: dict = {}
+    for i, name in enumerate(meta.trackers):
+        dots = rr.Points2D.from_fields(colors=palette.tracker(i), radii=0.16, show_labels=False)
+        trails[f"/{paths.tracker(name, 'center')}"] = [dots.visualizer(), recent]
+    hide = [paths.RADAR_FOV, *(paths.tracker(n, layer) for n in meta.trackers for layer in ("covariance", "heading"))]
+    bounds = (-AROUND, AROUND, -AROUND, AROUND)
+    if shape != "compact":
+        bounds = (-0.75 * REACH, 1.25 * REACH, -HALF[shape], HALF[shape])
+    return _scene(f"Overview (follows the ego, {TRAIL:g} s trails)", bounds, hide, trails)
+
+
+def _closeups(meta: RunMeta, shape: str) -> rrb.Tabs:
+    r = CLOSE_AROUND
+    bounds = (-r, r, -r, r) if shape == "compact" else CLOSE
+    pages = [_scene("Close-up: by kind", bounds), _scene("By object", bounds, overrides=_by_object())]
+    for name in meta.trackers:
+        others = [f"world/trackers/{other}/**" for other in meta.trackers if other != name]
+        pages.append(_scene(f"Only {name}: who took what", bounds, others, _by_owner(name)))
+    return rrb.Tabs(*pages, active_tab=0)
+
+
+def _by_object() -> dict:
+    """Detections and outlines in the colour of their object."""
+    points = rr.Points2D.from_fields(radii=0.17)
+    overrides = {
+        f"/{paths.detections(kind)}": points.visualizer(mappings=[_source("Points2D:colors", "radar:object_color")])
+        for kind in KINDS
+    }
+    outlines = rr.LineStrips2D.from_fields(radii=0.08)
+    mapping = _source("LineStrips2D:colors", "truth:object_color")
+    return overrides | {f"/{paths.TRUTH_CONTOUR}": outlines.visualizer(mappings=[mapping])}
+
+
+def _by_owner(name: str) -> dict:
+    """Tracks in colours of their own, and detections in the colour of the track that took them."""
+    points, color = rr.Points2D.from_fields(radii=0.17), f"radar:owner_color_{name}"
+    overrides = {
+        f"/{paths.detections(kind)}": points.visualizer(mappings=[_source("Points2D:colors", color)]) for kind in KINDS
+    }
+    boxes = rr.LineStrips2D.from_fields(radii=0.12)
+    mapping = _source("LineStrips2D:colors", "track:color")
+    named = rr.Points2D.from_fields(radii=0.1, show_labels=True)
+    return overrides | {
+        f"/{paths.tracker(name, 'extent')}": boxes.visualizer(mappings=[mapping]),
+        f"/{paths.tracker(name, 'center')}": [named.visualizer()],
+    }
+
+
+def _source(target: str, component: str) -> VisualizerComponentMapping:
+    """Draw `target` from a component of ours; the one place that knows this young part of rerun."""
+    return VisualizerComponentMapping(target=target, source_kind="SourceComponent", source_component=component)
+
+
+def _plots(meta: RunMeta, metrics: Metrics, focus: int | None) -> rrb.Tabs:
+    known = list(dict.fromkeys(name for names in metrics.values() for name in names))
+    rest = [name for name in known if name not in ERRORS + GOSPA]
+    pages: list = []
+    for name, chosen in (("Errors (mean over tracks)", ERRORS), ("GOSPA and counts", GOSPA), ("More", rest)):
+        views = [_plot(metric, meta, metrics) for metric in chosen if metric in known]
+        if views:
+            pages.append(rrb.Grid(*views, grid_columns=2, name=name))
+    if focus is not None:
+        pages += [_focus(meta, metrics, focus), _table(focus)]
+    return rrb.Tabs(*pages, active_tab=0)
+
+
+def _plot(metric: str, meta: RunMeta, metrics: Metrics) -> rrb.TimeSeriesView:
+    series = [f"+ /{paths.metric(metric, name)}" for name in meta.trackers if metric in metrics[name]]
+    return rrb.TimeSeriesView(origin="/", contents=series, name=title(metric), plot_legend=_legend(metric == "gwd"))
+
+
+def _legend(visible: bool = True) -> rrb.PlotLegend:
+    return rrb.PlotLegend(corner=rrb.Corner2D.RightTop, visible=visible)
+
+
+def _focus(meta: RunMeta, metrics: Metrics, focus: int) -> rrb.Vertical:
+    """Errors of one object, and how many detections it gave and was expected to give."""
+    known = [metric for metric in FOCUS if any(metric in names for names in metrics.values())]
+    views = []
+    for metric in known:
+        series = {
+            f"/{paths.of_object(focus, name)}": _series(f"metrics:{metric}", palette.tracker(i), name)
+            for i, name in enumerate(meta.trackers)
+        }
+        views.append(_series_view(f"{paths.vehicle(focus)}: {title(metric)}", series, metric == known[0]))
+    seen = f"/{paths.of_object(focus, paths.SEEN)}"
+    got = _series("radar:detections", palette.DETECTION["contour"], "detections")
+    expected = _series("radar:expected", palette.TRUTH, "expected")
+    views.append(_series_view(f"{paths.vehicle(focus)}: detections", {seen: [got, expected]}, True))
+    return rrb.Vertical(*views, name=f"Focus: {paths.vehicle(focus)}")
+
+
+def _series(component: str, color: int, name: str) -> rrb.Visualizer:
+    line = rr.SeriesLines.from_fields(colors=color, names=name, widths=1.3)
+    return line.visualizer(mappings=[_source("Scalars:scalars", component)])
+
+
+def _series_view(name: str, series: dict, legend: bool) -> rrb.TimeSeriesView:
+    contents = [f"+ {path}" for path in series]
+    return rrb.TimeSeriesView(origin="/", contents=contents, name=name, overrides=series, plot_legend=_legend(legend))
+
+
+def _table(focus: int) -> rrb.DataframeView:
+    query = rrb.archetypes.DataframeQuery(timeline=paths.TIME, apply_latest_at=True)
+    return rrb.DataframeView(origin=f"/objects/{paths.vehicle(focus)}", name="Table", query=query)
+
+
+def _bottom() -> rrb.Horizontal:
+    columns = rrb.TextLogColumns(timeline_columns=[paths.TIME], text_log_columns=["LogLevel", "Body"])
+    levels = rrb.TextLogRows(filter_by_log_level=["INFO", "WARN", "ERROR"])
+    ego = rrb.Vertical(
+        rrb.StateTimelineView(origin=f"/{paths.EGO_ACTION}", name="Ego action"),
+        rrb.TimeSeriesView(origin=f"/{paths.EGO_SPEED}", name="Ego speed [m/s]", plot_legend=_legend(False)),
+    )
+    pages = rrb.Tabs(
+        rrb.TextDocumentView(origin=f"/{paths.SUMMARY}", name="Run summary"),
+        rrb.TextDocumentView(origin=f"/{paths.CONFIG}", name="Config"),
+        active_tab=0,
+    )
+    events = rrb.TextLogView(origin=f"/{paths.EVENTS}", name="Events", columns=columns, rows=levels)
+    return rrb.Horizontal(ego, events, pages, column_shares=[5, 5, 3])

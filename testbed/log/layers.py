@@ -1,0 +1,229 @@
+"""What one frame draws: a record of the simulation becomes rows of plain arrays, one row per entity, no rerun.
+
+A row maps component names (`Points2D:positions`, `radar:doppler`) to a number, or to an array whose first axis counts
+instances. Every array is a fresh copy, so the simulation may go on changing its own.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sensors.scene import Bodies, Ego, Objects, Scene
+from sensors.source import KINDS
+from testbed.log import palette, paths
+from testbed.log.record import RoadGeometry, StepRecord, TrackerFrame
+from trackers.geometry import box_corners, ellipse_points, to_world, unit
+from trackers.scan import SensorModel
+
+
+class Strips(NamedTuple):
+    """Ragged polylines: all points (P, 2) one after the other, and how many belong to each line, (n,)."""
+
+    xy: NDArray
+    counts: NDArray
+
+    @classmethod
+    def of(cls, lines: tuple[NDArray, ...] | NDArray, closed: bool = False) -> "Strips":
+        """Polylines (C, 2) each, of equal length as one array (n, C, 2); `closed` ones end where they began."""
+        if closed:
+            lines = tuple(np.concatenate([line, line[:1]]) for line in lines)
+        flat = np.concatenate(lines) if len(lines) else np.zeros((0, 2))
+        return cls(np.array(flat, np.float32), np.array([len(line) for line in lines], np.int64))
+
+    def __len__(self) -> int:
+        return len(self.counts)
+
+
+Row = dict[str, NDArray | Strips | list[str] | float | int]
+Rows = dict[str, Row]
+
+STRIP = 32.0  # [m] a road that spans less than this across the screen is shown as a strip
+LONG = 4.0  # so much longer than wide is a road that runs along the screen
+CONFIDENCE_RADIUS = 2.4477  # sqrt of the 95 % quantile of chi-square with 2 degrees of freedom
+NOSE = 1.0  # [m] heading arrows reach this far beyond the front
+
+
+def scene_rows(scene: Scene, middle: float | None = None) -> Rows:
+    """Truth in grey: outlines and headings of all objects, the ego and the origin that follows it.
+
+    The origin keeps to y = `middle` [m] where given: a view of a straight road then does not sway in lane changes.
+    """
+    ego, objects, bodies = scene.ego, scene.objects, scene.bodies
+    y = ego.pose[1] if middle is None else middle
+    return {
+        paths.FOLLOW: {"Transform3D:translation": np.array([[ego.pose[0], y, 0.0]], np.float32)},
+        paths.EGO: _ego_pose(ego),
+        paths.TRUTH_EGO: {"LineStrips2D:strips": Strips.of((ego.outline,), closed=True)},
+        paths.TRUTH_CONTOUR: _outlines(objects, bodies),
+        paths.TRUTH_HEADING: _headings(objects.pose, objects.size[:, 0]),
+    }
+
+
+def _ego_pose(ego: Ego) -> Row:
+    half = ego.pose[2] / 2
+    return {
+        "Transform3D:translation": np.array([[ego.pose[0], ego.pose[1], 0.0]], np.float32),
+        "Transform3D:quaternion": np.array([[0.0, 0.0, np.sin(half), np.cos(half)]], np.float32),
+    }
+
+
+def _outlines(objects: Objects, bodies: Bodies) -> Row:
+    owner = objects.id[bodies.owner] if len(bodies.owner) else np.zeros(0, int)
+    return {
+        "LineStrips2D:strips": Strips.of(bodies.outline, closed=True),
+        "LineStrips2D:class_ids": np.array(owner + 1, np.uint16),
+        "truth:object_id": np.array(owner, np.int32),
+        "truth:object_color": palette.identity(owner),
+    }
+
+
+def _headings(pose: NDArray, length: NDArray) -> Row:
+    reach = (length / 2 + NOSE)[:, None] * unit(pose[:, 2])
+    return {"Arrows2D:origins": np.array(pose[:, :2], np.float32), "Arrows2D:vectors": np.array(reach, np.float32)}
+
+
+def wall_rows(walls: NDArray) -> Rows:
+    """Guard rails (W, 2, 2) [m]."""
+    return {paths.WALLS: {"LineStrips2D:strips": Strips.of(walls)}}
+
+
+def plan_rows(plan: NDArray) -> Rows:
+    """Where the planner means to go (P, 2) [m]; nothing for fewer than two points."""
+    return {paths.EGO_PLAN: {"LineStrips2D:strips": Strips.of((plan,) if len(plan) > 1 else ())}}
+
+
+def detection_rows(record: StepRecord) -> Rows:
+    """Detections by kind with what the radar measured, where they came from and which track took them."""
+    keep = np.flatnonzero(record.scan.mask)
+    scan, source = record.scan, record.source
+    ids = np.append(record.scene.objects.id, -1).astype(np.int32)
+    object_id = ids[source.object[keep]]
+    sensor = np.broadcast_to(scan.sensor, scan.mask.shape)[keep].astype(np.int32)
+    columns: dict[str, NDArray] = {
+        "Points2D:positions": scan.xy[keep].astype(np.float32),
+        "radar:doppler": scan.ground_rate[keep].astype(np.float32),
+        "radar:object_id": object_id,
+        "radar:object_color": palette.identity(object_id),
+        "radar:sensor": sensor,
+    }
+    for name, frame in record.frames.items():
+        owner = frame.info.owner[keep]
+        columns[f"radar:owner_{name}"] = owner.astype(np.int32)
+        columns[f"radar:owner_color_{name}"] = palette.identity(owner)
+    kind = source.kind[keep]
+    return {
+        paths.detections(word): {component: column[kind == k] for component, column in columns.items()}
+        for k, word in enumerate(KINDS)
+    }
+
+
+def tracker_rows(name: str, frame: TrackerFrame) -> Rows:
+    """Boxes or contours, 95 % ellipses of the centre, headings and ids of the reported tracks; the others thin."""
+    tracks = frame.tracks
+    shown = tracks.existence > 0.5
+    hidden = tracks.rows(~shown).estimate
+    tracks = tracks.reported
+    estimate = tracks.estimate
+    outline = box_corners(estimate.pose, estimate.size) if estimate.contour is None else estimate.contour
+    ellipse = ellipse_points(estimate.pose[:, :2], CONFIDENCE_RADIUS**2 * estimate.cov[:, :2, :2], 17)
+    return {
+        paths.tracker(name, "extent"): {
+            "LineStrips2D:strips": Strips.of(outline, closed=True),
+            "track:id": tracks.id.astype(np.int32),
+            "track:color": palette.identity(tracks.id),
+        },
+        paths.tracker(name, "tentative"): {
+            "LineStrips2D:strips": Strips.of(box_corners(hidden.pose, hidden.size), closed=True)
+        },
+        paths.tracker(name, "covariance"): {"LineStrips2D:strips": Strips.of(ellipse)},
+        paths.tracker(name, "heading"): _headings(estimate.pose, estimate.size[:, 0]),
+        paths.tracker(name, "center"): {
+            "Points2D:positions": np.array(estimate.pose[:, :2], np.float32),
+            "Points2D:labels": [str(i) for i in tracks.id],
+        },
+    }
+
+
+def metric_rows(name: str, frame: TrackerFrame) -> Rows:
+    """Metrics of the whole frame, one entity each."""
+    return {paths.metric(metric, name): scalar_row(value) for metric, value in frame.mean.items()}
+
+
+def object_rows(record: StepRecord) -> Rows:
+    """How the radar sees each object, and the errors of each tracker about it where it has a track."""
+    ids = record.scene.objects.id
+    source = record.source
+    of_object = source.object[record.scan.mask]
+    got = np.bincount(of_object[of_object >= 0], minlength=len(ids))
+    rows: Rows = {}
+    for i, number in enumerate(ids):
+        rows[paths.of_object(number, paths.SEEN)] = _numbers(
+            "radar", {"detections": got[i], "expected": source.expected[i], "visible": source.visible[i]}
+        )
+    for name, frame in record.frames.items():
+        for number, errors in frame.errors.items():
+            row = _numbers("metrics", errors)
+            row["metrics:track_id"] = int(frame.pairs[number])
+            rows[paths.of_object(number, name)] = row
+    return rows
+
+
+def gap_row(row: Row) -> Row:
+    """The row of errors that ends a curve: not a number, and no track."""
+    return {name: -1 if name == "metrics:track_id" else float("nan") for name in row}
+
+
+def _numbers(archetype: str, values: dict[str, float]) -> Row:
+    return {f"{archetype}:{paths.part(key)}": float(value) for key, value in values.items()}
+
+
+def scalar_row(value: float) -> Row:
+    """One number of a plot; NaN leaves a gap."""
+    return {"Scalars:scalars": float(value)}
+
+
+def fields_of_view(sensors: tuple[SensorModel, ...]) -> tuple[NDArray, ...]:
+    """Closed sectors (P, 2) [m] of the radars in the frame of the ego; a full circle has no straight edges."""
+    lines = []
+    for sensor in sensors:
+        angle = np.linspace(-sensor.fov / 2, sensor.fov / 2, max(9, int(np.ceil(sensor.fov / 0.05))))
+        arc = sensor.max_range * unit(angle)
+        ring = sensor.fov >= 2 * np.pi - 1e-6
+        lines.append(to_world(np.asarray(sensor.mount), arc if ring else np.vstack([[0, 0], arc, [0, 0]])))
+    return tuple(lines)
+
+
+def dashes(line: ArrayLike, dash: float = 3.0, gap: float = 6.0) -> NDArray:
+    """A polyline (P, 2) [m] cut into straight dashes (n, 2, 2), each `dash` long with `gap` between [m]."""
+    line = np.asarray(line, float)
+    arc = np.append(0.0, np.cumsum(np.hypot(*np.diff(line, axis=0).T)))
+    start = np.arange(0.0, arc[-1], dash + gap)
+    at = np.stack([start, np.minimum(start + dash, arc[-1])], -1)
+    return np.stack([np.interp(at, arc, line[:, 0]), np.interp(at, arc, line[:, 1])], -1)
+
+
+def road_span(road: RoadGeometry) -> NDArray | None:
+    """Least and largest x, y [m] of the road, (2, 2); None where nothing of it is known."""
+    lines = [*road.edges, *road.lane_lines, *road.surface]
+    if not lines:
+        return None
+    points = np.concatenate(lines)
+    return np.stack([points.min(0), points.max(0)])
+
+
+def road_shape(road: RoadGeometry) -> str:
+    """Shape for the screen: "strip" fits into a strip as a whole, "long" runs along it with bends, else "compact"."""
+    span = road_span(road)
+    if span is None:
+        return "strip"
+    along, across = span[1] - span[0]
+    if across < STRIP:
+        return "strip"
+    return "long" if along > LONG * across else "compact"
+
+
+def strip_middle(road: RoadGeometry) -> float | None:
+    """The y [m] of the middle of a strip, None where the view has to follow the ego sideways too."""
+    span = road_span(road)
+    return float(span[:, 1].mean()) if span is not None and road_shape(road) == "strip" else None

@@ -1,0 +1,51 @@
+"""Colours and sizes of the review log: readable on black and for colour-blind eyes (after Okabe and Ito)."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sensors.source import KINDS
+
+TRUTH = 0xC9CBD6FF
+EGO = 0xFFFFFFFF
+PLAN = 0x6488FFFF
+WALL = 0x8C6D4FFF
+SURFACE = 0x24262DFF
+EDGE = 0xC4C4C4FF
+LANE = 0x77777CFF
+FOV = 0x4A4A58FF
+DETECTION = dict(zip(KINDS, (0x43E66BFF, 0xFF5CB8FF, 0x85858AFF, 0xA8835AFF), strict=True))
+
+_TRACKERS = (0xFFA629FF, 0x38CFFFFF, 0xB18CFFFF, 0xF5E663FF, 0xFF7361FF, 0x2FD6A5FF)
+_OBJECTS = np.array(
+    [
+        *(0xE69F00FF, 0x56B4E9FF, 0x00C795FF, 0xF0E442FF, 0x3D8BFFFF, 0xFF7A33FF),
+        *(0xE07CB8FF, 0xA6D854FF, 0xB39DFFFF, 0xFFC9A3FF, 0x7FE3E3FF, 0xD9A066FF),
+    ],
+    np.uint32,
+)
+NOBODY = np.uint32(0x6A6A70FF)
+
+_ACTIONS = {
+    "IDLE": 0x55585FFF,
+    "FASTER": 0x2E8B45FF,
+    "SLOWER": 0xC0453AFF,
+    "LANE_LEFT": 0x3F6FD0FF,
+    "LANE_RIGHT": 0x8F50CCFF,
+}
+_OTHER_ACTIONS = (0x9A7B2FFF, 0x2F8F8FFF, 0x9C4F74FF, 0x6B7F3AFF)
+
+
+def tracker(index: int) -> int:
+    """Colour of the index-th tracker of the command line."""
+    return _TRACKERS[index % len(_TRACKERS)]
+
+
+def identity(number: ArrayLike) -> NDArray:
+    """Colours (n,) uint32 of objects or tracks with the ids (n,), grey for -1."""
+    number = np.asarray(number, int)
+    return np.where(number < 0, NOBODY, _OBJECTS[number % len(_OBJECTS)])
+
+
+def action(name: str) -> int:
+    """Colour of an action of the ego; the same name has the same colour in every log."""
+    return _ACTIONS.get(name, _OTHER_ACTIONS[sum(name.encode()) % len(_OTHER_ACTIONS)])

@@ -1,0 +1,73 @@
+"""Every entity path of a review log, shared by writer, blueprint and reader.
+
+Geometry lives under `world` in world coordinates (metres, x forward, y down on the screen as in highway-env), one
+entity per layer; numbers live under `metrics`, `objects` and `ego`.
+"""
+
+import re
+from functools import lru_cache
+
+from sensors.source import KINDS
+
+APPLICATION = "eot_testbed"
+STEP, TIME = "step", "sim_time"  # the two timelines: frame number, seconds of simulation
+
+FOLLOW = "world/follow"  # translation of the ego: origin of every view of the scene
+EGO = "world/ego"  # pose of the ego
+RADAR_FOV = "world/ego/radar_fov"
+ROAD_SURFACE, ROAD_EDGES, ROAD_LANES = "world/road/surface", "world/road/edges", "world/road/lanes"
+WALLS = "world/walls"
+TRUTH_CONTOUR, TRUTH_HEADING, TRUTH_EGO = "world/truth/contour", "world/truth/heading", "world/truth/ego"
+EGO_PLAN = "world/ego_plan"
+EGO_ACTION, EGO_SPEED = "ego/action", "ego/speed"
+EVENTS = "events"
+CONFIG, SUMMARY = "run/config", "run/summary"
+
+TRACKER_LAYERS = ("extent", "tentative", "covariance", "heading", "center")
+SEEN = "radar"  # leaf of an object's entity that says how the radar sees it
+
+STATIC = (RADAR_FOV, ROAD_SURFACE, ROAD_EDGES, ROAD_LANES, CONFIG, SUMMARY)
+NUMBERS = (EGO_ACTION, EGO_SPEED)
+
+_PLAIN = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.\-]*")
+
+
+@lru_cache(maxsize=1024)
+def part(name: str) -> str:
+    """Return `name` where it can be one part of an entity path without escapes, else raise ValueError."""
+    if not _PLAIN.fullmatch(name) or name.startswith("__"):
+        raise ValueError(f"name {name!r} cannot be part of a log path; use letters, digits, '_', '-' and '.' only")
+    return name
+
+
+def detections(kind: str) -> str:
+    """Layer of the detections of one kind, see `sensors.source.KINDS`."""
+    return f"world/detections/{part(kind)}"
+
+
+def tracker(name: str, layer: str) -> str:
+    """Layer of one tracker, see `TRACKER_LAYERS`."""
+    return f"world/trackers/{part(name)}/{part(layer)}"
+
+
+def metric(name: str, tracker: str) -> str:
+    """A metric of the whole frame."""
+    return f"metrics/{part(name)}/{part(tracker)}"
+
+
+def vehicle(object_id: int) -> str:
+    """Name of an object in paths and texts."""
+    return f"veh_{object_id:02d}"
+
+
+def of_object(object_id: int, leaf: str) -> str:
+    """Numbers of one object: errors of the tracker `leaf`, or how the radar sees it for `SEEN`."""
+    return f"objects/{vehicle(object_id)}/{part(leaf)}"
+
+
+def scene_layers(trackers: tuple[str, ...]) -> tuple[str, ...]:
+    """Every layer of geometry of a run at level full, static ones included."""
+    fixed = (FOLLOW, EGO, RADAR_FOV, ROAD_SURFACE, ROAD_EDGES, ROAD_LANES, WALLS, EGO_PLAN)
+    truth = (TRUTH_CONTOUR, TRUTH_HEADING, TRUTH_EGO)
+    tracked = tuple(tracker(name, layer) for name in trackers for layer in TRACKER_LAYERS)
+    return fixed + truth + tuple(detections(kind) for kind in KINDS) + tracked

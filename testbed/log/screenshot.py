@@ -1,0 +1,83 @@
+"""Pictures of a log without a display, and the command that opens the viewer.
+
+Drawing needs Vulkan; without a graphics card a software renderer does (on Debian the package mesa-vulkan-drivers).
+"""
+
+import os
+import socket
+import sys
+import time
+from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
+
+from testbed.log import paths
+
+SETTLE = 1.5  # [s] until plots and texts have been laid out
+
+_DRIVERS = ("/usr/share/vulkan/icd.d", "/etc/vulkan/icd.d", "/usr/local/share/vulkan/icd.d")
+
+
+class NoRenderer(OSError):
+    """There is nothing on this machine that could draw."""
+
+
+def renderer_missing() -> str:
+    """Why no picture can be drawn here, empty where it can."""
+    if not sys.platform.startswith("linux") or os.environ.get("VK_DRIVER_FILES") or os.environ.get("VK_ICD_FILENAMES"):
+        return ""
+    if not any(driver for folder in _DRIVERS for driver in Path(folder).glob("*.json")):
+        return "no Vulkan driver is installed; a software renderer will do, on Debian the package mesa-vulkan-drivers"
+    return ""
+
+
+def render(path: str | Path, png: str | Path, at: float, settle: float = SETTLE) -> list[str]:
+    """Render the log `path` at `at` [s] of the simulation into the picture `png`.
+
+    Returns what the viewer has to complain about, view by view: empty when the layout fits the log.
+    """
+    from rerun.experimental import ViewerClient
+
+    path, png = existing(path), Path(png)
+    if reason := renderer_missing():
+        raise NoRenderer(f"cannot draw {path}: {reason}")
+    png.parent.mkdir(parents=True, exist_ok=True)
+    program = str(_program())
+    with ViewerClient.spawn(
+        headless=True, port=_free_port(), hide_welcome_screen=True, executable_path=program
+    ) as viewer:
+        viewer.open(str(path.resolve()))
+        viewer.set_time(paths.TIME, duration=at, play_state="paused")
+        time.sleep(settle)
+        png.write_bytes(viewer.take_screenshot())
+        return [f"{view}: {report}" for view in viewer.get_state().views for report in view.reports]
+
+
+def existing(path: str | Path) -> Path:
+    """The path of a log, which must exist."""
+    path = Path(path)
+    if not path.is_file():
+        raise FileNotFoundError(f"there is no log {path}; `testbed run` with --log full writes one")
+    return path
+
+
+def viewer_command(logs: Sequence[str | Path], web: bool = False) -> list[str]:
+    """Command line of the viewer on some logs; `web` serves it to a browser on this machine only."""
+    options = ["--serve-web", "--bind", "127.0.0.1"] if web else []
+    return [str(_program()), *options, *(str(existing(log)) for log in logs)]
+
+
+def _program() -> Path:
+    """The viewer itself: its launcher on the path would leave it running when it is stopped."""
+    spec = find_spec("rerun_cli")
+    folder = Path(spec.origin).parent if spec and spec.origin else Path()
+    for name in ("rerun", "rerun.exe"):
+        if (folder / name).is_file():
+            return folder / name
+    raise NoRenderer("the viewer is missing; install the complete package rerun-sdk")
+
+
+def _free_port() -> int:
+    with socket.socket() as s:
+        s.bind(("127.0.0.1", 0))
+        return s.getsockname()[1]

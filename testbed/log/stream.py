@@ -1,0 +1,141 @@
+"""Rows of plain arrays into a rerun file, many frames in one call.
+
+`send_columns` of a block costs about what a single `log` call costs, and needs no types guessed: every component has
+its arrow type in the table below or is a plain column of its own.
+"""
+
+from collections.abc import Mapping
+from functools import lru_cache
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pyarrow as pa
+import rerun as rr
+import rerun.blueprint as rrb
+from rerun.error_utils import catch_and_log_exceptions
+
+from testbed.log import paths
+from testbed.log.layers import Row, Strips
+
+Entry = tuple[int, int, Row]  # step, time [ns], row
+Block = dict[tuple[str, tuple[str, ...]], list[Entry]]  # (entity, its components) -> rows
+
+_BATCH = {
+    "Arrows2D:origins": rr.components.Position2DBatch,
+    "Arrows2D:vectors": rr.components.Vector2DBatch,
+    "LineStrips2D:class_ids": rr.components.ClassIdBatch,
+    "LineStrips2D:strips": rr.components.LineStrip2DBatch,
+    "Points2D:labels": rr.components.TextBatch,
+    "Points2D:positions": rr.components.Position2DBatch,
+    "Scalars:scalars": rr.components.ScalarBatch,
+    "StateChange:state": rr.components.TextBatch,
+    "TextLog:level": rr.components.TextLogLevelBatch,
+    "TextLog:text": rr.components.TextBatch,
+    "Transform3D:quaternion": rr.components.RotationQuatBatch,
+    "Transform3D:translation": rr.components.Translation3DBatch,
+}
+
+
+class Column(NamedTuple):
+    """One component of a block of rows: what `send_columns` asks of a column, without its conversions."""
+
+    descriptor: rr.ComponentDescriptor
+    array: pa.Array  # lists of instances, one list a row
+
+    def component_descriptor(self) -> rr.ComponentDescriptor:
+        """Name and type of the component."""
+        return self.descriptor
+
+    def as_arrow_array(self) -> pa.Array:
+        """Instances of all rows."""
+        return self.array
+
+
+def strips_array(parts: list[Strips]) -> pa.Array:
+    """Ragged polylines as the list-of-points array of rerun, without a Python loop over lines."""
+    kind = rr.components.LineStrip2DBatch._ARROW_DATATYPE
+    counts = np.concatenate([part.counts for part in parts])
+    offsets = np.append(0, np.cumsum(counts)).astype(np.int32)
+    points = np.concatenate([part.xy for part in parts])
+    flat = pa.array(points.ravel(), pa.float32())
+    inner = pa.FixedSizeListArray.from_arrays(flat, type=kind.value_type)
+    return pa.ListArray.from_arrays(pa.array(offsets), inner, type=kind)
+
+
+@lru_cache(maxsize=1024)
+def descriptor(component: str) -> rr.ComponentDescriptor:
+    """What rerun knows of a component; one that is not in the table is a plain column of our own."""
+    archetype, _ = component.split(":")
+    if component not in _BATCH:
+        return rr.ComponentDescriptor(component, archetype=archetype)
+    kind = _BATCH[component]([]).component_type()
+    return rr.ComponentDescriptor(component, archetype=f"rerun.archetypes.{archetype}", component_type=kind)
+
+
+def column(component: str, values: list) -> Column:
+    """One component of a block of rows; values are arrays or lists of instances, or single numbers."""
+    kind = _BATCH[component]._ARROW_DATATYPE if component in _BATCH else None
+    if isinstance(values[0], float | int):
+        return Column(descriptor(component), pa.ListArray.from_arrays(_ones(len(values)), pa.array(values, kind)))
+    if isinstance(values[0], Strips):
+        data = strips_array(values)
+    elif isinstance(values[0], list):
+        data = pa.array([item for value in values for item in value], kind)
+    elif component in _BATCH:
+        data = _BATCH[component](np.concatenate(values), strict=True).as_arrow_array()
+    else:
+        data = pa.array(np.concatenate(values))
+    offsets = np.cumsum(np.array([0] + [len(value) for value in values], np.int32), dtype=np.int32)
+    return Column(descriptor(component), pa.ListArray.from_arrays(pa.array(offsets), data))
+
+
+@lru_cache(maxsize=256)
+def _ones(rows: int) -> pa.Array:
+    """Offsets of rows with one instance each."""
+    return pa.array(np.arange(rows + 1, dtype=np.int32))
+
+
+def _indexes(when: tuple[tuple[int, int], ...]) -> list[rr.TimeColumn]:
+    step, ns = np.array(when, np.int64).T
+    return [rr.TimeColumn(paths.STEP, sequence=step), rr.TimeColumn(paths.TIME, duration=ns.astype("timedelta64[ns]"))]
+
+
+class Stream:
+    """One open file with its blueprint."""
+
+    def __init__(self, path: Path, run_id: str, blueprint: rrb.Blueprint) -> None:
+        """Open the file; raise OSError where it cannot be written."""
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.open("wb").close()
+        except OSError as error:
+            raise OSError(f"cannot write the log {path}: {error.strerror}; choose another output directory") from error
+        self._stream = rr.RecordingStream(paths.APPLICATION, recording_id=run_id)
+        rr.set_log_time_enabled(False, recording=self._stream)
+        self._stream.save(path, default_blueprint=blueprint)
+
+    def static(self, path: str, data: rr.AsComponents) -> None:
+        """Log what holds for the whole run."""
+        self._stream.log(path, data, static=True, strict=True)
+
+    def send(self, block: Block) -> None:
+        """Write all rows of a block and hand them to the operating system."""
+        times: dict[tuple[tuple[int, int], ...], list[rr.TimeColumn]] = {}
+        with catch_and_log_exceptions(strict=True):
+            for (path, components), entries in block.items():
+                when = tuple((step, ns) for step, ns, _ in entries)
+                if when not in times:
+                    times[when] = _indexes(when)
+                columns = [column(name, [row[name] for _, _, row in entries]) for name in components]
+                self._stream.send_columns(path, times[when], columns)
+        self._stream.flush()
+
+    def property(self, name: str, values: Mapping[str, str | int | float | bool]) -> None:
+        """Write flat values that become columns of a table of runs."""
+        with catch_and_log_exceptions(strict=True):
+            self._stream.send_property(name, rr.AnyValues(**values))
+
+    def close(self) -> None:
+        """Write the footer and let go of the file."""
+        self._stream.disconnect()

@@ -1,0 +1,92 @@
+"""Words of the review log: the pages beside the scene and the flat properties of a run."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from testbed.log.record import RunMeta
+
+Value = str | int | float | bool
+
+
+def flat_properties(meta: RunMeta) -> dict[str, Value]:
+    """What identifies a run, as columns of a table of runs."""
+    fixed: dict[str, Value] = {
+        "scenario": meta.scenario,
+        "seed": int(meta.seed),
+        "radar": meta.radar,
+        "trackers": " ".join(meta.trackers),
+        "planner": meta.planner,
+    }
+    varied = {f"config_{_key(name)}": text for name, text in meta.config.items()}
+    versions = {f"version_{_key(name)}": text for name, text in meta.versions.items()}
+    return fixed | varied | versions
+
+
+def flat_summary(summary: Mapping[str, Value | Mapping[str, Value]]) -> dict[str, Value]:
+    """Facts under their own names, metrics as `<tracker>_<metric>`."""
+    flat: dict[str, Value] = {}
+    for name, value in summary.items():
+        if isinstance(value, Mapping):
+            flat |= {f"{_key(name)}_{_key(inner)}": _plain(f"{name}.{inner}", v) for inner, v in value.items()}
+        else:
+            flat[_key(name)] = _plain(name, value)
+    return flat
+
+
+def _key(name: str) -> str:
+    return "".join(c if c.isalnum() else "_" for c in name)
+
+
+def _plain(name: str, value: object) -> Value:
+    """A number or text that a property can hold."""
+    if isinstance(value, np.generic):
+        value = value.item()
+    if not isinstance(value, str | int | float | bool):
+        raise TypeError(
+            f"summary[{name!r}] must be a number or a text, got {type(value).__name__}; leave it out or use NaN"
+        )
+    return value
+
+
+def config_text(meta: RunMeta) -> str:
+    """Page with everything that identifies the run."""
+    rows = {"scenario": meta.scenario, "seed": str(meta.seed), "radar": meta.radar}
+    rows |= {"trackers": ", ".join(meta.trackers), "planner": meta.planner} | meta.config
+    return "\n\n".join(
+        [_table(("setting", "value"), rows.items()), _table(("package", "version"), meta.versions.items())]
+    )
+
+
+def unfinished_text(meta: RunMeta) -> str:
+    """Page of a run that has no summary."""
+    return f"{_title(meta)}\n\nNo summary: the run was interrupted, or its log was closed without one."
+
+
+def summary_text(meta: RunMeta, summary: Mapping[str, Value | Mapping[str, Value]]) -> str:
+    """Page with the facts of the run, and a table of metrics with one column a tracker."""
+    facts = {name: _short(value) for name, value in summary.items() if not isinstance(value, Mapping)}
+    tables = {name: value for name, value in summary.items() if isinstance(value, Mapping)}
+    pages = [_title(meta)]
+    if tables:
+        metrics = dict.fromkeys(metric for table in tables.values() for metric in table if metric != "tracker")
+        body = [(metric, *(_short(table.get(metric, "")) for table in tables.values())) for metric in metrics]
+        pages.append(_table(("metric", *tables), body))
+    if facts:
+        pages.append(_table(("run", ""), facts.items()))
+    return "\n\n".join(pages)
+
+
+def _title(meta: RunMeta) -> str:
+    return f"## {meta.scenario}, seed {meta.seed}"
+
+
+def _short(value: Value) -> str:
+    if isinstance(value, float | np.floating):
+        return "-" if np.isnan(value) else f"{value:.3g}"
+    return {True: "yes", False: "no"}[value] if isinstance(value, bool) else str(value)
+
+
+def _table(head: tuple[str, ...], body: object) -> str:
+    lines = [head, ("---",) * len(head), *body]  # type: ignore[misc]
+    return "\n".join("| " + " | ".join(cell.replace("|", "/") for cell in line) + " |" for line in lines)

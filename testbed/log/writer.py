@@ -1,0 +1,276 @@
+"""The review log of one run: takes plain records, keeps a block of them, writes it every few steps.
+
+A run that is killed loses at most the block that was not yet written. rerun is imported when the file is opened, so
+that a run without a log never pays for it.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Literal, Self
+
+import numpy as np
+
+from testbed.log import layers, palette, paths
+from testbed.log.record import RoadGeometry, RunMeta, StepRecord, TrackerFrame
+from testbed.log.text import config_text, flat_properties, flat_summary, summary_text, unfinished_text
+from trackers.multi.tracks import Event
+from trackers.scan import SensorModel
+
+if TYPE_CHECKING:
+    from testbed.log.stream import Block, Stream
+
+Level = Literal["full", "metrics"]
+Value = str | int | float | bool
+Summary = Mapping[str, Value | Mapping[str, Value]]
+
+LEVELS = ("DEBUG", "INFO", "WARN", "ERROR")
+
+
+class NullLog:
+    """A log that keeps nothing; stands in for `RunLog` in training and benchmarks."""
+
+    path: Path | None = None
+
+    def static(self, road: RoadGeometry, sensors: tuple[SensorModel, ...]) -> None:
+        """Ignore the road and the radars."""
+
+    def step(self, record: StepRecord) -> None:
+        """Ignore a frame."""
+
+    def event(self, level: str, text: str) -> None:
+        """Ignore an event."""
+
+    def close(self, summary: Summary | None = None) -> None:
+        """Have nothing to close."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
+
+
+class RunLog(NullLog):
+    """Log of one run in `path` (.rrd), opened at the first step; use as a context manager.
+
+    Args:
+        path: file to write; its directory is made, an older file is replaced.
+        meta: what identifies the run; `run_id` must be unique, viewers merge recordings of one id.
+        level: "full" with all geometry, "metrics" with numbers and events only.
+        every: steps in a block, which is what a kill may cost.
+        focus: object whose errors have a page of their own; without it the one nearest to the ego at the first step.
+    """
+
+    def __init__(
+        self, path: str | Path, meta: RunMeta, *, level: Level = "full", every: int = 15, focus: int | None = None
+    ) -> None:
+        if level not in ("full", "metrics"):
+            raise ValueError(f"level must be 'full' or 'metrics', got {level!r}; for no log use NullLog")
+        if every < 1:
+            raise ValueError(f"every must be at least 1 step, got {every}")
+        for name in meta.trackers:
+            paths.part(name)
+        self.path = self._file = Path(path)
+        self.meta = meta
+        self._level, self._every, self._focus = level, every, focus
+        self._road, self._middle = RoadGeometry(), layers.strip_middle(RoadGeometry())
+        self._sensors: tuple[SensorModel, ...] = ()
+        self._stream: Stream | None = None
+        self._closed = False
+        self._block: Block = {}
+        self._waiting = 0
+        self._step, self._time = -1, 0
+        self._action: str | None = None
+        self._actions: list[str] = []
+        self._walls: np.ndarray | None = None
+        self._tracked: layers.Rows = {}  # errors of objects with a track at the last step
+        self._known: dict[int, str] = {}
+        self._confirmed: dict[str, set[int]] = {name: set() for name in meta.trackers}
+
+    def static(self, road: RoadGeometry, sensors: tuple[SensorModel, ...]) -> None:
+        """Take what holds for the whole run; call before the first step."""
+        if self._stream is not None:
+            raise ValueError(f"static must be called before the first step of the log {self.path}")
+        if len(road.surface) != len(road.half_width):
+            raise ValueError(
+                f"road.half_width must have one entry per surface line, got {len(road.half_width)} "
+                f"for {len(road.surface)} lines"
+            )
+        self._road, self._sensors = road, tuple(sensors)
+        self._middle = layers.strip_middle(road)
+
+    def step(self, record: StepRecord) -> None:
+        """Take one frame; arrays are copied."""
+        self._check(record)
+        self._step, self._time = record.step, round(record.time * 1e9)
+        if self._stream is None:
+            self._open(record)
+        if self._level == "full":
+            self._geometry(record)
+        self._numbers(record)
+        for name, frame in record.frames.items():
+            self._decisions(name, frame)
+        for level, text in record.events:
+            self.event(level, text)
+        self._waiting += 1
+        if self._waiting >= self._every:
+            self._send()
+
+    def event(self, level: str, text: str) -> None:
+        """Write a line at the time of the last step; level is one of `LEVELS`."""
+        if level not in LEVELS:
+            raise ValueError(f"event level must be one of {', '.join(LEVELS)}, got {level!r}")
+        if self._closed:
+            raise ValueError(f"the log {self.path} is closed; no event can follow")
+        self._put(paths.EVENTS, {"TextLog:text": [text], "TextLog:level": [level]})
+
+    def close(self, summary: Summary | None = None) -> None:
+        """Write the rest and the summary, once; later calls do nothing.
+
+        `summary` holds facts of the run, and by tracker name its metrics.
+        """
+        if self._closed:
+            return
+        flat = flat_summary(summary or {})
+        if self._stream is None:
+            self._open(None)
+        assert self._stream is not None
+        self._send()
+        if summary is not None:
+            self._write_text(paths.SUMMARY, summary_text(self.meta, summary))
+            if flat:
+                self._stream.property("summary", flat)
+        self._stream.close()
+        self._closed = True
+
+    def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        if error is not None and self._stream is None:
+            self._closed = True  # nothing happened that could be reviewed; leave no file
+        if error is not None and not self._closed:
+            reason = f": {error}" if str(error) else ""
+            self.event("ERROR", f"the run ended with {type(error).__name__}{reason}")
+        self.close()
+
+    # -- opening and sending ------------------------------------------------------------------------------------
+
+    def _check(self, record: StepRecord) -> None:
+        if self._closed:
+            raise ValueError(f"the log {self.path} is closed; open a new RunLog for another run")
+        if record.step <= self._step:
+            raise ValueError(f"record.step must grow, got {record.step} after {self._step}; one RunLog holds one run")
+        if tuple(record.frames) != self.meta.trackers:
+            raise ValueError(
+                f"record.frames must have the trackers of the run {self.meta.trackers}, got {tuple(record.frames)}"
+            )
+
+    def _open(self, first: StepRecord | None) -> None:
+        from testbed.log.blueprint import layout
+        from testbed.log.stream import Stream
+        from testbed.log.styles import styles
+
+        metrics = {name: tuple(frame.mean) for name, frame in first.frames.items()} if first else {}
+        focus = _focus(self._focus, first) if first else None
+        blueprint = layout(self.meta, metrics, focus, self._road, full=self._level == "full")
+        self._stream = Stream(self._file, self.meta.run_id, blueprint)
+        self._stream.property("run", flat_properties(self.meta))
+        self._write_text(paths.CONFIG, config_text(self.meta))
+        self._write_text(paths.SUMMARY, unfinished_text(self.meta))
+        for path, data in styles(self.meta.trackers, metrics, self._road, self._sensors, self._level == "full"):
+            self._stream.static(path, data)
+
+    def _write_text(self, path: str, markdown: str) -> None:
+        import rerun as rr
+
+        assert self._stream is not None
+        self._stream.static(path, rr.TextDocument(markdown, media_type="text/markdown"))
+
+    def _put(self, path: str, row: layers.Row) -> None:
+        entry = (max(self._step, 0), self._time, row)
+        self._block.setdefault((path, tuple(row)), []).append(entry)
+
+    def _send(self) -> None:
+        assert self._stream is not None
+        block, self._block, self._waiting = self._block, {}, 0
+        self._stream.send(block)
+
+    # -- one frame ----------------------------------------------------------------------------------------------
+
+    def _geometry(self, record: StepRecord) -> None:
+        rows = (
+            layers.scene_rows(record.scene, self._middle)
+            | layers.plan_rows(record.plan)
+            | layers.detection_rows(record)
+        )
+        for name, frame in record.frames.items():
+            rows |= layers.tracker_rows(name, frame)
+        if self._walls is None or not np.array_equal(self._walls, record.scene.walls):
+            self._walls = np.array(record.scene.walls)
+            rows |= layers.wall_rows(self._walls)
+        for path, row in rows.items():
+            self._put(path, row)
+        self._name_objects(record)
+
+    def _numbers(self, record: StepRecord) -> None:
+        rows = layers.object_rows(record)
+        lost = {path: layers.gap_row(row) for path, row in self._tracked.items() if path not in rows}
+        self._tracked = {path: row for path, row in rows.items() if "metrics:track_id" in row}
+        rows |= lost
+        for name, frame in record.frames.items():
+            rows |= layers.metric_rows(name, frame)
+        speed = round(float(np.hypot(*record.scene.ego.velocity)), 6)  # else rounding fills the plot of a constant
+        rows[paths.EGO_SPEED] = layers.scalar_row(speed)
+        if record.action != self._action:
+            self._action = record.action
+            self._color_actions(record.action)
+            rows[paths.EGO_ACTION] = {"StateChange:state": [record.action]}
+        for path, row in rows.items():
+            self._put(path, row)
+
+    def _color_actions(self, action: str) -> None:
+        """Give a new action its colour in the lane of actions."""
+        import rerun as rr
+
+        if action not in self._actions:
+            self._actions.append(action)
+            assert self._stream is not None
+            colors = np.array([palette.action(name) for name in self._actions], np.uint32)
+            self._stream.static(paths.EGO_ACTION, rr.StateConfiguration(values=self._actions, colors=colors))
+
+    def _decisions(self, name: str, frame: TrackerFrame) -> None:
+        confirmed = self._confirmed[name]
+        for event in frame.info.events:
+            self.event(
+                _level(event, event.track in confirmed), f"{name}: track {event.track} {event.kind}, {event.reason}"
+            )
+        confirmed |= set(frame.tracks.id[frame.tracks.confirmed].tolist())
+
+    def _name_objects(self, record: StepRecord) -> None:
+        """Give newly seen objects a name for hovering."""
+        import rerun as rr
+
+        objects = record.scene.objects
+        new = {int(i): kind for i, kind in zip(objects.id, objects.kind, strict=True) if i not in self._known}
+        if new:
+            self._known |= new
+            names = [rr.AnnotationInfo(i + 1, f"{paths.vehicle(i)} {kind}") for i, kind in self._known.items()]
+            assert self._stream is not None
+            self._stream.static(paths.TRUTH_CONTOUR, rr.AnnotationContext(names))
+
+
+def _level(event: Event, confirmed: bool) -> str:
+    """Births and deaths of what was never reported are for debugging; a reported track that dies is a warning."""
+    if event.kind == "died":
+        return "WARN" if confirmed else "DEBUG"
+    return "DEBUG" if event.kind in ("born", "grown") else "INFO"
+
+
+def _focus(asked: int | None, first: StepRecord) -> int | None:
+    """The object asked for, else the one nearest to the ego, None where there is none."""
+    objects = first.scene.objects
+    if asked is not None and asked not in objects.id:
+        raise ValueError(f"focus must be an object of the first scene, {objects.id.tolist()}, got {asked}")
+    if asked is not None or len(objects.id) == 0:
+        return asked
+    distance = np.hypot(*(objects.pose[:, :2] - first.scene.ego.pose[:2]).T)
+    return int(objects.id[distance.argmin()])

@@ -1,0 +1,1 @@
+"""One module a paper: its experiment, its claims, our verdict."""

@@ -1,0 +1,118 @@
+"""One closed-loop run from start to table."""
+
+from collections.abc import Callable
+from contextlib import closing
+from dataclasses import dataclass
+from math import isfinite
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import gymnasium as gym
+
+from scenarios import find as find_scenario
+from sensors import find as find_radar
+from testbed.interruption import interruptible
+from testbed.planners import find as find_planner
+from testbed.recorder import LEVELS, Recorder, make_directory
+from trackers import find as find_tracker
+
+
+@dataclass(frozen=True)
+class RunConfig:
+    """What `testbed run` varies; names as in the catalogues."""
+
+    scenario: str
+    trackers: tuple[str, ...] = ("rm-feldmann",)  # the first drives the planner, all see the same detections
+    radar: str = "surround"
+    planner: str = "idm"
+    seed: int = 0
+    duration: float | None = None  # [s], None: the scenario's own
+    out: str = "runs"
+    log: str = "full"
+
+    def __post_init__(self) -> None:
+        if not self.trackers:
+            raise ValueError("trackers must name at least one tracker, got none")
+        if self.duration is not None and not (self.duration > 0 and isfinite(self.duration)):
+            raise ValueError(f"duration must be positive and finite, got {self.duration} s; leave it out for the usual")
+        if self.seed < 0:
+            raise ValueError(f"seed must not be negative, got {self.seed}; take 0 or more")
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """What a run leaves behind."""
+
+    config: RunConfig
+    result: dict[str, Any]  # see `Recorder.result`
+    json: Path
+    rrd: Path | None
+    exit_status: int  # 0, or 128 + signal where one ended the run early
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether there is more of the scenario than was run."""
+        return self.exit_status != 0
+
+
+def check(config: RunConfig) -> None:
+    """Raise LookupError, ValueError or OSError, in one sentence, for a configuration that cannot be run."""
+    find_scenario(config.scenario)
+    for name in config.trackers:
+        find_tracker(name)
+    find_radar(config.radar)
+    find_planner(config.planner)
+    if config.log not in LEVELS:
+        raise ValueError(f"log must be one of {', '.join(LEVELS)}, got {config.log!r}")
+    if len(set(config.trackers)) < len(config.trackers):
+        raise ValueError(f"trackers must have different names, got {', '.join(config.trackers)}; drop the repetition")
+    make_directory(Path(config.out))
+
+
+def make_env(config: RunConfig) -> gym.Env:
+    """The scenario's environment with radar and trackers, writing its files to `config.out`."""
+    settings = {} if config.duration is None else {"duration": config.duration}
+    planner = find_planner(config.planner)
+    first = "truth" if planner.knows_truth else config.trackers[0]
+    also = config.trackers if planner.knows_truth else config.trackers[1:]
+    return gym.make(
+        f"testbed/{config.scenario}-v0",
+        config=settings,
+        tracker=first,
+        also=list(also),
+        radar=config.radar,
+        out=config.out,
+        log=config.log,
+        planner=config.planner,
+    )
+
+
+def run(config: RunConfig, progress: Callable[[float, float], None] | None = None) -> RunResult:
+    """Drive one scenario to its end; progress(simulated, total) [s] is called once a decision.
+
+    Ctrl-C or SIGTERM ends the run after the decision at hand: what was measured until then is written and returned.
+
+    Raises:
+        LookupError: an unknown scenario, tracker, radar or planner; the nearest name is suggested.
+        OSError: log or results cannot be written, also when the disk becomes full on the way.
+    """
+    planner = find_planner(config.planner)
+    with interruptible() as wish, closing(make_env(config)) as env:
+        env.reset(seed=config.seed)
+        tracked: Any = env
+        recorder: Recorder = tracked.recorder
+        total = float(env.unwrapped.config["duration"])  # type: ignore[attr-defined]
+        start, done = perf_counter(), False
+        try:
+            while not done and wish.signal is None:
+                action, tracked.plan = planner.drive(env)
+                _, _, terminated, truncated, _ = env.step(action)
+                done = terminated or truncated
+                if progress:
+                    progress(tracked.truth.time, total)
+        finally:
+            timing = {**tracked.seconds, **recorder.seconds, "wall": perf_counter() - start}
+            result = recorder.close(interrupted=not done, timing=timing)
+    status = 0 if done else wish.exit_status
+    return RunResult(config, result, recorder.json_path, recorder.log.path, status)

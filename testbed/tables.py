@@ -1,0 +1,117 @@
+"""Tables that people read: catalogues and the results of a run."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from rich import box
+from rich.markup import escape
+from rich.table import Table
+
+ROWS = (  # key of the summary, label, digits
+    ("objects_visible", "objects visible", 0),
+    ("objects_confirmed", "of these tracked", 0),
+    ("gospa", "GOSPA [m]", 2),
+    ("localisation", "  localisation [m^2]", 2),
+    ("missed", "  missed [m^2]", 2),
+    ("false", "  false [m^2]", 2),
+    ("missed_percent", "missed [%]", 1),
+    ("false_per_scan", "false tracks a scan", 2),
+    ("switches", "switches", 0),
+    ("lost", "lost tracks", 0),
+    ("birth_delay", "birth delay [s]", 2),
+    ("uncovered_gap", "longest in view without one [s]", 2),
+    ("plain_view_gap", "  without one that fits [s]", 2),
+    ("tracks_clutter", "tracks of clutter", 0),
+    ("rmse_position", "position RMSE [m]", 2),
+    ("rmse_velocity", "velocity RMSE [m/s]", 2),
+    ("rmse_heading_deg", "heading RMSE [deg]", 1),
+    ("rmse_length", "length RMSE [m]", 2),
+    ("rmse_width", "width RMSE [m]", 2),
+    ("gwd", "GWD [m]", 2),
+    ("box_iou", "box IoU", 2),
+    ("contour_iou", "contour IoU", 2),
+    ("nees_position", "NEES position (2 is ideal)", 1),
+    ("nees_velocity", "NEES velocity (2 is ideal)", 1),
+)
+DRIVE = (
+    ("collisions", "collisions", 0),
+    ("ttc_min", "least time to collision [s]", 2),
+    ("distance_min", "least distance [m]", 2),
+    ("progress", "progress [m]", 1),
+    ("speed_mean", "mean speed [m/s]", 1),
+    ("deceleration_max", "hardest braking [m/s^2]", 1),
+    ("harsh_braking", "harsh brakings", 0),
+)
+CATALOGUES = ("scenarios", "trackers", "radars", "planners")
+
+
+def number(value: Any, digits: int) -> str:
+    """A figure as people read it; a dash where nothing was measured."""
+    return "–" if value is None else f"{value:.{digits}f}"
+
+
+def metrics(result: Mapping[str, Any]) -> Table:
+    """Trackers against the truth, one column each."""
+    run = result["run"]
+    table = _table(f"{run['scenario']}, {run['radar']}, seed {run['seed']}: tracks against the truth")
+    table.add_column("metric")
+    for name in result["trackers"]:
+        table.add_column(escape(name), justify="right")
+    for key, label, digits in ROWS:
+        table.add_row(escape(label), *(number(row[key], digits) for row in result["trackers"].values()))
+    return table
+
+
+def drive(result: Mapping[str, Any]) -> Table:
+    """How the ego fared, and how fast the simulation was."""
+    run, row = result["run"], result["drive"]
+    table = _table(f"the drive: planner {run['planner']} on {run['trackers'][0]}")
+    table.add_column("metric")
+    table.add_column("value", justify="right")
+    for key, label, digits in DRIVE:
+        table.add_row(escape(label), number(row[key], digits))
+    wall = result["timing"]["wall"]
+    table.add_row("simulated seconds a second", number(row["elapsed"] / wall if wall else None, 1))
+    return table
+
+
+def catalogues(what: str = "all") -> list[Table]:
+    """Tables of the registries; raises LookupError for anything else."""
+    if what != "all" and what not in CATALOGUES:
+        raise LookupError(f"no catalogue {what!r}; known: {', '.join(CATALOGUES)}")
+    return [_catalogue(name) for name in CATALOGUES if what in ("all", name)]
+
+
+def entries(name: str) -> list[tuple[str, str]]:
+    """Name and one line of each entry of a catalogue."""
+    if name == "scenarios":
+        from scenarios import SCENARIOS
+
+        return [(s.name, s.purpose) for s in SCENARIOS.values()]
+    if name == "trackers":
+        from trackers import TRACKERS
+
+        return [(t.name, t.source) for t in TRACKERS.values()]
+    if name == "radars":
+        from sensors import RADARS
+
+        return [(r.name, r.note) for r in RADARS.values()]
+    from testbed.planners import PLANNERS
+
+    return [(p.name, p.note) for p in PLANNERS.values()]
+
+
+def _catalogue(name: str) -> Table:
+    table = _table(name)
+    table.add_column("name", style="bold", no_wrap=True)
+    table.add_column("what")
+    for row in entries(name):
+        table.add_row(*map(escape, row))
+    return table
+
+
+def _table(title: str) -> Table:
+    """Light lines: wide rows, and little to delete when a table is pasted into a report."""
+    return Table(
+        title=escape(title), title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, min_width=len(title) + 2
+    )

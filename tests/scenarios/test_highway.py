@@ -1,0 +1,180 @@
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+from scenarios import SCENARIOS, Scenario, find
+from scenarios.bodies import parts, rear_extent
+from scenarios.highway import ScenarioEnv, build_config
+from scenarios.stage import balanced_target, steady_gap
+from scenarios.vehicles import SizedIDM
+
+IDLE, FASTER, SLOWER = 1, 3, 4
+every_scenario = pytest.mark.parametrize("name", SCENARIOS)
+
+
+def idm_action(env, cruise):
+    """Meta action whose target speed is closest to what IDM wants within the time constant of the speed control."""
+    ego = env.vehicle
+    limit = max(min(cruise, ego.lane.speed_limit), 0.1)
+    free = 3.0 * (1 - (max(ego.speed, 0.0) / limit) ** 4)
+    wish = free
+    for lane in {ego.lane_index, ego.target_lane_index}:
+        leader, _ = env.road.neighbour_vehicles(ego, lane)
+        if leader is not None:
+            gap = max(np.linalg.norm(leader.position - ego.position) - ego.LENGTH / 2 - rear_extent(leader), 0.5)
+            closing = ego.speed - float(leader.velocity @ ego.direction)
+            wanted = 5.0 + max(0.0, 1.3 * ego.speed + ego.speed * closing / (2 * np.sqrt(15.0)))
+            wish = min(wish, free - 3.0 * (wanted / gap) ** 2)
+    half_step = (ego.target_speeds[1] - ego.target_speeds[0]) / 2
+    want = ego.speed + 0.6 * wish
+    if want < ego.target_speed - half_step:
+        return SLOWER
+    return FASTER if want > ego.target_speed + half_step and ego.target_speed < limit else IDLE
+
+
+def drive(name, seed):
+    """Run an episode with the cautious driver; the env at its end and whether it was truncated."""
+    env = ScenarioEnv(name)
+    env.reset(seed=seed)
+    cruise = 1.1 * env.vehicle.speed
+    terminated = truncated = False
+    while not (terminated or truncated):
+        _, _, terminated, truncated, _ = env.step(idm_action(env, cruise))
+    return env, truncated
+
+
+def state(env):
+    return [(*v.position, v.heading, v.speed, *p.pose) for v in env.road.vehicles for p in parts(v)]
+
+
+@every_scenario
+def test_nobody_crashes_while_the_ego_drives_cautiously(name):
+    env, truncated = drive(name, seed=0)
+    assert truncated
+    assert env.steps == 300
+    assert [v for v in env.road.vehicles if v.crashed] == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(1, 5))
+@every_scenario
+def test_nobody_crashes_under_other_seeds(name, seed):
+    env, truncated = drive(name, seed)
+    assert truncated
+    assert [v for v in env.road.vehicles if v.crashed] == []
+
+
+def test_a_reckless_driver_does_crash():
+    env = ScenarioEnv("hard-brake")
+    env.reset(seed=0)
+    while not env.step(FASTER)[2]:
+        assert env.steps < 300
+
+
+@every_scenario
+def test_the_environment_keeps_the_contract_of_gymnasium(name):
+    check_env(ScenarioEnv(name), skip_render_check=True)
+
+
+@pytest.mark.parametrize("name", ["cut-in", "s-curve", "articulated-turn"])
+def test_the_same_seed_gives_the_same_episode(name):
+    episodes = []
+    for _ in range(2):
+        env = ScenarioEnv(name)
+        env.reset(seed=11)
+        for action in (IDLE, FASTER, SLOWER, IDLE):
+            env.step(action)
+        episodes.append(state(env))
+    assert episodes[0] == episodes[1]
+
+
+def test_the_platoons_start_without_hard_braking():
+    for name in SCENARIOS:
+        env = ScenarioEnv(name)
+        env.reset(seed=1)
+        env.step(IDLE)
+        drivers = [v for v in env.road.vehicles if isinstance(v, SizedIDM)]
+        limit = -3.5 if name in ("stop-and-go", "six-radar-highway") else -2.5  # [m/s^2] both begin close together
+        assert min((v.action["acceleration"] for v in drivers), default=0.0) > limit, name
+
+
+def test_a_steady_gap_and_its_target_speed_are_inverse():
+    gap = steady_gap(25.0, 29.0, 1.2)
+    assert balanced_target(25.0, gap, 1.2) == pytest.approx(29.0)
+    assert balanced_target(25.0, np.inf, 1.2) == 25.0
+
+
+def test_the_ego_starts_near_a_target_speed_in_steps_of_two_and_a_half():
+    env = ScenarioEnv("following")
+    env.reset(seed=2)
+    np.testing.assert_allclose(np.diff(env.vehicle.target_speeds), 2.5)
+    assert abs(env.vehicle.target_speed - env.vehicle.speed) <= 1.25
+
+
+def test_target_speeds_of_the_config_reach_the_ego():
+    env = ScenarioEnv("following", config={"action": {"type": "DiscreteMetaAction", "target_speeds": [0, 10, 20, 30]}})
+    env.reset(seed=2)
+    assert env.vehicle.target_speeds.tolist() == [0, 10, 20, 30]
+    assert env.vehicle.target_speed in (20, 30)
+
+
+def test_walls_and_phases_are_there_after_a_reset():
+    env = ScenarioEnv("cut-in")
+    env.reset(seed=0)
+    assert env.walls.shape == (128, 2, 2)
+    assert [p.name for p in env.phases] == ["before", "onset", "during", "after"]
+
+
+def test_reward_rises_with_speed_and_stays_in_the_unit_interval():
+    env = ScenarioEnv("following")
+    env.reset(seed=0)
+    rewards = []
+    for speed in (0.0, 15.0, 30.0, 40.0):
+        env.vehicle.speed = speed
+        rewards.append(env._reward(IDLE))
+    assert rewards == pytest.approx([0.0, 0.5, 1.0, 1.0], abs=1e-6)
+    env.vehicle.crashed = True
+    assert env._reward(IDLE) == 0.0
+
+
+def test_the_duration_of_the_scenario_holds_unless_the_config_names_one():
+    short = Scenario("short", "One second of following.", find("following").builder, 9, duration=1.0)
+    for env, frames in ((ScenarioEnv(short), 15), (ScenarioEnv(short, config={"duration": 2.0}), 30)):
+        env.reset(seed=0)
+        while not env.step(IDLE)[3]:
+            assert env.steps < 40
+        assert env.steps == frames
+
+
+def test_a_picture_shows_the_road():
+    env = ScenarioEnv("cut-in", render_mode="rgb_array")
+    env.reset(seed=0)
+    picture = env.render()
+    assert picture.shape == (150, 600, 3)
+    assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 3
+    env.close()
+
+
+@pytest.mark.parametrize(
+    ("config", "message"),
+    [
+        ({"policy_freqency": 5}, "no key 'policy_freqency'"),
+        ({"policy_frequency": 4}, "must divide"),
+        ({"duration": 0}, "must be positive"),
+        ({"observation": {"vehicles_count": 5}}, "whole dict"),
+        ({"action": {"type": "ContinuousAction"}}, "DiscreteMetaAction"),
+    ],
+)
+def test_a_config_that_cannot_work_is_refused(config, message):
+    with pytest.raises(ValueError, match=message):
+        ScenarioEnv("cut-in", config=config)
+
+
+def test_a_config_changes_only_what_it_names():
+    default = ScenarioEnv.default_config()
+    assert build_config(default, {"duration": 5.0}) == {**default, "duration": 5.0}
+
+
+def test_an_unknown_scenario_is_named_with_the_nearest_one():
+    with pytest.raises(LookupError, match="did you mean 'overtake'"):
+        ScenarioEnv("overtaken")

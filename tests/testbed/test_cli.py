@@ -1,0 +1,174 @@
+"""The command line as a user meets it: in a process of its own, by its streams, its files and its exit status."""
+
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from rich.console import Console
+
+from scenarios import SCENARIOS
+from testbed import tables
+from testbed.log import reader
+
+TESTBED = [sys.executable, "-m", "testbed"]
+PLAIN = {**os.environ, "COLUMNS": "80", "NO_COLOR": "1", "TERM": "dumb"}
+
+
+def call(*args, **options):
+    return subprocess.run(
+        [*TESTBED, *map(str, args)], capture_output=True, text=True, env=PLAIN, timeout=120, check=False, **options
+    )
+
+
+def start(out, *args):
+    """A long run that has written its first frames."""
+    command = [*TESTBED, "run", "cut-in", "--radar", "front", "--duration", "600", "--out", str(out), *args]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=PLAIN)
+    deadline = time.monotonic() + 60
+    while time.monotonic() < deadline and process.poll() is None:
+        logs = list(out.glob("*.rrd"))
+        if logs and logs[0].read_bytes()[:4] == b"RRF2" and logs[0].stat().st_size > 400_000:  # more than the layout
+            return process
+        time.sleep(0.05)
+    process.kill()
+    raise AssertionError(process.communicate())
+
+
+def test_a_run_prints_its_tables_and_where_its_files_are(tmp_path):
+    done = call("run", "cut-in", "--radar", "front", "--duration", 1, "--seed", 3, "--out", tmp_path)
+    assert done.returncode == 0, done.stderr
+    name = "cut-in_rm-feldmann_front_idm_seed3"
+    for line in ("GOSPA [m]", "position RMSE [m]", "hardest braking [m/s^2]"):
+        assert line in done.stdout
+    assert f"testbed review {tmp_path / name}.rrd" in done.stdout
+    assert {p.name for p in tmp_path.iterdir()} == {f"{name}.rrd", f"{name}.json"}
+    assert len(done.stderr.strip().splitlines()) == 1  # the bar does not flood a file
+    assert "1.0 / 1.0 s" in done.stderr
+
+
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_signal_leaves_a_whole_log_and_partial_results(tmp_path, number, status):
+    process = start(tmp_path)
+    process.send_signal(number)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == status, err
+    assert "interrupted" in out
+    assert "Traceback" not in err
+    (results,), (log,) = tmp_path.glob("*.json"), tmp_path.glob("*.rrd")
+    found = json.loads(results.read_text())
+    assert found["interrupted"]
+    assert 0 < found["drive"]["elapsed"] < 600
+    assert reader.complete(log)
+    assert len(reader.steps(log)) == found["trackers"]["rm-feldmann"]["scans"]
+
+
+def test_a_killed_run_leaves_a_readable_log_and_no_results(tmp_path):
+    process = start(tmp_path)
+    process.kill()
+    process.communicate(timeout=60)
+    (log,) = tmp_path.iterdir()
+    assert log.suffix == ".rrd"
+    assert not reader.complete(log)
+    steps = reader.steps(log).tolist()
+    assert steps == list(range(len(steps)))
+    assert steps
+
+
+def test_a_disk_that_fills_up_is_one_sentence_and_does_not_hang(tmp_path):
+    def limit():
+        resource.setrlimit(resource.RLIMIT_FSIZE, (1_200_000, 1_200_000))
+
+    done = call("run", "dense-traffic", "--duration", 20, "--out", tmp_path, preexec_fn=limit)
+    assert done.returncode == 2, done.stderr
+    assert "Traceback" not in done.stderr
+    assert "testbed: cannot write the log" in done.stderr
+    (results,) = tmp_path.glob("*.json")
+    assert json.loads(results.read_text())["interrupted"]
+
+
+@pytest.mark.parametrize(
+    ("args", "parts"),
+    [
+        (["run", "cut-inn"], ["scenario 'cut-inn'", "did you mean 'cut-in'"]),
+        (["run", "cut-in", "--tracker", "rm"], ["tracker 'rm'", "rm-feldmann"]),
+        (["run", "cut-in", "--radar", "sonar"], ["radar 'sonar'", "surround"]),
+        (["run", "cut-in", "--planner", "me"], ["planner 'me'", "idle"]),
+        (["run", "cut-in", "--log", "loud"], ["log", "'loud'", "metrics"]),
+        (["run", "cut-in", "--seed", "-1"], ["seed", "-1"]),
+        (["run", "cut-in", "--seed", "x"], ["--seed", "integer", "testbed run --help"]),
+        (["run", "cut-in", "--duration", "0"], ["duration", "0.0 s"]),
+        (["run", "cut-in", "--duration", "inf"], ["duration", "inf s"]),
+        (["run", "cut-in", "--out", "FILE"], ["out: cannot write to", "choose another directory"]),
+        (["run"], ["scenario", "testbed run --help"]),
+        (["run", "cut-in", "--sed", "1"], ["--sed", "testbed run --help"]),
+        (["fly"], ["'fly'", "--help"]),
+        (["list", "sensors"], ["catalogue 'sensors'", "radars"]),
+        (["review", "nowhere.rrd"], ["nowhere.rrd", "testbed run"]),
+        (["review", "FILE"], ["is not a review log", ".rrd"]),
+        (["review", "FILE", "--at", "3"], ["FILE"]),
+        (["calibrate", "--data", "nowhere"], ["nowhere", "objects.npz"]),
+    ],
+)
+def test_a_wrong_command_line_is_one_sentence(tmp_path, args, parts):
+    (tmp_path / "FILE").touch()
+    done = call(*args, cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    (line,) = done.stderr.strip().splitlines()
+    assert line.startswith("testbed: ")
+    for part in parts:
+        assert part in line
+    assert [p.name for p in tmp_path.iterdir()] == ["FILE"]
+
+
+@pytest.mark.parametrize("what", [None, *tables.CATALOGUES])
+def test_catalogues_name_every_entry_within_80_columns(what):
+    done = call("list", *([what] if what else []))
+    assert done.returncode == 0
+    lines = done.stdout.splitlines()
+    assert max(map(len, lines)) <= 80
+    first_words = {line.split()[0] for line in lines if line.split()}
+    for name in tables.CATALOGUES:
+        listed = {entry for entry, _ in tables.entries(name)} <= first_words
+        assert listed == (what in (None, name))
+
+
+@pytest.mark.parametrize("command", ["", "list", "run", "review", "bench", "calibrate"])
+def test_help_has_an_example(command):
+    done = call(*command.split(), "--help")
+    assert done.returncode == 0
+    assert f"Example: testbed {command}" in done.stdout
+    assert max(map(len, done.stdout.splitlines())) <= 80
+
+
+def test_without_a_command_the_help_is_shown():
+    done = call()
+    assert done.returncode == 2
+    assert "calibrate" in done.stdout + done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_units_in_brackets_are_printed(tmp_path):
+    """Rich takes brackets for markup unless they are escaped."""
+    row = dict.fromkeys([key for key, _, _ in tables.ROWS], 1.0)
+    drive = dict.fromkeys([key for key, _, _ in tables.DRIVE], None) | {"elapsed": 2.0}
+    facts = {"scenario": "s", "radar": "r", "seed": 0, "planner": "p", "trackers": ["a[red]"]}
+    result = {"run": facts, "trackers": {"a[red]": row}, "drive": drive, "timing": {"wall": 1.0}}
+    console = Console(width=80, record=True, file=open(os.devnull, "w"))  # noqa: SIM115
+    console.print(tables.metrics(result))
+    console.print(tables.drive(result))
+    text = console.export_text()
+    for _, label, _ in (*tables.ROWS, *tables.DRIVE):
+        assert label in text
+    assert text.count("a[red]") == 2
+    assert "–" in text  # what was not measured
+
+
+def test_every_scenario_says_its_duration_before_it_is_built():
+    """The progress bar takes it from the catalogue."""
+    assert all(scenario.duration > 0 for scenario in SCENARIOS.values())

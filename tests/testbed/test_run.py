@@ -1,0 +1,144 @@
+"""One run from start to files: what is written, what repeats, what does not depend on what."""
+
+import json
+
+import numpy as np
+import pytest
+
+from testbed.log import reader
+from testbed.run import RunConfig, check, make_env, run
+
+
+def short(out, **settings):
+    return RunConfig("cut-in", duration=2.0, out=str(out), **settings)
+
+
+def record(config, seconds=1.0):
+    """Poses of all objects and the scans of a run in which the ego idles."""
+    env = make_env(config)
+    poses, scans = [], []
+    env.attach(lambda step, time, scene, scan, *rest: (poses.append(scene.objects.pose), scans.append(scan)))
+    env.reset(seed=config.seed)
+    while env.truth.time < seconds:
+        env.step(1)
+    env.close()
+    return poses, scans
+
+
+def equal(a, b):
+    return len(a) == len(b) and all(np.array_equal(x, y, equal_nan=True) for x, y in zip(a, b, strict=True))
+
+
+@pytest.fixture(scope="module")
+def twice(tmp_path_factory):
+    return [run(short(tmp_path_factory.mktemp("run"), radar="front")) for _ in range(2)]
+
+
+def test_a_run_leaves_a_log_and_results_that_read_back(twice):
+    done = twice[0]
+    assert json.loads(done.json.read_text()) == done.result
+    assert reader.complete(done.rrd)
+    assert reader.span(done.rrd) == (0.0, 2.0)
+    assert len(reader.steps(done.rrd)) == 31 == done.result["trackers"]["rm-feldmann"]["scans"]
+    assert reader.properties(done.rrd)["run"]["scenario"] == "cut-in"
+    assert not done.interrupted
+    assert done.exit_status == 0
+    assert set(done.result["timing"]) == {"sense", "track", "metrics", "log", "wall"}
+
+
+def test_the_log_has_the_errors_of_the_results(twice):
+    (gospa,) = (v for _, v in reader.scalars(twice[0].rrd, "metrics/gospa/rm-feldmann").values())
+    assert gospa.mean() == pytest.approx(twice[0].result["trackers"]["rm-feldmann"]["gospa"], rel=1e-12)
+
+
+def test_one_seed_gives_one_result(twice):
+    a, b = twice
+    assert reader.digests(a.rrd) == reader.digests(b.rrd)
+    assert {**a.result, "timing": 0} == {**b.result, "timing": 0}
+
+
+def test_another_seed_gives_another(twice, tmp_path):
+    other = run(short(tmp_path, radar="front", seed=1))
+    assert other.result["drive"] != twice[0].result["drive"]
+    assert reader.digest(other.rrd) != reader.digest(twice[0].rrd)
+
+
+def test_neither_radar_nor_tracker_changes_the_traffic(tmp_path):
+    poses, scans = record(short(tmp_path, log="off"))
+    others, other_scans = record(short(tmp_path, log="off", radar="imaging", trackers=("rm-surface",)))
+    assert equal(poses, others)
+    assert not equal([s.polar for s in scans], [s.polar for s in other_scans])
+
+
+def test_a_further_tracker_changes_neither_detections_nor_the_first(tmp_path):
+    alone = run(short(tmp_path, log="off"))
+    both = run(short(tmp_path, log="off", trackers=("rm-feldmann", "rm-surface")))
+    first, second = both.result["trackers"].values()
+    assert first == alone.result["trackers"]["rm-feldmann"]
+    assert both.result["drive"] == alone.result["drive"]
+    assert (second["scans"], second["objects_visible"]) == (first["scans"], first["objects_visible"])
+    assert second["gospa"] != first["gospa"]
+
+
+def test_the_first_tracker_is_what_the_planner_sees(tmp_path):
+    env = make_env(short(tmp_path, log="off", trackers=("rm-surface", "rm-feldmann")))
+    env.reset(seed=0)
+    for _ in range(5):
+        env.step(1)
+    believed = np.array([v.position for v in env.unwrapped.road.vehicles[1:]])
+    first, second = (tracks.reported.estimate.pose[:, :2] for tracks in env.all_tracks.values())
+    env.close()
+    assert len(believed) > 3
+    distance = [np.abs(believed[:, None] - xy).sum(-1).min(-1) for xy in (first, second)]
+    assert distance[0].max() < 1e-6
+    assert distance[1].min() > 1e-6
+
+
+def test_the_planner_that_knows_the_truth_is_scored_with_trackers_beside_it(tmp_path):
+    done = run(short(tmp_path, log="off", planner="truth"))
+    assert list(done.result["trackers"]) == ["truth", "rm-feldmann"]
+    assert done.result["trackers"]["truth"]["rmse_position"] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_progress_ends_at_the_duration(tmp_path):
+    told = []
+    run(short(tmp_path, log="off"), lambda done, total: told.append((done, total)))
+    assert told[-1] == (pytest.approx(2.0), 2.0)
+    assert [done for done, _ in told] == pytest.approx(0.2 * np.arange(1, 11))
+
+
+def test_an_error_on_the_way_leaves_partial_results_and_is_raised(tmp_path):
+    def fail(done, total):
+        if done > 0.5:
+            raise ZeroDivisionError("halfway")
+
+    with pytest.raises(ZeroDivisionError, match="halfway"):
+        run(short(tmp_path), fail)
+    (results,), (log,) = tmp_path.glob("*.json"), tmp_path.glob("*.rrd")
+    found = json.loads(results.read_text())
+    assert found["interrupted"]
+    assert found["drive"]["elapsed"] == pytest.approx(0.6)
+    assert reader.complete(log)
+
+
+@pytest.mark.parametrize(
+    ("settings", "error", "message"),
+    [
+        ({"scenario": "cut-inn"}, LookupError, "did you mean 'cut-in'"),
+        ({"trackers": ("rm-feldman",)}, LookupError, "did you mean 'rm-feldmann'"),
+        ({"radar": "surrond"}, LookupError, "did you mean 'surround'"),
+        ({"planner": "idn"}, LookupError, "did you mean 'id"),
+        ({"log": "loud"}, ValueError, "log must be one of off, metrics, full, got 'loud'"),
+        ({"seed": -1}, ValueError, "seed must not be negative, got -1"),
+        ({"duration": 0.0}, ValueError, "duration must be positive and finite, got 0.0 s"),
+        ({"duration": float("inf")}, ValueError, "duration must be positive and finite, got inf s"),
+        ({"duration": float("nan")}, ValueError, "duration must be positive and finite, got nan s"),
+        ({"trackers": ()}, ValueError, "at least one tracker"),
+        ({"trackers": ("rm-surface", "rm-surface")}, ValueError, "different names, got rm-surface, rm-surface"),
+    ],
+)
+def test_what_cannot_be_run_is_refused_before_anything_is_written(tmp_path, settings, error, message):
+    out = tmp_path / "runs"
+    with pytest.raises(error, match=message):
+        check(RunConfig(**{"scenario": "cut-in", "out": str(out), **settings}))
+    assert not out.exists()

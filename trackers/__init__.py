@@ -1,0 +1,24 @@
+"""Extended object trackers; numpy and scipy only."""
+
+from trackers.estimate import Estimate, prior
+from trackers.multi.tracker import MultiObjectTracker
+from trackers.multi.tracks import Event, StepInfo, Tracks
+from trackers.protocols import Filter
+from trackers.random_matrix import RandomMatrix
+from trackers.registry import TRACKERS, find
+from trackers.scan import Scan, SensorModel
+
+__all__ = [
+    "TRACKERS",
+    "Estimate",
+    "Event",
+    "Filter",
+    "MultiObjectTracker",
+    "RandomMatrix",
+    "Scan",
+    "SensorModel",
+    "StepInfo",
+    "Tracks",
+    "find",
+    "prior",
+]

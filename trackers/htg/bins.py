@@ -1,0 +1,207 @@
+"""Learned densities by aspect: which side of a vehicle the sensor sees decides where its detections lie.
+
+The aspect angle is phi' = wrap(phi - azimuth of the centre from the sensor), Xia et al. (2020), eq. (11): 0 when the
+sensor sees the rear, +-pi when it sees the front. `centred` bins have 0 and +-pi in the middle of a bin, where a
+highway needs them; the paper's have edges there.
+"""
+
+import json
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from trackers.geometry import unit, wrap_angle
+from trackers.htg.density import HTG
+
+FORMAT = "htg-table-1"
+SHIPPED = Path(__file__).parent / "tables"
+FRAME = (("anchor", 0.0), ("scale", 1.0), ("shift", 0.0))
+PARAMETERS = ("rho", "a1", "a2", "b1", "b2", "theta", "r1", "r2")
+
+
+class Frame(NamedTuple):
+    """How unit coordinates sit on a body, (..., 2) each along the length and the width."""
+
+    anchor: NDArray  # in [-1, 1]
+    scale: NDArray  # > 0
+    shift: NDArray
+
+
+@dataclass(frozen=True, eq=False)
+class HTGTable:
+    """Densities of B equal bins of the aspect angle, from -pi upwards; equal only to itself."""
+
+    p: HTG  # leading axis B
+    mean: NDArray  # (B, 2) of the training data in unit coordinates, noise included
+    cov: NDArray  # (B, 2, 2)
+    centred: bool = True  # bin 0 lies around +-pi, not from -pi onwards
+    name: str = "unnamed"
+    anchor: NDArray = field(default_factory=lambda: np.zeros((1, 2)))  # (B or 1, 2) see `warp`; 0 is the paper's
+    size: tuple[float, float] = (4.6, 1.86)  # [m] typical of the training data; there every anchor gives the same u
+    scale: NDArray = field(default_factory=lambda: np.ones((1, 2)))  # (B or 1, 2) see `calibration.py`; 1, 0: the paper
+    shift: NDArray = field(default_factory=lambda: np.zeros((1, 2)))  # (B or 1, 2)
+
+    def __len__(self) -> int:
+        return len(self.p.rho)
+
+    @property
+    def plain(self) -> bool:
+        """Whether all bins are in the unit coordinates of the paper."""
+        return not self.anchor.any() and not self.shift.any() and bool((self.scale == 1).all())
+
+    def bin_of(self, aspect: ArrayLike) -> NDArray:
+        """Bin (...) of aspect angles (...) [rad]."""
+        B = len(self)
+        turn = (np.asarray(aspect) + np.pi) * (B / (2 * np.pi))
+        return np.floor(turn + 0.5 * self.centred).astype(int) % B
+
+    def bin_at(self, centre: NDArray, heading: NDArray, sensor: NDArray) -> NDArray:
+        """Bin (...) of bodies at centre (..., 2) [m] with heading (...) [rad] for sensors at (..., 2) [m]."""
+        return self.bin_of(aspect_angle(centre, heading, sensor))
+
+    def of(self, index: NDArray) -> HTG:
+        """Parameters (...) of the bins index (...)."""
+        return HTG(*(leaf[index] for leaf in self.p))
+
+    def warp(self, half: NDArray, index: NDArray) -> tuple[NDArray, NDArray]:
+        """Scale h and shift t, (..., 2) [m], of u = (e - t) / h for body coordinates e (..., 2) [m].
+
+        half (..., 2) [m] is half the size of the body, index (...) the bin. Anchor 0 is the unit coordinate of the
+        paper, e / half. At anchor +-1 the distance from that end is metric: how deep behind the bumper a radar looks
+        does not depend on how long the vehicle is, and must not say anything about it.
+        """
+        return warp(half, self.frame(index), self.size)
+
+    def frame(self, index: NDArray) -> Frame:
+        """The unit coordinates of the bins index (...)."""
+        shape = (len(self), 2)
+        return Frame(*(np.broadcast_to(leaf, shape)[index] for leaf in (self.anchor, self.scale, self.shift)))
+
+
+def warp(half: NDArray, frame: Frame, size: ArrayLike) -> tuple[NDArray, NDArray]:
+    """Scale and shift, (..., 2) [m], as in `HTGTable.warp`; size (2,) [m]."""
+    anchor, scale, shift = frame
+    share = np.abs(anchor)
+    h = (1 - share) * half + share * (np.asarray(size) / 2)
+    return scale * h, anchor * (half - h) + shift * h
+
+
+def growth(half: NDArray, frame: Frame, size: ArrayLike) -> tuple[NDArray, NDArray]:
+    """Derivatives (..., 2) of log scale, and of the shift over the scale, with respect to log half (..., 2)."""
+    anchor, scale, shift = frame
+    share = np.abs(anchor)
+    h = (1 - share) * half + share * (np.asarray(size) / 2)
+    ratio = half / h
+    return (1 - share) * ratio, (anchor * share + shift * (1 - share)) * ratio / scale
+
+
+def metric_ends(table: HTGTable) -> HTGTable:
+    """The table with the end that faces the sensor as anchor, in the bins centred on an axis of the body.
+
+    There one end is seen and the other is not, and all that the detections show of that axis is where the near end is.
+    In the other bins both axes are seen from end to end, and scale.
+    """
+    B = len(table)
+    centre = -np.pi + (np.arange(B) + 0.5 * (not table.centred)) * (2 * np.pi / B)
+    near = unit(np.pi - centre)  # direction of the sensor in the frame of the body
+    return replace(table, anchor=np.where(np.abs(near) > 1 - 1e-9, np.sign(near), 0.0))
+
+
+def aspect_angle(centre: NDArray, heading: NDArray, sensor: NDArray) -> NDArray:
+    """Aspect (...) [rad] of bodies at centre (..., 2) [m] with heading (...) [rad] for sensors at (..., 2) [m]."""
+    d = centre - sensor
+    return wrap_angle(heading - np.arctan2(d[..., 1], d[..., 0]))
+
+
+def single(p: HTG, mean: NDArray, cov: NDArray) -> HTGTable:
+    """A table of one bin: the same density p () from every side."""
+    return HTGTable(HTG(*(np.asarray(leaf, float)[None] for leaf in p)), mean[None], cov[None])
+
+
+def save(table: HTGTable, path: str | Path, provenance: dict[str, Any] | None = None) -> None:
+    """Write a table as JSON.
+
+    Keys: `format`, `centred`, one list of B numbers per parameter (`rho`, `a1`, `a2`, `b1`, `b2`, `theta`, `r1`, `r2`;
+    null stands for an open side), `mean` (B, 2), `cov` (B, 2, 2), optionally `anchor`, `scale`, `shift`
+    (B, 2) and `size` (2,), and `provenance`, which no filter reads.
+    """
+    p = table.p
+    columns = (p.rho, *np.moveaxis(p.bounds, -1, 0), p.theta, p.r[:, 0], p.r[:, 1])
+    parameters = {
+        name: [None if np.isinf(x) else float(x) for x in column] for name, column in zip(PARAMETERS, columns)
+    }
+    content = {"format": FORMAT, "centred": bool(table.centred), **parameters}
+    content |= {"mean": table.mean.tolist(), "cov": table.cov.tolist()}
+    content |= {"anchor": table.anchor.tolist(), "size": list(table.size)}
+    content |= {"scale": table.scale.tolist(), "shift": table.shift.tolist(), "provenance": provenance or {}}
+    Path(path).write_text(json.dumps(content, indent=1) + "\n")
+
+
+@lru_cache(maxsize=64)
+def load(name_or_path: str) -> HTGTable:
+    """A shipped table by name, or one of your own by the path of its JSON file; see `save` for the keys.
+
+    Raises:
+        LookupError: neither a shipped table nor a file.
+        ValueError: the file is not such a table.
+
+    """
+    path = Path(name_or_path)
+    if path.suffix != ".json":
+        path = SHIPPED / f"{name_or_path}.json"
+    if not path.is_file():
+        known = ", ".join(sorted(file.stem for file in SHIPPED.glob("*.json"))) or "none"
+        raise LookupError(f"no table {name_or_path!r}; shipped: {known}; or give the path of a .json file")
+    return parse(json.loads(path.read_text()), path.stem)
+
+
+def resolve(table: str | HTGTable) -> HTGTable:
+    """The table itself, or the one that the name or path stands for."""
+    return load(table) if isinstance(table, str) else table
+
+
+def parse(content: dict[str, Any], name: str) -> HTGTable:
+    """A table from the content of its file; raises ValueError for anything that is not one."""
+    if not isinstance(content, dict) or content.get("format") != FORMAT:
+        raise ValueError(f"{name} is not a table of format {FORMAT!r}; make one with `testbed learn-htg`")
+    missing = {*PARAMETERS, "centred", "mean", "cov"} - set(content)
+    if missing:
+        raise ValueError(f"{name} lacks {', '.join(sorted(missing))}; make it again with `testbed learn-htg`")
+    column = {k: np.array([np.inf if x is None else x for x in content[k]], float) for k in PARAMETERS}
+    p = HTG(
+        rho=column["rho"],
+        bounds=np.stack([column[k] for k in ("a1", "a2", "b1", "b2")], -1),
+        theta=column["theta"],
+        r=np.stack([column["r1"], column["r2"]], -1),
+    )
+    mean, cov = np.asarray(content["mean"], float), np.asarray(content["cov"], float)
+    B = len(p.rho)
+    if mean.shape != (B, 2) or cov.shape != (B, 2, 2):
+        raise ValueError(
+            f"{name} has {B} bins, but mean {mean.shape} and cov {cov.shape}; expected ({B}, 2), ({B}, 2, 2)"
+        )
+    if not ((p.rho > 0).all() and (p.r > 0).all() and (p.bounds >= 0).all() and np.isfinite(p.bounds).any(-1).all()):
+        raise ValueError(f"{name} needs rho > 0, r > 0, bounds >= 0 and a finite bound in every bin")
+    frame = Frame(*(np.asarray(content.get(k, [[default] * 2]), float) for k, default in FRAME))
+    for key, leaf in frame._asdict().items():
+        if leaf.shape not in ((1, 2), (B, 2)) or not np.isfinite(leaf).all():
+            raise ValueError(f"{name} needs {key} as ({B}, 2) finite numbers, got {leaf.tolist()}")
+    if np.abs(frame.anchor).max() > 1 or frame.scale.min() <= 0:
+        raise ValueError(f"{name} needs anchors within -1 and 1 and scales > 0, got {frame.anchor} and {frame.scale}")
+    size = tuple(float(x) for x in content.get("size", HTGTable.size))
+    if len(size) != 2 or min(size) <= 0:
+        raise ValueError(f"{name} needs size as two positive lengths, got {size}")
+    return HTGTable(
+        p,
+        mean,
+        cov,
+        bool(content["centred"]),
+        name,
+        frame.anchor,
+        (size[0], size[1]),
+        *frame[1:],
+    )

@@ -1,0 +1,189 @@
+"""The hierarchical truncated Gaussian: a Gaussian with a hole, blurred by noise, in unit coordinates of the body.
+
+Symbols and equations: Xia et al. (2020), eq. (3)-(9), as corrected in card htg_rm, section 3. Unit coordinates put
+the body on [-1, 1]^2, x to the front, y to the left (heading turns from x towards y).
+
+    +----------------------+     The source is N(0, rho I) outside the box [-a1, b1] x [-a2, b2], which is turned
+    |  .  . source  .  .   |     by theta; the detection is the source plus N(0, R), R = M(theta) diag(r) M(theta)^T.
+    |  +----------------+  |
+    | .|-a1   hole    b1|. |
+    |  +----------------+  |
+    +----------------------+
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import erfcx, log_ndtr, ndtr, ndtri, ndtri_exp
+
+from trackers.geometry import rotation
+
+SQRT2, SQRTPI, SQRT2PI = np.sqrt(2.0), np.sqrt(np.pi), np.sqrt(2 * np.pi)
+SIDES = np.array([-1.0, 1.0])  # direction of the sides a and b along their axis
+
+
+class HTG(NamedTuple):
+    """Parameters of hierarchical truncated Gaussians with any leading axes; all in unit coordinates."""
+
+    rho: NDArray  # (...) variance of the source, > 0
+    bounds: NDArray  # (..., 4) a1, a2, b1, b2: rear, right, front, left side of the hole, >= 0, inf for an open side
+    theta: NDArray  # (...) [rad] turn of the hole
+    r: NDArray  # (..., 2) noise variances along the turned axes, > 0
+
+
+class Prepared(NamedTuple):
+    """What the density of points needs of its parameters; axes first: (2 sides, 2 axes, ...) or (2 axes, ...)."""
+
+    turn: tuple[NDArray, NDArray] | None  # cosine and sine (...) of theta; None where no hole is turned
+    precision: NDArray  # (2, ...) 1 / (rho + r)
+    gain: NDArray  # (2, 2, ...) of t = gain * z - offset, distance outside a side in sqrt(2) standard deviations
+    offset: NDArray  # (2, 2, ...)
+    constant: NDArray  # (...) log of everything that does not depend on the point
+
+
+def lift(p: HTG, ndim: int) -> HTG:
+    """The same parameters with axes of length 1 in front, at least `ndim` leading axes in all."""
+    new = (1,) * (ndim - p.rho.ndim)
+    return HTG(*(leaf.reshape(new + leaf.shape) for leaf in p))
+
+
+def prepare(p: HTG, noise: NDArray | None = None, log_c: NDArray | None = None) -> Prepared:
+    """Constants of the density under p (...), with additional noise variances (..., 2) along the turned axes.
+
+    log_c (...): log_mass(p), where it is known.
+    """
+    if noise is not None:
+        p = lift(p, noise.ndim - 1)
+    r = np.moveaxis(p.r if noise is None else p.r + noise, -1, 0)
+    bounds = np.moveaxis(p.bounds, -1, 0).reshape(2, 2, *p.bounds.shape[:-1])
+    precision = 1 / (p.rho + r)
+    scale = 1 / (SQRT2 * np.sqrt(p.rho * r * precision))
+    log_c = log_mass(p) if log_c is None else log_c
+    constant = 0.5 * np.log(precision[0] * precision[1]) - np.log(2 * np.pi) - log_c
+    gain = SIDES.reshape(2, *(1,) * r.ndim) * (p.rho * precision * scale)
+    turn = (np.cos(p.theta), np.sin(p.theta)) if p.theta.any() else None
+    return Prepared(turn, precision, gain, bounds * scale, constant)
+
+
+def evaluate(u: NDArray, c: Prepared) -> tuple[NDArray, NDArray]:
+    """Log density (...) and its gradient (2, ...) at the points u (2, ...).
+
+    Tails are kept to the last digit: every Phi of a negative argument is exp(-t^2) times a scaled complementary error
+    function, and the exponent of the nearest side is taken out of the sum.
+    """
+    z = u if c.turn is None else turned(u, c.turn[0], c.turn[1])  # M(-theta) u
+    t = c.gain * z - c.offset
+    nearest = np.minimum(np.maximum(*np.maximum(t[0], t[1])), 0.0)  # of the sides, for a point in the hole
+    shift = nearest * nearest
+    bell = np.exp(shift - t * t)  # sqrt(2 pi) phi_n e^shift
+    tail = (0.5 * bell) * erfcx(np.abs(t))
+    side = np.where(t < 0, tail, 1.0 - tail)  # Phi e^shift; an argument is positive only where shift is 0
+    q = side[0] + side[1]  # P(outside the sides of an axis | z) e^shift
+    inside = 1.0 - q * np.exp(-shift)
+    Q = q[0] + inside[0] * q[1]
+    slope = c.gain[1] * ((bell[1] - bell[0]) / SQRTPI)  # dq/dz e^shift
+    pull = c.precision * z
+    g = slope * inside[::-1] / Q - pull
+    log_p = c.constant - 0.5 * (pull[0] * z[0] + pull[1] * z[1]) + np.log(Q) - shift
+    return log_p, g if c.turn is None else turned(g, c.turn[0], -c.turn[1])
+
+
+def turned(v: NDArray, c: NDArray, s: NDArray) -> NDArray:
+    """Vectors (2, ...) in axes turned by the angle with cosine c and sine s (...)."""
+    return np.stack([c * v[0] + s * v[1], c * v[1] - s * v[0]])
+
+
+def log_density(u: NDArray, p: HTG, noise: NDArray | None = None) -> NDArray:
+    """Log density (...) at points u (..., 2), corrected eq. (9).
+
+    The leading axes of p broadcast against those of u. `noise` (..., 2): variances in unit coordinates, along the
+    turned axes, that each point has besides p.r.
+    """
+    return evaluate(np.moveaxis(u, -1, 0), prepare(lift(p, u.ndim - 1), noise))[0]
+
+
+def score(u: NDArray, p: HTG, noise: NDArray | None = None) -> NDArray:
+    """Gradient (..., 2) of the log density with respect to u (..., 2)."""
+    return np.moveaxis(evaluate(np.moveaxis(u, -1, 0), prepare(lift(p, u.ndim - 1), noise))[1], 0, -1)
+
+
+def log_mass(p: HTG) -> NDArray:
+    """Log of c_D (...), the probability of the source Gaussian outside the hole."""
+    t = np.moveaxis(p.bounds / np.sqrt(p.rho)[..., None], -1, 0)
+    log_q = np.logaddexp(log_ndtr(-t[:2]), log_ndtr(-t[2:]))  # outside along x, along y
+    inside_x = ndtr(t[2]) - ndtr(-t[0])
+    with np.errstate(divide="ignore"):
+        return np.logaddexp(log_q[0], np.log(inside_x) + log_q[1])
+
+
+def noise_matrix(p: HTG) -> NDArray:
+    """Noise covariance R_UC (..., 2, 2) along the axes of the body."""
+    M = rotation(p.theta)
+    return (M * p.r[..., None, :]) @ M.mT
+
+
+def hole_moments(p: HTG) -> tuple[NDArray, NDArray]:
+    """Mean (..., 2) and variances (..., 2), along the turned axes, of the source Gaussian inside the hole."""
+    s = np.sqrt(p.rho)[..., None]
+    alpha, beta = -p.bounds[..., :2] / s, p.bounds[..., 2:] / s
+    narrow = beta - alpha < 1e-4
+    mass = np.where(narrow, 1.0, ndtr(beta) - ndtr(alpha))
+    phi_a, phi_b = np.exp(-0.5 * alpha**2) / SQRT2PI, np.exp(-0.5 * beta**2) / SQRT2PI
+    first = (phi_a - phi_b) / mass
+    with np.errstate(invalid="ignore"):
+        edge = np.where(np.isinf(alpha), 0.0, alpha * phi_a) - np.where(np.isinf(beta), 0.0, beta * phi_b)
+        middle = (alpha + beta) / 2
+        width = beta - alpha
+    mean = np.where(narrow, s * middle, s * first)
+    var = np.where(narrow, (s * width) ** 2 / 12, s**2 * (1 + edge / mass - first**2))
+    return mean, var
+
+
+def complement(p: HTG) -> tuple[NDArray, NDArray]:
+    """Mean z_c (..., 2) and covariance C_c (..., 2, 2) of what the hole cuts out, noise included; card section 4."""
+    mean, var = hole_moments(p)
+    M = rotation(p.theta)
+    return (M @ mean[..., None])[..., 0], (M * var[..., None, :]) @ M.mT + noise_matrix(p)
+
+
+def moments(p: HTG) -> tuple[NDArray, NDArray]:
+    """Mean (..., 2) and covariance (..., 2, 2) of the density, noise included.
+
+    From the whole Gaussian minus the hole; loses digits where c_D falls under 1e-6.
+    """
+    c = np.exp(log_mass(p))[..., None]
+    mean_c, var_c = hole_moments(p)
+    mean = -(1 - c) / c * mean_c
+    second_c = mean_c[..., :, None] * mean_c[..., None, :] + var_c[..., None] * np.eye(2)
+    rho, c = p.rho[..., None, None], c[..., None]
+    second = (rho * np.eye(2) - (1 - c) * second_c) / c
+    M = rotation(p.theta)
+    cov = M @ (second - mean[..., :, None] * mean[..., None, :]) @ M.mT
+    return (M @ mean[..., None])[..., 0], cov + noise_matrix(p)
+
+
+def sample(p: HTG, n: int, rng: np.random.Generator) -> NDArray:
+    """Draw n points (..., n, 2) from each of the densities p (...).
+
+    The outside of the hole is two half planes, left and right of it, and two strips; every piece is drawn by tail-safe
+    inversion, so that a hole with nearly all the mass costs no more than any other.
+    """
+    s = np.sqrt(p.rho)[..., None, None]
+    t = np.moveaxis(p.bounds, -1, 0)[..., None] / s[..., 0]  # (4, ..., 1)
+    with np.errstate(divide="ignore"):
+        inside_x = np.log(ndtr(t[2]) - ndtr(-t[0]))
+    log_piece = np.stack([log_ndtr(-t[0]), log_ndtr(-t[2]), inside_x + log_ndtr(-t[1]), inside_x + log_ndtr(-t[3])])
+    piece = np.exp(log_piece - np.logaddexp.reduce(log_piece, 0))
+    shape = (*p.rho.shape, n)
+    k = (rng.random(shape) > np.cumsum(piece, 0)[:3]).sum(0)
+    log_u, v = np.log1p(-rng.random(shape)), rng.random(shape)
+    low, high = ndtr(-t[0]), ndtr(t[2])
+    x = np.select(
+        [k == 0, k == 1],
+        [ndtri_exp(log_piece[0] + log_u), -ndtri_exp(log_piece[1] + log_u)],
+        ndtri(low + v * (high - low)),
+    )
+    y = np.select([k == 2, k == 3], [ndtri_exp(log_ndtr(-t[1]) + log_u), -ndtri_exp(log_ndtr(-t[3]) + log_u)], ndtri(v))
+    z = s * np.stack([x, y], -1) + rng.standard_normal((*shape, 2)) * np.sqrt(p.r)[..., None, :]
+    return z @ rotation(p.theta).mT

@@ -1,0 +1,209 @@
+"""htg-map: maximum a posteriori update of centre, heading and size under the hierarchical truncated Gaussian.
+
+Ours, card htg_rm, section 7 ("HTG-FS"): the density of the papers, used as a likelihood and maximised by Fisher
+scoring, instead of imaginary detections in a random-matrix update. xi = [px, py, phi, v, omega, log l, log w].
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.estimate import Estimate, check_estimate
+from trackers.geometry import rotation, unit, wrap_angle
+from trackers.htg.bins import HTGTable, metric_ends, resolve
+from trackers.htg.density import moments
+from trackers.htg.information import information
+from trackers.htg.objective import LOG_L, LOG_W, OMEGA, PHI, SPEED, Objective, Points, flatten, shape_of
+from trackers.htg.spatial import log_spatial
+from trackers.linalg import symmetrize
+from trackers.motion import coordinated_turn, polar_moments, turn_noise, velocity_jacobian
+from trackers.protocols import UpdateInfo
+from trackers.scan import Scan, check_scan
+
+
+class MapState(NamedTuple):
+    """p(xi) = N(xi; m, P)."""
+
+    m: NDArray  # (..., 7)
+    P: NDArray  # (..., 7, 7)
+
+
+@dataclass(frozen=True)
+class HTGMap:
+    """Fisher scoring on seven states, all objects at once."""
+
+    table: str | HTGTable = "surround-car"  # shipped name, path of a JSON file, or the table itself
+    accel_std: float = 1.5  # [m/s^2] process noise along the heading
+    yaw_accel_std: float = 0.1  # [rad/s^2]
+    size_walk: float = 0.005  # [1/sqrt(s)] random walk of the log sizes
+    sigma: float = 0.2  # [m] noise of detections that do not tell theirs; 0 where the table contains it
+    alpha: float = 1.0  # information of a detection in the covariance, because those of one vehicle are not independent
+    rate_std: float = 0.5  # [m/s] range rate, scattering on the body included; larger than the radar's own
+    rate_alpha: float = 0.3  # information of a range rate in the covariance
+    rate_clip: float = 1.5  # [m/s] larger residuals pull like this
+    metric: bool = True  # depth behind the near end is metric where a table leaves it open; False: the card's model
+    rounds: int = 8  # evaluations of the posterior after the start; each is a step or a halved step
+    flat: float = 1e-3  # the end, where no step promises more of the log posterior
+    two_starts: bool = True  # also from the prediction moved by the sample mean
+    contest: int = 3  # rounds after which the better start goes on alone
+    size_step: float = 0.2  # largest change of a log size in a step
+
+    def model(self) -> HTGTable:
+        """The table, with its near ends as anchors unless it has anchors of its own."""
+        table = resolve(self.table)
+        return anchored(table) if self.metric and not table.anchor.any() else table
+
+    def init(self, estimate: Estimate) -> MapState:
+        """State from a prior; raises ValueError for a prior that is not finite, positive, definite."""
+        check_estimate(estimate)
+        heading = estimate.pose[..., 2]
+        v, P4 = polar_moments(estimate.velocity, estimate.cov, heading, estimate.heading_std)
+        m = np.concatenate([estimate.pose, v[..., None], estimate.yaw_rate[..., None], np.log(estimate.size)], -1)
+        P = np.zeros((*m.shape, 7))
+        P[..., :4, :4] = P4
+        P[..., OMEGA, OMEGA] = estimate.yaw_rate_std**2
+        variance = (estimate.size_std / estimate.size) ** 2
+        P[..., LOG_L, LOG_L], P[..., LOG_W, LOG_W] = variance[..., 0], variance[..., 1]
+        return MapState(m, P)
+
+    def predict(self, state: MapState, dt: float) -> MapState:
+        """Time update over dt [s] >= 0: coordinated turn, sizes a random walk."""
+        if not dt >= 0:
+            raise ValueError(f"dt must be >= 0 s, got {dt}; scans come in the order of time")
+        m, P = state
+        m5, G5 = coordinated_turn(m[..., :LOG_L], dt)
+        G = np.zeros(P.shape)
+        G[..., :5, :5] = G5
+        G[..., LOG_L, LOG_L] = G[..., LOG_W, LOG_W] = 1.0
+        P = G @ P @ G.mT
+        P[..., :5, :5] += turn_noise(m[..., PHI], dt, self.accel_std, self.yaw_accel_std)
+        P[..., LOG_L, LOG_L] += self.size_walk**2 * dt
+        P[..., LOG_W, LOG_W] += self.size_walk**2 * dt
+        return MapState(np.concatenate([m5, m[..., LOG_L:]], -1), symmetrize(P))
+
+    def update(self, state: MapState, scan: Scan) -> tuple[MapState, UpdateInfo]:
+        """Measurement update; without a detection the state is returned as it came."""
+        check_scan(scan)
+        n = scan.mask.sum(-1)
+        eps, S = np.zeros((*n.shape, 2)), np.zeros((*n.shape, 2, 2)) + np.eye(2)
+        if not n.any():
+            return state, UpdateInfo(n, eps, S)
+        hit, points = flatten(scan, self.sigma)
+        m, P = state.m.reshape(-1, 7), state.P.reshape(-1, 7, 7)
+        xi, cov, eps_hit, S_hit = self._update_flat(m[hit], P[hit], points)
+        m, P = m.copy(), P.copy()
+        m[hit], P[hit] = xi, cov
+        eps.reshape(-1, 2)[hit], S.reshape(-1, 2, 2)[hit] = eps_hit, S_hit
+        return MapState(m.reshape(state.m.shape), P.reshape(state.P.shape)), UpdateInfo(n, eps, S)
+
+    def _update_flat(self, m: NDArray, P: NDArray, points: Points) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+        """Posterior mean (N, 7) and covariance, innovation of the centroid (N, 2) and its covariance."""
+        table = self.model()
+        shape = shape_of(table, m, points)
+        precision = np.linalg.inv(P)
+        objective = Objective(points, shape, table.size, m, precision, self.rate_std, self.rate_clip)
+        J_place = objective.spatial_information(table, information(table, shape.bin, shape.noise.T))
+        J_rate = objective.rate_information()
+        gain = np.linalg.inv(precision + J_place + J_rate)
+        eps, S, K = centroid(table, objective, P)
+        starts = np.stack([m, m + (K @ eps[..., None])[..., 0]]) if self.two_starts else m[None]
+        xi = self._maximise(objective, gain, starts)
+        cov = np.linalg.inv(precision + self.alpha * J_place + self.rate_alpha * J_rate)
+        return xi, symmetrize(cov), eps, S
+
+    def _maximise(self, objective: Objective, gain: NDArray, xi: NDArray) -> NDArray:
+        """Best state (N, 7) reached from the starts xi (S, N, 7) by steps of gain (N, 7, 7) times gradient.
+
+        A step that does not climb is halved; the leading start goes on alone after `contest` evaluations.
+        """
+        value, gradient = objective.evaluate(xi)
+        length = np.ones(value.shape)
+        for k in range(self.rounds):
+            if k == self.contest and len(xi) > 1:
+                lead = value.argmax(0), np.arange(value.shape[1])
+                xi, value, gradient, length = (a[lead][None] for a in (xi, value, gradient, length))
+            step = (gain @ gradient[..., None])[..., 0]
+            if (length * (gradient * step).sum(-1)).max() < self.flat:
+                break
+            np.clip(step[..., LOG_L:], -self.size_step, self.size_step, out=step[..., LOG_L:])
+            trial = xi + length[..., None] * step
+            trial_value, trial_gradient = objective.evaluate(trial)
+            better = trial_value >= value
+            xi = np.where(better[..., None], trial, xi)
+            gradient = np.where(better[..., None], trial_gradient, gradient)
+            value = np.where(better, trial_value, value)
+            length = np.where(better, 1.0, 0.5 * length)
+        return xi[value.argmax(0), np.arange(xi.shape[1])]
+
+    def resize(self, state: MapState, size: NDArray, size_std: NDArray) -> MapState:
+        """State with another size (..., 2) [m] of standard deviation size_std (..., 2) [m].
+
+        Correlations of the size shrink with its standard deviation, as in the card's mean reversion, and never grow.
+        """
+        m, P = state.m.copy(), state.P.copy()
+        m[..., LOG_L:] = np.log(size)
+        std = np.sqrt(np.stack([P[..., LOG_L, LOG_L], P[..., LOG_W, LOG_W]], -1))
+        scale = np.ones(m.shape)
+        scale[..., LOG_L:] = np.minimum(size_std / size / std, 1.0)
+        P *= scale[..., :, None] * scale[..., None, :]
+        P[..., LOG_L, LOG_L], P[..., LOG_W, LOG_W] = ((size_std / size)[..., i] ** 2 for i in range(2))
+        return MapState(m, P)
+
+    def log_spatial(self, state: MapState, scan: Scan, track: NDArray, detection: NDArray) -> NDArray:
+        """Log density (G,) [1/m^2] of the detections with indices detection (G,) under the tracks track (G,)."""
+        return log_spatial(self.model(), self.estimate(state), scan, track, detection, self.sigma)
+
+    def estimate(self, state: MapState) -> Estimate:
+        """Box along the heading."""
+        m, P = state
+        phi, v = m[..., PHI], m[..., SPEED]
+        J = velocity_jacobian(phi, v)
+        size = np.exp(m[..., LOG_L:])
+        return Estimate(
+            pose=np.concatenate([m[..., :2], wrap_angle(m[..., PHI, None])], -1),
+            velocity=v[..., None] * unit(phi),
+            yaw_rate=m[..., OMEGA].copy(),
+            size=size,
+            cov=symmetrize(J @ P[..., :5, :5] @ J.mT) + 1e-9 * np.eye(4),  # rank 3 at standstill otherwise
+            size_std=size * np.sqrt(np.stack([P[..., LOG_L, LOG_L], P[..., LOG_W, LOG_W]], -1)),
+            heading_std=np.sqrt(P[..., PHI, PHI]),
+            yaw_rate_std=np.sqrt(P[..., OMEGA, OMEGA]),
+        )
+
+
+@lru_cache(maxsize=64)
+def anchored(table: HTGTable) -> HTGTable:
+    """One table of metric ends for every table, so that what is worked out for it is kept."""
+    return metric_ends(table)
+
+
+def centroid(table: HTGTable, objective: Objective, P: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+    """Innovation (N, 2) of the sample mean under the moments of the bins, its covariance and gain (N, 7, 2).
+
+    P (N, 7, 7) predicted covariance. This is the Kalman filter of htg-mm, without its extent.
+    """
+    points, m, index = objective.points, objective.mean, objective.shape.bin
+    row, start = points.row, points.start
+    mean, cov = (a[index] for a in bin_moments(table))
+    h, shift = table.warp(0.5 * np.exp(m[:, LOG_L:])[row], index)
+    M = rotation(m[:, PHI])[row]
+    A = M * h[:, None, :]
+    c, s = points.sight
+    along, across = points.variance
+    R = np.empty((len(row), 2, 2))
+    R[:, 0, 0], R[:, 1, 1] = along * c * c + across * s * s, along * s * s + across * c * c
+    R[:, 0, 1] = R[:, 1, 0] = (along - across) * c * s
+    n = np.diff(start, append=len(row))[:, None]
+    offset = (M @ (shift + h * mean)[..., None])[..., 0]
+    eps = np.add.reduceat(points.z.T - offset, start) / n - m[:, :2]
+    S = P[:, :2, :2] + np.add.reduceat(A @ cov @ A.mT + R, start) / n[..., None] ** 2
+    return eps, S, np.linalg.solve(S, P[:, :2, :]).mT
+
+
+@lru_cache(maxsize=64)
+def bin_moments(table: HTGTable) -> tuple[NDArray, NDArray]:
+    """Mean (B, 2) and covariance (B, 2, 2) of the densities, in unit coordinates."""
+    return moments(table.p)

@@ -1,0 +1,27 @@
+"""Small matrix algebra on stacks of 2 x 2 and n x n matrices."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def symmetrize(A: NDArray) -> NDArray:
+    """Symmetric part of A (..., n, n); takes off rounding, not modelling errors."""
+    return (A + A.mT) / 2
+
+
+def outer(a: NDArray) -> NDArray:
+    """A a^T (..., n, n) of vectors a (..., n)."""
+    return a[..., :, None] * a[..., None, :]
+
+
+def sqrtm(A: NDArray) -> NDArray:
+    """Symmetric square root of symmetric positive semidefinite A (..., 2, 2)."""
+    a, b, d = A[..., 0, 0], A[..., 0, 1], A[..., 1, 1]
+    s = np.sqrt(np.maximum(a * d - b * b, 0.0))
+    t = np.sqrt(a + d + 2 * s)
+    return (A + s[..., None, None] * np.eye(2)) / np.where(t > 0, t, 1.0)[..., None, None]
+
+
+def quadratic(d: NDArray, A: NDArray) -> NDArray:
+    """d^T A^-1 d (...) of vectors d (..., n) and positive definite A (..., n, n)."""
+    return (d * np.linalg.solve(A, d[..., None])[..., 0]).sum(-1)

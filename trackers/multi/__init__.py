@@ -1,0 +1,1 @@
+"""Many objects over any single-object filter."""

@@ -1,0 +1,177 @@
+"""Which track made which detection: gates, likelihoods, owners; card multi_object steps 5 and 6.
+
+Every detection goes whole to its best track: soft weights fall on the detections just outside the box, shrink it,
+and two tracks then share one vehicle for good (card, pitfall 1).
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr
+
+from trackers.estimate import Estimate
+from trackers.geometry import perpendicular, unit
+from trackers.multi.visibility import SensorArray
+from trackers.protocols import Filter, SpatialModel
+from trackers.scan import Scan
+
+
+class Detections(NamedTuple):
+    """A scan of M detections as the association needs it, in canonical order."""
+
+    scan: Scan
+    xy: NDArray  # (M, 2) [m]
+    sight: NDArray  # (M, 2)
+    rate: NDArray  # (M,) [m/s] over ground, NaN: not measured
+    var_along: NDArray  # (M,) [m^2] noise along the line of sight
+    var_across: NDArray  # (M,) [m^2]
+    sensor: NDArray  # (M,) int
+    static: NDArray  # (M,) bool, may be standing still
+    clutter: NDArray  # (M,) intensity [1/(m^2 m/s)], or [1/m^2] where the rate is not measured
+
+
+class Claims(NamedTuple):
+    """What the tracks claim of a scan: G pairs inside both gates, and the owners."""
+
+    track: NDArray  # (G,) row
+    detection: NDArray  # (G,)
+    gain: NDArray  # (G,) gam * ell / lam, the ratio of detection to clutter
+    owner: NDArray  # (M,) row of the track, -1 for none
+
+
+@dataclass(frozen=True)
+class Association:
+    """Gates and noise of the association."""
+
+    position_gate: float = 10.0  # squared distance outside the box, in standard deviations
+    rate_gate: float = 12.0  # squared, in standard deviations
+    rate_std: float = 0.5  # [m/s]
+    surface_std: float = 0.2  # [m] roughness of the box as a model of the outline
+    own_above: float = 0.3  # least probability to own a detection
+    least_expected: float = 0.5  # a track expects at least so many detections where one falls into its gates
+    static_rate: float = 0.4  # [m/s] least threshold for standing still
+    static_density: float = 0.02  # [1/(m^2 m/s)] returns of standing things, added to the false alarms
+
+    def prepare(self, scan: Scan, sensors: SensorArray) -> tuple[Detections, NDArray]:
+        """Detections under the mask, sorted so that their order does not matter, and their places (M,) in the scan."""
+        M = scan.mask.shape[-1]
+        polar = scan.polar
+        per_detection = [np.broadcast_to(a, (M, *a.shape[1:])) for a in (scan.pose, scan.velocity, scan.noise)]
+        sensor = np.broadcast_to(scan.sensor, M)
+        order = np.lexsort((polar[:, 2], polar[:, 1], polar[:, 0], sensor))
+        order = order[scan.mask[order]]
+        pose, velocity, noise = (a[order] for a in per_detection)
+        sensor = sensor[order]
+        noise = np.where(np.isnan(noise), sensors.noise[sensor], noise)
+        sorted_scan = Scan(polar[order], np.ones(len(order), bool), pose, velocity, noise, sensor, scan.platform)
+        sight = sorted_scan.sight
+        rate = sorted_scan.ground_rate
+        sideways = (velocity * perpendicular(sight)).sum(-1)
+        sigma_g = np.hypot(
+            noise[:, 2], sideways * noise[:, 1]
+        )  # pitfall 15: azimuth noise turns ego speed into range rate
+        static = np.abs(rate) < np.maximum(self.static_rate, 3 * sigma_g)
+        clutter = np.where(np.isnan(rate), sensors.clutter_density_2d[sensor], sensors.clutter_density[sensor])
+        return Detections(
+            scan=sorted_scan,
+            xy=sorted_scan.xy,
+            sight=sight,
+            rate=rate,
+            var_along=noise[:, 0] ** 2,
+            var_across=(sorted_scan.polar[:, 0] * noise[:, 1]) ** 2,
+            sensor=sensor,
+            static=static,
+            clutter=clutter + np.where(static, self.static_density, 0.0),
+        ), order
+
+    def claim(
+        self,
+        filter: Filter,
+        state: object,
+        estimate: Estimate,
+        existence: NDArray,
+        expected: NDArray,
+        z: Detections,
+    ) -> Claims:
+        """Owners of the detections; estimate (T,), existence (T,), expected (S, T)."""
+        track, detection, log_box = self._inside_gate(estimate, z)
+        log_rate, near = self._rate_gate(estimate, z, track, detection)
+        track, detection, log_box, log_rate = (a[near] for a in (track, detection, log_box, log_rate))
+        if isinstance(filter, SpatialModel):
+            log_box = filter.log_spatial(state, z.scan, track, detection)
+        gam = np.maximum(expected[z.sensor[detection], track], self.least_expected)
+        gain = gam * np.exp(log_box + log_rate) / z.clutter[detection]
+        T, M = len(existence), len(z.rate)
+        weight = np.zeros((T, M))
+        weight[track, detection] = existence[track] * gain
+        owner = np.full(M, -1)
+        if T:
+            best = weight.argmax(0)
+            p = weight[best, np.arange(M)] / (1 + weight.sum(0))
+            owner = np.where(p > self.own_above, best, -1)
+        return Claims(track, detection, gain, owner)
+
+    def _inside_gate(self, estimate: Estimate, z: Detections) -> tuple[NDArray, NDArray, NDArray]:
+        """Pairs (G,) near enough to the box, and the log density (G,) [1/m^2] of a box blurred by all noise."""
+        along = unit(estimate.pose[:, 2])[:, None]
+        d = z.xy - estimate.pose[:, None, :2]  # (T, M, 2)
+        e = np.stack([(d * along).sum(-1), (d * perpendicular(along)).sum(-1)], -1)
+        cos2 = (z.sight * along).sum(-1) ** 2
+        R = np.stack(
+            [z.var_along * cos2 + z.var_across * (1 - cos2), z.var_along * (1 - cos2) + z.var_across * cos2], -1
+        )
+        axes = np.stack([along[:, 0], perpendicular(along)[:, 0]], -2)  # (T, 2, 2) rows: box axes
+        P = np.einsum("tai,tij,taj->ta", axes, estimate.cov[:, :2, :2], axes)
+        C = R + (P + self.surface_std**2 + estimate.size_std**2 / 4)[:, None]
+        half = (estimate.size / 2)[:, None]
+        outside = np.maximum(np.abs(e) - half, 0.0)
+        track, detection = np.nonzero((outside**2 / C).sum(-1) < self.position_gate)
+        e, s, half = e[track, detection], np.sqrt(C[track, detection]), half[track, 0]
+        # On the far side of an axis both terms are near one: use the mirrored tail, which keeps its digits.
+        a = np.abs(e)
+        mass = ndtr((half - a) / s) - ndtr((-half - a) / s)
+        return track, detection, np.log(np.maximum(mass, 1e-300) / (2 * half)).sum(-1)
+
+    def _rate_gate(
+        self, estimate: Estimate, z: Detections, track: NDArray, detection: NDArray
+    ) -> tuple[NDArray, NDArray]:
+        """Log density (G,) [s/m] of the ground range rates, 0 where not measured, and whether inside the gate."""
+        u, g = z.sight[detection], z.rate[detection]
+        swing = (u * perpendicular(z.xy[detection] - estimate.pose[track, :2])).sum(-1)
+        ghat = (u * estimate.velocity[track]).sum(-1) + estimate.yaw_rate[track] * swing
+        var = np.einsum("gi,gij,gj->g", u, estimate.cov[track, 2:, 2:], u)
+        var = var + (swing * estimate.yaw_rate_std[track]) ** 2 + self.rate_std**2
+        measured = np.isfinite(g)
+        d2 = np.where(measured, (g - ghat) ** 2 / var, 0.0)
+        log_rate = np.where(measured, -0.5 * (d2 + np.log(2 * np.pi * var)), 0.0)
+        return log_rate, d2 < self.rate_gate
+
+
+def shares(owner: NDArray, tracks: int, most: int) -> NDArray:
+    """Detections (T, K) of each track as indices, -1 for padding; K at most `most`.
+
+    owner (M,) row of each detection, -1 for none. A track with more keeps an even choice in the canonical order.
+    """
+    count = np.bincount(owner[owner >= 0], minlength=tracks)
+    K = int(min(count.max(initial=0), most))
+    index = np.full((tracks, max(K, 1)), -1)
+    detections = np.argsort(owner, kind="stable")[(owner < 0).sum() :]
+    start = np.concatenate([[0], np.cumsum(count)])
+    for t in np.flatnonzero(count):
+        mine = detections[start[t] : start[t + 1]]
+        if len(mine) > most:
+            mine = mine[np.linspace(0, len(mine) - 1, most).round().astype(int)]
+        index[t, : len(mine)] = mine
+    return index
+
+
+def gather(z: Detections, index: NDArray) -> Scan:
+    """The scan of each track: detections index (T, K) of the scan, -1 for padding."""
+    scan = z.scan
+    if not len(z.rate):
+        T, K = index.shape
+        return Scan(np.zeros((T, K, 3)), np.zeros((T, K), bool), np.zeros((T, K, 3)), np.zeros((T, K, 2)))
+    i = np.maximum(index, 0)
+    return Scan(scan.polar[i], index >= 0, scan.pose[i], scan.velocity[i], scan.noise[i], scan.sensor[i], scan.platform)

@@ -1,0 +1,112 @@
+"""Two vehicles cannot overlap: duplicates go, pieces of one vehicle become one; card multi_object step 12."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.batch import take
+from trackers.estimate import Estimate
+from trackers.geometry import UNIT_BOX, perpendicular, to_frame, to_world, unit
+
+GRID = np.stack(np.meshgrid(np.linspace(-0.4, 0.4, 5), np.linspace(-1 / 3, 1 / 3, 3), indexing="ij"), -1).reshape(-1, 2)
+
+
+class Verdict(NamedTuple):
+    """What is left of T tracks."""
+
+    keep: NDArray  # (T,) bool
+    into: NDArray  # (T,) row that absorbed a dropped track, -1 for a kept one
+    joined: NDArray  # (T,) bool, kept and to be started again from `estimate`
+    estimate: Estimate  # (T,) union boxes where joined
+
+
+@dataclass(frozen=True)
+class Exclusion:
+    """When two tracks are one vehicle."""
+
+    overlap: float = 0.4  # share of either box
+    overlap_speed: float = 5.0  # [m/s] difference up to which that holds
+    overlap_sure: float = 0.7  # whatever the velocity
+    lane: float = 1.6  # [m] across
+    speed: float = 1.5  # [m/s] difference
+    gap: tuple[float, float, float] = (2.5, 0.8, 0.1)  # bumper gap below min(a, b + c v) [m]: one vehicle
+    longest: float = 17.0  # [m] of a union
+
+    def apply(self, estimate: Estimate, score: NDArray) -> Verdict:
+        """Go through the tracks from the best score (T,) down; each takes or joins the worse ones it excludes."""
+        T = len(score)
+        keep, into, joined = np.ones(T, bool), np.full(T, -1), np.zeros(T, bool)
+        estimate = take(estimate, np.arange(T))  # a copy: unions are written into it
+        same, one = self.overlapping(estimate), self.one_vehicle(estimate)
+        if not (same | one).any():
+            return Verdict(keep, into, joined, estimate)
+        for a in np.argsort(-score, kind="stable"):
+            if not keep[a]:
+                continue
+            rivals = keep & (score <= score[a])
+            rivals[a] = False
+            for b in np.flatnonzero(rivals & (same[a] | one[a])):
+                if not same[a, b]:
+                    if joined[a] or union_length(estimate, a, b) > self.longest:
+                        continue
+                    unite(estimate, a, b)
+                    joined[a] = True
+                keep[b], into[b] = False, a
+        return Verdict(keep, into, joined, estimate)
+
+    def overlapping(self, estimate: Estimate) -> NDArray:
+        """Pairs (T, T) that cover the same ground."""
+        points = to_world(estimate.pose, GRID * estimate.size[:, None])  # (T, 15, 2)
+        body = to_frame(estimate.pose, points[:, None])  # (T, T, 15, 2): points of a in the frame of b
+        inside = (np.abs(body) < estimate.size[:, None] / 2).all(-1).mean(-1)
+        share = np.maximum(inside, inside.T)
+        speed = difference(estimate)
+        pairs = ((share > self.overlap) & (speed < self.overlap_speed)) | (share > self.overlap_sure)
+        np.fill_diagonal(pairs, False)
+        return pairs
+
+    def one_vehicle(self, estimate: Estimate) -> NDArray:
+        """Pairs (T, T) one behind the other, nearer than vehicles drive."""
+        along = unit(estimate.pose[:, 2])
+        d = estimate.pose[:, None, :2] - estimate.pose[:, :2]  # from b to a
+        ahead = np.einsum("abi,bi->ab", d, along)
+        aside = np.abs(np.einsum("abi,bi->ab", d, perpendicular(along)))
+        gap = np.abs(ahead) - (estimate.size[:, None, 0] + estimate.size[:, 0]) / 2
+        most, base, slope = self.gap
+        v = np.hypot(estimate.velocity[:, 0], estimate.velocity[:, 1])
+        limit = np.minimum(most, base + slope * v)
+        parallel = np.cos(estimate.pose[:, None, 2] - estimate.pose[:, 2]) > 0.9
+        pairs = (aside < self.lane) & (gap < limit) & parallel & (difference(estimate) < self.speed)
+        pairs &= pairs.T
+        np.fill_diagonal(pairs, False)
+        return pairs
+
+
+def difference(estimate: Estimate) -> NDArray:
+    """Speed differences (T, T) [m/s]."""
+    d = estimate.velocity[:, None] - estimate.velocity
+    return np.hypot(d[..., 0], d[..., 1])
+
+
+def reach(estimate: Estimate, a: np.intp, b: np.intp) -> NDArray:
+    """Ends (2,) [m] of both boxes along the heading of a, from its centre."""
+    corners = to_world(estimate.pose[[a, b]], UNIT_BOX * estimate.size[[a, b], None]).reshape(-1, 2)
+    along = (corners - estimate.pose[a, :2]) @ unit(estimate.pose[a, 2])
+    return np.array([along.min(), along.max()])
+
+
+def union_length(estimate: Estimate, a: np.intp, b: np.intp) -> float:
+    """Length [m] of the box of a, stretched over b."""
+    return float(np.ptp(reach(estimate, a, b)))
+
+
+def unite(estimate: Estimate, a: np.intp, b: np.intp) -> None:
+    """Stretch a over b, in place: both ends uncertain, position loosened by 1 m along."""
+    low, high = reach(estimate, a, b)
+    along = unit(estimate.pose[a, 2])
+    estimate.pose[a, :2] += along * (low + high) / 2
+    estimate.size[a] = high - low, max(estimate.size[a, 1], estimate.size[b, 1])
+    estimate.size_std[a] = np.maximum(estimate.size_std[a], (0.2 * (high - low), 0.1))
+    estimate.cov[a, :2, :2] += np.outer(along, along)

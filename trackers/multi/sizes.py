@@ -1,0 +1,42 @@
+"""What vehicles are like in size: a persistent prior per class, and the bounds of all; card multi_object step 2."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class SizePrior:
+    """Mean reversion of log length and log width to their class; car below `truck_above`, else truck."""
+
+    car: tuple[float, float] = (4.6, 1.86)  # [m]
+    car_std: tuple[float, float] = (0.08, 0.05)  # of the logarithms
+    truck: tuple[float, float] = (12.0, 2.5)
+    truck_std: tuple[float, float] = (0.25, 0.05)
+    birth_std: tuple[float, float] = (0.12, 0.06)
+    truck_birth_std: tuple[float, float] = (0.25, 0.08)
+    truck_above: float = 6.5  # [m]
+    tau: float = 3.0  # [s]
+    least: tuple[float, float] = (2.0, 0.8)  # [m] a motorcycle
+    most: tuple[float, float] = (20.0, 2.9)
+
+    def of(self, size: NDArray) -> tuple[NDArray, NDArray]:
+        """Class mean and log std, (..., 2) each, of objects with size (..., 2) [m]."""
+        truck = (size[..., 0] > self.truck_above)[..., None]
+        return np.where(truck, self.truck, self.car), np.where(truck, self.truck_std, self.car_std)
+
+    def at_birth(self, length: NDArray) -> tuple[NDArray, NDArray]:
+        """Size (..., 2) [m] and its std (..., 2) [m] of a new track whose cell is length (...) [m] long."""
+        truck = (np.asarray(length) > self.truck_above)[..., None]
+        size = np.where(truck, self.truck, self.car)
+        return size, size * np.where(truck, self.truck_birth_std, self.birth_std)
+
+    def relax(self, size: NDArray, size_std: NDArray, dt: float) -> tuple[NDArray, NDArray]:
+        """Size and std (..., 2) [m] after dt [s], clipped to what vehicles are."""
+        mean, std = self.of(size)
+        a = np.exp(-dt / self.tau)
+        log_size = np.log(mean) + a * (np.log(size) - np.log(mean))
+        log_std = np.sqrt(a**2 * (size_std / size) ** 2 + (1 - a**2) * std**2)
+        size = np.clip(np.exp(log_size), self.least, self.most)
+        return size, size * log_std

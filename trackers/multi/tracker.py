@@ -1,0 +1,200 @@
+"""The multi-object tracker: any filter of the four verbs, many objects, one batch; card multi_object section 2.
+
+The tracker holds parameters only. What it knows of the world travels in `Tracks`.
+"""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.batch import concatenate, select
+from trackers.estimate import prior
+from trackers.multi.association import Association, Claims, Detections, gather, shares
+from trackers.multi.exclusion import Exclusion
+from trackers.multi.existence import Existence
+from trackers.multi.initiation import Initiation
+from trackers.multi.road import RoadMap
+from trackers.multi.sizes import SizePrior
+from trackers.multi.tracks import REPORT_ABOVE, Event, StepInfo, Tracks
+from trackers.multi.visibility import SensorArray, Visibility, predict_visibility
+from trackers.protocols import Filter, Resizable
+from trackers.scan import Scan, SensorModel, check_scan
+
+
+def resize(filter: Filter, state: object, size: NDArray, size_std: NDArray) -> object:
+    """State with another belief about the size; a filter without that verb starts again from its own estimate."""
+    if isinstance(filter, Resizable):
+        return filter.resize(state, size, size_std)
+    return filter.init(filter.estimate(state)._replace(size=size, size_std=size_std, contour=None))
+
+
+@dataclass(frozen=True)
+class MultiObjectTracker:
+    """Tracks all vehicles that the sensors see, over any single-object filter."""
+
+    filter: Filter
+    sensors: tuple[SensorModel, ...]
+    association: Association = field(default_factory=Association)
+    existence: Existence = field(default_factory=Existence)
+    initiation: Initiation = field(default_factory=Initiation)
+    exclusion: Exclusion = field(default_factory=Exclusion)
+    sizes: SizePrior = field(default_factory=SizePrior)
+    prune_below: float = 0.02  # existence
+    prune_position_std: float = 5.0  # [m]
+    most_detections: int = 16  # of a scan, for the update of one track: those of one vehicle are not independent
+    occlude_above: float = 0.6  # existence of a track that may hide others
+    occlude_hits: int = 4
+    trust: float = 0.8  # of the data sheets' detection rates
+    growth_std: float = 0.2  # std of log length of a track with detections just beyond its ends
+    road: RoadMap | None = None  # map of the lanes; without it nothing is born that stands still
+
+    def __post_init__(self) -> None:
+        if not self.sensors:
+            raise ValueError("sensors must name at least one SensorModel; take them from Radar.models")
+        if self.initiation.fast_existence[0] <= self.prune_below:
+            raise ValueError(
+                f"prune_below {self.prune_below} must be under the existence at birth, "
+                f"{self.initiation.fast_existence[0]}, or every birth is removed in silence"
+            )
+
+    @cached_property
+    def sensor_array(self) -> SensorArray:
+        """The data sheets as arrays."""
+        return SensorArray.of(self.sensors)
+
+    def start(self) -> Tracks:
+        """No track yet."""
+        estimate = prior(np.zeros((0, 3)))
+        none = np.zeros(0)
+        return Tracks(
+            none.astype(int), none, none.astype(int), none, none.astype(bool), self.filter.init(estimate), estimate
+        )
+
+    def step(self, tracks: Tracks, scan: Scan, dt: float) -> tuple[Tracks, StepInfo]:
+        """One scan of all sensors, dt [s] after the scan before.
+
+        Raises ValueError for a scan of wrong shape or not finite, and for dt < 0.
+        """
+        self._check(scan, dt)
+        z, order = self.association.prepare(scan, self.sensor_array)
+        tracks = self._predict(tracks, dt)
+        occluder = (tracks.existence > self.occlude_above) & (tracks.hits > self.occlude_hits)
+        view = predict_visibility(tracks.estimate, occluder, self.sensor_array, scan.platform, self.trust)
+        visible = view.share.max(0, initial=0.0) > 0
+        tracks = tracks._replace(existence=self.existence.survive(tracks.existence, visible, view.in_view, dt))
+        claims = self.association.claim(self.filter, tracks.state, tracks.estimate, tracks.existence, view.expected, z)
+        updated, info = self._update(tracks, view, claims, z)
+        leftovers = self.initiation.leftovers(z, claims.owner, updated.estimate, updated.existence, self.road)
+        updated = self._grow(updated, leftovers.grows)
+        owner = np.full(scan.mask.shape[-1], -1)
+        owner[order] = np.where(claims.owner >= 0, tracks.id[claims.owner], -1) if len(tracks.id) else -1
+        updated, born = self._bear(updated, z, leftovers.candidate)
+        updated, merged = self._exclude(updated)
+        updated, died = self._prune(updated)
+        fresh = (updated.existence > REPORT_ABOVE) & ~updated.confirmed
+        events = [*born, *merged, *died]
+        events += [
+            Event("confirmed", int(i), f"existence {q:.2f}")
+            for i, q in zip(updated.id[fresh], updated.existence[fresh])
+        ]
+        tracks_new = updated._replace(confirmed=updated.confirmed | fresh)
+        return tracks_new, info._replace(owner=owner, events=tuple(events))
+
+    def _check(self, scan: Scan, dt: float) -> None:
+        check_scan(scan)
+        if scan.mask.ndim != 1:
+            raise ValueError(f"scan.mask must be (M,) for many objects, got {scan.mask.shape}; step one run at a time")
+        if scan.platform.shape != (6,):
+            raise ValueError(f"scan.platform must be (6,), got {scan.platform.shape}")
+        if not (np.isfinite(dt) and dt >= 0):
+            raise ValueError(f"dt must be finite and >= 0 s, got {dt}; scans come in the order of time")
+        if scan.sensor.size and not (scan.sensor.min() >= 0 and scan.sensor.max() < len(self.sensors)):
+            raise ValueError(
+                f"scan.sensor must index the tracker's {len(self.sensors)} sensors, got up to {scan.sensor.max()}; "
+                "build the tracker with the models of the radar that made the scan"
+            )
+
+    def _predict(self, tracks: Tracks, dt: float) -> Tracks:
+        state = self.filter.predict(tracks.state, dt)
+        estimate = self.filter.estimate(state)
+        size, size_std = self.sizes.relax(estimate.size, estimate.size_std, dt)
+        state = resize(self.filter, state, size, size_std)
+        return tracks._replace(state=state, estimate=self.filter.estimate(state), age=tracks.age + dt)
+
+    def _update(self, tracks: Tracks, view: Visibility, claims: Claims, z: Detections) -> tuple[Tracks, StepInfo]:
+        T = len(tracks.id)
+        n = np.bincount(claims.owner[claims.owner >= 0], minlength=T)
+        own = claims.owner[claims.detection] == claims.track
+        log_gain = np.minimum(np.log1p(claims.gain[own]), self.existence.pair_cap)
+        evidence = np.bincount(claims.track[own], weights=log_gain, minlength=T)
+        Gam = view.expected.sum(0)
+        log_ratio = self.existence.log_ratio(n, Gam, evidence)
+        state, nis = tracks.state, np.full(T, np.nan)
+        if n.any():
+            share = gather(z, shares(claims.owner, T, self.most_detections))
+            state, info = self.filter.update(state, share)
+            nis = info.nis
+        updated = tracks._replace(
+            state=state,
+            estimate=self.filter.estimate(state),
+            existence=self.existence.update(tracks.existence, log_ratio),
+            hits=tracks.hits + (n > 0),
+        )
+        return updated, StepInfo(np.zeros(0, int), tracks.id, Gam, view.in_view, n, log_ratio, nis, ())
+
+    def _grow(self, tracks: Tracks, grows: NDArray) -> Tracks:
+        """Let tracks with detections just beyond their ends become longer with the next scan."""
+        if not grows.any():
+            return tracks
+        size, size_std = tracks.estimate.size, tracks.estimate.size_std.copy()
+        size_std[grows, 0] = np.maximum(size_std[grows, 0], self.growth_std * size[grows, 0])
+        state = select(grows, resize(self.filter, tracks.state, size, size_std), tracks.state)
+        return tracks._replace(state=state, estimate=self.filter.estimate(state))
+
+    def _bear(self, tracks: Tracks, z: Detections, candidate: NDArray) -> tuple[Tracks, list[Event]]:
+        births = self.initiation.births(z, candidate, self.road)
+        if births is None:
+            return tracks, []
+        B = len(births.existence)
+        index = shares(births.owner, B, self.most_detections)
+        state, _ = self.filter.update(self.filter.init(births.estimate), gather(z, index))
+        born = Tracks(
+            id=tracks.next_id + np.arange(B),
+            existence=births.existence,
+            hits=np.ones(B, int),
+            age=np.zeros(B),
+            confirmed=np.zeros(B, bool),
+            state=state,
+            estimate=self.filter.estimate(state),
+        )
+        count = np.bincount(births.owner[births.owner >= 0], minlength=B)
+        events = [Event("born", int(i), f"{n} detections that no track explains") for i, n in zip(born.id, count)]
+        joined = concatenate([tracks._replace(next_id=None), born._replace(next_id=None)])  # type: ignore[arg-type]
+        return joined._replace(next_id=tracks.next_id + B), events
+
+    def _exclude(self, tracks: Tracks) -> tuple[Tracks, list[Event]]:
+        score = tracks.existence * np.minimum(tracks.hits, 50)
+        verdict = self.exclusion.apply(tracks.estimate, score)
+        if verdict.keep.all():
+            return tracks, []
+        state = tracks.state
+        if verdict.joined.any():
+            state = select(verdict.joined, self.filter.init(verdict.estimate), state)
+        events = [
+            Event("merged", int(tracks.id[t]), f"same vehicle as track {tracks.id[verdict.into[t]]}")
+            for t in np.flatnonzero(~verdict.keep)
+        ]
+        tracks = tracks._replace(state=state, estimate=self.filter.estimate(state))
+        return tracks.rows(verdict.keep), events
+
+    def _prune(self, tracks: Tracks) -> tuple[Tracks, list[Event]]:
+        unsure = tracks.existence < self.prune_below
+        variance = np.linalg.eigvalsh(tracks.estimate.cov[:, :2, :2])[:, -1] if len(unsure) else np.zeros(0)
+        vague = variance > self.prune_position_std**2
+        events = [
+            Event("died", int(tracks.id[t]), "position too uncertain" if vague[t] else "nothing seen of it any more")
+            for t in np.flatnonzero(unsure | vague)
+        ]
+        return tracks.rows(~(unsure | vague)), events

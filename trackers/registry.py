@@ -1,0 +1,68 @@
+"""TRACKERS: the table of single-object filters that a multi-object tracker can be built on."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
+from types import MappingProxyType
+from typing import Any
+
+from trackers.htg.learned import HTGLearned
+from trackers.htg.map import HTGMap
+from trackers.htg.moment import HTGMoment
+from trackers.htg.online import HTGOnline
+from trackers.koch import Koch
+from trackers.protocols import Filter
+from trackers.random_matrix import RandomMatrix
+from trackers.virtual_measurements import VirtualMeasurements
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One tracker: its filter with its parameters, and where it comes from."""
+
+    name: str
+    filter: Any  # a Filter
+    source: str  # paper
+
+
+TRACKERS: Mapping[str, Entry] = MappingProxyType(
+    {
+        e.name: e
+        for e in (
+            Entry("rm-feldmann", RandomMatrix(), "Feldmann et al. (2011), as in Xia et al. (2020), eq. (13)-(15)"),
+            Entry("rm-feldmann-matched", RandomMatrix(rho=0.55), "the same, rho matched to detections on the outline"),
+            Entry("rm-surface", RandomMatrix(surface=0.85), "ours: rm-feldmann, centred behind the side that is seen"),
+            Entry("rm-koch", Koch(), "Koch (2008), innovation corrected; card rm_vmm, section 3"),
+            Entry("rm-vmm", VirtualMeasurements(), "Hoher et al. (2022) on rm-koch; card rm_vmm, sections 4 to 6"),
+            Entry("htg-rm", HTGOnline(), "online truncation bounds, partial view; card htg_rm, section 4a"),
+            Entry("htg-rm-learned", HTGLearned(), "Xia et al. (2020), literal update on learned tables"),
+            Entry("htg-mm", HTGMoment(), "moment-matched update on learned tables; card htg_rm, section 7"),
+            Entry("htg-map", HTGMap(), "ours: MAP update by Fisher scoring; card htg_rm, section 7"),
+        )
+    }
+)
+
+
+def find(name: str, **parameters: Any) -> Filter:
+    """The filter of that name, with some parameters changed.
+
+    >>> find("rm-feldmann", sigma=0.3).sigma
+    0.3
+
+    Raises:
+        LookupError: no such tracker; the nearest name is suggested.
+        TypeError: the filter has no such parameter.
+
+    """
+    try:
+        filter = TRACKERS[name].filter
+    except KeyError:
+        close = get_close_matches(name, TRACKERS, n=1)
+        hint = f"did you mean {close[0]!r}?" if close else f"known: {', '.join(TRACKERS)}"
+        raise LookupError(f"no tracker {name!r}; {hint}") from None
+    unknown = set(parameters) - set(filter.__dataclass_fields__)
+    if unknown:
+        raise TypeError(
+            f"{name} has no parameter {', '.join(sorted(unknown))}; it has {', '.join(filter.__dataclass_fields__)}"
+        )
+    return replace(filter, **parameters)

@@ -1,0 +1,126 @@
+"""What comes in: one look of all radars of one vehicle, and what their data sheets say."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from trackers.geometry import compose, point_velocity, rotation, unit
+
+
+class Scan(NamedTuple):
+    """One look: all that a tracker may know. Padding (mask false) may hold anything, even NaN.
+
+    Quantities of the sensor that made a detection have its axis M, or 1 where a single sensor made them all.
+    """
+
+    polar: NDArray  # (..., M, 3) range [m], azimuth in the sensor frame [rad], range rate [m/s]; NaN: not measured
+    mask: NDArray  # (..., M) true where there is a detection
+    pose: NDArray  # (..., M or 1, 3) sensor x, y [m], heading [rad]
+    velocity: NDArray  # (..., M or 1, 2) sensor velocity [m/s]
+    noise: NDArray = np.full((1, 3), np.nan)  # (..., M or 1, 3) std of range, azimuth, range rate; NaN: unknown
+    sensor: NDArray = np.zeros(1, int)  # (..., M or 1) which sensor of the rig
+    platform: NDArray = np.zeros(6)  # (..., 6) the vehicle: x, y [m], heading [rad], vx, vy [m/s], yaw rate [rad/s]
+
+    @classmethod
+    def from_xy(
+        cls,
+        xy: ArrayLike,
+        mask: ArrayLike | None = None,
+        pose: ArrayLike | None = None,
+        noise: ArrayLike | None = None,
+    ) -> "Scan":
+        """Cartesian detections xy (..., M, 2) [m] seen from a resting sensor at pose (3,), without range rate."""
+        xy = np.asarray(xy, float)
+        if xy.ndim < 2 or xy.shape[-1] != 2:
+            raise ValueError(f"xy must be (..., M, 2), got {xy.shape}; one detection is xy[None]")
+        mask = np.ones(xy.shape[:-1], bool) if mask is None else np.asarray(mask, bool)
+        if mask.shape[-1:] != xy.shape[-2:-1]:
+            raise ValueError(f"mask must be (..., M) with M = {xy.shape[-2]}, got {mask.shape}")
+        pose = np.zeros((1, 3)) if pose is None else np.atleast_2d(np.asarray(pose, float))
+        d = xy - pose[..., :2]
+        azimuth = np.arctan2(d[..., 1], d[..., 0]) - pose[..., 2]
+        polar = np.stack([np.hypot(d[..., 0], d[..., 1]), azimuth, np.full(azimuth.shape, np.nan)], -1)
+        spread = np.full((1, 3), np.nan) if noise is None else np.atleast_2d(np.asarray(noise, float))
+        return cls(polar, mask, pose, np.zeros((1, 2)), spread)
+
+    @property
+    def sight(self) -> NDArray:
+        """Unit lines of sight (..., M, 2) in the tracking frame."""
+        return unit(self.polar[..., 1] + self.pose[..., 2])
+
+    @property
+    def xy(self) -> NDArray:
+        """Detections in the tracking frame, (..., M, 2) [m]."""
+        return self.pose[..., :2] + self.polar[..., :1] * self.sight
+
+    @property
+    def ground_rate(self) -> NDArray:
+        """Range rate over ground (..., M) [m/s]: 0 for all that stands still, NaN where not measured."""
+        return self.polar[..., 2] + (self.sight * self.velocity).sum(-1)
+
+    def position_noise(self, default: float = np.nan) -> NDArray:
+        """Covariance (..., M, 2, 2) [m^2] of each detection; `default` [m] where the noise is not known."""
+        R = rotation(self.polar[..., 1] + self.pose[..., 2])
+        r = self.polar[..., 0]
+        along = np.broadcast_to(self.noise[..., 0], r.shape)
+        across = r * self.noise[..., 1]
+        std = np.stack([along, across], -1)
+        std = np.where(np.isnan(std), default, std)
+        return (R * std[..., None, :] ** 2) @ R.mT
+
+
+def check_scan(scan: Scan) -> None:
+    """Raise ValueError, in one sentence, for a scan that no tracker can use."""
+    if scan.polar.ndim < 2 or scan.polar.shape[-2:] != (scan.mask.shape[-1], 3):
+        raise ValueError(
+            f"scan.polar must be (..., M, 3) with mask (..., M), got {scan.polar.shape} and {scan.mask.shape}; "
+            "Cartesian detections go through Scan.from_xy"
+        )
+    if scan.mask.dtype != bool:
+        raise ValueError(f"scan.mask must be boolean, got {scan.mask.dtype}; use mask.astype(bool)")
+    for name, width in (("pose", 3), ("velocity", 2), ("noise", 3)):
+        shape = getattr(scan, name).shape
+        if len(shape) < 2 or shape[-1] != width or shape[-2] not in (1, scan.mask.shape[-1]):
+            raise ValueError(f"scan.{name} must be (..., M or 1, {width}) with M = {scan.mask.shape[-1]}, got {shape}")
+    if not np.isfinite(scan.platform).all():
+        raise ValueError(f"scan.platform must be finite, got {scan.platform}; the ego motion is missing")
+    bad = scan.mask & ~np.isfinite(scan.polar[..., :2]).all(-1)
+    if bad.any():
+        raise ValueError(
+            f"scan.polar has {int(bad.sum())} detections under the mask without a finite range and azimuth; "
+            "only the range rate may be NaN: set mask to false there"
+        )
+
+
+@dataclass(frozen=True)
+class SensorModel:
+    """The data sheet of one mounted radar: what a tracker may know of it. Angles in rad, lengths in m."""
+
+    mount: tuple[float, float, float] = (0.0, 0.0, 0.0)  # x, y, heading in the frame of the vehicle's centre
+    max_range: float = 100.0  # [m]
+    fov: float = np.pi  # [rad] full opening angle
+    sigma_range: float = 0.15  # [m]
+    sigma_azimuth: float = 0.01  # [rad]
+    sigma_rate: float = 0.1  # [m/s]
+    max_rate: float = 60.0  # [m/s] range rates of false alarms lie within +- this
+    count_at_15m: float = 9.0  # expected detections of a 3 m wide visible outline at 15 m
+    count_falloff: float = 0.85  # exponent of (15 m / range)
+    count_max: float = 40.0  # expected detections of one object never exceed this
+    clutter: float = 2.0  # expected false alarms a scan
+
+    def poses(self, platform: NDArray) -> NDArray:
+        """World pose (..., 3) of the sensor on platforms (..., 6)."""
+        return compose(platform[..., :3], np.asarray(self.mount))
+
+    def velocity(self, platform: NDArray) -> NDArray:
+        """World velocity (..., 2) [m/s] of the sensor: platform velocity plus yaw rate times lever arm."""
+        lever = (rotation(platform[..., 2]) @ np.asarray(self.mount[:2])[:, None])[..., 0]
+        return point_velocity(platform[..., 3:5], platform[..., 5], lever)
+
+    def expected_count(self, distance: ArrayLike, outline: ArrayLike) -> NDArray:
+        """Expected detections (...) of an object with `outline` [m] visible at `distance` [m]."""
+        falloff = (15.0 / np.maximum(distance, 1.0)) ** self.count_falloff
+        count = self.count_at_15m * falloff * np.sqrt(np.maximum(outline, 0.0) / 3.0)
+        return np.minimum(count, self.count_max)
