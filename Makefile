@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: demo test lint types unit bench clean
+.PHONY: demo test lint types unit bench reproduce learning-docs family clean
 
 demo: $(STAMP)
 	$(BIN)/testbed run cut-in --tracker rm-feldmann --radar surround --seed 0 --out runs
@@ -23,6 +23,18 @@ unit: $(STAMP)
 
 bench: $(STAMP)
 	$(BIN)/testbed bench
+
+# About an hour on two cores. A claim that is not confirmed is an answer, not a failure of the command, hence `|| test`.
+reproduce: $(STAMP)
+	for paper in hoher2022 xia2020 xia2020-learned; do \
+		$(BIN)/testbed reproduce $$paper --runs 100 --out runs/reproduce || test $$? -eq 1 || exit; \
+	done
+
+family: $(STAMP)  # half an hour or more; OPTIONS="--seed 0 --seed 1" for more
+	$(BIN)/python -m testbed.family --docs docs $(OPTIONS)
+
+learning-docs: $(STAMP)  # DATA is the folder with objects.npz of the real extract
+	$(BIN)/python -m testbed.learning_docs $(DATA)
 
 $(STAMP): pyproject.toml constraints.txt
 	$(PYTHON) -c "import sys; v = sys.version_info; sys.exit(0 if v >= (3, 11) else f'Python >= 3.11 is needed, $(PYTHON) is {v[0]}.{v[1]}; call make PYTHON=python3.11')"

@@ -147,24 +147,69 @@ def learn_htg(
     mass_min: Annotated[float, typer.Option(help="Least c_D; .25 for filters with pseudo-measurements.")] = 0.0,
     count: Annotated[int, typer.Option(help="Detections of the sampler.")] = 60000,
     seed: Annotated[int, typer.Option(help="Of the sampler.")] = 0,
+    edges: Annotated[bool, typer.Option("--edges", help="Bins with edges, not middles, at 0 and 180 degrees.")] = False,
+    no_mirror: Annotated[bool, typer.Option("--no-mirror", help="Without the mirror images of other bins.")] = False,
 ) -> None:
-    """Learn a hierarchical truncated Gaussian, one density an aspect bin.
+    """Learn a hierarchical truncated Gaussian, one density an aspect bin; docs/learning.md has the formats.
 
     Example: [bold]testbed learn-htg sampler:surround:car --out car.json[/bold]
     """
     from testbed.learning import LearnConfig, learn, report
 
     with user_input():
-        config = LearnConfig(data, bins=bins, mass_min=mass_min, count=count, seed=seed)
-    with user_input(), _progress("part {task.completed:.0f} / {task.total:.0f}") as bar:
-        task = bar.add_task("learning", total=1)
-        learned = learn(
-            config,
+        config = LearnConfig(data, bins, not edges, not no_mirror, mass_min, count, seed)
+    bar = _progress("part {task.completed:.0f} / {task.total:.0f}")
+    task = bar.add_task("learning", total=1)
+
+    def show(done: int, total: int, what: str) -> None:
+        bar.start()  # not before the input is known to be sound: then a fault stays one sentence
+        bar.update(task, completed=done, total=total, description=what)
+
+    with user_input():
+        try:
+            learned = learn(config, out, show)
+        finally:
+            if bar.live.is_started:
+                bar.stop()
+    for part in report(learned):
+        console.print(part)
+    console.print(f"table    {learned.path}", soft_wrap=True)
+
+
+@app.command()
+def reproduce(
+    paper: Annotated[str, typer.Argument(help="hoher2022, xia2020 or xia2020-learned.")],
+    runs: Annotated[int, typer.Option(help="Monte Carlo runs of each case.")] = 100,
+    seed: Annotated[int, typer.Option(help="Same seed, same figures.")] = 0,
+    out: Annotated[Path, typer.Option(help="Directory for the figures and the results.")] = Path("runs/reproduce"),
+) -> None:
+    """Repeat a paper's experiment: its figures beside ours, and a verdict on each claim.
+
+    Exit status 1: a claim is not confirmed under any condition. Ctrl-C keeps the cases that are finished.
+
+    Example: [bold]testbed reproduce hoher2022 --runs 20[/bold]
+    """
+    from testbed.papers import catalogue
+
+    with user_input():
+        catalogue.check(paper, runs, seed, out)
+    with user_input((OSError,)), _progress("{task.percentage:.0f} %", window=600.0) as bar:
+        task = bar.add_task(paper, total=1)
+        done = catalogue.reproduce(
+            paper,
+            runs,
+            seed,
             out,
             lambda done, total, what: bar.update(task, completed=done, total=total, description=what),
         )
-    console.print(report(learned))
-    console.print(f"table    {learned.path}", soft_wrap=True)
+    for table in done.report.tables():
+        console.print(table)
+    if done.report.interrupted:
+        console.print("[yellow]interrupted: tables and file hold the rows run until then, without verdicts[/yellow]")
+    console.print(f"results  {done.json}", soft_wrap=True)
+    for figure in done.report.figures:
+        console.print(f"figure   {figure}", soft_wrap=True)
+    raise typer.Exit(done.exit_status)
 
 
 @app.command()
@@ -186,8 +231,11 @@ def calibrate(
         console.print(table)
 
 
-def _progress(amount: str) -> Progress:
-    """A bar on stderr, one line at the end where that is a file; `amount` says how far it is."""
+def _progress(amount: str, window: float = 30.0) -> Progress:
+    """A bar on stderr, one line at the end where that is a file; `amount` says how far it is.
+
+    window [s]: the time left follows from the speed in it.
+    """
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -196,7 +244,7 @@ def _progress(amount: str) -> Progress:
         TextColumn("left"),
         TimeRemainingColumn(),
     )
-    return Progress(*columns, console=Console(stderr=True))
+    return Progress(*columns, console=Console(stderr=True), speed_estimate_period=window)
 
 
 def main() -> None:

@@ -27,7 +27,7 @@ from sensors.scene import Scene
 from sensors.source import Source
 from testbed.belief import BeliefView, RoadSwap, attach_view, belief_road, mirror_road
 from testbed.log.record import RunMeta
-from testbed.perception import Observer, Perception, label
+from testbed.perception import Cost, Observer, Perception, label
 from testbed.recorder import LEVELS, Recorder, road_geometry, run_id, versions
 from trackers.multi.road import RoadMap
 from trackers.multi.tracks import Tracks
@@ -152,6 +152,11 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
     def seconds(self) -> dict[str, float]:
         """Wall time [s] so far: "sense" for scene and radar, "track" for all trackers."""
         return self._senses.seconds
+
+    @property
+    def costs(self) -> dict[str, Cost]:
+        """What each tracker has cost so far, by name."""
+        return self._senses.costs
 
     def attach(self, observer: Observer) -> None:
         """Call `observer(step, time, scene, scan, source, outputs, action, plan)` after every look of the radar.

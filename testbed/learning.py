@@ -4,23 +4,32 @@ The JSON is read by `trackers.htg.bins.load`; what no filter needs, where the nu
 them, stands under `provenance`.
 """
 
+import os
+import shlex
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from rich.markup import escape
 from rich.table import Table
 
 from testbed.learning_data import Detections, Progress, read
 from testbed.recorder import make_directory
+from testbed.tables import light_table
 from trackers.htg import bins as tables
 from trackers.htg.bins import HTGTable
 from trackers.htg.density import log_mass
 from trackers.htg.learning import FitOptions, TableFit, fit_table
 
 PACKAGES = ("eot-testbed", "numpy", "scipy")
+COLUMNS = ("aspect", "number", "log p", "rho", "a1", "a2", "b1", "b2", "theta", "r1", "r2", "c_D")
+ADVICE = (
+    "A bin with few detections wants more data or fewer --bins. A side at its limit is open. Next to no c_D suits "
+    "htg-map; htg-rm-learned needs --mass-min 0.25. See docs/learning.md."
+)
 
 
 @dataclass(frozen=True)
@@ -38,6 +47,10 @@ class LearnConfig:
     def __post_init__(self) -> None:
         if self.bins < 1:
             raise ValueError(f"bins must be at least 1, got {self.bins}")
+        if self.count < 1:
+            raise ValueError(f"count must be at least 1 detection, got {self.count}")
+        if self.seed < 0:
+            raise ValueError(f"seed must be 0 or more, got {self.seed}")
         self.options  # noqa: B018  raises for a mass_min that is none
 
     @property
@@ -54,7 +67,7 @@ class LearnConfig:
                 words += [f"--{name.replace('_', '-')}", f"{getattr(self, name):g}"]
         words += [] if self.centred else ["--edges"]
         words += [] if self.mirrored else ["--no-mirror"]
-        return " ".join(words)
+        return shlex.join(words)
 
 
 class Learned(NamedTuple):
@@ -71,9 +84,7 @@ def learn(config: LearnConfig, out: str | Path, progress: Progress = lambda done
     Raises ValueError or LookupError, in one sentence, for data that cannot be read or are too few.
     """
     path = Path(out)
-    if path.suffix != ".json":
-        raise ValueError(f"out must be a .json file, got {path}")
-    make_directory(path.parent)
+    check_out(path)
     detections = read(config.data, config.count, config.seed, progress)
     if len(detections.u) == 0:
         raise ValueError(f"data: {config.data} has no detection of that class; choose :car or :truck")
@@ -82,11 +93,22 @@ def learn(config: LearnConfig, out: str | Path, progress: Progress = lambda done
     return Learned(fit, detections, path)
 
 
+def check_out(path: Path) -> None:
+    """Raise ValueError or OSError, in one sentence, where a table cannot be written; what stands there stays."""
+    if path.suffix != ".json":
+        raise ValueError(f"out must be a .json file, got {path}")
+    if path.is_dir():
+        raise ValueError(f"out must be a .json file, got the directory {path}")
+    make_directory(path.parent)
+    if path.exists() and not os.access(path, os.W_OK):
+        raise ValueError(f"out: {path} is write-protected; choose another file")
+
+
 def learn_table(
     detections: Detections, config: LearnConfig, name: str = "unnamed", progress: Progress = lambda *_: None
 ) -> TableFit:
-    """The table of some detections."""
-    return fit_table(
+    """The table of some detections, with the mean size of the vehicles where that is known."""
+    fit = fit_table(
         detections.u,
         detections.aspect,
         detections.noise,
@@ -97,6 +119,10 @@ def learn_table(
         name=name,
         progress=lambda done, total: progress(done, total, f"fitting {name}"),
     )
+    if detections.size is None:
+        return fit
+    length, width = (round(float(x), 3) for x in detections.size.mean(0))
+    return fit._replace(table=replace(fit.table, size=(length, width)))
 
 
 def provenance(config: LearnConfig, detections: Detections, fit: TableFit, out: Path) -> dict[str, Any]:
@@ -121,23 +147,41 @@ def masses(table: HTGTable) -> Sequence[float]:
     return np.exp(log_mass(table.p)).tolist()
 
 
-def report(learned: Learned) -> Table:
-    """One row a bin: where it looks from, how much it has seen, what it found."""
-    fit = learned.fit
-    grid = Table(title=f"{learned.path.stem}: {learned.detections.source}")
-    for title in ("aspect", "detections", "log p", "rho", "a1", "a2", "b1", "b2", "theta", "r1", "r2", "c_D", "doubts"):
-        grid.add_column(title, justify="left" if title in ("aspect", "doubts") else "right")
-    p, B = fit.table.p, len(fit.table)
-    for k in range(B):
-        middle = -180.0 + 360.0 / B * (k + 0.5 * (not fit.table.centred))
-        numbers = [p.rho[k], *p.bounds[k], p.theta[k], *p.r[k]]
-        cells = [f"{x:.3f}" for x in numbers]
+def report(learned: Learned) -> list[Table | str]:
+    """What was found, within 80 columns: one row a bin, and below it in words how far to trust it."""
+    fit, source = learned.fit, learned.detections.source
+    grid = light_table(learned.path.stem)
+    grid.padding, grid.pad_edge = (0, 0), False
+    for title in COLUMNS:
+        grid.add_column(escape(title), justify="right", no_wrap=True)
+    p, degrees = fit.table.p, np.rad2deg(fit.table.centres)
+    for k, mass in enumerate(masses(fit.table)):
         grid.add_row(
-            f"{middle:+.0f} deg",
+            f"{degrees[k]:+.0f}",
             str(fit.counts[k]),
             f"{fit.log_likelihood[k]:.3f}",
-            *cells,
-            f"{masses(fit.table)[k]:.2g}",
-            "; ".join(fit.warnings[k]),
+            f"{p.rho[k]:.3f}",
+            *(f"{x:.2f}" for x in p.bounds[k]),
+            f"{np.rad2deg(p.theta[k]):+.0f}",
+            *(f"{x:.4f}" for x in p.r[k]),
+            f"{mass:.1g}",
         )
-    return grid
+    length, width = np.asarray(fit.table.size)
+    legend = (
+        f"learned from {len(learned.detections.u)} detections: {source}",
+        f"typical size {length:.2f} x {width:.2f} m"
+        + (", taken for granted" if learned.detections.size is None else ""),
+        "aspect and theta in degrees, 0 where the rear is seen; log p: mean [nat] a detection, mirror images included; "
+        "a1 rear, a2 right, b1 front, b2 left; c_D: share of the source outside the box",
+    )
+    return [grid, *map(escape, (*legend, *cautions(fit)))]
+
+
+def cautions(fit: TableFit) -> list[str]:
+    """Warnings in words, each with the aspects [deg] of the bins that it is about, and what to do."""
+    where: dict[str, list[str]] = {}
+    for middle, warnings in zip(np.rad2deg(fit.table.centres), fit.warnings, strict=True):
+        for text in warnings:
+            where.setdefault(text, []).append(f"{middle:+.0f}")
+    lines = [f"caution, aspect {', '.join(aspects)}: {text}" for text, aspects in where.items()]
+    return [*lines, ADVICE] if lines else []

@@ -8,7 +8,7 @@ A data source is written `DATA` or `DATA:CLASS`, with CLASS car (the default) or
 - `sampler:RIG`, lone vehicles of many sizes at all aspects and ranges before each radar of the rig;
 - a folder with `objects.npz` of the extract of Meyer and Kuschk, "Automotive Radar Dataset for Deep Learning Based 3D
   Object Detection", EuRAD 2019 (CC BY-NC-SA 4.0; the data stay outside this project);
-- an `.npz` file, see `read_npz`;
+- an `.npz` file in the layout of docs/learning.md;
 - the review log (`.rrd`) of a run at level full.
 """
 
@@ -24,7 +24,9 @@ import sensors
 from scenarios.contours import CONTOURS
 from sensors.radar import Radar
 from sensors.scene import Bodies, Scene, boxes_scene
+from testbed.learning_archive import check_unit_coordinates, detection_arrays, need, open_arrays
 from testbed.log.detections import read_detections
+from testbed.review import readable
 from trackers.geometry import compose, rotation, to_frame, to_world, unit
 from trackers.htg.bins import aspect_angle
 from trackers.scan import Scan
@@ -46,6 +48,7 @@ class Detections(NamedTuple):
     noise: NDArray | None  # (N, 2, 2) known sensor noise in unit coordinates; None: not known
     look: NDArray  # (N,) int, the scan it belongs to; detections of one look are not independent
     source: str  # where they come from, one line
+    size: NDArray | None = None  # (N, 2) [m] length and width of the vehicle of each; None: not known
 
 
 @dataclass(frozen=True)
@@ -66,6 +69,7 @@ MAKES: dict[str, tuple[Make, ...]] = {
         Make("articulated", (12.0, 18.0), (2.4, 2.6), 0.4),
     ),
 }
+EXTRACT = ("columns", "objects", "points", "offsets", "classes")  # arrays of the real extract
 LABELS = {"car": ("Car",), "truck": ("Truck", "Bus")}  # classes of the real extract
 TRUE_KINDS = {"car": ("car", "van"), "truck": ("truck", "bus", "articulated")}  # classes of our scenes
 TRACTOR_SHARE, COUPLED = 6.0 / 16.5, 13.6 / 16.5  # lengths of tractor unit and trailer in an articulated truck
@@ -83,7 +87,10 @@ def read(
     if path.is_dir():
         return read_extract(path, kind)
     if not path.is_file():
-        raise ValueError(f"data: there is no {name}; give sampler:RIG, a folder with objects.npz, an .npz or an .rrd")
+        raise ValueError(
+            f"data: there is no {name}; give sampler:RIG, a folder with objects.npz, an .npz or an .rrd, "
+            f"each with :{' or :'.join(KINDS)} behind it if wanted"
+        )
     if path.suffix == ".npz":
         return read_npz(path, kind)
     if path.suffix == ".rrd":
@@ -115,8 +122,6 @@ def sample(
     radar: Radar, kind: str, count: int, rng: np.random.Generator, progress: Progress = lambda done, total, what: None
 ) -> Detections:
     """At least `count` detections of lone vehicles, each look by a radar of the rig drawn at random."""
-    if count < 1:
-        raise ValueError(f"count must be at least 1 detection, got {count}")
     parts, got, look = [], 0, 0
     what = f"{radar.name} on {kind}s"
     for seen in looks(radar, kind, rng):
@@ -129,9 +134,9 @@ def sample(
             break
         if look == 200 and got == 0:
             raise ValueError(f"radar {radar.name} did not detect a single {kind} in 200 looks; it cannot be learned")
-    u, aspect, noise, index = (np.concatenate(column) for column in zip(*(p[:4] for p in parts), strict=True))
+    u, aspect, noise, index, size = (np.concatenate(column) for column in zip(*((*p[:4], p.size) for p in parts)))
     source = f"training sampler: {radar.name}, {kind}s, {look} looks, ranges up to {FARTHEST:g} m"
-    return Detections(u, aspect, noise, index, source)
+    return Detections(u, aspect, noise, index, source, size)
 
 
 def looks(radar: Radar, kind: str, rng: np.random.Generator) -> Iterator[Detections]:
@@ -158,6 +163,7 @@ def looks(radar: Radar, kind: str, rng: np.random.Generator) -> Iterator[Detecti
             unit_noise(scan.position_noise()[own], heading, sizes),
             np.zeros(n, int),
             "",
+            sizes,
         )
 
 
@@ -186,10 +192,11 @@ def read_extract(folder: Path, kind: str) -> Detections:
     file = folder / "objects.npz"
     if not file.is_file():
         raise ValueError(f"data: no objects.npz in {folder}; give the folder of the real extract")
-    with np.load(file, allow_pickle=False) as arrays:
-        objects = dict(zip(arrays["columns"].tolist(), arrays["objects"].T.astype(float), strict=True))
-        points, offsets = arrays["points"][:, :2].astype(float), arrays["offsets"]
-        classes = arrays["classes"].tolist()
+    arrays = open_arrays(file)
+    need(arrays, EXTRACT, file)
+    objects = dict(zip(arrays["columns"].tolist(), arrays["objects"].T.astype(float), strict=True))
+    points, offsets = arrays["points"][:, :2].astype(float), arrays["offsets"]
+    classes = arrays["classes"].tolist()
     row = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
     pose = np.stack([objects["cx"], -objects["cy"], -objects["yaw"]], -1)
     size = np.stack([objects["length"], objects["width"]], -1)
@@ -199,37 +206,28 @@ def read_extract(folder: Path, kind: str) -> Detections:
     aspect = aspect_angle(pose[:, :2], pose[:, 2], np.zeros(2))[row]
     labels = " and ".join(LABELS[kind])
     source = f"Astyx HiRes2019, {labels}, {int(wanted.sum())} boxes grown {GROWN:g} times; CC BY-NC-SA 4.0"
-    return Detections(u[keep], aspect[keep], None, objects["frame"][row[keep]].astype(int), source)
+    return Detections(u[keep], aspect[keep], None, objects["frame"][row[keep]].astype(int), source, size[row[keep]])
 
 
 def read_npz(file: Path, kind: str) -> Detections:
-    """Detections from an .npz file, never unpickled.
+    """Detections from an .npz file in the layout of docs/learning.md, never unpickled.
 
-    Arrays, either `u` (N, 2) and `aspect` (N,) [rad], with optional `noise` (N, 2, 2) in unit coordinates; or
-    `xy` (N, 2) [m], `pose` (N, 3) x, y, heading and `size` (N, 2) of the vehicle that each belongs to, `sensor`
-    (N, 2) [m] where the radar is, with optional `noise` (N, 2, 2) [m^2] in the same frame. In both cases optional
-    `look` (N,) int, the scan, and `kind` (N,) text: then only detections of the class are taken.
+    Raises ValueError, in one sentence, for a file that is in no such layout.
     """
-    try:
-        with np.load(file, allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
-    except ValueError as error:
-        raise ValueError(f"data: {file} cannot be read without unpickling: {error}") from None
-    wanted = ("u", "aspect") if "u" in arrays else ("xy", "pose", "size", "sensor")
-    missing = [name for name in wanted if name not in arrays]
-    if missing:
-        raise ValueError(
-            f"data: {file} lacks {', '.join(missing)}; it must hold u and aspect, or xy, pose, size, sensor"
-        )
-    n = len(arrays[wanted[0]])
-    widths = {"u": (2,), "aspect": (), "xy": (2,), "pose": (3,), "size": (2,), "sensor": (2,), "noise": (2, 2)}
-    for name, tail in (widths | {"look": (), "kind": ()}).items():
-        if name in arrays and arrays[name].shape != (n, *tail):
-            raise ValueError(f"data: {name} of {file} must be {(n, *tail)}, got {arrays[name].shape}")
+    arrays = detection_arrays(file)
+    source = file.name
     if "kind" in arrays:
-        keep = np.isin(arrays["kind"].astype(str), TRUE_KINDS[kind])
-        arrays = {name: value[keep] for name, value in arrays.items()}
-    return _from_arrays(arrays, f"{file.name}, {kind}s" if "kind" in arrays else file.name)
+        known = arrays["kind"].astype(str)
+        keep = np.isin(known, TRUE_KINDS[kind])
+        if not keep.any():
+            raise ValueError(
+                f"data: {file} has no detection of a {kind} ({', '.join(TRUE_KINDS[kind])}), "
+                f"only of {', '.join(np.unique(known)) or 'nothing'}"
+            )
+        arrays, source = {name: value[keep] for name, value in arrays.items()}, f"{source}, {kind}s"
+    got = _from_arrays(arrays, source)
+    check_unit_coordinates(got.u, got.aspect, file)
+    return got
 
 
 def _from_arrays(arrays: dict[str, NDArray], source: str) -> Detections:
@@ -241,11 +239,12 @@ def _from_arrays(arrays: dict[str, NDArray], source: str) -> Detections:
         u = unit_coordinates(arrays["xy"].astype(float), pose, size)
         aspect = aspect_angle(pose[:, :2], pose[:, 2], arrays["sensor"].astype(float))
         noise = None if noise is None else unit_noise(noise, pose[:, 2], size)
-    return Detections(u, aspect, noise, arrays.get("look", np.arange(len(u))), source)
+    return Detections(u, aspect, noise, arrays.get("look", np.arange(len(u))), source, arrays.get("size"))
 
 
 def read_recording(file: Path, kind: str) -> Detections:
     """True detections of the vehicles in a review log; the noise is that of the rig that was recorded."""
+    readable(file)
     got = read_detections(file)
     models = sensors.find(got.radar).models
     mounts = np.array([model.mount for model in models])
@@ -257,5 +256,5 @@ def read_recording(file: Path, kind: str) -> Detections:
     aspect = aspect_angle(pose[:, :2], pose[:, 2], place[:, :2])
     source = f"recording {file.name}, {kind}s"
     return Detections(
-        unit_coordinates(xy, pose, size), aspect, unit_noise(noise, pose[:, 2], size), got.step[keep], source
+        unit_coordinates(xy, pose, size), aspect, unit_noise(noise, pose[:, 2], size), got.step[keep], source, size
     )

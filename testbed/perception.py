@@ -7,7 +7,7 @@ tracks are the scene itself, for planners that shall be compared with one that k
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from time import perf_counter
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,6 +52,25 @@ class TrackerLike(Protocol):
 
     def step(self, tracks: Tracks, scan: Scan, dt: float) -> tuple[Tracks, StepInfo]:
         """Tracks after a look that came dt [s] after the one before."""
+
+
+class Cost(NamedTuple):
+    """What one tracker has cost so far."""
+
+    seconds: float = 0.0  # wall time
+    scans: int = 0
+    updates: int = 0  # tracks with a detection, over all scans
+
+    def after(self, seconds: float, info: StepInfo) -> "Cost":
+        """With one more step, which took so many seconds."""
+        return Cost(self.seconds + seconds, self.scans + 1, self.updates + int((info.detections > 0).sum()))
+
+    def row(self) -> dict[str, float]:
+        """Milliseconds a scan, and microseconds for each track with a detection, NaN without any."""
+        return {
+            "ms_per_scan": 1e3 * self.seconds / self.scans if self.scans else np.nan,
+            "us_per_update": 1e6 * self.seconds / self.updates if self.updates else np.nan,
+        }
 
 
 def radar_of(radar: Any) -> RadarLike:
@@ -131,6 +150,7 @@ class Perception:
         self.radar, self.trackers = radar, dict(trackers)
         self.observers: list[Observer] = []
         self.seconds = {"sense": 0.0, "track": 0.0}  # wall time spent on scene and radar, and on the trackers
+        self.costs = {name: Cost() for name in self.trackers}
         self.frame = -1  # simulated frames since the first look, -1 before
 
     def __deepcopy__(self, memo: dict) -> None:
@@ -166,7 +186,7 @@ class Perception:
         self.scene = read()
         self.scan, self.source = self.radar.scan(self.scene, self.rng)
         sensed = perf_counter()
-        self.outputs = {name: self._step(name, tracker) for name, tracker in self._driven.items()}
+        self.outputs = {name: self._timed_step(name, tracker) for name, tracker in self._driven.items()}
         self.seconds["sense"] += sensed - start
         self.seconds["track"] += perf_counter() - sensed
 
@@ -189,6 +209,12 @@ class Perception:
     def tracks(self) -> Tracks:
         """What the first tracker carries."""
         return next(iter(self.outputs.values()))[0]
+
+    def _timed_step(self, name: str, tracker: TrackerLike | None) -> tuple[Tracks, StepInfo]:
+        start = perf_counter()
+        tracks, info = self._step(name, tracker)
+        self.costs[name] = self.costs[name].after(perf_counter() - start, info)
+        return tracks, info
 
     def _step(self, name: str, tracker: TrackerLike | None) -> tuple[Tracks, StepInfo]:
         if tracker is None:

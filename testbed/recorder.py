@@ -141,12 +141,12 @@ class Recorder:
             "orphans": [jsonable(row) for e in self.evaluators.values() for row in e.orphan_rows()],
         }
 
-    def close(self, interrupted: bool = False, timing: Mapping[str, float] | None = None) -> dict[str, Any]:
+    def close(self, interrupted: bool = False, timing: Mapping[str, Any] | None = None) -> dict[str, Any]:
         """Finish log and JSON, once; nothing is written of an episode without a single look.
 
         Args:
             interrupted: the scenario was to go on.
-            timing: wall time [s] by part; without it what this recorder itself took.
+            timing: wall time [s] by part, and cost of each tracker; without it what this recorder itself took.
         """
         if self._result is None:
             self._result = self.result() | {"interrupted": interrupted, "timing": dict(timing or self.seconds)}

@@ -1,18 +1,20 @@
 """One closed-loop run from start to table."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
-from time import perf_counter
+from time import perf_counter, process_time
 from typing import Any
 
 import gymnasium as gym
 
 from scenarios import find as find_scenario
 from sensors import find as find_radar
+from testbed.evaluation import jsonable
 from testbed.interruption import interruptible
+from testbed.perception import Observer
 from testbed.planners import find as find_planner
 from testbed.recorder import LEVELS, Recorder, make_directory
 from trackers import find as find_tracker
@@ -88,8 +90,12 @@ def make_env(config: RunConfig) -> gym.Env:
     )
 
 
-def run(config: RunConfig, progress: Callable[[float, float], None] | None = None) -> RunResult:
+def run(
+    config: RunConfig, progress: Callable[[float, float], None] | None = None, observers: Sequence[Observer] = ()
+) -> RunResult:
     """Drive one scenario to its end; progress(simulated, total) [s] is called once a decision.
+
+    Observers are called after every look of the radar, see `TrackedEnv.attach`.
 
     Ctrl-C or SIGTERM ends the run after the decision at hand: what was measured until then is written and returned.
 
@@ -99,11 +105,13 @@ def run(config: RunConfig, progress: Callable[[float, float], None] | None = Non
     """
     planner = find_planner(config.planner)
     with interruptible() as wish, closing(make_env(config)) as env:
-        env.reset(seed=config.seed)
         tracked: Any = env
+        for observer in observers:
+            tracked.attach(observer)
+        env.reset(seed=config.seed)
         recorder: Recorder = tracked.recorder
         total = float(env.unwrapped.config["duration"])  # type: ignore[attr-defined]
-        start, done = perf_counter(), False
+        start, cpu, done = perf_counter(), process_time(), False
         try:
             while not done and wish.signal is None:
                 action, tracked.plan = planner.drive(env)
@@ -113,6 +121,8 @@ def run(config: RunConfig, progress: Callable[[float, float], None] | None = Non
                     progress(tracked.truth.time, total)
         finally:
             timing = {**tracked.seconds, **recorder.seconds, "wall": perf_counter() - start}
+            timing["cpu"] = process_time() - cpu
+            timing["trackers"] = {name: jsonable(cost.row()) for name, cost in tracked.costs.items()}
             result = recorder.close(interrupted=not done, timing=timing)
     status = 0 if done else wish.exit_status
     return RunResult(config, result, recorder.json_path, recorder.log.path, status)

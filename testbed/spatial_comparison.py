@@ -10,24 +10,36 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import t as student
 
 from testbed.learning_data import GROWN, Detections, Progress, read
 from testbed.spatial_models import HTG_MODEL, RIVALS, VARIANTS, LogDensity, SpatialModel
 from trackers.htg.learning import FLIP, LEAST, bin_index
 
 FOLDS = 6
-MOST = 3000  # detections that one bin learns from, evenly taken out
+BLOCK = 10  # consecutive scans that count as one draw in the intervals
+MOST = 2000  # detections that one bin learns from, evenly taken out
 GRID = 120  # cells a side of the grown box, for the share of a density that lies inside
 MODELS = (HTG_MODEL, *RIVALS, *VARIANTS)
 
 
 class HeldOut(NamedTuple):
-    """What one model gives detections that it has not seen, F folds; [nat] mean a detection."""
+    """What one model gives detections that it has not seen, S scans; [nat] sums over the detections of each."""
 
     model: SpatialModel
-    plain: NDArray  # (F,) of the density over the plane
-    gated: NDArray  # (F,) of the density cut to the grown box and normalised there
-    detections: NDArray  # (F,)
+    plain: NDArray  # (S,) of the density over the plane
+    gated: NDArray  # (S,) of the density cut to the grown box and normalised there
+    detections: NDArray  # (S,)
+
+
+class Gap(NamedTuple):
+    """Mean advantage of one model over another [nat] a detection."""
+
+    mean: float
+    half: float  # half of the 95 % interval
+
+    def __str__(self) -> str:
+        return f"{self.mean:+.3f} ± {self.half:.3f}"
 
 
 def folds(look: NDArray, number: int) -> NDArray:
@@ -46,31 +58,36 @@ def cross_validate(
 ) -> list[HeldOut]:
     """Held-out log-likelihood of every model; detections outside the grown box are left out."""
     keep = (np.abs(data.u) < GROWN).all(-1)
-    u, aspect, fold = data.u[keep], data.aspect[keep], folds(data.look[keep], number)
+    u, aspect, look = data.u[keep], data.aspect[keep], data.look[keep]
+    fold, (_, scan) = folds(look, number), np.unique(look, return_inverse=True)
     rows = []
     for i, model in enumerate(models):
-        parts = np.zeros((number, 2))
+        log_p = np.zeros((2, len(u)))
         for f in range(number):
-            parts[f] = judge(model, u, aspect, fold == f)
+            held = fold == f
+            log_p[:, held] = judge(model, u, aspect, held)
             progress(i * number + f + 1, len(models) * number, model.name)
-        rows.append(HeldOut(model, parts[:, 0], parts[:, 1], np.bincount(fold, minlength=number)))
+        plain, gated = (np.bincount(scan, x) for x in log_p)
+        rows.append(HeldOut(model, plain, gated, np.bincount(scan)))
     return rows
 
 
-def judge(model: SpatialModel, u: NDArray, aspect: NDArray, held: NDArray) -> tuple[float, float]:
-    """Mean log density of the held (N,) detections, plain and normalised to the grown box, learned on the others."""
+def judge(model: SpatialModel, u: NDArray, aspect: NDArray, held: NDArray) -> NDArray:
+    """Log density (2, H) of the H detections under the mask held (N,), learned on the others.
+
+    The first row is over the plane, the second normalised to the grown box.
+    """
     index, twin = (bin_index(side * aspect, model.bins, model.centred) for side in (1, -1))
     z, bin_ = np.where((index > twin)[:, None], u * FLIP, u), np.minimum(index, twin)  # mirror images share a bin
-    plain, gated = np.zeros(len(u)), np.zeros(len(u))
+    log_p = np.zeros((2, len(u)))
     for k in np.unique(bin_[held]):
         rows, own = held & (bin_ == k), ~held & (bin_ == k)
         training = np.concatenate([z[own], z[own & (index == twin)] * FLIP])
         if len(training) < LEAST:
             raise ValueError(f"bin {k} of {model.bins} has {len(training)} detections to learn from, needs {LEAST}")
         density = model.fit(training[:: -(-len(training) // MOST)])
-        plain[rows] = density(z[rows])
-        gated[rows] = plain[rows] - np.log(inside_share(density))
-    return float(plain[held].mean()), float(gated[held].mean())
+        log_p[:, rows] = density(z[rows]) - [[0.0], [np.log(inside_share(density))]]
+    return log_p[:, held]
 
 
 def inside_share(density: LogDensity) -> float:
@@ -80,34 +97,62 @@ def inside_share(density: LogDensity) -> float:
     return float(np.exp(density(u)).sum()) * (2 * GROWN / GRID) ** 2
 
 
+def gap(row: HeldOut, base: HeldOut, gated: bool) -> Gap:
+    """Advantage of a row over the base.
+
+    Blocks of `BLOCK` consecutive scans count as independent, scans within one do not: the interval is that of a ratio
+    of sums over blocks, with Student's quantile.
+    """
+    difference = row.gated - base.gated if gated else row.plain - base.plain
+    mean = difference.sum() / row.detections.sum()
+    first = np.arange(0, len(difference), BLOCK)
+    rest = np.add.reduceat(difference - mean * row.detections, first)  # (B,) sums to 0
+    B = len(rest)
+    spread = np.sqrt(B / (B - 1) * (rest**2).sum()) / row.detections.sum()
+    return Gap(float(mean), float(student.ppf(0.975, B - 1) * spread))
+
+
 def table(rows: Sequence[HeldOut]) -> list[str]:
-    """Lines of markdown: each model, and its mean advantage over the HTG with the standard error over the folds."""
+    """Lines of markdown: each model, and its advantage over the first with its 95 % interval."""
     lines = [
-        "| model, a bin | parameters | log p | minus HTG | log p in the box | minus HTG |",
+        "| model, a bin | parameters | log p in the box | minus HTG | log p in the plane | minus HTG |",
         "|---|---|---|---|---|---|",
     ]
-    first = rows[0]
     for row in rows:
         cells = [row.model.name, str(row.model.parameters)]
-        for got, base in ((row.plain, first.plain), (row.gated, first.gated)):
-            cells += [
-                f"{np.average(got, weights=row.detections):.3f}",
-                "" if row is first else _gap(got - base, row.detections),
-            ]
+        for gated in (True, False):
+            mean = (row.gated if gated else row.plain).sum() / row.detections.sum()
+            cells += [f"{mean:.3f}", "" if row is rows[0] else str(gap(row, rows[0], gated))]
         lines.append("| " + " | ".join(cells) + " |")
     return lines
 
 
-def _gap(difference: NDArray, count: NDArray) -> str:
-    mean = np.average(difference, weights=count)
-    spread = np.sqrt(np.average((difference - mean) ** 2, weights=count) / (len(count) - 1))
-    return f"{mean:+.3f} ± {spread:.3f}"
+def verdicts(rows: Sequence[HeldOut]) -> list[str]:
+    """Lines of markdown: where the first model stands against each other, by the likelihood in the box."""
+    lines = []
+    for row in rows[1:]:
+        got = gap(row, rows[0], gated=True)
+        if abs(got.mean) <= got.half:
+            said = f"cannot be told apart ({got} nats)"
+        else:
+            said = f"{'better' if got.mean > 0 else 'worse'} by {abs(got.mean):.3f} ± {got.half:.3f} nats"
+        lines.append(f"- {row.model.name} ({row.model.parameters}): {said}")
+    return lines
 
 
 def compare(data: str, models: Sequence[SpatialModel] = MODELS, progress: Progress = lambda *_: None) -> list[str]:
-    """Markdown about one data source: what it is, and the table."""
+    """Markdown about one data source: what it is, the table, and what it says."""
     detections = read(data)
     inside = int((np.abs(detections.u) < GROWN).all(-1).sum())
-    looks = len(np.unique(detections.look))
     rows = cross_validate(detections, models, progress=progress)
-    return [f"{detections.source}; {inside} detections in {looks} scans.", "", *table(rows), ""]
+    first = rows[0]
+    return [
+        f"{detections.source}; {inside} detections in {len(first.detections)} frames.",
+        "",
+        *table(rows),
+        "",
+        f"Against the {first.model.name} with its {first.model.parameters} parameters a bin, by log p in the box:",
+        "",
+        *verdicts(rows),
+        "",
+    ]

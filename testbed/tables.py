@@ -53,19 +53,21 @@ def number(value: Any, digits: int) -> str:
 def metrics(result: Mapping[str, Any]) -> Table:
     """Trackers against the truth, one column each."""
     run = result["run"]
-    table = _table(f"{run['scenario']}, {run['radar']}, seed {run['seed']}: tracks against the truth")
+    table = light_table(f"{run['scenario']}, {run['radar']}, seed {run['seed']}: tracks against the truth")
     table.add_column("metric")
     for name in result["trackers"]:
         table.add_column(escape(name), justify="right")
     for key, label, digits in ROWS:
         table.add_row(escape(label), *(number(row[key], digits) for row in result["trackers"].values()))
+    cost = result["timing"]["trackers"]
+    table.add_row("ms a scan", *(number(cost[name]["ms_per_scan"], 1) for name in result["trackers"]))
     return table
 
 
 def drive(result: Mapping[str, Any]) -> Table:
     """How the ego fared, and how fast the simulation was."""
     run, row = result["run"], result["drive"]
-    table = _table(f"the drive: planner {run['planner']} on {run['trackers'][0]}")
+    table = light_table(f"the drive: planner {run['planner']} on {run['trackers'][0]}")
     table.add_column("metric")
     table.add_column("value", justify="right")
     for key, label, digits in DRIVE:
@@ -102,7 +104,7 @@ def entries(name: str) -> list[tuple[str, str]]:
 
 
 def _catalogue(name: str) -> Table:
-    table = _table(name)
+    table = light_table(name)
     table.add_column("name", style="bold", no_wrap=True)
     table.add_column("what")
     for row in entries(name):
@@ -110,7 +112,7 @@ def _catalogue(name: str) -> Table:
     return table
 
 
-def _table(title: str) -> Table:
+def light_table(title: str) -> Table:
     """Light lines: wide rows, and little to delete when a table is pasted into a report."""
     return Table(
         title=escape(title), title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, min_width=len(title) + 2

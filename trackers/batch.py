@@ -38,6 +38,17 @@ def select(where: NDArray, yes: T, no: T) -> T:
     return _walk(choose, yes, no)
 
 
+def put(state: T, index: NDArray, rows: T) -> T:
+    """The state with its rows `index` (integers or a boolean mask), as `take` gives them, replaced by `rows`."""
+
+    def replaced(leaf: NDArray, row: NDArray) -> NDArray:
+        new = np.array(leaf)
+        new[index] = row
+        return new
+
+    return _walk(replaced, state, rows)
+
+
 def stack(states: Sequence[T]) -> T:
     """States of single objects as one state with a new first axis."""
     return _walk(lambda *leaves: np.stack(leaves), *states)

@@ -22,6 +22,20 @@ def sqrtm(A: NDArray) -> NDArray:
     return (A + s[..., None, None] * np.eye(2)) / np.where(t > 0, t, 1.0)[..., None, None]
 
 
+def inverse(A: NDArray) -> NDArray:
+    """Inverse of symmetric positive definite A (..., 2, 2)."""
+    a, b, d = A[..., 0, 0], A[..., 0, 1], A[..., 1, 1]
+    return ((a + d)[..., None, None] * np.eye(2) - A) / (a * d - b * b)[..., None, None]
+
+
+def inverse_sqrtm(A: NDArray) -> NDArray:
+    """Inverse of the symmetric square root of symmetric positive definite A (..., 2, 2)."""
+    a, b, d = A[..., 0, 0], A[..., 0, 1], A[..., 1, 1]
+    s = np.sqrt(a * d - b * b)
+    t = a + d + s
+    return (t[..., None, None] * np.eye(2) - A) / (s * np.sqrt(t + s))[..., None, None]
+
+
 def quadratic(d: NDArray, A: NDArray) -> NDArray:
     """d^T A^-1 d (...) of vectors d (..., n) and positive definite A (..., n, n)."""
     return (d * np.linalg.solve(A, d[..., None])[..., 0]).sum(-1)

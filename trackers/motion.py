@@ -6,6 +6,8 @@ x = [px, py, phi, v, omega]: centre [m], heading [rad], speed [m/s], yaw rate [r
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.linalg import outer, symmetrize
+
 PX, PY, PHI, SPEED, OMEGA = range(5)
 
 
@@ -40,13 +42,22 @@ def turn_noise(phi: NDArray, dt: float, sigma_v: float, sigma_omega: float) -> N
     return Gam @ Gam.mT
 
 
-def velocity_jacobian(phi: NDArray, v: NDArray) -> NDArray:
-    """Derivative (..., 4, 5) of (x, y, vx, vy) with respect to x."""
+def cartesian_covariance(m: NDArray, P: NDArray) -> NDArray:
+    """Covariance (..., 4, 4) of (x, y, vx, vy) from m (..., 5) and P (..., 5, 5).
+
+    Linear, but for one term: across the heading the velocity varies with the product of the errors of heading and
+    speed, and at standstill with nothing else. A rounding's worth of identity keeps it regular.
+    """
+    phi, v = m[..., PHI], m[..., SPEED]
+    c, s = np.cos(phi), np.sin(phi)
     J = np.zeros((*phi.shape, 4, 5))
     J[..., 0, PX] = J[..., 1, PY] = 1.0
-    J[..., 2, PHI], J[..., 3, PHI] = -v * np.sin(phi), v * np.cos(phi)
-    J[..., 2, SPEED], J[..., 3, SPEED] = np.cos(phi), np.sin(phi)
-    return J
+    J[..., 2, PHI], J[..., 3, PHI] = -v * s, v * c
+    J[..., 2, SPEED], J[..., 3, SPEED] = c, s
+    cov = symmetrize(J @ P @ J.mT) + 1e-9 * np.eye(4)
+    product = P[..., PHI, PHI] * P[..., SPEED, SPEED]
+    cov[..., 2:, 2:] += product[..., None, None] * outer(np.stack([-s, c], -1))
+    return cov
 
 
 def polar_moments(velocity: NDArray, cov: NDArray, heading: NDArray, heading_std: NDArray) -> tuple[NDArray, NDArray]:

@@ -13,7 +13,7 @@ from trackers.batch import select
 from trackers.estimate import Estimate, check_estimate
 from trackers.geometry import extent_matrix, perpendicular, rotation, unit, wrap_angle
 from trackers.linalg import outer, sqrtm, symmetrize
-from trackers.motion import OMEGA, PHI, SPEED, coordinated_turn, polar_moments, turn_noise, velocity_jacobian
+from trackers.motion import OMEGA, PHI, SPEED, cartesian_covariance, coordinated_turn, polar_moments, turn_noise
 from trackers.protocols import UpdateInfo
 from trackers.scan import Scan, check_scan
 from trackers.surface import visible_offset
@@ -129,7 +129,6 @@ class RandomMatrix:
         """Box along the heading; half length and width are the roots of the extent's diagonal there."""
         m, P, nu, V = state
         phi, v = m[..., PHI], m[..., SPEED]
-        J = velocity_jacobian(phi, v)
         size = self._size(state)
         log_std = np.sqrt(1 / (2 * (np.maximum(nu, NU_MIN) - 8)))
         return Estimate(
@@ -137,7 +136,7 @@ class RandomMatrix:
             velocity=v[..., None] * unit(phi),
             yaw_rate=m[..., OMEGA].copy(),
             size=size,
-            cov=symmetrize(J @ P @ J.mT) + 1e-9 * np.eye(4),  # rank 3 at standstill otherwise
+            cov=cartesian_covariance(m, P),
             size_std=size * log_std[..., None],
             heading_std=np.sqrt(P[..., PHI, PHI]),
             yaw_rate_std=np.sqrt(P[..., OMEGA, OMEGA]),

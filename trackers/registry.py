@@ -6,6 +6,7 @@ from difflib import get_close_matches
 from types import MappingProxyType
 from typing import Any
 
+from trackers.adaptation import GaussNewton
 from trackers.htg.learned import HTGLearned
 from trackers.htg.map import HTGMap
 from trackers.htg.moment import HTGMoment
@@ -25,6 +26,9 @@ class Entry:
     source: str  # paper
 
 
+KOCH = Koch(rate_weight=0.3)  # as much as the other filters make of range rates
+VMM = VirtualMeasurements(KOCH, GaussNewton(gain=0.1, damping=0.3))  # few detections a scan: small steps
+
 TRACKERS: Mapping[str, Entry] = MappingProxyType(
     {
         e.name: e
@@ -32,12 +36,19 @@ TRACKERS: Mapping[str, Entry] = MappingProxyType(
             Entry("rm-feldmann", RandomMatrix(), "Feldmann et al. (2011), as in Xia et al. (2020), eq. (13)-(15)"),
             Entry("rm-feldmann-matched", RandomMatrix(rho=0.55), "the same, rho matched to detections on the outline"),
             Entry("rm-surface", RandomMatrix(surface=0.85), "ours: rm-feldmann, centred behind the side that is seen"),
-            Entry("rm-koch", Koch(), "Koch (2008), innovation corrected; card rm_vmm, section 3"),
-            Entry("rm-vmm", VirtualMeasurements(), "Hoher et al. (2022) on rm-koch; card rm_vmm, sections 4 to 6"),
-            Entry("htg-rm", HTGOnline(), "online truncation bounds, partial view; card htg_rm, section 4a"),
+            Entry("rm-koch", KOCH, "Koch (2008), innovation corrected, with range rates; card rm_vmm, section 3"),
+            Entry("rm-vmm", VMM, "Hoher et al. (2022) on rm-koch, Gauss-Newton; card rm_vmm, sections 4 to 6"),
+            Entry("htg-rm", HTGOnline(rounds=1), "online truncation bounds, partial view; card htg_rm, section 4a"),
             Entry("htg-rm-learned", HTGLearned(), "Xia et al. (2020), literal update on learned tables"),
+            Entry(
+                "htg-rm-learned-n",
+                HTGLearned(n_count=True, iterations=20),
+                "the same, repaired: converged, information of the true detections; card htg_rm, section 7",
+            ),
             Entry("htg-mm", HTGMoment(), "moment-matched update on learned tables; card htg_rm, section 7"),
-            Entry("htg-map", HTGMap(), "ours: MAP update by Fisher scoring; card htg_rm, section 7"),
+            Entry(
+                "htg-map", HTGMap(shape_std=(0.1, 0.15)), "ours: MAP update by Fisher scoring; card htg_rm, section 7"
+            ),
         )
     }
 )

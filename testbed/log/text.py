@@ -1,6 +1,6 @@
 """Words of the review log: the pages beside the scene and the flat properties of a run."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
@@ -54,7 +54,10 @@ def config_text(meta: RunMeta) -> str:
     rows = {"scenario": meta.scenario, "seed": str(meta.seed), "radar": meta.radar}
     rows |= {"trackers": ", ".join(meta.trackers), "planner": meta.planner} | meta.config
     return "\n\n".join(
-        [_table(("setting", "value"), rows.items()), _table(("package", "version"), meta.versions.items())]
+        [
+            markdown_table(("setting", "value"), rows.items()),
+            markdown_table(("package", "version"), meta.versions.items()),
+        ]
     )
 
 
@@ -71,9 +74,9 @@ def summary_text(meta: RunMeta, summary: Mapping[str, Value | Mapping[str, Value
     if tables:
         metrics = dict.fromkeys(metric for table in tables.values() for metric in table if metric != "tracker")
         body = [(metric, *(_short(table.get(metric, "")) for table in tables.values())) for metric in metrics]
-        pages.append(_table(("metric", *tables), body))
+        pages.append(markdown_table(("metric", *tables), body))
     if facts:
-        pages.append(_table(("run", ""), facts.items()))
+        pages.append(markdown_table(("run", ""), facts.items()))
     return "\n\n".join(pages)
 
 
@@ -87,6 +90,7 @@ def _short(value: Value) -> str:
     return {True: "yes", False: "no"}[value] if isinstance(value, bool) else str(value)
 
 
-def _table(head: tuple[str, ...], body: object) -> str:
-    lines = [head, ("---",) * len(head), *body]  # type: ignore[misc]
+def markdown_table(head: tuple[str, ...], body: Iterable[tuple[str, ...]]) -> str:
+    """Head and rows of cells in markdown, which has no other way to write a bar in a cell than another character."""
+    lines = [head, ("---",) * len(head), *body]
     return "\n".join("| " + " | ".join(cell.replace("|", "/") for cell in line) + " |" for line in lines)

@@ -134,6 +134,7 @@ MEASURES = {
     "centre [m]": 2, "tilt [deg]": 1, "length [m]": 2, "length bias [m]": 2, "width [m]": 2, "width bias [m]": 2,
     "GW [m]": 2, "IoU": 2, "position [m]": 2,
 }  # fmt: skip
+LEGEND = "root mean square errors and biases of the contour; GW and IoU are means; position is that of the filter"
 
 
 def measure(e: Errors, since: int = SETTLED) -> dict[str, float]:

@@ -5,17 +5,18 @@ equations as printed, "corrected" those of card rm_vmm, section 3. Rows, setting
 """
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from sensors import RADARS, Radar
-from testbed.papers.contour_runs import MEASURES, SETTLED, Errors, Method, Trace, errors, measure, track
+from testbed.papers.contour_runs import LEGEND, MEASURES, SETTLED, Errors, Method, Trace, errors, measure, track
 from testbed.papers.hoher2022_claims import verdicts
 from testbed.papers.hoher2022_reference import REFERENCE
 from testbed.papers.uturn import FIRST, SECOND, Truth, UTurn, lidar_scans, radar_scans, truth
-from testbed.papers.verdict import Progress, Report, Row
+from testbed.papers.verdict import Progress, Report, Row, Stopped
 from trackers import Scan
 from trackers.adaptation import Bayes, Lms
 from trackers.direct_fit import DirectFit
@@ -151,12 +152,19 @@ class Outcome:
 
 
 def experiment(
-    runs: int, seed: int, progress: Progress | None = None, wanted: Callable[[Case, str], bool] | None = None
+    runs: int,
+    seed: int,
+    progress: Progress | None = None,
+    wanted: Callable[[Case, str], bool] | None = None,
+    outcome: Outcome | None = None,
 ) -> Outcome:
-    """Run all cases, or the (case, method) that are wanted; every case has its own stream of random numbers."""
+    """Run all cases, or the (case, method) that are wanted; every case has its own stream of random numbers.
+
+    It runs into `outcome`, which then holds what is finished when a Stopped comes through.
+    """
     chosen = [(c, [m for m in c.methods if wanted is None or wanted(c, m)]) for c in CASES]
     total = sum(len(names) for _, names in chosen)
-    outcome, done = Outcome(), 0
+    outcome, done = Outcome() if outcome is None else outcome, 0
     for (case, names), child in zip(chosen, np.random.SeedSequence(seed).spawn(len(CASES)), strict=True):
         if not names:
             continue
@@ -175,23 +183,32 @@ def experiment(
 
 
 def run(runs: int = 100, out: Path | None = None, progress: Progress | None = None, seed: int = 0) -> Report:
-    """The whole experiment; with `out`, also its figures and JSON in that folder. About 20 minutes for 100 runs."""
+    """The whole experiment; with `out`, also its figures and JSON in that folder. About 20 minutes for 100 runs.
+
+    A Stopped from `progress` ends it early: the report then holds the rows that are finished.
+    """
     if runs < 1:
         raise ValueError(f"runs must be at least 1, got {runs}")
-    outcome = experiment(runs, seed, progress)
+    outcome, finished = Outcome(), False
+    with suppress(Stopped):
+        experiment(runs, seed, progress, outcome=outcome)
+        finished = True
     report = Report(
         paper=PAPER,
         title="Extended target tracking with random matrices and a virtual measurement model (Hoher et al., 2022)",
         settings={"runs": runs, "seed": seed, "steps before the errors count": SETTLED, "report": "project report"},
         columns=MEASURES,
+        legend=LEGEND,
         rows=tuple(outcome.rows),
-        verdicts=verdicts(outcome.errors),
+        verdicts=verdicts(outcome.errors) if finished else (),
+        interrupted=not finished,
     )
     if out is None:
         return report
-    from testbed.papers.figures_hoher2022 import draw
+    if finished:
+        from testbed.papers.figures_hoher2022 import draw
 
-    out.mkdir(parents=True, exist_ok=True)
-    report = replace(report, figures=draw(outcome.errors, outcome.traces, outcome.looks, out))
+        out.mkdir(parents=True, exist_ok=True)
+        report = replace(report, figures=draw(outcome.errors, outcome.traces, outcome.looks, out))
     report.write(out)
     return report

@@ -4,14 +4,20 @@ import json
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import version
+from math import isnan
 from pathlib import Path
 from typing import Any
 
+from rich import box
 from rich.markup import escape
 from rich.table import Table
 
 CONFIRMED, REFUTED = "confirmed", "not confirmed"
-Progress = Callable[[int, int, str], None]  # done, total, what is being done
+Progress = Callable[[float, float, str], None]  # done, total, what is being done; may raise Stopped
+
+
+class Stopped(Exception):
+    """A progress callback's wish to end a reproduction; what is finished until then is reported."""
 
 
 @dataclass(frozen=True)
@@ -68,9 +74,16 @@ class Report:
     title: str
     settings: Mapping[str, Any]
     columns: Mapping[str, int]  # measure -> digits
+    legend: str  # what the columns are, where their names do not say it
     rows: tuple[Row, ...]
     verdicts: tuple[Verdict, ...]
     figures: tuple[Path, ...] = ()
+    interrupted: bool = False  # it was stopped: rows are missing, and with them the verdicts
+
+    @property
+    def file(self) -> str:
+        """Name of the JSON file."""
+        return f"{self.paper}.json"
 
     @property
     def holds(self) -> bool:
@@ -90,25 +103,28 @@ class Report:
         return tuple(dict.fromkeys(row.case for row in self.rows))
 
     def tables(self) -> list[Table]:
-        """One table a case, the reference's figure in brackets, and the verdicts last."""
-        return [*(self._case(case) for case in self.cases), self._verdicts()]
+        """One table a case, the reference's figure in brackets, and the verdicts last, if there are any."""
+        return [*(self._case(case) for case in self.cases), *([self._verdicts()] if self.verdicts else [])]
 
     def _case(self, case: str) -> Table:
-        table = Table(title=escape(f"{self.paper}: {case}"), caption="measured (reference)")
+        rows = [row for row in self.rows if row.case == case]
+        caption = f"reference in brackets; {self.legend}" if case == self.cases[0] else None
+        table = light_table(f"{self.paper}: {case}", caption)
         table.add_column("method")
-        for column in self.columns:
-            table.add_column(escape(column), justify="right")
-        for row in self.rows:
-            if row.case == case:
-                table.add_row(escape(row.method), *(cell(row, name, n) for name, n in self.columns.items()))
+        for column, digits in self.columns.items():
+            widest = max(len(line) for row in rows for line in cell(row, column, digits).splitlines())
+            table.add_column(escape(column), justify="right", min_width=widest)
+        for row in rows:
+            table.add_row(escape(row.method), *(cell(row, name, n) for name, n in self.columns.items()))
         return table
 
     def _verdicts(self) -> Table:
-        table = Table(title=escape(f"{self.paper}: claims"), show_lines=True)
-        for column in ("claim", "verdict", "measured"):
-            table.add_column(column)
+        table = light_table(f"{self.paper}: claims")
+        table.add_column("verdict", width=20)
+        table.add_column("claim, and what was measured")
         for v in self.verdicts:
-            table.add_row(escape(f"{v.claim.text} ({v.claim.source})"), escape(v.outcome), escape(v.numbers))
+            claim = f"[bold]{escape(v.claim.text)}[/bold] ({escape(v.claim.source)})"
+            table.add_row(escape(v.outcome), f"{claim}\n{escape(v.numbers)}\n")
         return table
 
     def as_dict(self) -> dict[str, Any]:
@@ -116,6 +132,7 @@ class Report:
         return {
             "paper": self.paper,
             "title": self.title,
+            "interrupted": self.interrupted,
             "settings": dict(self.settings),
             "versions": {name: version(name) for name in ("eot-testbed", "numpy", "scipy")},
             "rows": [
@@ -132,16 +149,24 @@ class Report:
     def write(self, out: Path) -> Path:
         """Write `<paper>.json` into the folder `out` and return its path."""
         out.mkdir(parents=True, exist_ok=True)
-        path = out / f"{self.paper}.json"
+        path = out / self.file
         path.write_text(json.dumps(self.as_dict(), indent=1, allow_nan=False) + "\n", encoding="utf-8")
         return path
 
 
 def cell(row: Row, column: str, digits: int) -> str:
-    """One figure with the reference's in brackets; a dash where it was not measured."""
+    """One figure with the reference's in brackets below it; a dash where it was not measured."""
     value, reference = row.measured.get(column), row.reference.get(column)
-    text = "–" if value is None else f"{value:.{digits}f}"
-    return text if reference is None else f"{text} ({reference:.{digits}f})"
+    text = "–" if value is None or isnan(value) else f"{value:.{digits}f}"
+    return text if reference is None else f"{text}\n({reference:.{digits}f})"
+
+
+def light_table(title: str, caption: str | None = None) -> Table:
+    """Narrow: nine figures and their names fit into 80 columns."""
+    return Table(
+        title=escape(title), title_justify="left", title_style="bold", caption=caption, caption_justify="left",
+        box=box.SIMPLE_HEAD, padding=0, min_width=len(title) + 2,
+    )  # fmt: skip
 
 
 def finite(values: Mapping[str, float]) -> dict[str, float | None]:

@@ -152,6 +152,7 @@ class Training(NamedTuple):
 
     u: NDArray  # (N, 2) unit coordinates
     aspect: NDArray  # (N,) [rad]
+    size: NDArray  # (N, 2) [m] of the car
     to_sensor: NDArray  # (N, 2) [m] in the frame of the body
 
 
@@ -167,7 +168,7 @@ def draw_training(rng: np.random.Generator, count: int = 24000) -> Training:
     reach = rng.uniform(8.0, 50.0, count)
     to_sensor = -reach[:, None] * unit(-aspect)  # the line of sight has the angle -aspect in the body
     e = draw_partial(rng, to_sensor, size, 1)[:, 0] + rng.normal(0, NOISE, (count, 2))
-    return Training(2 * e / size, aspect, to_sensor)
+    return Training(2 * e / size, aspect, size, to_sensor)
 
 
 def seen_from(pose: NDArray, sensor: NDArray) -> tuple[NDArray, NDArray]:

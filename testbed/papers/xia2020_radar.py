@@ -4,23 +4,33 @@ The ego keeps its lane and speed, carries the rig and looks every policy step, 5
 """
 
 from collections.abc import Callable
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-import sensors
 from scenarios.adapter import SceneReader
 from scenarios.highway import ScenarioEnv
 from sensors.radar import Radar
 from sensors.scene import Scene
-from testbed.learning_data import Detections, sample
-from testbed.papers.xia2020_methods import LEARNED, LEARNED_N, MAP, MATCHED_PARTIAL, MM, ONLINE_N, RM, RM_MATCHED, SEED
+from testbed.papers.xia2020_methods import (
+    LEARNED,
+    LEARNED_N,
+    MATCHED_PARTIAL,
+    MM,
+    ON_OTHER,
+    ON_REAL,
+    ON_RIG,
+    ONLINE_N,
+    OTHER_RIG,
+    REAL,
+    RIG,
+    RM,
+    RM_MATCHED,
+    SEED,
+)
 from testbed.papers.xia2020_trials import MEAN_SIZE, START_STD, Method, Trial, start
 from trackers.geometry import unit
-from trackers.htg.bins import HTGTable
 from trackers.htg.learned import HTGLearned
-from trackers.htg.learning import FitOptions, fit_table
 from trackers.htg.map import HTGMap
 from trackers.htg.moment import HTGMoment
 from trackers.htg.online import HTGOnline
@@ -28,10 +38,7 @@ from trackers.random_matrix import RandomMatrix
 from trackers.scan import Scan
 
 SCENARIOS = ("xia2020-lane", "xia2020-right-turn", "xia2020-s-curve", "hoher2022-u-turn")
-RIG, OTHER_RIG = "surround", "imaging"
-DETECTIONS = 20000  # that a table is learned from
 IDLE = 1  # the meta-action
-ON_RIG, ON_OTHER = f"{MAP} of {RIG}", f"{MAP} of {OTHER_RIG}"
 
 
 def episode(name: str, seed: int) -> list[Scene]:
@@ -84,14 +91,14 @@ def pad(scans: list[list[Scan]]) -> Scan:
 
 
 def radar_trial(
-    scenario: str, radar: Radar, runs: int, seed: int, progress: Callable[[int, int], None] = lambda done, total: None
+    scenario: str, radar: Radar, runs: int, seed: int, tick: Callable[[int], None] = lambda ride: None
 ) -> Trial:
-    """Episodes with seeds seed, seed + 1, ...; the first kinematic state is the truth."""
+    """Episodes with seeds seed, seed + 1, ...; the first kinematic state is the truth. tick(ride) before each."""
     rides, scans = [], []
     for k in range(runs):
+        tick(k)
         rides.append(episode(scenario, seed + k))
         scans.append(looks_at(rides[-1][1:], radar, np.random.default_rng([seed + k, SEED])))
-        progress(k + 1, runs)
     objects = [[scene.objects for scene in ride] for ride in rides]
     pose = np.array([[o.pose[0] for o in ride] for ride in objects]).swapaxes(0, 1)
     velocity = np.array([[o.velocity[0] for o in ride] for ride in objects]).swapaxes(0, 1)
@@ -105,31 +112,18 @@ def radar_trial(
     )  # fmt: skip
 
 
-@lru_cache
-def detections(rig: str) -> Detections:
-    """Detections of lone cars by a rig of ours."""
-    return sample(sensors.find(rig), "car", DETECTIONS, np.random.default_rng(SEED))
-
-
-@lru_cache
-def rig_table(rig: str, bins: int = 8, mass: float = 0.0) -> HTGTable:
-    """The densities learned on a rig of ours; r is what the data sheet does not explain."""
-    data = detections(rig)
-    options = FitOptions(mass_min=mass)
-    return fit_table(data.u, data.aspect, data.noise, bins=bins, options=options, name=f"{rig}-car").table
-
-
 def radar_methods() -> tuple[Method, ...]:
-    """Rows on our radar: the tables are learned on the rig itself, the last row's on another."""
+    """Rows on our radar; the tables are the shipped ones, learned on the rig itself or on another radar."""
     slow = RandomMatrix(tau=10.0)
-    held = rig_table(RIG, mass=0.25)
+    held = f"{RIG}-car-cd25"
     return (
-        Method(RM, slow),
-        Method(RM_MATCHED, RandomMatrix(tau=10.0, rho=MATCHED_PARTIAL)),
-        Method(ONLINE_N, HTGOnline(RandomMatrix(tau=10.0, rho=0.35))),
-        Method(LEARNED, HTGLearned(held, slow)),
-        Method(LEARNED_N, HTGLearned(held, slow, iterations=20, n_count=True)),
-        Method(MM, HTGMoment(rig_table(RIG, 16), slow)),
-        Method(ON_RIG, HTGMap(rig_table(RIG)), size_std=0.1),
-        Method(ON_OTHER, HTGMap(rig_table(OTHER_RIG)), size_std=0.1),
+        Method(RM, lambda: slow),
+        Method(RM_MATCHED, lambda: RandomMatrix(tau=10.0, rho=MATCHED_PARTIAL)),
+        Method(ONLINE_N, lambda: HTGOnline(RandomMatrix(tau=10.0, rho=0.35))),
+        Method(LEARNED, lambda: HTGLearned(held, slow)),
+        Method(LEARNED_N, lambda: HTGLearned(held, slow, iterations=20, n_count=True)),
+        Method(MM, lambda: HTGMoment(f"{RIG}-car", slow)),
+        Method(ON_RIG, lambda: HTGMap(f"{RIG}-car"), size_std=0.1),
+        Method(ON_OTHER, lambda: HTGMap(f"{OTHER_RIG}-car"), size_std=0.1),
+        Method(ON_REAL, lambda: HTGMap(f"{REAL}-car"), size_std=0.1),
     )

@@ -2,18 +2,20 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 
-from testbed.papers.verdict import Progress, Row
+from testbed.papers.verdict import Row
 from testbed.papers.xia2020_trials import Errors, Method, Trace, Trial, errors, track
 from trackers.geometry import unit
 
-COLUMNS: Mapping[str, int] = {
-    "pos": 3, "vel": 3, "head": 2, "len": 3, "wid": 3, "len bias": 2, "gwd2": 3, "se": 3, "gwd": 3, "nees": 1,
-    "nees vel": 1,
+COLUMNS: Mapping[str, int] = {  # of `Errors.summary`, on paper; the JSON has them all
+    "pos": 2, "vel": 2, "head": 1, "len": 2, "wid": 2, "gwd2": 3, "se": 3, "gwd": 2, "nees": 1,
 }  # fmt: skip
+LEGEND = (
+    "pos, vel, head, len, wid: root mean square errors [m, m/s, deg, m, m]; gwd2 [m^2]: mean squared Gaussian "
+    "Wasserstein distance, se its standard error; gwd [m]: mean of the root; nees of the position, 2 is ideal"
+)
 
 
 @dataclass
@@ -25,28 +27,20 @@ class Results:
     errors: dict[tuple[str, str], Errors] = field(default_factory=dict)
     rows: list[Row] = field(default_factory=list)
     used: dict[tuple[str, str], Method] = field(default_factory=dict)
-    figures: list[Path] = field(default_factory=list)
 
-    def add(self, trial: Trial, method: Method, reference: Mapping[str, float]) -> None:
-        """Run a method on a trial and keep what it says."""
-        key = trial.name, method.name
-        self.trials[trial.name], self.used[key] = trial, method
-        self.traces[key] = track(method, trial)
-        self.errors[key] = errors(self.traces[key], trial)
-        self.rows.append(Row(*key, self.errors[key].summary(), reference))
-
-    def run(
+    def add(
         self,
         trial: Trial,
-        methods: Sequence[Method],
-        reference: Callable[[str, str], dict[str, float]] = lambda case, method: {},
-        progress: Progress | None = None,
+        method: Method,
+        reference: Mapping[str, float],
+        tick: Callable[[int], None] = lambda step: None,
     ) -> None:
-        """All methods on the same detections."""
-        for k, method in enumerate(methods):
-            if progress is not None:
-                progress(k, len(methods), f"{trial.name}: {method.name}")
-            self.add(trial, method, reference(trial.name, method.name))
+        """Run a method on a trial and keep what it says; tick as in `track`."""
+        key = trial.name, method.name
+        self.trials[trial.name], self.used[key] = trial, method
+        self.traces[key] = track(method, trial, tick)
+        self.errors[key] = errors(self.traces[key], trial)
+        self.rows.append(Row(*key, self.errors[key].summary(), reference))
 
     def methods(self, case: str, names: Sequence[str]) -> dict[str, Method]:
         """Methods by name, as they were used in a case."""

@@ -3,6 +3,7 @@
 All filters of a trial see the same detections. Set-ups: card htg_rm, section 8.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -27,6 +28,8 @@ from trackers.random_matrix import RMState
 from trackers.scan import Scan
 
 DURATION = 20.0  # [s]
+FULL_DT = 0.2  # [s] of the full view
+FULL_STEPS = round(DURATION / FULL_DT)
 SIZE = np.array([4.7, 1.8])  # [m] of the vehicle in full view
 FIRST_SIZE = np.array([4.0, 2.2])  # [m] what filters start from there
 MEAN_SIZE = np.array([4.62, 1.95])  # [m] what they start from in partial view, an average car
@@ -51,7 +54,7 @@ class Method:
     """A row of a table."""
 
     name: str
-    filter: Any  # a trackers.protocols.Filter
+    make: Callable[[], Any]  # the trackers.protocols.Filter; learns its table, so not before it is wanted
     size_std: float = 1 / 6  # initial size, standard deviation over mean; 1/6 is nu0 = 26 of a random matrix
 
 
@@ -126,8 +129,7 @@ def full_view(
     """
     if generator not in GENERATORS:
         raise ValueError(f"generator must be one of {', '.join(GENERATORS)}, got {generator!r}")
-    dt = 0.2
-    t = dt * np.arange(1, round(DURATION / dt) + 1)
+    t = FULL_DT * np.arange(1, FULL_STEPS + 1)
     truth = drive(FULL_VIEW.start, FULL_VIEW.turns, t)[:, None]
     x0 = np.array([*FULL_VIEW.start, 0.0]) + rng.standard_normal((runs, 5)) * np.asarray(start_std)
     n = rng.poisson(rate, (len(t), runs))
@@ -136,7 +138,7 @@ def full_view(
     scan = Scan.from_xy(to_world(truth[..., :3], e), mask)
     std = np.maximum(np.asarray(start_std, float), START_STD)
     return Trial(
-        f"full view, {generator}", dt, 10, *motion(truth, runs), np.tile(SIZE, (runs, 1)), spread_scan(scan),
+        f"full view, {generator}", FULL_DT, 10, *motion(truth, runs), np.tile(SIZE, (runs, 1)), spread_scan(scan),
         start(x0, FIRST_SIZE, std),
     )  # fmt: skip
 
@@ -194,12 +196,13 @@ def start(x0: NDArray, size: NDArray, std: NDArray) -> Estimate:
     )
 
 
-def track(method: Method, trial: Trial) -> Trace:
-    """What the method says about the trial."""
-    f = method.filter
+def track(method: Method, trial: Trial, tick: Callable[[int], None] = lambda step: None) -> Trace:
+    """What the method says about the trial; tick(step) is called before each step."""
+    f = method.make()
     state = f.init(trial.start._replace(size_std=method.size_std * trial.start.size))
     seen, extents = [], []
     for k in range(len(trial.pose)):
+        tick(k)
         state = f.predict(state, trial.dt)
         state, _ = f.update(state, take(trial.scan, np.array(k)))
         seen.append(f.estimate(state))

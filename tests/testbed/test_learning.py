@@ -1,13 +1,19 @@
 """Offline learning end to end: data sources, the table on disk, held-out comparison, shipped tables."""
 
+import io
 import json
+import shlex
+import sys
 
 import numpy as np
 import pytest
+from rich.console import Console
+from scipy.stats import t as student
 
 import sensors
 from testbed.calibration import DATA
-from testbed.learning import LearnConfig, learn, report
+from testbed.cli import main
+from testbed.learning import LearnConfig, Learned, learn, report
 from testbed.learning_data import (
     GROWN,
     Detections,
@@ -19,14 +25,16 @@ from testbed.learning_data import (
     unit_coordinates,
     unit_noise,
 )
+from testbed.learning_docs import PAGE, shipped
 from testbed.log.detections import read_detections
 from testbed.run import RunConfig
 from testbed.run import run as run_once
-from testbed.spatial_comparison import cross_validate, folds, inside_share, judge, table
+from testbed.spatial_comparison import HeldOut, cross_validate, folds, gap, inside_share, judge, table, verdicts
 from testbed.spatial_models import SpatialModel, fit_gaussian, fit_mixture, fit_uniform
 from trackers.geometry import box_corners, rotation, to_frame
 from trackers.htg.bins import SHIPPED, load
 from trackers.htg.density import log_density, log_mass
+from trackers.htg.learning import TableFit
 
 needs_data = pytest.mark.skipif(
     not (DATA / "objects.npz").exists(), reason="the real detections are not part of this project and not beside it"
@@ -122,18 +130,46 @@ def test_an_archive_gives_the_detections_of_one_class(tmp_path):
     assert read(f"{file}:truck").aspect.tolist() == [1.0]
 
 
+U = np.tile([[0.9, 0.1]], (3, 1))
+METRIC = {"xy": U, "pose": np.zeros((3, 3)), "size": np.ones((3, 2)), "sensor": np.ones((3, 2))}
+
+
 @pytest.mark.parametrize(
     ("arrays", "message"),
     [
-        ({"u": np.zeros((3, 2))}, "lacks aspect"),
-        ({"xy": np.zeros((3, 2)), "pose": np.zeros((3, 3))}, "lacks size, sensor"),
-        ({"u": np.zeros((3, 2)), "aspect": np.zeros(4)}, r"aspect of .* must be \(3,\), got \(4,\)"),
+        ({"u": U}, "lacks aspect; it must hold u, aspect; or xy, pose, size, sensor"),
+        ({"xy": U, "pose": np.zeros((3, 3))}, "lacks size, sensor"),
+        ({"u": U, "aspect": np.zeros(4)}, r"aspect of .* must be \(N,\) with N of u, got \(4,\)"),
+        ({"u": 1.0, "aspect": np.zeros(3)}, r"u of .* must be \(N, 2\)"),
+        ({"u": U.astype(str), "aspect": np.zeros(3)}, "u of .* must be real numbers"),
+        ({"u": U, "aspect": np.zeros(3), "look": np.zeros(3)}, "look of .* must be whole numbers"),
         ({"u": np.array([None, 1], object), "aspect": np.zeros(2)}, "without unpickling"),
+        ({"u": U * [np.nan, 1], "aspect": np.zeros(3)}, "u of .* has 3 values that are not finite"),
+        ({"u": U, "aspect": np.array([0, 0, np.inf])}, "aspect of .* has 1 values that are not finite"),
+        ({"u": U, "aspect": np.array([0.0, 90.0, 180.0])}, "aspect of .* must be in radians, got up to 180"),
+        ({"u": U * 20, "aspect": np.zeros(3)}, "are positions in metres"),
+        ({"u": U, "aspect": np.zeros(3), "noise": np.tile(-np.eye(2), (3, 1, 1))}, "negative variance"),
+        ({"u": U, "aspect": np.zeros(3), "kind": np.array(["Car"] * 3)}, r"no detection of a car .* only of Car"),
+        (METRIC | {"size": np.zeros((3, 2))}, "size of .* must be positive, got 0 m"),
     ],
 )
 def test_a_wrong_archive_is_refused_in_one_sentence(tmp_path, arrays, message):
     with pytest.raises(ValueError, match=message):
         read(str(write(tmp_path / "a.npz", **arrays)))
+
+
+@pytest.mark.parametrize("damage", ["empty", "cut", "flipped", "npy"])
+def test_a_damaged_archive_is_refused_in_one_sentence(tmp_path, damage):
+    file = write(tmp_path / "a.npz", u=np.zeros((50, 2)), aspect=np.zeros(50))
+    content = bytearray(file.read_bytes())
+    content[300:310] = b"\1" * 10
+    if damage == "npy":
+        np.save(tmp_path / "a.npy", U)
+        (tmp_path / "a.npy").replace(file)
+    else:
+        file.write_bytes({"empty": b"", "cut": content[:400], "flipped": content}[damage])
+    with pytest.raises(ValueError, match=r"is not an \.npz file|is damaged"):
+        read(str(file))
 
 
 def test_what_is_not_there_is_said_so(tmp_path):
@@ -143,6 +179,12 @@ def test_what_is_not_there_is_said_so(tmp_path):
         read(str(tmp_path))
     with pytest.raises(LookupError, match="did you mean 'surround'"):
         read("sampler:suround")
+    write(tmp_path / "objects.npz", u=U)
+    with pytest.raises(ValueError, match="lacks columns, objects, points, offsets, classes"):
+        read(str(tmp_path))
+    (tmp_path / "a.rrd").write_text("no log")
+    with pytest.raises(ValueError, match="is not a review log"):
+        read(str(tmp_path / "a.rrd"))
 
 
 def test_a_recording_gives_the_detections_of_its_radar(tmp_path):
@@ -189,6 +231,17 @@ def test_a_learned_table_is_what_the_filters_load(learned):
     assert again.mean[front, 0] > 0.2
 
 
+def test_a_learned_table_has_the_typical_size_of_its_vehicles(learned, tmp_path):
+    got, _ = learned
+    np.testing.assert_allclose(load(str(got.path)).size, got.detections.size.mean(0), atol=1e-3)
+    assert 4.0 < got.fit.table.size[0] < 5.5
+    rng = np.random.default_rng(19)
+    u, aspect = rng.normal(0, 0.5, (60, 2)), rng.uniform(-3, 3, 60)
+    for size, words in (({"size": np.tile([12.0, 2.5], (60, 1))}, "12.00 x 2.50 m"), ({}, "1.86 m, taken for granted")):
+        file = write(tmp_path / "a.npz", u=u, aspect=aspect, **size)
+        assert words in " ".join(printed(learn(LearnConfig(str(file), bins=1), tmp_path / "a.json")).split())
+
+
 def test_a_learned_table_tells_where_it_comes_from(learned):
     got, _ = learned
     facts = json.loads(got.path.read_text())["provenance"]
@@ -205,17 +258,82 @@ def test_learning_tells_its_progress_and_reports_every_bin(learned):
     got, calls = learned
     assert {what for _, _, what in calls} == {"surround on cars", "fitting mine"}
     assert calls[-1][:2] == (2, 2)
-    assert report(got).row_count == 2
+    table, *_ = report(got)
+    assert table.row_count == 2
+
+
+def printed(learned):
+    console = Console(width=80, record=True, file=io.StringIO())
+    for part in report(learned):
+        console.print(part)
+    return console.export_text()
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_a_report_fits_80_columns_without_losing_a_digit(name):
+    shipped, facts = load(name), json.loads((SHIPPED / f"{name}.json").read_text())["provenance"]
+    warnings = tuple(tuple(facts["warnings"].get(str(k), ())) for k in range(8))
+    fit = TableFit(shipped, np.array(facts["counts"]), np.array(facts["log_likelihood"]), warnings)
+    data = Detections(np.zeros((facts["detections"], 2)), np.zeros(0), None, np.zeros(0), facts["data"])
+    text = printed(Learned(fit, data, SHIPPED / f"{name}.json"))
+    assert "…" not in text
+    assert max(map(len, text.splitlines())) <= 80
+    numbers = [f"{x:.2f}" for x in shipped.p.bounds.ravel()] + [f"{x:.3f}" for x in facts["log_likelihood"]]
+    for number in (*map(str, facts["counts"]), *numbers):
+        assert number in text
+    words = " ".join(text.split())
+    for warning in {text for bin_ in warnings for text in bin_}:
+        assert warning in words
+
+
+def test_bins_with_the_same_caution_share_a_line(learned):
+    got, _ = learned
+    warned = got._replace(fit=got.fit._replace(warnings=(("only 60 detections",), ("only 60 detections",))))
+    assert "caution, aspect -180, +0: only 60 detections" in printed(warned)
+    assert "caution" not in printed(got._replace(fit=got.fit._replace(warnings=((), ()))))
 
 
 def test_what_cannot_be_written_or_learned_is_refused(tmp_path):
     with pytest.raises(ValueError, match=r"out must be a \.json file"):
         learn(LearnConfig("sampler:surround"), tmp_path / "table.npz")
-    file = write(tmp_path / "a.npz", u=np.zeros((3, 2)), aspect=np.zeros(3), kind=np.array(["car"] * 3))
+    (tmp_path / "folder.json").mkdir()
+    with pytest.raises(ValueError, match="got the directory"):
+        learn(LearnConfig("sampler:surround"), tmp_path / "folder.json")
+    file = write(tmp_path / "a.npz", u=np.zeros((0, 2)), aspect=np.zeros(0))
     with pytest.raises(ValueError, match="has no detection of that class"):
-        learn(LearnConfig(f"{file}:truck"), tmp_path / "a.json")
-    with pytest.raises(ValueError, match="bins must be at least 1"):
-        LearnConfig("sampler:surround", bins=0)
+        learn(LearnConfig(str(file)), tmp_path / "a.json")
+    file = write(tmp_path / "a.npz", u=np.tile(U, (30, 1)), aspect=np.zeros(90))
+    with pytest.raises(ValueError, match="bin 0 of 8, at an aspect of -180 deg, has 0 detections, needs 20"):
+        learn(LearnConfig(str(file)), tmp_path / "a.json")
+    assert not (tmp_path / "a.json").exists()
+
+
+@pytest.mark.parametrize("wrong", [{"bins": 0}, {"count": 0}, {"seed": -1}, {"mass_min": 2.0}])
+def test_a_wrong_setting_is_refused_by_name(wrong):
+    with pytest.raises(ValueError, match=next(iter(wrong))):
+        LearnConfig("sampler:surround", **wrong)
+
+
+def test_the_command_in_the_provenance_is_one_that_the_command_line_takes(tmp_path, monkeypatch, capsys):
+    rng = np.random.default_rng(18)
+    file = write(tmp_path / "a b.npz", u=rng.normal(0, 0.5, (60, 2)), aspect=rng.uniform(-3, 3, 60))
+    monkeypatch.chdir(tmp_path)
+    config = LearnConfig(file.name, bins=2, centred=False, mirrored=False, mass_min=0.1, count=5, seed=2)
+    monkeypatch.setattr(sys, "argv", shlex.split(config.command("o.json")))
+    with pytest.raises(SystemExit) as done:
+        main()
+    assert not done.value.code
+    assert "table    o.json" in capsys.readouterr().out
+    assert json.loads((tmp_path / "o.json").read_text())["provenance"]["command"] == config.command("o.json")
+
+
+def test_a_fault_of_the_input_is_one_sentence_and_exit_status_2(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["testbed", "learn-htg", "nowhere.npz", "--out", str(tmp_path / "o.json")])
+    with pytest.raises(SystemExit) as done:
+        main()
+    assert done.value.code == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("testbed: data: there is no nowhere.npz")
 
 
 @pytest.mark.parametrize("name", TABLES)
@@ -231,6 +349,8 @@ def test_a_shipped_table_says_how_it_was_made_and_looks_the_right_way(name):
     assert shipped.mean[front, 0] > 0.2
     np.testing.assert_allclose(np.exp(log_mass(shipped.p)), facts["mass"], rtol=0.01)
     assert (np.linalg.eigvalsh(shipped.cov) > 0).all()
+    low, high = {"car": (4.0, 5.0), "truck": (9.0, 14.0)}[name.split("-")[1]]
+    assert low < shipped.size[0] < high  # htg-map keeps depths metric as on a vehicle of this size
     if name.endswith("-cd25"):
         assert (np.exp(log_mass(shipped.p)) > 0.2).all()
 
@@ -290,9 +410,10 @@ def test_a_model_is_judged_on_what_it_has_not_seen():
     u = np.concatenate([rng.normal(0, 0.1, (400, 2)), rng.normal([0.9, 0], 0.02, (100, 2))])
     held = np.arange(500) >= 400
     model = SpatialModel("one Gaussian", 5, fit_gaussian, bins=1)
-    plain, gated = judge(model, u, np.zeros(500), held)
+    plain, gated = judge(model, u, np.zeros(500), held).mean(1)
     assert plain < -20  # a cluster that it never saw
     assert gated == pytest.approx(plain, abs=1e-6)
+    assert judge(model, u, np.zeros(500), ~held)[0].mean() < -5
 
 
 def test_the_comparison_has_a_row_for_every_model():
@@ -301,8 +422,39 @@ def test_the_comparison_has_a_row_for_every_model():
     data = Detections(rng.uniform(-1, 1, (n, 2)), rng.uniform(-3, 3, n), None, np.arange(n), "made up")
     models = [SpatialModel("uniform", 0, fit_uniform, bins=1), SpatialModel("Gaussian", 5, fit_gaussian, bins=1)]
     rows = cross_validate(data, models, 4)
-    assert rows[0].plain == pytest.approx(np.full(4, -np.log(5.76)))
+    assert rows[0].plain == pytest.approx(np.full(n, -np.log(5.76)))
     assert rows[0].gated == pytest.approx(rows[0].plain)
     lines = table(rows)
     assert len(lines) == 4
     assert "| 5 |" in lines[3]
+    assert "- Gaussian (5): better by" in verdicts(rows)[0]
+
+
+def held_out(name, log_p):
+    return HeldOut(SpatialModel(name, 1, fit_uniform), log_p, log_p, np.ones(len(log_p), int))
+
+
+def test_an_interval_takes_neighbouring_scans_for_one_draw():
+    rng = np.random.default_rng(11)
+    draws = rng.normal(0.1, 1.0, 40)
+    base, row = held_out("base", np.zeros(400)), held_out("row", np.repeat(draws, 10))
+    got = gap(row, base, gated=True)
+    assert got.mean == pytest.approx(draws.mean())
+    assert got.half == pytest.approx(student.ppf(0.975, 39) * draws.std(ddof=1) / np.sqrt(40))
+
+
+@pytest.mark.parametrize(("advantage", "words"), [(0.5, ": better by 0.5"), (0.0, ": cannot be told apart")])
+def test_a_verdict_needs_an_interval_without_zero(advantage, words):
+    noise = np.random.default_rng(12).normal(0, 0.3, 200)
+    rows = [held_out("base", np.zeros(200)), held_out("row", noise - noise.mean() + advantage)]
+    assert words in verdicts(rows)[0]
+    np.testing.assert_allclose(gap(rows[1], rows[0], True).mean, advantage, atol=1e-12)
+
+
+# -- the page ---------------------------------------------------------------------------------------------------------
+
+
+def test_the_page_in_the_docs_lists_the_shipped_tables_as_they_are():
+    lines = PAGE.read_text().splitlines()
+    first = lines.index(shipped()[0])
+    assert lines[first : first + len(shipped())] == shipped()

@@ -19,6 +19,7 @@ from sensors.source import CLUTTER, STATIC
 from trackers import Scan
 
 FILTERS = ("rm-feldmann", "rm-surface")
+MEASURED = (*FILTERS, "htg-map")
 BURST = (1.5, 2.1)  # [s]
 GHOST = (2.0, 4.0)  # [s]
 
@@ -48,9 +49,13 @@ def run(case: str, name: str) -> Outcome:
     return drive(world, tracker_for(world, name, seconds), seconds, **more)
 
 
-def position_error(outcome: Outcome, start: float, end: float) -> NDArray:
-    """Distances [m] of object 0 and its track over a span of time."""
-    return np.array([s.score.errors[0]["position"] for s in outcome.steps if start <= s.time < end])
+def near_end(outcome: Outcome, start: float) -> tuple[NDArray, NDArray]:
+    """How far [m] the rear of the only track lies off that of object 0, and its length [m], from a time on."""
+    steps = [s for s in outcome.steps if s.time >= start]
+    truth = np.array([s.scene.objects.pose[0, 0] - s.scene.objects.size[0, 0] / 2 for s in steps])
+    tracks = [s.tracks.reported.estimate for s in steps]
+    length = np.array([float(t.size[0, 0]) for t in tracks])
+    return np.array([float(t.pose[0, 0]) for t in tracks]) - length / 2 - truth, length
 
 
 def leaves(value: Any) -> list[NDArray]:
@@ -59,29 +64,29 @@ def leaves(value: Any) -> list[NDArray]:
     return [a for v in value for a in leaves(v)] if isinstance(value, tuple) else [np.asarray(value)]
 
 
-# GOSPA [m] measured with seed 0: rm-feldmann, rm-surface. The card's own filter: 3.7, 1.4, 3.4, .49, .36, .47, .54,
+# GOSPA [m] measured with seed 0, in the order of MEASURED. The card's own filter: 3.7, 1.4, 3.4, .49, .36, .47, .54,
 # .93, -, 7.6, 6.7; where a truck is seen from behind its unknown length counts as missed and as false (pitfall 8).
 GOSPA = {
-    "abreast": (6.12, 5.27),
-    "truck and car": (3.99, 2.05),
-    "hidden": (5.29, 5.05),
-    "overtaking": (1.15, 1.01),
-    "leaving": (1.37, 1.07),
-    "abeam": (1.80, 1.65),
-    "cut-in": (1.54, 0.96),
-    "tailgaters": (2.22, 0.80),
-    "passing truck": (3.20, 2.84),
-    "jam": (11.18, 8.96),
-    "turn": (6.35, 4.62),
-    "ghost": (2.43, 2.32),
+    "abreast": (6.12, 5.27, 5.01),
+    "truck and car": (3.99, 2.05, 0.62),
+    "hidden": (5.29, 5.05, 5.14),
+    "overtaking": (1.15, 1.01, 0.33),
+    "leaving": (1.37, 1.07, 0.29),
+    "abeam": (1.80, 1.65, 0.70),
+    "cut-in": (1.54, 0.96, 0.93),
+    "tailgaters": (2.22, 0.80, 0.43),
+    "passing truck": (3.20, 2.84, 2.80),
+    "jam": (11.18, 8.96, 9.37),
+    "turn": (6.35, 4.62, 5.31),
+    "ghost": (2.43, 3.20, 2.13),
 }
 
 
-@pytest.mark.parametrize("name", FILTERS)
+@pytest.mark.parametrize("name", MEASURED)
 @pytest.mark.parametrize("case", GOSPA)
 def test_gospa_stays_near_what_was_measured(case, name):
     """Within 30 %, and 0.3 m where it is small: other roundings give other duplicates for a scan or two."""
-    measured = GOSPA[case][FILTERS.index(name)]
+    measured = GOSPA[case][MEASURED.index(name)]
     assert run(case, name).table["gospa"] == pytest.approx(measured, rel=0.3, abs=0.3)
 
 
@@ -184,16 +189,16 @@ class TestCase:
         assert outcome.false().mean() <= 1.5
         assert outcome.table["lost"] == 0
 
-    def test_14_a_ghost_six_metres_behind_the_lead_car_goes_again(self, name):
-        """The plain random matrix is too short to keep them apart and grows over the ghost: its centre moves 1.6 m."""
-        outcome = run("ghost", name)
-        assert len(outcome.ids(0)) == 1
-        before, during = position_error(outcome, 1.0, GHOST[0]), position_error(outcome, *GHOST)
-        moved = np.abs(during - before.mean()).max()
-        assert moved <= {"rm-feldmann": 2.0, "rm-surface": 0.3}[name]
-        assert outcome.false(GHOST[1] + 1.0).max() == 0
-        after = position_error(outcome, GHOST[1] + 1.4, np.inf)
-        assert np.abs(after - before.mean()).max() <= 0.8
+
+@pytest.mark.parametrize(("name", "off"), [("rm-feldmann", 4.5), ("rm-surface", 2.3), ("htg-map", 0.5)])
+def test_14_a_ghost_six_metres_beyond_the_lead_car_goes_again(name, off):
+    """At that speed nothing follows so closely: one long vehicle is made of both, and its near end stays."""
+    outcome = run("ghost", name)
+    assert len(outcome.ids(0)) == 1
+    error, length = near_end(outcome, 1.0)
+    assert np.abs(error).max() <= off  # [m]
+    assert length[-1] < length.max() - 0.8  # it shrinks again, slowly
+    assert outcome.false(GHOST[1] + 1.0).max() == 0
 
 
 def test_15_order_splitting_and_padding_of_seven_radars_change_nothing():

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from testbed.log import reader
+from testbed.perception import Cost
 from testbed.run import RunConfig, check, make_env, run
+from trackers.multi.tracks import StepInfo
 
 
 def short(out, **settings):
@@ -43,7 +45,7 @@ def test_a_run_leaves_a_log_and_results_that_read_back(twice):
     assert reader.properties(done.rrd)["run"]["scenario"] == "cut-in"
     assert not done.interrupted
     assert done.exit_status == 0
-    assert set(done.result["timing"]) == {"sense", "track", "metrics", "log", "wall"}
+    assert set(done.result["timing"]) == {"sense", "track", "metrics", "log", "wall", "cpu", "trackers"}
 
 
 def test_the_log_has_the_errors_of_the_results(twice):
@@ -68,6 +70,28 @@ def test_neither_radar_nor_tracker_changes_the_traffic(tmp_path):
     others, other_scans = record(short(tmp_path, log="off", radar="imaging", trackers=("rm-surface",)))
     assert equal(poses, others)
     assert not equal([s.polar for s in scans], [s.polar for s in other_scans])
+
+
+def test_the_cost_of_a_tracker_counts_tracks_that_got_a_detection():
+    step = StepInfo(*[np.zeros(0)] * 7, events=())
+    cost = Cost().after(0.002, step._replace(detections=np.array([0, 3, 1])))
+    assert np.isnan(Cost().after(0.002, step).row()["us_per_update"])
+    cost = cost.after(0.004, step._replace(detections=np.array([2])))
+    assert cost.row() == pytest.approx({"ms_per_scan": 3.0, "us_per_update": 2000.0})
+
+
+def test_the_costs_of_the_trackers_are_the_time_spent_on_tracking(tmp_path):
+    done = run(short(tmp_path, log="off", trackers=("rm-feldmann", "rm-surface"))).result
+    timing, scans = done["timing"], done["trackers"]["rm-feldmann"]["scans"]
+    spent = sum(cost["ms_per_scan"] for cost in timing["trackers"].values()) * scans / 1e3
+    assert 0.8 * timing["track"] < spent < timing["track"]
+
+
+def test_observers_see_every_look(tmp_path):
+    times = []
+    done = run(short(tmp_path, log="off"), observers=[lambda step, time, *rest: times.append(time)])
+    assert len(times) == done.result["trackers"]["rm-feldmann"]["scans"]
+    assert times[0] == 0.0
 
 
 def test_a_further_tracker_changes_neither_detections_nor_the_first(tmp_path):

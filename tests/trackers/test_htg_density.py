@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.special import log_ndtr
 
 from trackers.geometry import rotation
-from trackers.htg.bins import Frame, HTGTable, aspect_angle, load, metric_ends, save, single, warp
+from trackers.htg.bins import Frame, HTGTable, aspect_angle, by_length, load, metric_ends, resolve, save, single, warp
 from trackers.htg.density import HTG, complement, log_density, log_mass, moments, sample, score
 from trackers.htg.information import information, score_moments
 
@@ -238,13 +238,48 @@ def test_metric_ends_face_the_sensor():
     assert at(np.pi / 4) == [0, 0]
 
 
+def test_two_classes_are_parted_by_length():
+    rng = np.random.default_rng(1)
+    short, long = some_table(), some_table(size=(12.0, 2.5))
+    both = metric_ends(by_length(short, long, 6.5))
+    assert (both.aspects, len(both)) == (8, 16)
+    aspect, length = rng.uniform(-np.pi, np.pi, 50), rng.uniform(3.0, 16.0, 50)
+    index = both.bin_of(aspect, length)
+    for table, mine in ((short, length <= 6.5), (long, length > 6.5)):
+        old = table.bin_of(aspect[mine])
+        for a, b in zip(both.of(index[mine]), table.of(old), strict=True):
+            np.testing.assert_array_equal(a, b)
+        np.testing.assert_array_equal(both.frame(index[mine]).size, np.tile(table.size, (mine.sum(), 1)))
+    np.testing.assert_array_equal(both.anchor[:8], metric_ends(short).anchor)
+    assert not both.anchor[8:].any()  # a truck is seen from end to end
+
+
+def test_names_joined_by_plus_are_two_classes():
+    both = resolve("surround-car+surround-truck")
+    assert both is resolve("surround-car+surround-truck")
+    np.testing.assert_array_equal(
+        both.p.rho, np.concatenate([load("surround-car").p.rho, load("surround-truck").p.rho])
+    )
+    with pytest.raises(LookupError, match="no table 'surround-lorry'"):
+        resolve("surround-car+surround-lorry")
+
+
+def test_classes_with_other_bins_are_refused_and_two_are_not_one_file(tmp_path):
+    both = by_length(some_table(), some_table())
+    for other in (some_table(B=4), some_table(centred=False), both):
+        with pytest.raises(ValueError, match="must have the same bins"):
+            by_length(some_table(), other)
+    with pytest.raises(ValueError, match="is of two classes"):
+        save(both, tmp_path / "both.json")
+
+
 def test_anchors_hold_their_end_and_change_nothing_at_the_typical_size():
     size = (4.6, 1.86)
     anchor = np.array([[-1.0, 0.0], [1.0, 1.0], [0.0, 0.0], [0.5, -0.3]])
-    h, shift = warp(np.array([2.3, 0.93]), Frame(anchor, np.ones(2), np.zeros(2)), size)
+    h, shift = warp(np.array([2.3, 0.93]), Frame(anchor, np.ones(2), np.zeros(2), size))
     np.testing.assert_allclose(h, np.tile([2.3, 0.93], (4, 1)))
     np.testing.assert_allclose(shift, 0)
-    h, shift = warp(np.array([6.0, 1.25]), Frame(anchor, np.ones(2), np.zeros(2)), size)
+    h, shift = warp(np.array([6.0, 1.25]), Frame(anchor, np.ones(2), np.zeros(2), size))
     ends = (np.array([-6.0, -1.25]) - shift) / h, (np.array([6.0, 1.25]) - shift) / h
     assert ends[0][0].tolist() == [-1, -1]  # rear of the truck
     np.testing.assert_allclose(ends[1][1], [1, 1])

@@ -17,7 +17,7 @@ from trackers.multi.association import shares
 from trackers.multi.exclusion import Exclusion
 from trackers.multi.existence import Existence
 from trackers.multi.initiation import Initiation, components
-from trackers.multi.sizes import SizePrior
+from trackers.multi.sizes import SizePrior, stretch
 from trackers.multi.visibility import SensorArray, predict_visibility, ray_box
 
 CARS = [(30, 0, 0, 25.0), (50, 4, 0, 28.0), (60, -4, 0, 22.0)]
@@ -194,6 +194,12 @@ def test_in_a_queue_two_metres_apart_vehicles_stay_two():
     assert not Exclusion().apply(moving, np.ones(2)).keep.all()
 
 
+def test_at_speed_nothing_drives_a_fifth_of_a_second_behind_another():
+    for gap, stay in ((4.5, 1), (6.5, 2)):
+        e = prior(np.array([[20.0, 0, 0], [25 + gap, 0, 0]]), velocity=(25.0, 0.0), size=(5.0, 2.0))
+        assert Exclusion().apply(e, np.ones(2)).keep.sum() == stay
+
+
 def test_a_duplicate_inside_a_box_goes():
     e = prior(np.array([[20.0, 0, 0], [20.5, 0.2, 0.1]]), velocity=(20.0, 0.0))
     verdict = Exclusion().apply(e, np.array([1.0, 2.0]))
@@ -277,6 +283,40 @@ def test_the_size_prior_pulls_back_and_keeps_inside_what_vehicles_are():
     size, std = sizes.relax(np.array([[4.0, 1.7]]), np.full((1, 2), 0.01), 1e6)
     np.testing.assert_allclose(size, [[4.6, 1.86]])
     np.testing.assert_allclose(std, [[4.6 * 0.08, 1.86 * 0.05]])
+
+
+def test_stretching_moves_one_end_only():
+    """Hand-computed: 2 m ahead of a box 5 m long at heading 30 degrees, and 3 m behind another."""
+    e = prior(np.array([[10.0, 4.0, np.pi / 6], [0, 0, 0], [1, 2, 0]]), size=(5.0, 2.0), size_std=0.1)
+    reach = np.array([[2.0, 0.0], [0.0, 3.0], [0.0, 0.0]])
+    longer = stretch(e, reach, 0.2)
+    np.testing.assert_allclose(longer.size[:, 0], [7, 8, 5])
+    np.testing.assert_allclose(longer.size[:, 1], 2)
+    np.testing.assert_allclose(longer.pose[:2, :2], [[10 + np.sqrt(3) / 2, 4.5], [-1.5, 0]])
+    ends = lambda e, sign: e.pose[:, :2] + sign * e.size[:, :1] / 2 * unit(e.pose[:, 2])  # noqa: E731
+    np.testing.assert_allclose(ends(longer, -1)[0], ends(e, -1)[0])
+    np.testing.assert_allclose(ends(longer, 1)[1], ends(e, 1)[1])
+    np.testing.assert_allclose(longer.size_std[:, 0], [1.4, 1.6, 1.0])
+    np.testing.assert_allclose(longer.cov[1, 0, 0] - e.cov[1, 0, 0], 1.5**2)
+    assert e.size[0, 0] == 5
+
+
+def test_two_detections_just_ahead_of_a_box_are_in_reach_and_one_is_not(tracker):
+    """A car is tracked; then a scan has returns up to 2.5 m ahead of it, as a longer vehicle would give them."""
+    road = Road([(30, 0, 0, 25.0)], clutter=0)
+    tracks, _ = drive(tracker, road, 1)
+    front = tracks.estimate.pose[0, 0] + tracks.estimate.size[0, 0] / 2
+    for beyond, expected in (((1.0, 2.5), 2.5), ((2.5,), 0.0)):
+        pose, velocity = RADAR.poses(road.ego), RADAR.velocity(road.ego)
+        xy = np.stack([front + np.array(beyond), np.full(len(beyond), tracks.estimate.pose[0, 1])], -1)
+        scan = Scan.from_xy(xy, pose=pose)
+        polar = scan.polar.copy()
+        polar[:, 2] = (scan.sight * (tracks.estimate.velocity[0] - velocity)).sum(-1)
+        full = Scan(polar, scan.mask, pose[None], velocity[None], np.array([[0.15, 0.01, 0.1]]), platform=road.ego)
+        z, _ = tracker.association.prepare(full, tracker.sensor_array)
+        got = tracker.initiation.leftovers(z, np.full(len(xy), -1), tracks.estimate, tracks.existence, None)
+        np.testing.assert_allclose(got.reach[0], [expected, 0], atol=0.01)  # the heading is estimated
+        assert not got.candidate.any()
 
 
 def test_shares_hold_every_owned_detection_once_and_never_too_many():

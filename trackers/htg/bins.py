@@ -19,6 +19,7 @@ from trackers.htg.density import HTG
 
 FORMAT = "htg-table-1"
 SHIPPED = Path(__file__).parent / "tables"
+TRUCK_ABOVE = 6.5  # [m] no car is longer, and hardly a truck shorter
 FRAME = (("anchor", 0.0), ("scale", 1.0), ("shift", 0.0))
 PARAMETERS = ("rho", "a1", "a2", "b1", "b2", "theta", "r1", "r2")
 
@@ -29,11 +30,15 @@ class Frame(NamedTuple):
     anchor: NDArray  # in [-1, 1]
     scale: NDArray  # > 0
     shift: NDArray
+    size: NDArray  # [m] typical length and width
 
 
 @dataclass(frozen=True, eq=False)
 class HTGTable:
-    """Densities of B equal bins of the aspect angle, from -pi upwards; equal only to itself."""
+    """Densities of B equal bins of the aspect angle, from -pi upwards; equal only to itself.
+
+    With a finite `above` the table is of two classes: the second half of its bins is for longer bodies.
+    """
 
     p: HTG  # leading axis B
     mean: NDArray  # (B, 2) of the training data in unit coordinates, noise included
@@ -41,9 +46,10 @@ class HTGTable:
     centred: bool = True  # bin 0 lies around +-pi, not from -pi onwards
     name: str = "unnamed"
     anchor: NDArray = field(default_factory=lambda: np.zeros((1, 2)))  # (B or 1, 2) see `warp`; 0 is the paper's
-    size: tuple[float, float] = (4.6, 1.86)  # [m] typical of the training data; there every anchor gives the same u
+    size: ArrayLike = (4.6, 1.86)  # (2,) or (B, 2) [m] typical of the data; there every anchor gives the same u
     scale: NDArray = field(default_factory=lambda: np.ones((1, 2)))  # (B or 1, 2) see `calibration.py`; 1, 0: the paper
     shift: NDArray = field(default_factory=lambda: np.zeros((1, 2)))  # (B or 1, 2)
+    above: float = np.inf  # [m]
 
     def __len__(self) -> int:
         return len(self.p.rho)
@@ -53,15 +59,26 @@ class HTGTable:
         """Whether all bins are in the unit coordinates of the paper."""
         return not self.anchor.any() and not self.shift.any() and bool((self.scale == 1).all())
 
-    def bin_of(self, aspect: ArrayLike) -> NDArray:
-        """Bin (...) of aspect angles (...) [rad]."""
-        B = len(self)
-        turn = (np.asarray(aspect) + np.pi) * (B / (2 * np.pi))
-        return np.floor(turn + 0.5 * self.centred).astype(int) % B
+    @property
+    def aspects(self) -> int:
+        """Bins of one class."""
+        return len(self) // 2 if np.isfinite(self.above) else len(self)
 
-    def bin_at(self, centre: NDArray, heading: NDArray, sensor: NDArray) -> NDArray:
-        """Bin (...) of bodies at centre (..., 2) [m] with heading (...) [rad] for sensors at (..., 2) [m]."""
-        return self.bin_of(aspect_angle(centre, heading, sensor))
+    @property
+    def centres(self) -> NDArray:
+        """Aspect angles (B,) [rad] in the middle of the bins."""
+        B = self.aspects
+        return -np.pi + (np.arange(len(self)) % B + 0.5 * (not self.centred)) * (2 * np.pi / B)
+
+    def bin_of(self, aspect: ArrayLike, length: ArrayLike = 0.0) -> NDArray:
+        """Bin (...) of aspect angles (...) [rad] of bodies of length (...) [m]."""
+        B = self.aspects
+        turn = (np.asarray(aspect) + np.pi) * (B / (2 * np.pi))
+        return np.floor(turn + 0.5 * self.centred).astype(int) % B + B * (np.asarray(length) > self.above)
+
+    def bin_at(self, centre: NDArray, heading: NDArray, length: NDArray, sensor: NDArray) -> NDArray:
+        """Bin (...) of bodies at centre (..., 2) [m] with heading (...) and length (...), for sensors (..., 2) [m]."""
+        return self.bin_of(aspect_angle(centre, heading, sensor), length)
 
     def of(self, index: NDArray) -> HTG:
         """Parameters (...) of the bins index (...)."""
@@ -74,27 +91,27 @@ class HTGTable:
         paper, e / half. At anchor +-1 the distance from that end is metric: how deep behind the bumper a radar looks
         does not depend on how long the vehicle is, and must not say anything about it.
         """
-        return warp(half, self.frame(index), self.size)
+        return warp(half, self.frame(index))
 
     def frame(self, index: NDArray) -> Frame:
         """The unit coordinates of the bins index (...)."""
-        shape = (len(self), 2)
-        return Frame(*(np.broadcast_to(leaf, shape)[index] for leaf in (self.anchor, self.scale, self.shift)))
+        leaves, shape = (self.anchor, self.scale, self.shift, self.size), (len(self), 2)
+        return Frame(*(np.broadcast_to(leaf, shape)[index] for leaf in leaves))
 
 
-def warp(half: NDArray, frame: Frame, size: ArrayLike) -> tuple[NDArray, NDArray]:
-    """Scale and shift, (..., 2) [m], as in `HTGTable.warp`; size (2,) [m]."""
-    anchor, scale, shift = frame
+def warp(half: NDArray, frame: Frame) -> tuple[NDArray, NDArray]:
+    """Scale and shift, (..., 2) [m], as in `HTGTable.warp`."""
+    anchor, scale, shift, size = frame
     share = np.abs(anchor)
-    h = (1 - share) * half + share * (np.asarray(size) / 2)
+    h = (1 - share) * half + share * size / 2
     return scale * h, anchor * (half - h) + shift * h
 
 
-def growth(half: NDArray, frame: Frame, size: ArrayLike) -> tuple[NDArray, NDArray]:
+def growth(half: NDArray, frame: Frame) -> tuple[NDArray, NDArray]:
     """Derivatives (..., 2) of log scale, and of the shift over the scale, with respect to log half (..., 2)."""
-    anchor, scale, shift = frame
+    anchor, scale, shift, size = frame
     share = np.abs(anchor)
-    h = (1 - share) * half + share * (np.asarray(size) / 2)
+    h = (1 - share) * half + share * size / 2
     ratio = half / h
     return (1 - share) * ratio, (anchor * share + shift * (1 - share)) * ratio / scale
 
@@ -103,12 +120,36 @@ def metric_ends(table: HTGTable) -> HTGTable:
     """The table with the end that faces the sensor as anchor, in the bins centred on an axis of the body.
 
     There one end is seen and the other is not, and all that the detections show of that axis is where the near end is.
-    In the other bins both axes are seen from end to end, and scale.
+    In the other bins both axes are seen from end to end, and scale. So do those of the longer class, if there are two:
+    a radar sees under a truck from end to end.
     """
-    B = len(table)
-    centre = -np.pi + (np.arange(B) + 0.5 * (not table.centred)) * (2 * np.pi / B)
-    near = unit(np.pi - centre)  # direction of the sensor in the frame of the body
-    return replace(table, anchor=np.where(np.abs(near) > 1 - 1e-9, np.sign(near), 0.0))
+    near = unit(np.pi - table.centres)  # direction of the sensor in the frame of the body
+    ends = np.where(np.abs(near) > 1 - 1e-9, np.sign(near), 0.0)
+    ends[table.aspects :] = 0.0
+    return replace(table, anchor=ends)
+
+
+def by_length(short: HTGTable, long: HTGTable, above: float = TRUCK_ABOVE) -> HTGTable:
+    """One table of two classes, the second for bodies longer than above [m].
+
+    Raises ValueError unless both are of one class with the same bins.
+    """
+    if len(short) != len(long) or short.centred != long.centred or min(short.above, long.above) < np.inf:
+        raise ValueError(f"tables {short.name!r} and {long.name!r} must have the same bins; learn them with one --bins")
+
+    def both(name: str) -> NDArray:
+        return np.concatenate([np.broadcast_to(getattr(t, name), (len(t), 2)) for t in (short, long)])
+
+    p = HTG(*(np.concatenate(pair) for pair in zip(short.p, long.p, strict=True)))
+    return HTGTable(
+        p,
+        both("mean"),
+        np.concatenate([short.cov, long.cov]),
+        short.centred,
+        f"{short.name} up to {above} m, {long.name}",
+        **{name: both(name) for name in Frame._fields},
+        above=above,
+    )
 
 
 def aspect_angle(centre: NDArray, heading: NDArray, sensor: NDArray) -> NDArray:
@@ -129,6 +170,8 @@ def save(table: HTGTable, path: str | Path, provenance: dict[str, Any] | None = 
     null stands for an open side), `mean` (B, 2), `cov` (B, 2, 2), optionally `anchor`, `scale`, `shift`
     (B, 2) and `size` (2,), and `provenance`, which no filter reads.
     """
+    if np.isfinite(table.above):
+        raise ValueError(f"table {table.name!r} is of two classes; save each of the tables that it was made of")
     p = table.p
     columns = (p.rho, *np.moveaxis(p.bounds, -1, 0), p.theta, p.r[:, 0], p.r[:, 1])
     parameters = {
@@ -136,7 +179,7 @@ def save(table: HTGTable, path: str | Path, provenance: dict[str, Any] | None = 
     }
     content = {"format": FORMAT, "centred": bool(table.centred), **parameters}
     content |= {"mean": table.mean.tolist(), "cov": table.cov.tolist()}
-    content |= {"anchor": table.anchor.tolist(), "size": list(table.size)}
+    content |= {"anchor": table.anchor.tolist(), "size": np.asarray(table.size).tolist()}
     content |= {"scale": table.scale.tolist(), "shift": table.shift.tolist(), "provenance": provenance or {}}
     Path(path).write_text(json.dumps(content, indent=1) + "\n")
 
@@ -160,8 +203,15 @@ def load(name_or_path: str) -> HTGTable:
 
 
 def resolve(table: str | HTGTable) -> HTGTable:
-    """The table itself, or the one that the name or path stands for."""
-    return load(table) if isinstance(table, str) else table
+    """The table itself, or what the name stands for: a shipped table, a path, or two joined by "+": cars + trucks."""
+    return named(table) if isinstance(table, str) else table
+
+
+@lru_cache(maxsize=64)
+def named(name: str) -> HTGTable:
+    """One table of one or two classes; see `resolve` and, for the errors, `load` and `by_length`."""
+    short, plus, long = name.partition("+")
+    return by_length(load(short), load(long)) if plus else load(short)
 
 
 def parse(content: dict[str, Any], name: str) -> HTGTable:
@@ -186,22 +236,16 @@ def parse(content: dict[str, Any], name: str) -> HTGTable:
         )
     if not ((p.rho > 0).all() and (p.r > 0).all() and (p.bounds >= 0).all() and np.isfinite(p.bounds).any(-1).all()):
         raise ValueError(f"{name} needs rho > 0, r > 0, bounds >= 0 and a finite bound in every bin")
-    frame = Frame(*(np.asarray(content.get(k, [[default] * 2]), float) for k, default in FRAME))
-    for key, leaf in frame._asdict().items():
+    frame = {k: np.asarray(content.get(k, [[default] * 2]), float) for k, default in FRAME}
+    for key, leaf in frame.items():
         if leaf.shape not in ((1, 2), (B, 2)) or not np.isfinite(leaf).all():
             raise ValueError(f"{name} needs {key} as ({B}, 2) finite numbers, got {leaf.tolist()}")
-    if np.abs(frame.anchor).max() > 1 or frame.scale.min() <= 0:
-        raise ValueError(f"{name} needs anchors within -1 and 1 and scales > 0, got {frame.anchor} and {frame.scale}")
-    size = tuple(float(x) for x in content.get("size", HTGTable.size))
-    if len(size) != 2 or min(size) <= 0:
+    if np.abs(frame["anchor"]).max() > 1 or frame["scale"].min() <= 0:
+        raise ValueError(
+            f"{name} needs anchors within -1 and 1 and scales > 0, got {frame['anchor']} and {frame['scale']}"
+        )
+    size = tuple(float(x) for x in content.get("size", (4.6, 1.86)))
+    if len(size) != 2 or not min(size) > 0:
         raise ValueError(f"{name} needs size as two positive lengths, got {size}")
-    return HTGTable(
-        p,
-        mean,
-        cov,
-        bool(content["centred"]),
-        name,
-        frame.anchor,
-        (size[0], size[1]),
-        *frame[1:],
-    )
+    anchor, scale, shift = (frame[k] for k, _ in FRAME)
+    return HTGTable(p, mean, cov, bool(content["centred"]), name, anchor, size, scale, shift)

@@ -14,16 +14,15 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 
 from trackers.htg.bins import HTGTable
 from trackers.htg.density import HTG, score
+from trackers.htg.descent import descend
 from trackers.htg.likelihood import mean_log_density
 
 TURN = 0.3  # [rad] largest theta: a hole on its corner is likelier, but four blobs are no side of a vehicle
 STEP = 1e-5  # of log k, for its derivative
-RESTARTS = 10  # of the optimiser at most
-FLAT = 1e-7  # mean log-likelihood: a restart that gains less is the last
+FLAT = 1e-7  # [nat] of the mean log-likelihood: a run of the optimiser that gains less is the last
 # log rho, a1, a2, b1, b2, theta, log r1, log r2, log kx, log ky, tx, ty
 LOW = np.array([np.log(0.01), 0, 0, 0, 0, -TURN, *np.log([1e-4, 1e-4]), *np.log([0.25, 0.25]), -1.5, -1.5])
 HIGH = np.array([0.0, 3, 3, 3, 3, TURN, *np.log([0.5, 0.5]), *np.log([4.0, 4.0]), 1.5, 1.5])
@@ -84,10 +83,4 @@ def polish(p: HTG, u: NDArray, variance: NDArray) -> NDArray:
     """Parameter vector (12,) at the maximum likelihood of u (N, 2) that is reached from p () with k = 1, t = 0."""
     start = np.array([np.log(p.rho), *p.bounds, p.theta, *np.log(p.r), 0, 0, 0, 0])
     box = list(zip(LOW, HIGH, strict=True))
-    x, least = np.clip(start, LOW, HIGH), np.inf
-    for _ in range(RESTARTS):  # the line search gives up early in a bent valley; a fresh one goes on
-        result = minimize(negative, x, (u, variance), jac=True, method="L-BFGS-B", bounds=box)
-        x, gain, least = result.x, least - result.fun, result.fun
-        if gain < FLAT:
-            break
-    return x
+    return descend(lambda x: negative(x, u, variance), np.clip(start, LOW, HIGH), box, FLAT)[0]

@@ -91,7 +91,10 @@ def evaluate(u: NDArray, c: Prepared) -> tuple[NDArray, NDArray]:
 
 def turned(v: NDArray, c: NDArray, s: NDArray) -> NDArray:
     """Vectors (2, ...) in axes turned by the angle with cosine c and sine s (...)."""
-    return np.stack([c * v[0] + s * v[1], c * v[1] - s * v[0]])
+    along = c * v[0] + s * v[1]
+    out = np.empty((2, *along.shape))
+    out[0], out[1] = along, c * v[1] - s * v[0]
+    return out
 
 
 def log_density(u: NDArray, p: HTG, noise: NDArray | None = None) -> NDArray:
@@ -123,21 +126,26 @@ def noise_matrix(p: HTG) -> NDArray:
     return (M * p.r[..., None, :]) @ M.mT
 
 
+def truncated(low: NDArray, high: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+    """Mass, mean and variance (...) of the standard normal distribution between low and high (...), inf allowed."""
+    width = high - low
+    narrow = width < 1e-4
+    mass = ndtr(high) - ndtr(low)
+    bell_low, bell_high = np.exp(-0.5 * low**2) / SQRT2PI, np.exp(-0.5 * high**2) / SQRT2PI
+    scale = np.where(narrow, 1.0, mass)
+    mean = (bell_low - bell_high) / scale
+    with np.errstate(invalid="ignore"):
+        edge = np.where(np.isinf(low), 0.0, low * bell_low) - np.where(np.isinf(high), 0.0, high * bell_high)
+        middle = (low + high) / 2
+    var = np.where(narrow, width**2 / 12, 1 + edge / scale - mean**2)
+    return mass, np.where(narrow, middle, mean), var
+
+
 def hole_moments(p: HTG) -> tuple[NDArray, NDArray]:
     """Mean (..., 2) and variances (..., 2), along the turned axes, of the source Gaussian inside the hole."""
     s = np.sqrt(p.rho)[..., None]
-    alpha, beta = -p.bounds[..., :2] / s, p.bounds[..., 2:] / s
-    narrow = beta - alpha < 1e-4
-    mass = np.where(narrow, 1.0, ndtr(beta) - ndtr(alpha))
-    phi_a, phi_b = np.exp(-0.5 * alpha**2) / SQRT2PI, np.exp(-0.5 * beta**2) / SQRT2PI
-    first = (phi_a - phi_b) / mass
-    with np.errstate(invalid="ignore"):
-        edge = np.where(np.isinf(alpha), 0.0, alpha * phi_a) - np.where(np.isinf(beta), 0.0, beta * phi_b)
-        middle = (alpha + beta) / 2
-        width = beta - alpha
-    mean = np.where(narrow, s * middle, s * first)
-    var = np.where(narrow, (s * width) ** 2 / 12, s**2 * (1 + edge / mass - first**2))
-    return mean, var
+    _, mean, var = truncated(-p.bounds[..., :2] / s, p.bounds[..., 2:] / s)
+    return s * mean, s**2 * var
 
 
 def complement(p: HTG) -> tuple[NDArray, NDArray]:

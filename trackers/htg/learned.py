@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from trackers.batch import select
 from trackers.estimate import Estimate
 from trackers.htg.bins import HTGTable, resolve
-from trackers.htg.density import HTG, complement, log_mass, noise_matrix
-from trackers.htg.pseudo import Hole, correct, fill, frame, mean_extent, recount, sample_of
+from trackers.htg.density import complement, log_mass, noise_matrix
+from trackers.htg.pseudo import Hole, correct, fill, frame, length, mean_extent, recount, sample_of, scale_of
 from trackers.htg.spatial import log_spatial
 from trackers.motion import PHI
 from trackers.protocols import UpdateInfo
@@ -23,7 +23,7 @@ LEAST_SHARE = 1e-3  # of the Gaussian outside the hole: N = n / c_D must stay fi
 class HTGLearned:
     """Iterated pseudo-measurement update; `n_count` repairs its confidence and wants about 20 iterations."""
 
-    table: str | HTGTable = "surround-car"  # shipped name, path of a JSON file, or the table itself
+    table: str | HTGTable = "surround-car+surround-truck"  # as `bins.resolve` takes it
     rm: RandomMatrix = field(default_factory=RandomMatrix)  # motion, memory, range rates
     sigma: float = 0.0  # [m] noise beside the table's of detections that do not tell theirs
     iterations: int = 5
@@ -49,16 +49,18 @@ class HTGLearned:
         check_scan(scan)
         s = sample_of(scan, self.sigma)
         some = s._replace(n=np.maximum(s.n, 1))  # rows without a detection must stay regular
-        X_hat, new = mean_extent(state), state
+        table, X_hat, new = self.model(), mean_extent(state), state
         for _ in range(self.iterations):
-            p, A = self._density(new, s.sensor), frame(mean_extent(new), new.m[..., PHI])
+            A = frame(mean_extent(new), new.m[..., PHI])
+            p = table.of(table.bin_at(new.m[..., :2], new.m[..., PHI], length(A), s.sensor))
             hole = Hole(np.maximum(np.exp(log_mass(p)), LEAST_SHARE), *complement(p))
             count, mean, spread = fill(some, hole, new.m[..., :2], A, s.noise)
             # R of the density is in unit coordinates, so it grows with the iterate; the scale stays the prediction's.
             Y = p.rho[..., None, None] * X_hat + A @ noise_matrix(p) @ A.mT + s.noise
-            new, eps, S = correct(state, count, mean, spread, Y)
+            scale = scale_of(state, Y)
+            new, eps, S = correct(state, scale, count, mean, spread)
         if self.n_count:
-            new = recount(state, new, some.n, Y)
+            new = recount(state, new, scale, some.n)
         m, P = self.rm.range_rates(new.m, new.P, scan, scan.xy)
         return select(s.n > 0, new._replace(m=m, P=P), state), UpdateInfo(s.n, eps, S)
 
@@ -73,7 +75,3 @@ class HTGLearned:
     def log_spatial(self, state: RMState, scan: Scan, track: NDArray, detection: NDArray) -> NDArray:
         """Log density (G,) [1/m^2] of the detections with indices detection (G,) under the tracks track (G,)."""
         return log_spatial(self.model(), self.estimate(state), scan, track, detection, self.sigma)
-
-    def _density(self, state: RMState, sensor: NDArray) -> HTG:
-        table = self.model()
-        return table.of(table.bin_at(state.m[..., :2], state.m[..., PHI], sensor))

@@ -14,19 +14,21 @@ Noise that a data sheet explains can be given for each detection; r is then what
 of its own radar. Of such noise only the variances along x' and y' count, as in the filters.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import minimize, minimize_scalar
+from scipy.optimize import minimize_scalar
 
 from trackers.geometry import wrap_angle
-from trackers.htg.bins import HTGTable
-from trackers.htg.density import HTG
-from trackers.htg.likelihood import log_mass_gradient, mean_log_density
+from trackers.htg.bins import PARAMETERS, HTGTable
+from trackers.htg.density import HTG, log_mass
+from trackers.htg.descent import Found, Limits, Objective, descend
+from trackers.htg.likelihood import mean_log_density
 
+SIDES = ("a1", "a2", "b1", "b2")
 LEAST = 20  # detections that a fit needs
 FLIP = np.array([1.0, -1.0])  # mirrors about the long axis
 STARTS = ((0.25, 0.03, 0.7, 1.5), (0.02, 0.1, 0.85, 1.2))  # rho, r, closed and open sides
@@ -86,18 +88,18 @@ def fit(u: ArrayLike, noise: ArrayLike | None = None, options: FitOptions | None
     """
     options = FitOptions() if options is None else options
     u, noise = _check(u, noise)
-    descend = {"joint": descend_jointly, "coordinate": descend_by_coordinate}.get(method)
-    if descend is None:
-        raise ValueError(f"method must be joint or coordinate, got {method!r}")
+    if method not in WAYS:
+        raise ValueError(f"method must be {' or '.join(WAYS)}, got {method!r}")
+    way = WAYS[method]
     stride = max(1, len(u) // options.screen)
     few = (u[::stride], noise[::stride] if noise.ndim == 3 else noise)
-    x, value = race(lambda x: objective(x, *few, options), descend, options)
+    x, value = race(lambda x: objective(x, *few, options), way, options)
     if stride > 1:
-        x, value = descend(lambda x: objective(x, u, noise, options), x, limits(options))
+        x, value = way(lambda x: objective(x, u, noise, options), x, limits(options))
     p = unpack(x)
     if options.theta is None:
         p = canonical(p)
-    return Fit(p, len(u) * mean_log_density(x, u, noise)[0], doubts(x, len(u), options))
+    return Fit(p, len(u) * mean_log_density(x, u, noise)[0], doubts(p, len(u), options))
 
 
 def _check(u: ArrayLike, noise: ArrayLike | None) -> tuple[NDArray, NDArray]:
@@ -140,26 +142,22 @@ def limits(options: FitOptions) -> list[tuple[float, float]]:
     return [(np.log(low), np.log(high)), *[(0.0, options.bound_max)] * 4, turn, *[tuple(np.log(options.r))] * 2]
 
 
-Objective = Callable[[NDArray], tuple[float, NDArray]]
-Found = tuple[NDArray, float]
-Descend = Callable[..., Found]
+Way = Callable[..., Found]  # f, x, box, and whether to stop short
 
 
-def race(f: Objective, descend: Descend, options: FitOptions) -> Found:
+def race(f: Objective, way: Way, options: FitOptions) -> Found:
     """Best minimum over all starts: all run a short way, the leaders to the end."""
     box = limits(options)
-    heats = sorted((descend(f, start, box, short=True) for start in starts(options)), key=lambda found: found[1])
-    return min((descend(f, x, box) for x, _ in heats[:LEADERS]), key=lambda found: found[1])
+    heats = sorted((way(f, start, box, short=True) for start in starts(options)), key=lambda found: found[1])
+    return min((way(f, x, box) for x, _ in heats[:LEADERS]), key=lambda found: found[1])
 
 
-def descend_jointly(f: Objective, x: NDArray, box: Sequence[tuple[float, float]], short: bool = False) -> Found:
-    """Minimum by L-BFGS-B and its value; `short` gives a first idea of it."""
-    settings = {"maxiter": 20 if short else 500, "ftol": FLAT / 100}
-    found = minimize(f, x, jac=True, method="L-BFGS-B", bounds=box, options=settings)
-    return found.x, float(found.fun)
+def descend_jointly(f: Objective, x: NDArray, box: Limits, short: bool = False) -> Found:
+    """Minimum over all parameters at once, and its value; `short` gives a first idea of it."""
+    return descend(f, x, box, FLAT, runs=1, steps=20) if short else descend(f, x, box, FLAT)
 
 
-def descend_by_coordinate(f: Objective, x: NDArray, box: Sequence[tuple[float, float]], short: bool = False) -> Found:
+def descend_by_coordinate(f: Objective, x: NDArray, box: Limits, short: bool = False) -> Found:
     """Minimum by one bounded scalar search a coordinate, in turn, until a sweep gains nothing; and its value."""
     x, value = x.copy(), f(x)[0]
     for _ in range(1 if short else 300):
@@ -177,6 +175,14 @@ def descend_by_coordinate(f: Objective, x: NDArray, box: Sequence[tuple[float, f
         if before - value < FLAT:
             break
     return x, value
+
+
+WAYS: dict[str, Way] = {"joint": descend_jointly, "coordinate": descend_by_coordinate}
+
+
+def pack(p: HTG) -> NDArray:
+    """The vector (8,) of parameters p ()."""
+    return np.array([np.log(p.rho), *p.bounds, p.theta, *np.log(p.r)])
 
 
 def unpack(x: NDArray) -> HTG:
@@ -203,20 +209,17 @@ def mirror(p: HTG) -> HTG:
     return HTG(p.rho, p.bounds[..., [0, 3, 2, 1]], -p.theta, p.r)
 
 
-def doubts(x: NDArray, count: int, options: FitOptions) -> tuple[str, ...]:
+def doubts(p: HTG, count: int, options: FitOptions) -> tuple[str, ...]:
     """Warnings about a fit: few detections, parameters at their limits, next to no source outside the box."""
     found = [f"only {count} detections"] if count < options.thin else []
-    names = ("rho", "a1", "a2", "b1", "b2", "theta", "r1", "r2")
-    edge = {name: box for name, box in zip(names, limits(options), strict=True) if box[0] < box[1]}
-    for name, value in zip(names, x, strict=True):
-        low, high = edge.get(name, (-np.inf, np.inf))
+    for name, value, (low, high) in zip(PARAMETERS, pack(p), limits(options), strict=True):
         margin = 1e-3 * (high - low)
-        if name in ("a1", "a2", "b1", "b2"):
+        if name in SIDES:
             if value > high - margin:
                 found.append(f"{name} ran to its limit {high:g}")
         elif name != "theta" and not low + margin < value < high - margin:
             found.append(f"{name} ran to its limit {np.exp(low if value < (low + high) / 2 else high):g}")
-    mass = float(np.exp(log_mass_gradient(np.exp(x[0]), x[1:3], x[3:5])[0]))
+    mass = float(np.exp(log_mass(p)))
     if mass < 1e-3:
         found.append(f"c_D is {mass:.1e}: too small for pseudo-measurements")
     return tuple(found)
@@ -256,30 +259,38 @@ def fit_table(
         progress: called with bins done and bins to do.
 
     """
+    options = FitOptions() if options is None else options
     aspect = np.asarray(aspect, float)
     u, noise = _check(u, noise)
-    if aspect.shape != (len(u),):
-        raise ValueError(f"aspect must be ({len(u)},) like the detections, got {aspect.shape}")
+    if aspect.shape != (len(u),) or not np.isfinite(aspect).all():
+        raise ValueError(f"aspect must be ({len(u)},) finite angles, one a detection, got {aspect.shape}: {aspect}")
     index = bin_index(aspect, bins, centred)
     twin = (bins - (not centred) - np.arange(bins)) % bins  # the bin of -aspect
     known = np.broadcast_to(noise, (len(u), 2, 2))
     todo = [k for k in range(bins) if not mirrored or k <= twin[k]]
+    counts = np.bincount(index, minlength=bins)
+    pooled = counts + mirrored * counts[twin]
+    k = int(pooled.argmin())
+    if pooled[k] < LEAST:
+        middle = np.rad2deg(empty_table(bins, centred).centres[k])
+        raise ValueError(
+            f"bin {k} of {bins}, at an aspect of {middle:+.0f} deg, has {pooled[k]} detections, needs {LEAST}; "
+            "give more data or fewer bins"
+        )
+    progress(0, len(todo))
     found: dict[int, Fit] = {}
     moments: dict[int, tuple[NDArray, NDArray]] = {}
     for done, k in enumerate(todo):
         z, R = pool(u, known, index == k, index == twin[k] if mirrored else None)
-        if len(z) < LEAST:
-            raise ValueError(f"bin {k} of {bins} has {len(z)} detections, needs {LEAST}; give more data or fewer bins")
         found[k], moments[k] = fit(z, R, options), (z.mean(0), np.cov(z.T))
         if mirrored and twin[k] != k:
-            found[twin[k]] = found[k]._replace(p=mirror(found[k].p))
+            p = mirror(found[k].p)
+            found[twin[k]] = found[k]._replace(p=p, warnings=doubts(p, len(z), options))
             moments[twin[k]] = moments[k][0] * FLIP, np.cov((z * FLIP).T)
         progress(done + 1, len(todo))
     fits = [found[k] for k in range(bins)]
     p = HTG(*(np.stack([getattr(f.p, leaf) for f in fits]) for leaf in HTG._fields))
     mean, cov = (np.stack([moments[k][i] for k in range(bins)]) for i in range(2))
-    counts = np.bincount(index, minlength=bins)
-    pooled = counts + mirrored * counts[twin]
     log_likelihood = np.array([f.log_likelihood for f in fits]) / pooled
     return TableFit(
         HTGTable(p, mean, cov, centred=centred, name=name), counts, log_likelihood, tuple(f.warnings for f in fits)
@@ -288,9 +299,14 @@ def fit_table(
 
 def bin_index(aspect: NDArray, bins: int, centred: bool) -> NDArray:
     """Bin (...) of aspect angles (...) [rad] in a table with so many, as `HTGTable.bin_of`."""
+    return empty_table(bins, centred).bin_of(aspect)
+
+
+def empty_table(bins: int, centred: bool) -> HTGTable:
+    """A table with nothing in its bins."""
     none = np.zeros(bins)
-    empty = HTG(none, np.zeros((bins, 4)), none, np.zeros((bins, 2)))
-    return HTGTable(empty, np.zeros((bins, 2)), np.zeros((bins, 2, 2)), centred=centred).bin_of(aspect)
+    p = HTG(none, np.zeros((bins, 4)), none, np.zeros((bins, 2)))
+    return HTGTable(p, np.zeros((bins, 2)), np.zeros((bins, 2, 2)), centred=centred)
 
 
 def pool(u: NDArray, noise: NDArray, own: NDArray, opposite: NDArray | None) -> tuple[NDArray, NDArray]:

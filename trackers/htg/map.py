@@ -4,7 +4,7 @@ Ours, card htg_rm, section 7 ("HTG-FS"): the density of the papers, used as a li
 scoring, instead of imaginary detections in a random-matrix update. xi = [px, py, phi, v, omega, log l, log w].
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -19,7 +19,7 @@ from trackers.htg.information import information
 from trackers.htg.objective import LOG_L, LOG_W, OMEGA, PHI, SPEED, Objective, Points, flatten, shape_of
 from trackers.htg.spatial import log_spatial
 from trackers.linalg import symmetrize
-from trackers.motion import coordinated_turn, polar_moments, turn_noise, velocity_jacobian
+from trackers.motion import cartesian_covariance, coordinated_turn, polar_moments, turn_noise
 from trackers.protocols import UpdateInfo
 from trackers.scan import Scan, check_scan
 
@@ -35,7 +35,7 @@ class MapState(NamedTuple):
 class HTGMap:
     """Fisher scoring on seven states, all objects at once."""
 
-    table: str | HTGTable = "surround-car"  # shipped name, path of a JSON file, or the table itself
+    table: str | HTGTable = "surround-car+surround-truck"  # as `bins.resolve` takes it
     accel_std: float = 1.5  # [m/s^2] process noise along the heading
     yaw_accel_std: float = 0.1  # [rad/s^2]
     size_walk: float = 0.005  # [1/sqrt(s)] random walk of the log sizes
@@ -45,10 +45,11 @@ class HTGMap:
     rate_alpha: float = 0.3  # information of a range rate in the covariance
     rate_clip: float = 1.5  # [m/s] larger residuals pull like this
     metric: bool = True  # depth behind the near end is metric where a table leaves it open; False: the card's model
-    rounds: int = 8  # evaluations of the posterior after the start; each is a step or a halved step
+    shape_std: tuple[float, float] = (0.0, 0.0)  # of length and width: how far the outline lies off the learned one
+    rounds: int = 5  # evaluations of the posterior after the start; each is a step or a halved step
     flat: float = 1e-3  # the end, where no step promises more of the log posterior
     two_starts: bool = True  # also from the prediction moved by the sample mean
-    contest: int = 3  # rounds after which the better start goes on alone
+    contest: int = 2  # rounds after which the better start goes on alone
     size_step: float = 0.2  # largest change of a log size in a step
 
     def model(self) -> HTGTable:
@@ -104,7 +105,7 @@ class HTGMap:
         table = self.model()
         shape = shape_of(table, m, points)
         precision = np.linalg.inv(P)
-        objective = Objective(points, shape, table.size, m, precision, self.rate_std, self.rate_clip)
+        objective = Objective(points, shape, m, precision, self.rate_std, self.rate_clip)
         J_place = objective.spatial_information(table, information(table, shape.bin, shape.noise.T))
         J_rate = objective.rate_information()
         gain = np.linalg.inv(precision + J_place + J_rate)
@@ -154,20 +155,22 @@ class HTGMap:
 
     def log_spatial(self, state: MapState, scan: Scan, track: NDArray, detection: NDArray) -> NDArray:
         """Log density (G,) [1/m^2] of the detections with indices detection (G,) under the tracks track (G,)."""
-        return log_spatial(self.model(), self.estimate(state), scan, track, detection, self.sigma)
+        sure = replace(self, shape_std=(0.0, 0.0)).estimate(state)  # the density knows how detections scatter about it
+        return log_spatial(self.model(), sure, scan, track, detection, self.sigma)
 
     def estimate(self, state: MapState) -> Estimate:
         """Box along the heading."""
         m, P = state
-        phi, v = m[..., PHI], m[..., SPEED]
-        J = velocity_jacobian(phi, v)
-        size = np.exp(m[..., LOG_L:])
+        phi, size = m[..., PHI], np.exp(m[..., LOG_L:])
+        cov = cartesian_covariance(m[..., :5], P[..., :5, :5])
+        body = rotation(phi) * (size * self.shape_std)[..., None, :]
+        cov[..., :2, :2] += body @ body.mT  # the same for all detections of a vehicle, so no scan takes it away
         return Estimate(
-            pose=np.concatenate([m[..., :2], wrap_angle(m[..., PHI, None])], -1),
-            velocity=v[..., None] * unit(phi),
+            pose=np.concatenate([m[..., :2], wrap_angle(phi[..., None])], -1),
+            velocity=m[..., SPEED, None] * unit(phi),
             yaw_rate=m[..., OMEGA].copy(),
             size=size,
-            cov=symmetrize(J @ P[..., :5, :5] @ J.mT) + 1e-9 * np.eye(4),  # rank 3 at standstill otherwise
+            cov=cov,
             size_std=size * np.sqrt(np.stack([P[..., LOG_L, LOG_L], P[..., LOG_W, LOG_W]], -1)),
             heading_std=np.sqrt(P[..., PHI, PHI]),
             yaw_rate_std=np.sqrt(P[..., OMEGA, OMEGA]),

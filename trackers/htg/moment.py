@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from trackers.batch import select
 from trackers.estimate import Estimate
 from trackers.htg.bins import HTGTable, resolve
-from trackers.htg.pseudo import frame, mean_extent, sample_of
+from trackers.htg.pseudo import frame, length, mean_extent, sample_of
 from trackers.htg.spatial import log_spatial
 from trackers.linalg import outer, sqrtm, symmetrize
 from trackers.motion import PHI
@@ -25,7 +25,7 @@ from trackers.scan import Scan, check_scan
 class HTGMoment:
     """Moment-matched update in aspect bins; the noise of the detections is the one that the table was learned with."""
 
-    table: str | HTGTable = "surround-car"  # shipped name, path of a JSON file, or the table itself
+    table: str | HTGTable = "surround-car+surround-truck"  # as `bins.resolve` takes it
     rm: RandomMatrix = field(default_factory=RandomMatrix)  # motion, memory, range rates
     sigma: float = 0.2  # [m] noise in the association of detections that do not tell theirs
     iterations: int = 2
@@ -50,8 +50,8 @@ class HTGMoment:
         count = np.maximum(s.n, 1)[..., None, None]
         root, new = sqrtm(mean_extent(state)), state
         for _ in range(self.iterations):
-            b = table.bin_at(new.m[..., :2], new.m[..., PHI], s.sensor)
             A = frame(mean_extent(new), new.m[..., PHI])
+            b = table.bin_at(new.m[..., :2], new.m[..., PHI], length(A), s.sensor)
             S = P[..., :2, :2] + A @ table.cov[b] @ A.mT / count
             eps = s.mean - (A @ table.mean[b][..., None])[..., 0] - m[..., :2]
             K = np.linalg.solve(S, P[..., :2, :]).mT

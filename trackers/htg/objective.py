@@ -70,10 +70,10 @@ def shape_of(table: HTGTable, xi: NDArray, points: Points) -> Shape:
     """Bins, noise and prepared densities of the detections under the states xi (N, 7)."""
     x = np.take(xi.T, points.row, -1)
     size = np.exp(x[LOG_L:]).T
-    index = table.bin_at(x[:PHI].T, x[PHI], points.sensor.T)
+    index = table.bin_at(x[:PHI].T, x[PHI], size[:, 0], points.sensor.T)
     p = table.of(index)
     frame = table.frame(index)
-    scale, _ = warp(size / 2, frame, table.size)
+    scale, _ = warp(size / 2, frame)
     noise = body_noise(scale.T, x[PHI], p.theta, points)
     inside = None if table.plain else Frame(*(leaf.T[:, None] for leaf in frame))
     return Shape(index, noise, inside, prepare(lift(p, 2), noise.T[None], log_masses(table)[index]))
@@ -104,7 +104,6 @@ class Objective(NamedTuple):
 
     points: Points
     shape: Shape
-    size: tuple[float, float]  # of the table
     mean: NDArray  # (N, 7) predicted
     precision: NDArray  # (N, 7, 7) inverse of the predicted covariance
     rate_std: float
@@ -135,8 +134,7 @@ class Objective(NamedTuple):
         x = np.take(rows, points.row, -1)  # (6, S, G)
         c, s, half = x[2], x[3], x[4:]
         e = turned(points.z[:, None] - x[:2], c, s)
-        size = np.reshape(self.size, (2, 1, 1))
-        h, shift = (half, 0.0) if frame is None else warp(half, frame, size)
+        h, shift = (half, 0.0) if frame is None else warp(half, frame)
         u = (e - shift) / h
         log_p, g = evaluate(u, prepared)
         terms = np.empty((6, *log_p.shape))
@@ -147,7 +145,7 @@ class Objective(NamedTuple):
         terms[3] = moved[0] * e[1] - moved[1] * e[0]
         terms[4:] = -1.0 - g * u
         if frame is not None:
-            wider, further = growth(half, frame, size)
+            wider, further = growth(half, frame)
             terms[4:] = wider * terms[4:] - further * g
         sums = points.total(terms)
         gradient = np.zeros(xi.shape)
@@ -182,10 +180,10 @@ class Objective(NamedTuple):
         """Expected information (N, 7, 7) of the places of the detections at the prediction; F (G, 6, 6)."""
         points, first, index = self.points, self.points.start, self.shape.bin
         if (index == index[first[points.row]]).all():  # one bin an object: add up F before it is transformed
-            L = jacobian(self.mean, table.frame(index[first]), self.size)
+            L = jacobian(self.mean, table.frame(index[first]))
             J5 = L @ np.add.reduceat(F, first) @ L.mT
         else:
-            L = jacobian(self.mean[points.row], table.frame(index), self.size)
+            L = jacobian(self.mean[points.row], table.frame(index))
             J5 = np.add.reduceat(L @ F @ L.mT, first)
         J = np.zeros((len(self.mean), 7, 7))
         J[:, SPATIAL[:, None], SPATIAL] = J5
@@ -200,13 +198,13 @@ class Objective(NamedTuple):
         return J
 
 
-def jacobian(xi: NDArray, frame: Frame, size: tuple[float, float]) -> NDArray:
+def jacobian(xi: NDArray, frame: Frame) -> NDArray:
     """L (..., 5, 6): the score in px, py, phi, log l, log w is L f; states xi (..., 7), frame (..., 2)."""
     c, s = np.cos(xi[..., PHI]), np.sin(xi[..., PHI])
     half = 0.5 * np.exp(xi[..., LOG_L:])
-    h, shift = warp(half, frame, size)
+    h, shift = warp(half, frame)
     hx, hy = h[..., 0], h[..., 1]
-    grows, moves = growth(half, frame, size)
+    grows, moves = growth(half, frame)
     L = np.zeros((*xi.shape[:-1], 5, 6))
     L[..., 0, 0], L[..., 0, 1] = -c / hx, s / hy
     L[..., 1, 0], L[..., 1, 1] = -s / hx, -c / hy

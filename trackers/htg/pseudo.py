@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.geometry import perpendicular, unit
-from trackers.linalg import outer, sqrtm, symmetrize
+from trackers.linalg import inverse, inverse_sqrtm, outer, sqrtm, symmetrize
 from trackers.random_matrix import NU_MIN, RMState, masked_mean, moments
 from trackers.scan import Scan
 
@@ -61,6 +61,16 @@ def frame(X: NDArray, phi: NDArray) -> NDArray:
     return axes * root[..., None, :]
 
 
+def inverse_frame(A: NDArray) -> NDArray:
+    """Unit from world coordinates, the inverse of a frame A (..., 2, 2) [m]; its columns are orthogonal."""
+    return A.mT / (A * A).sum(-2)[..., None]
+
+
+def length(A: NDArray) -> NDArray:
+    """Full length (...) [m] of a body with the unit coordinates of A (..., 2, 2)."""
+    return 2 * np.hypot(A[..., 0, 0], A[..., 1, 0])
+
+
 def fill(s: Sample, hole: Hole, centre: NDArray, A: NDArray, noise: NDArray) -> tuple[NDArray, NDArray, NDArray]:
     """Count N (...), mean (..., 2) and spread (..., 2, 2), a sum, of detections and imagined ones together.
 
@@ -76,19 +86,29 @@ def fill(s: Sample, hole: Hole, centre: NDArray, A: NDArray, noise: NDArray) -> 
     return s.n + missing, z_cv, s.spread + seen + imagined
 
 
-def correct(
-    state: RMState, count: NDArray, mean: NDArray, spread: NDArray, Y: NDArray
-) -> tuple[RMState, NDArray, NDArray]:
-    """Random-matrix update with a fractional count (...), card section 2; also the innovation and its covariance.
+class Scale(NamedTuple):
+    """The covariance of one detection, and what brings spreads of detections to the scale of the extent."""
 
-    Y (..., 2, 2) [m^2] is the covariance of one detection.
-    """
+    Y: NDArray  # (..., 2, 2) [m^2]
+    root: NDArray  # (..., 2, 2) [m] X^^1/2
+    B: NDArray  # (..., 2, 2) X^^1/2 Y^-1/2
+
+
+def scale_of(state: RMState, Y: NDArray) -> Scale:
+    """The scale of the state before the update, with detections of covariance Y (..., 2, 2) [m^2]."""
+    root = sqrtm(mean_extent(state))
+    return Scale(Y, root, root @ inverse_sqrtm(Y))
+
+
+def correct(
+    state: RMState, scale: Scale, count: NDArray, mean: NDArray, spread: NDArray
+) -> tuple[RMState, NDArray, NDArray]:
+    """Random-matrix update with a fractional count (...), card section 2; also the innovation and its covariance."""
     m, P, nu, V = state
     eps = mean - m[..., :2]
-    S = P[..., :2, :2] + Y / np.maximum(count, 1e-9)[..., None, None]
-    K = np.linalg.solve(S, P[..., :2, :]).mT
-    root = sqrtm(mean_extent(state))
-    A, B = root @ np.linalg.inv(sqrtm(S)), root @ np.linalg.inv(sqrtm(Y))
+    S = P[..., :2, :2] + scale.Y / np.maximum(count, 1e-9)[..., None, None]
+    K = P[..., :, :2] @ inverse(S)
+    A, B = scale.root @ inverse_sqrtm(S), scale.B
     new = RMState(
         m=m + (K @ eps[..., None])[..., 0],  # (15a)
         P=symmetrize(P - K @ P[..., :2, :]),  # (15b)
@@ -98,14 +118,14 @@ def correct(
     return new, eps, S
 
 
-def recount(state: RMState, new: RMState, n: NDArray, Y: NDArray) -> RMState:
+def recount(state: RMState, new: RMState, scale: Scale, n: NDArray) -> RMState:
     """The update `new` of `state` with the weight of its n true detections: imagined ones inform about nothing.
 
     The papers count them in P and nu, (15b) and (15c), and become over-confident four to ten times.
     """
     _, P, nu, _ = state
-    S = P[..., :2, :2] + Y / np.maximum(n, 1)[..., None, None]
-    K = np.linalg.solve(S, P[..., :2, :]).mT
+    S = P[..., :2, :2] + scale.Y / np.maximum(n, 1)[..., None, None]
+    K = P[..., :, :2] @ inverse(S)
     nu_new = nu + n
     return RMState(
         m=new.m,

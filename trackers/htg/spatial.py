@@ -20,7 +20,7 @@ def log_spatial(
     M = scan.mask.shape[-1]
     sensor = np.broadcast_to(scan.pose[:, :2], (M, 2))[detection]
     pose, half = estimate.pose[track], estimate.size[track] / 2
-    index = table.bin_at(pose[:, :2], pose[:, 2], sensor)
+    index = table.bin_at(pose[:, :2], pose[:, 2], estimate.size[track, 0], sensor)
     p = table.of(index)
     h, shift = table.warp(half, index)
     C = scan.position_noise(sigma)[detection] + estimate.cov[track, :2, :2]

@@ -31,8 +31,8 @@ class Exclusion:
     overlap_sure: float = 0.7  # whatever the velocity
     lane: float = 1.6  # [m] across
     speed: float = 1.5  # [m/s] difference
-    gap: tuple[float, float, float] = (2.5, 0.8, 0.1)  # bumper gap below min(a, b + c v) [m]: one vehicle
-    longest: float = 17.0  # [m] of a union
+    gap: tuple[float, float, float] = (5.5, 0.8, 0.0105)  # bumper gap below min(a, b + c v^2) [m]: one vehicle
+    longest: float = 18.5  # [m] of a union
 
     def apply(self, estimate: Estimate, score: NDArray) -> Verdict:
         """Go through the tracks from the best score (T,) down; each takes or joins the worse ones it excludes."""
@@ -75,8 +75,7 @@ class Exclusion:
         aside = np.abs(np.einsum("abi,bi->ab", d, perpendicular(along)))
         gap = np.abs(ahead) - (estimate.size[:, None, 0] + estimate.size[:, 0]) / 2
         most, base, slope = self.gap
-        v = np.hypot(estimate.velocity[:, 0], estimate.velocity[:, 1])
-        limit = np.minimum(most, base + slope * v)
+        limit = np.minimum(most, base + slope * (estimate.velocity**2).sum(-1))
         parallel = np.cos(estimate.pose[:, None, 2] - estimate.pose[:, 2]) > 0.9
         pairs = (aside < self.lane) & (gap < limit) & parallel & (difference(estimate) < self.speed)
         pairs &= pairs.T

@@ -26,7 +26,7 @@ class Leftovers(NamedTuple):
     """What becomes of the detections that no track owns."""
 
     candidate: NDArray  # (M,) bool, may start a track
-    grows: NDArray  # (T,) bool, the track has two or more detections just ahead of or behind its box
+    reach: NDArray  # (T, 2) [m] how far two or more detections just ahead of and behind a box lie beyond it, else 0
 
 
 def components(near: NDArray) -> NDArray:
@@ -90,13 +90,13 @@ class Initiation:
             margin = self.static_inside + np.sqrt(np.maximum(z.var_along, z.var_across)[standing])
             free[standing] = road.locate(z.xy[standing])[0] > margin
         T = len(existence)
-        grows = np.zeros(T, bool)
         if T == 0 or not free.any():
-            return Leftovers(free, grows)
+            return Leftovers(free, np.zeros((T, 2)))
         j = np.flatnonzero(free)
         along = unit(estimate.pose[:, 2])[:, None]
         d = z.xy[j] - estimate.pose[:, None, :2]  # (T, J, 2)
-        ahead = np.abs((d * along).sum(-1)) - estimate.size[:, None, 0] / 2
+        forward = (d * along).sum(-1)
+        ahead = np.abs(forward) - estimate.size[:, None, 0] / 2
         aside = np.abs((d * perpendicular(along)).sum(-1)) - estimate.size[:, None, 1] / 2
         sure = (existence > self.suppress_above)[:, None]
         noise = np.sqrt(z.var_across[j])
@@ -108,7 +108,9 @@ class Initiation:
         beyond &= ahead >= 0
         candidate = free.copy()
         candidate[j] = ~(inside | beyond).any(0)
-        return Leftovers(candidate, beyond.sum(1) >= 2)
+        ends = np.stack([beyond & (forward > 0), beyond & (forward < 0)], -1)  # (T, J, 2)
+        reach = np.where(ends, ahead[..., None], 0.0).max(1)
+        return Leftovers(candidate, np.where(beyond.sum(1)[:, None] >= 2, reach, 0.0))
 
     def births(self, z: Detections, candidate: NDArray, road: RoadMap | None = None) -> Births | None:
         """New tracks from the candidates, in the order of their mean position; None where there is nothing to start."""

@@ -5,6 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.estimate import Estimate
+from trackers.geometry import unit
+from trackers.linalg import outer
+
 
 @dataclass(frozen=True)
 class SizePrior:
@@ -40,3 +44,18 @@ class SizePrior:
         log_std = np.sqrt(a**2 * (size_std / size) ** 2 + (1 - a**2) * std**2)
         size = np.clip(np.exp(log_size), self.least, self.most)
         return size, size * log_std
+
+
+def stretch(estimate: Estimate, reach: NDArray, log_std: float) -> Estimate:
+    """Boxes that reach further, by reach (..., 2) [m] ahead and behind; log_std is that of the new lengths.
+
+    The ends stay where they were, so the centre moves, and becomes less certain by as much, along the heading.
+    """
+    along = unit(estimate.pose[..., 2])
+    shift = ((reach[..., 0] - reach[..., 1]) / 2)[..., None] * along
+    pose, size, size_std, cov = (a.copy() for a in (estimate.pose, estimate.size, estimate.size_std, estimate.cov))
+    pose[..., :2] += shift
+    size[..., 0] += reach.sum(-1)
+    size_std[..., 0] = np.maximum(size_std[..., 0], log_std * size[..., 0])
+    cov[..., :2, :2] += outer(shift)
+    return estimate._replace(pose=pose, size=size, size_std=size_std, cov=cov, contour=None)

@@ -16,10 +16,10 @@ from trackers.multi.exclusion import Exclusion
 from trackers.multi.existence import Existence
 from trackers.multi.initiation import Initiation
 from trackers.multi.road import RoadMap
-from trackers.multi.sizes import SizePrior
+from trackers.multi.sizes import SizePrior, stretch
 from trackers.multi.tracks import REPORT_ABOVE, Event, StepInfo, Tracks
 from trackers.multi.visibility import SensorArray, Visibility, predict_visibility
-from trackers.protocols import Filter, Resizable
+from trackers.protocols import Filter, Resizable, SpatialModel
 from trackers.scan import Scan, SensorModel, check_scan
 
 
@@ -87,7 +87,7 @@ class MultiObjectTracker:
         claims = self.association.claim(self.filter, tracks.state, tracks.estimate, tracks.existence, view.expected, z)
         updated, info = self._update(tracks, view, claims, z)
         leftovers = self.initiation.leftovers(z, claims.owner, updated.estimate, updated.existence, self.road)
-        updated = self._grow(updated, leftovers.grows)
+        updated = self._grow(updated, leftovers.reach)
         owner = np.full(scan.mask.shape[-1], -1)
         owner[order] = np.where(claims.owner >= 0, tracks.id[claims.owner], -1) if len(tracks.id) else -1
         updated, born = self._bear(updated, z, leftovers.candidate)
@@ -144,13 +144,22 @@ class MultiObjectTracker:
         )
         return updated, StepInfo(np.zeros(0, int), tracks.id, Gam, view.in_view, n, log_ratio, nis, ())
 
-    def _grow(self, tracks: Tracks, grows: NDArray) -> Tracks:
-        """Let tracks with detections just beyond their ends become longer with the next scan."""
+    def _grow(self, tracks: Tracks, reach: NDArray) -> Tracks:
+        """Let tracks become longer over the detections just beyond their ends; reach (T, 2) [m] ahead and behind.
+
+        A random matrix grows over them with the next scan once its size is uncertain. A density that knows how deep
+        a car is seen would not: its box is stretched, and the next scans say whether it is a truck.
+        """
+        grows = np.asarray(reach.any(1))
         if not grows.any():
             return tracks
-        size, size_std = tracks.estimate.size, tracks.estimate.size_std.copy()
-        size_std[grows, 0] = np.maximum(size_std[grows, 0], self.growth_std * size[grows, 0])
-        state = select(grows, resize(self.filter, tracks.state, size, size_std), tracks.state)
+        if isinstance(self.filter, SpatialModel):
+            longer = self.filter.init(stretch(tracks.estimate, reach, self.growth_std))
+        else:
+            size, size_std = tracks.estimate.size, tracks.estimate.size_std.copy()
+            size_std[:, 0] = np.maximum(size_std[:, 0], self.growth_std * size[:, 0])
+            longer = resize(self.filter, tracks.state, size, size_std)
+        state = select(grows, longer, tracks.state)
         return tracks._replace(state=state, estimate=self.filter.estimate(state))
 
     def _bear(self, tracks: Tracks, z: Detections, candidate: NDArray) -> tuple[Tracks, list[Event]]:

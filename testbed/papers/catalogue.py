@@ -1,0 +1,92 @@
+"""The papers whose experiments can be repeated, by name; `testbed reproduce` over them."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from difflib import get_close_matches
+from functools import partial
+from pathlib import Path
+from types import MappingProxyType
+from typing import NamedTuple
+
+from testbed.interruption import interruptible
+from testbed.papers import hoher2022, xia2020
+from testbed.papers.verdict import Progress, Report, Stopped
+from testbed.recorder import make_directory
+
+
+@dataclass(frozen=True)
+class Paper:
+    """One paper and its experiment."""
+
+    name: str
+    source: str
+    run: Callable[..., Report]  # runs, out, progress, seed
+
+
+PAPERS: Mapping[str, Paper] = MappingProxyType(
+    {
+        p.name: p
+        for p in (
+            Paper(
+                hoher2022.PAPER,
+                "Hoher et al. (2022), as a project report tells it: virtual measurement model",
+                hoher2022.run,
+            ),
+            Paper(
+                xia2020.PAPER,
+                "Xia et al., slides: hierarchical truncated Gaussian with online bounds",
+                xia2020.run,
+            ),
+            Paper(
+                xia2020.LEARNED_PAPER,
+                "Xia et al. (2020), paper: the same density, learned offline",
+                partial(xia2020.run, learned=True),
+            ),
+        )
+    }
+)
+
+
+class Reproduction(NamedTuple):
+    """What `reproduce` leaves behind."""
+
+    report: Report
+    json: Path
+    exit_status: int  # 0; 1 where a claim is not confirmed; 128 + signal where one ended it early
+
+
+def find(name: str) -> Paper:
+    """The paper of that name; raises LookupError with the nearest one otherwise."""
+    try:
+        return PAPERS[name]
+    except KeyError:
+        close = get_close_matches(name, PAPERS, n=1)
+        hint = f"did you mean {close[0]!r}?" if close else f"known: {', '.join(PAPERS)}"
+        raise LookupError(f"no paper {name!r}; {hint}") from None
+
+
+def check(name: str, runs: int, seed: int, out: Path) -> None:
+    """Raise LookupError, ValueError or OSError, in one sentence, for what cannot be run."""
+    find(name)
+    if runs < 1:
+        raise ValueError(f"runs must be at least 1, got {runs}")
+    if seed < 0:
+        raise ValueError(f"seed must not be negative, got {seed}; take 0 or more")
+    make_directory(out)
+
+
+def reproduce(name: str, runs: int, seed: int, out: Path, progress: Progress) -> Reproduction:
+    """Repeat the experiment of a paper and write its figures and JSON into the folder `out`.
+
+    Ctrl-C or SIGTERM ends it after the step at hand: the rows that are finished are written and returned.
+    """
+    with interruptible() as wish:
+
+        def tell(done: float, total: float, what: str) -> None:
+            if wish.signal is not None:
+                raise Stopped
+            progress(done, total, what)
+
+        report = find(name).run(runs, out, tell, seed)
+    status = wish.exit_status if report.interrupted else int(not report.holds)
+    return Reproduction(report, out / report.file, status)
