@@ -42,7 +42,7 @@ TRACKERS: Mapping[str, Entry] = MappingProxyType(
             Entry("htg-rm-learned", HTGLearned(), "Xia et al. (2020), literal update on learned tables"),
             Entry(
                 "htg-rm-learned-n",
-                HTGLearned(n_count=True, iterations=20),
+                HTGLearned("surround-car+surround-truck", n_count=True, iterations=20),
                 "the same, repaired: converged, information of the true detections; card htg_rm, section 7",
             ),
             Entry("htg-mm", HTGMoment(), "moment-matched update on learned tables; card htg_rm, section 7"),

@@ -23,7 +23,7 @@ LEAST_SHARE = 1e-3  # of the Gaussian outside the hole: N = n / c_D must stay fi
 class HTGLearned:
     """Iterated pseudo-measurement update; `n_count` repairs its confidence and wants about 20 iterations."""
 
-    table: str | HTGTable = "surround-car+surround-truck"  # as `bins.resolve` takes it
+    table: str | HTGTable = "surround-car-cd25+surround-truck-cd25"  # as `bins.resolve` takes it; c_D not too small
     rm: RandomMatrix = field(default_factory=RandomMatrix)  # motion, memory, range rates
     sigma: float = 0.0  # [m] noise beside the table's of detections that do not tell theirs
     iterations: int = 5
