@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from graphlib import CycleError, TopologicalSorter
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -164,6 +165,12 @@ def test_tests_draw_seeded_numbers_and_catch_named_errors():
 @pytest.mark.skipif(
     shutil.which("git") is None or not (ROOT / ".git").exists(), reason="which files are ours is asked of git"
 )
+def test_no_two_test_files_share_a_name():
+    """The test runner imports them by their bare names, and the second one would fail to load."""
+    names = sorted(p.name for p in (ROOT / "tests").rglob("test_*.py"))
+    assert [a for a, b in pairwise(names) if a == b] == []
+
+
 def test_no_file_names_a_package_registry_or_a_path_of_one_machine():
     listing = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
     names = subprocess.run(listing, cwd=ROOT, capture_output=True, check=True, text=True).stdout.split("\0")

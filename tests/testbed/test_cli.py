@@ -39,12 +39,12 @@ def start(out, *args):
 
 
 def has_frames(log):
-    """Whether there is more than the layout in a log that is being written."""
+    """Whether there is more than the layout in a log that is being written, and no half message at its end."""
     if log.stat().st_size < 100_000 or log.read_bytes()[:4] != b"RRF2":
         return False
     try:
         return len(reader.steps(log)) > 1
-    except LookupError:
+    except (LookupError, ValueError, RuntimeError):
         return False
 
 
