@@ -19,6 +19,7 @@ from trackers.htg.density import HTG
 
 FORMAT = "htg-table-1"
 SHIPPED = Path(__file__).parent / "tables"
+TYPICAL = (4.6, 1.86)  # [m] length and width of a car
 TRUCK_ABOVE = 6.5  # [m] no car is longer, and hardly a truck shorter
 FRAME = (("anchor", 0.0), ("scale", 1.0), ("shift", 0.0))
 PARAMETERS = ("rho", "a1", "a2", "b1", "b2", "theta", "r1", "r2")
@@ -46,7 +47,7 @@ class HTGTable:
     centred: bool = True  # bin 0 lies around +-pi, not from -pi onwards
     name: str = "unnamed"
     anchor: NDArray = field(default_factory=lambda: np.zeros((1, 2)))  # (B or 1, 2) see `warp`; 0 is the paper's
-    size: ArrayLike = (4.6, 1.86)  # (2,) or (B, 2) [m] typical of the data; there every anchor gives the same u
+    size: ArrayLike = TYPICAL  # (2,) or (B, 2) [m] typical of the data; there every anchor gives the same u
     scale: NDArray = field(default_factory=lambda: np.ones((1, 2)))  # (B or 1, 2) see `calibration.py`; 1, 0: the paper
     shift: NDArray = field(default_factory=lambda: np.zeros((1, 2)))  # (B or 1, 2)
     above: float = np.inf  # [m]
@@ -244,7 +245,7 @@ def parse(content: dict[str, Any], name: str) -> HTGTable:
         raise ValueError(
             f"{name} needs anchors within -1 and 1 and scales > 0, got {frame['anchor']} and {frame['scale']}"
         )
-    size = tuple(float(x) for x in content.get("size", (4.6, 1.86)))
+    size = tuple(float(x) for x in content.get("size", TYPICAL))
     if len(size) != 2 or not min(size) > 0:
         raise ValueError(f"{name} needs size as two positive lengths, got {size}")
     anchor, scale, shift = (frame[k] for k, _ in FRAME)
