@@ -2,8 +2,9 @@
 
 highway-env asks for neighbours about four times a vehicle and frame, each time projecting every other vehicle on the
 lane, and tests every pair for collision in Python. Positions do not change while vehicles decide, so one projection
-a lane and frame, sorted, serves all questions; and most pairs are ruled out by one array of distances. Every number
-comes from the same scalar call as in the stock road, and ties are resolved in its order.
+a lane and frame, sorted, serves all questions; most pairs are ruled out by one array of distances, and so are most
+lanes where a vehicle looks for its own (`nearest`). Every number comes from the same scalar call as in the stock road,
+and ties are resolved in its order.
 """
 
 from bisect import bisect_left
@@ -18,6 +19,7 @@ from highway_env.vehicle.objects import Landmark
 from numpy.typing import NDArray
 
 from scenarios.bodies import reach
+from scenarios.nearest import sifted
 
 SLACK = 1e-6  # [m] far above the rounding of a distance: the stock check has the last word within it
 
@@ -34,6 +36,11 @@ class CachedRoad(Road):
 
     _orders: dict[LaneIndex, LaneOrder] | None = None  # filled during `act` only
     _projections: dict[int, list[float | None]]
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        """As Road; the network is sifted in place."""
+        super().__init__(*args, **kwargs)
+        sifted(self.network)
 
     def act(self) -> None:
         """Let every vehicle decide; nobody moves meanwhile."""
@@ -158,4 +165,5 @@ def cached(road: Road) -> Road:
     if type(road) not in swap:
         raise TypeError(f"road must be a Road or RegulatedRoad, got {type(road).__name__}; derive it from CachedRoad")
     road.__class__ = swap[type(road)]
+    sifted(road.network)
     return road

@@ -72,8 +72,10 @@ def illuminate(fans: Fans, edges: Edges, owner: NDArray, objects: int, walls: ND
     nearest = np.full(S * objects, np.inf)
     np.minimum.at(nearest, key, lit.range)
     near = solid.range <= reach[solid.ray]
-    meets = np.unique(solid.ray[near] * objects + segment_owner[solid.segment[near]])  # each object once a ray
-    met = np.bincount(fans.sensor[meets // objects] * objects + meets % objects, minlength=S * objects)
+    meets = np.zeros(B * objects, bool)  # each object once a ray
+    meets[solid.ray[near] * objects + segment_owner[solid.segment[near]]] = True
+    ray, row = np.divmod(np.flatnonzero(meets), max(objects, 1))
+    met = np.bincount(fans.sensor[ray] * objects + row, minlength=S * objects)
     share = np.bincount(key, minlength=S * objects) / np.maximum(met, 1)
     chord = np.bincount(key, lit.chord, S * objects)
     sight = Sight(*(column.reshape(S, objects) for column in (chord, nearest, share)))
@@ -85,5 +87,5 @@ def illuminate(fans: Fans, edges: Edges, owner: NDArray, objects: int, walls: ND
 def _lit(fans: Fans, ray: NDArray, r: NDArray, segment: NDArray, a: NDArray, b: NDArray, owner: NDArray) -> Lit:
     """Elements that the rays `ray` (L,) light, with range r (B,) [m] and segment (B,) of the first hit of every ray."""
     sensor, bearing, r, segment = fans.sensor[ray], fans.bearing[ray], r[ray], segment[ray]
-    cosine = incidence(bearing, a[segment], b[segment])
+    cosine = incidence(bearing, a.take(segment, 0), b.take(segment, 0))
     return Lit(sensor, bearing, r, segment, owner[segment], r * fans.spacing[sensor], cosine)

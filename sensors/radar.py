@@ -19,7 +19,7 @@ from sensors.scattering import (
 )
 from sensors.scene import Scene
 from sensors.source import CONTOUR, STATIC, VOLUME, Source
-from trackers.geometry import point_velocity, wrap_angle
+from trackers.geometry import compose, point_velocity, rotation, wrap_angle
 from trackers.scan import Scan, SensorModel
 
 
@@ -133,8 +133,7 @@ class Radar:
         """One look of all sensors at a scene; every detection is one row, there is no padding."""
         check_scene(scene)
         platform = scene.ego.platform
-        pose = np.stack([model.poses(platform) for model in self.models])
-        velocity = np.stack([model.velocity(platform) for model in self.models])
+        pose, velocity = self._mounted(platform)
         edges = outline_edges(scene.bodies.outline)
         lit, sight, rail = illuminate(self._fans(pose), edges, scene.bodies.owner, len(scene.objects.id), scene.walls)
         expected = self.expected(sight)
@@ -157,6 +156,12 @@ class Radar:
         count = [len(sensor.azimuths) for sensor in self.sensors]
         azimuth = np.concatenate([sensor.azimuths for sensor in self.sensors])
         return np.repeat(np.arange(len(count)), count), azimuth, self.column("fov_deg", np.pi / 180) / count
+
+    def _mounted(self, platform: NDArray) -> tuple[NDArray, NDArray]:
+        """Poses (S, 3) and velocities (S, 2) [m/s] of all sensors in the world, as `SensorModel` has them of one."""
+        mount = self.column("mount")
+        lever = (rotation(platform[2]) @ mount[:, :2, None])[..., 0]
+        return compose(platform[:3], mount), point_velocity(platform[3:5], platform[5], lever)
 
     def _fans(self, pose: NDArray) -> Fans:
         """The rays of all sensors at poses (S, 3)."""

@@ -68,7 +68,8 @@ def crossing_range(u: NDArray, wa: NDArray, wb: NDArray) -> NDArray:
     sa, sb = cross(u, wa), cross(u, wb)
     crossed = (sa >= 0) != (sb >= 0)
     t = sa / np.where(crossed, sa - sb, 1.0)
-    r = (u * (wa + t[..., None] * (wb - wa))).sum(-1)
+    x, y = (wa[..., k] + t * (wb[..., k] - wa[..., k]) for k in (0, 1))  # by columns: rows of two are slow
+    r = u[..., 0] * x + u[..., 1] * y
     return np.where(crossed & (r > NEAREST), r, np.inf)
 
 
@@ -95,9 +96,11 @@ def crossings(origin: NDArray, view: NDArray, bearing: NDArray, a: NDArray, b: N
     # The fan of each origin stands twice in a row, the second time a turn further on, so that no sector wraps.
     lap = 8 * np.pi * np.arange(V)  # tells the origins apart
     place = np.arange(len(bearing)) + np.repeat(start, count)
-    twice = np.empty(2 * len(bearing))
+    again = place + np.repeat(count, count)
+    twice, ray_at = np.empty(2 * len(bearing)), np.empty(2 * len(bearing), int)
     twice[place] = angle[order] + lap[view[order]]
-    twice[place + np.repeat(count, count)] = angle[order] + lap[view[order]] + 2 * np.pi
+    twice[again] = twice[place] + 2 * np.pi
+    ray_at[place] = ray_at[again] = order
     wa, wb = a - origin[:, None], b - origin[:, None]  # (V, S, 2)
     low, width = _sectors(wa, wb)
     every = np.isinf(width)
@@ -106,12 +109,11 @@ def crossings(origin: NDArray, view: NDArray, bearing: NDArray, a: NDArray, b: N
     end = np.searchsorted(twice, np.where(every, 0.0, low + width), "right")
     size = np.where(every, count[:, None], np.minimum(end - begin, count[:, None])).ravel()
     sector = np.repeat(np.arange(V * S), size)
-    offset = np.arange(len(sector)) - np.repeat(np.cumsum(size) - size, size)
-    v = sector // S if S else sector
-    ray = order[start[v] + (begin.ravel()[sector] - 2 * start[v] + offset) % np.maximum(count[v], 1)]
-    r = crossing_range(unit(bearing)[ray], wa.reshape(-1, 2)[sector], wb.reshape(-1, 2)[sector])
+    ray = ray_at[np.arange(len(sector)) + np.repeat(begin.ravel() - (np.cumsum(size) - size), size)]
+    u = unit(bearing).take(ray, 0)
+    r = crossing_range(u, wa.reshape(-1, 2).take(sector, 0), wb.reshape(-1, 2).take(sector, 0))
     hit = np.isfinite(r)
-    return Crossings(ray[hit], sector[hit] % S if S else sector, r[hit])
+    return Crossings(ray[hit], np.tile(np.arange(S), V)[sector[hit]], r[hit])
 
 
 def first_hits(found: Crossings, rays: int) -> tuple[NDArray, NDArray]:

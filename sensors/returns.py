@@ -39,6 +39,8 @@ def merge_cells(returns: Returns, cell: NDArray) -> Returns:
     parts and keeps the source of the first one.
     """
     splits = (cell > 0) & np.isfinite(cell)
+    if not splits.any():
+        return returns
     bins = np.where(splits, np.floor(returns.polar / np.where(splits, cell, 1.0)), 0.0)
     alone = np.where(splits.any(-1), -1, np.arange(len(cell)))
     key = np.column_stack([returns.sensor, alone, bins])

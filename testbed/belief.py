@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from scenarios.adapter import bounding_box
 from scenarios.bodies import parts
+from testbed.observation import every_part
 from trackers.batch import take
 from trackers.estimate import Estimate
 from trackers.geometry import rotation, unit
@@ -230,12 +231,10 @@ class BeliefView:
 
 def attach_view(observation_type: ObservationType, view: BeliefView) -> None:
     """Let an observation type, and all that it is made of, look through the view."""
-    observation_type.env = view
-    if hasattr(observation_type, "viewer"):  # the camera of GrayscaleObservation
-        observation_type.viewer.env = view
-    for name in ("agents_observation_types", "observation_types"):
-        for part in getattr(observation_type, name, ()):
-            attach_view(part, view)
+    for part in every_part(observation_type):
+        part.env = view
+        if hasattr(part, "viewer"):  # the camera of GrayscaleObservation
+            part.viewer.env = view
 
 
 class RoadSwap:

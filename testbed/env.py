@@ -27,6 +27,7 @@ from sensors.scene import Scene
 from sensors.source import Source
 from testbed.belief import BeliefView, RoadSwap, attach_view, belief_road, mirror_road
 from testbed.log.record import RunMeta
+from testbed.observation import without_frames
 from testbed.perception import Cost, Observer, Perception, label
 from testbed.recorder import LEVELS, Recorder, road_geometry, run_id, versions
 from trackers.multi.road import RoadMap
@@ -319,6 +320,7 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
 
         def define_and_attach() -> None:
             define_spaces()
+            without_frames(core.observation_type)
             attach_view(core.observation_type, self._view)
 
         core.define_spaces = define_and_attach

@@ -67,7 +67,7 @@ class Evaluator:
         self.phases = tuple(phases)
         self._frames: list[_Frame] = []
         self._pair_keys: list[tuple[float, int]] = []  # time, object id of each counted pair
-        self._pair_errors: list[NDArray] = []
+        self._pair_errors: list[NDArray] = []  # (K, len(ERRORS)) of the counted pairs of each scan
         self._seen: dict[int, float] = {}  # object id -> last time it was expected to be detected
         self._kind: dict[int, str] = {}
         self._rows: dict[int, list[tuple]] = defaultdict(list)  # object id -> rows of its History
@@ -89,8 +89,9 @@ class Evaluator:
         if owner is not None:
             for track, real in zip(owner[owner >= 0].tolist(), (source.object[owner >= 0] >= 0).tolist(), strict=True):
                 self._took[track][not real] += 1
-        objects, out = scene.objects, tracks.reported
-        counted = self._count(time, objects, source)
+        objects, out = scene.objects, tracks._replace(state=None).reported
+        countable = _countable(objects)
+        counted = self._count(time, objects, source) & countable
         distance = pair_distances(objects, out.estimate)
         score = gospa(distance, counted)
         rows, columns = score.pairs.T
@@ -102,14 +103,15 @@ class Evaluator:
             int(counted.sum()), int((counted & (held_by < 0)).sum()), len(out.id) - len(rows), len(out.id),
         )  # fmt: skip
         self._frames.append(frame)
-        self._remember(time, scene, source, counted, held_by, out)
+        plain = countable & (source.visible > PLAIN_SHARE) & (source.expected > PLAIN_COUNT)
+        self._remember(time, objects, counted, plain, held_by, out)
         cares = counted[rows]
-        self._pair_keys += [(time, int(i)) for i in objects.id[rows][cares]]
-        self._pair_errors += list(errors[cares])
-        ids = objects.id.tolist()
+        self._pair_keys += [(time, i) for i in objects.id[rows[cares]].tolist()]
+        self._pair_errors.append(errors[cares])
+        held = objects.id[rows].tolist()
         return FrameScore(
-            pairs={ids[r]: int(held_by[r]) for r in rows},
-            errors={ids[r]: dict(zip(ERRORS, e, strict=True)) for r, e in zip(rows, errors.tolist(), strict=True)},
+            pairs=dict(zip(held, held_by[rows].tolist(), strict=True)),
+            errors={i: dict(zip(ERRORS, e, strict=True)) for i, e in zip(held, errors.tolist(), strict=True)},
             mean=_frame_means(frame, errors[cares]),
             counted=tuple(objects.id[counted].tolist()),
         )
@@ -181,17 +183,15 @@ class Evaluator:
             raise ValueError(f"time must grow, got {time} s after {last} s; make a new Evaluator for each run")
 
     def _count(self, time: float, objects: Objects, source: Source) -> NDArray:
+        """Which objects (N,) were expected to be detected of late."""
         ids = objects.id.tolist()
-        self._seen |= {i: time for i, n in zip(ids, source.expected, strict=True) if n > COUNTED_ABOVE}
+        self._seen |= dict.fromkeys(objects.id[source.expected > COUNTED_ABOVE].tolist(), time)
         oldest = time - COUNTED_FOR - histories.TIME_ROUNDING
-        recent = np.array([self._seen.get(i, -np.inf) >= oldest for i in ids], bool)
-        return recent & _countable(objects)
+        return np.array([self._seen.get(i, -np.inf) >= oldest for i in ids], bool)
 
     def _remember(
-        self, time: float, scene: Scene, source: Source, counted: NDArray, owner: NDArray, out: Tracks
+        self, time: float, objects: Objects, counted: NDArray, plain: NDArray, owner: NDArray, out: Tracks
     ) -> None:
-        objects = scene.objects
-        plain = (source.visible > PLAIN_SHARE) & (source.expected > PLAIN_COUNT) & _countable(objects)
         local = to_frame(objects.pose, np.broadcast_to(out.estimate.pose[:, :2], (len(objects.id), len(out.id), 2)))
         inside = (np.abs(local) <= objects.size[:, None] / 2).all(-1)  # (N, T)
         flags = zip(counted.tolist(), plain.tolist(), inside.any(1).tolist(), owner.tolist(), strict=True)
@@ -209,7 +209,7 @@ class Evaluator:
             self._reports[track].append((time, within))
 
     def _errors(self) -> NDArray:
-        return np.array(self._pair_errors).reshape(-1, len(ERRORS))
+        return np.concatenate([np.zeros((0, len(ERRORS))), *self._pair_errors])
 
     def _table(self, start: float, end: float) -> Row:
         """Everything that can be said of a span of time."""
@@ -263,7 +263,8 @@ def _within(times: NDArray, start: float, end: float) -> int:
 def _frame_means(frame: _Frame, errors: NDArray) -> dict[str, float]:
     """What is plotted over time: errors (K, len(ERRORS)) by mean magnitude."""
     parts = {name: float(value) for name, value in frame._asdict().items() if name != "time"}
-    return parts | {name: mean(np.abs(errors[:, i])) for i, name in enumerate(ERRORS)}
+    means = np.abs(errors).mean(0) if len(errors) else np.full(len(ERRORS), np.nan)
+    return parts | dict(zip(ERRORS, means.tolist(), strict=True))
 
 
 def _error_table(errors: NDArray) -> Row:

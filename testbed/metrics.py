@@ -31,7 +31,8 @@ def gaussian_wasserstein(p: NDArray, X: NDArray, q: NDArray, Y: NDArray) -> NDAr
     """
     root = sqrtm(X)
     cross_term = sqrtm(root @ Y @ root)
-    shape = np.trace(X + Y - 2 * cross_term, axis1=-2, axis2=-1)
+    rest = X + Y - 2 * cross_term
+    shape = rest[..., 0, 0] + rest[..., 1, 1]  # the trace
     return ((p - q) ** 2).sum(-1) + np.maximum(shape, 0.0)  # equal extents: rounding may fall below zero
 
 
@@ -48,7 +49,7 @@ def gwd(pose: NDArray, size: NDArray, other_pose: NDArray, other_size: NDArray) 
 
 def box_iou(pose: NDArray, size: NDArray, other_pose: NDArray, other_size: NDArray) -> NDArray:
     """Intersection over union (...) in [0, 1] of oriented boxes with pose (..., 3) and size (..., 2)."""
-    return contour_iou(box_corners(pose, size), box_corners(other_pose, other_size))
+    return region_iou(box_areas(pose, size), box_areas(other_pose, other_size))
 
 
 def contour_iou(outline: NDArray, other: NDArray) -> NDArray:
@@ -62,17 +63,26 @@ def region_iou(a: NDArray, b: NDArray) -> NDArray:
     return common / (shapely.area(a) + shapely.area(b) - common)
 
 
+def box_areas(pose: NDArray, size: NDArray) -> NDArray:
+    """Shapely areas (...) of oriented boxes with pose (..., 3) and size (..., 2) [m], which never cross themselves."""
+    return np.asarray(shapely.polygons(_finite(box_corners(pose, size))))
+
+
 def areas(outline: NDArray) -> NDArray:
     """Shapely areas (...) inside outlines (..., C, 2) [m]; one that crosses itself counts its even-odd inside."""
-    if not np.isfinite(outline).all():
-        raise ValueError("outline must be finite to have an area; leave out estimates without a contour")
-    return _valid(np.asarray(shapely.polygons(outline)))
+    return _valid(np.asarray(shapely.polygons(_finite(outline))))
 
 
 def ragged_areas(outlines: Sequence[NDArray]) -> NDArray:
     """The same (B,) of B outlines (C, 2) [m] with a C of their own."""
     owner = np.repeat(np.arange(len(outlines)), [len(outline) for outline in outlines])
     return _valid(shapely.polygons(shapely.linearrings(np.concatenate(outlines), indices=owner)))
+
+
+def _finite(outline: NDArray) -> NDArray:
+    if not np.isfinite(outline).all():
+        raise ValueError("outline must be finite to have an area; leave out estimates without a contour")
+    return outline
 
 
 def _valid(areas: NDArray) -> NDArray:
@@ -126,8 +136,11 @@ def nees(error: NDArray, cov: NDArray) -> NDArray:
 
     error (..., n), cov (..., n, n): chi-square with n degrees of freedom when the covariance tells the truth.
     """
-    if not (np.linalg.eigvalsh(cov) > 0).all():
-        raise ValueError("cov must be positive definite; give a small variance to what is known exactly")
+    try:
+        np.linalg.cholesky(cov)
+    except np.linalg.LinAlgError:
+        message = "cov must be positive definite; give a small variance to what is known exactly"
+        raise ValueError(message) from None
     return quadratic(error, cov)
 
 

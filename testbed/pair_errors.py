@@ -5,9 +5,9 @@ import shapely
 from numpy.typing import NDArray
 
 from sensors.scene import Bodies, Objects
-from testbed.metrics import CUTOFF, areas, gwd, nees, ragged_areas, region_iou
+from testbed.metrics import CUTOFF, areas, box_areas, gwd, nees, ragged_areas, region_iou
 from trackers.estimate import Estimate
-from trackers.geometry import box_corners, wrap_angle
+from trackers.geometry import wrap_angle
 
 # Errors of a pair: distances [m], [m^2], [m/s]; heading_deg, length and width are signed, estimate minus truth.
 ERRORS = (
@@ -44,7 +44,7 @@ def pair_errors(objects: Objects, bodies: Bodies, rows: NDArray, estimate: Estim
         return np.zeros((0, len(ERRORS)))
     pose, size, cov = objects.pose[rows], objects.size[rows], estimate.cov
     error = np.stack([estimate.pose[:, :2] - pose[:, :2], estimate.velocity - objects.velocity[rows]], 1)  # (K, 2, 2)
-    box, true_box = areas(box_corners(np.stack([estimate.pose, pose]), np.stack([estimate.size, size])))
+    box, true_box = box_areas(np.stack([estimate.pose, pose]), np.stack([estimate.size, size]))
     contour = box if estimate.contour is None else areas(estimate.contour)
     columns = (
         distance,
@@ -55,4 +55,4 @@ def pair_errors(objects: Objects, bodies: Bodies, rows: NDArray, estimate: Estim
         *region_iou(np.stack([box, contour]), np.stack([true_box, truth_areas(bodies, rows)])),
         *nees(error, np.stack([cov[:, :2, :2], cov[:, 2:, 2:]], 1)).T,
     )
-    return np.stack(columns, -1)
+    return np.array(columns).T

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from trackers.batch import select
 from trackers.estimate import Estimate, check_estimate
 from trackers.geometry import extent_matrix, perpendicular, rotation, unit, wrap_angle
-from trackers.linalg import outer, symmetrize
+from trackers.linalg import I2, inverse, outer, symmetrize
 from trackers.protocols import UpdateInfo
 from trackers.random_matrix import moments
 from trackers.scan import Scan, check_scan
@@ -171,15 +171,15 @@ class Koch:
 
     def _covariance(self, P: NDArray, X_hat: NDArray) -> NDArray:
         """Covariance (..., 6, 6) of the kinematic state, P (x) X^; the printed form has P (x) I."""
-        B = np.broadcast_to(np.eye(2), X_hat.shape) if self.printed else X_hat
-        return np.einsum("...ij,...kl->...ikjl", P, B).reshape(*P.shape[:-2], 6, 6)
+        B = np.broadcast_to(I2, X_hat.shape) if self.printed else X_hat
+        return (P[..., :, None, :, None] * B[..., None, :, None, :]).reshape(*P.shape[:-2], 6, 6)
 
     def _factor(self, C: NDArray, X_hat: NDArray) -> NDArray:
         """Factor P (..., s, s) of a covariance (..., 2 s, 2 s): P_ij = tr(X^^-1 C_ij) / 2, exact for P (x) X^."""
         s = C.shape[-1] // 2
-        inverse = np.broadcast_to(np.eye(2), X_hat.shape) if self.printed else np.linalg.inv(X_hat)
+        B = np.broadcast_to(I2, X_hat.shape) if self.printed else inverse(X_hat)
         blocks = C.reshape(*C.shape[:-2], s, 2, s, 2)
-        return symmetrize(np.einsum("...lk,...ikjl->...ij", inverse, blocks) / 2)
+        return symmetrize((B[..., None, :, None, :] * blocks).sum((-3, -1)) / 2)
 
     def _range_rates(
         self, x: NDArray, P: NDArray, X_hat: NDArray, scan: Scan, xy: NDArray, centre: NDArray

@@ -3,6 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+I2 = np.eye(2)
+
 
 def symmetrize(A: NDArray) -> NDArray:
     """Symmetric part of A (..., n, n); takes off rounding, not modelling errors."""
@@ -19,13 +21,19 @@ def sqrtm(A: NDArray) -> NDArray:
     a, b, d = A[..., 0, 0], A[..., 0, 1], A[..., 1, 1]
     s = np.sqrt(np.maximum(a * d - b * b, 0.0))
     t = np.sqrt(a + d + 2 * s)
-    return (A + s[..., None, None] * np.eye(2)) / np.where(t > 0, t, 1.0)[..., None, None]
+    return (A + s[..., None, None] * I2) / np.where(t > 0, t, 1.0)[..., None, None]
+
+
+def largest_eigenvalue(A: NDArray) -> NDArray:
+    """Larger eigenvalue (...) of symmetric A (..., 2, 2)."""
+    a, b, d = A[..., 0, 0], A[..., 0, 1], A[..., 1, 1]
+    return (a + d) / 2 + np.hypot((a - d) / 2, b)
 
 
 def inverse(A: NDArray) -> NDArray:
     """Inverse of symmetric positive definite A (..., 2, 2)."""
     a, b, d = A[..., 0, 0], A[..., 0, 1], A[..., 1, 1]
-    return ((a + d)[..., None, None] * np.eye(2) - A) / (a * d - b * b)[..., None, None]
+    return ((a + d)[..., None, None] * I2 - A) / (a * d - b * b)[..., None, None]
 
 
 def inverse_sqrtm(A: NDArray) -> NDArray:
@@ -33,7 +41,7 @@ def inverse_sqrtm(A: NDArray) -> NDArray:
     a, b, d = A[..., 0, 0], A[..., 0, 1], A[..., 1, 1]
     s = np.sqrt(a * d - b * b)
     t = a + d + s
-    return (t[..., None, None] * np.eye(2) - A) / (s * np.sqrt(t + s))[..., None, None]
+    return (t[..., None, None] * I2 - A) / (s * np.sqrt(t + s))[..., None, None]
 
 
 def quadratic(d: NDArray, A: NDArray) -> NDArray:

@@ -6,9 +6,12 @@ x = [px, py, phi, v, omega]: centre [m], heading [rad], speed [m/s], yaw rate [r
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.geometry import dot, perpendicular, unit
 from trackers.linalg import outer, symmetrize
 
 PX, PY, PHI, SPEED, OMEGA = range(5)
+I5 = np.eye(5)
+ROUNDING = 1e-9 * np.eye(4)  # keeps the covariance of (x, y, vx, vy) regular
 
 
 def coordinated_turn(m: NDArray, dt: float) -> tuple[NDArray, NDArray]:
@@ -24,7 +27,7 @@ def coordinated_turn(m: NDArray, dt: float) -> tuple[NDArray, NDArray]:
     moved[..., PX] += v * g * c
     moved[..., PY] += v * g * s
     moved[..., PHI] += omega * dt
-    G = np.zeros((*m.shape, 5)) + np.eye(5)
+    G = np.zeros((*m.shape, 5)) + I5
     G[..., PX, PHI], G[..., PY, PHI] = -v * g * s, v * g * c
     G[..., PX, SPEED], G[..., PY, SPEED] = g * c, g * s
     G[..., PX, OMEGA] = v * (g1 * c - g * dt / 2 * s)
@@ -35,10 +38,10 @@ def coordinated_turn(m: NDArray, dt: float) -> tuple[NDArray, NDArray]:
 
 def turn_noise(phi: NDArray, dt: float, sigma_v: float, sigma_omega: float) -> NDArray:
     """Process noise (..., 5, 5) of an acceleration sigma_v [m/s^2] and a yaw acceleration sigma_omega [rad/s^2]."""
-    zero, one = np.zeros_like(phi), np.ones_like(phi)
-    along = np.stack([dt**2 / 2 * np.cos(phi), dt**2 / 2 * np.sin(phi), zero, dt * one, zero], -1) * sigma_v
-    turn = np.stack([zero, zero, dt**2 / 2 * one, zero, dt * one], -1) * sigma_omega
-    Gam = np.stack([along, turn], -1)
+    Gam = np.zeros((*np.shape(phi), 5, 2))
+    Gam[..., :2, 0] = dt**2 / 2 * unit(phi) * sigma_v
+    Gam[..., SPEED, 0] = dt * sigma_v
+    Gam[..., PHI, 1], Gam[..., OMEGA, 1] = dt**2 / 2 * sigma_omega, dt * sigma_omega
     return Gam @ Gam.mT
 
 
@@ -48,15 +51,15 @@ def cartesian_covariance(m: NDArray, P: NDArray) -> NDArray:
     Linear, but for one term: across the heading the velocity varies with the product of the errors of heading and
     speed, and at standstill with nothing else. A rounding's worth of identity keeps it regular.
     """
-    phi, v = m[..., PHI], m[..., SPEED]
-    c, s = np.cos(phi), np.sin(phi)
-    J = np.zeros((*phi.shape, 4, 5))
+    along = unit(m[..., PHI])
+    across = perpendicular(along)
+    J = np.zeros((*m.shape[:-1], 4, 5))
     J[..., 0, PX] = J[..., 1, PY] = 1.0
-    J[..., 2, PHI], J[..., 3, PHI] = -v * s, v * c
-    J[..., 2, SPEED], J[..., 3, SPEED] = c, s
-    cov = symmetrize(J @ P @ J.mT) + 1e-9 * np.eye(4)
+    J[..., 2:, PHI] = m[..., SPEED, None] * across
+    J[..., 2:, SPEED] = along
+    cov = symmetrize(J @ P @ J.mT) + ROUNDING
     product = P[..., PHI, PHI] * P[..., SPEED, SPEED]
-    cov[..., 2:, 2:] += product[..., None, None] * outer(np.stack([-s, c], -1))
+    cov[..., 2:, 2:] += product[..., None, None] * outer(across)
     return cov
 
 
@@ -66,10 +69,10 @@ def polar_moments(velocity: NDArray, cov: NDArray, heading: NDArray, heading_std
     velocity (..., 2) [m/s] and cov (..., 4, 4) of (x, y, vx, vy) are projected on the heading; the heading keeps its
     own variance, uncorrelated, because a standing object has a heading but no course.
     """
-    along = np.stack([np.cos(heading), np.sin(heading)], -1)
+    along = unit(heading)
     J = np.zeros((*heading.shape, 4, 4))
     J[..., 0, 0] = J[..., 1, 1] = 1.0
-    J[..., 3, 2], J[..., 3, 3] = along[..., 0], along[..., 1]
+    J[..., 3, 2:] = along
     P = J @ cov @ J.mT
     P[..., 2, 2] = heading_std**2
-    return (velocity * along).sum(-1), P
+    return dot(velocity, along), P

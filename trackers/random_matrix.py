@@ -11,14 +11,13 @@ from numpy.typing import NDArray
 
 from trackers.batch import select
 from trackers.estimate import Estimate, check_estimate
-from trackers.geometry import extent_matrix, perpendicular, rotation, unit, wrap_angle
-from trackers.linalg import outer, sqrtm, symmetrize
-from trackers.motion import OMEGA, PHI, SPEED, cartesian_covariance, coordinated_turn, polar_moments, turn_noise
+from trackers.geometry import cross, dot, extent_matrix, rotation, unit, wrap_angle
+from trackers.linalg import I2, inverse, inverse_sqrtm, outer, sqrtm, symmetrize
+from trackers.motion import I5, OMEGA, PHI, SPEED, cartesian_covariance, coordinated_turn, polar_moments, turn_noise
 from trackers.protocols import UpdateInfo
 from trackers.scan import Scan, check_scan
 from trackers.surface import visible_offset
 
-H = np.eye(2, 5)
 NU_MIN = 8.5  # the variance of the extent exists for nu > 8 only
 
 
@@ -104,13 +103,13 @@ class RandomMatrix:
             z_bar = z_bar - self.surface * self._offset(state, scan)
         X_hat = V / (nu - 6)[..., None, None]
         R = masked_mean(scan.position_noise(self.sigma), scan.mask, axes=2)
-        Y = self.rho * X_hat + R + np.where(n > 0, 0.0, 1.0)[..., None, None] * np.eye(2)  # regular without detections
+        Y = self.rho * X_hat + R + np.where(n > 0, 0.0, 1.0)[..., None, None] * I2  # regular without detections
         eps = z_bar - m[..., :2]
         S = P[..., :2, :2] + Y / np.maximum(n, 1)[..., None, None]
-        K = np.linalg.solve(S, P[..., :2, :]).mT
+        K = P[..., :2] @ inverse(S)
         root = sqrtm(X_hat)
-        A = root @ np.linalg.inv(sqrtm(S))
-        B = root @ np.linalg.inv(sqrtm(Y))
+        A = root @ inverse_sqrtm(S)
+        B = root @ inverse_sqrtm(Y)
         m_new, P_new = self.range_rates(
             m + (K @ eps[..., None])[..., 0],  # (15a)
             symmetrize(P - K @ P[..., :2, :]),  # (15b)
@@ -127,13 +126,14 @@ class RandomMatrix:
 
     def estimate(self, state: RMState) -> Estimate:
         """Box along the heading; half length and width are the roots of the extent's diagonal there."""
-        m, P, nu, V = state
-        phi, v = m[..., PHI], m[..., SPEED]
+        m, P, nu, _ = state
+        pose = m[..., :3].copy()
+        pose[..., PHI] = wrap_angle(m[..., PHI])
         size = self._size(state)
         log_std = np.sqrt(1 / (2 * (np.maximum(nu, NU_MIN) - 8)))
         return Estimate(
-            pose=np.concatenate([m[..., :2], wrap_angle(m[..., PHI, None])], -1),
-            velocity=v[..., None] * unit(phi),
+            pose=pose,
+            velocity=m[..., SPEED, None] * unit(m[..., PHI]),
             yaw_rate=m[..., OMEGA].copy(),
             size=size,
             cov=cartesian_covariance(m, P),
@@ -150,7 +150,7 @@ class RandomMatrix:
     def _size(self, state: RMState) -> NDArray:
         M = rotation(state.m[..., PHI])
         D = M.mT @ state.V @ M / (state.nu - 6)[..., None, None]
-        return 2 * np.sqrt(np.stack([D[..., 0, 0], D[..., 1, 1]], -1))
+        return 2 * np.sqrt(D.diagonal(axis1=-2, axis2=-1))
 
     def _offset(self, state: RMState, scan: Scan) -> NDArray:
         """Mean of the visible outline relative to the centre, (..., 2) [m]; zero without a detection."""
@@ -168,17 +168,17 @@ class RandomMatrix:
         phi, v, omega = (m[..., i, None] for i in (PHI, SPEED, OMEGA))
         u = scan.sight
         e = unit(phi)
-        swing = (u * perpendicular(xy - m[..., None, :2])).sum(-1)
-        h = np.stack([v * (u * perpendicular(e)).sum(-1), (u * e).sum(-1), swing], -1)
-        residual = g - v * h[..., 1] - omega * swing
+        h = np.empty((*g.shape, 3))
+        h[..., 0], h[..., 1], h[..., 2] = v * cross(e, u), dot(u, e), cross(xy - m[..., None, :2], u)
+        residual = g - v * h[..., 1] - omega * h[..., 2]
         residual = np.where(use, np.clip(residual, -self.rate_clip, self.rate_clip), 0.0)
         h = np.where(use[..., None], h, 0.0)
         information = self.rate_weight / self.rate_std**2
-        J = np.zeros_like(P)
+        J = np.zeros(P.shape)
         J[..., 2:, 2:] = information * (h.mT @ h)
-        score = np.zeros_like(m)
+        score = np.zeros(m.shape)
         score[..., 2:] = information * (h * residual[..., None]).sum(-2)
-        P_new = symmetrize(np.linalg.solve(np.eye(5) + P @ J, P))  # (P^-1 + J)^-1 without the inverse of P
+        P_new = symmetrize(np.linalg.solve(I5 + P @ J, P))  # (P^-1 + J)^-1 without the inverse of P
         return m + (P_new @ score[..., None])[..., 0], P_new
 
 

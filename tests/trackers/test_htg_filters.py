@@ -164,7 +164,7 @@ def test_information_is_the_mean_square_of_the_scores(table):
     _, points = flatten(scan, 0.0)
     many, precision = np.tile(m, (n, 1)), np.tile(np.eye(7), (n, 1, 1))
     objective = Objective(points, shape_of(table, many, points), many, precision, 0.5, 1.5)
-    s = objective.spatial(many[None])[1][0]
+    s = points.total(objective.places(objective.spread(many[None])))[1:, 0].T
     from trackers.htg.information import score_moments
 
     J = objective.spatial_information(table, np.tile(score_moments(table.of(index)), (n, 1, 1)))[0]

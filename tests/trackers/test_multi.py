@@ -12,9 +12,9 @@ from scipy.sparse.csgraph import connected_components
 
 from trackers import MultiObjectTracker, RandomMatrix, Scan, prior
 from trackers.batch import take
-from trackers.geometry import box_corners, unit
+from trackers.geometry import box_corners, to_frame, to_world, unit
 from trackers.multi.association import shares
-from trackers.multi.exclusion import Exclusion
+from trackers.multi.exclusion import GRID, Exclusion
 from trackers.multi.existence import Existence
 from trackers.multi.initiation import Initiation, components
 from trackers.multi.sizes import SizePrior, stretch
@@ -205,6 +205,22 @@ def test_a_duplicate_inside_a_box_goes():
     verdict = Exclusion().apply(e, np.array([1.0, 2.0]))
     assert verdict.keep.tolist() == [False, True]
     assert not verdict.joined.any()
+
+
+@given(st.integers(0, 8), st.integers(0, 2**32 - 1))
+def test_overlapping_pairs_are_those_of_a_loop_over_all_pairs(n, seed):
+    rng = np.random.default_rng(seed)
+    pose = np.c_[rng.uniform(0, 8, (n, 2)), rng.uniform(-3, 3, n)]
+    e = prior(pose, velocity=rng.uniform(0, 6, (n, 2)), size=rng.uniform(1, 6, (n, 2)))
+    rule = Exclusion()
+    expected = np.zeros((n, n), bool)
+    for a in range(n):
+        for b in set(range(n)) - {a}:
+            there = [to_frame(e.pose[j], to_world(e.pose[i], GRID * e.size[i])) for i, j in ((a, b), (b, a))]
+            share = max((np.abs(p) < e.size[j] / 2).all(-1).mean() for p, j in zip(there, (b, a), strict=True))
+            alike = np.linalg.norm(e.velocity[a] - e.velocity[b]) < rule.overlap_speed
+            expected[a, b] = share > rule.overlap_sure or (share > rule.overlap and alike)
+    np.testing.assert_array_equal(rule.overlapping(e), expected)
 
 
 @given(st.integers(0, 40), st.integers(0, 2**32 - 1))

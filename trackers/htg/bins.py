@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from trackers.geometry import unit, wrap_angle
-from trackers.htg.density import HTG
+from trackers.htg.density import HTG, log_mass
 
 FORMAT = "htg-table-1"
 SHIPPED = Path(__file__).parent / "tables"
@@ -96,8 +96,7 @@ class HTGTable:
 
     def frame(self, index: NDArray) -> Frame:
         """The unit coordinates of the bins index (...)."""
-        leaves, shape = (self.anchor, self.scale, self.shift, self.size), (len(self), 2)
-        return Frame(*(np.broadcast_to(leaf, shape)[index] for leaf in leaves))
+        return Frame(*(leaf[index] for leaf in frames(self)))
 
 
 def warp(half: NDArray, frame: Frame) -> tuple[NDArray, NDArray]:
@@ -115,6 +114,19 @@ def growth(half: NDArray, frame: Frame) -> tuple[NDArray, NDArray]:
     h = (1 - share) * half + share * size / 2
     ratio = half / h
     return (1 - share) * ratio, (anchor * share + shift * (1 - share)) * ratio / scale
+
+
+@lru_cache(maxsize=64)
+def frames(table: HTGTable) -> Frame:
+    """The unit coordinates of all bins, leaves (B, 2)."""
+    leaves = (table.anchor, table.scale, table.shift, table.size)
+    return Frame(*(np.broadcast_to(leaf, (len(table), 2)) for leaf in leaves))
+
+
+@lru_cache(maxsize=64)
+def log_masses(table: HTGTable) -> NDArray:
+    """Log c_D (B,) of the bins."""
+    return log_mass(table.p)
 
 
 def metric_ends(table: HTGTable) -> HTGTable:

@@ -97,13 +97,13 @@ def turned(v: NDArray, c: NDArray, s: NDArray) -> NDArray:
     return out
 
 
-def log_density(u: NDArray, p: HTG, noise: NDArray | None = None) -> NDArray:
+def log_density(u: NDArray, p: HTG, noise: NDArray | None = None, log_c: NDArray | None = None) -> NDArray:
     """Log density (...) at points u (..., 2), corrected eq. (9).
 
     The leading axes of p broadcast against those of u. `noise` (..., 2): variances in unit coordinates, along the
-    turned axes, that each point has besides p.r.
+    turned axes, that each point has besides p.r; log_c (...): log_mass(p), where it is known.
     """
-    return evaluate(np.moveaxis(u, -1, 0), prepare(lift(p, u.ndim - 1), noise))[0]
+    return evaluate(np.moveaxis(u, -1, 0), prepare(lift(p, u.ndim - 1), noise, log_c))[0]
 
 
 def score(u: NDArray, p: HTG, noise: NDArray | None = None) -> NDArray:
@@ -128,17 +128,18 @@ def noise_matrix(p: HTG) -> NDArray:
 
 def truncated(low: NDArray, high: NDArray) -> tuple[NDArray, NDArray, NDArray]:
     """Mass, mean and variance (...) of the standard normal distribution between low and high (...), inf allowed."""
+    ends = np.stack([low, high])
     width = high - low
     narrow = width < 1e-4
-    mass = ndtr(high) - ndtr(low)
-    bell_low, bell_high = np.exp(-0.5 * low**2) / SQRT2PI, np.exp(-0.5 * high**2) / SQRT2PI
+    below = ndtr(ends)
+    bell = np.exp(-0.5 * ends * ends) / SQRT2PI
+    ends = np.where(np.isinf(ends), 0.0, ends)  # the bell is 0 there
+    mass = below[1] - below[0]
     scale = np.where(narrow, 1.0, mass)
-    mean = (bell_low - bell_high) / scale
-    with np.errstate(invalid="ignore"):
-        edge = np.where(np.isinf(low), 0.0, low * bell_low) - np.where(np.isinf(high), 0.0, high * bell_high)
-        middle = (low + high) / 2
-    var = np.where(narrow, width**2 / 12, 1 + edge / scale - mean**2)
-    return mass, np.where(narrow, middle, mean), var
+    mean = (bell[0] - bell[1]) / scale
+    edge = ends * bell
+    var = np.where(narrow, width**2 / 12, 1 + (edge[0] - edge[1]) / scale - mean**2)
+    return mass, np.where(narrow, (ends[0] + ends[1]) / 2, mean), var
 
 
 def hole_moments(p: HTG) -> tuple[NDArray, NDArray]:

@@ -1,6 +1,8 @@
 """htg-rm-learned: the random matrix with learned holes, Xia et al. (2020), sections III and IV; card section 4b."""
 
 from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,8 +11,9 @@ from trackers.batch import select
 from trackers.estimate import Estimate
 from trackers.htg.bins import HTGTable, resolve
 from trackers.htg.density import complement, log_mass, noise_matrix
-from trackers.htg.pseudo import Hole, correct, fill, frame, length, mean_extent, recount, sample_of, scale_of
+from trackers.htg.pseudo import Hole, correct, fill, frame, length, mean_extent, posterior, recount, sample_of, scale_of
 from trackers.htg.spatial import log_spatial
+from trackers.linalg import sqrtm
 from trackers.motion import PHI
 from trackers.protocols import UpdateInfo
 from trackers.random_matrix import RandomMatrix, RMState
@@ -49,20 +52,20 @@ class HTGLearned:
         check_scan(scan)
         s = sample_of(scan, self.sigma)
         some = s._replace(n=np.maximum(s.n, 1))  # rows without a detection must stay regular
-        table, X_hat, new = self.model(), mean_extent(state), state
+        table, X_hat = self.model(), mean_extent(state)
+        bins, root, m, X = shown(table), sqrtm(X_hat), state.m, X_hat
         for _ in range(self.iterations):
-            A = frame(mean_extent(new), new.m[..., PHI])
-            p = table.of(table.bin_at(new.m[..., :2], new.m[..., PHI], length(A), s.sensor))
-            hole = Hole(np.maximum(np.exp(log_mass(p)), LEAST_SHARE), *complement(p))
-            count, mean, spread = fill(some, hole, new.m[..., :2], A, s.noise)
+            A = frame(X, m[..., PHI])
+            index = table.bin_at(m[..., :2], m[..., PHI], length(A), s.sensor)
+            here = Shown(*(leaf[index] for leaf in bins))
+            count, mean, spread = fill(some, here.hole, m[..., :2], A, s.noise)
             # R of the density is in unit coordinates, so it grows with the iterate; the scale stays the prediction's.
-            Y = p.rho[..., None, None] * X_hat + A @ noise_matrix(p) @ A.mT + s.noise
-            scale = scale_of(state, Y)
-            new, eps, S = correct(state, scale, count, mean, spread)
-        if self.n_count:
-            new = recount(state, new, scale, some.n)
+            scale = scale_of(root, here.rho * X_hat + A @ here.noise @ A.mT + s.noise)
+            last = correct(state, scale, count, mean, spread)
+            m, X = last.m, last.X
+        new = recount(state, last, scale, some.n) if self.n_count else posterior(state, last, scale, count)
         m, P = self.rm.range_rates(new.m, new.P, scan, scan.xy)
-        return select(s.n > 0, new._replace(m=m, P=P), state), UpdateInfo(s.n, eps, S)
+        return select(s.n > 0, new._replace(m=m, P=P), state), UpdateInfo(s.n, last.eps, last.S)
 
     def estimate(self, state: RMState) -> Estimate:
         """Box along the heading."""
@@ -75,3 +78,26 @@ class HTGLearned:
     def log_spatial(self, state: RMState, scan: Scan, track: NDArray, detection: NDArray) -> NDArray:
         """Log density (G,) [1/m^2] of the detections with indices detection (G,) under the tracks track (G,)."""
         return log_spatial(self.model(), self.estimate(state), scan, track, detection, self.sigma)
+
+
+class Shown(NamedTuple):
+    """What bodies show in a bin, in unit coordinates."""
+
+    share: NDArray  # (...) c_D
+    mean: NDArray  # (..., 2) of what the hole cuts out
+    cov: NDArray  # (..., 2, 2) the same, with noise
+    rho: NDArray  # (..., 1, 1)
+    noise: NDArray  # (..., 2, 2)
+
+    @property
+    def hole(self) -> Hole:
+        """What is missing, with noise."""
+        return Hole(self.share, self.mean, self.cov)
+
+
+@lru_cache(maxsize=64)
+def shown(table: HTGTable) -> Shown:
+    """What the bins (B,) of the table show."""
+    p = table.p
+    share = np.maximum(np.exp(log_mass(p)), LEAST_SHARE)
+    return Shown(share, *complement(p), p.rho[:, None, None], noise_matrix(p))

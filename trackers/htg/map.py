@@ -171,7 +171,7 @@ class HTGMap:
             yaw_rate=m[..., OMEGA].copy(),
             size=size,
             cov=cov,
-            size_std=size * np.sqrt(np.stack([P[..., LOG_L, LOG_L], P[..., LOG_W, LOG_W]], -1)),
+            size_std=size * np.sqrt(P.diagonal(axis1=-2, axis2=-1)[..., LOG_L:]),
             heading_std=np.sqrt(P[..., PHI, PHI]),
             yaw_rate_std=np.sqrt(P[..., OMEGA, OMEGA]),
         )

@@ -5,6 +5,7 @@ mean of what a sensor sees is no longer taken for the centre.
 """
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +13,9 @@ from numpy.typing import NDArray
 from trackers.batch import select
 from trackers.estimate import Estimate
 from trackers.htg.bins import HTGTable, resolve
-from trackers.htg.pseudo import frame, length, mean_extent, sample_of
+from trackers.htg.pseudo import frame, inverse_frame, length, mean_extent, sample_of
 from trackers.htg.spatial import log_spatial
-from trackers.linalg import outer, sqrtm, symmetrize
+from trackers.linalg import inverse, inverse_sqrtm, outer, sqrtm, symmetrize
 from trackers.motion import PHI
 from trackers.protocols import UpdateInfo
 from trackers.random_matrix import RandomMatrix, RMState
@@ -54,9 +55,9 @@ class HTGMoment:
             b = table.bin_at(new.m[..., :2], new.m[..., PHI], length(A), s.sensor)
             S = P[..., :2, :2] + A @ table.cov[b] @ A.mT / count
             eps = s.mean - (A @ table.mean[b][..., None])[..., 0] - m[..., :2]
-            K = np.linalg.solve(S, P[..., :2, :]).mT
-            W = A @ np.linalg.inv(sqrtm(table.cov[b])) @ np.linalg.inv(A)
-            B = root @ np.linalg.inv(sqrtm(S))
+            K = P[..., :2] @ inverse(S)
+            W = A @ whitening(table)[b] @ inverse_frame(A)
+            B = root @ inverse_sqrtm(S)
             new = RMState(
                 m=m + (K @ eps[..., None])[..., 0],
                 P=symmetrize(P - K @ P[..., :2, :]),
@@ -77,3 +78,9 @@ class HTGMoment:
     def log_spatial(self, state: RMState, scan: Scan, track: NDArray, detection: NDArray) -> NDArray:
         """Log density (G,) [1/m^2] of the detections with indices detection (G,) under the tracks track (G,)."""
         return log_spatial(self.model(), self.estimate(state), scan, track, detection, self.sigma)
+
+
+@lru_cache(maxsize=64)
+def whitening(table: HTGTable) -> NDArray:
+    """C_b^-1/2 (B, 2, 2) of the bins."""
+    return inverse_sqrtm(table.cov)

@@ -6,17 +6,17 @@ So the valid ones form one list of G, sorted by object, and sums over an object 
 xi = [px, py, phi, v, omega, log l, log w]: centre [m], heading [rad], speed [m/s], yaw rate [rad/s], size [m].
 """
 
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.htg.bins import Frame, HTGTable, growth, warp
-from trackers.htg.density import Prepared, evaluate, lift, log_mass, prepare, turned
+from trackers.htg.bins import Frame, HTGTable, growth, log_masses, warp
+from trackers.htg.density import Prepared, evaluate, lift, prepare, turned
 from trackers.scan import Scan
 
 PX, PY, PHI, SPEED, OMEGA, LOG_L, LOG_W = range(7)
+RATE_ROWS = [0, 1 + PHI, 1 + SPEED, 1 + OMEGA]  # of a value and its gradient
 SPATIAL = np.array([PX, PY, PHI, LOG_L, LOG_W])  # what the place of a detection depends on
 
 
@@ -79,12 +79,6 @@ def shape_of(table: HTGTable, xi: NDArray, points: Points) -> Shape:
     return Shape(index, noise, inside, prepare(lift(p, 2), noise.T[None], log_masses(table)[index]))
 
 
-@lru_cache(maxsize=64)
-def log_masses(table: HTGTable) -> NDArray:
-    """Log c_D (B,) of the bins."""
-    return log_mass(table.p)
-
-
 def body_noise(scale: NDArray, phi: NDArray, theta: NDArray, points: Points) -> NDArray:
     """Noise variances (2, G) in unit coordinates along axes turned by theta (G,).
 
@@ -116,65 +110,69 @@ class Objective(NamedTuple):
 
     def evaluate(self, xi: NDArray) -> tuple[NDArray, NDArray]:
         """Log posterior (S, N), up to a constant, and its gradient (S, N, 7) at the states xi (S, N, 7)."""
-        value, gradient = self.spatial(xi)
+        x = self.spread(xi)
+        sums = self.points.total(self.places(x))
         if self.measured:
-            rate_value, rate_gradient = self.range_rates(xi)
-            value = value + rate_value
-            gradient[..., PHI:LOG_L] += rate_gradient
+            sums[RATE_ROWS] += self.points.total(self.rates(x))
         d = xi - self.mean
         pull = (self.precision @ d[..., None])[..., 0]
-        return value - 0.5 * (d * pull).sum(-1), gradient - pull
+        return sums[0] - 0.5 * (d * pull).sum(-1), sums[1:].transpose(1, 2, 0) - pull
 
-    def spatial(self, xi: NDArray) -> tuple[NDArray, NDArray]:
-        """Log likelihood (S, N) of the places of the detections and its gradient (S, N, 7)."""
-        points, (_, _, frame, prepared) = self.points, self.shape
-        rows = np.empty((6, *xi.shape[:-1]))
-        rows[:2], rows[4:] = xi.T[:2].swapaxes(1, 2), 0.5 * np.exp(xi.T[LOG_L:].swapaxes(1, 2))
+    def spread(self, xi: NDArray) -> NDArray:
+        """What the detections need of the states xi (..., N, 7): (8, ..., G).
+
+        Place, cosine and sine of the heading, speed, yaw rate, half length and width.
+        """
+        rows = np.empty((8, *xi.shape[:-1]))
+        rows[0], rows[1], rows[4], rows[5] = (xi[..., i] for i in (PX, PY, SPEED, OMEGA))
         rows[2], rows[3] = np.cos(xi[..., PHI]), np.sin(xi[..., PHI])
-        x = np.take(rows, points.row, -1)  # (6, S, G)
-        c, s, half = x[2], x[3], x[4:]
-        e = turned(points.z[:, None] - x[:2], c, s)
+        rows[6], rows[7] = xi[..., LOG_L], xi[..., LOG_W]
+        rows[6:] = 0.5 * np.exp(rows[6:])
+        return rows.take(self.points.row, -1)
+
+    def places(self, x: NDArray) -> NDArray:
+        """Log likelihood of the place of each detection and its gradient, (1 + 7, S, G)."""
+        _, _, frame, prepared = self.shape
+        c, s, half = x[2], x[3], x[6:]
+        e = turned(self.points.z[:, None] - x[:2], c, s)
         h, shift = (half, 0.0) if frame is None else warp(half, frame)
         u = (e - shift) / h
         log_p, g = evaluate(u, prepared)
-        terms = np.empty((6, *log_p.shape))
+        terms = np.zeros((8, *log_p.shape))
         terms[0] = log_p - np.log(h[0] * h[1])
         moved = g / h
-        terms[1:3] = turned(moved, c, -s)
-        np.negative(terms[1:3], out=terms[1:3])
+        np.negative(turned(moved, c, -s), out=terms[1:3])
         terms[3] = moved[0] * e[1] - moved[1] * e[0]
-        terms[4:] = -1.0 - g * u
+        terms[6:] = -1.0 - g * u
         if frame is not None:
             wider, further = growth(half, frame)
-            terms[4:] = wider * terms[4:] - further * g
-        sums = points.total(terms)
-        gradient = np.zeros(xi.shape)
-        gradient[..., SPATIAL] = sums[1:].transpose(1, 2, 0)
-        return sums[0], gradient
+            terms[6:] = wider * terms[6:] - further * g
+        return terms
 
-    def range_rates(self, xi: NDArray) -> tuple[NDArray, NDArray]:
-        """Log likelihood (S, N) of the range rates, linear beyond the clip, and its gradient (S, N, 3)."""
-        residual, h = self.rate_model(xi)
-        clipped = np.clip(residual, -self.rate_clip, self.rate_clip) / self.rate_std**2
-        value = clipped * (residual - 0.5 * clipped * self.rate_std**2)
-        return -self.points.total(value), np.moveaxis(self.points.total(h * clipped), 0, -1)
+    def rates(self, x: NDArray) -> NDArray:
+        """Log likelihood of each range rate, linear beyond the clip, and its gradient in phi, v, omega: (4, S, G)."""
+        residual, h = self.rate_model(x)
+        clipped = np.minimum(np.maximum(residual, -self.rate_clip), self.rate_clip) / self.rate_std**2
+        terms = np.empty((4, *residual.shape))
+        terms[0] = -clipped * (residual - 0.5 * clipped * self.rate_std**2)
+        terms[1:] = h * clipped
+        return terms
 
-    def rate_model(self, xi: NDArray) -> tuple[NDArray, NDArray]:
+    def rate_model(self, x: NDArray) -> tuple[NDArray, NDArray]:
         """Residuals (..., G) of the ground range rates and their gradients h (3, ..., G) in phi, v, omega.
 
         g = sight . (v e_phi + omega J (z - c)), card multi_object, step 7; both are 0 where nothing was measured. The
-        lever z - c is held at the predicted centre: a range rate tells motion, not place.
+        lever z - c is held at the predicted centre: a range rate tells motion, not place. x (8, ..., G) as in `spread`.
         """
         points = self.points
-        phi, v, omega = np.moveaxis(xi[..., PHI:LOG_L], -1, 0)[..., points.row]
-        c, s = np.cos(phi), np.sin(phi)
+        c, s, v, omega = x[2:6]
         ux, uy = points.sight
-        lever = points.z - self.mean[points.row, :2].T
-        swing = uy * lever[0] - ux * lever[1]
-        ahead = ux * c + uy * s
+        lever = points.z - self.mean[:, :2].T.take(points.row, -1)
+        h = np.empty((3, *c.shape))
+        h[0], h[1], h[2] = v * (uy * c - ux * s), ux * c + uy * s, uy * lever[0] - ux * lever[1]
         measured = np.isfinite(points.rate)
-        residual = np.where(measured, points.rate - v * ahead - omega * swing, 0.0)
-        return residual, np.stack(np.broadcast_arrays(v * (uy * c - ux * s), ahead, swing)) * measured
+        residual = np.where(measured, points.rate - v * h[1] - omega * h[2], 0.0)
+        return residual, h * measured
 
     def spatial_information(self, table: HTGTable, F: NDArray) -> NDArray:
         """Expected information (N, 7, 7) of the places of the detections at the prediction; F (G, 6, 6)."""
@@ -193,7 +191,7 @@ class Objective(NamedTuple):
         """Information (N, 7, 7) of the range rates at the prediction."""
         J = np.zeros(self.precision.shape)
         if self.measured:
-            _, h = self.rate_model(self.mean)
+            _, h = self.rate_model(self.spread(self.mean))
             J[:, PHI:LOG_L, PHI:LOG_L] = self.points.total(h[:, None] * h).transpose(2, 0, 1) / self.rate_std**2
         return J
 

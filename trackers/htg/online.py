@@ -23,11 +23,13 @@ from trackers.htg.pseudo import (
     frame,
     inverse_frame,
     mean_extent,
+    posterior,
     recount,
     sample_of,
     scale_of,
 )
 from trackers.htg.sides import Sides, fit
+from trackers.linalg import I2, sqrtm
 from trackers.motion import PHI
 from trackers.protocols import UpdateInfo
 from trackers.random_matrix import RandomMatrix, RMState
@@ -42,6 +44,14 @@ class OnlineState(NamedTuple):
 
     rm: RMState
     bounds: NDArray  # (..., 4) a1, a2, b1, b2 in unit coordinates, finite also for sides that are now open
+
+
+class Detections(NamedTuple):
+    """D detections in the order of their T objects, every one of which has at least one."""
+
+    xy: NDArray  # (D, 2) [m]
+    owner: NDArray  # (D,) object
+    first: NDArray  # (T,) first detection of each object
 
 
 @dataclass(frozen=True)
@@ -72,45 +82,49 @@ class HTGOnline:
         every = sample_of(scan, self.rm.sigma)
         some = every.n > 0
         s, (old, bounds) = take(every, some), take(state, some)
-        xy = np.broadcast_to(scan.xy, (*scan.mask.shape, 2))[scan.mask]
-        owner = np.repeat(np.arange(len(s.n)), s.n)
-        cap = self.cap * np.sqrt(self.rm.rho)
-        new, scale = old, scale_of(old, self.rm.rho * mean_extent(old) + s.noise)
+        seen = Detections(
+            xy=np.broadcast_to(scan.xy, (*scan.mask.shape, 2))[scan.mask],
+            owner=np.repeat(np.arange(len(s.n)), s.n),
+            first=np.cumsum(s.n) - s.n,
+        )
+        X_hat, cap, b = mean_extent(old), self.cap * np.sqrt(self.rm.rho), bounds.T
+        scale, m, X = scale_of(sqrtm(X_hat), self.rm.rho * X_hat + s.noise), old.m, X_hat
         for _ in range(self.iterations):
-            A = frame(mean_extent(new), new.m[:, PHI])
-            sides = self._sides(new.m, inverse_frame(A), s, xy, owner)
-            bounds = fit(sides, bounds.T, cap, self.rounds, self.least_weight).T
-            count, mean, spread = fill(s, self._hole(bounds, sides.facing.T), new.m[:, :2], A, s.noise)
-            new, eps, S = correct(old, scale, count, mean, spread)
-        if self.n_count:
-            new = recount(old, new, scale, s.n)
-        found: OnlineState = put(state, some, OnlineState(new, bounds))
+            A = frame(X, m[:, PHI])
+            sides = self._sides(m, inverse_frame(A), s, seen)
+            b = fit(sides, b, cap, self.rounds, self.least_weight)
+            count, mean, spread = fill(s, self._hole(b, sides.facing), m[:, :2], A, s.noise)
+            last = correct(old, scale, count, mean, spread)
+            m, X = last.m, last.X
+        new = recount(old, last, scale, s.n) if self.n_count else posterior(old, last, scale, count)
+        found: OnlineState = put(state, some, OnlineState(new, b.T))
         m, P = self.rm.range_rates(found.rm.m, found.rm.P, scan, scan.xy)
         found = found._replace(rm=found.rm._replace(m=m, P=P))
         blank = UpdateInfo(every.n, np.zeros_like(every.mean), np.broadcast_to(np.eye(2), every.noise.shape))
-        return select(some, found, state), put(blank, some, UpdateInfo(s.n, eps, S))
+        return select(some, found, state), put(blank, some, UpdateInfo(s.n, last.eps, last.S))
 
-    def _sides(self, m: NDArray, into: NDArray, s: Sample, xy: NDArray, owner: NDArray) -> Sides:
-        """Detections xy (D, 2) [m] of their objects owner (D,) against the sides, at the iterates m (T, 5)."""
-        rho, T = self.rm.rho, len(m)
+    def _sides(self, m: NDArray, into: NDArray, s: Sample, seen: Detections) -> Sides:
+        """The detections of T objects against the sides, at the iterates m (T, 5)."""
+        rho, (D, T) = self.rm.rho, (len(seen.owner), len(m))
         r = ((into @ s.noise) * into).sum(-1)  # (T, 2)
         k = rho / (rho + r)
         precision = 1 / np.sqrt(k * r)  # 1 / sg
-        u = (into[owner] * (xy - m[owner, :2])[:, None]).sum(-1)
-        reach = np.zeros((len(xy) + T, 2))
-        reach[: len(xy)] = (k * precision)[owner] * u
-        scale = np.concatenate([precision[owner], np.full((T, 2), rho**-0.5)])
+        outwards = (k * precision)[..., None] * into
+        reach, scale = np.zeros((4, D + T)), np.full((4, D + T), rho**-0.5)
+        d = seen.xy - m[seen.owner, :2]
+        reach[2:, :D] = (outwards[seen.owner] @ d[..., None])[..., 0].T
+        reach[:2] = -reach[2:]
+        scale[:2, :D] = scale[2:, :D] = precision.T[:, seen.owner]
         facing = self._facing(into, m[:, :2], s.sensor)
-        both = np.concatenate([owner, np.arange(T)])
-        return Sides(SIGN[:, None] * reach.T[AXIS], scale.T[AXIS], facing.T, both, np.cumsum(s.n) - s.n)
+        return Sides(reach, scale, facing.T, np.concatenate([seen.owner, np.arange(T)]), seen.first)
 
     def _hole(self, bounds: NDArray, facing: NDArray) -> Hole:
-        """What the sides bounds (T, 4) cut out, without sensor noise."""
+        """What the sides bounds (4, T) cut out, without sensor noise."""
         s = np.sqrt(self.rm.rho)
         t = np.where(facing, bounds, np.inf) / s
-        mass, mean, var = truncated(-t[:, :2], t[:, 2:])
-        share = np.maximum(1 - mass.prod(-1), LEAST_SHARE)
-        return Hole(share, s * mean, s**2 * var[..., None] * np.eye(2))
+        mass, mean, var = truncated(-t[:2], t[2:])
+        share = np.maximum(1 - mass[0] * mass[1], LEAST_SHARE)
+        return Hole(share, s * mean.T, (s**2 * var.T)[..., None] * I2)
 
     def _facing(self, into: NDArray, centre: NDArray, sensor: NDArray) -> NDArray:
         """Sides (..., 4) whose outward normal meets the sensor; all of them in full view, or inside the body."""

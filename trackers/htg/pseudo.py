@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.geometry import perpendicular, unit
-from trackers.linalg import inverse, inverse_sqrtm, outer, sqrtm, symmetrize
-from trackers.random_matrix import NU_MIN, RMState, masked_mean, moments
+from trackers.geometry import rotation
+from trackers.linalg import inverse, inverse_sqrtm, outer, symmetrize
+from trackers.random_matrix import RMState, masked_mean, moments
 from trackers.scan import Scan
 
 
@@ -51,12 +51,9 @@ def frame(X: NDArray, phi: NDArray) -> NDArray:
 
     The axes are eigenvectors of X (..., 2, 2), the first is the one nearest to the heading phi (...).
     """
-    a, b, d = X[..., 0, 0], X[..., 0, 1], X[..., 1, 1]
-    principal = 0.5 * np.arctan2(2 * b, a - d)
-    off = principal - phi
-    off = off - np.pi / 2 * np.round(off / (np.pi / 2))  # the four half axes are a quarter turn apart
-    e = unit(phi + off)
-    axes = np.stack([e, perpendicular(e)], -1)
+    principal = 0.5 * np.arctan2(2 * X[..., 0, 1], X[..., 0, 0] - X[..., 1, 1])
+    quarters = np.round((phi - principal) / (np.pi / 2))  # the four half axes are a quarter turn apart
+    axes = rotation(principal + np.pi / 2 * quarters)
     root = np.sqrt((axes * (X @ axes)).sum(-2))
     return axes * root[..., None, :]
 
@@ -76,14 +73,14 @@ def fill(s: Sample, hole: Hole, centre: NDArray, A: NDArray, noise: NDArray) -> 
 
     centre (..., 2) and A (..., 2, 2) of the iterate; noise (..., 2, 2) [m^2] of a detection beyond hole.cov.
     """
-    c = hole.share
-    missing = s.n * (1 - c) / c
+    c = hole.share[..., None, None]
+    count = s.n / hole.share
+    missing = count * (1 - hole.share)
     z_c = centre + (A @ hole.mean[..., None])[..., 0]
     C_c = A @ hole.cov @ A.mT + noise
-    z_cv = c[..., None] * s.mean + (1 - c)[..., None] * z_c
-    seen = outer(s.mean - z_cv) * s.n[..., None, None]
-    imagined = (C_c + outer(z_c - z_cv)) * missing[..., None, None]
-    return s.n + missing, z_cv, s.spread + seen + imagined
+    d = s.mean - z_c
+    # about the common mean z_c + c d, what is seen and what is imagined spread by n (1 - c)^2 + (N - n) c^2 = (N - n) c
+    return count, z_c + c[..., 0] * d, s.spread + missing[..., None, None] * (C_c + c * outer(d))
 
 
 class Scale(NamedTuple):
@@ -94,42 +91,50 @@ class Scale(NamedTuple):
     B: NDArray  # (..., 2, 2) X^^1/2 Y^-1/2
 
 
-def scale_of(state: RMState, Y: NDArray) -> Scale:
-    """The scale of the state before the update, with detections of covariance Y (..., 2, 2) [m^2]."""
-    root = sqrtm(mean_extent(state))
+def scale_of(root: NDArray, Y: NDArray) -> Scale:
+    """The scale of the state before the update, whose extent has this root, with detections of covariance Y."""
     return Scale(Y, root, root @ inverse_sqrtm(Y))
 
 
-def correct(
-    state: RMState, scale: Scale, count: NDArray, mean: NDArray, spread: NDArray
-) -> tuple[RMState, NDArray, NDArray]:
-    """Random-matrix update with a fractional count (...), card section 2; also the innovation and its covariance."""
+class Iterate(NamedTuple):
+    """An update as far as the next iteration needs it: without its covariance."""
+
+    m: NDArray  # (..., 5)
+    X: NDArray  # (..., 2, 2) [m^2] mean extent
+    eps: NDArray  # (..., 2) [m] innovation
+    S: NDArray  # (..., 2, 2) [m^2] its covariance
+
+
+def correct(state: RMState, scale: Scale, count: NDArray, mean: NDArray, spread: NDArray) -> Iterate:
+    """Random-matrix update with a fractional count (...), card section 2."""
     m, P, nu, V = state
     eps = mean - m[..., :2]
-    S = P[..., :2, :2] + scale.Y / np.maximum(count, 1e-9)[..., None, None]
-    K = P[..., :, :2] @ inverse(S)
-    A, B = scale.root @ inverse_sqrtm(S), scale.B
-    new = RMState(
-        m=m + (K @ eps[..., None])[..., 0],  # (15a)
-        P=symmetrize(P - K @ P[..., :2, :]),  # (15b)
-        nu=nu + count,  # (15c)
-        V=symmetrize(V + A @ outer(eps) @ A.mT + B @ spread @ B.mT),  # (15d)
+    S = P[..., :2, :2] + scale.Y / count[..., None, None]
+    root = inverse_sqrtm(S)
+    white = root @ eps[..., None]
+    along = scale.root @ white
+    return Iterate(
+        m=m + (P[..., :2] @ (root @ white))[..., 0],  # (15a)
+        X=symmetrize(V + along @ along.mT + scale.B @ spread @ scale.B.mT) / (nu + count - 6)[..., None, None],  # (15d)
+        eps=eps,
+        S=S,
     )
-    return new, eps, S
 
 
-def recount(state: RMState, new: RMState, scale: Scale, n: NDArray) -> RMState:
-    """The update `new` of `state` with the weight of its n true detections: imagined ones inform about nothing.
+def posterior(state: RMState, last: Iterate, scale: Scale, count: NDArray) -> RMState:
+    """The update of `state` to the iterate `last`, with the weight of so many detections (...)."""
+    _, P, nu, _ = state
+    S = P[..., :2, :2] + scale.Y / count[..., None, None]
+    K = P[..., :2] @ inverse(S)
+    nu_new = nu + count  # (15c)
+    V = last.X * (nu_new - 6)[..., None, None]
+    return RMState(last.m, symmetrize(P - K @ P[..., :2, :]), nu_new, V)  # (15b)
+
+
+def recount(state: RMState, last: Iterate, scale: Scale, n: NDArray) -> RMState:
+    """The same with the weight of the n true detections: imagined ones inform about nothing.
 
     The papers count them in P and nu, (15b) and (15c), and become over-confident four to ten times.
     """
-    _, P, nu, _ = state
-    S = P[..., :2, :2] + scale.Y / np.maximum(n, 1)[..., None, None]
-    K = P[..., :, :2] @ inverse(S)
-    nu_new = nu + n
-    return RMState(
-        m=new.m,
-        P=symmetrize(P - K @ P[..., :2, :]),
-        nu=nu_new,
-        V=mean_extent(new) * (np.maximum(nu_new, NU_MIN) - 6)[..., None, None],
-    )
+    new = posterior(state, last, scale, n)
+    return new._replace(V=last.X * (new.nu - 6)[..., None, None])

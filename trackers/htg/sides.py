@@ -47,7 +47,7 @@ def hazard(y: NDArray) -> NDArray:
 
 def tails(sides: Sides, b: NDArray) -> Tails:
     """The tails beyond the bounds b (..., 4, T)."""
-    y = np.maximum(b[..., sides.owner] * sides.scale - sides.reach, -FARTHEST)
+    y = np.maximum(b.take(sides.owner, -1) * sides.scale - sides.reach, -FARTHEST)
     return Tails(y, hazard(y))
 
 
@@ -56,13 +56,13 @@ def fit(sides: Sides, b: NDArray, cap: float, rounds: int, least_weight: float) 
 
     Sides with less than least_weight detections, among them those that cannot be seen, keep theirs.
     """
-    ends = tails(sides, np.array([0.0, cap])[:, None, None] * np.ones_like(b))
-    weight = np.ones_like(b)
-    for _ in range(rounds):
-        at = tails(sides, b)
+    y, h = tails(sides, np.stack([b, np.zeros_like(b), np.full_like(b, cap)]))
+    at, ends, weight = Tails(y[0], h[0]), h[1:], np.ones_like(b)
+    for k in range(rounds):
+        at = tails(sides, b) if k else at
         g = responsibilities(sides, at, weight)
         W = np.add.reduceat(g, sides.first, -1)
-        at_zero, at_cap = slope(sides, g, W, ends.h)
+        at_zero, at_cap = slope(sides, g, W, ends)
         keep = least_weight > W
         inside = (at_zero > 0) & (at_cap < 0)
         best = np.where(inside, climb(sides, g, W, b, at, cap, inside & ~keep), np.where(at_zero > 0, cap, 0.0))
@@ -76,7 +76,7 @@ def responsibilities(sides: Sides, at: Tails, weight: NDArray) -> NDArray:
     D = sides.detections
     log_tail = -np.log(at.h) - 0.5 * at.y * at.y
     prior = np.where(sides.facing, np.log(weight) - log_tail[:, D:], -np.inf)
-    log_g = log_tail[:, :D] + prior[:, sides.owner[:D]]
+    log_g = log_tail[:, :D] + prior.take(sides.owner[:D], -1)
     g = np.exp(log_g - log_g.max(0))
     return g / g.sum(0)
 
@@ -103,10 +103,11 @@ def climb(sides: Sides, g: NDArray, W: NDArray, b: NDArray, at: Tails, cap: floa
         f, f1, f2 = slope(sides, g, W, with_derivatives(at, sides.scale))
         with np.errstate(divide="ignore", invalid="ignore"):
             newton = f / f1
-            new = b - newton / np.clip(1 - 0.5 * newton * f2 / f1, 0.5, 2.0)  # clipped: no false rest where f1 is 0
+            curved = 1 - 0.5 * newton * f2 / f1
+            new = b - newton / np.minimum(np.maximum(curved, 0.5), 2.0)  # clipped: no false rest where f1 is 0
         short = np.abs(new - b) * scale < SETTLED
         if not (todo & ~short).any():
-            return np.clip(new, 0.0, cap)
+            return np.minimum(np.maximum(new, 0.0), cap)
         low, high = np.where(f > 0, b, low), np.where(f > 0, high, b)
         b = np.where((new >= low) & (new <= high), new, 0.5 * (low + high))
         at = tails(sides, b)

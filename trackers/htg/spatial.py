@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from trackers.estimate import Estimate
 from trackers.geometry import rotation
-from trackers.htg.bins import HTGTable
+from trackers.htg.bins import HTGTable, log_masses
 from trackers.htg.density import log_density
 from trackers.scan import Scan
 
@@ -27,5 +27,5 @@ def log_spatial(
     body = rotation(pose[:, 2])
     e = (body.mT @ (scan.xy[detection] - pose[:, :2])[..., None])[..., 0]
     axes = body @ (rotation(p.theta) / h[:, :, None])  # columns: turned axes of unit coordinates, pulled back
-    noise = np.einsum("gia,gij,gja->ga", axes, C, axes)
-    return log_density((e - shift) / h, p, noise) - np.log(h).sum(-1)
+    noise = (axes * (C @ axes)).sum(-2)
+    return log_density((e - shift) / h, p, noise, log_masses(table)[index]) - np.log(h[:, 0] * h[:, 1])

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from trackers.estimate import Estimate
-from trackers.geometry import perpendicular, unit
+from trackers.geometry import cross, dot, rotation, to_frame, unit
 from trackers.multi.visibility import SensorArray
-from trackers.protocols import Filter, SpatialModel
+from trackers.protocols import SpatialModel
 from trackers.scan import Scan
 
 
@@ -56,19 +56,19 @@ class Association:
 
     def prepare(self, scan: Scan, sensors: SensorArray) -> tuple[Detections, NDArray]:
         """Detections under the mask, sorted so that their order does not matter, and their places (M,) in the scan."""
-        M = scan.mask.shape[-1]
         polar = scan.polar
-        per_detection = [np.broadcast_to(a, (M, *a.shape[1:])) for a in (scan.pose, scan.velocity, scan.noise)]
-        sensor = np.broadcast_to(scan.sensor, M)
+        sensor = scan.sensor + np.zeros(len(polar), int)
         order = np.lexsort((polar[:, 2], polar[:, 1], polar[:, 0], sensor))
         order = order[scan.mask[order]]
-        pose, velocity, noise = (a[order] for a in per_detection)
         sensor = sensor[order]
+        pose, velocity, noise = (
+            a[order] if len(a) > 1 else np.repeat(a, len(order), 0) for a in (scan.pose, scan.velocity, scan.noise)
+        )
         noise = np.where(np.isnan(noise), sensors.noise[sensor], noise)
         sorted_scan = Scan(polar[order], np.ones(len(order), bool), pose, velocity, noise, sensor, scan.platform)
         sight = sorted_scan.sight
         rate = sorted_scan.ground_rate
-        sideways = (velocity * perpendicular(sight)).sum(-1)
+        sideways = cross(sight, velocity)
         sigma_g = np.hypot(
             noise[:, 2], sideways * noise[:, 1]
         )  # pitfall 15: azimuth noise turns ego speed into range rate
@@ -88,19 +88,23 @@ class Association:
 
     def claim(
         self,
-        filter: Filter,
+        spatial: SpatialModel | None,
         state: object,
         estimate: Estimate,
         existence: NDArray,
         expected: NDArray,
         z: Detections,
     ) -> Claims:
-        """Owners of the detections; estimate (T,), existence (T,), expected (S, T)."""
+        """Owners of the detections; estimate (T,), existence (T,), expected (S, T).
+
+        `spatial` is the filter that the state (T,) belongs to, where it knows how detections lie on the body; None
+        takes them as even over the box.
+        """
         track, detection, log_box = self._inside_gate(estimate, z)
         log_rate, near = self._rate_gate(estimate, z, track, detection)
         track, detection, log_box, log_rate = (a[near] for a in (track, detection, log_box, log_rate))
-        if isinstance(filter, SpatialModel):
-            log_box = filter.log_spatial(state, z.scan, track, detection)
+        if spatial is not None:
+            log_box = spatial.log_spatial(state, z.scan, track, detection)
         gam = np.maximum(expected[z.sensor[detection], track], self.least_expected)
         gain = gam * np.exp(log_box + log_rate) / z.clutter[detection]
         T, M = len(existence), len(z.rate)
@@ -115,19 +119,18 @@ class Association:
 
     def _inside_gate(self, estimate: Estimate, z: Detections) -> tuple[NDArray, NDArray, NDArray]:
         """Pairs (G,) near enough to the box, and the log density (G,) [1/m^2] of a box blurred by all noise."""
-        along = unit(estimate.pose[:, 2])[:, None]
-        d = z.xy - estimate.pose[:, None, :2]  # (T, M, 2)
-        e = np.stack([(d * along).sum(-1), (d * perpendicular(along)).sum(-1)], -1)
-        cos2 = (z.sight * along).sum(-1) ** 2
-        R = np.stack(
-            [z.var_along * cos2 + z.var_across * (1 - cos2), z.var_along * (1 - cos2) + z.var_across * cos2], -1
-        )
-        axes = np.stack([along[:, 0], perpendicular(along)[:, 0]], -2)  # (T, 2, 2) rows: box axes
-        P = np.einsum("tai,tij,taj->ta", axes, estimate.cov[:, :2, :2], axes)
-        C = R + (P + self.surface_std**2 + estimate.size_std**2 / 4)[:, None]
+        e = to_frame(estimate.pose, z.xy)  # (T, M, 2)
+        cos2 = (unit(estimate.pose[:, 2]) @ z.sight.T) ** 2
+        sin2 = 1 - cos2
+        M = rotation(estimate.pose[:, 2])
+        P = (M.mT @ estimate.cov[:, :2, :2] @ M).diagonal(axis1=-2, axis2=-1)
+        C = np.empty(e.shape)
+        C[..., 0] = z.var_along * cos2 + z.var_across * sin2
+        C[..., 1] = z.var_along * sin2 + z.var_across * cos2
+        C += (P + self.surface_std**2 + estimate.size_std**2 / 4)[:, None]
         half = (estimate.size / 2)[:, None]
-        outside = np.maximum(np.abs(e) - half, 0.0)
-        track, detection = np.nonzero((outside**2 / C).sum(-1) < self.position_gate)
+        d2 = np.maximum(np.abs(e) - half, 0.0) ** 2 / C
+        track, detection = np.nonzero(d2[..., 0] + d2[..., 1] < self.position_gate)
         e, s, half = e[track, detection], np.sqrt(C[track, detection]), half[track, 0]
         # On the far side of an axis both terms are near one: use the mirrored tail, which keeps its digits.
         a = np.abs(e)
@@ -139,9 +142,9 @@ class Association:
     ) -> tuple[NDArray, NDArray]:
         """Log density (G,) [s/m] of the ground range rates, 0 where not measured, and whether inside the gate."""
         u, g = z.sight[detection], z.rate[detection]
-        swing = (u * perpendicular(z.xy[detection] - estimate.pose[track, :2])).sum(-1)
-        ghat = (u * estimate.velocity[track]).sum(-1) + estimate.yaw_rate[track] * swing
-        var = np.einsum("gi,gij,gj->g", u, estimate.cov[track, 2:, 2:], u)
+        swing = cross(z.xy[detection] - estimate.pose[track, :2], u)
+        ghat = dot(u, estimate.velocity[track]) + estimate.yaw_rate[track] * swing
+        var = dot(u, (estimate.cov[track, 2:, 2:] @ u[..., None])[..., 0])
         var = var + (swing * estimate.yaw_rate_std[track]) ** 2 + self.rate_std**2
         measured = np.isfinite(g)
         d2 = np.where(measured, (g - ghat) ** 2 / var, 0.0)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from trackers.batch import take
 from trackers.estimate import Estimate
-from trackers.geometry import UNIT_BOX, perpendicular, to_frame, to_world, unit
+from trackers.geometry import UNIT_BOX, to_frame, to_world, unit
 
 GRID = np.stack(np.meshgrid(np.linspace(-0.4, 0.4, 5), np.linspace(-1 / 3, 1 / 3, 3), indexing="ij"), -1).reshape(-1, 2)
 
@@ -38,10 +38,10 @@ class Exclusion:
         """Go through the tracks from the best score (T,) down; each takes or joins the worse ones it excludes."""
         T = len(score)
         keep, into, joined = np.ones(T, bool), np.full(T, -1), np.zeros(T, bool)
-        estimate = take(estimate, np.arange(T))  # a copy: unions are written into it
         same, one = self.overlapping(estimate), self.one_vehicle(estimate)
         if not (same | one).any():
             return Verdict(keep, into, joined, estimate)
+        estimate = take(estimate, np.arange(T))  # a copy: unions are written into it
         for a in np.argsort(-score, kind="stable"):
             if not keep[a]:
                 continue
@@ -58,34 +58,37 @@ class Exclusion:
 
     def overlapping(self, estimate: Estimate) -> NDArray:
         """Pairs (T, T) that cover the same ground."""
-        points = to_world(estimate.pose, GRID * estimate.size[:, None])  # (T, 15, 2)
-        body = to_frame(estimate.pose, points[:, None])  # (T, T, 15, 2): points of a in the frame of b
-        inside = (np.abs(body) < estimate.size[:, None] / 2).all(-1).mean(-1)
-        share = np.maximum(inside, inside.T)
-        speed = difference(estimate)
-        pairs = ((share > self.overlap) & (speed < self.overlap_speed)) | (share > self.overlap_sure)
-        np.fill_diagonal(pairs, False)
-        return pairs
+        pose, size = estimate.pose, estimate.size
+        radius = np.hypot(size[:, 0], size[:, 1]) / 2
+        near = distances(pose[:, :2]) < radius[:, None] + radius
+        np.fill_diagonal(near, False)
+        share = np.zeros(near.shape)
+        a, b = np.nonzero(near)  # P pairs
+        if len(a):
+            points = to_frame(pose[b], to_world(pose[a], GRID * size[a, None]))  # (P, 15, 2)
+            share[a, b] = (np.abs(points) < size[b, None] / 2).all(-1).mean(-1)
+        share = np.maximum(share, share.T)
+        speed = distances(estimate.velocity)
+        return ((share > self.overlap) & (speed < self.overlap_speed)) | (share > self.overlap_sure)
 
     def one_vehicle(self, estimate: Estimate) -> NDArray:
         """Pairs (T, T) one behind the other, nearer than vehicles drive."""
-        along = unit(estimate.pose[:, 2])
-        d = estimate.pose[:, None, :2] - estimate.pose[:, :2]  # from b to a
-        ahead = np.einsum("abi,bi->ab", d, along)
-        aside = np.abs(np.einsum("abi,bi->ab", d, perpendicular(along)))
-        gap = np.abs(ahead) - (estimate.size[:, None, 0] + estimate.size[:, 0]) / 2
+        heading, length = estimate.pose[:, 2], estimate.size[:, 0]
+        away = np.abs(to_frame(estimate.pose, estimate.pose[:, :2]))  # (T, T, 2) of b from a, along and across a
+        gap = away[..., 0] - (length[:, None] + length) / 2
         most, base, slope = self.gap
         limit = np.minimum(most, base + slope * (estimate.velocity**2).sum(-1))
-        parallel = np.cos(estimate.pose[:, None, 2] - estimate.pose[:, 2]) > 0.9
-        pairs = (aside < self.lane) & (gap < limit) & parallel & (difference(estimate) < self.speed)
+        parallel = np.cos(heading[:, None] - heading) > 0.9
+        pairs = (away[..., 1] < self.lane) & (gap < limit[:, None]) & parallel
+        pairs &= distances(estimate.velocity) < self.speed
         pairs &= pairs.T
         np.fill_diagonal(pairs, False)
         return pairs
 
 
-def difference(estimate: Estimate) -> NDArray:
-    """Speed differences (T, T) [m/s]."""
-    d = estimate.velocity[:, None] - estimate.velocity
+def distances(a: NDArray) -> NDArray:
+    """Lengths (T, T) of the differences of plane vectors (T, 2), in their unit."""
+    d = a[:, None] - a
     return np.hypot(d[..., 0], d[..., 1])
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.estimate import Estimate, prior
-from trackers.geometry import perpendicular, unit
+from trackers.geometry import dot, perpendicular, to_frame, unit
 from trackers.multi.association import Detections
 from trackers.multi.road import RoadMap
 from trackers.multi.sizes import SizePrior
@@ -41,7 +41,7 @@ def components(near: NDArray) -> NDArray:
         least = np.where(near, label, J).min(1, initial=J)
         least = np.minimum(label, least)
         if (least == label).all():
-            return np.unique(label, return_inverse=True)[1].reshape(-1)
+            return (np.cumsum(label == np.arange(J)) - 1)[label]  # each is labelled by its least node
         label = least[least]  # also the least of the least: chains shrink by halves
 
 
@@ -93,24 +93,24 @@ class Initiation:
         if T == 0 or not free.any():
             return Leftovers(free, np.zeros((T, 2)))
         j = np.flatnonzero(free)
-        along = unit(estimate.pose[:, 2])[:, None]
-        d = z.xy[j] - estimate.pose[:, None, :2]  # (T, J, 2)
-        forward = (d * along).sum(-1)
-        ahead = np.abs(forward) - estimate.size[:, None, 0] / 2
-        aside = np.abs((d * perpendicular(along)).sum(-1)) - estimate.size[:, None, 1] / 2
+        body = to_frame(estimate.pose, z.xy[j])  # (T, J, 2)
+        forward = body[..., 0]
+        outside = np.abs(body) - estimate.size[:, None] / 2
+        ahead, aside = outside[..., 0], outside[..., 1]
         sure = (existence > self.suppress_above)[:, None]
         noise = np.sqrt(z.var_across[j])
         inside = sure & (ahead < self.suppress_along) & (aside < self.suppress_across + 1.5 * noise)
-        rate = (z.sight[j] * estimate.velocity[:, None]).sum(-1)
+        rate = estimate.velocity @ z.sight[j].T
         beyond = (
             sure & (ahead < self.grow_along) & (aside < self.grow_across) & (np.abs(z.rate[j] - rate) < self.grow_rate)
         )
         beyond &= ahead >= 0
-        candidate = free.copy()
-        candidate[j] = ~(inside | beyond).any(0)
-        ends = np.stack([beyond & (forward > 0), beyond & (forward < 0)], -1)  # (T, J, 2)
-        reach = np.where(ends, ahead[..., None], 0.0).max(1)
-        return Leftovers(candidate, np.where(beyond.sum(1)[:, None] >= 2, reach, 0.0))
+        free[j] = ~(inside | beyond).any(0)
+        reach = np.zeros((T, 2))
+        for end, side in enumerate((forward > 0, forward < 0)):
+            reach[:, end] = np.where(beyond & side, ahead, 0.0).max(1)
+        reach[beyond.sum(1) < 2] = 0.0
+        return Leftovers(free, reach)
 
     def births(self, z: Detections, candidate: NDArray, road: RoadMap | None = None) -> Births | None:
         """New tracks from the candidates, in the order of their mean position; None where there is nothing to start."""
@@ -118,8 +118,10 @@ class Initiation:
         if len(j) < self.least_far or len(j) > self.most_candidates:
             return None
         label = self._cut(z, j, self._cells(z, j))
-        W = label == np.arange(label.max() + 1)[:, None]  # (B, J)
-        n = W.sum(1)
+        n = np.bincount(label)
+        if n.max() < min(self.least, self.least_far):
+            return None
+        W = label == np.arange(len(n))[:, None]  # (B, J)
         mean = (W @ z.xy[j]) / n[:, None]
         distance = (W @ z.scan.polar[j, 0]) / n
         keep = n >= np.where(distance > self.far, self.least_far, self.least)
@@ -158,18 +160,21 @@ class Initiation:
 
         Width counts across the way that the cell drives, so that crossing vehicles are not cut in two.
         """
+        waiting = list(np.flatnonzero(np.bincount(label) >= 2 * self.least))  # both parts must be able to be born
+        if not waiting:
+            return label
         W = label == np.arange(label.max() + 1)[:, None]
         heading, _ = self._course(self._velocity(z, j, W)[0], np.full(len(W), z.scan.platform[2]))
-        offset = (z.xy[j] * perpendicular(unit(heading))[label]).sum(-1)  # (J,)
+        offset = dot(z.xy[j], perpendicular(unit(heading))[label])  # (J,)
         sigma = np.sqrt(z.var_along[j] + z.var_across[j])
-        label, waiting = label.copy(), list(range(len(W)))
+        label = label.copy()
         while waiting:
             mine = np.flatnonzero(label == waiting.pop())
             mine = mine[np.argsort(offset[mine], kind="stable")]
             widest = self.sizes.most[1] + 4 * sigma[mine].mean()
             if len(mine) < 2 * self.least or offset[mine[-1]] - offset[mine[0]] < widest:
                 continue
-            gap = np.diff(offset[mine])[self.least - 1 : len(mine) - self.least]  # both parts can be born
+            gap = np.diff(offset[mine])[self.least - 1 : len(mine) - self.least]
             if gap.max() < self.cut_gap:
                 continue
             other = label.max() + 1

@@ -32,10 +32,9 @@ class RoadMap(NamedTuple):
         """Depth (M,) [m] of points (M, 2) inside the nearest lane, negative outside, and its direction (M,) [rad]."""
         if not len(self.a):
             return np.full(len(xy), -np.inf), np.zeros(len(xy))
-        e = self.b - self.a
-        d = xy[:, None] - self.a  # (M, L, 2)
-        t = np.clip((d * e).sum(-1) / (e**2).sum(-1), 0, 1)
-        off = d - t[..., None] * e
-        depth = self.half_width - np.hypot(off[..., 0], off[..., 1])
+        ex, ey = (self.b - self.a).T
+        dx, dy = xy[:, 0, None] - self.a[:, 0], xy[:, 1, None] - self.a[:, 1]  # (M, L), apart: both are large
+        t = np.clip((dx * ex + dy * ey) / (ex**2 + ey**2), 0, 1)
+        depth = self.half_width - np.hypot(dx - t * ex, dy - t * ey)
         best = depth.argmax(-1)
-        return depth[np.arange(len(xy)), best], np.arctan2(e[best, 1], e[best, 0])
+        return depth[np.arange(len(xy)), best], np.arctan2(ey[best], ex[best])

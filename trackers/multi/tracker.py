@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from trackers.batch import concatenate, select
 from trackers.estimate import prior
+from trackers.linalg import largest_eigenvalue
 from trackers.multi.association import Association, Claims, Detections, gather, shares
 from trackers.multi.exclusion import Exclusion
 from trackers.multi.existence import Existence
@@ -21,13 +22,6 @@ from trackers.multi.tracks import REPORT_ABOVE, Event, StepInfo, Tracks
 from trackers.multi.visibility import SensorArray, Visibility, predict_visibility
 from trackers.protocols import Filter, Resizable, SpatialModel
 from trackers.scan import Scan, SensorModel, check_scan
-
-
-def resize(filter: Filter, state: object, size: NDArray, size_std: NDArray) -> object:
-    """State with another belief about the size; a filter without that verb starts again from its own estimate."""
-    if isinstance(filter, Resizable):
-        return filter.resize(state, size, size_std)
-    return filter.init(filter.estimate(state)._replace(size=size, size_std=size_std, contour=None))
 
 
 @dataclass(frozen=True)
@@ -64,6 +58,16 @@ class MultiObjectTracker:
         """The data sheets as arrays."""
         return SensorArray.of(self.sensors)
 
+    @cached_property
+    def resizable(self) -> Resizable | None:
+        """The filter, where it has that verb; asked once, because the question is slow."""
+        return self.filter if isinstance(self.filter, Resizable) else None
+
+    @cached_property
+    def spatial(self) -> SpatialModel | None:
+        """The filter, where it has its own density of detections over the body."""
+        return self.filter if isinstance(self.filter, SpatialModel) else None
+
     def start(self) -> Tracks:
         """No track yet."""
         estimate = prior(np.zeros((0, 3)))
@@ -84,7 +88,7 @@ class MultiObjectTracker:
         view = predict_visibility(tracks.estimate, occluder, self.sensor_array, scan.platform, self.trust)
         visible = view.share.max(0, initial=0.0) > 0
         tracks = tracks._replace(existence=self.existence.survive(tracks.existence, visible, view.in_view, dt))
-        claims = self.association.claim(self.filter, tracks.state, tracks.estimate, tracks.existence, view.expected, z)
+        claims = self.association.claim(self.spatial, tracks.state, tracks.estimate, tracks.existence, view.expected, z)
         updated, info = self._update(tracks, view, claims, z)
         leftovers = self.initiation.leftovers(z, claims.owner, updated.estimate, updated.existence, self.road)
         updated = self._grow(updated, leftovers.reach)
@@ -120,8 +124,14 @@ class MultiObjectTracker:
         state = self.filter.predict(tracks.state, dt)
         estimate = self.filter.estimate(state)
         size, size_std = self.sizes.relax(estimate.size, estimate.size_std, dt)
-        state = resize(self.filter, state, size, size_std)
+        state = self._resize(state, size, size_std)
         return tracks._replace(state=state, estimate=self.filter.estimate(state), age=tracks.age + dt)
+
+    def _resize(self, state: object, size: NDArray, size_std: NDArray) -> object:
+        """State with another belief about the size; a filter without that verb starts again from its own estimate."""
+        if self.resizable is not None:
+            return self.resizable.resize(state, size, size_std)
+        return self.filter.init(self.filter.estimate(state)._replace(size=size, size_std=size_std, contour=None))
 
     def _update(self, tracks: Tracks, view: Visibility, claims: Claims, z: Detections) -> tuple[Tracks, StepInfo]:
         T = len(tracks.id)
@@ -153,12 +163,12 @@ class MultiObjectTracker:
         grows = np.asarray(reach.any(1))
         if not grows.any():
             return tracks
-        if isinstance(self.filter, SpatialModel):
+        if self.spatial is not None:
             longer = self.filter.init(stretch(tracks.estimate, reach, self.growth_std))
         else:
             size, size_std = tracks.estimate.size, tracks.estimate.size_std.copy()
             size_std[:, 0] = np.maximum(size_std[:, 0], self.growth_std * size[:, 0])
-            longer = resize(self.filter, tracks.state, size, size_std)
+            longer = self._resize(tracks.state, size, size_std)
         state = select(grows, longer, tracks.state)
         return tracks._replace(state=state, estimate=self.filter.estimate(state))
 
@@ -200,8 +210,9 @@ class MultiObjectTracker:
 
     def _prune(self, tracks: Tracks) -> tuple[Tracks, list[Event]]:
         unsure = tracks.existence < self.prune_below
-        variance = np.linalg.eigvalsh(tracks.estimate.cov[:, :2, :2])[:, -1] if len(unsure) else np.zeros(0)
-        vague = variance > self.prune_position_std**2
+        vague = largest_eigenvalue(tracks.estimate.cov[:, :2, :2]) > self.prune_position_std**2
+        if not (unsure | vague).any():
+            return tracks, []
         events = [
             Event("died", int(tracks.id[t]), "position too uncertain" if vague[t] else "nothing seen of it any more")
             for t in np.flatnonzero(unsure | vague)

@@ -6,10 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.estimate import Estimate
-from trackers.geometry import box_corners, compose, rotation, unit, wrap_angle
+from trackers.geometry import box_corners, compose, rotation, to_frame, unit, wrap_angle
 from trackers.scan import SensorModel
 
 RAYS = 9
+STEPS = (np.arange(RAYS) + 0.5) / RAYS  # where they lie in the span of a box
 NEARER = 1.0  # [m] an occluder must be this much nearer on the same ray, or a duplicate protects its twin
 SHADOW = 0.5  # [m] an occluder hides so much beyond its sides: half hidden tracks lie beside their vehicles
 
@@ -40,9 +41,9 @@ class SensorArray(NamedTuple):
             rates=np.array([(s.count_at_15m, s.count_falloff, s.count_max) for s in sensors], float),
         )
 
-    def expected_count(self, distance: NDArray, outline: NDArray) -> NDArray:
-        """Detections (S, T) expected of an outline (S, T) [m] in sight at distance (S, T) [m]."""
-        at_15m, falloff, most = (self.rates[:, i, None] for i in range(3))
+    def expected_count(self, sensor: NDArray, distance: NDArray, outline: NDArray) -> NDArray:
+        """Detections (G,) expected of an outline (G,) [m] in sight at distance (G,) [m] of sensor (G,) int."""
+        at_15m, falloff, most = self.rates[sensor].T
         count = at_15m * (15.0 / np.maximum(distance, 1.0)) ** falloff * np.sqrt(outline / 3.0)
         return np.minimum(count, most)
 
@@ -61,13 +62,14 @@ def ray_box(origin: NDArray, direction: NDArray, pose: NDArray, size: NDArray) -
     origin (G, 2), direction (G, K, 2), boxes pose (T, 3), size (T, 2); returns (G, K, T). A ray that starts inside
     a box enters it at 0.
     """
-    M = rotation(pose[:, 2])
-    o = np.einsum("gti,tij->gtj", origin[:, None] - pose[:, :2], M)[:, None]  # (G, 1, T, 2) in box axes
-    d = np.einsum("gki,tij->gktj", direction, M)
+    half = (size / 2)[:, None, None]
+    o = to_frame(pose, origin)[:, :, None]  # (T, G, 1, 2) in box axes
+    d = (direction.reshape(-1, 2) @ rotation(pose[:, 2])).reshape(len(pose), *direction.shape)
     with np.errstate(divide="ignore", invalid="ignore"):
-        a, b = (-size / 2 - o) / d, (size / 2 - o) / d
-    near, far = np.fmin(a, b).max(-1), np.fmax(a, b).min(-1)
-    return np.where((near <= far) & (far >= 0), np.maximum(near, 0.0), np.inf)
+        a, b = (-half - o) / d, (half - o) / d
+    enter, leave = np.fmin(a, b), np.fmax(a, b)
+    near, far = np.maximum(enter[..., 0], enter[..., 1]), np.minimum(leave[..., 0], leave[..., 1])
+    return np.where((near <= far) & (far >= 0), np.maximum(near, 0.0), np.inf).transpose(1, 2, 0)
 
 
 def predict_visibility(
@@ -79,32 +81,30 @@ def predict_visibility(
     sheet's rate (card: gs).
     """
     S, T = len(sensors.max_range), len(estimate.yaw_rate)
-    expected, share, in_view = np.zeros((S, T)), np.zeros((S, T)), np.zeros((S, T), bool)
+    expected, share = np.zeros((S, T)), np.zeros((S, T))
     if T == 0:
-        return Visibility(expected, np.asarray(in_view.any(axis=0)), share)
-    poses = compose(np.broadcast_to(platform[:3], (S, 3)), sensors.mount)
+        return Visibility(expected, np.zeros(0, bool), share)
+    poses = compose(platform[:3], sensors.mount)  # (S, 3)
     low, high, nearest = angular_spans(estimate, poses)
     edge = sensors.fov[:, None] / 2
     low, high = np.maximum(low, -edge), np.minimum(high, edge)
-    in_view[:] = (high > low) & (nearest < sensors.max_range[:, None])
-    s, t = np.nonzero(in_view)
-    step = (np.arange(RAYS) + 0.5) / RAYS
-    bearing = poses[s, 2, None] + low[s, t, None] + (high - low)[s, t, None] * step
-    rays = poses[s, :2], unit(bearing)
-    own = ray_box(*rays, estimate.pose, estimate.size)[np.arange(len(s)), :, t]  # (G, K)
-    shadow = ray_box(*rays, estimate.pose[occluder], estimate.size[occluder] + 2 * SHADOW)  # (G, K, O)
+    in_view = (high > low) & (nearest < sensors.max_range[:, None])
+    s, t = np.nonzero(in_view)  # G pairs
+    span = (high - low)[s, t]
+    bearing = (poses[s, 2] + low[s, t])[:, None] + span[:, None] * STEPS
+    boxes = np.concatenate([estimate.pose, estimate.pose[occluder]])
+    sizes = np.concatenate([estimate.size, estimate.size[occluder] + 2 * SHADOW])
+    hit = ray_box(poses[s, :2], unit(bearing), boxes, sizes)  # (G, K, T + O)
+    own, shadow = hit[np.arange(len(s)), :, t], hit[..., T:]  # (G, K), (G, K, O)
     itself = t[:, None] == np.flatnonzero(occluder)
     first = np.where(itself[:, None] | (shadow == 0), np.inf, shadow).min(-1, initial=np.inf)
-    sees = np.isfinite(own) & (first > own - NEARER - SHADOW) & (own < sensors.max_range[s, None])
-    share[s, t] = sees.mean(-1)
-    distance = np.full((S, T), np.inf)
-    distance[s, t] = np.where(sees, own, np.inf).min(-1)
-    visible = share > 0
-    outline = np.where(
-        visible, (high - low) * np.where(visible, distance, 0.0), 0.0
-    )  # what the sensor sees of it, as a chord
-    rate = sensors.expected_count(np.where(visible, distance, 1e3), outline)
-    expected = np.where(visible, trust * rate * np.minimum(1.0, 3 * share), 0.0)
+    sees = (first > own - NEARER - SHADOW) & (own < sensors.max_range[s, None])
+    share[s, t] = sees.sum(-1) / RAYS
+    visible = sees.any(-1)
+    s, t, span, sees, own = (a[visible] for a in (s, t, span, sees, own))
+    distance = np.where(sees, own, np.inf).min(-1, initial=np.inf)
+    rate = sensors.expected_count(s, distance, span * distance)  # what the sensor sees of it, as a chord
+    expected[s, t] = trust * rate * np.minimum(1.0, 3 * share[s, t])
     return Visibility(expected, np.asarray(in_view.any(axis=0)), share)
 
 
