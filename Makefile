@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: demo test lint types unit bench reproduce learning-docs family clean
+.PHONY: demo test lint types unit bench regress reproduce comparison comparison-page learning-docs family clean
 
 demo: $(STAMP)
 	$(BIN)/testbed run cut-in --tracker rm-feldmann --radar surround --seed 0 --out runs
@@ -24,11 +24,23 @@ unit: $(STAMP)
 bench: $(STAMP)
 	$(BIN)/testbed bench
 
+regress: $(STAMP)  # some minutes; after a wanted change `testbed regress --update`
+	$(BIN)/testbed regress
+
 # About an hour on two cores. A claim that is not confirmed is an answer, not a failure of the command, hence `|| test`.
 reproduce: $(STAMP)
 	for paper in hoher2022 xia2020 xia2020-learned; do \
 		$(BIN)/testbed reproduce $$paper --runs 100 --out runs/reproduce || test $$? -eq 1 || exit; \
 	done
+	$(BIN)/python -m testbed.papers.committed
+
+comparison: $(STAMP)  # an hour on two idle cores; the same command goes on where it was interrupted
+	$(BIN)/testbed compare all --seeds 0:20 --duration 6 --jobs -1 --reference rm-feldmann --out runs/comparison
+	$(BIN)/python -m testbed.compare.publish runs/comparison --reference rm-feldmann
+	$(MAKE) comparison-page
+
+comparison-page: $(STAMP)  # docs/comparison.md from the committed results
+	$(BIN)/python -m testbed.compare.page
 
 family: $(STAMP)  # half an hour or more; OPTIONS="--seed 0 --seed 1" for more
 	$(BIN)/python -m testbed.family --docs docs $(OPTIONS)

@@ -2,16 +2,13 @@
 
 import shlex
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from testbed import tables
+from testbed.terminal import console, progress_bar, user_input
 
 app = typer.Typer(
     name="testbed",
@@ -22,22 +19,6 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
 )
-console = Console()
-INPUT_FAULTS = (LookupError, ValueError, OSError)
-
-
-@contextmanager
-def user_input(faults: tuple[type[Exception], ...] = INPUT_FAULTS) -> Iterator[None]:
-    """Around checks of what the user gave: one sentence on stderr and exit status 2, no traceback.
-
-    `faults` narrows what counts as a fault of the input; in a run only OSError does, the rest would be ours.
-    """
-    try:
-        yield
-    except faults as error:
-        text = error.args[0] if len(error.args) == 1 else str(error)
-        print(f"testbed: {text}", file=sys.stderr)
-        raise typer.Exit(2) from None
 
 
 @app.command("list")
@@ -82,7 +63,7 @@ def run(
     with user_input():
         config = RunConfig(scenario, tuple(tracker or ("rm-feldmann",)), radar, planner, seed, duration, str(out), log)
         check(config)
-    with user_input((OSError,)), _progress("{task.completed:.1f} / {task.total:.1f} s") as bar:
+    with user_input((OSError,)), progress_bar("{task.completed:.1f} / {task.total:.1f} s") as bar:
         task = bar.add_task(f"{scenario}, seed {seed}", total=duration or find(scenario).duration)
         result = run_once(config, lambda done, total: bar.update(task, completed=done, total=total))
     console.print(tables.metrics(result.result))
@@ -130,7 +111,7 @@ def bench(
     """
     from testbed import bench as benching
 
-    with _progress("part {task.completed:.0f} / {task.total:.0f}") as bar:
+    with progress_bar("part {task.completed:.0f} / {task.total:.0f}") as bar:
         task = bar.add_task("benchmarks", total=1)
         report = benching.measure(
             quick, lambda done, total, what: bar.update(task, completed=done, total=total, description=what)
@@ -158,7 +139,7 @@ def learn_htg(
 
     with user_input():
         config = LearnConfig(data, bins, not edges, not no_mirror, mass_min, count, seed)
-    bar = _progress("part {task.completed:.0f} / {task.total:.0f}")
+    bar = progress_bar("part {task.completed:.0f} / {task.total:.0f}")
     task = bar.add_task("learning", total=1)
 
     def show(done: int, total: int, what: str) -> None:
@@ -174,6 +155,87 @@ def learn_htg(
     for part in report(learned):
         console.print(part)
     console.print(f"table    {learned.path}", soft_wrap=True)
+
+
+@app.command()
+def compare(
+    scenario: Annotated[list[str], typer.Argument(help="Names of `testbed list scenarios`, or all.")],
+    tracker: Annotated[
+        list[str] | None, typer.Option(help="Repeat; all, which it is without it, for the whole catalogue.")
+    ] = None,
+    seeds: Annotated[str, typer.Option(help="0:20 for 0 to 19, or 0,3,7.")] = "0:20",
+    reference: Annotated[str | None, typer.Option(help="The others are held against it; the first without it.")] = None,
+    radar: Annotated[str, typer.Option(help="A name of `testbed list radars`.")] = "surround",
+    loop: Annotated[str, typer.Option(help="open: recorded scans; closed: each tracker drives the planner.")] = "open",
+    planner: Annotated[str, typer.Option(help="Who drives in closed loop.")] = "idm",
+    duration: Annotated[float | None, typer.Option(help="Seconds; the scenarios' own without it.")] = None,
+    jobs: Annotated[int, typer.Option(help="Processes; -1 for one a core.")] = 1,
+    dask: Annotated[str | None, typer.Option(help="Address of a Dask scheduler, in place of local processes.")] = None,
+    out: Annotated[Path, typer.Option(help="Directory of the results; goes on where it was interrupted.")] = Path(
+        "runs/compare"
+    ),
+) -> None:
+    """Compare trackers on common random numbers: tables with 95 % intervals, Parquet, figures, a report page.
+
+    Every finished run has its file in OUT/rows. After Ctrl-C the same command goes on; another machine may work on the
+    same folder. Exit status 1: some runs failed; their tracebacks are shown.
+
+    Example: [bold]testbed compare cut-in merge --tracker htg-map --tracker rm-feldmann --seeds 0:20 --jobs 2[/bold]
+    Example: [bold]testbed compare all --seeds 0:5 --duration 10 --jobs -1 --reference htg-map[/bold]
+    """
+    from testbed.compare import command
+    from testbed.compare.config import Comparison, Settings, check, expand, parse_seeds
+    from testbed.compare.engine import Engine
+    from testbed.compare.engine import check as check_engine
+
+    with user_input():
+        settings = Settings(radar, loop, planner, duration)
+        comparison = Comparison(
+            expand(scenario, "scenarios"),
+            expand(tracker or ["all"], "trackers"),
+            parse_seeds(seeds),
+            settings,
+            reference,
+            str(out),
+        )
+        engine = Engine(jobs, dask)
+        check(comparison)
+        check_engine(engine)
+    raise typer.Exit(
+        command.compare(comparison, engine, console, progress_bar("{task.completed:.0f} / {task.total:.0f}", 600.0))
+    )
+
+
+@app.command()
+def regress(
+    update: Annotated[bool, typer.Option("--update", help="Make the results the new baselines.")] = False,
+    tracker: Annotated[list[str] | None, typer.Option(help="Repeat; the whole catalogue without it.")] = None,
+    scenario: Annotated[list[str] | None, typer.Option(help="Repeat; the whole catalogue without it.")] = None,
+    jobs: Annotated[int | None, typer.Option(help="Processes; one a core without it.")] = None,
+    junit: Annotated[Path | None, typer.Option(help="Also write the findings as JUnit XML.")] = None,
+    baselines: Annotated[Path | None, typer.Option(help="Another file than the committed one.")] = None,
+    out: Annotated[Path, typer.Option(help="Directory of the runs; those of other code are replaced.")] = Path(
+        "runs/regress"
+    ),
+) -> None:
+    """Hold every tracker in every scenario against the committed baselines; docs/regression.md has the rules.
+
+    Exit status 1: something got worse, or a run failed; a table tells what, and the log of the worst run is left. After
+    Ctrl-C the same command goes on. With --update, what changed is printed as a list for the commit message.
+
+    Example: [bold]testbed regress[/bold]
+    Example: [bold]testbed regress --tracker htg-map --scenario cut-in --scenario merge --junit regress.xml[/bold]
+    Example: [bold]testbed regress --update --tracker htg-map[/bold]
+    """
+    from testbed.regress import command
+    from testbed.regress.suite import Suite
+
+    with user_input():
+        order = command.Order(Suite.of(scenario, tracker, str(out)), baselines, update, junit, jobs)
+        found = command.prepare(order)
+    raise typer.Exit(
+        command.regress(order, found, console, progress_bar("{task.completed:.0f} / {task.total:.0f}", 600.0))
+    )
 
 
 @app.command()
@@ -193,7 +255,7 @@ def reproduce(
 
     with user_input():
         catalogue.check(paper, runs, seed, out)
-    with user_input((OSError,)), _progress("{task.percentage:.0f} %", window=600.0) as bar:
+    with user_input((OSError,)), progress_bar("{task.percentage:.0f} %", window=600.0) as bar:
         task = bar.add_task(paper, total=1)
         done = catalogue.reproduce(
             paper,
@@ -229,22 +291,6 @@ def calibrate(
         report = calibration.report(data, radar)
     for table in report:
         console.print(table)
-
-
-def _progress(amount: str, window: float = 30.0) -> Progress:
-    """A bar on stderr, one line at the end where that is a file; `amount` says how far it is.
-
-    window [s]: the time left follows from the speed in it.
-    """
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn(amount),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-    )
-    return Progress(*columns, console=Console(stderr=True), speed_estimate_period=window)
 
 
 def main() -> None:

@@ -17,7 +17,6 @@ from rich.console import Console
 from rich.progress import Progress
 
 from scenarios import SCENARIOS, find
-from testbed.cli import user_input
 from testbed.length_errors import FEWEST, LengthErrors, Looks, joined
 from testbed.length_errors_figure import draw
 from testbed.log.text import markdown_table
@@ -25,6 +24,7 @@ from testbed.metrics import CUTOFF, mean
 from testbed.recorder import make_directory, run_id
 from testbed.run import RunConfig, check, run
 from testbed.tables import number
+from testbed.terminal import user_input
 
 TRACKERS = ("htg-map", "htg-mm", "htg-rm", "htg-rm-learned", "rm-feldmann", "rm-surface", "rm-vmm")
 REUSE = "--reuse"

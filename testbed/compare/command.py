@@ -1,0 +1,102 @@
+"""What `testbed compare` does: the runs, the tables, the report."""
+
+import signal
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import Progress as Bar
+from rich.progress import TaskID
+
+from testbed.compare import analysis, tables
+from testbed.compare.config import Comparison
+from testbed.compare.engine import Engine
+from testbed.compare.measures import MAIN
+from testbed.compare.report import write_report
+from testbed.compare.results import Results, collect
+from testbed.compare.work import Progress, Report, execute
+from testbed.interruption import Wish, interruptible
+from testbed.terminal import user_input
+
+WARNINGS = 8  # that are spelt out on the terminal
+
+
+def compare(comparison: Comparison, engine: Engine, console: Console, bar: Bar) -> int:
+    """Run what is missing, show the tables, write the report; returns the exit status."""
+    with user_input((OSError, ValueError)), bar:
+        report = execute(comparison, engine, _stages(bar))
+    tell(report, console)
+    results = collect(comparison)
+    if results.whole.empty:
+        return report.exit_status or 1
+    overview(results, console)
+    if report.interrupted:
+        console.print("[yellow]interrupted: the tables hold what was run until then; the same command goes on[/yellow]")
+        return report.exit_status
+    console.print(f"runs     {Path(comparison.out) / 'runs.parquet'}", soft_wrap=True)
+    for task in bar.task_ids:
+        bar.remove_task(task)
+    with interruptible() as wish, user_input((OSError,)), bar:
+        page = _page(results, report, engine, _stages(bar, "report: "), wish)
+    if page is None:
+        console.print("[yellow]interrupted: no report; the same command writes it[/yellow]")
+        return wish.exit_status
+    console.print(f"report   {page}", soft_wrap=True)
+    console.print(f"open it  {page.resolve().as_uri()}", soft_wrap=True)
+    return 1 if report.failed else 0
+
+
+def _page(results: Results, report: Report, engine: Engine, show: Progress, wish: Wish) -> Path | None:
+    """The report page, or None where somebody stopped it on the way."""
+
+    def step(done: int, total: int, what: str) -> None:
+        show(done, total, what)
+        if wish.signal is not None:
+            raise KeyboardInterrupt
+
+    try:
+        return write_report(results, report, engine=engine, progress=step)
+    except KeyboardInterrupt:
+        wish.signal = wish.signal or signal.SIGINT
+        return None
+
+
+def _stages(bar: Bar, prefix: str = "") -> Progress:
+    """progress(done, total, what) on a bar, one line for each kind of work."""
+    stages: dict[str, TaskID] = {}
+
+    def show(done: int, total: int, what: str) -> None:
+        if what not in stages:
+            stages[what] = bar.add_task(prefix + what, total=total)
+        bar.update(stages[what], completed=done, total=total)
+
+    return show
+
+
+def tell(report: Report, console: Console) -> None:
+    """How the work went."""
+    for outcome in report.redone:
+        console.print(f"[yellow]made again[/yellow] {outcome.name}: {outcome.note}", soft_wrap=True, highlight=False)
+    for outcome in report.failed:
+        console.print(f"[red]failed[/red] {outcome.name}", highlight=False)
+        console.print(outcome.note, markup=False, highlight=False, soft_wrap=True)
+    console.print(
+        f"{report.done} runs made, {report.found} found, {len(report.failed)} failed, {report.wall:.0f} s",
+        highlight=False,
+    )
+
+
+def overview(results: Results, console: Console) -> None:
+    """Means, and differences to the reference, of the main measures over all scenarios."""
+    comparison = results.comparison
+    cells = list(analysis.cells(results, MAIN))
+    where = f"{len(comparison.scenarios)} scenarios, {len(comparison.seeds)} seeds, {comparison.settings.loop} loop"
+    console.print(tables.overview(cells, f"{where}: means with 95 % intervals"))
+    if len(comparison.trackers) > 1:
+        console.print(tables.differences(cells, comparison.baseline))
+    sentences = analysis.unresolved(cells)
+    for sentence in sentences[:WARNINGS]:
+        console.print(f"[yellow]![/yellow] {sentence}", highlight=False, soft_wrap=True)
+    if len(sentences) > WARNINGS:
+        console.print(
+            f"[yellow]![/yellow] and {len(sentences) - WARNINGS} more that the seeds cannot resolve: see above"
+        )

@@ -1,0 +1,1 @@
+"""Regression of tracking results: a fixed suite of runs against committed baselines."""

@@ -1,0 +1,205 @@
+"""What `testbed regress` does: the runs, the verdict, and what is left of them."""
+
+import shlex
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib.resources import files
+from pathlib import Path
+
+from joblib import cpu_count
+from rich.console import Console
+from rich.progress import Progress
+
+from scenarios import find as find_scenario
+from testbed.compare.command import tell
+from testbed.compare.config import check as check_comparison
+from testbed.compare.engine import Engine
+from testbed.compare.engine import check as check_engine
+from testbed.compare.replay import write_log
+from testbed.compare.results import Results, collect
+from testbed.compare.runs import Drive, obtain
+from testbed.compare.work import execute
+from testbed.recorder import make_directory, versions
+from testbed.regress import junit, tables
+from testbed.regress.baselines import NONE, Baselines, Update, load, merge, save
+from testbed.regress.findings import Findings, examine, measured, orphans, worst_run
+from testbed.regress.suite import LOGS, Suite, claim_folder
+from testbed.regress.verdict import OVERALL
+from testbed.terminal import user_input
+from trackers import find as find_tracker
+
+COMMITTED = Path(str(files("testbed.regress"))) / "baselines.json"
+
+
+@dataclass(frozen=True)
+class Order:
+    """What was asked for."""
+
+    suite: Suite
+    baselines: Path | None = None  # None: the committed file
+    update: bool = False
+    junit: Path | None = None
+    jobs: int | None = None  # None: one process a core
+
+    @property
+    def path(self) -> Path:
+        """The file of the baselines."""
+        return self.baselines or COMMITTED
+
+    @property
+    def engine(self) -> Engine:
+        """Not more processes than runs."""
+        return Engine(min(cpu_count(), len(self.suite.comparison.tasks)) if self.jobs is None else self.jobs)
+
+
+def prepare(order: Order) -> Baselines:
+    """Check everything that may be wrong before the long run, and read the baselines.
+
+    Raises:
+        LookupError, ValueError, OSError: in one sentence.
+    """
+    suite = order.suite
+    comparison = suite.comparison  # finds repeated names
+    for scenario in suite.scenarios:
+        find_scenario(scenario)
+    for tracker in suite.trackers:
+        find_tracker(tracker)
+    check_engine(order.engine)
+    baselines = starting_point(order) if order.update else load(order.path, suite)
+    for name, path in (("junit", order.junit), ("baselines", order.path if order.update else None)):
+        if path is not None:
+            _check_file(name, path)
+    claim_folder(suite)
+    check_comparison(comparison)
+    return baselines
+
+
+def starting_point(order: Order) -> Baselines:
+    """What an update starts from; where everything is made anew, whatever there is may be replaced."""
+    try:
+        return load(order.path, order.suite)
+    except FileNotFoundError:
+        return NONE
+    except ValueError as error:
+        if order.suite.whole:
+            return NONE
+        raise ValueError(f"{error} without --tracker and --scenario") from None
+
+
+def _check_file(name: str, path: Path) -> None:
+    """Raise OSError where a file cannot be written."""
+    if path.is_dir():
+        raise IsADirectoryError(f"{name}: {path} is a directory; name a file in it")
+    try:
+        make_directory(path.parent)
+    except OSError as error:
+        raise OSError(f"{name}{str(error).removeprefix('out')}") from None
+
+
+def regress(order: Order, baselines: Baselines, console: Console, bar: Progress) -> int:
+    """Run what is missing, tell what moved or make the baselines; returns the exit status."""
+    comparison = order.suite.comparison
+    with user_input((OSError, ValueError)), bar:
+        report = execute(comparison, order.engine, _shown_on(bar))
+    tell(report, console)
+    if report.interrupted:
+        console.print("[yellow]interrupted: the same command goes on where it was[/yellow]")
+        return report.exit_status
+    results = collect(comparison)
+    findings = examine(results, report, order.suite, baselines)
+    with user_input((OSError,)):
+        if order.update:
+            status = _update(order, baselines, results, findings, console)
+        else:
+            status = _answer(order.suite, baselines, results, findings, console)
+        if order.junit is not None:
+            junit.write(findings, order.junit)
+            console.print(f"junit    {order.junit}", soft_wrap=True, highlight=False)
+    return status
+
+
+def _answer(suite: Suite, baselines: Baselines, results: Results, findings: Findings, console: Console) -> int:
+    """Tell whether all is as good as it was."""
+    _tell(findings, baselines, console)
+    if findings.worse:
+        _leave_log(suite, results, findings, baselines, console)
+    return 0 if findings.passed else 1
+
+
+def _shown_on(bar: Progress) -> Callable[[int, int, str], None]:
+    stages: dict[str, int] = {}
+
+    def show(done: int, total: int, what: str) -> None:
+        if what not in stages:
+            stages[what] = bar.add_task(what, total=total)
+        bar.update(stages[what], completed=done, total=total)  # type: ignore[arg-type]
+
+    return show
+
+
+def _tell(findings: Findings, baselines: Baselines, console: Console) -> None:
+    if findings.worse:
+        console.print(tables.moved(findings.worse, "worse than the baselines"))
+    if findings.better:
+        console.print(tables.moved(findings.better, "better than the baselines"))
+        console.print("keep the improvement with `testbed regress --update`")
+    for what, keys, remedy in (
+        ("new, without a baseline", findings.new, "makes them"),
+        ("gone, with a baseline", findings.orphans, "drops them"),
+    ):
+        if keys:
+            sentence = f"{what}: {tables.cells(keys)}; `testbed regress --update` {remedy}"
+            console.print(sentence, markup=False, highlight=False, soft_wrap=True)
+    held = [key for key in findings.cells if key in baselines.values]
+    bad = {(c.tracker, c.scenario) for c in findings.worse} | set(findings.failed)
+    whole = sum(scenario == OVERALL for _, scenario in bad)
+    console.print(
+        f"{len(held)} results held against baselines: {len(held) - len(bad) + whole} good, "
+        f"{len(bad) - whole} worse or failed, {whole} trackers worse over all scenarios",
+        highlight=False,
+        soft_wrap=True,
+    )
+    if not findings.passed:
+        for note in _other_versions(baselines):
+            console.print(f"[yellow]![/yellow] {note}", highlight=False, soft_wrap=True)
+
+
+def _other_versions(baselines: Baselines) -> list[str]:
+    """One sentence for each library that was another one when baselines were made."""
+    here = versions()
+    then = {(name, v) for update in baselines.updates.values() for name, v in update.versions.items()}
+    return [
+        f"baselines were made with {name} {v}, here is {here.get(name, 'none')}"
+        for name, v in sorted(then)
+        if here.get(name) != v
+    ]
+
+
+def _leave_log(suite: Suite, results: Results, findings: Findings, baselines: Baselines, console: Console) -> None:
+    """The review log of the worst run. That it cannot be written does not change the answer."""
+    (tracker, scenario), k = worst_run(findings, measured(results, suite), baselines)
+    out = Path(suite.out)
+    try:
+        recording = obtain(Drive(scenario, suite.seeds[k]), suite.comparison.settings, out)
+        path = write_log(recording, (tracker,), out / LOGS)
+    except OSError as error:
+        console.print(f"[yellow]no log of the worst run: {error}[/yellow]", soft_wrap=True)
+        return
+    console.print(f"worst    {tracker} in {scenario}, seed {suite.seeds[k]}", highlight=False, soft_wrap=True)
+    console.print(f"open it  testbed review {shlex.quote(str(path))}", highlight=False, soft_wrap=True)
+
+
+def _update(order: Order, old: Baselines, results: Results, findings: Findings, console: Console) -> int:
+    """New baselines, unless a run failed."""
+    if findings.failed:
+        console.print(f"[red]baselines are left as they were: {len(findings.failed)} results failed[/red]")
+        return 1
+    today = Update(datetime.now(UTC).date().isoformat(), versions())
+    dropped = orphans(old) if order.suite.whole else []
+    new = merge(old, measured(results, order.suite), today, [key for key in old.values if key not in dropped])
+    save(new, order.suite, order.path)
+    console.print(f"Baselines of {today.date}:\n", highlight=False)
+    console.print(tables.update_list(old, new, dropped), markup=False, highlight=False, soft_wrap=True)
+    console.print(f"\nwritten  {order.path}", soft_wrap=True, highlight=False)
+    return 0

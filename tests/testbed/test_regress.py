@@ -1,0 +1,196 @@
+"""`testbed regress` as a user meets it, on a small part of the suite and the committed baselines."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from xml.etree import ElementTree
+
+import pytest
+
+from testbed import cli
+from testbed.regress.command import COMMITTED
+
+TESTBED = [sys.executable, "-m", "testbed", "regress"]
+PLAIN = {**os.environ, "COLUMNS": "160", "NO_COLOR": "1", "TERM": "dumb"}
+TRACKERS = ("rm-feldmann", "rm-surface", "htg-mm", "htg-map")
+SCENARIOS = ("cut-in", "u-turn")
+PART = [a for t in TRACKERS for a in ("--tracker", t)] + [a for c in SCENARIOS for a in ("--scenario", c)]
+
+
+def call(*args):
+    command = [*TESTBED, *map(str, args)]
+    return subprocess.run(command, capture_output=True, text=True, env=PLAIN, timeout=600, check=False)
+
+
+@pytest.fixture
+def told(monkeypatch, capsys):
+    """The same in this process and with one job, which is quick where all runs are there: status, stdout, stderr."""
+    for name in ("COLUMNS", "NO_COLOR", "TERM"):
+        monkeypatch.setenv(name, PLAIN[name])
+
+    def run(*args):
+        jobs = [] if "--jobs" in args else ["--jobs", "1"]
+        monkeypatch.setattr(sys, "argv", ["testbed", "regress", *map(str, args), *jobs])
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        return ended.value.code, *capsys.readouterr()
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    """A folder with the runs of the part, and what the command said."""
+    out = tmp_path_factory.mktemp("regress")
+    return out, call(*PART, "--out", out)
+
+
+@pytest.fixture
+def easier(tmp_path):
+    """Baselines whose GOSPA of one tracker in one scenario was 20 % better."""
+
+    def better(entry):
+        entry["gospa"]["values"] = [0.8 * value for value in entry["gospa"]["values"]]
+
+    return edited(tmp_path / "easier.json", lambda f: better(f["trackers"]["htg-mm"]["scenarios"]["cut-in"]))
+
+
+def edited(path, change):
+    found = json.loads(COMMITTED.read_text())
+    change(found)
+    path.write_text(json.dumps(found))
+    return path
+
+
+def test_the_code_at_hand_is_as_good_as_the_baselines(runs):
+    _, done = runs
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "16 runs made, 0 found, 0 failed" in done.stdout
+    assert "8 results held against baselines: 8 good" in done.stdout
+
+
+def test_a_worse_filter_fails_with_its_numbers_its_xml_and_its_log(runs, easier, tmp_path):
+    out, _ = runs
+    done = call(*PART, "--out", out, "--baselines", easier, "--junit", tmp_path / "deep" / "j.xml")
+    assert done.returncode == 1, done.stderr
+    assert "0 runs made, 16 found" in done.stdout
+    (row,) = [line for line in done.stdout.splitlines() if "GOSPA" in line]
+    assert row.split()[:2] == ["htg-mm,", "cut-in"]
+    (failed,) = [
+        case for case in ElementTree.parse(tmp_path / "deep" / "j.xml").iter("testcase") if len(case.findall("failure"))
+    ]
+    assert (failed.get("classname"), failed.get("name")) == ("regress.htg-mm", "cut-in")
+    (log,) = (out / "logs").glob("*.rrd")
+    assert log.stat().st_size > 100_000
+    assert f"testbed review {log}" in done.stdout
+    assert "cut-in_htg-mm" in log.name
+
+
+def test_what_got_better_is_told_and_passes(told, runs, tmp_path):
+    def worse(entry):
+        entry["gospa"]["values"] = [1.2 * value for value in entry["gospa"]["values"]]
+
+    hard = edited(tmp_path / "b.json", lambda f: worse(f["trackers"]["htg-map"]["scenarios"]["u-turn"]))
+    status, said, _ = told(*PART, "--out", runs[0], "--baselines", hard)
+    assert status == 0, said
+    assert "better than the baselines" in said
+    assert "regress --update" in said
+
+
+def test_what_has_no_baseline_and_what_has_nothing_else_is_told_and_passes(told, runs, tmp_path):
+    def change(found):
+        found["trackers"]["old-filter"] = found["trackers"]["htg-mm"]
+        found["trackers"]["htg-map"]["scenarios"].pop("cut-in")
+
+    status, said, _ = told(*PART, "--out", runs[0], "--baselines", edited(tmp_path / "b.json", change))
+    assert status == 0, said
+    assert "new, without a baseline: htg-map (cut-in)" in said
+    assert "gone, with a baseline: old-filter" in said
+
+
+def test_an_update_of_a_part_makes_it_pass_and_leaves_the_rest(told, runs, easier):
+    before = json.loads(easier.read_text())
+    status, said, _ = told(
+        "--tracker", "htg-mm", "--scenario", "cut-in", "--out", runs[0], "--baselines", easier, "--update"
+    )
+    assert status == 0, said
+    assert "- htg-mm, changed in 1 of " in said
+    after = json.loads(easier.read_text())
+    changed = [
+        (tracker, scenario)
+        for tracker, entry in after["trackers"].items()
+        for scenario, cell in entry["scenarios"].items()
+        if cell["gospa"]["values"] != before["trackers"][tracker]["scenarios"][scenario]["gospa"]["values"]
+    ]
+    assert changed == [("htg-mm", "cut-in")]
+    assert told(*PART, "--out", runs[0], "--baselines", easier)[0] == 0
+
+
+def test_a_first_update_counts_what_is_new(told, runs, tmp_path):
+    status, said, _ = told(*PART, "--out", runs[0], "--baselines", tmp_path / "first.json", "--update")
+    assert status == 0, said
+    assert "- 8 new: " in said
+
+
+def test_runs_of_other_code_are_replaced(told, tmp_path):
+    one = ["--tracker", "rm-feldmann", "--scenario", "following", "--out", tmp_path, "--jobs", 1]
+    assert "2 runs made, 0 found" in told(*one)[1]
+    stamp = tmp_path / "regress.json"
+    stamp.write_text(stamp.read_text().replace('"all code": "', '"all code": "0'))
+    assert "2 runs made, 0 found" in told(*one)[1]
+    assert "0 runs made, 2 found" in told(*one)[1]
+
+
+def test_ctrl_c_ends_it_and_the_next_call_goes_on(tmp_path):
+    part = [*TESTBED, "--tracker", "rm-feldmann", "--tracker", "rm-koch", "--scenario", "following"]
+    command = [*part, "--jobs", "1", "--out", str(tmp_path)]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=PLAIN)
+    deadline = time.monotonic() + 120
+    while time.monotonic() < deadline and not list(tmp_path.glob("rows/*.parquet")) and process.poll() is None:
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    said, _ = process.communicate(timeout=120)
+    assert process.returncode == 130
+    assert "interrupted" in said
+    done = call(*command[len(TESTBED) :])
+    assert done.returncode == 0, done.stderr
+    assert "4 runs made" not in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("args", "sentence"),
+    [
+        (["--tracker", "htg-mapp"], "did you mean 'htg-map'?"),
+        (["--scenario", "cutin"], "did you mean 'cut-in'?"),
+        (["--tracker", "htg-map", "--tracker", "htg-map"], "trackers must differ"),
+        (["--jobs", "0"], "jobs must be 1 or more"),
+        (["--baselines", "no/such.json"], "make it with `testbed regress --update`"),
+        (["--junit", "."], "junit: . is a directory"),
+        (["--junit", "/proc/none/j.xml"], "junit: cannot write to /proc/none"),
+        (["--out", "/proc/none"], "out: cannot write to /proc/none"),
+    ],
+)
+def test_a_wrong_argument_is_one_sentence_before_the_long_run(told, args, sentence, tmp_path):
+    status, said, complaint = told(*args, *([] if "--out" in args else ["--out", tmp_path / "runs"]))
+    assert status == 2
+    assert sentence in complaint
+    assert len(complaint.strip().splitlines()) == 1
+    assert said == ""
+
+
+def test_a_folder_of_something_else_is_left_alone(told, tmp_path):
+    (tmp_path / "rows").mkdir()
+    (tmp_path / "rows" / "mine").touch()
+    status, _, complaint = told("--out", tmp_path)
+    assert status == 2
+    assert "choose another directory" in complaint
+    assert (tmp_path / "rows" / "mine").exists()
+
+
+def test_the_help_has_examples():
+    done = call("--help")
+    assert done.returncode == 0
+    assert "testbed regress --update --tracker htg-map" in done.stdout
