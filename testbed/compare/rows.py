@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 from zlib import crc32
 
 import numpy as np
+import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
@@ -29,7 +30,7 @@ from trackers.scan import Scan
 
 PAIR, MISSED, FALSE, EMPTY = "pair", "missed", "false", "empty"
 BETWEEN = "between"  # phase of a look that lies in none
-VERSION = 1  # of this layout
+VERSION = 2  # of this layout
 META, CHECKSUM = b"testbed", b"testbed checksum"
 
 
@@ -155,7 +156,7 @@ def write(table: pa.Table, meta: Mapping[str, Any], path: Path) -> None:
         with pq.ParquetWriter(part, table.schema, compression="zstd", write_page_checksum=True) as writer:
             writer.write_table(table)
             seconds = {**meta["seconds"], "writing": perf_counter() - start}
-            known = {"layout": VERSION, "rows": table.num_rows, **meta, "seconds": seconds}
+            known = {"layout": VERSION, "rows": table.num_rows, "content": content(table), **meta, "seconds": seconds}
             text = json.dumps(known, allow_nan=False).encode()
             writer.add_key_value_metadata({META: text, CHECKSUM: _checksum(text)})  # pages have theirs, this has not
         part.replace(path)
@@ -193,13 +194,20 @@ def check_part(path: Path, task: Task) -> None:
     if meta.get("task") != task._asdict():
         raise ValueError(f"{path} holds the run {meta.get('task')}")
     try:
-        pq.read_table(path, page_checksum_verification=True)
-    except (pa.ArrowException, OSError) as error:
+        table = pq.read_table(path, page_checksum_verification=True)
+        if content(table) != meta["content"]:  # page headers have no checksum
+            raise ValueError("its rows are not those that were written")
+    except (pa.ArrowException, ValueError, OSError) as error:
         raise ValueError(f"{path} is damaged ({_one_line(error)})") from None
 
 
 def _one_line(error: Exception) -> str:
     return " ".join(str(error).split())
+
+
+def content(table: pa.Table) -> int:
+    """Checksum of the rows, however they are stored."""
+    return crc32(pd.util.hash_pandas_object(table.to_pandas(), index=False).to_numpy().tobytes())
 
 
 def _checksum(text: bytes) -> bytes:
