@@ -29,7 +29,7 @@ regress: $(STAMP)  # some minutes; after a wanted change `testbed regress --upda
 
 # About an hour on two cores. A claim that is not confirmed is an answer, not a failure of the command, hence `|| test`.
 reproduce: $(STAMP)
-	for paper in hoher2022 xia2020 xia2020-learned; do \
+	for paper in hoher2022 xia2020 xia2020-learned xu2023; do \
 		$(BIN)/testbed reproduce $$paper --runs 100 --out runs/reproduce || test $$? -eq 1 || exit; \
 	done
 	$(BIN)/python -m testbed.papers.committed

@@ -240,7 +240,7 @@ def regress(
 
 @app.command()
 def reproduce(
-    paper: Annotated[str, typer.Argument(help="hoher2022, xia2020 or xia2020-learned.")],
+    paper: Annotated[str, typer.Argument(help="hoher2022, xia2020, xia2020-learned or xu2023.")],
     runs: Annotated[int, typer.Option(help="Monte Carlo runs of each case.")] = 100,
     seed: Annotated[int, typer.Option(help="Same seed, same figures.")] = 0,
     out: Annotated[Path, typer.Option(help="Directory for the figures and the results.")] = Path("runs/reproduce"),

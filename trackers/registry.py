@@ -7,6 +7,7 @@ from types import MappingProxyType
 from typing import Any
 
 from trackers.adaptation import GaussNewton
+from trackers.dra import DataRegion
 from trackers.htg.learned import HTGLearned
 from trackers.htg.map import HTGMap
 from trackers.htg.moment import HTGMoment
@@ -28,6 +29,7 @@ class Entry:
 
 KOCH = Koch(rate_weight=0.3)  # as much as the other filters make of range rates
 VMM = VirtualMeasurements(KOCH, GaussNewton(gain=0.1, damping=0.3))  # few detections a scan: small steps
+DRA = DataRegion(models=("cv",), prior="uniform", centre_std=0.4)  # as much as rm-vmm says
 
 TRACKERS: Mapping[str, Entry] = MappingProxyType(
     {
@@ -48,6 +50,13 @@ TRACKERS: Mapping[str, Entry] = MappingProxyType(
             Entry("htg-mm", HTGMoment(), "moment-matched update on learned tables; card htg_rm, section 7"),
             Entry(
                 "htg-map", HTGMap(shape_std=(0.1, 0.15)), "ours: MAP update by Fisher scoring; card htg_rm, section 7"
+            ),
+            Entry("dra", DRA, "data-region association of Xu et al. (2023), one motion model; card dra_imm"),
+            Entry("dra-imm", replace(DRA, models=("cv", "ca", "ct")), "the same with interacting motion models"),
+            Entry(
+                "edra-imm",
+                replace(DRA, models=("cv", "ca", "ct"), prior="rays"),
+                "the same with a prior of the regions from the sensor's rays",
             ),
         )
     }

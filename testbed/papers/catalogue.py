@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from testbed.interruption import interruptible
-from testbed.papers import hoher2022, xia2020
+from testbed.papers import hoher2022, xia2020, xu2023
 from testbed.papers.verdict import Progress, Report, Stopped
 from testbed.recorder import make_directory
 
@@ -41,6 +41,11 @@ PAPERS: Mapping[str, Paper] = MappingProxyType(
                 xia2020.LEARNED_PAPER,
                 "Xia et al. (2020), paper: the same density, learned offline",
                 partial(xia2020.run, learned=True),
+            ),
+            Paper(
+                xu2023.PAPER,
+                "Xu et al. (2023): data-region association with interacting motion models",
+                xu2023.run,
             ),
         )
     }

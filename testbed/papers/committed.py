@@ -14,7 +14,6 @@ from testbed.papers.catalogue import PAPERS
 from testbed.terminal import console, user_input
 
 PENDING = {  # papers that cannot be reproduced yet
-    "xu2023": "Xu et al. (2023): data-region association with interacting motion models",
     "yao2021": "Yao et al. (2021): chained ellipses on a B-spline, probabilistic multi-hypothesis tracking",
 }
 

@@ -1,0 +1,90 @@
+"""Detections of many objects as the update forms need them: flat, in canonical order, with their sensors beside.
+
+Everything that is expensive depends on the sensor and not on the detection, so detections of one sensor at one place
+with one noise share a look.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.scan import Scan
+
+
+class Looks(NamedTuple):
+    """M detections of B objects by up to S looks; objects with more detections come first."""
+
+    z: NDArray  # (B, M, 3) range [m], range rate [m/s], azimuth [rad]; 0 for padding and rates not measured
+    xy: NDArray  # (B, M, 2) [m]
+    R_xy: NDArray  # (B, M, 2, 2) [m^2]
+    n: NDArray  # (B,) > 0, falling; detections come before padding
+    look: NDArray  # (B, M) int < S
+    pose: NDArray  # (B, S, 3) of the sensor [m, m, rad]
+    velocity: NDArray  # (B, S, 2) [m/s]
+    R: NDArray  # (B, S, 3) variances of range, range rate, azimuth; 1 for a rate that is not measured
+    measured: NDArray  # (B, S) bool, has a range rate
+
+    def head(self, count: int) -> "Looks":
+        """The first objects."""
+        return Looks(*(field[:count] for field in self))
+
+
+def flatten(scan: Scan, noise: tuple[float, float, float]) -> tuple[NDArray, Looks]:
+    """Indices (B,) of the objects with detections among all, flat, and their looks.
+
+    noise is the std of range, azimuth and range rate of detections that do not tell theirs. Detections are sorted, so
+    that those forms that depend on their order do not depend on the scan's.
+    """
+    mask = scan.mask.reshape(-1, scan.mask.shape[-1])
+    n = mask.sum(-1)
+    hit = np.argsort(-n, kind="stable")[: (n > 0).sum()]
+    lead, M = scan.mask.shape[:-1], int(n.max(initial=0))
+
+    def rows(field: NDArray, width: int) -> NDArray:
+        full = np.broadcast_to(field, (*lead, scan.mask.shape[-1], width))
+        return full.reshape(-1, scan.mask.shape[-1], width)[hit]
+
+    parts = rows(scan.polar, 3), rows(scan.pose, 3), rows(scan.velocity, 2), rows(scan.noise, 3)
+    data = np.concatenate(parts, -1)
+    data = np.where(mask[hit][..., None], data, np.inf)
+    order = np.lexsort((data[..., 2], data[..., 1], data[..., 0]), axis=-1)[:, :M]
+    data = np.take_along_axis(data, order[..., None], 1)
+    real = np.arange(M) < n[hit][:, None]
+    data = np.where(real[..., None], data, data[:, :1])
+    return hit, _looks(data, n[hit], noise)
+
+
+def _looks(data: NDArray, n: NDArray, noise: tuple[float, float, float]) -> Looks:
+    """From sorted rows (B, M, 11) of range, azimuth, rate, pose, velocity, noise; padding repeats the first."""
+    polar, pose, velocity = data[..., :3], data[..., 3:6], data[..., 6:8]
+    std = np.where(np.isnan(data[..., 8:]), noise, data[..., 8:])
+    measured = np.isfinite(polar[..., 2])
+    look, first = _distinct(np.concatenate([pose, velocity, std, measured[..., None]], -1))
+
+    def of_look(field: NDArray) -> NDArray:
+        return np.take_along_axis(field, first[..., None], 1)
+
+    scan = Scan(polar, np.ones(measured.shape, bool), pose, velocity, std)
+    z = np.stack([polar[..., 0], np.where(measured, polar[..., 2], 0.0), polar[..., 1]], -1)
+    R = of_look(std[..., [0, 2, 1]] ** 2)
+    has_rate = of_look(measured[..., None])[..., 0]
+    R[..., 1] = np.where(has_rate, R[..., 1], 1.0)
+    return Looks(z, scan.xy, scan.position_noise(), n, look, of_look(pose), of_look(velocity), R, has_rate)
+
+
+def _distinct(rows: NDArray) -> tuple[NDArray, NDArray]:
+    """Which of the distinct rows (B, M) of its object each row (B, M, F) is, and where (B, S) each first stands."""
+    if (rows == rows[:, :1]).all():
+        return np.zeros(rows.shape[:2], int), np.zeros((len(rows), 1), int)
+    _, name = np.unique(rows.reshape(-1, rows.shape[-1]), axis=0, return_inverse=True)
+    name = name.reshape(rows.shape[:2])
+    order = np.argsort(name, axis=-1, kind="stable")
+    ordered = np.take_along_axis(name, order, -1)
+    begins = np.diff(ordered, axis=-1, prepend=-1) != 0
+    number = np.cumsum(begins, -1) - 1
+    look, first = np.zeros_like(name), np.zeros((len(name), int(number.max()) + 1), int)
+    np.put_along_axis(look, order, number, -1)
+    which = np.nonzero(begins)
+    first[which[0], number[which]] = order[which]
+    return look, first

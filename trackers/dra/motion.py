@@ -1,0 +1,104 @@
+"""Motion models CV, CA and CT of a centroid with two vertices; card dra_imm, section 2, eq. (1)-(5), (21), (22)."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.dra.parameters import Noise, Parameters
+from trackers.dra.state import AX, AY, P1X, P2X, VERTICES, VX, VY, N, W, X, Y
+from trackers.linalg import symmetrize
+
+SMALL = 1e-4  # [rad] turned in a step, below which the series hold
+COMPONENTS = {"cv": (), "ca": (AX, AY), "ct": (W,)}  # of the state beyond position, velocity and vertices
+
+
+def components(model: str, rotating_ca: bool) -> NDArray:
+    """Which of the components (11,) the model has; the others are zero."""
+    has = np.ones(N, bool)
+    has[[AX, AY, W]] = False
+    has[list(COMPONENTS[model])] = True
+    has[W] |= model == "ca" and rotating_ca
+    return has
+
+
+def turn(w: NDArray, T: float) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+    """sin(wT) / w, (1 - cos(wT)) / w and their derivatives by w, each (...), series where hardly anything turns."""
+    small = np.abs(w * T) < SMALL
+    v = np.where(small, 1.0, w)
+    s, c = np.sin(v * T), np.cos(v * T)
+    x = w * T
+    a = np.where(small, T * (1 - x**2 / 6), s / v)
+    b = np.where(small, x * T / 2 * (1 - x**2 / 12), (1 - c) / v)
+    da = np.where(small, -(T**2) * x / 3, (T * c * v - s) / v**2)
+    db = np.where(small, T**2 / 2 * (1 - x**2 / 4), (T * s * v - (1 - c)) / v**2)
+    return a, b, da, db
+
+
+def transition(model: str, m: NDArray, T: float, parameters: Parameters) -> tuple[NDArray, NDArray]:
+    """Mean (..., 11) after T [s] and the matrix (..., 11, 11) that takes the covariance there."""
+    if model == "ct":
+        return _coordinated_turn(m, T, parameters.turn_jacobian)
+    F = np.eye(N)
+    F[[X, Y], [VX, VY]] = T
+    F[[AX, AY, W], [AX, AY, W]] = 0.0
+    if model == "ca":
+        F[[AX, AY], [AX, AY]] = 1.0
+        F[[X, Y], [AX, AY]] = T**2 / 2
+        F[[VX, VY], [AX, AY]] = T
+    moved = m @ F.T
+    J = np.broadcast_to(F, (*m.shape, N))
+    if model == "ca" and parameters.rotating_ca:
+        moved, J = moved.copy(), J.copy()
+        moved[..., W], J[..., W, W] = m[..., W], 1.0
+        _turn_vertices(m, moved, J, T, column=True)
+    return moved, J
+
+
+def noise(q: Noise, T: float, step: float) -> NDArray:
+    """Process noise (11, 11) of a time T [s]; the printed one for T = step.
+
+    The acceleration is constant within T, as in G; what walks at random (the acceleration itself, yaw rate, vertices)
+    has variances that grow with time.
+    """
+    G = np.zeros((N, 2))
+    G[[X, Y], [0, 1]], G[[VX, VY], [0, 1]], G[[AX, AY], [0, 1]] = T**2 / 2, T, np.sqrt(T / step)
+    Q = q.accel * G @ G.T
+    Q[W, W] = q.yaw_rate * T / step
+    Q[VERTICES, VERTICES] = q.vertex * T / step
+    return Q
+
+
+def predict(model: str, m: NDArray, P: NDArray, T: float, parameters: Parameters) -> tuple[NDArray, NDArray]:
+    """Mean and covariance of one model T [s] later, (21), (22)."""
+    moved, J = transition(model, m, T, parameters)
+    Q = noise(getattr(parameters, model), T, parameters.step)
+    return moved, symmetrize(J @ P @ J.mT + Q)
+
+
+def _coordinated_turn(m: NDArray, T: float, column: bool) -> tuple[NDArray, NDArray]:
+    w, vx, vy = m[..., W], m[..., VX], m[..., VY]
+    a, b, da, db = turn(w, T)
+    s, c = np.sin(w * T), np.cos(w * T)
+    F = np.zeros((*m.shape, N))
+    F[..., X, X] = F[..., Y, Y] = F[..., W, W] = 1.0
+    F[..., X, VX] = F[..., Y, VY] = a
+    F[..., Y, VX], F[..., X, VY] = b, -b
+    F[..., VX, VX] = F[..., VY, VY] = c
+    F[..., VY, VX], F[..., VX, VY] = s, -s
+    moved = (F @ m[..., None])[..., 0]
+    if column:  # dF(w)x/dw, not in (22); without it the yaw rate is seen through range rates only
+        F[..., X, W], F[..., Y, W] = da * vx - db * vy, db * vx + da * vy
+        F[..., VX, W], F[..., VY, W] = T * (-s * vx - c * vy), T * (c * vx - s * vy)
+    _turn_vertices(m, moved, F, T, column)
+    return moved, F
+
+
+def _turn_vertices(m: NDArray, moved: NDArray, J: NDArray, T: float, column: bool) -> None:
+    """Rotate both vertices of m by the yaw rate, in place of moved (..., 11) and J (..., 11, 11); F^s, derived."""
+    s, c = np.sin(m[..., W] * T), np.cos(m[..., W] * T)
+    for i in (P1X, P2X):
+        px, py = m[..., i], m[..., i + 1]
+        J[..., i, i] = J[..., i + 1, i + 1] = c
+        J[..., i + 1, i], J[..., i, i + 1] = s, -s
+        moved[..., i], moved[..., i + 1] = c * px - s * py, s * px + c * py
+        if column:
+            J[..., i, W], J[..., i + 1, W] = -T * moved[..., i + 1], T * moved[..., i]

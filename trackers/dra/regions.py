@@ -1,0 +1,87 @@
+"""The five regions of the body and the gates around them; card dra_imm, sections 4 and 5, after eq. (8)-(12).
+
+A point of region i is q = alpha p1 + beta p2 from the centroid, alpha and beta linear in s1, s2, both even on [0, 1].
+Regions: front (p2 to p1), right (p3 to p2), rear (p4 to p3), left (p1 to p4), interior.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.dra.state import P1, P2, PLACE, Axes, axes
+from trackers.geometry import cross, dot
+from trackers.linalg import outer
+
+REGIONS = 5
+FRONT, RIGHT, REAR, LEFT, INTERIOR = range(REGIONS)
+# alpha and beta (region, 3) as 1, s1, s2 weigh into them
+ALPHA = np.array([[0, 1, 0], [-1, 1, 0], [0, -1, 0], [1, -1, 0], [1, -1, -1]], float)
+BETA = np.array([[1, -1, 0], [0, 1, 0], [-1, 1, 0], [0, -1, 0], [0, 1, -1]], float)
+MIDDLE = np.array([1.0, 0.5, 0.5])  # the mean of 1, s1, s2
+# Corners (4, 2) that a side joins, as weights of p1, p2: p1, p2, p3, p4
+CORNERS = np.array([[1, 0], [0, 1], [-1, 0], [0, -1]], float)
+FROM, TO = [1, 2, 3, 0], [0, 1, 2, 3]  # corners at s1 = 0 and s1 = 1 of the four sides
+SIDES = np.array([[1.0, 0], [0, -1], [-1, 0], [0, 1]])  # where a side is, in half lengths and half widths
+TIE = 1e-6  # [m] off a corner two sides are as near: the first is taken, whatever the rounding
+LEAST_SINE = 1e-3  # between the axes; a flat parallelogram has no coordinates
+
+
+def corners(m: NDArray) -> NDArray:
+    """The four corners (..., 4, 2) [m] p1, p2, p3, p4 from the centroid, of states m (..., 11)."""
+    p = np.stack([m[..., P1], m[..., P2]], -2)
+    return CORNERS @ p
+
+
+def region_moments(m: NDArray) -> tuple[NDArray, NDArray]:
+    """Mean (..., 5, 2) [m] from the centroid and covariance (..., 5, 2, 2) [m^2] of points of each region."""
+    p = np.stack([m[..., P1], m[..., P2]], -2)
+    weight = np.stack([ALPHA, BETA], -1)  # (5, 3, 2)
+    q = weight @ p[..., None, :, :]  # (..., 5, 3, 2): constant, along s1, along s2
+    return MIDDLE @ q, (outer(q[..., 1, :]) + outer(q[..., 2, :])) / 12
+
+
+def gates(m: NDArray, xy: NDArray, R: NDArray, t: float, interior: float, sigmas: float) -> NDArray:
+    """Which regions (..., M, 5) the detections xy (..., M, 2) [m] may come from; R (..., M, 2, 2) is their noise.
+
+    Gates grow with the side that they belong to; the paper prints the width's for all four. A detection outside all
+    of them belongs to the nearest side.
+    """
+    a = axes(m)
+    e = oblique(a, xy - m[..., None, PLACE])
+    half = np.stack([a.length, a.width], -1)[..., None, :] / 2
+    margin = sigmas * np.sqrt(np.stack([_spread(R, a.along), _spread(R, a.left)], -1))
+    reach = (1 + 2 * t) * half + margin
+    beside = np.abs(e) <= reach  # (..., M, 2) not beyond the ends along the length, along the width
+    thick = 2 * t * half + margin
+    near = np.abs(e[..., None, :] - SIDES * half[..., None, :]) <= thick[..., None, :]  # (..., M, 4, 2)
+    ahead, right, behind, left = (near[..., i, axis] & beside[..., 1 - axis] for i, axis in enumerate((0, 1, 0, 1)))
+    inside = (np.abs(e) <= interior * half + margin).all(-1)
+    found = np.stack([ahead, right, behind, left, inside], -1)
+    lost = ~found.any(-1, keepdims=True)
+    if lost.any():
+        nearest = (side_distance(m, xy) + TIE * np.arange(4)).argmin(-1)
+        found = np.where(lost, nearest[..., None] == np.arange(REGIONS), found)
+    return found
+
+
+def oblique(a: Axes, d: NDArray) -> NDArray:
+    """Coordinates (..., M, 2) [m] of the vectors d (..., M, 2) along the axes of a parallelogram."""
+    u, v = a.along[..., None, :], a.left[..., None, :]
+    sine = cross(u, v)
+    sine = np.where(np.abs(sine) < LEAST_SINE, LEAST_SINE, sine)
+    return np.stack([cross(d, v), cross(u, d)], -1) / sine[..., None]
+
+
+def side_distance(m: NDArray, xy: NDArray) -> NDArray:
+    """Distance (..., M, 4) [m] of detections xy (..., M, 2) from the four sides."""
+    p = corners(m)[..., None, :, :]
+    start, edge = p[..., FROM, :], p[..., TO, :] - p[..., FROM, :]
+    d = (xy - m[..., None, PLACE])[..., None, :] - start
+    s = np.clip(dot(d, edge) / np.maximum(dot(edge, edge), 1e-12), 0.0, 1.0)
+    rest = d - s[..., None] * edge
+    return np.sqrt(dot(rest, rest))
+
+
+def _spread(R: NDArray, axis: NDArray) -> NDArray:
+    """Variance (..., M) of noise R (..., M, 2, 2) along axis (..., 2)."""
+    u, v = axis[..., None, 0], axis[..., None, 1]
+    return u * u * R[..., 0, 0] + 2 * u * v * R[..., 0, 1] + v * v * R[..., 1, 1]
