@@ -1,12 +1,12 @@
 """What commands share on the terminal: the console, bars on stderr, and one sentence for a wrong input."""
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 console = Console()
 INPUT_FAULTS = (LookupError, ValueError, OSError)
@@ -40,3 +40,15 @@ def progress_bar(amount: str, window: float = 30.0) -> Progress:
         TimeRemainingColumn(),
     )
     return Progress(*columns, console=Console(stderr=True), speed_estimate_period=window)
+
+
+def stages(bar: Progress, prefix: str = "") -> Callable[[int, int, str], None]:
+    """progress(done, total, what) on a bar, one line for each kind of work."""
+    tasks: dict[str, TaskID] = {}
+
+    def show(done: int, total: int, what: str) -> None:
+        if what not in tasks:
+            tasks[what] = bar.add_task(prefix + what, total=total)
+        bar.update(tasks[what], completed=done, total=total)
+
+    return show

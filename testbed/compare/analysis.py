@@ -12,13 +12,14 @@ from scipy.stats import norm
 from testbed.compare.measures import KEYS, badness
 from testbed.compare.results import WHOLE, Results
 from testbed.compare.statistics import LEVEL, Difference, Interval, chi2_limits, compare, interval
+from testbed.length_errors import EDGES, LABELS
 
 PHASES = ("before", "onset", "during", "after")
 RANGES = (0.0, 25.0, 50.0, 75.0, 100.0, np.inf)  # [m]
-VISIBLE = (-np.inf, 0.0, 0.25, 0.5, 0.75, 0.999, np.inf)  # share of the outline; a band holds its upper edge
+VISIBLE = (-np.inf, *EDGES, np.inf)  # share of the outline; a band holds its upper edge
 BANDS = {
     "range": (RANGES, (*(f"{a:g} to {b:g} m" for a, b in itertools.pairwise(RANGES[:-1])), f"over {RANGES[-2]:g} m")),
-    "visible": (VISIBLE, ("hidden", "to 25 %", "to 50 %", "to 75 %", "to 100 %", "whole")),
+    "visible": (VISIBLE, LABELS),
 }
 LOOKS = 30  # that a figure of a band or a phase needs
 DOF = 2  # of NEES and NIS, each of a point in the plane

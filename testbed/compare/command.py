@@ -5,7 +5,6 @@ from pathlib import Path
 
 from rich.console import Console
 from rich.progress import Progress as Bar
-from rich.progress import TaskID
 
 from testbed.compare import analysis, tables
 from testbed.compare.config import Comparison
@@ -15,7 +14,7 @@ from testbed.compare.report import write_report
 from testbed.compare.results import Results, collect
 from testbed.compare.work import Progress, Report, execute
 from testbed.interruption import Wish, interruptible
-from testbed.terminal import user_input
+from testbed.terminal import stages, user_input
 
 WARNINGS = 8  # that are spelt out on the terminal
 
@@ -23,7 +22,7 @@ WARNINGS = 8  # that are spelt out on the terminal
 def compare(comparison: Comparison, engine: Engine, console: Console, bar: Bar) -> int:
     """Run what is missing, show the tables, write the report; returns the exit status."""
     with user_input((OSError, ValueError)), bar:
-        report = execute(comparison, engine, _stages(bar))
+        report = execute(comparison, engine, stages(bar))
     tell(report, console)
     results = collect(comparison)
     if results.whole.empty:
@@ -36,7 +35,7 @@ def compare(comparison: Comparison, engine: Engine, console: Console, bar: Bar) 
     for task in bar.task_ids:
         bar.remove_task(task)
     with interruptible() as wish, user_input((OSError,)), bar:
-        page = _page(results, report, engine, _stages(bar, "report: "), wish)
+        page = _page(results, report, engine, stages(bar, "report: "), wish)
     if page is None:
         console.print("[yellow]interrupted: no report; the same command writes it[/yellow]")
         return wish.exit_status
@@ -58,18 +57,6 @@ def _page(results: Results, report: Report, engine: Engine, show: Progress, wish
     except KeyboardInterrupt:
         wish.signal = wish.signal or signal.SIGINT
         return None
-
-
-def _stages(bar: Bar, prefix: str = "") -> Progress:
-    """progress(done, total, what) on a bar, one line for each kind of work."""
-    stages: dict[str, TaskID] = {}
-
-    def show(done: int, total: int, what: str) -> None:
-        if what not in stages:
-            stages[what] = bar.add_task(prefix + what, total=total)
-        bar.update(stages[what], completed=done, total=total)
-
-    return show
 
 
 def tell(report: Report, console: Console) -> None:

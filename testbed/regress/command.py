@@ -1,7 +1,6 @@
 """What `testbed regress` does: the runs, the verdict, and what is left of them."""
 
 import shlex
-from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.resources import files
@@ -26,7 +25,7 @@ from testbed.regress.baselines import NONE, Baselines, Update, load, merge, save
 from testbed.regress.findings import Findings, examine, measured, orphans, worst_run
 from testbed.regress.suite import LOGS, Suite, claim_folder
 from testbed.regress.verdict import OVERALL
-from testbed.terminal import user_input
+from testbed.terminal import stages, user_input
 from trackers import find as find_tracker
 
 COMMITTED = Path(str(files("testbed.regress"))) / "baselines.json"
@@ -101,7 +100,7 @@ def regress(order: Order, baselines: Baselines, console: Console, bar: Progress)
     """Run what is missing, tell what moved or make the baselines; returns the exit status."""
     comparison = order.suite.comparison
     with user_input((OSError, ValueError)), bar:
-        report = execute(comparison, order.engine, _shown_on(bar))
+        report = execute(comparison, order.engine, stages(bar))
     tell(report, console)
     if report.interrupted:
         console.print("[yellow]interrupted: the same command goes on where it was[/yellow]")
@@ -125,17 +124,6 @@ def _answer(suite: Suite, baselines: Baselines, results: Results, findings: Find
     if findings.worse:
         _leave_log(suite, results, findings, baselines, console)
     return 0 if findings.passed else 1
-
-
-def _shown_on(bar: Progress) -> Callable[[int, int, str], None]:
-    stages: dict[str, int] = {}
-
-    def show(done: int, total: int, what: str) -> None:
-        if what not in stages:
-            stages[what] = bar.add_task(what, total=total)
-        bar.update(stages[what], completed=done, total=total)  # type: ignore[arg-type]
-
-    return show
 
 
 def _tell(findings: Findings, baselines: Baselines, console: Console) -> None:
