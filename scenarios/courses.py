@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from scenarios.paths import Path
-from trackers.geometry import rotation, unit
+from trackers.geometry import cross, dot, rotation, unit
 
 COLUMNS = ("t", "x", "y", "heading", "vx", "vy", "yaw_rate")  # [s], [m], [m], [rad] unwrapped, [m/s], [m/s], [rad/s]
 T, X, Y, HEADING, VX, VY, YAW_RATE = range(7)
@@ -27,6 +27,14 @@ class Segment(NamedTuple):
     duration: float  # [s]
     acceleration: float = 0.0  # [m/s^2] along the course
     yaw_rate: float = 0.0  # [rad/s]
+
+
+class Push(NamedTuple):
+    """A stretch of time with an acceleration that is constant on the axes of the world, or with a turn."""
+
+    duration: float  # [s]
+    acceleration: tuple[float, float] = (0.0, 0.0)  # [m/s^2] along x and y, 0 in a turn
+    yaw_rate: float = 0.0  # [rad/s] with which the velocity turns
 
 
 class Shift(NamedTuple):
@@ -80,6 +88,24 @@ def integrate(
     step = (rate[1:] + 4 * mid + rate[:-1]) / (6 * RATE)
     xy = np.array([x, y]) + np.concatenate([np.zeros((1, 2)), np.cumsum(step, axis=0)])
     return np.column_stack([t, xy, course, rate, yaw_rate])
+
+
+def pushed(start: ArrayLike, velocity: ArrayLike, pushes: Sequence[Push], onset: float = 0.5) -> NDArray:
+    """Course (n, 7) from a point (2,) [m] at a velocity (2,) [m/s]; the body always points along the velocity."""
+    for push in pushes:
+        if not push.duration > 0 or (push.yaw_rate and any(push.acceleration)):
+            raise ValueError(f"pushes must last longer than 0 s and either accelerate or turn, got {push}")
+    durations = [p.duration for p in pushes]
+    t = np.arange(round((sum(durations) + onset) * RATE) + 1) / RATE
+    a = np.stack([_demand(t, durations, [p.acceleration[k] for p in pushes], onset) for k in range(2)], -1)
+    w = _demand(t, durations, [p.yaw_rate for p in pushes], onset)
+    turn = rotation(_cumulative(w))  # of the velocity that the accelerations alone would give
+    back = (turn.mT @ a[..., None])[..., 0]
+    straight = np.stack([_cumulative(back[:, k], v) for k, v in enumerate(velocity)], -1)  # type: ignore[arg-type]
+    v = (turn @ straight[..., None])[..., 0]
+    xy = np.stack([_cumulative(v[:, k], x) for k, x in enumerate(start)], -1)  # type: ignore[arg-type]
+    heading = np.unwrap(np.arctan2(v[:, 1], v[:, 0]))
+    return np.column_stack([t, xy, heading, v, w + cross(v, a) / dot(v, v)])
 
 
 def follow_lane(

@@ -1,25 +1,38 @@
-"""Scenarios that put the papers' courses on a road: one car, the ego with the radar, nobody else.
+"""Scenarios that put the papers' courses on a road: one vehicle, the ego with the radar, nobody else.
 
-Courses of card htg_rm, section 8.2, and card rm_vmm, section 7, mirrored: y is to the driver's right here. The ego
-drives itself, so the speeds are those among its target speeds that are nearest to the cards' 12 and 8 m/s, and turns
-have smooth onsets. The size of the car is drawn.
+Courses of card htg_rm, section 8.2, card rm_vmm, section 7, card dra_imm, section 14, and card bspline_pmht, section
+11. Those of the first two are mirrored: y is to the driver's right here. The ego drives itself, so the speeds there are
+those among its target speeds that are nearest to the cards' 12 and 8 m/s, and turns have smooth onsets. The size of the
+vehicle is drawn.
 """
 
 import numpy as np
 from highway_env.road.lane import StraightLane
 from highway_env.road.road import RoadNetwork
+from numpy.typing import NDArray
 
-from scenarios.courses import Segment, follow_lane, integrate
+from scenarios.courses import RATE, VX, VY, Push, Segment, X, Y, follow_lane, integrate, pushed
 from scenarios.longitudinal import START, M
 from scenarios.networks import SLOW, WIDTH, Layout, curved, lines, straight
-from scenarios.paths import PathLane, along
-from scenarios.stage import Stage, World, phases
+from scenarios.paths import Path, PathLane, along, from_nodes
+from scenarios.stage import Phase, Stage, World, phases
 
 SPEED = 7.5  # [m/s] in the turns
 LENGTHS, WIDTHS = (4.0, 5.4), (1.6, 2.1)  # [m] of the car
 BEHIND = 60.0  # [m] of road behind the ego
 RAMP = 0.5  # [s] onset of a turn
 CLOTHOID = 8.0  # [m] onset of a bend
+TABLE_1 = (  # of Xu et al. (2023); ends the straight parts at (20, 0) m/s
+    Push(10.0),
+    Push(5.0, (-3.0, -2.0)),
+    Push(5.0, (-3.0, -4.0)),
+    Push(10.0, (2.0, 3.0)),
+    Push(10.0),
+    Push(10.0, yaw_rate=np.pi / 20),
+)
+STAGES = (Phase("CV", 0.0, 10.0), Phase("CA", 10.0, 30.0), Phase("CV again", 30.0, 40.0), Phase("CT", 40.0, 50.0))
+YAO_SPEED, YAO_SIZE = 11.2, (5.0, 2.0)  # [m/s], [m]
+YAO_TURNS = ((101.0, np.pi / 101), (121.0, -np.pi / 121), (20.0, 0.0))  # [s], [rad/s]
 
 
 def xia_lane(rng: np.random.Generator) -> World:
@@ -73,3 +86,46 @@ def hoher_u_turn(rng: np.random.Generator) -> World:
     stage.ego(("a", "b", 0), 100.0, 0.0)
     stage.prescribe("car", follow_lane(way, 20.0, speed), stage.size("car"))
     return stage.world(phases(leg / speed, (leg + np.pi * radius) / speed))
+
+
+def xu_maneuvers(rng: np.random.Generator) -> World:
+    """The maneuvers of Table I: straight on, three accelerations across and along, straight on, a quarter turn."""
+    course = pushed((0.0, 0.0), (30.0, 0.0), TABLE_1)
+    behind = float(rng.uniform(40.0, 50.0))
+    stage = Stage(curved(_path_of(course, 100.0), (-WIDTH, 0.0, WIDTH)), rng)
+    stage.ego(M, 100.0 - behind, 30.0)
+    stage.prescribe("car", course, stage.size("car"))
+    return stage.world(STAGES)
+
+
+def yao_truck(rng: np.random.Generator) -> World:
+    """A light truck drives half circles of 360 m to the right and 431 m to the left."""
+    return _yao("truck", rng)
+
+
+def yao_tractor(rng: np.random.Generator) -> World:
+    """A tractor on the same course."""
+    return _yao("tractor", rng)
+
+
+def _yao(kind: str, rng: np.random.Generator) -> World:
+    turns = tuple(Segment(duration, 0.0, yaw_rate) for duration, yaw_rate in YAO_TURNS)
+    course = integrate((0.0, 0.0, 0.0), YAO_SPEED, turns)
+    stage = Stage(curved(_path_of(course, 60.0), (-WIDTH, 0.0, WIDTH), speed_limit=YAO_SPEED), rng)
+    stage.ego(M, 60.0 - float(rng.uniform(22.0, 28.0)), YAO_SPEED)
+    length, width = YAO_SIZE * (1 + rng.uniform(-1, 1, 2) * (0.06, 0.02))
+    stage.prescribe(kind, course, (float(length), float(width)))
+    first, second, rest = np.cumsum([duration for duration, _ in YAO_TURNS]).tolist()
+    return stage.world((Phase("right", 0.0, first), Phase("left", first, second), Phase("straight", second, rest)))
+
+
+def _path_of(course: NDArray, before: float, after: float = 200.0) -> Path:
+    """The way of a course (n, 7) with straight pieces [m] before and after it."""
+    travelled = np.cumsum(np.hypot(course[:, VX], course[:, VY])) / RATE
+    nodes = course[np.searchsorted(travelled, np.arange(1.0, travelled[-1]))]
+    xy, v = nodes[:, X : Y + 1], nodes[:, VX : VY + 1]
+    first, last = (u / np.linalg.norm(u) for u in (course[0, VX : VY + 1], v[-1]))
+    lead = course[0, X : Y + 1] + np.arange(-before, 0.0)[:, None] * first
+    tail = xy[-1] + np.arange(1.0, after)[:, None] * last
+    tangents = (np.tile(first, (len(lead), 1)), v, np.tile(last, (len(tail), 1)))
+    return from_nodes(np.vstack([lead, xy, tail]), np.vstack(tangents))

@@ -172,6 +172,21 @@ SCENARIOS = MappingProxyType({s.name: s for s in (
         "The course of Hoher et al. (2022): a standing ego sees one car from all sides as it turns back and passes.",
         "scenarios.papers:hoher_u_turn", 1,
     ),
+    Scenario(
+        "xu2023",
+        "Table I of Xu et al. (2023), seen by who follows: accelerations across and along, and a quarter turn.",
+        "scenarios.papers:xu_maneuvers", 1, max_lateral=5.5, duration=50.0,
+    ),
+    Scenario(
+        "yao2021-truck",
+        "The course of Yao et al. (2021): a small truck on two half circles; its contour can be learned on the way.",
+        "scenarios.papers:yao_truck", 1, duration=242.0,
+    ),
+    Scenario(
+        "yao2021-tractor",
+        "The same course, driven by a tractor: narrow bonnet, wide wheels, seen from behind and from the side.",
+        "scenarios.papers:yao_tractor", 1, duration=242.0,
+    ),
 )})  # fmt: skip
 
 

@@ -18,6 +18,7 @@ class Estimate(NamedTuple):
     heading_std: NDArray  # (...) [rad]
     yaw_rate_std: NDArray  # (...) [rad/s]
     contour: NDArray | None = None  # (..., C, 2) [m] world frame; None where the method has no contour
+    class_probability: NDArray | None = None  # (..., C) of the filter's `classes`; None where it has no catalogue
 
     @property
     def speed(self) -> NDArray:

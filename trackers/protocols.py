@@ -1,4 +1,4 @@
-"""What a single-object filter is: four verbs, and three more that it may offer to the multi-object tracker."""
+"""What a single-object filter is: four verbs, and more that it may offer to the multi-object tracker."""
 
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
@@ -23,6 +23,14 @@ class UpdateInfo(NamedTuple):
         return np.where(self.n > 0, (self.eps * d).sum(-1), np.nan)
 
 
+class Note(NamedTuple):
+    """What a filter did with some of its objects that a reader of the run wants to know: `notes` of its information."""
+
+    kind: str  # one word
+    reason: str  # one readable clause
+    where: NDArray  # (...) bool
+
+
 class Filter(Protocol):
     """A single-object filter; every state is a NamedTuple of arrays with any leading axes."""
 
@@ -45,6 +53,14 @@ class Resizable(Protocol):
 
     def resize(self, state: Any, size: NDArray, size_std: NDArray) -> Any:
         """State with size (..., 2) [m] of standard deviation size_std (..., 2) [m]."""
+
+
+@runtime_checkable
+class Restartable(Protocol):
+    """A filter that knows more of an object than an estimate says, such as a learned contour."""
+
+    def restart(self, state: Any, estimate: Estimate) -> Any:
+        """State that starts again from an estimate but keeps what an estimate does not say."""
 
 
 @runtime_checkable

@@ -9,6 +9,7 @@ from scenarios.courses import (
     VX,
     VY,
     YAW_RATE,
+    Push,
     Segment,
     Shift,
     T,
@@ -19,8 +20,10 @@ from scenarios.courses import (
     integrate,
     lane_change,
     peak_lateral_acceleration,
+    pushed,
     then,
 )
+from scenarios.papers import TABLE_1
 from scenarios.paths import along, through
 
 BEND = along((0.0, 0.0, 0.3), ((80.0, 0.0), (200.0, 1 / 150), (200.0, -1 / 120)), ramp=40.0)
@@ -135,3 +138,24 @@ def test_a_segment_without_duration_is_refused():
 def test_a_segment_may_not_turn_a_course_that_follows_a_lane():
     with pytest.raises(ValueError, match="leave yaw_rate at 0"):
         follow_lane(through([(0, 0), (100, 0)]), 0.0, 10.0, [Segment(1.0, 0.0, 0.1)])
+
+
+def test_a_pushed_body_has_the_velocities_of_table_1_and_points_along_them():
+    course = pushed((0.0, 0.0), (30.0, 0.0), TABLE_1)
+    for time, velocity in ((10.0, (30, 0)), (15.5, (15 - 0.75, -10 - 1)), (20.5, (0.5, -30 + 0.75)), (31, (20, 0))):
+        row = course[round(time * RATE)]  # half a second of onset later than in the table
+        np.testing.assert_allclose(row[[VX, VY]], velocity, atol=0.3)
+    np.testing.assert_allclose(course[-1, [VX, VY]], (0, 20), atol=1e-6)  # turned by 90 degrees, to the right
+    np.testing.assert_allclose(course[:, HEADING], np.unwrap(np.arctan2(course[:, VY], course[:, VX])))
+
+
+def test_a_pushed_course_is_consistent_with_its_own_derivatives():
+    course = pushed((5.0, -3.0), (20.0, 4.0), (Push(1.0), Push(2.0, (-3.0, 2.0)), Push(3.0, yaw_rate=-0.2)))
+    rate = np.gradient(course[:, [X, Y, HEADING]], 1 / RATE, axis=0)[2:-2]
+    np.testing.assert_allclose(rate, course[2:-2, [VX, VY, YAW_RATE]], atol=2e-3)
+
+
+@pytest.mark.parametrize("push", [Push(0.0), Push(1.0, (1.0, 0.0), 0.1)])
+def test_a_push_takes_time_and_either_accelerates_or_turns(push):
+    with pytest.raises(ValueError, match="pushes must last longer"):
+        pushed((0.0, 0.0), (10.0, 0.0), (push,))

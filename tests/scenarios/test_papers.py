@@ -5,6 +5,7 @@ import pytest
 
 from scenarios.adapter import SceneReader
 from scenarios.highway import ScenarioEnv
+from scenarios.registry import find
 from sensors import find as find_radar
 from testbed.papers.xia2020_generators import FOLLOWING, RIGHT_TURN, S_CURVE, drive
 from trackers.geometry import to_frame, wrap_angle
@@ -80,3 +81,26 @@ def test_a_surround_radar_sees_the_car_most_of_the_time(name):
     scenes = ride(name)[::5]
     seen = [np.any(radar.scan(scene, rng)[1].object == 0) for scene in scenes]
     assert np.mean(seen) > 0.75
+
+
+def test_the_car_of_xu2023_goes_through_the_stages_of_table_1_on_its_own_lane():
+    world = find("xu2023").build(np.random.default_rng(0))
+    assert [(p.name, p.end) for p in world.phases] == [("CV", 10), ("CA", 30), ("CV again", 40), ("CT", 50)]
+    rows = next(v for v in world.road.vehicles if hasattr(v, "table")).table.rows
+    np.testing.assert_allclose(rows[-1, 4:6], (0.0, 20.0), atol=1e-6)
+    lane = world.ego.road.network.get_lane(("a", "b", 1))
+    offset = [lane.local_coordinates(row[1:3])[1] for row in rows[::50]]
+    assert np.abs(offset).max() < 0.05
+    gap = rows[0, 1] - world.ego.position[0]
+    assert 40.0 <= gap <= 50.0
+
+
+@pytest.mark.parametrize(("name", "kind"), [("yao2021-truck", "truck"), ("yao2021-tractor", "tractor")])
+def test_the_vehicles_of_yao2021_drive_half_a_circle_each_way(name, kind):
+    world = find(name).build(np.random.default_rng(0))
+    course = next(v for v in world.road.vehicles if hasattr(v, "table"))
+    assert course.contour == kind
+    np.testing.assert_allclose((course.LENGTH, course.WIDTH), (5.0, 2.0), rtol=0.06)
+    end = course.table.rows[np.searchsorted(course.table.rows[:, 0], (101.0, 222.0, 242.0))]
+    np.testing.assert_allclose(end[:, 3], [np.pi, 0.0, 0.0], atol=0.02)  # one second of ramp
+    assert end[0, 2] == pytest.approx(2 * 11.2 * 101 / np.pi, abs=6.0)  # the diameter

@@ -12,7 +12,7 @@ NAMES = {
     "following", "hard-brake", "cut-in", "cut-out", "lane-change", "double-lane-change", "overtake", "merge", "exit",
     "dense-traffic", "truck-convoy", "truck-cut-in", "slow-tractor", "articulated-turn", "oncoming", "roundabout",
     "u-turn", "s-curve", "stop-and-go", "six-radar-highway", "xia2020-lane", "xia2020-right-turn", "xia2020-s-curve",
-    "hoher2022-u-turn",
+    "hoher2022-u-turn", "xu2023", "yao2021-truck", "yao2021-tractor",
 }  # fmt: skip
 every_scenario = pytest.mark.parametrize("scenario", SCENARIOS.values(), ids=SCENARIOS)
 

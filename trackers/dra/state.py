@@ -12,6 +12,7 @@ from trackers.estimate import Estimate
 from trackers.geometry import dot, perpendicular, unit
 from trackers.imm import moments
 from trackers.linalg import quadratic, symmetrize
+from trackers.protocols import Note
 
 #          left
 #   p4 ------------- p1
@@ -51,6 +52,11 @@ class DataRegionInfo(NamedTuple):
     def nis(self) -> NDArray:
         """Normalised innovation squared (...), NaN without a detection."""
         return np.where(self.n > 0, quadratic(self.eps, self.S), np.nan)
+
+    @property
+    def notes(self) -> tuple[Note, ...]:
+        """Where likely hypotheses were left out."""
+        return (Note("capped", "more likely hypotheses than the joint form keeps", self.capped),)
 
 
 def vertices(heading: NDArray, size: NDArray) -> NDArray:

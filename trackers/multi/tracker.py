@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.batch import concatenate, select
-from trackers.estimate import prior
+from trackers.estimate import Estimate, prior
 from trackers.linalg import largest_eigenvalue
 from trackers.multi.association import Association, Claims, Detections, gather, shares
 from trackers.multi.exclusion import Exclusion
@@ -20,7 +20,7 @@ from trackers.multi.road import RoadMap
 from trackers.multi.sizes import SizePrior, stretch
 from trackers.multi.tracks import REPORT_ABOVE, Event, StepInfo, Tracks
 from trackers.multi.visibility import SensorArray, Visibility, predict_visibility
-from trackers.protocols import Filter, Resizable, SpatialModel
+from trackers.protocols import Filter, Note, Resizable, Restartable, SpatialModel
 from trackers.scan import Scan, SensorModel, check_scan
 
 
@@ -64,6 +64,11 @@ class MultiObjectTracker:
         return self.filter if isinstance(self.filter, Resizable) else None
 
     @cached_property
+    def restartable(self) -> Restartable | None:
+        """The filter, where it has that verb."""
+        return self.filter if isinstance(self.filter, Restartable) else None
+
+    @cached_property
     def spatial(self) -> SpatialModel | None:
         """The filter, where it has its own density of detections over the body."""
         return self.filter if isinstance(self.filter, SpatialModel) else None
@@ -98,7 +103,7 @@ class MultiObjectTracker:
         updated, merged = self._exclude(updated)
         updated, died = self._prune(updated)
         fresh = (updated.existence > REPORT_ABOVE) & ~updated.confirmed
-        events = [*born, *merged, *died]
+        events = [*info.events, *born, *merged, *died]
         events += [
             Event("confirmed", int(i), f"existence {q:.2f}")
             for i, q in zip(updated.id[fresh], updated.existence[fresh])
@@ -131,7 +136,13 @@ class MultiObjectTracker:
         """State with another belief about the size; a filter without that verb starts again from its own estimate."""
         if self.resizable is not None:
             return self.resizable.resize(state, size, size_std)
-        return self.filter.init(self.filter.estimate(state)._replace(size=size, size_std=size_std, contour=None))
+        return self._restart(state, self.filter.estimate(state)._replace(size=size, size_std=size_std, contour=None))
+
+    def _restart(self, state: object, estimate: Estimate) -> object:
+        """State that starts again from an estimate."""
+        if self.restartable is not None:
+            return self.restartable.restart(state, estimate)
+        return self.filter.init(estimate)
 
     def _update(self, tracks: Tracks, view: Visibility, claims: Claims, z: Detections) -> tuple[Tracks, StepInfo]:
         T = len(tracks.id)
@@ -141,18 +152,20 @@ class MultiObjectTracker:
         evidence = np.bincount(claims.track[own], weights=log_gain, minlength=T)
         Gam = view.expected.sum(0)
         log_ratio = self.existence.log_ratio(n, Gam, evidence)
-        state, nis = tracks.state, np.full(T, np.nan)
+        state, nis, mode = tracks.state, np.full(T, np.nan), None
+        notes: tuple[Note, ...] = ()
         if n.any():
             share = gather(z, shares(claims.owner, T, self.most_detections))
             state, info = self.filter.update(state, share)
-            nis = info.nis
+            nis, mode, notes = info.nis, getattr(info, "mode", None), getattr(info, "notes", ())
         updated = tracks._replace(
             state=state,
             estimate=self.filter.estimate(state),
             existence=self.existence.update(tracks.existence, log_ratio),
             hits=tracks.hits + (n > 0),
         )
-        return updated, StepInfo(np.zeros(0, int), tracks.id, Gam, view.in_view, n, log_ratio, nis, ())
+        events = tuple(Event(note.kind, int(i), note.reason) for note in notes for i in tracks.id[note.where])
+        return updated, StepInfo(np.zeros(0, int), tracks.id, Gam, view.in_view, n, log_ratio, nis, events, mode)
 
     def _grow(self, tracks: Tracks, reach: NDArray) -> Tracks:
         """Let tracks become longer over the detections just beyond their ends; reach (T, 2) [m] ahead and behind.
@@ -164,7 +177,7 @@ class MultiObjectTracker:
         if not grows.any():
             return tracks
         if self.spatial is not None:
-            longer = self.filter.init(stretch(tracks.estimate, reach, self.growth_std))
+            longer = self._restart(tracks.state, stretch(tracks.estimate, reach, self.growth_std))
         else:
             size, size_std = tracks.estimate.size, tracks.estimate.size_std.copy()
             size_std[:, 0] = np.maximum(size_std[:, 0], self.growth_std * size[:, 0])
@@ -200,7 +213,7 @@ class MultiObjectTracker:
             return tracks, []
         state = tracks.state
         if verdict.joined.any():
-            state = select(verdict.joined, self.filter.init(verdict.estimate), state)
+            state = select(verdict.joined, self._restart(state, verdict.estimate), state)
         events = [
             Event("merged", int(tracks.id[t]), f"same vehicle as track {tracks.id[verdict.into[t]]}")
             for t in np.flatnonzero(~verdict.keep)

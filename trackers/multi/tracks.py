@@ -13,7 +13,7 @@ REPORT_ABOVE = 0.5  # existence probability above which a track is output, card 
 class Event(NamedTuple):
     """One decision of the tracker, in words and in numbers."""
 
-    kind: str  # born, confirmed, merged, grown, died
+    kind: str  # born, confirmed, merged, died, or what a filter has to tell
     track: int  # id of the track it is about
     reason: str  # one readable clause
 
@@ -54,3 +54,4 @@ class StepInfo(NamedTuple):
     log_ratio: NDArray  # (T,) log likelihood ratio of the existence update
     nis: NDArray  # (T,) normalised innovation squared of the centroid, NaN without detection
     events: tuple[Event, ...]
+    mode: NDArray | None = None  # (T, K) probabilities of the motion models, where the filter mixes some
