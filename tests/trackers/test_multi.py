@@ -1,6 +1,6 @@
 """The multi-object tracker: laws, bad scans, and what it must do in a small world."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from trackers import MultiObjectTracker, RandomMatrix, Scan, prior
+from trackers import MultiObjectTracker, RandomMatrix, Scan, find, prior
 from trackers.batch import take
 from trackers.geometry import box_corners, to_frame, to_world, unit
 from trackers.multi.association import shares
@@ -18,6 +18,7 @@ from trackers.multi.exclusion import GRID, Exclusion
 from trackers.multi.existence import Existence
 from trackers.multi.initiation import Initiation, components
 from trackers.multi.sizes import SizePrior, stretch
+from trackers.multi.tracks import Tracks
 from trackers.multi.visibility import SensorArray, predict_visibility, ray_box
 
 CARS = [(30, 0, 0, 25.0), (50, 4, 0, 28.0), (60, -4, 0, 22.0)]
@@ -369,3 +370,42 @@ def test_rows_keep_counting_ids(tracker):
     some = tracks.rows(np.array([0]))
     assert some.next_id == tracks.next_id
     assert_same(some.estimate, take(tracks.estimate, np.array([0])))
+
+
+def test_motion_modes_of_the_filter_reach_the_reader_of_a_step(tracker):
+    mixing = replace(tracker, filter=find("edra-imm"))
+    _, infos = drive(mixing, Road(CARS), 1)
+    assert infos[-1].mode.shape == (3, 3)
+    np.testing.assert_allclose(infos[-1].mode.sum(1), 1)
+    _, infos = drive(tracker, Road(CARS), 0.2)
+    assert infos[-1].mode is None  # a filter with one motion model has none to tell
+
+
+def test_what_a_filter_has_to_tell_of_an_update_becomes_an_event(tracker):
+    starved = replace(tracker, filter=find("dra", form="joint", cap=1))
+    _, infos = drive(starved, Road(CARS), 0.5)
+    told = {e.track for i in infos for e in i.events if e.kind == "capped"}
+    assert told == {0, 1, 2}
+    plenty = replace(tracker, filter=find("dra", form="sequential"))
+    _, infos = drive(plenty, Road(CARS), 0.5)
+    assert not any(e.kind == "capped" for i in infos for e in i.events)
+
+
+@dataclass(frozen=True)
+class Marked(RandomMatrix):
+    """A filter that marks the states it started again: the extent gets more degrees of freedom."""
+
+    def restart(self, state, estimate):
+        fresh = self.init(estimate)
+        return fresh._replace(nu=np.full_like(fresh.nu, 777.0))
+
+
+def test_a_filter_that_knows_more_than_an_estimate_is_restarted_and_not_born_again(tracker):
+    """Two halves of one vehicle merge to one that starts again."""
+    marked = replace(tracker, filter=Marked())
+    halves = prior([(30, 0, 0), (33, 0, 0)], velocity=(25.0, 0.0), size=(3.0, 1.8))
+    sure = np.full(2, 0.99)
+    tracks = Tracks(np.arange(2), sure, np.full(2, 9), sure, sure > 0, marked.filter.init(halves), halves, 2)
+    merged, info = marked.step(tracks, empty(np.array([0.0, 0, 0, 25, 0, 0])), 0.0)
+    assert [e.kind for e in info.events] == ["merged"]
+    assert merged.state.nu.tolist() == [777.0]
