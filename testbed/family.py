@@ -26,7 +26,11 @@ from testbed.run import RunConfig, check, run
 from testbed.tables import number
 from testbed.terminal import user_input
 
-TRACKERS = ("htg-map", "htg-mm", "htg-rm", "htg-rm-learned", "rm-feldmann", "rm-surface", "rm-vmm")
+TRACKERS = (
+    "htg-map", "htg-mm", "htg-rm", "htg-rm-learned", "rm-feldmann", "rm-surface", "rm-vmm",
+    "dra", "dra-imm", "edra-imm",
+)  # fmt: skip
+LONGEST = 50.0  # [s] of a run; only the courses of yao2021 are longer
 REUSE = "--reuse"
 MEANS = (  # key of a tracker's summary or cost, label, digits
     ("gospa", "GOSPA [m]", 2),
@@ -144,10 +148,10 @@ def drive_all(configs: Sequence[RunConfig], reuse: bool) -> list[Drive]:
 def main(
     out: Annotated[Path, typer.Option(help="Directory for the results of the runs.")] = Path("runs/family"),
     docs: Annotated[Path | None, typer.Option(help="Directory for the page and its figure; OUT without it.")] = None,
-    tracker: Annotated[list[str] | None, typer.Option(help="Repeat; the first drives. The family without it.")] = None,
+    tracker: Annotated[list[str] | None, typer.Option(help="Repeat; the first drives. Ten of them without it.")] = None,
     scenario: Annotated[list[str] | None, typer.Option(help="Repeat; all without it.")] = None,
     seed: Annotated[list[int] | None, typer.Option(help="Repeat; 0 without it.")] = None,
-    duration: Annotated[float | None, typer.Option(help="Seconds; the scenarios' own without it.")] = None,
+    duration: Annotated[float | None, typer.Option(help="Seconds; the scenarios' own, 50 at most, without it.")] = None,
     reuse: Annotated[
         bool, typer.Option(REUSE, help="Take whole runs that lie in OUT instead of repeating them.")
     ] = False,
@@ -159,7 +163,14 @@ def main(
     target = docs or out
     with user_input():
         configs = [
-            RunConfig(name, tuple(tracker or TRACKERS), seed=s, duration=duration, out=str(out), log="off")
+            RunConfig(
+                name,
+                tuple(tracker or TRACKERS),
+                seed=s,
+                duration=duration or min(find(name).duration, LONGEST),
+                out=str(out),
+                log="off",
+            )
             for name in scenario or SCENARIOS
             for s in seed or (0,)
         ]

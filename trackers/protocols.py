@@ -29,6 +29,7 @@ class Note(NamedTuple):
     kind: str  # one word
     reason: str  # one readable clause
     where: NDArray  # (...) bool
+    contours: NDArray | None = None  # (..., 2, C, 2) [m] outlines on the body's axes, before and after a change
 
 
 class Filter(Protocol):

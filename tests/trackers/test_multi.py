@@ -18,8 +18,10 @@ from trackers.multi.exclusion import GRID, Exclusion
 from trackers.multi.existence import Existence
 from trackers.multi.initiation import Initiation, components
 from trackers.multi.sizes import SizePrior, stretch
+from trackers.multi.tracker import told
 from trackers.multi.tracks import Tracks
 from trackers.multi.visibility import SensorArray, predict_visibility, ray_box
+from trackers.protocols import Note
 
 CARS = [(30, 0, 0, 25.0), (50, 4, 0, 28.0), (60, -4, 0, 22.0)]
 
@@ -389,6 +391,17 @@ def test_what_a_filter_has_to_tell_of_an_update_becomes_an_event(tracker):
     plenty = replace(tracker, filter=find("dra", form="sequential"))
     _, infos = drive(plenty, Road(CARS), 0.5)
     assert not any(e.kind == "capped" for i in infos for e in i.events)
+
+
+def test_a_note_goes_to_the_tracks_it_is_about_each_with_its_own_contours():
+    contours = np.arange(3 * 2 * 4 * 2.0).reshape(3, 2, 4, 2)
+    events = told(Note("adapted", "enough seen", np.array([True, False, True]), contours), np.array([7, 8, 9]))
+    assert [(e.kind, e.track, e.reason) for e in events] == [
+        ("adapted", 7, "enough seen"),
+        ("adapted", 9, "enough seen"),
+    ]
+    np.testing.assert_array_equal(events[1].contours, contours[2])
+    assert told(Note("lost", "nothing fits", np.array([True])), np.array([4]))[0].contours is None
 
 
 @dataclass(frozen=True)

@@ -164,7 +164,7 @@ class MultiObjectTracker:
             existence=self.existence.update(tracks.existence, log_ratio),
             hits=tracks.hits + (n > 0),
         )
-        events = tuple(Event(note.kind, int(i), note.reason) for note in notes for i in tracks.id[note.where])
+        events = tuple(event for note in notes for event in told(note, tracks.id))
         return updated, StepInfo(np.zeros(0, int), tracks.id, Gam, view.in_view, n, log_ratio, nis, events, mode)
 
     def _grow(self, tracks: Tracks, reach: NDArray) -> Tracks:
@@ -231,3 +231,10 @@ class MultiObjectTracker:
             for t in np.flatnonzero(unsure | vague)
         ]
         return tracks.rows(~(unsure | vague)), events
+
+
+def told(note: Note, ids: NDArray) -> list[Event]:
+    """What a filter has to tell of its T objects as events of the tracks with these ids (T,)."""
+    rows = np.flatnonzero(note.where)
+    contours = [None] * len(rows) if note.contours is None else note.contours[rows]
+    return [Event(note.kind, int(i), note.reason, c) for i, c in zip(ids[rows], contours, strict=True)]

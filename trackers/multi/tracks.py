@@ -16,6 +16,7 @@ class Event(NamedTuple):
     kind: str  # born, confirmed, merged, died, or what a filter has to tell
     track: int  # id of the track it is about
     reason: str  # one readable clause
+    contours: NDArray | None = None  # (2, C, 2) [m] outlines on the body's axes, before and after a change
 
 
 class Tracks(NamedTuple):
