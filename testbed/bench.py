@@ -18,12 +18,18 @@ from scenarios.roads import cached as cached_road
 from sensors.raycast import cast_bodies
 from testbed.env import TrackedEnv
 from testbed.run import RunConfig, run
+from trackers import Scan, prior
+from trackers import find as find_tracker
 
 Report = Callable[[float, float, str], None]  # done, total, what
 IDLE = 1  # of DiscreteMetaAction
 VEHICLES = (10, 20, 50)
 ROAD_VEHICLES = (10, 20, 50, 100)
 RAYS = 3600
+OBJECTS = (1, 100)
+DETECTIONS = 20  # of each object
+CAR = (np.array([20.0, 3.0]), np.array([4.8, 1.8]), 30.0)  # [m] centre and size ahead of the sensor, [m/s] speed
+FRAME = 0.1  # [s]
 
 
 def seconds(function: Callable[[], Any], repeat: int) -> float:
@@ -113,6 +119,38 @@ def rays(repeat: int) -> Table:
     return table
 
 
+def look(objects: int) -> Scan:
+    """Detections (objects, 20) all over a car ahead, by a radar that moves with it."""
+    rng, (centre, size, speed) = np.random.default_rng(0), CAR
+    xy = centre + rng.uniform(-size / 2, size / 2, (objects, DETECTIONS, 2))
+    polar = np.stack([np.hypot(xy[..., 0], xy[..., 1]), np.arctan2(xy[..., 1], xy[..., 0]), np.zeros(xy.shape[:2])], -1)
+    noise = np.array([[0.15, 0.01, 0.1]])
+    polar += noise * rng.standard_normal(polar.shape)
+    return Scan(polar, np.ones(polar.shape[:2], bool), np.zeros((1, 3)), np.array([[speed, 0.0]]), noise)
+
+
+def looking(name: str, form: str, objects: int, repeat: int) -> float:
+    """Wall time [s] of one prediction and update, per object."""
+    tracker = find_tracker(name, **({"form": form} if form else {}))
+    (centre, _, speed), scan = CAR, look(objects)
+    before = np.tile([centre[0] - FRAME * speed, centre[1], 0.0], (objects, 1))
+    state = tracker.init(prior(before, velocity=np.tile([speed, 0.0], (objects, 1))))
+    return seconds(lambda: tracker.update(tracker.predict(state, FRAME), scan), repeat) / objects
+
+
+def filters(repeat: int) -> Table:
+    """Data-region association with three motion models, beside the plain random matrix."""
+    table = _table(f"filters, {DETECTIONS} detections an object, per look", "filter", "form",
+                   "one object [ms] (goal 3)", "one of 100 [ms] (goal 0.3)", "times rm-feldmann", "of 100")  # fmt: skip
+    plain = [looking("rm-feldmann", "", objects, repeat) for objects in OBJECTS]
+    table.add_row("rm-feldmann", "", f"{plain[0] * 1e3:.2f}", f"{plain[1] * 1e3:.3f}", "1", "1")
+    for form in ("sequential", "soft"):
+        one, many = (looking("edra-imm", form, objects, repeat) for objects in OBJECTS)
+        table.add_row("edra-imm", form, f"{one * 1e3:.2f}", f"{many * 1e3:.3f}", f"{one / plain[0]:.1f}",
+                      f"{many / plain[1]:.1f}")  # fmt: skip
+    return table
+
+
 def measure(quick: bool = False, report: Report | None = None) -> list[Table]:
     """All benchmarks; report(done, total, what) before each."""
     tell = report or (lambda done, total, what: None)
@@ -122,6 +160,7 @@ def measure(quick: bool = False, report: Report | None = None) -> list[Table]:
         ("log", lambda: logging(4.0 if quick else 20.0)),
         ("roads", lambda: roads(steps)),
         ("rays", lambda: rays(10 * steps)),
+        ("filters", lambda: filters(10 * steps)),
     )
     tables = []
     for i, (what, part) in enumerate(parts):

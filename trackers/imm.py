@@ -8,12 +8,11 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import logsumexp
 
 from trackers.batch import select
 from trackers.estimate import Estimate
 from trackers.geometry import wrap_angle
-from trackers.linalg import outer, quadratic, symmetrize
+from trackers.linalg import quadratic, symmetrize
 from trackers.scan import Scan
 
 LEAST = 1e-8  # probability of a mode; one that is lost for good could never come back
@@ -42,7 +41,8 @@ def moments(m: NDArray, P: NDArray, mu: NDArray, angles: tuple[int, ...] = ()) -
     mean = (mu[..., None] * d).sum(-2)
     d = d - mean[..., None, :]
     n = m.shape[-1]
-    cov = (mu[..., None, :] @ (P + outer(d)).reshape(*P.shape[:-2], n * n)).reshape(*mean.shape, n)
+    within = (mu[..., None, :] @ P.reshape(*P.shape[:-2], n * n)).reshape(*mean.shape, n)
+    cov = within + (mu[..., None] * d).mT @ d
     return about[..., 0, :] + mean, symmetrize(cov)
 
 
@@ -62,33 +62,29 @@ def mix(
     w = Pi * mu[..., :, None]  # (..., i, j)
     c = w.sum(-2)  # (33)
     w = w / np.maximum(c, np.finfo(float).tiny)[..., None, :]
-    m_ij, P_ij = m[..., :, None, :], P[..., :, None, :, :]
+    m_ji, P_ji = np.broadcast_to(m[..., None, :, :], (*w.shape, m.shape[-1])), P[..., None, :, :, :]
     if own is not None and not own.all():
-        m_ij, P_ij = _own(m, P, own)
-    m_j, P_j = moments(_to_last(m_ij, w, 1), _to_last(P_ij, w, 2), w.mT, angles)  # (29), (30) with w inside the sum
+        m_ji, P_ji = _own(m, P, own)
+    m_j, P_j = moments(m_ji, P_ji, w.mT, angles)  # (29), (30) with w inside the sum
     return m_j, P_j, c
 
 
 def reweight(c: NDArray, log_likelihood: NDArray) -> NDArray:
     """Mode probabilities (..., K) after an update, c (..., K) before it, (31), (32)."""
     log_mu = np.log(np.maximum(c, LEAST)) + log_likelihood
-    mu = np.maximum(np.exp(log_mu - logsumexp(log_mu, axis=-1, keepdims=True)), LEAST)
+    likely = np.exp(log_mu - log_mu.max(-1, keepdims=True))
+    mu = np.maximum(likely / likely.sum(-1, keepdims=True), LEAST)
     return mu / mu.sum(-1, keepdims=True)
 
 
 def _own(m: NDArray, P: NDArray, own: NDArray) -> tuple[NDArray, NDArray]:
-    """Means (..., i, j, n) and covariances of model i as model j takes them."""
-    lacks = ~own[:, None, :] & own[None, :, :]  # (i, j, n): j has what i lacks
-    m_ij = np.where(lacks, m[..., None, :, :], m[..., :, None, :])
+    """Means (..., j, i, n) and covariances of model i as model j takes them."""
+    lacks = ~own & own[:, None]  # (j, i, n): j has what i lacks
+    m_ji = np.where(lacks, m[..., :, None, :], m[..., None, :, :])
     both, none = (lacks[..., :, None] & lacks[..., None, :]), ~(lacks[..., :, None] | lacks[..., None, :])
-    P_ij = np.where(none, P[..., :, None, :, :], 0.0) + np.where(both, P[..., None, :, :, :], 0.0)
-    return m_ij, P_ij
-
-
-def _to_last(a: NDArray, w: NDArray, tail: int) -> NDArray:
-    """Array (..., i, j or 1, n..) as (..., j, i, n..)."""
-    full = np.broadcast_to(a, (*w.shape, *a.shape[a.ndim - tail :]))
-    return np.swapaxes(full, -1 - tail, -2 - tail)
+    P_ji = none.astype(float) * P[..., None, :, :, :]
+    P_ji += both.astype(float) * P[..., :, None, :, :]
+    return m_ji, P_ji
 
 
 def _centre(m: NDArray, mu: NDArray, angles: tuple[int, ...]) -> NDArray:

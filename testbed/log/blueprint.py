@@ -11,10 +11,12 @@
 +------------------+---------------------+-------------------+
 ```
 
-On compact roads (crossings, roundabouts) the overview stands beside the close-up instead.
+On compact roads (crossings, roundabouts) the overview stands beside the close-up instead. Trackers that mix motion
+models have one page more beside the errors: how likely each model is for the vehicle in focus.
 """
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 import rerun as rr
 import rerun.blueprint as rrb
@@ -23,6 +25,7 @@ from rerun.blueprint.encodings import VisualizerComponentMapping
 from sensors.source import KINDS
 from testbed.log import palette, paths
 from testbed.log.layers import road_shape
+from testbed.log.modes import Modes
 from testbed.log.record import RoadGeometry, RunMeta
 
 TRAIL = 2.0  # [s]
@@ -54,6 +57,7 @@ TITLES = {
 ERRORS = ("gwd", "nees_position", "position", "velocity", "heading_deg", "length")
 GOSPA = ("gospa", "localisation", "missed", "false", "unassigned", "ghosts")
 FOCUS = ("gwd", "position", "velocity", "heading_deg")
+MOTION = ("velocity", "heading_deg")  # errors beside the probabilities of motion models
 
 Metrics = Mapping[str, Sequence[str]]  # tracker -> names of the metrics it has
 
@@ -63,9 +67,16 @@ def title(metric: str) -> str:
     return TITLES.get(metric, metric)
 
 
-def layout(meta: RunMeta, metrics: Metrics, focus: int | None, road: RoadGeometry, full: bool) -> rrb.Blueprint:
+def layout(
+    meta: RunMeta,
+    metrics: Metrics,
+    focus: int | None,
+    road: RoadGeometry,
+    full: bool,
+    modes: Modes = MappingProxyType({}),
+) -> rrb.Blueprint:
     """The whole screen; without geometry (`full` false) the numbers take the room of the scene."""
-    plots = _plots(meta, metrics, focus)
+    plots = _plots(meta, metrics, focus, modes)
     shape = road_shape(road)
     if not full:
         rows, shares = [plots], [2.4]
@@ -160,7 +171,7 @@ def _source(target: str, component: str) -> VisualizerComponentMapping:
     return VisualizerComponentMapping(target=target, source_kind="SourceComponent", source_component=component)
 
 
-def _plots(meta: RunMeta, metrics: Metrics, focus: int | None) -> rrb.Tabs:
+def _plots(meta: RunMeta, metrics: Metrics, focus: int | None, modes: Modes) -> rrb.Tabs:
     known = list(dict.fromkeys(name for names in metrics.values() for name in names))
     rest = [name for name in known if name not in ERRORS + GOSPA]
     pages: list = []
@@ -169,7 +180,10 @@ def _plots(meta: RunMeta, metrics: Metrics, focus: int | None) -> rrb.Tabs:
         if views:
             pages.append(rrb.Grid(*views, grid_columns=2, name=name))
     if focus is not None:
-        pages += [_focus(meta, metrics, focus), _table(focus)]
+        pages.append(_focus(meta, metrics, focus))
+        if any(modes.values()):
+            pages.append(_motion(meta, metrics, focus, modes))
+        pages.append(_table(focus))
     return rrb.Tabs(*pages, active_tab=0)
 
 
@@ -184,7 +198,28 @@ def _legend(visible: bool = True) -> rrb.PlotLegend:
 
 def _focus(meta: RunMeta, metrics: Metrics, focus: int) -> rrb.Vertical:
     """Errors of one object, and how many detections it gave and was expected to give."""
-    known = [metric for metric in FOCUS if any(metric in names for names in metrics.values())]
+    views = _errors_of(meta, metrics, focus, FOCUS)
+    seen = f"/{paths.of_object(focus, paths.SEEN)}"
+    got = _series("radar:detections", palette.DETECTION["contour"], "detections")
+    expected = _series("radar:expected", palette.TRUTH, "expected")
+    views.append(_series_view(f"{paths.vehicle(focus)}: detections", {seen: [got, expected]}, True))
+    return rrb.Vertical(*views, name=f"Focus: {paths.vehicle(focus)}")
+
+
+def _motion(meta: RunMeta, metrics: Metrics, focus: int, modes: Modes) -> rrb.Vertical:
+    """How likely each motion model is for one object, a plot for each tracker that mixes some, above its errors."""
+    views = []
+    for name in meta.trackers:
+        if lines := [_series(f"mode:{mode}", palette.mode(k), mode) for k, mode in enumerate(modes.get(name, ()))]:
+            series = {f"/{paths.of_object(focus, name)}": lines}
+            views.append(_series_view(f"{paths.vehicle(focus)}: motion model of {name} [probability]", series, True))
+    views += _errors_of(meta, metrics, focus, MOTION)
+    return rrb.Vertical(*views, name=f"Motion: {paths.vehicle(focus)}")
+
+
+def _errors_of(meta: RunMeta, metrics: Metrics, focus: int, chosen: Sequence[str]) -> list[rrb.TimeSeriesView]:
+    """Errors of all trackers about one object, a plot each; a legend in the first."""
+    known = [metric for metric in chosen if any(metric in names for names in metrics.values())]
     views = []
     for metric in known:
         series = {
@@ -192,11 +227,7 @@ def _focus(meta: RunMeta, metrics: Metrics, focus: int) -> rrb.Vertical:
             for i, name in enumerate(meta.trackers)
         }
         views.append(_series_view(f"{paths.vehicle(focus)}: {title(metric)}", series, metric == known[0]))
-    seen = f"/{paths.of_object(focus, paths.SEEN)}"
-    got = _series("radar:detections", palette.DETECTION["contour"], "detections")
-    expected = _series("radar:expected", palette.TRUTH, "expected")
-    views.append(_series_view(f"{paths.vehicle(focus)}: detections", {seen: [got, expected]}, True))
-    return rrb.Vertical(*views, name=f"Focus: {paths.vehicle(focus)}")
+    return views
 
 
 def _series(component: str, color: int, name: str) -> rrb.Visualizer:

@@ -4,6 +4,8 @@ A row maps component names (`Points2D:positions`, `radar:doppler`) to a number, 
 instances. Every array is a fresh copy, so the simulation may go on changing its own.
 """
 
+from collections.abc import Sequence
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from sensors.scene import Bodies, Ego, Objects, Scene
 from sensors.source import KINDS
 from testbed.log import palette, paths
+from testbed.log.modes import Modes, probabilities
 from testbed.log.record import RoadGeometry, StepRecord, TrackerFrame
 from trackers.geometry import box_corners, ellipse_points, to_world, unit
 from trackers.scan import SensorModel
@@ -118,8 +121,11 @@ def detection_rows(record: StepRecord) -> Rows:
     }
 
 
-def tracker_rows(name: str, frame: TrackerFrame) -> Rows:
-    """Boxes or contours, 95 % ellipses of the centre, headings and ids of the reported tracks; the others thin."""
+def tracker_rows(name: str, frame: TrackerFrame, modes: Sequence[str] = ()) -> Rows:
+    """Boxes or contours, 95 % ellipses of the centre, headings and ids of the reported tracks; the others thin.
+
+    Behind the id stands the most likely of the motion models `modes`.
+    """
     tracks = frame.tracks
     shown = tracks.existence > 0.5
     hidden = tracks.rows(~shown).estimate
@@ -140,9 +146,14 @@ def tracker_rows(name: str, frame: TrackerFrame) -> Rows:
         paths.tracker(name, "heading"): _headings(estimate.pose, estimate.size[:, 0]),
         paths.tracker(name, "center"): {
             "Points2D:positions": np.array(estimate.pose[:, :2], np.float32),
-            "Points2D:labels": [str(i) for i in tracks.id],
+            "Points2D:labels": _labels(tracks.id, frame, modes),
         },
     }
+
+
+def _labels(ids: NDArray, frame: TrackerFrame, modes: Sequence[str]) -> list[str]:
+    likely = {track: f"{track} {modes[int(p.argmax())]}" for track, p in probabilities(frame, modes).items()}
+    return [likely.get(int(track), str(track)) for track in ids]
 
 
 def metric_rows(name: str, frame: TrackerFrame) -> Rows:
@@ -150,8 +161,11 @@ def metric_rows(name: str, frame: TrackerFrame) -> Rows:
     return {paths.metric(metric, name): scalar_row(value) for metric, value in frame.mean.items()}
 
 
-def object_rows(record: StepRecord) -> Rows:
-    """How the radar sees each object, and the errors of each tracker about it where it has a track."""
+def object_rows(record: StepRecord, modes: Modes = MappingProxyType({})) -> Rows:
+    """How the radar sees each object, and the errors of each tracker about it where it has a track.
+
+    Where a tracker mixes the motion models `modes`, their probabilities stand beside the errors.
+    """
     ids = record.scene.objects.id
     source = record.source
     of_object = source.object[record.scan.mask]
@@ -162,10 +176,14 @@ def object_rows(record: StepRecord) -> Rows:
             "radar", {"detections": got[i], "expected": source.expected[i], "visible": source.visible[i]}
         )
     for name, frame in record.frames.items():
+        names = modes.get(name, ())
+        known = probabilities(frame, names)
         for number, errors in frame.errors.items():
             row = _numbers("metrics", errors)
-            row["metrics:track_id"] = int(frame.pairs[number])
-            rows[paths.of_object(number, name)] = row
+            track = int(frame.pairs[number])
+            row["metrics:track_id"] = track
+            p = known.get(track, np.full(len(names), np.nan))
+            rows[paths.of_object(number, name)] = row | _numbers("mode", dict(zip(names, p, strict=True)))
     return rows
 
 

@@ -16,6 +16,7 @@ FOV = 0x4A4A58FF
 DETECTION = dict(zip(KINDS, (0x43E66BFF, 0xFF5CB8FF, 0x85858AFF, 0xA8835AFF), strict=True))
 
 _TRACKERS = (0xFFA629FF, 0x38CFFFFF, 0xB18CFFFF, 0xF5E663FF, 0xFF7361FF, 0x2FD6A5FF)
+_MODES = (0x9AA0ABFF, 0xFF7361FF, 0x2FD6A5FF, 0xF5E663FF)  # cv, ca, ct in the usual order
 _OBJECTS = np.array(
     [
         *(0xE69F00FF, 0x56B4E9FF, 0x00C795FF, 0xF0E442FF, 0x3D8BFFFF, 0xFF7A33FF),
@@ -38,6 +39,11 @@ _OTHER_ACTIONS = (0x9A7B2FFF, 0x2F8F8FFF, 0x9C4F74FF, 0x6B7F3AFF)
 def tracker(index: int) -> int:
     """Colour of the index-th tracker of the command line."""
     return _TRACKERS[index % len(_TRACKERS)]
+
+
+def mode(index: int) -> int:
+    """Colour of the index-th motion model of a tracker."""
+    return _MODES[index % len(_MODES)]
 
 
 def identity(number: ArrayLike) -> NDArray:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Literal, Self
 import numpy as np
 
 from testbed.log import layers, palette, paths
+from testbed.log.modes import modes_of
 from testbed.log.record import RoadGeometry, RunMeta, StepRecord, TrackerFrame
 from testbed.log.text import config_text, flat_properties, flat_summary, summary_text, unfinished_text
 from trackers.multi.tracks import Event
@@ -74,6 +75,7 @@ class RunLog(NullLog):
         self.path = self._file = Path(path)
         self.meta = meta
         self._level, self._every, self._focus = level, every, focus
+        self._modes = modes_of(meta.trackers)
         self._road, self._middle = RoadGeometry(), layers.strip_middle(RoadGeometry())
         self._sensors: tuple[SensorModel, ...] = ()
         self._stream: Stream | None = None
@@ -171,7 +173,7 @@ class RunLog(NullLog):
 
         metrics = {name: tuple(frame.mean) for name, frame in first.frames.items()} if first else {}
         focus = _focus(self._focus, first) if first else None
-        blueprint = layout(self.meta, metrics, focus, self._road, full=self._level == "full")
+        blueprint = layout(self.meta, metrics, focus, self._road, self._level == "full", self._modes)
         self._stream = Stream(self._file, self.meta.run_id, blueprint)
         self._stream.property("run", flat_properties(self.meta))
         self._write_text(paths.CONFIG, config_text(self.meta))
@@ -203,7 +205,7 @@ class RunLog(NullLog):
             | layers.detection_rows(record)
         )
         for name, frame in record.frames.items():
-            rows |= layers.tracker_rows(name, frame)
+            rows |= layers.tracker_rows(name, frame, self._modes[name])
         if self._walls is None or not np.array_equal(self._walls, record.scene.walls):
             self._walls = np.array(record.scene.walls)
             rows |= layers.wall_rows(self._walls)
@@ -212,7 +214,7 @@ class RunLog(NullLog):
         self._name_objects(record)
 
     def _numbers(self, record: StepRecord) -> None:
-        rows = layers.object_rows(record)
+        rows = layers.object_rows(record, self._modes)
         lost = {path: layers.gap_row(row) for path, row in self._tracked.items() if path not in rows}
         self._tracked = {path: row for path, row in rows.items() if "metrics:track_id" in row}
         rows |= lost

@@ -1,10 +1,9 @@
 """The simulation of xu2023: a car on the maneuvers of Table I, seen by a radar that drives the same; card dra_imm, 14.
 
-All runs are one batch. What the paper does not print (the radar's course, the start) is the card's.
+Runs go in batches. What the paper does not print (the radar's course, the start) is the card's.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -35,15 +34,7 @@ STAGES = {"CV": ((0, 10), (30, 40)), "CA": ((10, 30),), "CT": ((40, 50),)}  # [s
 NOISE = np.array([0.1, 0.005, 0.027])  # std of range [m], azimuth [rad], range rate [m/s]
 MORE_DETECTIONS = 5.0  # Poisson mean of those beyond the first
 PRIOR_STD = np.array([0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.05, 0.3, 0.3, 0.3, 0.3])  # of the initial state
-
-
-@dataclass(frozen=True)
-class Course:
-    """Where the radar starts, and whether the body turns with the velocity."""
-
-    name: str
-    offset: tuple[float, float]  # [m] of the radar from the target
-    follows: bool = False  # Table I's yaw rate is 0 while the velocity turns by 90 degrees
+IOU_EVERY = 5  # steps; cutting polygons costs as much as a fast update
 
 
 class Frame(NamedTuple):
@@ -53,12 +44,22 @@ class Frame(NamedTuple):
     scan: Scan  # (R, M)
 
 
+class Step(NamedTuple):
+    """What one update of all runs left, and the truth."""
+
+    position: NDArray  # (R,) [m^2] squared error
+    velocity: NDArray  # (R,) [m^2/s^2] squared error
+    box: NDArray  # (R, 5) [m, rad] x, y, heading, length, width
+    truth: NDArray  # (R, 5) likewise
+    mode: NDArray  # (R, K) probabilities
+
+
 class Trace(NamedTuple):
     """Squared errors of all runs (steps, R), and the modes."""
 
     position: NDArray  # [m^2]
     velocity: NDArray  # [m^2/s^2]
-    iou: NDArray
+    iou: NDArray  # (steps / IOU_EVERY, R)
     mode: NDArray  # (steps, R, K) probabilities
 
 
@@ -114,32 +115,60 @@ def start() -> NDArray:
     return x
 
 
-def frames(course: Course, runs: int, rng: np.random.Generator) -> Iterator[Frame]:
-    """All steps of all runs; target and radar drive the same table with independent noise."""
-    x = np.repeat(start()[None], runs, 0)
+def frames(offset: NDArray, follows: bool, rng: np.random.Generator) -> Iterator[Frame]:
+    """All steps of R runs; target and radar drive the same table with independent noise.
+
+    The radar starts at `offset` (R, 2) [m] from the target. The body `follows` the velocity, or it does not turn
+    unless Table I has a yaw rate, which is 0 while the velocity turns by 90 degrees.
+    """
+    x = np.repeat(start()[None], len(offset), 0)
     radar = x.copy()
-    radar[:, PLACE] += course.offset
+    radar[:, PLACE] += offset
     for k in range(STEPS):
-        x, radar = advance(x, k, rng, course.follows), advance(radar, k, rng, follows=False)
+        x, radar = advance(x, k, rng, follows), advance(radar, k, rng, follows=False)
         yield Frame(x, detect(x, radar, rng))
 
 
-def track(filter: DataRegion, course: Course, runs: int, seed: int) -> Iterator[tuple[NDArray, ...]]:
-    """Squared position error (R,), squared velocity error, IoU and mode probabilities (R, K) of every step.
+def track(
+    filter: DataRegion, offset: NDArray, prior_std: NDArray, seed: int | Sequence[int], follows: bool = False
+) -> Iterator[Step]:
+    """Every step of R runs whose first estimates are off by prior_std (R, 11), as the filter knows; `frames` has more.
 
     The same seed gives every filter the same targets, detections and initial errors.
     """
     world, error = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(2))
-    m = start() + error.standard_normal((runs, N)) * PRIOR_STD
+    m = start() + error.standard_normal(prior_std.shape) * prior_std
     m[:, [AX, AY, W]] = 0.0  # no filter is told of maneuvers
-    K = len(filter.models)
-    P = np.broadcast_to(np.diag(PRIOR_STD**2), (runs, K, N, N)).copy()
-    state = DataRegionState(np.full((runs, K), 1 / K), np.repeat(m[:, None], K, 1), P)
-    for x, scan in frames(course, runs, world):
+    R, K = len(m), len(filter.models)
+    P = np.repeat((prior_std[..., None] ** 2 * np.eye(N))[:, None], K, 1)
+    state = DataRegionState(np.full((R, K), 1 / K), np.repeat(m[:, None], K, 1), P)
+    for x, scan in frames(offset, follows, world):
         state, info = filter.update(filter.predict(state, STEP), scan)
         e = filter.estimate(state)
         d, v = e.pose[:, :2] - x[:, PLACE], e.velocity - x[:, VELOCITY]
-        along = x[:, P1] + x[:, P2]
-        truth = np.concatenate([x[:, PLACE], np.arctan2(along[:, 1], along[:, 0])[:, None]], -1)
-        iou = box_iou(e.pose, e.size, truth, np.broadcast_to(CAR, (runs, 2)))
-        yield dot(d, d), dot(v, v), iou, info.mode
+        yield Step(dot(d, d), dot(v, v), np.concatenate([e.pose, e.size], -1), boxes(x), info.mode)
+
+
+def boxes(x: NDArray) -> NDArray:
+    """Targets x (R, 11) as boxes (R, 5): x, y, heading, length, width."""
+    along = x[:, P1] + x[:, P2]
+    heading = np.arctan2(along[:, 1], along[:, 0])[:, None]
+    return np.concatenate([x[:, PLACE], heading, np.broadcast_to(CAR, (len(x), 2))], -1)
+
+
+def trace(steps: Iterator[Step]) -> Trace:
+    """All steps as arrays."""
+    all_steps = Step(*(np.stack(field) for field in zip(*steps, strict=True)))
+    a, b = all_steps.box[::IOU_EVERY], all_steps.truth[::IOU_EVERY]
+    iou = box_iou(a[..., :3], a[..., 3:], b[..., :3], b[..., 3:])
+    return Trace(all_steps.position, all_steps.velocity, iou, all_steps.mode)
+
+
+def join(traces: Sequence[Trace]) -> Trace:
+    """Traces of several batches of runs as one."""
+    return Trace(*(np.concatenate(field, 1) for field in zip(*traces, strict=True)))
+
+
+def split(whole: Trace, parts: int) -> list[Trace]:
+    """Traces of as many variants, whose runs follow one another."""
+    return [Trace(*part) for part in zip(*(np.split(field, parts, 1) for field in whole), strict=True)]

@@ -7,14 +7,16 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.special import logsumexp
 
 from trackers import Scan, find, prior
+from trackers.batch import take
 from trackers.dra import PARAMETERS, DataRegion, DataRegionState, Parameters
 from trackers.dra.filter import root
 from trackers.dra.joint import enumerate_best
 from trackers.dra.looks import flatten
 from trackers.dra.measurement import pieces
-from trackers.dra.regions import ALPHA, BETA
+from trackers.dra.regions import ALPHA, BETA, gates
 from trackers.geometry import rotation
 
 X = np.array([20, 30, 0, 3, 1, 0, 0.1, 2.4, 0.9, 2.4, -0.9])  # section 17 of the card
@@ -83,6 +85,53 @@ def test_the_joint_form_is_a_loop_over_all_hypotheses():
     np.testing.assert_allclose(state.P[0], cov, rtol=1e-5, atol=1e-6)
     np.testing.assert_allclose(info.log_likelihood, np.log(np.exp(weights).sum()), rtol=1e-5)
     assert not info.capped
+
+
+@settings(max_examples=10, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), gate=st.sampled_from([0.05, 0.3, 100.0]))
+def test_the_sequential_form_is_a_loop_over_detections_and_regions(seed, gate):
+    """Section 10 of the card as it stands there: one matrix for each detection in each region that it may come from."""
+    f = replace(CARD, form="sequential", parameters=replace(OPEN, gate=gate, interior_gate=min(gate, 1.0)))
+    scan = drawn_scan(np.random.default_rng(seed), X, np.array([0, 0, 0.1]), (28, 0.5), M=5)
+    _, looks = flatten(scan, tuple(NOISE[0]))
+    L = root(X, P)
+    p = pieces(X[None, None], L[None, None], looks)
+    zbar, D, B = p.zbar[0, 0, 0], p.D[0, 0, 0], p.B[0, 0, 0]
+    u, C, log_c1 = np.zeros(9), np.eye(9), 0.0
+    for z, may in zip(looks.z[0], gates(X, looks.xy[0], looks.R_xy[0], gate, min(gate, 1.0), 0.0), strict=True):
+        log_w, du, loss = [], [], []
+        for i in np.nonzero(may)[0]:
+            S, e = D[i] @ C @ D[i].T + B[i], z - zbar[i] - D[i] @ u
+            K = C @ D[i].T @ np.linalg.inv(S)
+            log_w.append(np.log(0.2) - 0.5 * (e @ np.linalg.solve(S, e) + np.linalg.slogdet(2 * np.pi * S)[1]))
+            du.append(K @ e)
+            loss.append(K @ D[i] @ C)
+        w, du = np.exp(log_w - logsumexp(log_w)), np.array(du)
+        d = du - w @ du
+        u, C = u + w @ du, C - np.einsum("i,ijk->jk", w, loss) + np.einsum("i,ij,ik->jk", w, d, d)
+        log_c1 += logsumexp(log_w)
+    state, info = f.update(STATE, scan)
+    rest = L[:, 9:] @ L[:, 9:].T
+    np.testing.assert_allclose(state.m[0], X + L[:, :9] @ u, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(state.P[0], L[:, :9] @ C @ L[:, :9].T + rest, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(info.log_likelihood, log_c1, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("form", ["joint", "sequential", "soft"])
+@settings(max_examples=10, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_a_batch_with_different_gates_and_detections_is_a_loop_over_its_objects(form, seed):
+    rng = np.random.default_rng(seed)
+    f = find("edra-imm", form=form)
+    start = prior(rng.normal((20, 3, 0), [0.5, 0.5, 0.05], (4, 3)), velocity=rng.normal((30, 1), 0.5, (4, 2)))
+    scan = drawn_scan(rng, X, np.array([0, 0, 0.1]), (28, 0.5), (4,))
+    scan = scan._replace(mask=rng.random((4, 6)) < [[1.0], [0.7], [0.3], [0.0]])
+    state = f.init(start)
+    together, info = f.update(state, scan)
+    for b in range(4):
+        alone, told = f.update(take(state, b), scan._replace(polar=scan.polar[b], mask=scan.mask[b]))
+        for x, y in zip((*take(together, b), info.log_likelihood[b]), (*alone, told.log_likelihood), strict=True):
+            np.testing.assert_allclose(x, y, rtol=1e-9, atol=1e-9)
 
 
 def test_the_best_assignments_are_the_best_and_a_cap_that_bites_is_reported():

@@ -12,7 +12,7 @@ from trackers.dra import Noise, Parameters, motion, region_prior
 from trackers.dra.constraints import heading, rectangle
 from trackers.dra.filter import root
 from trackers.dra.looks import flatten
-from trackers.dra.matrix3 import inverse_and_log_det
+from trackers.dra.matrix3 import inverse_and_det, inverse_and_log_det
 from trackers.dra.measurement import observe, pieces
 from trackers.dra.parameters import PAPER, find
 from trackers.dra.regions import ALPHA, BETA, gates, region_moments, side_distance
@@ -248,6 +248,9 @@ def test_small_inverses_are_those_of_lapack(seed):
     inverse, log_det = inverse_and_log_det(A)
     np.testing.assert_allclose(inverse, np.linalg.inv(A), rtol=1e-6, atol=1e-6)
     np.testing.assert_allclose(log_det, np.linalg.slogdet(A)[1], rtol=1e-8, atol=1e-8)
+    first, det = inverse_and_det(A.reshape(4, 9).T)
+    np.testing.assert_allclose(first.T.reshape(4, 3, 3), inverse, rtol=1e-12)
+    np.testing.assert_allclose(np.log(det), log_det, rtol=1e-12, atol=1e-12)
 
 
 def test_detections_of_one_sensor_share_a_look_and_those_without_a_rate_have_their_own():

@@ -3,9 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.dra.state import P1, P1X, P2, VELOCITY, N
-from trackers.geometry import dot, wrap_angle
-from trackers.linalg import outer
+from trackers.dra.state import P1, P2, VELOCITY
+from trackers.geometry import dot, perpendicular, wrap_angle
 
 SLOW = 2.0  # [m/s] at this speed the variance of the course is twice that at speed
 STANDING = 1e-3  # [m/s] slower is taken as this
@@ -23,18 +22,16 @@ def heading(m: NDArray, P: NDArray, std: float) -> tuple[NDArray, NDArray]:
     """Condition N(m, P) on the length pointing along the velocity, with an error of std [rad] at speed."""
     a, v = m[..., P1] + m[..., P2], m[..., VELOCITY]
     a2, v2 = np.maximum(dot(a, a), 1e-6), np.maximum(dot(v, v), STANDING**2)
-    by_p = np.stack([-a[..., 1], a[..., 0]], -1) / a2[..., None]
-    H = np.zeros((*m.shape[:-1], N))
-    H[..., P1X:] = np.concatenate([by_p, by_p], -1)
-    H[..., VELOCITY] = np.stack([v[..., 1], -v[..., 0]], -1) / v2[..., None]
+    H = np.zeros(m.shape)
+    H[..., P1] = H[..., P2] = perpendicular(a) / a2[..., None]
+    H[..., VELOCITY] = -perpendicular(v) / v2[..., None]
     turn = wrap_angle(np.arctan2(v[..., 1], v[..., 0]) - np.arctan2(a[..., 1], a[..., 0]))
     return _condition(m, P, H, turn, std**2 * (1 + SLOW**2 / v2))
 
 
 def _condition(m: NDArray, P: NDArray, H: NDArray, eps: NDArray, R: NDArray) -> tuple[NDArray, NDArray]:
-    """Update by one number with residual eps (...), row H (..., 11) and variance R (...); Joseph's form."""
+    """Update by one number with residual eps (...), row H (..., 11) and variance R (...) > 0."""
     PH = (P @ H[..., None])[..., 0]
     S = (H * PH).sum(-1) + R
     K = PH / S[..., None]
-    A = np.eye(N) - K[..., :, None] * H[..., None, :]
-    return m + K * eps[..., None], A @ P @ A.mT + R[..., None, None] * outer(K)
+    return m + K * eps[..., None], P - K[..., :, None] * PH[..., None, :]

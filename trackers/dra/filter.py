@@ -8,7 +8,6 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import logsumexp
 
 from trackers.dra import motion, parameters, region_prior
 from trackers.dra.constraints import heading, rectangle
@@ -16,7 +15,7 @@ from trackers.dra.joint import joint
 from trackers.dra.looks import Looks, flatten
 from trackers.dra.measurement import pieces, residuals
 from trackers.dra.parameters import MODELS, Parameters
-from trackers.dra.posterior import Posterior
+from trackers.dra.posterior import Posterior, softmax
 from trackers.dra.regions import gates, region_moments
 from trackers.dra.sequential import sequential
 from trackers.dra.soft import soft
@@ -116,7 +115,7 @@ class DataRegion:
             prior = self._region_prior(mu[hit], m[hit], looks)
             eps[hit], S[hit] = centroid(mu[hit], m[hit], P[hit], looks, prior)
             m[hit], P[hit], posterior = self._correct(m[hit], P[hit], looks, prior)
-            evidence[hit] = logsumexp(np.log(np.maximum(mu[hit], LEAST)) + posterior.log_c1, axis=-1)
+            _, evidence[hit] = softmax(np.log(np.maximum(mu[hit], LEAST)) + posterior.log_c1)
             capped[hit] = posterior.capped
             mu[hit] = reweight(mu[hit], posterior.log_c1)
             flat = DataRegionState(mu, m, P)
@@ -175,16 +174,13 @@ def root(m: NDArray, P: NDArray) -> NDArray:
     for i, j in PAIRS:
         T[..., i, i] = T[..., j, j] = along[..., 0]
         T[..., j, i], T[..., i, j] = along[..., 1], -along[..., 1]
-    body = T.mT @ P @ T + ROUNDING
-    L = np.empty(P.shape)
-    L[..., ORDER, :] = np.linalg.cholesky(body[..., np.array(ORDER)[:, None], ORDER])
-    return T @ L
+    T = T[..., ORDER]
+    return T @ np.linalg.cholesky(T.mT @ P @ T + ROUNDING)
 
 
 def most_likely(mu: NDArray, m: NDArray) -> NDArray:
     """Means (B, ...) of the most likely models of m (B, K, ...)."""
-    best = mu.argmax(-1).reshape(-1, *(1,) * (m.ndim - 1))
-    return np.take_along_axis(m, best, 1)[:, 0]
+    return m[np.arange(len(m)), mu.argmax(-1)]
 
 
 def centroid(mu: NDArray, m: NDArray, P: NDArray, looks: Looks, prior: NDArray) -> tuple[NDArray, NDArray]:
@@ -193,7 +189,7 @@ def centroid(mu: NDArray, m: NDArray, P: NDArray, looks: Looks, prior: NDArray) 
     real = np.arange(looks.z.shape[1]) < looks.n[:, None]
     weight = real / looks.n[:, None]  # (B, M)
     q, C = region_moments(m)
-    p = np.take_along_axis(prior, looks.look[..., None], 1)  # (B, M, 5)
+    p = prior[np.arange(len(m))[:, None], looks.look]  # (B, M, 5)
     share = (weight[..., None] * p).sum(1)  # (B, 5)
     where = (share[..., None] * q).sum(1)
     d = q - where[:, None]

@@ -9,6 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.geometry import unit
+from trackers.linalg import outer
 from trackers.scan import Scan
 
 
@@ -39,17 +41,13 @@ def flatten(scan: Scan, noise: tuple[float, float, float]) -> tuple[NDArray, Loo
     mask = scan.mask.reshape(-1, scan.mask.shape[-1])
     n = mask.sum(-1)
     hit = np.argsort(-n, kind="stable")[: (n > 0).sum()]
-    lead, M = scan.mask.shape[:-1], int(n.max(initial=0))
-
-    def rows(field: NDArray, width: int) -> NDArray:
-        full = np.broadcast_to(field, (*lead, scan.mask.shape[-1], width))
-        return full.reshape(-1, scan.mask.shape[-1], width)[hit]
-
-    parts = rows(scan.polar, 3), rows(scan.pose, 3), rows(scan.velocity, 2), rows(scan.noise, 3)
-    data = np.concatenate(parts, -1)
-    data = np.where(mask[hit][..., None], data, np.inf)
+    M = int(n.max(initial=0))
+    data = np.empty((*scan.mask.shape, 11))
+    data[..., :3], data[..., 3:6] = scan.polar, scan.pose
+    data[..., 6:8], data[..., 8:] = scan.velocity, scan.noise
+    data = np.where(mask[hit][..., None], data.reshape(*mask.shape, 11)[hit], np.inf)
     order = np.lexsort((data[..., 2], data[..., 1], data[..., 0]), axis=-1)[:, :M]
-    data = np.take_along_axis(data, order[..., None], 1)
+    data = data[np.arange(len(data))[:, None], order]
     real = np.arange(M) < n[hit][:, None]
     data = np.where(real[..., None], data, data[:, :1])
     return hit, _looks(data, n[hit], noise)
@@ -63,14 +61,25 @@ def _looks(data: NDArray, n: NDArray, noise: tuple[float, float, float]) -> Look
     look, first = _distinct(np.concatenate([pose, velocity, std, measured[..., None]], -1))
 
     def of_look(field: NDArray) -> NDArray:
-        return np.take_along_axis(field, first[..., None], 1)
+        return field[np.arange(len(field))[:, None], first]
 
-    scan = Scan(polar, np.ones(measured.shape, bool), pose, velocity, std)
     z = np.stack([polar[..., 0], np.where(measured, polar[..., 2], 0.0), polar[..., 1]], -1)
-    R = of_look(std[..., [0, 2, 1]] ** 2)
-    has_rate = of_look(measured[..., None])[..., 0]
+    R = of_look(std)[..., [0, 2, 1]] ** 2
+    has_rate = of_look(measured)
     R[..., 1] = np.where(has_rate, R[..., 1], 1.0)
-    return Looks(z, scan.xy, scan.position_noise(), n, look, of_look(pose), of_look(velocity), R, has_rate)
+    xy, R_xy = _positions(polar, pose, std)
+    return Looks(z, xy, R_xy, n, look, of_look(pose), of_look(velocity), R, has_rate)
+
+
+def _positions(polar: NDArray, pose: NDArray, std: NDArray) -> tuple[NDArray, NDArray]:
+    """Detections (B, M, 2) [m] in the tracking frame, and their covariances (B, M, 2, 2) [m^2]."""
+    sight = unit(polar[..., 1] + pose[..., 2])
+    along = std[..., 0] ** 2
+    across = (polar[..., 0] * std[..., 1]) ** 2
+    R = (along - across)[..., None, None] * outer(sight)
+    R[..., 0, 0] += across
+    R[..., 1, 1] += across
+    return pose[..., :2] + polar[..., :1] * sight, R
 
 
 def _distinct(rows: NDArray) -> tuple[NDArray, NDArray]:

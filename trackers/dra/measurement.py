@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from trackers.dra.looks import Looks
 from trackers.dra.matrix3 import inverse_and_log_det
 from trackers.dra.regions import ALPHA, BETA, MIDDLE
-from trackers.dra.state import P1, P2, PLACE, SEEN, VELOCITY, W
-from trackers.geometry import dot, perpendicular, wrap_angle
+from trackers.dra.state import P1, P2, SEEN, VX, W, X, Y
 
 SPREAD = np.sqrt(3.0)  # c: sigma points at +- c standard deviations, those of s at exactly 0 and 1
 POINTS = 1 + 2 * SEEN + 4  # the mean, both ways along every column of L, both ways along s1 and s2
@@ -44,22 +43,26 @@ def observe(q: NDArray, centre: NDArray, velocity: NDArray, yaw_rate: NDArray, l
     tail = (1,) * (q.ndim - 5)
     B, S = looks.pose.shape[:2]
     pose = looks.pose.reshape(B, 1, S, *tail, 1, 3)
-    r = centre + q - pose[..., :2]
-    distance = np.sqrt(dot(r, r))
-    relative = velocity + yaw_rate[..., None] * perpendicular(q) - looks.velocity.reshape(B, 1, S, *tail, 1, 2)
-    rate = dot(relative, r) / np.maximum(distance, 1e-9)
-    rate = rate * looks.measured.reshape(B, 1, S, *tail, 1)
-    return np.stack([distance, rate, np.arctan2(r[..., 1], r[..., 0]) - pose[..., 2]], -2)
+    moving, measured = looks.velocity.reshape(B, 1, S, *tail, 1, 2), looks.measured.reshape(B, 1, S, *tail, 1)
+    x, y = centre[..., 0] - pose[..., 0] + q[..., 0], centre[..., 1] - pose[..., 1] + q[..., 1]
+    vx = velocity[..., 0] - moving[..., 0] - yaw_rate * q[..., 1]
+    vy = velocity[..., 1] - moving[..., 1] + yaw_rate * q[..., 0]
+    distance = np.sqrt(x * x + y * y)
+    h = np.empty((*x.shape[:-1], 3, x.shape[-1]))
+    h[..., RANGE, :] = distance
+    h[..., RATE, :] = (vx * x + vy * y) / np.maximum(distance, 1e-9) * measured
+    h[..., AZIMUTH, :] = np.arctan2(y, x) - pose[..., 2]
+    return h
 
 
 def sigma_points(m: NDArray, L: NDArray) -> tuple[NDArray, NDArray]:
-    """States (..., 23, 11) and the points q (..., 5, 23, 2) [m] of the regions that they stand for."""
-    spread = SPREAD * L.mT[..., :SEEN, :]
-    mean = m[..., None, :]
-    x = np.concatenate([mean, mean + spread, mean - spread, np.repeat(mean, 4, -2)], -2)
-    alpha, beta = ALPHA @ _PLACES, BETA @ _PLACES  # (5, 23)
-    q = alpha[..., None] * x[..., None, :, P1] + beta[..., None] * x[..., None, :, P2]
-    return x, q
+    """States (..., 11, 23) and the points q (..., 5, 23, 2) [m] of the regions that they stand for."""
+    x = m[..., None] + L[..., :SEEN] @ _STEPS
+    q = np.empty((2, *m.shape[:-1], *_ALPHA.shape))  # each coordinate in one piece
+    for i in range(2):
+        np.multiply(_ALPHA, x[..., None, P1[i], :], out=q[i])
+        q[i] += _BETA * x[..., None, P2[i], :]
+    return x, np.moveaxis(q, 0, -1)
 
 
 def _places() -> NDArray:
@@ -71,7 +74,20 @@ def _places() -> NDArray:
     return s
 
 
-_PLACES = _places()
+def _differences() -> NDArray:
+    """What turns the deviations of all points but the mean into D, o, e, E and their mean (22, 9 + 2 + 2 + 9 + 1)."""
+    odd, even = [[1.0], [-1.0]], [[1.0], [1.0]]  # of the steps both ways, which alternate for places only
+    state, place = np.eye(SEEN), np.eye(2)
+    A = np.zeros((POINTS - 1, 2 * SEEN + 5))
+    A[: 2 * SEEN, :SEEN], A[: 2 * SEEN, -SEEN - 1 : -1] = np.kron(odd, state), np.kron(even, state)
+    A[2 * SEEN :, SEEN : SEEN + 2], A[2 * SEEN :, SEEN + 2 : SEEN + 4] = np.kron(place, odd), np.kron(place, even)
+    A[:, -1] = 1 / SPREAD
+    return A / (2 * SPREAD)
+
+
+_ALPHA, _BETA = ALPHA @ _places(), BETA @ _places()  # (5, 23)
+_STEPS = SPREAD * np.hstack([np.zeros((SEEN, 1)), np.eye(SEEN), -np.eye(SEEN), np.zeros((SEEN, 4))])  # (9, 23)
+_DIFFERENCES = _differences()
 
 
 def pieces(m: NDArray, L: NDArray, looks: Looks, independence: float = 1.0) -> Pieces:
@@ -83,28 +99,34 @@ def pieces(m: NDArray, L: NDArray, looks: Looks, independence: float = 1.0) -> P
     """
     x, q = sigma_points(m, L)
     body = x[:, :, None, None]  # axes S and region
-    h = observe(q[:, :, None], body[..., PLACE], body[..., VELOCITY], body[..., W], looks)  # (B, K, S, 5, 3, 23)
+    place, velocity = body[..., X : W : Y - X, :].mT, body[..., VX : W : Y - X, :].mT
+    h = observe(q[:, :, None], place, velocity, body[..., W, :], looks)  # (B, K, S, 5, 3, 23)
     h0 = h[..., :1]
     d = h[..., 1:] - h0
-    d[..., AZIMUTH, :] = wrap_angle(d[..., AZIMUTH, :])
-    plus, minus, along = d[..., :SEEN], d[..., SEEN : 2 * SEEN], d[..., 2 * SEEN :]
-    D, E = (plus - minus) / (2 * SPREAD), (plus + minus) / (2 * SPREAD)
-    o = (along[..., ::2] - along[..., 1::2]) / (2 * SPREAD)
-    e = (along[..., ::2] + along[..., 1::2]) / (2 * SPREAD)
-    second = np.concatenate([o, e, E], -1)
-    R = looks.R[:, None, :, None, :, None] * np.eye(3)
-    widen = np.array([1, 0, 1]) / np.sqrt(independence) + [0, 1, 0]
-    B = (second @ second.mT + R) * widen * widen[:, None]
-    return Pieces(h0[..., 0] + (E.sum(-1) + e.sum(-1)) / SPREAD, D, B)
+    _wrap(d[..., AZIMUTH, :])
+    d = d @ _DIFFERENCES
+    second = d[..., SEEN:-1]  # o, e and E
+    B = second @ second.mT
+    for i in (RANGE, RATE, AZIMUTH):
+        B[..., i, i] += looks.R[:, None, :, None, i]
+    if independence != 1:
+        widen = np.where(np.arange(3) == RATE, 1.0, 1 / np.sqrt(independence))
+        B *= widen * widen[:, None]
+    return Pieces(h0[..., 0] + d[..., -1], np.ascontiguousarray(d[..., :SEEN]), B)
 
 
 def residuals(pieces: Pieces, looks: Looks, log_prior: NDArray, gate: NDArray) -> Residuals:
     """Residuals of all detections; log_prior (B, S, 5), gate (B, K, M, 5)."""
-    zbar = np.swapaxes(of_detection(pieces.zbar, looks), 2, 3)
-    nu = looks.z[:, None, None] - zbar
-    nu[..., AZIMUTH] = wrap_angle(nu[..., AZIMUTH])
-    log_P = np.take_along_axis(log_prior, looks.look[..., None], 1)[:, None]
-    return Residuals(nu, np.where(gate, log_P, -np.inf))
+    zbar = np.moveaxis(of_detection(pieces.zbar, looks), 2, -1)
+    nu = looks.z.mT[:, None, None] - zbar  # (B, K, 5, 3, M)
+    _wrap(nu[..., AZIMUTH, :])
+    log_P = log_prior[np.arange(len(log_prior))[:, None], looks.look][:, None]
+    return Residuals(nu.mT, np.where(gate, log_P, -np.inf))
+
+
+def _wrap(angle: NDArray) -> None:
+    """Take whole turns off angles [rad], in place; cheaper than a remainder."""
+    angle -= 2 * np.pi * np.rint(angle / (2 * np.pi))
 
 
 def of_detection(piece: NDArray, looks: Looks) -> NDArray:
@@ -125,7 +147,7 @@ def transform(v: NDArray, A: NDArray, looks: Looks) -> NDArray:
 
 def log_constant(looks: Looks) -> NDArray:
     """Half log (2 pi) times the numbers measured by each detection, (B, 1, M): rates not measured do not count."""
-    measured = np.take_along_axis(looks.measured, looks.look, 1)
+    measured = looks.measured[np.arange(len(looks.look))[:, None], looks.look]
     return 0.5 * np.log(2 * np.pi) * (2 + measured)[:, None]
 
 

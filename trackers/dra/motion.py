@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.dra.parameters import Noise, Parameters
-from trackers.dra.state import AX, AY, P1X, P2X, VERTICES, VX, VY, N, W, X, Y
+from trackers.dra.state import AX, AY, P1X, P2X, VX, VY, N, W, X, Y
 from trackers.linalg import symmetrize
 
 SMALL = 1e-4  # [rad] turned in a step, below which the series hold
@@ -38,16 +38,15 @@ def transition(model: str, m: NDArray, T: float, parameters: Parameters) -> tupl
     if model == "ct":
         return _coordinated_turn(m, T, parameters.turn_jacobian)
     F = np.eye(N)
-    F[[X, Y], [VX, VY]] = T
-    F[[AX, AY, W], [AX, AY, W]] = 0.0
+    F[X, VX] = F[Y, VY] = T
+    F[AX, AX] = F[AY, AY] = F[W, W] = 0.0
     if model == "ca":
-        F[[AX, AY], [AX, AY]] = 1.0
-        F[[X, Y], [AX, AY]] = T**2 / 2
-        F[[VX, VY], [AX, AY]] = T
+        F[AX, AX] = F[AY, AY] = 1.0
+        F[X, AX] = F[Y, AY] = T**2 / 2
+        F[VX, AX] = F[VY, AY] = T
     moved = m @ F.T
-    J = np.broadcast_to(F, (*m.shape, N))
+    J = np.zeros((*m.shape, N)) + F
     if model == "ca" and parameters.rotating_ca:
-        moved, J = moved.copy(), J.copy()
         moved[..., W], J[..., W, W] = m[..., W], 1.0
         _turn_vertices(m, moved, J, T, column=True)
     return moved, J
@@ -59,11 +58,9 @@ def noise(q: Noise, T: float, step: float) -> NDArray:
     The acceleration is constant within T, as in G; what walks at random (the acceleration itself, yaw rate, vertices)
     has variances that grow with time.
     """
-    G = np.zeros((N, 2))
-    G[[X, Y], [0, 1]], G[[VX, VY], [0, 1]], G[[AX, AY], [0, 1]] = T**2 / 2, T, np.sqrt(T / step)
-    Q = q.accel * G @ G.T
-    Q[W, W] = q.yaw_rate * T / step
-    Q[VERTICES, VERTICES] = q.vertex * T / step
+    G = np.array([T**2 / 2, T, np.sqrt(T / step)])
+    Q = np.diag([0.0] * W + [q.yaw_rate * T / step] + 4 * [q.vertex * T / step])
+    Q[X:Y, X:Y] = Q[Y:W, Y:W] = q.accel * G[:, None] * G
     return Q
 
 

@@ -18,9 +18,9 @@ class Posterior(NamedTuple):
     capped: NDArray  # (B,) bool, hypotheses were left out
 
 
-def softmax(log_w: NDArray) -> tuple[NDArray, NDArray]:
-    """Weights (..., n) that sum to one, and the logarithm (...) of the sum; log_w has no row of -inf only."""
-    top = log_w.max(-1, keepdims=True)
+def softmax(log_w: NDArray, axis: int = -1) -> tuple[NDArray, NDArray]:
+    """Weights (..., n, ...) that sum to one along the axis, and the logarithm (...) of the sum, somewhere not -inf."""
+    top = log_w.max(axis, keepdims=True)
     w = np.exp(log_w - top)
-    total = w.sum(-1, keepdims=True)
-    return w / total, (top + np.log(total))[..., 0]
+    total = w.sum(axis, keepdims=True)
+    return w / total, (top + np.log(total)).squeeze(axis)

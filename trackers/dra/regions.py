@@ -20,7 +20,6 @@ MIDDLE = np.array([1.0, 0.5, 0.5])  # the mean of 1, s1, s2
 # Corners (4, 2) that a side joins, as weights of p1, p2: p1, p2, p3, p4
 CORNERS = np.array([[1, 0], [0, 1], [-1, 0], [0, -1]], float)
 FROM, TO = [1, 2, 3, 0], [0, 1, 2, 3]  # corners at s1 = 0 and s1 = 1 of the four sides
-SIDES = np.array([[1.0, 0], [0, -1], [-1, 0], [0, 1]])  # where a side is, in half lengths and half widths
 TIE = 1e-6  # [m] off a corner two sides are as near: the first is taken, whatever the rounding
 LEAST_SINE = 1e-3  # between the axes; a flat parallelogram has no coordinates
 
@@ -47,28 +46,33 @@ def gates(m: NDArray, xy: NDArray, R: NDArray, t: float, interior: float, sigmas
     """
     a = axes(m)
     e = oblique(a, xy - m[..., None, PLACE])
-    half = np.stack([a.length, a.width], -1)[..., None, :] / 2
-    margin = sigmas * np.sqrt(np.stack([_spread(R, a.along), _spread(R, a.left)], -1))
-    reach = (1 + 2 * t) * half + margin
-    beside = np.abs(e) <= reach  # (..., M, 2) not beyond the ends along the length, along the width
+    half = np.stack([a.length, a.width])[..., None] / 2  # (2, ..., 1) along the length, along the width
+    margin = sigmas * np.sqrt(np.stack([_spread(R, a.along), _spread(R, a.left)]))
+    beside = np.abs(e) <= (1 + 2 * t) * half + margin  # (2, ..., M) not beyond the ends
     thick = 2 * t * half + margin
-    near = np.abs(e[..., None, :] - SIDES * half[..., None, :]) <= thick[..., None, :]  # (..., M, 4, 2)
-    ahead, right, behind, left = (near[..., i, axis] & beside[..., 1 - axis] for i, axis in enumerate((0, 1, 0, 1)))
-    inside = (np.abs(e) <= interior * half + margin).all(-1)
-    found = np.stack([ahead, right, behind, left, inside], -1)
-    lost = ~found.any(-1, keepdims=True)
+    above, below = np.abs(e - half) <= thick, np.abs(e + half) <= thick
+    inside = np.abs(e) <= interior * half + margin
+    along, across = 0, 1
+    found = np.empty((*e.shape[1:], REGIONS), bool)
+    found[..., FRONT] = above[along] & beside[across]
+    found[..., RIGHT] = below[across] & beside[along]
+    found[..., REAR] = below[along] & beside[across]
+    found[..., LEFT] = above[across] & beside[along]
+    found[..., INTERIOR] = inside[along] & inside[across]
+    lost = ~found.any(-1)
     if lost.any():
-        nearest = (side_distance(m, xy) + TIE * np.arange(4)).argmin(-1)
-        found = np.where(lost, nearest[..., None] == np.arange(REGIONS), found)
+        body, place = (np.broadcast_to(v, (*lost.shape, v.shape[-1]))[lost] for v in (m[..., None, :], xy))
+        nearest = (side_distance(body, place[:, None])[:, 0] + TIE * np.arange(4)).argmin(-1)
+        found[(*np.nonzero(lost), nearest)] = True
     return found
 
 
 def oblique(a: Axes, d: NDArray) -> NDArray:
-    """Coordinates (..., M, 2) [m] of the vectors d (..., M, 2) along the axes of a parallelogram."""
+    """Coordinates (2, ..., M) [m] of the vectors d (..., M, 2) along the axes of a parallelogram."""
     u, v = a.along[..., None, :], a.left[..., None, :]
     sine = cross(u, v)
     sine = np.where(np.abs(sine) < LEAST_SINE, LEAST_SINE, sine)
-    return np.stack([cross(d, v), cross(u, d)], -1) / sine[..., None]
+    return np.stack([cross(d, v), cross(u, d)]) / sine
 
 
 def side_distance(m: NDArray, xy: NDArray) -> NDArray:

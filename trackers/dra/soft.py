@@ -16,27 +16,28 @@ def soft(pieces: Pieces, seen: Residuals, looks: Looks, passes: int) -> Posterio
     """Posterior of information matrices weighted by the probabilities of the regions."""
     t = terms(pieces, seen, looks)
     B, K, _, M = seen.nu.shape[:4]
-    real = (np.arange(M) < looks.n[:, None])[:, None, :, None]
+    real = (np.arange(M) < looks.n[:, None])[:, None, None]
     one = t.A.shape[2] == 1
     A_flat, g_flat = t.A.reshape(B, K, -1, SEEN * SEEN), t.g.reshape(B, K, -1, SEEN)
-    w, _ = softmax(marginal(pieces, seen, looks))
+    constant = np.ascontiguousarray(t.constant.mT)  # weights are (B, K, 5, M): sums over regions run along M
+    w, _ = softmax(np.ascontiguousarray(marginal(pieces, seen, looks).mT), axis=-2)
     for k in range(passes):
         w = np.where(real, w, 0.0)
-        load = w.sum(2) if one else w.reshape(B, K, -1)
+        load = w.sum(-1) if one else w.mT.reshape(B, K, -1)
         A = np.eye(SEEN) + (load[..., None, :] @ A_flat).reshape(B, K, SEEN, SEEN)
         C = np.linalg.inv(A)
-        g = (w.mT.reshape(B, K, 1, -1) @ g_flat)[..., 0, :]
+        g = (w.reshape(B, K, 1, -1) @ g_flat)[..., 0, :]
         u = (C @ g[..., None])[..., 0]
-        second = (A_flat @ (C + u[..., :, None] * u[..., None, :]).reshape(B, K, -1, 1)).reshape(B, K, -1, 5)
-        log_w = t.constant + (g_flat @ u[..., None]).reshape(B, K, 5, M).mT - 0.5 * second  # expected residuals
+        second = (A_flat @ (C + u[..., :, None] * u[..., None, :]).reshape(B, K, -1, 1)).reshape(B, K, -1, 5).mT
+        log_w = constant + (g_flat @ u[..., None]).reshape(B, K, 5, M) - 0.5 * second  # expected residuals
         if k < passes - 1:
-            w, _ = softmax(log_w)
-    weighted = w.mT[..., None] * t.g
+            w, _ = softmax(log_w, axis=-2)
+    weighted = w[..., None] * t.g
     gm = weighted.sum(2)
     spread = weighted.reshape(B, K, -1, SEEN).mT @ g_flat - gm.mT @ gm
-    _, each = softmax(log_w)
+    _, each = softmax(log_w, axis=-2)
     # bound of the evidence: expected likelihood less the distance of the posterior from the prior
     away = np.trace(C, axis1=-2, axis2=-1) + (u * u).sum(-1) - SEEN - np.linalg.slogdet(C)[1]
-    log_c1 = np.where(real[..., 0], each, 0.0).sum(-1) - away / 2
+    log_c1 = np.where(real[:, 0], each, 0.0).sum(-1) - away / 2
     C = C + C @ spread @ C
     return Posterior(u, (C + C.mT) / 2, log_c1, np.zeros(B, bool))

@@ -148,6 +148,25 @@ def records(steps, seed=0, objects=5, per_object=4, clutter=5):
         yield StepRecord(step, scene.time, scene, scan, source, frames, action_at(scene.time), plan, events)
 
 
+MIXING = META._replace(trackers=("rm-feldmann", "edra-imm"))  # the second tracker mixes cv, ca and ct
+
+
+def mode_at(step, tracks):
+    """Probabilities (T, 3): every track turns a little more likely with every step, those with odd ids brake."""
+    p = np.tile([8.0, 1.0, 1.0 + step], (len(tracks), 1))
+    p[tracks % 2 == 1, 1] += 20.0
+    return p / p.sum(-1, keepdims=True)
+
+
+def mixing_records(steps, **options):
+    """The run of `records` with a second tracker that tells its motion models, but not before it had a track."""
+    for record in records(steps, **options):
+        first, second = record.frames.values()
+        mode = None if record.step == 0 else mode_at(record.step, second.info.track)
+        frames = dict(zip(MIXING.trackers, (first, second._replace(info=second.info._replace(mode=mode))), strict=True))
+        yield record._replace(frames=frames)
+
+
 SUMMARY = {
     "rm-feldmann": {"gwd": 0.41, "gospa": 1.3, "lost": 3},
     "htg-map": {"gwd": 0.24, "gospa": 0.7, "lost": 2},
@@ -161,9 +180,11 @@ def write(path, steps=30, **options):
     from testbed.log import RunLog
 
     made = {k: options.pop(k) for k in ("seed", "objects", "per_object", "clutter") if k in options}
-    with RunLog(path, options.pop("meta", META), **options) as log:
+    meta = options.pop("meta", META)
+    run = mixing_records if meta is MIXING else records
+    with RunLog(path, meta, **options) as log:
         log.static(road(), SENSORS)
-        for record in records(steps, **made):
+        for record in run(steps, **made):
             log.step(record)
         log.close(SUMMARY)
     return path

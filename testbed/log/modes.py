@@ -1,0 +1,32 @@
+"""Motion models in the log: their names, and how likely each is for a track, where a tracker mixes several."""
+
+from collections.abc import Mapping, Sequence
+
+from numpy.typing import NDArray
+
+from testbed.log.record import TrackerFrame
+from trackers import TRACKERS
+
+Modes = Mapping[str, tuple[str, ...]]  # tracker -> names of its motion models, none where it has one only
+
+
+def mode_names(tracker: str) -> tuple[str, ...]:
+    """Names of the motion models that a tracker of the table mixes; none where it has one, or is not in the table."""
+    if tracker not in TRACKERS:
+        return ()
+    filter = TRACKERS[tracker].filter
+    names: tuple[str, ...] = getattr(filter, "modes", getattr(filter, "models", ()))
+    return names if len(names) > 1 else ()
+
+
+def modes_of(trackers: Sequence[str]) -> Modes:
+    """Names for all trackers of a run."""
+    return {tracker: mode_names(tracker) for tracker in trackers}
+
+
+def probabilities(frame: TrackerFrame, names: Sequence[str]) -> dict[int, NDArray]:
+    """Track id -> probabilities (K,) of the named models; nothing at a look without any detection on a track."""
+    mode = frame.info.mode
+    if mode is None or not names or mode.shape[-1] != len(names):
+        return {}
+    return dict(zip(frame.info.track.tolist(), mode, strict=True))
