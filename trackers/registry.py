@@ -29,7 +29,8 @@ class Entry:
 
 KOCH = Koch(rate_weight=0.3)  # as much as the other filters make of range rates
 VMM = VirtualMeasurements(KOCH, GaussNewton(gain=0.1, damping=0.3))  # few detections a scan: small steps
-DRA = DataRegion(models=("cv",), prior="uniform", centre_std=0.4)  # as much as rm-vmm says
+DRA = DataRegion(models=("cv",), prior="uniform", parameters="alone", centre_std=0.4)  # as much as rm-vmm says
+DRA_IMM = replace(DRA, models=("cv", "ca", "ct"), parameters="recommended")
 
 TRACKERS: Mapping[str, Entry] = MappingProxyType(
     {
@@ -52,10 +53,10 @@ TRACKERS: Mapping[str, Entry] = MappingProxyType(
                 "htg-map", HTGMap(shape_std=(0.1, 0.15)), "ours: MAP update by Fisher scoring; card htg_rm, section 7"
             ),
             Entry("dra", DRA, "data-region association of Xu et al. (2023), one motion model; card dra_imm"),
-            Entry("dra-imm", replace(DRA, models=("cv", "ca", "ct")), "the same with interacting motion models"),
+            Entry("dra-imm", DRA_IMM, "the same with interacting motion models"),
             Entry(
                 "edra-imm",
-                replace(DRA, models=("cv", "ca", "ct"), prior="rays"),
+                replace(DRA_IMM, prior="rays"),
                 "the same with a prior of the regions from the sensor's rays",
             ),
         )

@@ -19,6 +19,7 @@ from trackers.dra.posterior import Posterior, softmax
 from trackers.dra.regions import gates, region_moments
 from trackers.dra.sequential import sequential
 from trackers.dra.soft import soft
+from trackers.dra.spatial import log_spatial
 from trackers.dra.state import (
     ORDER,
     PAIRS,
@@ -31,6 +32,7 @@ from trackers.dra.state import (
     axes,
     from_estimate,
     resized,
+    swung,
     to_estimate,
 )
 from trackers.estimate import Estimate, check_estimate
@@ -50,13 +52,14 @@ class DataRegion:
     models: tuple[str, ...] = MODELS
     prior: str = "rays"  # of the regions, or "uniform" as in DRA
     form: str = "sequential"  # moment matching after each detection; or "joint" as in the paper, or "soft"
-    parameters: str | Parameters = "recommended"  # or "paper", "literal", or one's own
+    parameters: str | Parameters = "recommended"  # or another of PARAMETERS, or one's own
     reading: str = "V"  # of the paper's eq. (42): variances, or S, the last two standard deviations
     cap: int = 32  # hypotheses of the joint form
     passes: int = 3  # of the soft form
     sigma_range: float = 0.1  # [m] of detections that do not tell theirs, as the two below
     sigma_azimuth: float = 0.005  # [rad]
     sigma_rate: float = 0.027  # [m/s]
+    surface_std: float = 0.2  # [m] roughness of a side, in the density of detections only
     centre_std: float = 0.0  # [m] of bodies that are no rectangles with evenly spread detections, in estimates only
 
     def __post_init__(self) -> None:
@@ -99,7 +102,12 @@ class DataRegion:
         moved = [
             motion.predict(name, m[..., k, :], P[..., k, :, :], dt, self.numbers) for k, name in enumerate(self.models)
         ]
-        return DataRegionState(mu, np.stack([a for a, _ in moved], -2), np.stack([b for _, b in moved], -3))
+        m, P = np.stack([a for a, _ in moved], -2), np.stack([b for _, b in moved], -3)
+        if self.numbers.swing:
+            stiff = ~self.components[:, W]
+            variance = self.numbers.swing * dt / self.numbers.step
+            P[..., stiff, :, :] = swung(m[..., stiff, :], P[..., stiff, :, :], variance)
+        return DataRegionState(mu, m, P)
 
     def update(self, state: DataRegionState, scan: Scan) -> tuple[DataRegionState, DataRegionInfo]:
         """Measurement update; without a detection the state is returned as it came."""
@@ -132,6 +140,18 @@ class DataRegion:
     def resize(self, state: DataRegionState, size: NDArray, size_std: NDArray) -> DataRegionState:
         """State with another size (..., 2) [m] of standard deviation size_std (..., 2) [m]."""
         return resized(state, size, size_std)
+
+    def log_spatial(self, state: DataRegionState, scan: Scan, track: NDArray, detection: NDArray) -> NDArray:
+        """Log density (G,) [1/m^2] of the detections with indices detection (G,) under the tracks track (G,)."""
+        box = to_estimate(state)
+        p = self.numbers
+        if self.prior == "uniform":
+            prior = region_prior.uniform(track.shape)
+        else:
+            body = from_estimate(box, 0.0, 0.0)[0]
+            sensor = np.broadcast_to(scan.pose[:, :2], (scan.mask.shape[-1], 2))
+            prior = region_prior.rays(body[track], sensor[detection], p.near, p.far)
+        return log_spatial(box, prior, scan, track, detection, self.sigma_range, self.surface_std)
 
     def _region_prior(self, mu: NDArray, m: NDArray, looks: Looks) -> NDArray:
         """Probabilities (B, S, 5) of the regions, those of the most likely model."""

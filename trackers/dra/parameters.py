@@ -27,6 +27,7 @@ class Parameters:
     step: float = 0.1  # [s] that the noise and `stay` refer to
     stay: float = 0.98  # probability to keep the motion model for one step
     turn_jacobian: bool = True  # the yaw rate is correlated with what it turns; the paper leaves the column out
+    swing: float = 0.0  # [rad^2] a step, of the body's direction in a model that has no yaw rate
     rotating_ca: bool = True  # accelerating vehicles turn, too
     own_components: bool = True  # a model that lacks the yaw rate or acceleration says nothing about it when mixing
     gate: float = 0.3  # t: half thickness of a side's region over the side's distance from the centre
@@ -54,11 +55,16 @@ PAPER = Parameters(
     rectangle_std=float("inf"),
     heading_std=float("inf"),
 )
+# A single model must bear all that vehicles do: braking, and turning its body. Its yaw rate is drawn anew each step and
+# explains range rates that differ along a turning body; certain that it is zero, the filter takes them for another
+# place on the body, and bends and stretches it until the vertices flip.
+ALONE = Parameters(cv=Noise(1.5**2, 0.2**2, 1e-5), swing=0.05**2)
 PARAMETERS: Mapping[str, Parameters] = MappingProxyType(
     {
         "paper": PAPER,
         "literal": Parameters(rotating_ca=False, own_components=False, heading_std=float("inf")),
         "recommended": Parameters(),
+        "alone": ALONE,
     }
 )
 

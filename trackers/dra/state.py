@@ -95,6 +95,18 @@ def from_estimate(estimate: Estimate, accel_std: float, shear_std: float) -> tup
     return m, P
 
 
+def swung(m: NDArray, P: NDArray, variance: float) -> NDArray:
+    """Covariance (..., 11, 11) of bodies whose direction has this variance [rad^2] more: it turns, and keeps its shape.
+
+    Noise on each vertex would let the body turn, too, but forget its length and width.
+    """
+    p = m[..., P1X:]
+    turning = np.stack([-p[..., 1], p[..., 0], -p[..., 3], p[..., 2]], -1)
+    P = P.copy()
+    P[..., P1X:, P1X:] += variance * turning[..., :, None] * turning[..., None, :]
+    return P
+
+
 class Axes(NamedTuple):
     """Length and width of parallelograms, and their directions."""
 
