@@ -250,6 +250,7 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
             road=road_geometry(lane_shapes(core.road.network)),
             sensors=live.radar.models,
             focus=None if lively is None else self._reader.number(lively),
+            trackers=live.trackers,
         )
         live.observers.append(self.recorder)
 

@@ -8,6 +8,7 @@ from importlib.metadata import version
 from pathlib import Path
 from tempfile import TemporaryFile
 from time import perf_counter
+from types import MappingProxyType
 from typing import Any
 
 from numpy.typing import NDArray
@@ -20,6 +21,8 @@ from testbed.evaluation import Evaluator, FrameScore, jsonable
 from testbed.log.record import RoadGeometry, RunMeta, StepRecord, TrackerFrame
 from testbed.log.writer import NullLog, RunLog
 from testbed.perception import Outputs
+from testbed.smoothing import Memory
+from trackers.multi.tracker import MultiObjectTracker
 from trackers.scan import Scan, SensorModel
 
 LEVELS = ("off", "metrics", "full")
@@ -49,6 +52,7 @@ class Recorder:
         road: what to draw.
         sensors: whose fields of view to draw.
         focus: id of the object whose errors get a page of their own; None: the one nearest at the start.
+        trackers: by name; those whose tracks can be smoothed get a layer of smoothed tracks at level full.
     """
 
     def __init__(
@@ -60,6 +64,7 @@ class Recorder:
         road: RoadGeometry | None = None,
         sensors: tuple[SensorModel, ...] = (),
         focus: int | None = None,
+        trackers: Mapping[str, Any] = MappingProxyType({}),
     ) -> None:
         if level not in LEVELS:
             raise ValueError(f"log must be one of {', '.join(LEVELS)}, got {level!r}; choose one of them")
@@ -75,6 +80,8 @@ class Recorder:
             make_room(path)
             self.log = RunLog(path, meta, level="full" if level == "full" else "metrics", focus=focus)
             self.log.static(road or RoadGeometry(), sensors)
+        kept = trackers.items() if level == "full" else ()
+        self._memory = {name: Memory(tracker) for name, tracker in kept if isinstance(tracker, MultiObjectTracker)}
         self.seconds: dict[str, float] = defaultdict(float)  # wall time spent on metrics and on the log
         self._crashed: set[int] = set()
         self._missing: dict[str, dict[int, float]] = {name: {} for name in meta.trackers}  # object id -> since when
@@ -117,6 +124,10 @@ class Recorder:
         }
         with self._writing_log():
             self.log.step(StepRecord(step, time, scene, scan, source, frames, action, plan, tuple(events)))
+            for name, memory in self._memory.items():
+                memory.keep(step, time, outputs[name][0])
+                if memory.full:
+                    self._smooth(name)
         self._looks += 1
         self.seconds["metrics"] += scored - start
         self.seconds["log"] += perf_counter() - scored
@@ -162,7 +173,18 @@ class Recorder:
             self.log.event("WARN", "the run was interrupted")
         summary: dict[str, Any] = {name: e.summary() for name, e in self.evaluators.items()}
         with self._writing_log():
-            self.log.close({**{f"drive_{k}": v for k, v in self.drive.summary().items()}, **summary})
+            try:
+                for name in self._memory:
+                    self._smooth(name)
+            finally:  # whatever happens to the smoother, the log has its end
+                self.log.close({**{f"drive_{k}": v for k, v in self.drive.summary().items()}, **summary})
+
+    def _smooth(self, name: str) -> None:
+        """Add the smoothed tracks of one tracker to the log."""
+        smoothed = self._memory[name].smoothed()
+        self.log.smoothed(name, smoothed)
+        for track in smoothed.failed:
+            self.log.event("WARN", f"{name}: track {track} could not be smoothed, a covariance was not definite")
 
     @contextmanager
     def _writing_log(self) -> Iterator[None]:

@@ -70,3 +70,12 @@ class SpatialModel(Protocol):
 
     def log_spatial(self, state: Any, scan: Scan, track: NDArray, detection: NDArray) -> NDArray:
         """Log density (G,) [1/m^2] of the detections with indices detection (G,) under the tracks track (G,)."""
+
+
+@runtime_checkable
+class Angular(Protocol):
+    """A filter that names the angles of its state, for the smoother; its state has fields m (..., n), P (..., n, n)."""
+
+    @property
+    def angles(self) -> tuple[int, ...]:
+        """Components of m that are angles [rad] and may be wrapped."""

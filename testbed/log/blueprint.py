@@ -6,6 +6,7 @@
 +------------------------------+-----------------------------+
 | close-up by kind | by object | errors | GOSPA | focus | ... |
 | | association of each tracker|                              |
+| | smoothed tracks            |                              |
 +------------------+-----------+---------+-------------------+
 | action, speed    | events              | summary | config  |
 +------------------+---------------------+-------------------+
@@ -98,12 +99,16 @@ def layout(
 
 
 def _scene(
-    name: str, bounds: tuple[float, float, float, float], hide: Sequence[str] = (), overrides: dict | None = None
+    name: str,
+    bounds: tuple[float, float, float, float],
+    hide: Sequence[str] = (),
+    overrides: dict | None = None,
+    show: Sequence[str] = (),
 ) -> rrb.Spatial2DView:
     x0, x1, y0, y1 = bounds
     return rrb.Spatial2DView(
         origin=f"/{paths.FOLLOW}",
-        contents=["+ /world/**", *(f"- /{path}" for path in hide)],
+        contents=["+ /world/**", *(f"- /{path}" for path in (f"{paths.SMOOTHED}/**", *hide) if path not in show)],
         name=name,
         visual_bounds=rrb.VisualBounds2D(x_range=[x0, x1], y_range=[y0, y1]),
         background=[14, 15, 19],
@@ -136,7 +141,14 @@ def _closeups(meta: RunMeta, shape: str) -> rrb.Tabs:
     for name in meta.trackers:
         others = [f"world/trackers/{other}/**" for other in meta.trackers if other != name]
         pages.append(_scene(f"Only {name}: who took what", bounds, others, _by_owner(name)))
+    pages.append(_scene("Smoothed", bounds, _tracked(meta), show=[f"{paths.SMOOTHED}/**"]))
     return rrb.Tabs(*pages, active_tab=0)
+
+
+def _tracked(meta: RunMeta) -> list[str]:
+    """Everything of the trackers but where they thought the centres to be."""
+    layers = [layer for layer in paths.TRACKER_LAYERS if layer != "center"]
+    return [paths.tracker(name, layer) for name in meta.trackers for layer in layers]
 
 
 def _by_object() -> dict:

@@ -5,6 +5,7 @@ instances. Every array is a fresh copy, so the simulation may go on changing its
 """
 
 from collections.abc import Sequence
+from itertools import pairwise
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -15,7 +16,7 @@ from sensors.scene import Bodies, Ego, Objects, Scene
 from sensors.source import KINDS
 from testbed.log import palette, paths
 from testbed.log.modes import Modes, probabilities
-from testbed.log.record import RoadGeometry, StepRecord, TrackerFrame
+from testbed.log.record import RoadGeometry, SmoothedTracks, StepRecord, TrackerFrame
 from trackers.geometry import box_corners, ellipse_points, to_world, unit
 from trackers.scan import SensorModel
 
@@ -154,6 +155,33 @@ def tracker_rows(name: str, frame: TrackerFrame, modes: Sequence[str] = ()) -> R
 def _labels(ids: NDArray, frame: TrackerFrame, modes: Sequence[str]) -> list[str]:
     likely = {track: f"{track} {modes[int(p.argmax())]}" for track, p in probabilities(frame, modes).items()}
     return [likely.get(int(track), str(track)) for track in ids]
+
+
+def smoothed_extents(smoothed: SmoothedTracks) -> list[Row]:
+    """Boxes of the smoothed tracks at each look, with what else a reader may want of them."""
+    tracks = smoothed.tracks
+    look = np.concatenate([np.zeros(0, int), *(track.look for track in tracks)])
+    order = np.argsort(look, kind="stable")
+    number = np.repeat([track.id for track in tracks], [len(track.look) for track in tracks])[order]
+    pose = np.concatenate([np.zeros((0, 3)), *(track.pose for track in tracks)])[order]
+    size = np.concatenate([np.zeros((0, 2)), *(track.size for track in tracks)])[order]
+    at = np.searchsorted(look[order], np.arange(len(smoothed.step) + 1))
+    return [
+        {
+            "LineStrips2D:strips": Strips.of(box_corners(pose[a:b], size[a:b]), closed=True),
+            "track:id": number[a:b].astype(np.int32),
+            "track:heading": pose[a:b, 2].astype(np.float32),
+        }
+        for a, b in pairwise(at)
+    ]
+
+
+def smoothed_paths(smoothed: SmoothedTracks) -> Row:
+    """Where the centre of each smoothed track went, from the first look to the last."""
+    return {
+        "LineStrips2D:strips": Strips.of(tuple(track.pose[:, :2] for track in smoothed.tracks)),
+        "track:id": np.array([track.id for track in smoothed.tracks], np.int32),
+    }
 
 
 def metric_rows(name: str, frame: TrackerFrame) -> Rows:

@@ -24,6 +24,8 @@ EVENTS = "events"
 CONFIG, SUMMARY = "run/config", "run/summary"
 
 TRACKER_LAYERS = ("extent", "tentative", "covariance", "heading", "center")
+SMOOTHED = "world/smoothed"  # what all detections of a run say, those that came later included
+SMOOTHED_LAYERS = ("extent", "path")
 SEEN = "radar"  # leaf of an object's entity that says how the radar sees it
 
 STATIC = (RADAR_FOV, ROAD_SURFACE, ROAD_EDGES, ROAD_LANES, CONFIG, SUMMARY)
@@ -50,6 +52,11 @@ def tracker(name: str, layer: str) -> str:
     return f"world/trackers/{part(name)}/{part(layer)}"
 
 
+def smoothed(name: str, layer: str) -> str:
+    """Layer of one tracker's smoothed tracks, see `SMOOTHED_LAYERS`."""
+    return f"{SMOOTHED}/{part(name)}/{part(layer)}"
+
+
 def metric(name: str, tracker: str) -> str:
     """A metric of the whole frame."""
     return f"metrics/{part(name)}/{part(tracker)}"
@@ -70,4 +77,5 @@ def scene_layers(trackers: tuple[str, ...]) -> tuple[str, ...]:
     fixed = (FOLLOW, EGO, RADAR_FOV, ROAD_SURFACE, ROAD_EDGES, ROAD_LANES, WALLS, EGO_PLAN)
     truth = (TRUTH_CONTOUR, TRUTH_HEADING, TRUTH_EGO)
     tracked = tuple(tracker(name, layer) for name in trackers for layer in TRACKER_LAYERS)
-    return fixed + truth + tuple(detections(kind) for kind in KINDS) + tracked
+    after = tuple(smoothed(name, layer) for name in trackers for layer in SMOOTHED_LAYERS)
+    return fixed + truth + tuple(detections(kind) for kind in KINDS) + tracked + after

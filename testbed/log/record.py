@@ -20,6 +20,24 @@ class TrackerFrame(NamedTuple):
     mean: dict[str, float]  # metric name -> value of this frame (gospa, mean gwd over pairs, ...), NaN where undefined
 
 
+class SmoothedTrack(NamedTuple):
+    """One reported track as all its detections say that it was, at the K looks at which it was reported."""
+
+    id: int
+    look: NDArray  # (K,) int, of `SmoothedTracks.step`
+    pose: NDArray  # (K, 3) x, y [m], heading [rad]
+    size: NDArray  # (K, 2) length, width [m]
+
+
+class SmoothedTracks(NamedTuple):
+    """The tracks of one tracker over L looks, smoothed."""
+
+    step: NDArray  # (L,) int
+    time: NDArray  # (L,) [s]
+    tracks: tuple[SmoothedTrack, ...]
+    failed: tuple[int, ...] = ()  # ids of tracks that could not be smoothed: their covariances were none
+
+
 class StepRecord(NamedTuple):
     """One frame of the simulation."""
 

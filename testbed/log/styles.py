@@ -55,6 +55,8 @@ def tracker_styles(index: int, name: str) -> Iterator[Static]:
     yield paths.tracker(name, "heading"), rr.Arrows2D.from_fields(radii=0.05, colors=color, draw_order=order)
     labelled = rr.Points2D.from_fields(radii=0.1, colors=color, show_labels=index == 0, draw_order=order + 10)
     yield paths.tracker(name, "center"), labelled
+    yield paths.smoothed(name, "extent"), lines(radii=0.1, colors=color, draw_order=order)
+    yield paths.smoothed(name, "path"), lines(radii=0.05, colors=color, draw_order=order - 10)
 
 
 def styles(

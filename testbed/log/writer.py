@@ -13,7 +13,7 @@ import numpy as np
 
 from testbed.log import layers, palette, paths
 from testbed.log.modes import modes_of
-from testbed.log.record import RoadGeometry, RunMeta, StepRecord, TrackerFrame
+from testbed.log.record import RoadGeometry, RunMeta, SmoothedTracks, StepRecord, TrackerFrame
 from testbed.log.text import config_text, flat_properties, flat_summary, summary_text, unfinished_text
 from trackers.multi.tracks import Event
 from trackers.scan import SensorModel
@@ -38,6 +38,9 @@ class NullLog:
 
     def step(self, record: StepRecord) -> None:
         """Ignore a frame."""
+
+    def smoothed(self, name: str, smoothed: SmoothedTracks) -> None:
+        """Ignore smoothed tracks."""
 
     def event(self, level: str, text: str) -> None:
         """Ignore an event."""
@@ -118,6 +121,21 @@ class RunLog(NullLog):
         self._waiting += 1
         if self._waiting >= self._every:
             self._send()
+
+    def smoothed(self, name: str, smoothed: SmoothedTracks) -> None:
+        """Write the smoothed tracks of one tracker at the times of their looks, which lie in the past."""
+        if self._level != "full" or self._stream is None or len(smoothed.step) == 0:
+            return
+        when = list(zip(smoothed.step.tolist(), np.rint(smoothed.time * 1e9).astype(int).tolist(), strict=True))
+        rows, way = layers.smoothed_extents(smoothed), layers.smoothed_paths(smoothed)
+        self._stream.send(
+            {
+                (paths.smoothed(name, "extent"), tuple(rows[0])): [
+                    (*t, row) for t, row in zip(when, rows, strict=True)
+                ],
+                (paths.smoothed(name, "path"), tuple(way)): [(*when[0], way)],
+            }
+        )
 
     def event(self, level: str, text: str) -> None:
         """Write a line at the time of the last step; level is one of `LEVELS`."""

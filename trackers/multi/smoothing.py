@@ -1,0 +1,31 @@
+"""Smoothed tracks: the states that a multi-object tracker gave one track, given all its detections."""
+
+from typing import Any, TypeVar
+
+from numpy.typing import ArrayLike
+
+from trackers.multi.tracker import MultiObjectTracker
+from trackers.protocols import Resizable
+from trackers.smoother import smooth_stacked
+
+T = TypeVar("T", bound=tuple)
+
+
+def smooth_track(tracker: MultiObjectTracker, states: T, dt: ArrayLike) -> T:
+    """K states of one track, stacked along the first axis in the order of time, dt (K - 1,) [s] apart, smoothed.
+
+    Raises:
+        TypeError: the tracker's filter has states that hold no Gaussian.
+
+    """
+
+    def with_size_prior(state: Any, dt: float) -> Any:
+        """What the tracker makes of a prediction before it is updated."""
+        filter = tracker.filter
+        estimate = filter.estimate(state)
+        size, size_std = tracker.sizes.relax(estimate.size, estimate.size_std, dt)
+        if isinstance(filter, Resizable):
+            return filter.resize(state, size, size_std)
+        return filter.init(estimate._replace(size=size, size_std=size_std, contour=None))
+
+    return smooth_stacked(tracker.filter, states, dt, with_size_prior)
