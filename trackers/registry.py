@@ -30,7 +30,7 @@ class Entry:
 KOCH = Koch(rate_weight=0.3)  # as much as the other filters make of range rates
 VMM = VirtualMeasurements(KOCH, GaussNewton(gain=0.1, damping=0.3))  # few detections a scan: small steps
 DRA = DataRegion(models=("cv",), prior="uniform", parameters="alone", centre_std=0.4)  # as much as rm-vmm says
-DRA_IMM = replace(DRA, models=("cv", "ca", "ct"), parameters="recommended")
+DRA_IMM = replace(DRA, models=("cv", "ca", "ct"), parameters="recommended", form="soft")  # as good here, and cheaper
 
 TRACKERS: Mapping[str, Entry] = MappingProxyType(
     {
