@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: demo test lint types unit bench regress reproduce comparison comparison-page learning-docs family clean
+.PHONY: demo test lint types unit bench regress reproduce comparison comparison-page learning-docs family modes clean
 
 demo: $(STAMP)
 	$(BIN)/testbed run cut-in --tracker rm-feldmann --radar surround --seed 0 --out runs
@@ -35,7 +35,7 @@ reproduce: $(STAMP)
 	$(BIN)/python -m testbed.papers.committed
 
 comparison: $(STAMP)  # an hour on two idle cores; the same command goes on where it was interrupted
-	$(BIN)/testbed compare all --seeds 0:20 --duration 6 --jobs -1 --reference rm-feldmann --out runs/comparison
+	$(BIN)/testbed compare all --seeds 0:12 --duration 6 --jobs -1 --reference rm-feldmann --out runs/comparison
 	$(BIN)/python -m testbed.compare.publish runs/comparison --reference rm-feldmann
 	$(MAKE) comparison-page
 
@@ -44,6 +44,9 @@ comparison-page: $(STAMP)  # docs/comparison.md from the committed results
 
 family: $(STAMP)  # half an hour or more; OPTIONS="--seed 0 --seed 1" for more
 	$(BIN)/python -m testbed.family --docs docs $(OPTIONS)
+
+modes: $(STAMP)  # two minutes
+	$(BIN)/python -m testbed.modes --docs docs
 
 learning-docs: $(STAMP)  # DATA is the folder with objects.npz of the real extract
 	$(BIN)/python -m testbed.learning_docs $(DATA)
