@@ -157,6 +157,45 @@ def learn_htg(
     console.print(f"table    {learned.path}", soft_wrap=True)
 
 
+@app.command("learn-spline")
+def learn_spline(
+    data: Annotated[str, typer.Argument(help="sampler:RIG[:class], an .npz, a log, or the folder of real detections.")],
+    out: Annotated[Path, typer.Option(help="The model, a .json file.")],
+    ellipses: Annotated[int, typer.Option(help="On the contour.")] = 24,
+    points: Annotated[int, typer.Option(help="Control points of the contour.")] = 12,
+    visibility: Annotated[str, typer.Option(help="rays: by what the sensor sees; none: all ellipses alike.")] = "rays",
+    count: Annotated[int, typer.Option(help="Detections of the sampler.")] = 20000,
+    seed: Annotated[int, typer.Option(help="Of the sampler.")] = 0,
+    no_mirror: Annotated[bool, typer.Option("--no-mirror", help="Without the mirror images, left for right.")] = False,
+) -> None:
+    """Learn a contour of ellipses on a B-spline, the model of the pmht-spline trackers; data as for learn-htg.
+
+    Example: [bold]testbed learn-spline sampler:surround:car --out car.json[/bold]
+    """
+    from testbed.learning_spline import SplineConfig, learn, report
+    from trackers.pmht.offline import Offline
+
+    with user_input():
+        options = Offline(ellipses, points, visibility=visibility, mirrored=not no_mirror)
+        config = SplineConfig(data, count, seed, options)
+    bar = progress_bar("part {task.completed:.0f} / {task.total:.0f}")
+    task = bar.add_task("learning", total=1)
+
+    def show(done: int, total: int, what: str) -> None:
+        bar.start()  # not before the input is known to be sound: then a fault stays one sentence
+        bar.update(task, completed=done, total=total, description=what)
+
+    with user_input():
+        try:
+            learned = learn(config, out, show)
+        finally:
+            if bar.live.is_started:
+                bar.stop()
+    for part in report(learned):
+        console.print(part)
+    console.print(f"model    {learned.path}", soft_wrap=True)
+
+
 @app.command()
 def compare(
     scenario: Annotated[list[str], typer.Argument(help="Names of `testbed list scenarios`, or all.")],
@@ -240,7 +279,7 @@ def regress(
 
 @app.command()
 def reproduce(
-    paper: Annotated[str, typer.Argument(help="hoher2022, xia2020, xia2020-learned or xu2023.")],
+    paper: Annotated[str, typer.Argument(help="hoher2022, xia2020, xia2020-learned, xu2023 or yao2021.")],
     runs: Annotated[int, typer.Option(help="Monte Carlo runs of each case.")] = 100,
     seed: Annotated[int, typer.Option(help="Same seed, same figures.")] = 0,
     out: Annotated[Path, typer.Option(help="Directory for the figures and the results.")] = Path("runs/reproduce"),

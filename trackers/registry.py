@@ -13,6 +13,7 @@ from trackers.htg.map import HTGMap
 from trackers.htg.moment import HTGMoment
 from trackers.htg.online import HTGOnline
 from trackers.koch import Koch
+from trackers.pmht import SplinePmht, Walk
 from trackers.protocols import Filter
 from trackers.random_matrix import RandomMatrix
 from trackers.virtual_measurements import VirtualMeasurements
@@ -29,6 +30,12 @@ class Entry:
 
 KOCH = Koch(rate_weight=0.3)  # as much as the other filters make of range rates
 VMM = VirtualMeasurements(KOCH, GaussNewton(gain=0.1, damping=0.3))  # few detections a scan: small steps
+SPLINE = SplinePmht(
+    "surround-car+surround-truck",
+    walk=Walk(speed=0.4, yaw_rate=0.026, size=1e-3),  # motorway at 15 Hz
+    position_std=(0.05, 0.1),
+    outward=1.0,
+)
 DRA = DataRegion(models=("cv",), prior="uniform", parameters="alone", centre_std=0.4)  # as much as rm-vmm says
 DRA_IMM = replace(DRA, models=("cv", "ca", "ct"), parameters="recommended", form="soft")  # as good here, and cheaper
 
@@ -58,6 +65,11 @@ TRACKERS: Mapping[str, Entry] = MappingProxyType(
                 "edra-imm",
                 replace(DRA_IMM, prior="rays"),
                 "the same with a prior of the regions from the sensor's rays",
+            ),
+            Entry(
+                "pmht-spline",
+                SPLINE,
+                "Yao et al. (2021): ellipses on a B-spline, weighed by what the sensor sees; card bspline_pmht",
             ),
         )
     }

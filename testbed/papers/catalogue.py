@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from testbed.interruption import interruptible
-from testbed.papers import hoher2022, xia2020, xu2023
+from testbed.papers import hoher2022, xia2020, xu2023, yao2021
 from testbed.papers.verdict import Progress, Report, Stopped
 from testbed.recorder import make_directory
 
@@ -46,6 +46,11 @@ PAPERS: Mapping[str, Paper] = MappingProxyType(
                 xu2023.PAPER,
                 "Xu et al. (2023): data-region association with interacting motion models",
                 xu2023.run,
+            ),
+            Paper(
+                yao2021.PAPER,
+                "Yao et al. (2021): chained ellipses on a B-spline, probabilistic multi-hypothesis tracking",
+                yao2021.run,
             ),
         )
     }

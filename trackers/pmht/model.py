@@ -1,0 +1,154 @@
+"""A contour as ellipses on a closed B-spline, learned once and stored as JSON; card bspline_pmht, section 2.
+
+In the unit frame, in which a vehicle is a box [-1/2, 1/2]^2 with x ahead and y to the left.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.geometry import dot
+from trackers.pmht.spline import basis, chain
+
+FORMAT = "spline-model-1"
+SHIPPED = Path(__file__).parent / "models"
+DEGREE = 3
+OUTLINE = 48  # points of a drawn contour
+Pairs = tuple[tuple[float, float], ...]
+Triples = tuple[tuple[float, float, float], ...]
+
+
+@dataclass(frozen=True)
+class SplineModel:
+    """Control points, and the covariances of the detections of each ellipse."""
+
+    name: str
+    points: Pairs  # control points p_j, n_c of them
+    spread: Triples  # xx, xy, yy of Sigma_l, L of them
+    size: tuple[float, float] = (4.6, 1.86)  # [m] typical length and width
+    interior: float = 0.0  # share of the detections that come from anywhere inside
+
+    def __post_init__(self) -> None:
+        chain(len(self.spread), len(self.points), DEGREE)
+        if not np.isfinite(self.p).all() or not (np.linalg.eigvalsh(self.Sigma) > 0).all():
+            raise ValueError(f"{self.name}: points must be finite and spread positive definite; learn the model again")
+        if not 0 <= self.interior < 1:
+            raise ValueError(f"{self.name}: interior must be a share of at least 0 and below 1, got {self.interior}")
+        if not min(self.size) > 0:
+            raise ValueError(f"{self.name}: size must be positive, got {self.size}; it is length and width in metres")
+
+    @classmethod
+    def of(
+        cls, name: str, p: NDArray, Sigma: NDArray, size: tuple[float, float], interior: float = 0.0
+    ) -> "SplineModel":
+        """From arrays p (n_c, 2) and Sigma (L, 2, 2)."""
+        spread = np.stack([Sigma[:, 0, 0], Sigma[:, 0, 1], Sigma[:, 1, 1]], -1)
+        return cls(name, tuple(map(tuple, p.tolist())), tuple(map(tuple, spread.tolist())), size, interior)
+
+    @cached_property
+    def p(self) -> NDArray:
+        """Control points (n_c, 2)."""
+        return np.array(self.points)
+
+    @cached_property
+    def Sigma(self) -> NDArray:
+        """Covariances (L, 2, 2)."""
+        xx, xy, yy = np.array(self.spread).T
+        return np.stack([xx, xy, xy, yy], -1).reshape(-1, 2, 2)
+
+    @property
+    def mu(self) -> NDArray:
+        """Centres (L, 2) of the ellipses."""
+        return chain(len(self.spread), len(self.points), DEGREE) @ self.p
+
+
+@lru_cache(maxsize=8)
+def outline_basis(n_c: int, count: int = OUTLINE) -> NDArray:
+    """Weights (count, n_c) of the control points at the points of a drawn contour."""
+    return basis(np.arange(count) * (n_c / count), n_c, DEGREE)
+
+
+def curve(p: NDArray, count: int = OUTLINE) -> NDArray:
+    """Points (..., count, 2) on the curves of the control points p (..., n_c, 2)."""
+    return outline_basis(p.shape[-2], count) @ p
+
+
+def outlines(p: NDArray, Sigma: NDArray, outward: float) -> NDArray:
+    """Drawn contours (..., C, 2) in the unit frame: the curve, or `outward` standard deviations outside it."""
+    ring = curve(p)
+    if not outward:
+        return ring
+    C, L = ring.shape[-2], Sigma.shape[-3]
+    t = np.roll(ring, -1, -2) - np.roll(ring, 1, -2)
+    n = np.stack([t[..., 1], -t[..., 0]], -1) / np.maximum(np.sqrt(dot(t, t)), 1e-12)[..., None]
+    at = Sigma[..., np.round(np.arange(C) * (L / C)).astype(int) % L, :, :]
+    depth = np.sqrt((n[..., None, :] @ at @ n[..., None])[..., 0])
+    return ring + outward * depth * n
+
+
+def save(model: SplineModel, path: Path, provenance: Mapping[str, Any] | None = None) -> None:
+    """Write a model as JSON; what no filter needs stands under `provenance`."""
+    data = {
+        "format": FORMAT,
+        "name": model.name,
+        "size": list(model.size),
+        "interior": model.interior,
+        "points": [[round(x, 6) for x in row] for row in model.points],
+        "spread": [[float(f"{x:.6g}") for x in row] for row in model.spread],
+        "provenance": dict(provenance or {}),
+    }
+    path.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+
+
+def load(path: Path) -> SplineModel:
+    """The model in a JSON file; raises ValueError, in one sentence, for a file that holds none."""
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+        if data["format"] != FORMAT:
+            raise ValueError(f"its format is {data['format']!r}, not {FORMAT!r}")
+        points = tuple((float(x), float(y)) for x, y in data["points"])
+        spread = tuple((float(a), float(b), float(c)) for a, b, c in data["spread"])
+        length, width = data["size"]
+        interior = float(data.get("interior", 0.0))
+        return SplineModel(str(data["name"]), points, spread, (float(length), float(width)), interior)
+    except (ValueError, KeyError, TypeError) as error:
+        raise ValueError(f"{path} holds no spline model ({error}); `testbed learn-spline` writes one") from None
+
+
+def names() -> tuple[str, ...]:
+    """Models that come with the package."""
+    return tuple(sorted(path.stem for path in SHIPPED.glob("*.json")))
+
+
+@lru_cache(maxsize=32)
+def find(name: str) -> SplineModel:
+    """The model of that name, or in the .json file of that path.
+
+    Raises:
+        LookupError: no such model; the known ones are named.
+        ValueError: the file holds none.
+
+    """
+    path = Path(name) if name.endswith(".json") else SHIPPED / f"{name}.json"
+    if not path.is_file():
+        raise LookupError(f"no spline model {name!r}; known: {', '.join(names()) or 'none'}, or the path of a .json")
+    return load(path)
+
+
+def resolve(model: "str | SplineModel | tuple[SplineModel, ...]") -> tuple[SplineModel, ...]:
+    """The models of "a", "a+b", of a model or of several, which must all have the same numbers of points and ellipses.
+
+    Raises ValueError otherwise.
+    """
+    if isinstance(model, SplineModel):
+        return (model,)
+    found = tuple(find(name) for name in model.split("+")) if isinstance(model, str) else model
+    if len({(len(m.points), len(m.spread)) for m in found}) != 1:
+        raise ValueError(f"model must be of models with equal numbers of points and ellipses, got {model!r}")
+    return found

@@ -1,0 +1,54 @@
+"""Coordinated turn of the whole state by the unscented transform; card bspline_pmht, sections 3 and 4."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.motion import OMEGA, PHI, PX, PY, SPEED
+from trackers.pmht.state import LENGTH, WIDTH, N, arms
+from trackers.unscented import STANDARD, Transformed, moments
+
+
+@dataclass(frozen=True)
+class Walk:
+    """Random walks of what a vehicle does not keep; densities, so that two half steps are one step.
+
+    The defaults are the paper's numbers, which it gives for steps of 1 s.
+    """
+
+    speed: float = 0.1  # [m/s / sqrt(s)]
+    yaw_rate: float = 0.035  # [rad/s / sqrt(s)]
+    size: float = 1e-5  # [m / sqrt(s)] of length and width
+
+    def __post_init__(self) -> None:
+        for name in ("speed", "yaw_rate", "size"):
+            if not getattr(self, name) >= 0:
+                raise ValueError(f"walk.{name} must be >= 0, got {getattr(self, name)}; 0 keeps the quantity")
+
+    def covariance(self, dt: float) -> NDArray:
+        """Q (7, 7) over dt [s]."""
+        Q = np.zeros((N, N))
+        Q[SPEED, SPEED], Q[OMEGA, OMEGA] = self.speed**2 * dt, self.yaw_rate**2 * dt
+        Q[LENGTH, LENGTH] = Q[WIDTH, WIDTH] = self.size**2 * dt
+        return Q
+
+
+def turned(X: NDArray, dt: float) -> NDArray:
+    """States X (..., 7) after dt [s] at constant speed and yaw rate."""
+    h = X[..., OMEGA] * (dt / 2)
+    s = X[..., SPEED] * dt * np.sinc(h / np.pi)
+    Y = X.copy()
+    Y[..., PX] += s * np.cos(X[..., PHI] + h)
+    Y[..., PY] += s * np.sin(X[..., PHI] + h)
+    Y[..., PHI] += 2 * h
+    return Y
+
+
+def predicted(m: NDArray, P: NDArray, walk: Walk, dt: float) -> Transformed:
+    """Moments after dt [s], process noise included (the seed's (10) has none), and the cross covariance (11)."""
+    reach = np.sqrt(STANDARD.reach(N)) * arms(P).mT
+    centre = m[..., None, :]
+    X = np.concatenate([centre, centre + reach, centre - reach], -2)
+    moved = moments(X, turned(X, dt))
+    return moved._replace(cov=moved.cov + walk.covariance(dt))

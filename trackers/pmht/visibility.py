@@ -1,0 +1,93 @@
+"""Which part of a contour a sensor sees: prior weights of the ellipses, for each detection from its own sensor.
+
+The paper's weights are all equal: its sensor sees every side at once. Ours sees one to three, and a model that does not
+know it explains a one-sided scan by ellipses of all sides, and learning drags those that are not seen onto those that
+are. Here rays from far away, in each of A directions, say which share of the arc of each ellipse is lit; between the
+directions shares are interpolated, so that nothing jumps when a side comes into sight. Directions are looked up for
+each ellipse by itself: from a sensor beside a long vehicle, its front and its rear are seen under different angles.
+"""
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.geometry import cross, dot, unit
+from trackers.pmht.spline import basis, slope_basis
+
+DIRECTIONS = 36
+POINTS = 4  # on the arc of an ellipse
+
+
+@lru_cache(maxsize=8)
+def arc_bases(L: int, n_c: int, degree: int) -> tuple[NDArray, NDArray]:
+    """Weights (L POINTS, n_c) of points spread over the arcs of the ellipses, and of the tangents there."""
+    r = ((np.arange(L)[:, None] + (np.arange(POINTS) + 0.5) / POINTS - 0.5) * (n_c / L)).ravel() % n_c
+    return basis(r, n_c, degree), slope_basis(r, n_c, degree)
+
+
+def sight_table(p: NDArray, size: NDArray, L: int, degree: int = 3, grazing: float = 0.5) -> NDArray:
+    """Share (..., A, L) of the outline's arc that is lit from each direction and lies at each ellipse.
+
+    Rows of directions 2 pi a / A, counter-clockwise from ahead, sum to 1. p (..., n_c, 2) control points, size (..., 2)
+    [m]. An arc counts with its length times cos(angle of incidence)^(1 - grazing): 0 spreads the detections evenly
+    over the projected outline, 1 over its true length.
+    """
+    points, tangents = arc_bases(L, p.shape[-2], degree)
+    q = (points @ p) * size[..., None, :]  # (..., Q, 2)
+    t = (tangents @ p) * size[..., None, :]
+    length = np.sqrt(dot(t, t))
+    toward = unit(np.arange(DIRECTIONS) * (2 * np.pi / DIRECTIONS))  # (A, 2)
+    turn = np.sign(cross(q, np.roll(q, -1, -2)).sum(-1))[..., None, None]  # 1 where the curve is counter-clockwise
+    incidence = turn * cross(toward[:, None], t[..., None, :, :]) / np.maximum(length, 1e-12)[..., None, :]
+    lit = ~hidden(q, toward) & (incidence > 0)
+    arc = np.where(lit, length[..., None, :] * np.maximum(incidence, 1e-12) ** (1 - grazing), 0.0)  # (..., A, Q)
+    share = arc.reshape(*arc.shape[:-1], L, POINTS).sum(-1)
+    return share / np.maximum(share.sum(-1, keepdims=True), 1e-12)
+
+
+def hidden(q: NDArray, toward: NDArray) -> NDArray:
+    """Whether the polygon q (..., Q, 2) hides its own corners (..., A, Q) from far away in directions toward (A, 2)."""
+    side = cross(toward[:, None], q[..., None, :, :])  # (..., A, Q) across the line of sight
+    depth = dot(toward[:, None], q[..., None, :, :])  # towards the sensor
+    side_b, depth_b = np.roll(side, -1, -1), np.roll(depth, -1, -1)
+    a, b = side[..., None, :] - side[..., None], side_b[..., None, :] - side[..., None]  # (..., A, Q, Q)
+    crosses = (a < 0) != (b < 0)
+    share = np.where(crosses, a / np.where(crosses, a - b, 1.0), 0.0)
+    ahead = depth[..., None, :] + share * (depth_b - depth)[..., None, :] - depth[..., None]
+    return (crosses & (ahead > CLEAR)).any(-1)
+
+
+CLEAR = 0.05  # [m] an edge that hides a point lies so much before it
+
+
+def weights(sight: NDArray, direction: NDArray, unseen: float) -> NDArray:
+    """Weights (..., M, L) of the ellipses from directions (..., M, L) [rad] in the body frame, each its own.
+
+    sight (..., A, L); the share `unseen` is spread over all of them. Rows sum to 1.
+    """
+    A, L = sight.shape[-2:]
+    at = (direction % (2 * np.pi)) * (A / (2 * np.pi))
+    low = np.floor(at).astype(int)
+    part = at - low
+    low, high = low % A, (low + 1) % A
+    lead = sight.shape[:-2]
+    flat = sight.reshape(*lead, A * L)
+    column = np.arange(L)
+
+    def at_row(row: NDArray) -> NDArray:
+        index = (row * L + column).reshape(*lead, row.shape[-2] * L)
+        return np.take_along_axis(flat, index, -1).reshape(row.shape)
+
+    share = (1 - part) * at_row(low) + part * at_row(high)
+    share = share / np.maximum(share.sum(-1, keepdims=True), 1e-12)
+    return (1 - unseen) * share + unseen / L
+
+
+def directions(c: NDArray, phi: NDArray, sensor: NDArray) -> NDArray:
+    """Body-frame directions (..., M, L) [rad] from the ellipses at c (..., 2, L) [m] to sensors (..., M, 2) [m].
+
+    Positions are relative to the same point; phi (...) [rad] is the heading.
+    """
+    d = sensor[..., None] - c[..., None, :, :]
+    return np.arctan2(d[..., 1, :], d[..., 0, :]) - phi[..., None, None]
