@@ -30,7 +30,7 @@ TRACKERS = (
     "htg-map", "htg-mm", "htg-rm", "htg-rm-learned", "rm-feldmann", "rm-surface", "rm-vmm",
     "dra", "dra-imm", "edra-imm",
 )  # fmt: skip
-LONGEST = 50.0  # [s] of a run; only the courses of yao2021 are longer
+LONGEST = 20.0  # [s] of a run; only the courses of papers are longer
 REUSE = "--reuse"
 MEANS = (  # key of a tracker's summary or cost, label, digits
     ("gospa", "GOSPA [m]", 2),
@@ -151,7 +151,7 @@ def main(
     tracker: Annotated[list[str] | None, typer.Option(help="Repeat; the first drives. Ten of them without it.")] = None,
     scenario: Annotated[list[str] | None, typer.Option(help="Repeat; all without it.")] = None,
     seed: Annotated[list[int] | None, typer.Option(help="Repeat; 0 without it.")] = None,
-    duration: Annotated[float | None, typer.Option(help="Seconds; the scenarios' own, 50 at most, without it.")] = None,
+    duration: Annotated[float | None, typer.Option(help="Seconds; the scenarios' own, 20 at most, without it.")] = None,
     reuse: Annotated[
         bool, typer.Option(REUSE, help="Take whole runs that lie in OUT instead of repeating them.")
     ] = False,

@@ -155,9 +155,11 @@ class Report:
 
 
 def cell(row: Row, column: str, digits: int) -> str:
-    """One figure with the reference's in brackets below it; a dash where it was not measured."""
+    """One figure, below it half its 95 % interval and the reference's in brackets; a dash where it was not measured."""
     value, reference = row.measured.get(column), row.reference.get(column)
+    half = row.measured.get(f"{column} 95 %", float("nan"))
     text = "–" if value is None or isnan(value) else f"{value:.{digits}f}"
+    text += "" if isnan(half) else f"\n±{half:.{digits}f}"
     return text if reference is None else f"{text}\n({reference:.{digits}f})"
 
 

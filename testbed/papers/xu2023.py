@@ -24,9 +24,9 @@ from testbed.papers.xu2023_trials import STAGES, Trace, join, split, trace, trac
 PAPER = "xu2023"
 MEASURES = {f"{stage} {unit}": 2 for stage in STAGES for unit in UNITS} | {"IoU": 2, "mode": 2}
 LEGEND = (
-    "RMSE of position [m] and velocity [m/s] over the stages, mean IoU, share of scans with the right mode. "
-    "Reference: Table II, for literal and recommended the figures of an independent implementation. "
-    "The file has runs and intervals"
+    "± half the 95 % interval over the runs. RMSE of position [m] and velocity [m/s] over the stages, mean IoU, share "
+    "of scans with the right mode. Reference: Table II, for literal and recommended the figures of an independent "
+    "implementation. The file has the numbers of runs"
 )
 BATCH = 50  # runs at once: larger arrays are no faster, smaller ones are slower
 

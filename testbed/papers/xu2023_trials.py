@@ -9,11 +9,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from testbed.metrics import box_iou
+from testbed.metrics import contour_iou
 from trackers.dra import DataRegion, DataRegionState
 from trackers.dra.motion import turn
 from trackers.dra.region_prior import rays
-from trackers.dra.regions import ALPHA, BETA, REGIONS
+from trackers.dra.regions import ALPHA, BETA, REGIONS, corners
 from trackers.dra.state import AX, AY, P1, P2, PLACE, VELOCITY, VERTICES, VX, VY, N, W, X, Y, vertices
 from trackers.geometry import dot, perpendicular, rotation, wrap_angle
 from trackers.scan import Scan
@@ -49,8 +49,8 @@ class Step(NamedTuple):
 
     position: NDArray  # (R,) [m^2] squared error
     velocity: NDArray  # (R,) [m^2/s^2] squared error
-    box: NDArray  # (R, 5) [m, rad] x, y, heading, length, width
-    truth: NDArray  # (R, 5) likewise
+    outline: NDArray  # (R, 4, 2) [m] corners of the parallelogram
+    truth: NDArray  # (R, 4, 2) likewise
     mode: NDArray  # (R, K) probabilities
 
 
@@ -144,23 +144,20 @@ def track(
     state = DataRegionState(np.full((R, K), 1 / K), np.repeat(m[:, None], K, 1), P)
     for x, scan in frames(offset, follows, world):
         state, info = filter.update(filter.predict(state, STEP), scan)
-        e = filter.estimate(state)
-        d, v = e.pose[:, :2] - x[:, PLACE], e.velocity - x[:, VELOCITY]
-        yield Step(dot(d, d), dot(v, v), np.concatenate([e.pose, e.size], -1), boxes(x), info.mode)
+        mean = (state.mu[..., None] * state.m).sum(-2)  # (34)
+        d, v = mean[:, PLACE] - x[:, PLACE], mean[:, VELOCITY] - x[:, VELOCITY]
+        yield Step(dot(d, d), dot(v, v), outline(mean), outline(x), info.mode)
 
 
-def boxes(x: NDArray) -> NDArray:
-    """Targets x (R, 11) as boxes (R, 5): x, y, heading, length, width."""
-    along = x[:, P1] + x[:, P2]
-    heading = np.arctan2(along[:, 1], along[:, 0])[:, None]
-    return np.concatenate([x[:, PLACE], heading, np.broadcast_to(CAR, (len(x), 2))], -1)
+def outline(x: NDArray) -> NDArray:
+    """Corners (R, 4, 2) [m] of states x (R, 11)."""
+    return x[:, None, PLACE] + corners(x)
 
 
 def trace(steps: Iterator[Step]) -> Trace:
     """All steps as arrays."""
     all_steps = Step(*(np.stack(field) for field in zip(*steps, strict=True)))
-    a, b = all_steps.box[::IOU_EVERY], all_steps.truth[::IOU_EVERY]
-    iou = box_iou(a[..., :3], a[..., 3:], b[..., :3], b[..., 3:])
+    iou = contour_iou(all_steps.outline[::IOU_EVERY], all_steps.truth[::IOU_EVERY])
     return Trace(all_steps.position, all_steps.velocity, iou, all_steps.mode)
 
 

@@ -104,7 +104,13 @@ def test_a_detection_far_from_all_gates_belongs_to_the_nearest_side():
     far = X[PLACE] + [[0.0, 40.0], [-30.0, 0.2], [-30.0, 20.0]]
     got = gates(X, far, np.zeros((3, 2, 2)), 0.15, 1.0, 0.0)
     np.testing.assert_array_equal(got, [[0, 0, 0, 1, 0], [0, 0, 1, 0, 0], [0, 0, 1, 0, 0]])
-    np.testing.assert_allclose(side_distance(X, far)[0, 3], 40 - 0.9, rtol=1e-12)
+
+
+def test_distances_from_the_sides_are_in_oblique_coordinates():
+    """Of a body of 4 by 2 m: beside its left, off the rear left corner, and in the middle; front, right, rear, left."""
+    e, half = np.array([[0.5, -5.0, 0.0], [3.0, 5.0, 0.0]]), np.array([[2.0], [1.0]])
+    want = [[np.hypot(1.5, 2), 4, np.hypot(2.5, 2), 2], [np.hypot(7, 4), np.hypot(6, 3), 5, 5], [2, 1, 2, 1]]
+    np.testing.assert_allclose(side_distance(e, half), want, rtol=1e-12)
 
 
 def test_region_moments_are_those_of_points_drawn():

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.dra.state import P1, P2, PLACE, Axes, axes
-from trackers.geometry import cross, dot
+from trackers.geometry import cross
 from trackers.linalg import outer
 
 REGIONS = 5
@@ -42,7 +42,7 @@ def gates(m: NDArray, xy: NDArray, R: NDArray, t: float, interior: float, sigmas
     """Which regions (..., M, 5) the detections xy (..., M, 2) [m] may come from; R (..., M, 2, 2) is their noise.
 
     Gates grow with the side that they belong to; the paper prints the width's for all four. A detection outside all
-    of them belongs to the nearest side.
+    of them belongs to the side that is nearest in their coordinates.
     """
     a = axes(m)
     e = oblique(a, xy - m[..., None, PLACE])
@@ -61,8 +61,7 @@ def gates(m: NDArray, xy: NDArray, R: NDArray, t: float, interior: float, sigmas
     found[..., INTERIOR] = inside[along] & inside[across]
     lost = ~found.any(-1)
     if lost.any():
-        body, place = (np.broadcast_to(v, (*lost.shape, v.shape[-1]))[lost] for v in (m[..., None, :], xy))
-        nearest = (side_distance(body, place[:, None])[:, 0] + TIE * np.arange(4)).argmin(-1)
+        nearest = (side_distance(e[:, lost], np.broadcast_to(half, e.shape)[:, lost]) + TIE * np.arange(4)).argmin(-1)
         found[(*np.nonzero(lost), nearest)] = True
     return found
 
@@ -75,14 +74,18 @@ def oblique(a: Axes, d: NDArray) -> NDArray:
     return np.stack([cross(d, v), cross(u, d)]) / sine
 
 
-def side_distance(m: NDArray, xy: NDArray) -> NDArray:
-    """Distance (..., M, 4) [m] of detections xy (..., M, 2) from the four sides."""
-    p = corners(m)[..., None, :, :]
-    start, edge = p[..., FROM, :], p[..., TO, :] - p[..., FROM, :]
-    d = (xy - m[..., None, PLACE])[..., None, :] - start
-    s = np.clip(dot(d, edge) / np.maximum(dot(edge, edge), 1e-12), 0.0, 1.0)
-    rest = d - s[..., None] * edge
-    return np.sqrt(dot(rest, rest))
+def side_distance(e: NDArray, half: NDArray) -> NDArray:
+    """Distance (..., 4) [m] of oblique coordinates e (2, ...) [m] from the sides of a body of half axes half (2, ...).
+
+    As if the axes were at right angles, like the gates: by the distance on the ground a sheared body that lags behind
+    shears on, and a single motion model has half as much error again in the turn of Xu et al. (2023).
+    """
+    along, across = e
+    half_length, half_width = half
+    past_end, past_flank = np.maximum(np.abs(e) - half, 0.0)
+    front, rear = (np.hypot(along - s * half_length, past_flank) for s in (1, -1))
+    left, right = (np.hypot(across - s * half_width, past_end) for s in (1, -1))
+    return np.stack([front, right, rear, left], -1)
 
 
 def _spread(R: NDArray, axis: NDArray) -> NDArray:
