@@ -29,13 +29,13 @@ regress: $(STAMP)  # some minutes; after a wanted change `testbed regress --upda
 
 # About an hour on two cores. A claim that is not confirmed is an answer, not a failure of the command, hence `|| test`.
 reproduce: $(STAMP)
-	for paper in hoher2022 xia2020 xia2020-learned xu2023; do \
+	for paper in hoher2022 xia2020 xia2020-learned xu2023 yao2021; do \
 		$(BIN)/testbed reproduce $$paper --runs 100 --out runs/reproduce || test $$? -eq 1 || exit; \
 	done
 	$(BIN)/python -m testbed.papers.committed
 
 comparison: $(STAMP)  # an hour on two idle cores; the same command goes on where it was interrupted
-	$(BIN)/testbed compare all --seeds 0:12 --duration 6 --jobs -1 --reference rm-feldmann --out runs/comparison
+	$(BIN)/testbed compare all --seeds 0:8 --duration 6 --jobs -1 --reference rm-feldmann --out runs/comparison
 	$(BIN)/python -m testbed.compare.publish runs/comparison --reference rm-feldmann
 	$(MAKE) comparison-page
 

@@ -13,10 +13,6 @@ import typer
 from testbed.papers.catalogue import PAPERS
 from testbed.terminal import console, user_input
 
-PENDING = {  # papers that cannot be reproduced yet
-    "yao2021": "Yao et al. (2021): chained ellipses on a B-spline, probabilistic multi-hypothesis tracking",
-}
-
 
 def take(source: Path, target: Path) -> list[Path]:
     """Write the verdicts of all whole reproductions in a folder; returns the files.
@@ -45,10 +41,10 @@ def take(source: Path, target: Path) -> list[Path]:
 def read(folder: Path) -> list[dict[str, Any]]:
     """What is committed, in the order of the catalogue; papers without verdicts have none."""
     known = []
-    for name, title in {**{p.name: p.source for p in PAPERS.values()}, **PENDING}.items():
+    for name, paper in PAPERS.items():
         path = folder / f"{name}.json"
         found = json.loads(path.read_text()) if path.exists() else {"paper": name, "verdicts": []}
-        known.append({**found, "title": title})
+        known.append({**found, "title": paper.source})
     return known
 
 
