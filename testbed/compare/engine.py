@@ -81,8 +81,8 @@ def _finished(
     function: Callable[..., Outcome], tasks: Iterable[tuple[int, tuple[Any, ...]]], engine: Engine
 ) -> Iterator[tuple[int, Outcome]]:
     jobs = -1 if engine.dask else engine.jobs
-    parallel = Parallel(n_jobs=jobs, return_as="generator_unordered", batch_size=1)
     with _backend(engine), warnings.catch_warnings():
+        parallel = Parallel(n_jobs=jobs, return_as="generator_unordered", batch_size=1)  # takes the backend of here
         warnings.filterwarnings("ignore", ".*tasks which were still being processed", UserWarning)
         results = parallel(delayed(_keyed)(key, function, *task) for key, task in tasks)
         try:

@@ -51,7 +51,7 @@ def state(env):
 def test_nobody_crashes_while_the_ego_drives_cautiously(name):
     env, truncated = drive(name, seed=0)
     assert truncated
-    assert env.steps == 300
+    assert env.steps == round(15 * find(name).duration)
     assert [v for v in env.road.vehicles if v.crashed] == []
 
 
