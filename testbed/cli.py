@@ -2,13 +2,17 @@
 
 import shlex
 import sys
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 import typer
 
 from testbed import tables
 from testbed.terminal import console, progress_bar, user_input
+
+Learned = TypeVar("Learned")
 
 app = typer.Typer(
     name="testbed",
@@ -139,19 +143,7 @@ def learn_htg(
 
     with user_input():
         config = LearnConfig(data, bins, not edges, not no_mirror, mass_min, count, seed)
-    bar = progress_bar("part {task.completed:.0f} / {task.total:.0f}")
-    task = bar.add_task("learning", total=1)
-
-    def show(done: int, total: int, what: str) -> None:
-        bar.start()  # not before the input is known to be sound: then a fault stays one sentence
-        bar.update(task, completed=done, total=total, description=what)
-
-    with user_input():
-        try:
-            learned = learn(config, out, show)
-        finally:
-            if bar.live.is_started:
-                bar.stop()
+    learned = _learned(partial(learn, config, out))
     for part in report(learned):
         console.print(part)
     console.print(f"table    {learned.path}", soft_wrap=True)
@@ -178,6 +170,14 @@ def learn_spline(
     with user_input():
         options = Offline(ellipses, points, visibility=visibility, mirrored=not no_mirror)
         config = SplineConfig(data, count, seed, options)
+    learned = _learned(partial(learn, config, out))
+    for part in report(learned):
+        console.print(part)
+    console.print(f"model    {learned.path}", soft_wrap=True)
+
+
+def _learned(learn: Callable[[Callable[[int, int, str], None]], Learned]) -> Learned:
+    """What `learn` learns, with a bar of the progress that it reports."""
     bar = progress_bar("part {task.completed:.0f} / {task.total:.0f}")
     task = bar.add_task("learning", total=1)
 
@@ -187,13 +187,10 @@ def learn_spline(
 
     with user_input():
         try:
-            learned = learn(config, out, show)
+            return learn(show)
         finally:
             if bar.live.is_started:
                 bar.stop()
-    for part in report(learned):
-        console.print(part)
-    console.print(f"model    {learned.path}", soft_wrap=True)
 
 
 @app.command()

@@ -16,7 +16,7 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
-from testbed.learning_data import Detections, Progress, read
+from testbed.learning_data import Detections, Progress, check_sampler, read
 from testbed.recorder import make_directory
 from testbed.tables import light_table
 from trackers.htg import bins as tables
@@ -47,10 +47,7 @@ class LearnConfig:
     def __post_init__(self) -> None:
         if self.bins < 1:
             raise ValueError(f"bins must be at least 1, got {self.bins}")
-        if self.count < 1:
-            raise ValueError(f"count must be at least 1 detection, got {self.count}")
-        if self.seed < 0:
-            raise ValueError(f"seed must be 0 or more, got {self.seed}")
+        check_sampler(self.count, self.seed)
         self.options  # noqa: B018  raises for a mass_min that is none
 
     @property

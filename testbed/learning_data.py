@@ -75,6 +75,14 @@ TRUE_KINDS = {"car": ("car", "van"), "truck": ("truck", "bus", "articulated")}  
 TRACTOR_SHARE, COUPLED = 6.0 / 16.5, 13.6 / 16.5  # lengths of tractor unit and trailer in an articulated truck
 
 
+def check_sampler(count: int, seed: int) -> None:
+    """Raise ValueError for numbers that the sampler cannot take."""
+    if count < 1:
+        raise ValueError(f"count must be at least 1 detection, got {count}")
+    if seed < 0:
+        raise ValueError(f"seed must be 0 or more, got {seed}")
+
+
 def read(
     data: str, count: int = 60000, seed: int = 0, progress: Progress = lambda done, total, what: None
 ) -> Detections:

@@ -4,7 +4,6 @@ The data are those of `testbed learn-htg`, see `testbed.learning_data`.
 """
 
 import shlex
-from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
 from pathlib import Path
@@ -15,13 +14,12 @@ from rich.markup import escape
 from rich.table import Table
 
 from testbed.learning import PACKAGES, check_out
-from testbed.learning_data import Detections, read
+from testbed.learning_data import Detections, Progress, check_sampler, read
 from testbed.tables import light_table
 from trackers.pmht import model as models
 from trackers.pmht.model import SplineModel
 from trackers.pmht.offline import Data, Learned, Offline
 
-Progress = Callable[[int, int, str], None]
 FEW = 20  # detections of an ellipse, below which its place is hardly known
 
 
@@ -35,10 +33,7 @@ class SplineConfig:
     options: Offline = field(default_factory=Offline)
 
     def __post_init__(self) -> None:
-        if self.count < 1:
-            raise ValueError(f"count must be at least 1 detection, got {self.count}")
-        if self.seed < 0:
-            raise ValueError(f"seed must be 0 or more, got {self.seed}")
+        check_sampler(self.count, self.seed)
         models.chain(self.options.ellipses, self.options.points, models.DEGREE)
 
     def command(self, out: str | Path) -> str:

@@ -1,6 +1,6 @@
 """What yao2021 claims, and what our figures say to it; card bspline_pmht, section 12."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -37,6 +37,15 @@ def gain(before: NDArray, after: NDArray) -> Gain:
     return Gain(value, *(float(q) for q in np.quantile(ratio, [0.025, 0.975])))
 
 
+def gains(results: Results) -> Iterator[tuple[str, Gain, Gain]]:
+    """Method and column in words, and the gains of truck and tractor by the adaptation."""
+    for method in ("A", "A, 4 Sigma", "B"):
+        for column, word in MOTION.items():
+            stages = [results[name, method] for name in CONTOURS]
+            truck, tractor = (gain(s["not adapted"][column], s["adapted"][column]) for s in stages)
+            yield f"{method}, {word}", truck, tractor
+
+
 def verdicts(results: Results) -> tuple[Verdict, ...]:
     """Our answer to every claim."""
     return smoother(results), adaptation(results), comparable(results), ours(results)
@@ -58,12 +67,9 @@ def smoother(results: Results) -> Verdict:
 def adaptation(results: Results) -> Verdict:
     """Section IV: much improved RMSE after the adaptation."""
     held, numbers = {}, []
-    for method in ("A", "A, 4 Sigma", "B"):
-        for column, word in MOTION.items():
-            stages = [results[name, method] for name in CONTOURS]
-            truck, tractor = (gain(s["not adapted"][column], s["adapted"][column]) for s in stages)
-            held[f"{method}, {word}"] = min(truck.low, tractor.low) > MUCH
-            numbers.append(f"{method}, {word} {truck} / {tractor}")
+    for what, truck, tractor in gains(results):
+        held[what] = min(truck.low, tractor.low) > MUCH
+        numbers.append(f"{what} {truck} / {tractor}")
     claim = Claim("The RMSE is much improved after the adaptation", "section IV, Fig. 7")
     return judge(claim, held, f"RMSE without over with, truck / tractor; much: above {MUCH}: {'; '.join(numbers)}")
 
@@ -71,15 +77,9 @@ def adaptation(results: Results) -> Verdict:
 def comparable(results: Results) -> Verdict:
     """Section IV: truck and tractor gain alike."""
     held, numbers = {}, []
-    for method in ("A", "A, 4 Sigma", "B"):
-        for column, word in MOTION.items():
-            truck, tractor = (
-                gain(results[name, method]["not adapted"][column], results[name, method]["adapted"][column])
-                for name in CONTOURS
-            )
-            ratio = max(truck.value, tractor.value) / min(truck.value, tractor.value)
-            held[f"{method}, {word}"] = ratio < ALIKE
-            numbers.append(f"{method}, {word} {truck.value:.2f} / {tractor.value:.2f}")
+    for what, truck, tractor in gains(results):
+        held[what] = max(truck.value, tractor.value) / min(truck.value, tractor.value) < ALIKE
+        numbers.append(f"{what} {truck.value:.2f} / {tractor.value:.2f}")
     claim = Claim("The gains of truck and tractor are comparable", "section IV")
     return judge(claim, held, f"gain truck / tractor, alike: within {ALIKE}: {'; '.join(numbers)}")
 

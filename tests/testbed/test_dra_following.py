@@ -16,7 +16,7 @@ from trackers.imm import moments
 from trackers.multi.sizes import SizePrior
 
 TRACKERS = ("dra", "dra-imm", "edra-imm")
-FORMS = ("sequential", *(pytest.param(form, marks=pytest.mark.slow) for form in ("joint", "soft")))
+FORMS = ("sequential", "soft", pytest.param("joint", marks=pytest.mark.slow))
 MINUTE = 600  # steps
 BEHIND = -30.0  # [m] the radar of the card's cases behind (the body keeps its heading) and behind2 (it follows)
 AHEAD = 25.0  # [m] of the car before our radar
