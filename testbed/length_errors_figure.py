@@ -11,6 +11,7 @@ from trackers.htg.bins import TRUCK_ABOVE
 
 COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "0.45")  # after Okabe and Ito
 MARKERS = "os^vDPX*<"
+STROKES = ("-", "--", ":")  # of the first round of colours, the second and the third
 QUANTITIES = {
     "mean": "mean length error [m]",
     "rms": "RMS length error [m]",
@@ -27,6 +28,7 @@ def draw(looks: Mapping[str, Looks], path: Path) -> Path:
             chosen = (all_looks.length > TRUCK_ABOVE) == bool(j)
             found = profile(Looks(*(values[chosen] for values in all_looks)))
             style = {"color": COLOURS[k % len(COLOURS)], "marker": MARKERS[k % len(MARKERS)]}
+            style["linestyle"] = STROKES[k // len(COLOURS) % len(STROKES)]
             for axis, quantity in zip(panels[:, j], QUANTITIES, strict=True):
                 scale = 100 if quantity == "held" else 1
                 axis.plot(scale * getattr(found, quantity), label=name, linewidth=1.3, markersize=5, **style)
