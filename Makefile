@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: demo test lint types unit bench regress reproduce comparison comparison-page learning-docs family modes clean
+.PHONY: demo test lint types unit bench regress reproduce comparison comparison-page learning-docs family modes partial-view contours clean
 
 demo: $(STAMP)
 	$(BIN)/testbed run cut-in --tracker rm-feldmann --radar surround --seed 0 --out runs
@@ -47,6 +47,12 @@ family: $(STAMP)  # half an hour or more; OPTIONS="--seed 0 --seed 1" for more
 
 modes: $(STAMP)  # two minutes
 	$(BIN)/python -m testbed.modes --docs docs
+
+partial-view: $(STAMP)  # eight minutes
+	$(BIN)/python -m testbed.partial_view --docs docs
+
+contours: $(STAMP)  # twelve minutes
+	$(BIN)/python -m testbed.contours --docs docs
 
 learning-docs: $(STAMP)  # DATA is the folder with objects.npz of the real extract
 	$(BIN)/python -m testbed.learning_docs $(DATA)

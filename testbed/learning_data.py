@@ -69,6 +69,15 @@ MAKES: dict[str, tuple[Make, ...]] = {
         Make("articulated", (12.0, 18.0), (2.4, 2.6), 0.4),
     ),
 }
+CLASSES: dict[str, tuple[Make, ...]] = {  # the catalogue of contour classes, see testbed.contour_classes
+    "car": (Make("car", (3.6, 5.3), (1.65, 2.05), 1.0),),
+    "van": (Make("van", (4.8, 6.5), (1.85, 2.1), 1.0),),
+    "truck": (Make("truck", (6.5, 11.0), (2.25, 2.6), 1.0),),
+    "bus": (Make("bus", (9.0, 15.0), (2.4, 2.6), 1.0),),
+    "articulated": (Make("articulated", (12.0, 18.0), (2.4, 2.6), 1.0),),
+    "tractor": (Make("tractor", (4.2, 5.8), (2.2, 2.6), 1.0),),
+    "motorcycle": (Make("motorcycle", (1.9, 2.5), (0.7, 0.9), 1.0),),
+}
 EXTRACT = ("columns", "objects", "points", "offsets", "classes")  # arrays of the real extract
 LABELS = {"car": ("Car",), "truck": ("Truck", "Bus")}  # classes of the real extract
 TRUE_KINDS = {"car": ("car", "van"), "truck": ("truck", "bus", "articulated")}  # classes of our scenes
@@ -127,12 +136,20 @@ def unit_noise(R: NDArray, heading: NDArray, size: NDArray) -> NDArray:
 
 
 def sample(
-    radar: Radar, kind: str, count: int, rng: np.random.Generator, progress: Progress = lambda done, total, what: None
+    radar: Radar,
+    kind: str,
+    count: int,
+    rng: np.random.Generator,
+    progress: Progress = lambda done, total, what: None,
+    table: dict[str, tuple[Make, ...]] = MAKES,
 ) -> Detections:
-    """At least `count` detections of lone vehicles, each look by a radar of the rig drawn at random."""
+    """At least `count` detections of lone vehicles, each look by a radar of the rig drawn at random.
+
+    `table` has the makes of each kind.
+    """
     parts, got, look = [], 0, 0
     what = f"{radar.name} on {kind}s"
-    for seen in looks(radar, kind, rng):
+    for seen in looks(radar, kind, rng, table):
         if len(seen.u):
             parts.append(seen._replace(look=np.full(len(seen.u), look)))
         got, look = got + len(seen.u), look + 1
@@ -147,10 +164,12 @@ def sample(
     return Detections(u, aspect, noise, index, source, size)
 
 
-def looks(radar: Radar, kind: str, rng: np.random.Generator) -> Iterator[Detections]:
+def looks(
+    radar: Radar, kind: str, rng: np.random.Generator, table: dict[str, tuple[Make, ...]] = MAKES
+) -> Iterator[Detections]:
     """One look after the other at a lone vehicle, without end; false alarms are left out."""
     alone = [replace(radar, sensors=(replace(sensor, mount=(0.0, 0.0, 0.0), clutter=0.0),)) for sensor in radar.sensors]
-    makes = MAKES[kind]
+    makes = table[kind]
     while True:
         one = alone[rng.integers(len(alone))]
         make = makes[rng.choice(len(makes), p=[make.share for make in makes])]

@@ -65,6 +65,18 @@ class Restartable(Protocol):
 
 
 @runtime_checkable
+class Classifying(Protocol):
+    """A filter that compares its objects with classes; their probabilities are `Estimate.class_probability`."""
+
+    @property
+    def classes(self) -> tuple[str, ...]:
+        """Names of the classes."""
+
+    def usual_size(self, state: Any) -> tuple[NDArray, NDArray]:
+        """Size (..., 2) [m] that is usual for the classes and std (..., 2) of its logarithms; NaN while unknown."""
+
+
+@runtime_checkable
 class SpatialModel(Protocol):
     """A filter with its own density of detections over the body."""
 

@@ -13,7 +13,7 @@ from trackers.htg.map import HTGMap
 from trackers.htg.moment import HTGMoment
 from trackers.htg.online import HTGOnline
 from trackers.koch import Koch
-from trackers.pmht import SplinePmht, Walk
+from trackers.pmht import AdaptiveSpline, Learner, SplinePmht, Walk
 from trackers.protocols import Filter
 from trackers.random_matrix import RandomMatrix
 from trackers.virtual_measurements import VirtualMeasurements
@@ -70,6 +70,11 @@ TRACKERS: Mapping[str, Entry] = MappingProxyType(
                 "pmht-spline",
                 SPLINE,
                 "Yao et al. (2021): ellipses on a B-spline, weighed by what the sensor sees; card bspline_pmht",
+            ),
+            Entry(
+                "pmht-spline-adaptive",
+                AdaptiveSpline(Learner(SPLINE)),
+                "the same, its contour learned on the way, and its class",
             ),
         )
     }

@@ -147,7 +147,7 @@ def _closeups(meta: RunMeta, shape: str) -> rrb.Tabs:
 
 def _tracked(meta: RunMeta) -> list[str]:
     """Everything of the trackers but where they thought the centres to be."""
-    layers = [layer for layer in paths.TRACKER_LAYERS if layer != "center"]
+    layers = [layer for layer in (*paths.TRACKER_LAYERS, *paths.CHANGE_LAYERS) if layer != "center"]
     return [paths.tracker(name, layer) for name in meta.trackers for layer in layers]
 
 

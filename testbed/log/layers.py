@@ -152,6 +152,29 @@ def tracker_rows(name: str, frame: TrackerFrame, modes: Sequence[str] = ()) -> R
     }
 
 
+def change_rows(name: str, frame: TrackerFrame) -> Rows:
+    """Contours that changed in this frame, as they were and as they are, where their tracks are now."""
+    contours = {event.track: event.contours for event in frame.info.events if event.contours is not None}
+    rows = [row for row, i in enumerate(frame.tracks.id.tolist()) if i in contours]
+    if not rows:
+        return {}
+    number = frame.tracks.id[rows]
+    rings = to_world(frame.tracks.estimate.pose[rows, None], np.stack([contours[i] for i in number.tolist()]))
+    return {
+        paths.tracker(name, layer): {
+            "LineStrips2D:strips": Strips.of(rings[:, k], closed=True),
+            "track:id": number.astype(np.int32),
+        }
+        for k, layer in enumerate(paths.CHANGE_LAYERS)
+    }
+
+
+def no_change_rows(name: str) -> Rows:
+    """Rows that take the contours of `change_rows` away."""
+    nothing: Row = {"LineStrips2D:strips": Strips.of(()), "track:id": np.zeros(0, np.int32)}
+    return {paths.tracker(name, layer): dict(nothing) for layer in paths.CHANGE_LAYERS}
+
+
 def _labels(ids: NDArray, frame: TrackerFrame, modes: Sequence[str]) -> list[str]:
     likely = {track: f"{track} {modes[int(p.argmax())]}" for track, p in probabilities(frame, modes).items()}
     return [likely.get(int(track), str(track)) for track in ids]

@@ -24,6 +24,7 @@ EVENTS = "events"
 CONFIG, SUMMARY = "run/config", "run/summary"
 
 TRACKER_LAYERS = ("extent", "tentative", "covariance", "heading", "center")
+CHANGE_LAYERS = ("contour_before", "contour_after")  # there only where a tracker learns contours
 SMOOTHED = "world/smoothed"  # what all detections of a run say, those that came later included
 SMOOTHED_LAYERS = ("extent", "path")
 SEEN = "radar"  # leaf of an object's entity that says how the radar sees it
@@ -48,7 +49,7 @@ def detections(kind: str) -> str:
 
 
 def tracker(name: str, layer: str) -> str:
-    """Layer of one tracker, see `TRACKER_LAYERS`."""
+    """Layer of one tracker, see `TRACKER_LAYERS` and `CHANGE_LAYERS`."""
     return f"world/trackers/{part(name)}/{part(layer)}"
 
 

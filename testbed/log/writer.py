@@ -26,6 +26,7 @@ Value = str | int | float | bool
 Summary = Mapping[str, Value | Mapping[str, Value]]
 
 LEVELS = ("DEBUG", "INFO", "WARN", "ERROR")
+CHANGE_SHOWN = 10**9  # [ns] a contour that has changed is drawn so long, where the track was
 
 
 class NullLog:
@@ -91,6 +92,7 @@ class RunLog(NullLog):
         self._walls: np.ndarray | None = None
         self._tracked: layers.Rows = {}  # errors of objects with a track at the last step
         self._known: dict[int, str] = {}
+        self._changed: dict[str, int] = {}  # [ns] when a contour of a tracker changed, -1 once it went
         self._confirmed: dict[str, set[int]] = {name: set() for name in meta.trackers}
 
     def static(self, road: RoadGeometry, sensors: tuple[SensorModel, ...]) -> None:
@@ -223,13 +225,33 @@ class RunLog(NullLog):
             | layers.detection_rows(record)
         )
         for name, frame in record.frames.items():
-            rows |= layers.tracker_rows(name, frame, self._modes[name])
+            rows |= layers.tracker_rows(name, frame, self._modes[name]) | self._changes(name, frame)
         if self._walls is None or not np.array_equal(self._walls, record.scene.walls):
             self._walls = np.array(record.scene.walls)
             rows |= layers.wall_rows(self._walls)
         for path, row in rows.items():
             self._put(path, row)
         self._name_objects(record)
+
+    def _changes(self, name: str, frame: TrackerFrame) -> layers.Rows:
+        """Contours that changed in this frame; after a while they go."""
+        if rows := layers.change_rows(name, frame):
+            if name not in self._changed:
+                self._style_changes(name)
+            self._changed[name] = self._time
+            return rows
+        since = self._changed.get(name)
+        if since is None or since < 0 or self._time - since < CHANGE_SHOWN:
+            return {}
+        self._changed[name] = -1
+        return layers.no_change_rows(name)
+
+    def _style_changes(self, name: str) -> None:
+        from testbed.log.styles import change_styles
+
+        assert self._stream is not None
+        for path, data in change_styles(self.meta.trackers.index(name), name):
+            self._stream.static(path, data)
 
     def _numbers(self, record: StepRecord) -> None:
         rows = layers.object_rows(record, self._modes)

@@ -193,6 +193,7 @@ def test_an_empty_scan_changes_nothing():
     assert got is state
     assert np.isnan(info.nis)
     assert not info.lost
+    assert info.notes == ()
 
 
 @pytest.mark.parametrize("form", ["joint", "sequential"])
@@ -219,6 +220,9 @@ def test_a_lost_association_is_told_and_recovered_at_once():
     found, info = PAPER.update(PAPER.init(start), scan)
     ignored, _ = replace(PAPER, lost_below=0.0).update(PAPER.init(start), scan)
     assert info.lost
+    (note,) = info.notes
+    assert note.kind == "lost"
+    assert note.where
     assert info.share < 0.5
     assert np.linalg.norm(found.m[:2] - pose[:2]) < 0.6
     assert np.linalg.norm(ignored.m[:2] - pose[:2]) > 3.0

@@ -36,9 +36,18 @@ class SizePrior:
         size = np.where(truck, self.truck, self.car)
         return size, size * np.where(truck, self.truck_birth_std, self.birth_std)
 
-    def relax(self, size: NDArray, size_std: NDArray, dt: float) -> tuple[NDArray, NDArray]:
-        """Size and std (..., 2) [m] after dt [s], clipped to what vehicles are."""
+    def relax(
+        self, size: NDArray, size_std: NDArray, dt: float, usual: tuple[NDArray, NDArray] | None = None
+    ) -> tuple[NDArray, NDArray]:
+        """Size and std (..., 2) [m] after dt [s], clipped to what vehicles are.
+
+        usual are size (..., 2) [m] and log std (..., 2) of what a filter holds the objects for, NaN where it does not
+        know.
+        """
         mean, std = self.of(size)
+        if usual is not None:
+            known = np.isfinite(usual[0])
+            mean, std = np.where(known, usual[0], mean), np.where(known, usual[1], std)
         a = np.exp(-dt / self.tau)
         log_size = np.log(mean) + a * (np.log(size) - np.log(mean))
         log_std = np.sqrt(a**2 * (size_std / size) ** 2 + (1 - a**2) * std**2)

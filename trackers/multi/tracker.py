@@ -20,7 +20,7 @@ from trackers.multi.road import RoadMap
 from trackers.multi.sizes import SizePrior, stretch
 from trackers.multi.tracks import REPORT_ABOVE, Event, StepInfo, Tracks
 from trackers.multi.visibility import SensorArray, Visibility, predict_visibility
-from trackers.protocols import Filter, Note, Resizable, Restartable, SpatialModel
+from trackers.protocols import Classifying, Filter, Note, Resizable, Restartable, SpatialModel
 from trackers.scan import Scan, SensorModel, check_scan
 
 
@@ -67,6 +67,11 @@ class MultiObjectTracker:
     def restartable(self) -> Restartable | None:
         """The filter, where it has that verb."""
         return self.filter if isinstance(self.filter, Restartable) else None
+
+    @cached_property
+    def classifying(self) -> Classifying | None:
+        """The filter, where it knows classes."""
+        return self.filter if isinstance(self.filter, Classifying) else None
 
     @cached_property
     def spatial(self) -> SpatialModel | None:
@@ -128,7 +133,8 @@ class MultiObjectTracker:
     def _predict(self, tracks: Tracks, dt: float) -> Tracks:
         state = self.filter.predict(tracks.state, dt)
         estimate = self.filter.estimate(state)
-        size, size_std = self.sizes.relax(estimate.size, estimate.size_std, dt)
+        usual = None if self.classifying is None else self.classifying.usual_size(state)
+        size, size_std = self.sizes.relax(estimate.size, estimate.size_std, dt, usual)
         state = self._resize(state, size, size_std)
         return tracks._replace(state=state, estimate=self.filter.estimate(state), age=tracks.age + dt)
 

@@ -1,9 +1,11 @@
 """Ellipses on a B-spline, probabilistic multi-hypothesis association, unscented filter; after Yao et al. (2021)."""
 
+from trackers.pmht.adaptive import AdaptiveSpline
 from trackers.pmht.filter import SplineInfo, SplinePmht
+from trackers.pmht.learner import Learner
 from trackers.pmht.model import SplineModel
 from trackers.pmht.motion import Walk
 from trackers.pmht.rates import RangeRates
 from trackers.pmht.state import SplineState
 
-__all__ = ["RangeRates", "SplineInfo", "SplineModel", "SplinePmht", "SplineState", "Walk"]
+__all__ = ["AdaptiveSpline", "Learner", "RangeRates", "SplineInfo", "SplineModel", "SplinePmht", "SplineState", "Walk"]

@@ -68,6 +68,11 @@ class SplinePmht:
                 f"{self.inflation}, {self.lost_below}, {self.unseen}"
             )
 
+    @property
+    def angles(self) -> tuple[int, ...]:
+        """The heading is unwrapped, but starts anew where a track does."""
+        return (PHI,)
+
     @cached_property
     def models(self) -> tuple[SplineModel, ...]:
         """The models that objects start from; of two, longer objects get the second."""

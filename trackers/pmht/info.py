@@ -10,6 +10,7 @@ from trackers.linalg import I2
 from trackers.pmht.association import Seen
 from trackers.pmht.joint import Look
 from trackers.pmht.symmetric import matrices
+from trackers.protocols import Note
 
 
 class SplineInfo(NamedTuple):
@@ -20,6 +21,7 @@ class SplineInfo(NamedTuple):
     S: NDArray  # (..., 2, 2) [m^2] its covariance
     share: NDArray  # (...) of the detections that the predicted ellipses explain, NaN without a detection
     lost: NDArray  # (...) bool, so few that the object was looked for in the wider neighbourhood
+    notes: tuple[Note, ...] = ()
 
     @property
     def nis(self) -> NDArray:
@@ -42,7 +44,8 @@ def innovation(view: Look, w: NDArray, E: NDArray, seen: Seen, share: NDArray, l
     S = h.mT @ h + matrices(noise)[..., 0, :, :]
     some = n > 0
     S = np.where(some[..., None, None], S, I2)
-    return SplineInfo(n, np.where(some[..., None], eps, 0.0), S, np.where(some, share, np.nan), lost)
+    told = (Note("lost", "contour explained too little of the scan, looked for around", lost),) if lost.any() else ()
+    return SplineInfo(n, np.where(some[..., None], eps, 0.0), S, np.where(some, share, np.nan), lost, told)
 
 
 def nothing(n: NDArray) -> SplineInfo:

@@ -20,21 +20,23 @@ POINTS = 4  # on the arc of an ellipse
 
 
 @lru_cache(maxsize=8)
-def arc_bases(L: int, n_c: int, degree: int) -> tuple[NDArray, NDArray]:
-    """Weights (L POINTS, n_c) of points spread over the arcs of the ellipses, and of the tangents there."""
-    r = ((np.arange(L)[:, None] + (np.arange(POINTS) + 0.5) / POINTS - 0.5) * (n_c / L)).ravel() % n_c
+def arc_bases(L: int, n_c: int, degree: int, points: int = POINTS) -> tuple[NDArray, NDArray]:
+    """Weights (L points, n_c) of points spread over the arcs of the ellipses, and of the tangents there."""
+    r = ((np.arange(L)[:, None] + (np.arange(points) + 0.5) / points - 0.5) * (n_c / L)).ravel() % n_c
     return basis(r, n_c, degree), slope_basis(r, n_c, degree)
 
 
-def sight_table(p: NDArray, size: NDArray, L: int, degree: int = 3, grazing: float = 0.5) -> NDArray:
+def sight_table(
+    p: NDArray, size: NDArray, L: int, degree: int = 3, grazing: float = 0.5, points: int = POINTS
+) -> NDArray:
     """Share (..., A, L) of the outline's arc that is lit from each direction and lies at each ellipse.
 
     Rows of directions 2 pi a / A, counter-clockwise from ahead, sum to 1. p (..., n_c, 2) control points, size (..., 2)
     [m]. An arc counts with its length times cos(angle of incidence)^(1 - grazing): 0 spreads the detections evenly
-    over the projected outline, 1 over its true length.
+    over the projected outline, 1 over its true length. The cost grows with the square of `points` on each arc.
     """
-    points, tangents = arc_bases(L, p.shape[-2], degree)
-    q = (points @ p) * size[..., None, :]  # (..., Q, 2)
+    at, tangents = arc_bases(L, p.shape[-2], degree, points)
+    q = (at @ p) * size[..., None, :]  # (..., Q, 2)
     t = (tangents @ p) * size[..., None, :]
     length = np.sqrt(dot(t, t))
     toward = unit(np.arange(DIRECTIONS) * (2 * np.pi / DIRECTIONS))  # (A, 2)
@@ -42,7 +44,7 @@ def sight_table(p: NDArray, size: NDArray, L: int, degree: int = 3, grazing: flo
     incidence = turn * cross(toward[:, None], t[..., None, :, :]) / np.maximum(length, 1e-12)[..., None, :]
     lit = ~hidden(q, toward) & (incidence > 0)
     arc = np.where(lit, length[..., None, :] * np.maximum(incidence, 1e-12) ** (1 - grazing), 0.0)  # (..., A, Q)
-    share = arc.reshape(*arc.shape[:-1], L, POINTS).sum(-1)
+    share = arc.reshape(*arc.shape[:-1], L, points).sum(-1)
     return share / np.maximum(share.sum(-1, keepdims=True), 1e-12)
 
 

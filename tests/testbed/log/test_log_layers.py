@@ -20,7 +20,10 @@ def test_closed_outlines_end_where_they_began():
     assert np.array_equal(strips.xy[[0, 3]], strips.xy[[2, 6]])
 
 
-@given(st.lists(st.tuples(st.floats(-50, 50), st.floats(-50, 50)), min_size=2, max_size=6))
+MILLIMETRES = st.integers(-50_000, 50_000).map(lambda n: n / 1000)
+
+
+@given(st.lists(st.tuples(MILLIMETRES, MILLIMETRES), min_size=2, max_size=6))
 def test_dashes_lie_on_their_line_and_are_no_longer_than_asked(points):
     line = np.array(points)
     cut = layers.dashes(line, dash=3.0, gap=6.0)

@@ -1,0 +1,178 @@
+"""Which class of contour an object has: the likelihood of its detections under a catalogue of learned contours.
+
+Each class is a hypothesis about the whole body. Its contour is placed at its own usual size, so that the end which was
+seen lies where the track has it, and then fitted to the pooled detections: position along and across, length and width,
+each tied to what is usual for the class. The fit is the PMHT of the filter itself, in its own frame and without
+motion. The class that explains the detections best where it would give any is the most probable one.
+
+Detections of one body are not independent: they share the error of the pose, and those of the next look come from the
+same points. So each counts for a part of one.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.pmht.association import Seen, log_density, responsibilities, synthesise
+from trackers.pmht.ellipses import BOX_COLUMN
+from trackers.pmht.filter import shown
+from trackers.pmht.model import SHIPPED, SplineModel, load
+from trackers.pmht.symmetric import columns, determinant
+from trackers.pmht.visibility import directions, weights
+
+FOLDER = SHIPPED / "classes"
+NAMES = ("car", "van", "truck", "bus", "articulated", "tractor", "motorcycle")
+
+
+class Fits(NamedTuple):
+    """Each class fitted to T objects."""
+
+    evidence: NDArray  # (T, C) log likelihood of the detections at the fit, and log prior of the class and the fit
+    offset: NDArray  # (T, C, 2) [m] of the centre, in the frame of the body
+    size: NDArray  # (T, C, 2) [m]
+    size_std: NDArray  # (T, C, 2) [m]
+
+
+@dataclass(frozen=True)
+class Catalogue:
+    """The classes, and how objects are compared with them."""
+
+    names: tuple[str, ...] = NAMES
+    shares: tuple[float, ...] = (0.6, 0.12, 0.1, 0.05, 0.06, 0.02, 0.05)  # of the classes in traffic
+    folder: str = str(FOLDER)
+    counts: float = 0.3  # of one independent detection, that each counts for
+    length_std: float = 0.12  # of the logarithms, within a class
+    width_std: float = 0.05
+    place_std: float = 0.6  # [m] of the seen end about where the track has it
+    blur: float = 0.03  # [m] error of the pose that the detections were decoupled with
+    outliers: float = 1e-5  # [1/m^2] density of what no contour explains
+    iterations: int = 3
+    unseen: float = 0.1  # see `filter.SplinePmht`, as the next
+    grazing: float = 0.5
+
+    def __post_init__(self) -> None:
+        if len(self.shares) != len(self.names) or min(self.shares) <= 0:
+            raise ValueError(
+                f"shares must be one positive number for each of {len(self.names)} names, got {self.shares}"
+            )
+        positive = (self.counts, self.length_std, self.width_std, self.place_std, self.outliers, self.iterations)
+        if not (min(positive) > 0 and self.blur >= 0):
+            raise ValueError(
+                "counts, length_std, width_std, place_std, outliers and iterations must be positive and blur at least "
+                f"0, got {', '.join(map(str, positive))} and {self.blur}"
+            )
+
+    @cached_property
+    def models(self) -> tuple[SplineModel, ...]:
+        """One contour a class."""
+        return tuple(load(Path(self.folder) / f"{name}.json") for name in self.names)
+
+    @cached_property
+    def mu(self) -> NDArray:
+        """Centres (C, 2, L) of the ellipses in the unit frame."""
+        return np.stack([model.mu.T for model in self.models])
+
+    @cached_property
+    def Sigma(self) -> NDArray:
+        """Covariances (C, 3, L) of the ellipses as columns."""
+        return np.stack([columns(model.Sigma) for model in self.models])
+
+    @cached_property
+    def size(self) -> NDArray:
+        """Usual length and width (C, 2) [m]."""
+        return np.array([model.size for model in self.models])
+
+    @cached_property
+    def sight(self) -> NDArray:
+        """What is seen (C, A, L) of each contour at its typical size."""
+        return np.stack([shown(model, self.grazing) for model in self.models])
+
+    @property
+    def size_std(self) -> NDArray:
+        """Standard deviations (2,) of log length and log width within a class."""
+        return np.array([self.length_std, self.width_std])
+
+    def fit(self, seen: Seen, sensor: NDArray, size: NDArray, ends: NDArray) -> Fits:
+        """The classes fitted to the detections of T objects.
+
+        Args:
+            seen: detections (T, 2, D) [m] in the frame of the body.
+            sensor: (T, D, 2) [m] where each was seen from, in that frame.
+            size: (T, 2) [m] of the tracks.
+            ends: (T, 2, 2) bool, which ends were seen: rear and front, right and left.
+
+        """
+        z = Seen(seen.z[:, None], seen.R[:, None] + self.blur**2 * np.array([[1.0], [0.0], [1.0]]), seen.mask[:, None])
+        usual = np.broadcast_to(self.size, (len(size), *self.size.shape))  # (T, C, 2)
+        beyond = (usual - size[:, None]) / 2
+        one = ends[..., 0].astype(int) - ends[..., 1]  # 1 where the low end alone was seen
+        start = one[:, None] * beyond
+        loose = np.where(one[:, None] == 0, beyond, 0.0)
+        prior = np.stack([start, usual], -1)  # (T, C, 2, 2): axis, offset and size
+        std = np.stack([np.hypot(self.place_std, loose), usual * self.size_std], -1)
+        theta = prior
+        c = self.mu * theta[..., 1, None] + theta[..., 0, None]
+        toward = directions(c, np.zeros(usual.shape[:-1]), sensor[:, None])
+        sight = np.broadcast_to(self.sight, (len(size), *self.sight.shape))
+        pi = np.maximum(weights(sight, toward, self.unseen), 1e-12)  # (T, C, D, L)
+        for _ in range(self.iterations):
+            on, rest = self._densities(z, theta, pi)
+            w = responsibilities(on, z.mask, rest)
+            theta, var = self._solved(z, theta, w, prior, std)
+        on, rest = self._densities(z, theta, pi)
+        share = np.array([model.interior for model in self.models])[:, None, None]
+        each = np.log((1 - share) * (np.exp(on).sum(-1, keepdims=True) + rest))[..., 0]
+        deviation = (theta - prior) / std
+        evidence = (
+            np.log(self.shares) + self.counts * np.where(z.mask, each, 0.0).sum(-1) - 0.5 * (deviation**2).sum((-1, -2))
+        )
+        return Fits(evidence, theta[..., 0], theta[..., 1], np.sqrt(var[..., 1]))
+
+    def _densities(self, z: Seen, theta: NDArray, pi: NDArray) -> tuple[NDArray, NDArray]:
+        """Log of pi_l N_il (T, C, D, L), and the density (T, C, D, 1) [1/m^2] of all else beside them."""
+        s, o = theta[..., 1], theta[..., 0]
+        scale = squares(s)
+        on = log_density(z, self.mu * s[..., None] + o[..., None], self.Sigma * scale)
+        within = np.exp(log_density(z, o[..., None], BOX_COLUMN * scale))
+        share = np.array([model.interior for model in self.models])[:, None, None]
+        return on + np.log(pi), share / (1 - share) * within + self.outliers
+
+    def _solved(self, z: Seen, theta: NDArray, w: NDArray, prior: NDArray, std: NDArray) -> tuple[NDArray, NDArray]:
+        """Offset and size (T, C, 2, 2) that go best with the weights w (T, C, D, L), and their variances."""
+        synthetic = synthesise(w, z)
+        V = self.Sigma * squares(theta[..., 1]) + synthetic.R
+        part = self.counts * synthetic.M / determinant(V)
+        W = np.stack([V[..., 2, :], -V[..., 1, :], V[..., 0, :]], -2) * part[..., None, :]  # (T, C, 3, L)
+        tie = (1 / std**2).reshape(*std.shape[:-2], 4)
+        H = tie[..., None] * np.eye(4)
+        h = tie * prior.reshape(tie.shape)
+        J = np.stack([np.ones(self.mu.shape), self.mu], -2)  # (C, axis, 2, L)
+        for a in range(2):
+            for b in range(2):
+                JW = J[:, a] * W[..., a + b, None, :]  # xx, xy, yy
+                H[..., 2 * a : 2 * a + 2, 2 * b : 2 * b + 2] += JW @ J[:, b].mT
+                h[..., 2 * a : 2 * a + 2] += (JW @ synthetic.z[..., b, :, None])[..., 0]
+        cov = np.linalg.inv(H)
+        new = (cov @ h[..., None])[..., 0].reshape(theta.shape)
+        new[..., 1] = np.maximum(new[..., 1], 0.5 * prior[..., 1])
+        return new, cov.diagonal(axis1=-2, axis2=-1).reshape(theta.shape)
+
+    def probability(self, evidence: NDArray) -> NDArray:
+        """Probabilities (..., C) from log evidence (..., C)."""
+        p = np.exp(evidence - evidence.max(-1, keepdims=True))
+        return p / p.sum(-1, keepdims=True)
+
+    def by_size(self, size: NDArray, size_std: NDArray) -> NDArray:
+        """Probabilities (..., C) of objects of which the size (..., 2) [m] and its std (..., 2) [m] are known."""
+        var = self.size_std**2 + ((size_std / size) ** 2)[..., None, :]
+        d = np.log(size)[..., None, :] - np.log(self.size)
+        return self.probability(np.log(self.shares) - 0.5 * (d**2 / var + np.log(var)).sum(-1))
+
+
+def squares(s: NDArray) -> NDArray:
+    """What scales covariances as columns (..., 3, 1) to sizes s (..., 2)."""
+    return np.stack([s[..., 0] ** 2, s[..., 0] * s[..., 1], s[..., 1] ** 2], -1)[..., None]

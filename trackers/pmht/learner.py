@@ -1,0 +1,174 @@
+"""How the class and the contour of an object are learned from its own detections; card bspline_pmht, sections 7 and 8.
+
+All functions take and give A objects as rows. Learning goes through stages, one a look: an object waits (0) until its
+window is decoupled into its pool; then it is compared with the classes (1); where enough detections in the pool are
+new, looks with a few steps of expectation maximisation follow (2 ... turns), and in the last the filter takes the new
+contour over.
+
+Vehicles are symmetric, so what is seen of one side is known of the other. What was not seen stays: the ellipses weigh
+by what the sensor of each detection could see, and the stiffness holds the others at the catalogue's place. The frame
+of the contour moves in those directions only in which its offset can be told, see `adaptation.partial_shift`. A contour
+with loops is not taken over.
+"""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.batch import select
+from trackers.geometry import rotation
+from trackers.motion import PHI
+from trackers.pmht import pool as pools
+from trackers.pmht import window as windows
+from trackers.pmht.adaptation import partial_shift, shifted
+from trackers.pmht.adaptive_state import AdaptiveState
+from trackers.pmht.association import Seen
+from trackers.pmht.classes import Catalogue, squares
+from trackers.pmht.filter import TRUCK_ABOVE, SplinePmht, shown
+from trackers.pmht.learning import Contour
+from trackers.pmht.model import DEGREE, outlines
+from trackers.pmht.refine import Refine, sound
+from trackers.pmht.state import LENGTH, resized
+from trackers.pmht.visibility import sight_table
+
+COARSE = 2  # points on the arc of an ellipse for the sight of a contour that is learned in the loop
+NO_NOISE = np.array([1.0, 0.0, 1.0])  # of padding: the identity as columns
+
+
+@dataclass(frozen=True)
+class Learner:
+    """Learns classes and contours over the filter `spline`."""
+
+    spline: SplinePmht
+    refine: Refine = field(default_factory=Refine)
+    catalogue: Catalogue = field(default_factory=Catalogue)
+    enough: int = 150  # new detections before a contour is learned
+    turns: int = 7  # looks that a class and a contour are learned in, before the one in which it is taken over
+    seen_from: int = 20  # detections from beyond an end that make it a seen one
+    compared: int = 80  # detections at most that are compared with the classes
+    sure: float = 0.9  # probability of a class that makes its contour the one to start from
+
+    def __post_init__(self) -> None:
+        if not (min(self.enough, self.turns - 1, self.seen_from, self.compared) >= 1 and 0.5 < self.sure <= 1):
+            raise ValueError(
+                "enough, turns - 1, seen_from and compared must be at least 1 and sure above .5 and up to 1, got "
+                f"{self.enough}, {self.turns - 1}, {self.seen_from}, {self.compared}, {self.sure}"
+            )
+
+    @cached_property
+    def offline(self) -> tuple[NDArray, NDArray, NDArray]:
+        """Control points, covariances and sights of the contours to start from: the filter's, then one a class."""
+        models, grazing = (*self.spline.models, *self.catalogue.models), self.spline.grazing
+        return (
+            np.stack([model.p for model in models]),
+            np.stack([model.Sigma for model in models]),
+            np.stack([shown(model, grazing) for model in models]),
+        )
+
+    def gathered(self, state: AdaptiveState) -> AdaptiveState:
+        """The windows go into the pools, and a comparison is next."""
+        pool, count = pools.added(state.pool, windows.decouple(state.window))
+        return state._replace(
+            window=windows.cleared(state.window, np.ones(state.stage.shape, bool)),
+            pool=pool,
+            fresh=state.fresh + count,
+            stage=np.ones(state.stage.shape, int),
+        )
+
+    # -- classes ----------------------------------------------------------------------------------------------------
+
+    def compared_with_classes(self, state: AdaptiveState) -> AdaptiveState:
+        """Class, size and place that the catalogue makes of the pool; where it is sure, its contour is taken over."""
+        fits = self.catalogue.fit(*self._compared(state))
+        p = self.catalogue.probability(fits.evidence)
+        best = p.argmax(-1)
+        sure = (p.max(-1) > self.sure)[:, None]
+        rows = np.arange(len(best))
+        o = np.where(sure, fits.offset[rows, best], 0.0)
+        size = np.where(sure, fits.size[rows, best], state.m[:, LENGTH:])
+        now_std = np.sqrt(state.P.diagonal(axis1=-2, axis2=-1)[..., LENGTH:])
+        m, P = resized(state.m, state.P, size, np.where(sure, fits.size_std[rows, best], now_std))
+        m[..., :2] += (rotation(m[..., PHI]) @ o[..., None])[..., 0]
+        now = self._of_class(state, p)
+        z = (state.pool.z * state.m[:, None, None, LENGTH:] - o[:, None, None]) / size[:, None, None]
+        return now._replace(
+            m=m,
+            P=P,
+            window=windows.cleared(state.window, np.ones(len(m), bool)),
+            pool=state.pool._replace(z=z),
+            draft=Contour(now.p, now.Sigma),
+            stage=np.where(state.fresh >= self.enough, 2, 0),
+            probability=p,
+        )
+
+    def _compared(self, state: AdaptiveState) -> tuple[Seen, NDArray, NDArray, NDArray]:
+        """What is compared with the classes, see `Catalogue.fit`: detections of the pool, spread over all of it."""
+        data, size = state.pool.all, state.m[:, LENGTH:]
+        D = data.mask.shape[1]
+        pick = np.linspace(0, D - 1, min(D, self.compared)).astype(int)
+        z, R, sensor, mask = (a[:, pick] for a in data)
+        R = np.where(mask[..., None], R * squares(size).mT, NO_NOISE)
+        z = np.where(mask[..., None], z * size[:, None], 0.0)
+        ends = pools.ends_seen(state.pool, state.m, self.seen_from)
+        return Seen(z.mT, R.mT, mask), sensor, size, ends
+
+    def _of_class(self, state: AdaptiveState, p: NDArray) -> AdaptiveState:
+        """Objects of a class that is sure now have its contour; those whose class is not any more, one by length."""
+        first = len(self.spline.models)
+        own = np.take_along_axis(p, np.maximum(state.kind - first, 0)[:, None], -1)[:, 0]
+        doubtful = (state.kind >= first) & (own < 1 - self.sure)
+        kind = np.where(doubtful, self.by_length(state.m[:, LENGTH]), state.kind)
+        return self.of_kind(state, np.where(p.max(-1) > self.sure, first + p.argmax(-1), kind))
+
+    def of_kind(self, state: AdaptiveState, kind: NDArray) -> AdaptiveState:
+        """Objects of another kind (...) than before start again from its contour."""
+        p, Sigma, sight = (a[kind] for a in self.offline)
+        return select(kind != state.kind, state._replace(p=p, Sigma=Sigma, sight=sight, kind=kind), state)
+
+    def by_length(self, length: NDArray) -> NDArray:
+        """Kind (...) int of objects of length (...) [m] whose class is not known."""
+        return (length > TRUCK_ABOVE).astype(int) * (len(self.spline.models) > 1)
+
+    # -- contours ---------------------------------------------------------------------------------------------------
+
+    def stepped(self, state: AdaptiveState) -> AdaptiveState:
+        """Some iterations."""
+        data, off = state.pool.all, Contour(*(a[state.kind] for a in self.offline[:2]))
+        L = state.Sigma.shape[-3]
+        log_pi: NDArray | float = -np.log(L)
+        if self.spline.visibility == "rays":
+            log_pi = self.refine.log_weights(state.sight, state.p, L, state.m[..., LENGTH:], data.sensor)
+        draft = self.refine.run(state.draft, off, data, log_pi, self.spline.interior)
+        return state._replace(draft=draft, stage=state.stage + 1)
+
+    def adopted(self, state: AdaptiveState) -> AdaptiveState:
+        """The contours that were learned take the place of those that they had; none with loops does."""
+        o = self.offset(state)
+        p, window = state.draft.p - o[..., None, :], state.window
+        moved = window._replace(m=shifted(window.m, o[..., None, :]), m_pred=shifted(window.m_pred, o[..., None, :]))
+        L = state.Sigma.shape[-3]
+        done = state._replace(stage=np.zeros_like(state.stage), fresh=np.zeros_like(state.fresh))
+        new = done._replace(
+            m=shifted(state.m, o),
+            p=p,
+            Sigma=state.draft.Sigma,
+            sight=sight_table(p, state.m[..., LENGTH:], L, DEGREE, self.spline.grazing, COARSE),
+            window=moved,
+            pool=state.pool._replace(z=state.pool.z - o[..., None, None, :]),
+        )
+        return select(sound(state.draft.p), new, done)
+
+    def offset(self, state: AdaptiveState) -> NDArray:
+        """By how much (A, 2) the frame moves with the draft, in the unit frame."""
+        ends = pools.ends_seen(state.pool, state.m, self.seen_from)
+        if self.spline.visibility == "none":  # a sensor that sees all sides
+            ends = np.ones_like(ends)
+        if self.refine.symmetric:  # the middle is known from either side
+            ends[..., 1, :] = True
+        return partial_shift(state.draft.p, self.offline[0][state.kind], ends)
+
+    def outlines_of(self, state: AdaptiveState) -> NDArray:
+        """Contours (A, C, 2) [m] on the body's axes."""
+        return outlines(state.p, state.Sigma, self.spline.outward) * state.m[..., None, LENGTH:]
