@@ -18,6 +18,7 @@ from testbed.log import palette, paths
 from testbed.log.modes import Modes, probabilities
 from testbed.log.record import RoadGeometry, SmoothedTracks, StepRecord, TrackerFrame
 from trackers.geometry import box_corners, ellipse_points, to_world, unit
+from trackers.multi.tracks import Tracks
 from trackers.scan import SensorModel
 
 
@@ -45,6 +46,7 @@ Rows = dict[str, Row]
 STRIP = 32.0  # [m] a road that spans less than this across the screen is shown as a strip
 LONG = 4.0  # so much longer than wide is a road that runs along the screen
 CONFIDENCE_RADIUS = 2.4477  # sqrt of the 95 % quantile of chi-square with 2 degrees of freedom
+LIKELY = 0.5  # probability of a class above which it stands behind the id of its track
 NOSE = 1.0  # [m] heading arrows reach this far beyond the front
 
 
@@ -122,10 +124,10 @@ def detection_rows(record: StepRecord) -> Rows:
     }
 
 
-def tracker_rows(name: str, frame: TrackerFrame, modes: Sequence[str] = ()) -> Rows:
+def tracker_rows(name: str, frame: TrackerFrame, modes: Sequence[str] = (), classes: Sequence[str] = ()) -> Rows:
     """Boxes or contours, 95 % ellipses of the centre, headings and ids of the reported tracks; the others thin.
 
-    Behind the id stands the most likely of the motion models `modes`.
+    Behind the id stand the most likely of the motion models `modes` and the class, of `classes`, where it is likely.
     """
     tracks = frame.tracks
     shown = tracks.existence > 0.5
@@ -147,7 +149,7 @@ def tracker_rows(name: str, frame: TrackerFrame, modes: Sequence[str] = ()) -> R
         paths.tracker(name, "heading"): _headings(estimate.pose, estimate.size[:, 0]),
         paths.tracker(name, "center"): {
             "Points2D:positions": np.array(estimate.pose[:, :2], np.float32),
-            "Points2D:labels": _labels(tracks.id, frame, modes),
+            "Points2D:labels": _labels(tracks, frame, modes, classes),
         },
     }
 
@@ -175,9 +177,14 @@ def no_change_rows(name: str) -> Rows:
     return {paths.tracker(name, layer): dict(nothing) for layer in paths.CHANGE_LAYERS}
 
 
-def _labels(ids: NDArray, frame: TrackerFrame, modes: Sequence[str]) -> list[str]:
-    likely = {track: f"{track} {modes[int(p.argmax())]}" for track, p in probabilities(frame, modes).items()}
-    return [likely.get(int(track), str(track)) for track in ids]
+def _labels(tracks: Tracks, frame: TrackerFrame, modes: Sequence[str], classes: Sequence[str]) -> list[str]:
+    moves = {track: modes[int(p.argmax())] for track, p in probabilities(frame, modes).items()}
+    ids = tracks.id.tolist()
+    known = dict.fromkeys(ids, "")
+    p = tracks.estimate.class_probability
+    if classes and p is not None:
+        known |= {i: classes[int(own.argmax())] for i, own in zip(ids, p, strict=True) if own.max() > LIKELY}
+    return [" ".join(filter(None, (str(i), moves.get(i), known[i]))) for i in ids]
 
 
 def smoothed_extents(smoothed: SmoothedTracks) -> list[Row]:

@@ -15,8 +15,14 @@ def mode_names(tracker: str) -> tuple[str, ...]:
     if tracker not in TRACKERS:
         return ()
     filter = TRACKERS[tracker].filter
-    names: tuple[str, ...] = getattr(filter, "modes", getattr(filter, "models", ()))
-    return names if len(names) > 1 else ()
+    names: tuple[object, ...] = getattr(filter, "modes", getattr(filter, "models", ()))
+    named = tuple(name for name in names if isinstance(name, str))  # models of contours are none of motion
+    return named if len(named) > 1 else ()
+
+
+def class_names(tracker: str) -> tuple[str, ...]:
+    """Names of the classes that a tracker of the table tells apart; none where it does not."""
+    return getattr(TRACKERS[tracker].filter, "classes", ()) if tracker in TRACKERS else ()
 
 
 def modes_of(trackers: Sequence[str]) -> Modes:

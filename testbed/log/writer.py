@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Literal, Self
 import numpy as np
 
 from testbed.log import layers, palette, paths
-from testbed.log.modes import modes_of
+from testbed.log.modes import class_names, modes_of
 from testbed.log.record import RoadGeometry, RunMeta, SmoothedTracks, StepRecord, TrackerFrame
 from testbed.log.text import config_text, flat_properties, flat_summary, summary_text, unfinished_text
 from trackers.multi.tracks import Event
@@ -80,6 +80,7 @@ class RunLog(NullLog):
         self.meta = meta
         self._level, self._every, self._focus = level, every, focus
         self._modes = modes_of(meta.trackers)
+        self._classes = {name: class_names(name) for name in meta.trackers}
         self._road, self._middle = RoadGeometry(), layers.strip_middle(RoadGeometry())
         self._sensors: tuple[SensorModel, ...] = ()
         self._stream: Stream | None = None
@@ -225,7 +226,8 @@ class RunLog(NullLog):
             | layers.detection_rows(record)
         )
         for name, frame in record.frames.items():
-            rows |= layers.tracker_rows(name, frame, self._modes[name]) | self._changes(name, frame)
+            rows |= layers.tracker_rows(name, frame, self._modes[name], self._classes[name])
+            rows |= self._changes(name, frame)
         if self._walls is None or not np.array_equal(self._walls, record.scene.walls):
             self._walls = np.array(record.scene.walls)
             rows |= layers.wall_rows(self._walls)

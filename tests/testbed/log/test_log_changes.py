@@ -4,7 +4,8 @@ import log_runs
 import numpy as np
 
 from testbed.log import RunLog, paths, reader
-from testbed.log.layers import change_rows
+from testbed.log.layers import change_rows, tracker_rows
+from testbed.log.modes import class_names, mode_names
 from trackers.geometry import to_frame
 from trackers.multi.tracks import Event
 
@@ -62,3 +63,22 @@ def test_a_change_of_a_track_that_is_gone_and_the_level_metrics_draw_nothing(tmp
     write(tmp_path / "numbers.rrd", (10,), steps=12, level="metrics")
     assert BEFORE not in reader.entity_paths(tmp_path / "numbers.rrd")
     assert any("adapted" in event.text for event in reader.events(tmp_path / "numbers.rrd"))
+
+
+def test_the_class_of_a_track_stands_behind_its_id_where_it_is_likely():
+    frame = next(iter(log_runs.records(1))).frames[NAME]
+    tracks = frame.tracks
+    p = np.tile([0.5, 0.5], (len(tracks.id), 1))
+    p[0] = [0.2, 0.8]
+    known = frame._replace(tracks=tracks._replace(estimate=tracks.estimate._replace(class_probability=p)))
+    labels = tracker_rows(NAME, known, classes=("car", "bus"))[paths.tracker(NAME, "center")]["Points2D:labels"]
+    shown = tracks.reported.id.tolist()
+    assert labels == [f"{i} bus" if i == tracks.id[0] else str(i) for i in shown]
+    assert tracker_rows(NAME, known)[paths.tracker(NAME, "center")]["Points2D:labels"] == [str(i) for i in shown]
+
+
+def test_models_of_contours_are_no_motion_models_and_classes_have_names():
+    assert mode_names("pmht-spline") == ()
+    assert mode_names("edra-imm") == ("cv", "ca", "ct")
+    assert "tractor" in class_names("pmht-spline-adaptive")
+    assert class_names("pmht-spline") == class_names("mine") == ()
