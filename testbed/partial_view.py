@@ -52,7 +52,12 @@ MEASURES = {
     "iou": "contour IoU",
     "nees": "NEES of the centre",
 }
-DRAWN = {"along": "bias along [m]", "length rms": "length error, rms [m]", "iou": "contour IoU", "nees": "NEES"}
+DRAWN = {
+    "along": "magnitude of the bias along [m]",
+    "length rms": "length error, rms [m]",
+    "iou": "contour IoU",
+    "nees": "NEES of the centre, ideal 2",
+}
 COLUMNS = (  # of a whole run with the multi-object tracker
     ("gospa", "GOSPA [m]", 2),
     ("rmse_position", "position [m]", 2),
@@ -224,10 +229,11 @@ the paper's model. This page compares the two on the radar `{radar}`.
 
 ## Contours learned from some sides
 
-{detections} detections of cars from the training sampler, sorted by the side they come from; no mirror images, so that
-nothing is known of a side that no detection came from. Black: the outline of a car; green: the contour that is drawn,
-one standard deviation outside the curve; ellipses: two standard deviations, vermilion where hardly any detection is.
-The IoU is with the outline of a car; the length of the contour is in lengths of the vehicle.
+Up to {detections} detections of cars from the training sampler, chosen by the aspect they were seen under: any, up to
+90 degrees to the left of the rear, or within 14 degrees of it. No mirror images, so that nothing is known of a side
+that no detection came from. Black: the outline of a car; green: the contour that is drawn, one standard deviation
+outside the curve; ellipses: two standard deviations, vermilion where hardly any detection is. The IoU is with the
+outline of a car; the length of the contour is in lengths of the vehicle.
 
 ![Contours learned from some sides](pictures/partial-view-learned.png)
 
@@ -239,13 +245,13 @@ The IoU is with the outline of a car; the length of the contour is in lengths of
 is drawn about the truth (0.5 m, 1 m/s, 0.05 rad); its size is the usual one of the class, and true sizes scatter by 7 %
 about it. "All around" has four cars with radars about the vehicle, which is the paper's full view; on the "circle" it
 turns before a standing ego, and shows all sides, one after the other. "Passing", "oncoming" and "behind" are drives on
-a road. ± is a 95 % interval over the runs. Ahead and left count as positive.
+a road. ± is a 95 % interval over the runs. Ahead and left count as positive; a NEES of 2 is ideal.
 
 The filter and what it was learned from can each have weights or not: "rays" and "none" have the same in both.
 
 ![Errors with and without weights by visibility](pictures/partial-view.png)
 
-The figure is of means over the classes, magnitudes for the bias.
+The figure is of means over the classes.
 
 {tables}
 

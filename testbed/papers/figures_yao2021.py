@@ -26,17 +26,20 @@ def draw(outcomes: Outcomes, out: Path) -> tuple[Path, ...]:
 
 
 def contours(outcomes: Outcomes, out: Path) -> Path:
-    """The offline model, and the adapted ones of the first run with their detections."""
-    panels = [(name, method) for name in CONTOURS for method in DRAWN]
-    figure = Figure(figsize=(4 * (1 + len(panels)), 3), layout="constrained")
-    axes = figure.subplots(1, 1 + len(panels), sharex=True, sharey=True)
-    offline(axes[0], find("yao2021"))
-    for ax, key in zip(axes[1:], panels, strict=True):
-        adapted(ax, outcomes[key], CONTOURS[key[0]])
-        ax.set_title(f"{key[0]}, {key[1]}: adapted")
-    for ax in axes:
-        ax.set(aspect="equal", xlabel="along [m]")
-    axes[0].set_ylabel("across [m]")
+    """Over each contour, the offline model and the adapted ones of the first run with their detections."""
+    figure = Figure(figsize=(3.4 * (1 + len(DRAWN)), 2.1 * len(CONTOURS)), layout="constrained")
+    axes = figure.subplots(len(CONTOURS), 1 + len(DRAWN), sharex=True, sharey=True)
+    for row, (name, outline) in zip(axes, CONTOURS.items(), strict=True):
+        offline(row[0], find("yao2021"))
+        row[0].set(title=f"{name}: learned offline", ylabel="across [m]")
+        for ax, method in zip(row[1:], DRAWN, strict=True):
+            adapted(ax, outcomes[name, method])
+            ax.set_title(f"{name}: adapted, {method}")
+        for ax in row:
+            ax.plot(*np.concatenate([outline, outline[:1]]).T, "k-", linewidth=1)
+            ax.set_aspect("equal")
+    for ax in axes[-1]:
+        ax.set_xlabel("along [m]")
     path = out / "yao2021_contours.png"
     figure.savefig(path, dpi=120)
     return path
@@ -46,15 +49,13 @@ def offline(ax: Axes, model: SplineModel) -> None:
     """The model learned offline: its ellipses, two standard deviations, on their curve."""
     ellipses(ax, model.mu, model.Sigma)
     ring(ax, model.p, "r-")
-    ax.set_title("learned offline")
 
 
-def adapted(ax: Axes, outcome: Outcome, outline: NDArray) -> None:
-    """The first run."""
+def adapted(ax: Axes, outcome: Outcome) -> None:
+    """The first run: its decoupled detections, and the curve that was learned from them."""
     a = outcome.adapted
     z = a.z[0][a.mask[0]] * SIZE
     ax.plot(*z.T, "b.", markersize=1)
-    ax.plot(*np.concatenate([outline, outline[:1]]).T, "k-", linewidth=1)
     ring(ax, a.contour.p[0], "r-")
 
 

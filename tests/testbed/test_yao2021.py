@@ -9,7 +9,7 @@ import shapely
 from testbed.papers import yao2021
 from testbed.papers.catalogue import PAPERS
 from testbed.papers.verdict import Stopped
-from testbed.papers.yao2021_claims import gain, verdicts
+from testbed.papers.yao2021_claims import Gain, above, apart, gain, verdicts
 from testbed.papers.yao2021_trials import (
     ADAPT_AT,
     BAND,
@@ -86,6 +86,20 @@ def test_a_gain_is_a_ratio_of_errors_with_its_interval():
     rng = np.random.default_rng(3)
     wide = gain(rng.uniform(1, 7, 20), np.full(20, 1.0))
     assert wide.low < wide.value < wide.high
+
+
+def test_a_bar_inside_an_interval_decides_nothing():
+    assert above(Gain(1.5, 1.4, 1.6), 1.3)
+    assert above(Gain(1.2, 1.1, 1.25), 1.3) is False
+    assert above(Gain(1.35, 1.25, 1.45), 1.3) is None
+
+
+def test_two_gains_are_as_far_apart_whichever_comes_first():
+    a, b = Gain(2.0, 1.6, 2.5), Gain(3.0, 2.4, 3.75)
+    assert apart(a, b) == apart(b, a)
+    assert apart(a, b).value == pytest.approx(1.5)
+    assert apart(a, b).high / 1.5 == pytest.approx(1.25 ** np.sqrt(2))
+    assert apart(a, a).value == 1
 
 
 def test_the_whole_experiment_with_one_run(tmp_path):
