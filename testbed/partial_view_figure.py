@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from trackers.geometry import ellipse_points
 from trackers.pmht.model import SplineModel, outlines
 
-COLOURS = ("#0072B2", "#D55E00", "#E69F00", "#CC79A7", "0.45")  # after Okabe and Ito
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#E69F00", "0.45", "#CC79A7", "#56B4E9")  # after Okabe and Ito
 LEAST_SHOWN = 0.05  # of the mean ellipse's detections, below which an ellipse is drawn as unseen
 
 

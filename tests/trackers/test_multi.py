@@ -285,6 +285,28 @@ def test_outside_every_field_of_view_nothing_is_expected():
     assert (view.expected == 0).all()
 
 
+def test_sizes_are_drawn_to_what_a_filter_holds_for_usual_where_it_knows():
+    sizes, size, std = SizePrior(), np.tile([5.0, 2.2], (2, 1)), np.tile([0.3, 0.1], (2, 1))
+    usual = np.array([[5.0, 2.5], [np.nan, np.nan]]), np.array([[0.12, 0.05], [np.nan, np.nan]])
+    known, known_std = sizes.relax(size, std, 60.0, usual)
+    plain, plain_std = sizes.relax(size, std, 60.0)
+    np.testing.assert_allclose(known[0], [5.0, 2.5], rtol=1e-6)
+    np.testing.assert_allclose(known_std[0], [0.6, 0.125], rtol=1e-6)
+    np.testing.assert_array_equal(known[1], plain[1])
+    np.testing.assert_array_equal(known_std[1], plain_std[1])
+    np.testing.assert_allclose(plain[0], sizes.car, rtol=1e-6)
+
+
+def test_a_box_is_whole_but_for_what_an_edge_cuts_off_and_others_hide():
+    edge = 20.0 * np.tan(RADAR.fov / 2)
+    e = prior(np.array([[20.0, 0, 0], [20.0 + 2.3, edge, 0], [60.0, 0.9, 0], [-20.0, 0, 0]]))
+    view = predict_visibility(e, np.array([True, False, False, False]), SensorArray.of((RADAR,)), np.zeros(6))
+    assert view.whole[0] == 1
+    assert 0.2 < view.whole[1] < 0.8
+    assert view.whole[2] < 0.75
+    assert view.whole[3] == 0
+
+
 def test_existence_by_hand():
     ex = Existence()
     np.testing.assert_allclose(np.exp(ex.log_ratio(np.zeros(2), np.array([0.0, 1.0]), np.zeros(2))), [1, 1.5**-2])

@@ -347,3 +347,15 @@ def test_bad_numbers_are_named(name):
         Catalogue(shares=(0.5, 0.5))
     with pytest.raises(ValueError, match="stiffness"):
         Refine(stiffness=0.0)
+
+
+def test_nothing_is_learned_from_looks_at_a_part_of_an_object():
+    scans = list(looks(np.random.default_rng(13), 40, 2))
+    state = QUICK.init(prior(np.array([[0.0, 0, 0], [0, 8.0, 0]]), velocity=(10.0, 0.0), size=SIZE))
+    for scan in scans:
+        state = QUICK.attend(QUICK.predict(state, DT), np.array([True, False]))
+        state, info = QUICK.update(state, scan)
+        assert not any(note.where[1] for note in info.notes)
+    assert state.pool.came.sum(-1).tolist() == [state.pool.came[0].sum(), 0]
+    assert state.pool.came[0].sum() > 100
+    np.testing.assert_array_equal(state.p[1], SPLINE.models[0].p)

@@ -41,6 +41,7 @@ class MultiObjectTracker:
     occlude_above: float = 0.6  # existence of a track that may hide others
     occlude_hits: int = 4
     trust: float = 0.8  # of the data sheets' detection rates
+    whole: float = 0.75  # share of an object that must be in sight for a look that its class is learned from
     growth_std: float = 0.2  # std of log length of a track with detections just beyond its ends
     road: RoadMap | None = None  # map of the lanes; without it nothing is born that stands still
 
@@ -162,6 +163,8 @@ class MultiObjectTracker:
         notes: tuple[Note, ...] = ()
         if n.any():
             share = gather(z, shares(claims.owner, T, self.most_detections))
+            if self.classifying is not None:
+                state = self.classifying.attend(state, view.whole > self.whole)
             state, info = self.filter.update(state, share)
             nis, mode, notes = info.nis, getattr(info, "mode", None), getattr(info, "notes", ())
         updated = tracks._replace(

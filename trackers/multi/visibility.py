@@ -54,6 +54,7 @@ class Visibility(NamedTuple):
     expected: NDArray  # (S, T) detections, occlusion included
     in_view: NDArray  # (T,) bool, inside the field of view and range of some sensor
     share: NDArray  # (S, T) share of the rays on the box that no occluder stops
+    whole: NDArray  # (T,) share of the box's span that is in sight, of the sensor that sees most of it
 
 
 def ray_box(origin: NDArray, direction: NDArray, pose: NDArray, size: NDArray) -> NDArray:
@@ -83,10 +84,10 @@ def predict_visibility(
     S, T = len(sensors.max_range), len(estimate.yaw_rate)
     expected, share = np.zeros((S, T)), np.zeros((S, T))
     if T == 0:
-        return Visibility(expected, np.zeros(0, bool), share)
+        return Visibility(expected, np.zeros(0, bool), share, np.zeros(0))
     poses = compose(platform[:3], sensors.mount)  # (S, 3)
     low, high, nearest = angular_spans(estimate, poses)
-    edge = sensors.fov[:, None] / 2
+    edge, whole_span = sensors.fov[:, None] / 2, high - low
     low, high = np.maximum(low, -edge), np.minimum(high, edge)
     in_view = (high > low) & (nearest < sensors.max_range[:, None])
     s, t = np.nonzero(in_view)  # G pairs
@@ -100,12 +101,13 @@ def predict_visibility(
     first = np.where(itself[:, None] | (shadow == 0), np.inf, shadow).min(-1, initial=np.inf)
     sees = (first > own - NEARER - SHADOW) & (own < sensors.max_range[s, None])
     share[s, t] = sees.sum(-1) / RAYS
+    whole = (share * (high - low) / whole_span).max(0)
     visible = sees.any(-1)
     s, t, span, sees, own = (a[visible] for a in (s, t, span, sees, own))
     distance = np.where(sees, own, np.inf).min(-1, initial=np.inf)
     rate = sensors.expected_count(s, distance, span * distance)  # what the sensor sees of it, as a chord
     expected[s, t] = trust * rate * np.minimum(1.0, 3 * share[s, t])
-    return Visibility(expected, np.asarray(in_view.any(axis=0)), share)
+    return Visibility(expected, np.asarray(in_view.any(axis=0)), share, whole)
 
 
 def angular_spans(estimate: Estimate, poses: NDArray) -> tuple[NDArray, NDArray, NDArray]:

@@ -6,10 +6,11 @@ a view from all sides. Ours goes on while the loop runs and sees one to three si
 The rule. Each object keeps its last looks. When they span `span` seconds and hold `least` detections, or the window is
 full, its turn may come: the smoothed states (12) take the motion out of the detections (14), which join a pool of the
 newest ones of each of the directions that it was seen from. With the next look the pool is compared with the catalogue
-of classes. Once `Learner.enough` of its detections are new, looks with a few steps of expectation maximisation each
-follow, and in the last the filter takes the new contour over. No more than `at_once` objects have a turn in one look,
-first those that have begun, then those that have waited longest; so the cost of a look is bounded, whatever the number
-of objects.
+of classes. Looks at a part of an object, cut off by the edge of a field of view or hidden by others, count for neither:
+half a car looks like a motorcycle. Once `Learner.enough` of its detections are new, looks with a few steps of
+expectation maximisation each follow, and in the last the filter takes the new contour over. No more than `at_once`
+objects have a turn in one look, first those that have begun, then those that have waited longest; so the cost of a look
+is bounded, whatever the number of objects.
 """
 
 from dataclasses import dataclass
@@ -91,6 +92,7 @@ class AdaptiveSpline:
             stage=zero,
             fresh=zero,
             probability=self.learner.catalogue.by_size(estimate.size, estimate.size_std),
+            whole=np.ones(lead, bool),
         )
 
     def predict(self, state: AdaptiveState, dt: float) -> AdaptiveState:
@@ -111,6 +113,7 @@ class AdaptiveSpline:
         if not some.any():
             return state, info
         seen = self.spline.relative(state.m, scan, scan.xy)
+        seen = seen._replace(mask=seen.mask & state.whole[..., None])
         gain = np.linalg.solve(state.P, state.cross.mT).mT
         window = windows.cleared(state.window, info.lost & some)  # the past does not lead there
         window = windows.record(window, own.m, state.m, gain, seen, scan.pose[..., :2], some)
@@ -141,6 +144,10 @@ class AdaptiveSpline:
         d = np.abs(np.log(estimate.size / usual) / std)[..., 0]
         return self._of_its_length(select(d > self.out_of_class, fresh, new))
 
+    def attend(self, state: AdaptiveState, where: NDArray) -> AdaptiveState:
+        """State that learns from the next update where (...) is true; without this verb it learns from every one."""
+        return state._replace(whole=where)
+
     def usual_size(self, state: AdaptiveState) -> tuple[NDArray, NDArray]:
         """Size (..., 2) [m] that is usual for the classes of objects and std of its logarithms; NaN if unknown."""
         which = state.kind - len(self.spline.models)
@@ -168,7 +175,7 @@ class AdaptiveSpline:
         """Turns of those that are next."""
         window, lead = state.window, state.stage.shape
         full = window.looks >= self.window
-        ready = (window.time >= self.span) & (full | (window.detections >= self.least))
+        ready = (window.time >= self.span) & (window.detections >= np.where(full, 1, self.least))
         rank = np.where(state.stage > 0, np.inf, np.where(ready, window.time, -1.0)).ravel()
         turn = np.argsort(-rank, kind="stable")[: self.at_once]
         turn = turn[rank[turn] >= 0]

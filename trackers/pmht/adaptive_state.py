@@ -27,6 +27,7 @@ class AdaptiveState(NamedTuple):
     stage: NDArray  # (...) int, of learning, see `Learner`
     fresh: NDArray  # (...) int, detections in the pool that no contour was learned from
     probability: NDArray  # (..., C) of the classes
+    whole: NDArray  # (...) bool, whether the next look is at the whole object; from parts nothing is learned
 
 
 def plain(state: AdaptiveState) -> SplineState:
