@@ -28,7 +28,7 @@ from testbed.terminal import user_input
 
 TRACKERS = (
     "htg-map", "htg-mm", "htg-rm", "htg-rm-learned", "rm-feldmann", "rm-surface", "rm-vmm",
-    "dra", "dra-imm", "edra-imm",
+    "dra", "dra-imm", "edra-imm", "pmht-spline", "pmht-spline-adaptive",
 )  # fmt: skip
 LONGEST = 20.0  # [s] of a run; only the courses of papers are longer
 REUSE = "--reuse"
@@ -148,7 +148,9 @@ def drive_all(configs: Sequence[RunConfig], reuse: bool) -> list[Drive]:
 def main(
     out: Annotated[Path, typer.Option(help="Directory for the results of the runs.")] = Path("runs/family"),
     docs: Annotated[Path | None, typer.Option(help="Directory for the page and its figure; OUT without it.")] = None,
-    tracker: Annotated[list[str] | None, typer.Option(help="Repeat; the first drives. Ten of them without it.")] = None,
+    tracker: Annotated[
+        list[str] | None, typer.Option(help="Repeat; the first drives. Twelve of them without it.")
+    ] = None,
     scenario: Annotated[list[str] | None, typer.Option(help="Repeat; all without it.")] = None,
     seed: Annotated[list[int] | None, typer.Option(help="Repeat; 0 without it.")] = None,
     duration: Annotated[float | None, typer.Option(help="Seconds; the scenarios' own, 20 at most, without it.")] = None,
