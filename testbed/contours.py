@@ -74,7 +74,7 @@ Written by `{command}` on {date}; do not edit it by hand but for the notes at it
 - With 150 new detections in the pool, six looks follow with one iteration of regularised expectation maximisation each,
   and a seventh in which the filter takes the contour over, unless it crosses itself.
 - Looks at a part of a vehicle (less than three quarters of it, cut off by a field of view or hidden by others)
-  teach nothing and leave the size as it is: half a car looks like a motorcycle.
+  teach nothing: half a car looks like a motorcycle.
 - One track at most has a turn in one look: first the one that has begun, then the one that has waited longest.
 
 Rays from the sensor of each detection weigh the ellipses, the known noise of each detection is taken out, and vehicles

@@ -73,7 +73,7 @@ class Classifying(Protocol):
         """Names of the classes."""
 
     def attend(self, state: Any, where: NDArray) -> Any:
-        """State that learns classes and sizes with the next update where (...) is true: from looks at whole objects."""
+        """State that takes the next update as a look at whole objects where (...) is true, and learns of no others."""
 
     def usual_size(self, state: Any) -> tuple[NDArray, NDArray]:
         """Size (..., 2) [m] that is usual for the classes and std (..., 2) of its logarithms; NaN while unknown."""

@@ -359,14 +359,3 @@ def test_nothing_is_learned_from_looks_at_a_part_of_an_object():
     assert state.pool.came.sum(-1).tolist() == [state.pool.came[0].sum(), 0]
     assert state.pool.came[0].sum() > 100
     np.testing.assert_array_equal(state.p[1], SPLINE.models[0].p)
-
-
-def test_a_part_of_an_object_does_not_tell_its_size_but_where_it_is():
-    (scan,) = looks(np.random.default_rng(14), 1, 2, n=16)
-    start = prior(np.array([[0.4, 0, 0], [0.4, 8.0, 0]]), velocity=(10.0, 0.0), size=(4.0, 1.8))
-    state, _ = QUICK.update(QUICK.attend(QUICK.init(start), np.array([True, False])), scan)
-    assert (np.abs(state.m[0, 5:] - [4.0, 1.8]) > 0.01).any()
-    np.testing.assert_array_equal(state.m[1, 5:], [4.0, 1.8])
-    np.testing.assert_array_equal(state.P[1, 5:, 5:], QUICK.init(start).P[1, 5:, 5:])
-    assert (np.abs(state.m[:, 0] - 0.4) > 0.01).all()
-    assert (np.linalg.eigvalsh(state.P) > 0).all()

@@ -54,7 +54,7 @@ class Visibility(NamedTuple):
     expected: NDArray  # (S, T) detections, occlusion included
     in_view: NDArray  # (T,) bool, inside the field of view and range of some sensor
     share: NDArray  # (S, T) share of the rays on the box that no occluder stops
-    whole: NDArray  # (T,) share of the box's span that is in sight of the sensors, added up, at most 1
+    whole: NDArray  # (T,) share of the box's span that is in sight, of the sensor that sees most of it
 
 
 def ray_box(origin: NDArray, direction: NDArray, pose: NDArray, size: NDArray) -> NDArray:
@@ -101,7 +101,7 @@ def predict_visibility(
     first = np.where(itself[:, None] | (shadow == 0), np.inf, shadow).min(-1, initial=np.inf)
     sees = (first > own - NEARER - SHADOW) & (own < sensors.max_range[s, None])
     share[s, t] = sees.sum(-1) / RAYS
-    whole = np.minimum((share * np.maximum(high - low, 0.0) / whole_span).sum(0), 1.0)
+    whole = (share * (high - low) / whole_span).max(0)
     visible = sees.any(-1)
     s, t, span, sees, own = (a[visible] for a in (s, t, span, sees, own))
     distance = np.where(sees, own, np.inf).min(-1, initial=np.inf)

@@ -6,11 +6,11 @@ a view from all sides. Ours goes on while the loop runs and sees one to three si
 The rule. Each object keeps its last looks. When they span `span` seconds and hold `least` detections, or the window is
 full, its turn may come: the smoothed states (12) take the motion out of the detections (14), which join a pool of the
 newest ones of each of the directions that it was seen from. With the next look the pool is compared with the catalogue
-of classes. Once `Learner.enough` of its detections are new, looks with a few steps of expectation maximisation each
-follow, and in the last the filter takes the new contour over. No more than `at_once` objects have a turn in one look,
-first those that have begun, then those that have waited longest; so the cost of a look is bounded, whatever the number
-of objects. Looks at a part of an object, cut off by the edge of a field of view or hidden by others, count for none of
-this, and leave the size as it was: half a car looks like a motorcycle.
+of classes. Looks at a part of an object, cut off by the edge of a field of view or hidden by others, count for neither:
+half a car looks like a motorcycle. Once `Learner.enough` of its detections are new, looks with a few steps of
+expectation maximisation each follow, and in the last the filter takes the new contour over. No more than `at_once`
+objects have a turn in one look, first those that have begun, then those that have waited longest; so the cost of a look
+is bounded, whatever the number of objects.
 """
 
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ from trackers.pmht.info import SplineInfo
 from trackers.pmht.learner import Learner
 from trackers.pmht.learning import Contour
 from trackers.pmht.motion import predicted
-from trackers.pmht.state import LENGTH, SplineState, moments_of, resized
+from trackers.pmht.state import LENGTH, moments_of, resized
 from trackers.protocols import Note
 from trackers.scan import Scan
 
@@ -109,7 +109,6 @@ class AdaptiveSpline:
     def update(self, state: AdaptiveState, scan: Scan) -> tuple[AdaptiveState, SplineInfo]:
         """Measurement update, then at most `at_once` objects learn; without a detection the state is as it came."""
         own, info = self.spline.update(plain(state), scan)
-        own = select(state.whole, own, of_its_size(own, state))
         some = info.n > 0
         if not some.any():
             return state, info
@@ -223,12 +222,3 @@ class AdaptiveSpline:
             return f"contour learned from {before.fresh[0]} new detections, seen from {sides} of 4 sides"
         p = after.probability[0]
         return f"{self.classes[int(p.argmax())]} with probability {p.max():.2f}"
-
-
-def of_its_size(own: SplineState, state: AdaptiveState) -> SplineState:
-    """An updated state with the size of before the update: a part of an object does not tell its size."""
-    m, P = own.m.copy(), own.P.copy()
-    m[..., LENGTH:] = state.m[..., LENGTH:]
-    P[..., LENGTH:, :] = P[..., :, LENGTH:] = 0.0
-    P[..., LENGTH:, LENGTH:] = state.P[..., LENGTH:, LENGTH:]
-    return own._replace(m=m, P=P)
