@@ -23,7 +23,7 @@ SCORES = (  # modules of testbed that decide about rows
     "metrics", "observation", "pair_errors", "perception", "planners",
     "compare.recording", "compare.replay", "compare.rows", "compare.runs",
 )  # fmt: skip
-TABLES = "trackers.htg.bins"  # the module that reads learned tables
+TABLES = {"trackers.htg.bins": "htg/tables", "trackers.pmht.model": "pmht/models"}  # by the module that reads them
 
 
 def shared_digest() -> str:
@@ -37,7 +37,8 @@ def tracker_digest(name: str) -> str:
     """Short digest of a tracker: its parameters, and all of `trackers` that the modules of its filter import."""
     filter = find(name)
     modules = closure(sorted({type(part).__module__ for part in _parts(filter)}))
-    tables = sorted((_root("trackers") / "htg" / "tables").glob("*.json")) if TABLES in modules else []
+    folders = [_root("trackers") / folder for module, folder in TABLES.items() if module in modules]
+    tables = [path for folder in folders for path in sorted(folder.rglob("*.json"))]
     return _digest([*map(_file, modules), *tables], repr(filter))
 
 

@@ -43,7 +43,7 @@ class Catalogue:
 
     names: tuple[str, ...] = NAMES
     shares: tuple[float, ...] = (0.6, 0.12, 0.1, 0.05, 0.06, 0.02, 0.05)  # of the classes in traffic
-    folder: str = str(FOLDER)
+    folder: str | None = None  # of the models, NAME.json each; those that are shipped without it
     counts: float = 0.3  # of one independent detection, that each counts for
     length_std: float = 0.12  # of the logarithms, within a class
     width_std: float = 0.05
@@ -69,7 +69,8 @@ class Catalogue:
     @cached_property
     def models(self) -> tuple[SplineModel, ...]:
         """One contour a class."""
-        return tuple(load(Path(self.folder) / f"{name}.json") for name in self.names)
+        folder = FOLDER if self.folder is None else Path(self.folder)
+        return tuple(load(folder / f"{name}.json") for name in self.names)
 
     @cached_property
     def mu(self) -> NDArray:

@@ -1,4 +1,7 @@
+import re
 from dataclasses import replace
+
+import pytest
 
 from testbed.compare import identity
 from trackers import TRACKERS, find
@@ -35,3 +38,13 @@ def test_filters_inside_of_filters_count():
 def test_parameters_count():
     filter = find("rm-feldmann")
     assert repr(replace(filter, sigma=0.3)) != repr(filter)  # the text that goes into the digest
+
+
+@pytest.mark.parametrize("name", TRACKERS)
+def test_no_place_on_this_machine_is_part_of_a_digest(name):
+    assert not re.search(r"[/\\]", repr(find(name)))
+
+
+def test_learned_models_of_contours_count():
+    assert set(identity.TABLES) & set(identity.closure(["trackers.pmht.filter"])) == {"trackers.pmht.model"}
+    assert set(identity.TABLES) & set(identity.closure(["trackers.htg.map"])) == {"trackers.htg.bins"}
