@@ -20,6 +20,8 @@ from testbed.env import TrackedEnv
 from testbed.run import RunConfig, run
 from trackers import Scan, prior
 from trackers import find as find_tracker
+from trackers.pmht import RangeRates
+from trackers.protocols import Filter
 
 Report = Callable[[float, float, str], None]  # done, total, what
 IDLE = 1  # of DiscreteMetaAction
@@ -129,25 +131,34 @@ def look(objects: int) -> Scan:
     return Scan(polar, np.ones(polar.shape[:2], bool), np.zeros((1, 3)), np.array([[speed, 0.0]]), noise)
 
 
-def looking(name: str, form: str, objects: int, repeat: int) -> float:
+def looking(filter: Filter, objects: int, repeat: int) -> float:
     """Wall time [s] of one prediction and update, per object."""
-    tracker = find_tracker(name, **({"form": form} if form else {}))
     (centre, _, speed), scan = CAR, look(objects)
     before = np.tile([centre[0] - FRAME * speed, centre[1], 0.0], (objects, 1))
-    state = tracker.init(prior(before, velocity=np.tile([speed, 0.0], (objects, 1))))
-    return seconds(lambda: tracker.update(tracker.predict(state, FRAME), scan), repeat) / objects
+    state = filter.init(prior(before, velocity=np.tile([speed, 0.0], (objects, 1))))
+    return seconds(lambda: filter.update(filter.predict(state, FRAME), scan), repeat) / objects
 
 
 def filters(repeat: int) -> Table:
-    """Data-region association with three motion models, beside the plain random matrix."""
-    table = _table(f"filters, {DETECTIONS} detections an object, per look", "filter", "form",
-                   "one object [ms] (goal 3)", "one of 100 [ms] (goal 0.3)", "times rm-feldmann", "of 100")  # fmt: skip
-    plain = [looking("rm-feldmann", "", objects, repeat) for objects in OBJECTS]
-    table.add_row("rm-feldmann", "", f"{plain[0] * 1e3:.2f}", f"{plain[1] * 1e3:.3f}", "1", "1")
-    for form in ("sequential", "soft"):
-        one, many = (looking("edra-imm", form, objects, repeat) for objects in OBJECTS)
-        table.add_row("edra-imm", form, f"{one * 1e3:.2f}", f"{many * 1e3:.3f}", f"{one / plain[0]:.1f}",
-                      f"{many / plain[1]:.1f}")  # fmt: skip
+    """Filters of the later papers beside the plain random matrix."""
+    table = _table(f"filters, {DETECTIONS} detections an object, per look", "filter", "as", "one object [ms]", "goal",
+                   "one of 100 [ms]", "goal", "times rm-feldmann", "of 100")  # fmt: skip
+    paper = find_tracker("pmht-spline", model="yao2021", visibility="none", rates=RangeRates(weight=0.0), outward=0.0)
+    cases = (
+        ("rm-feldmann", "", find_tracker("rm-feldmann"), "", ""),
+        ("edra-imm", "sequential", find_tracker("edra-imm", form="sequential"), "3", "0.3"),
+        ("edra-imm", "soft", find_tracker("edra-imm", form="soft"), "3", "0.3"),
+        ("pmht-spline", "the paper's", paper, "0.9", "0.25"),
+        ("pmht-spline", "shipped", find_tracker("pmht-spline"), "", ""),
+        ("pmht-spline-adaptive", "shipped", find_tracker("pmht-spline-adaptive"), "", ""),
+    )
+    plain: list[float] = []
+    for name, form, filter, *goals in cases:
+        times = [looking(filter, objects, repeat) for objects in OBJECTS]
+        plain = plain or times
+        one, many = times
+        table.add_row(name, form, f"{one * 1e3:.2f}", goals[0], f"{many * 1e3:.3f}", goals[1],
+                      f"{one / plain[0]:.1f}", f"{many / plain[1]:.1f}")  # fmt: skip
     return table
 
 
