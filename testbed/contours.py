@@ -27,7 +27,7 @@ from testbed.recorder import make_directory
 from testbed.terminal import progress_bar, user_input
 
 TRACKER, PLAIN = "pmht-spline-adaptive", "pmht-spline"
-MOMENTS = (1.0, 5.0, 30.0)  # [s]; before the first, nothing is learned
+MOMENTS = (1.0, 5.0, 30.0)  # [s]; before the first, hardly anything is learned
 RADAR = "surround"
 Drives = Mapping[tuple[str, str], Sequence[Seen]]  # by class and tracker, one a seed
 
@@ -71,8 +71,8 @@ Written by `{command}` on {date}; do not edit it by hand but for the notes at it
 - With the next look the pool is compared with the classes. Where one has a probability above {sure:g}, its contour is
   the one to start from, the track takes the place and the size of the fit, and the size is drawn to what is usual for
   the class.
-- With 150 new detections in the pool, six looks follow with one iteration of regularised expectation maximisation each,
-  and a seventh in which the filter takes the contour over, unless it crosses itself.
+- With 150 new detections since the last time, six looks follow with one iteration of regularised expectation
+  maximisation each, and a seventh in which the filter takes the contour over, unless it crosses itself.
 - Looks at a part of a vehicle (less than three quarters of it, cut off by a field of view or hidden by others)
   teach nothing: half a car looks like a motorcycle.
 - One track at most has a turn in one look: first the one that has begun, then the one that has waited longest.

@@ -1,5 +1,7 @@
 """Contours learned in the loop: the rule, what it costs, what stays, and which class it is."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,7 @@ from testbed.metrics import areas, region_iou
 from testbed.papers.yao2021_trials import CONTOURS, PRIOR, PRIOR_VAR, drive
 from trackers import Scan, find, prior
 from trackers.batch import concatenate, take
-from trackers.geometry import to_world, unit
+from trackers.geometry import rotation, to_world, unit
 from trackers.multi.tracker import told
 from trackers.pmht import AdaptiveSpline, Learner, RangeRates, SplinePmht, Walk
 from trackers.pmht.association import Seen
@@ -18,7 +20,7 @@ from trackers.pmht.model import find as find_model
 from trackers.pmht.pool import added, empty
 from trackers.pmht.refine import Refine, sound
 from trackers.pmht.visibility import sight_table
-from trackers.pmht.window import Decoupled, smoothed
+from trackers.pmht.window import Decoupled, smoothed, thinned
 from trackers.smoother import smooth_moments
 
 DT = 1 / 15
@@ -322,6 +324,12 @@ def test_a_sure_class_gives_size_and_contour_and_what_the_size_is_drawn_to():
     there = np.arange(pool.z.shape[2]) < pool.came[..., None]
     metres = known.pool.z * known.m[:, None, None, 5:] + known.m[:, None, None, :2]
     np.testing.assert_allclose(metres[there], (pool.z * car)[there], atol=1e-9)
+    np.testing.assert_allclose((known.pool.sensor + known.m[:, None, None, :2])[there], pool.sensor[there], atol=1e-9)
+    area = known.m[0, 5:].prod()
+    np.testing.assert_allclose((known.pool.R[..., 1] * area)[there], (pool.R[..., 1] * car.prod())[there], atol=1e-12)
+    np.testing.assert_allclose(
+        (known.pool.R[..., 0] * known.m[0, 5] ** 2)[there], (pool.R[..., 0] * car[0] ** 2)[there], rtol=1e-9
+    )
     longer = filter.restart(known, filter.estimate(known)._replace(size=np.array([[5.5, 2.5]])))
     assert longer.kind == known.kind
     other = filter.restart(known, filter.estimate(known)._replace(size=np.array([[9.0, 2.5]])))
@@ -359,3 +367,71 @@ def test_nothing_is_learned_from_looks_at_a_part_of_an_object():
     assert state.pool.came.sum(-1).tolist() == [state.pool.came[0].sum(), 0]
     assert state.pool.came[0].sum() > 100
     np.testing.assert_array_equal(state.p[1], SPLINE.models[0].p)
+
+
+def without(scan, k):
+    """The scan without the detections of object k."""
+    mask = scan.mask.copy()
+    mask[k] = False
+    return scan._replace(mask=mask)
+
+
+def test_an_object_without_a_detection_stays_as_it_is_while_others_learn():
+    state = QUICK.init(prior(np.array([[0.0, 0, 0], [0, 8.0, 0]]), velocity=(10.0, 0.0), size=SIZE))
+    both = AdaptiveSpline(Learner(SPLINE, enough=30, turns=3), window=6, span=0.3, least=20, at_once=2)
+    for k, scan in enumerate(looks(np.random.default_rng(15), 30, 2)):
+        before = both.predict(state, DT)
+        state, _ = both.update(before, without(scan, 1) if k >= 6 else scan)
+        if k >= 6:
+            for a, b in zip(leaves(take(before, np.array([1]))), leaves(take(state, np.array([1]))), strict=True):
+                np.testing.assert_array_equal(a, b)
+
+
+def test_what_is_compared_with_classes_does_not_depend_on_other_objects():
+    rng, filter = np.random.default_rng(16), find("pmht-spline-adaptive")
+    start = prior(np.zeros((2, 3)), size=(4.7, 1.9))
+    sides = [detections_of("car", rng, angles, 10) for angles in ([np.pi, 3.0, 2.8], [0.0, 0.2, -0.2])]
+    z = np.concatenate([seen.z.mT for seen, _, _ in sides]) / (4.7, 1.9)
+    body = Decoupled(z, np.full((2, 30, 3), 1e-5), np.concatenate([s for _, s, _ in sides]), np.ones((2, 30), bool))
+    state = filter.init(start)
+    pool, _ = added(state.pool, body)
+    together = filter.learner.compared_with_classes(state._replace(pool=pool))
+    for i in range(2):
+        one = take(state._replace(pool=pool), np.array([i]))
+        np.testing.assert_allclose(
+            filter.learner.compared_with_classes(one).probability[0], together.probability[i], atol=1e-9
+        )
+
+
+def test_turning_the_world_thins_out_the_same_detections():
+    rng = np.random.default_rng(17)
+    z, turn = rng.standard_normal((30, 2)), rotation(2.5)
+    mask = np.ones(30, bool)
+    a, b = (Seen(points.T, np.ones((3, 1)), mask) for points in (z, z @ turn.T))
+    assert sorted(thinned(a, 16, np.array(0.3))) == sorted(thinned(b, 16, np.array(2.8)))
+
+
+def test_a_class_that_is_not_sure_any_more_is_told_as_such():
+    filter = find("pmht-spline-adaptive")
+    state = filter.init(prior(np.zeros((1, 3)), size=(2.2, 0.8)))
+    known = filter.learner.of_kind(state, np.array([len(filter.spline.models) + filter.classes.index("motorcycle")]))
+    seen, sensor, _ = detections_of("bus", np.random.default_rng(18), np.linspace(2.0, 2.6, 20), 8)
+    pool, _ = added(known.pool, Decoupled(seen.z.mT / (20.0, 4.0), seen.R.mT / 100, sensor, seen.mask))
+    long = known.m.copy()
+    long[:, 5:] = 12.0, 2.5
+    after = filter.learner.compared_with_classes(known._replace(m=long, pool=pool))
+    assert after.kind[0] != known.kind[0]
+    dropped = filter._reason("classified", known, after._replace(kind=np.array([0])))
+    assert dropped.startswith("not sure any more")
+
+
+def test_a_model_of_other_ellipses_and_a_missing_class_are_named():
+    other = replace(find_model("surround-car"), spread=find_model("surround-car").spread[:12])
+    with pytest.raises(ValueError, match="as many ellipses"):
+        AdaptiveSpline(Learner(replace(SPLINE, model=other))).init(prior(np.zeros(3)))
+    with pytest.raises(ValueError, match=r"no model lorry\.json"):
+        _ = Catalogue(names=("lorry",), shares=(1.0,)).models
+    with pytest.raises(ValueError, match="unseen"):
+        Catalogue(unseen=2.0)
+    with pytest.raises(ValueError, match="hysteresis"):
+        AdaptiveSpline(Learner(SPLINE), hysteresis=-1.0)

@@ -34,6 +34,8 @@ from trackers.pmht.state import LENGTH, moments_of, resized
 from trackers.protocols import Note
 from trackers.scan import Scan
 
+TOLD = 0.2  # [m] by which a comparison with the classes moves an outline, above which it is told
+
 
 @dataclass(frozen=True)
 class AdaptiveSpline:
@@ -56,8 +58,11 @@ class AdaptiveSpline:
                 "window, kept, at_once, bins and room must be at least 1, got "
                 f"{self.window}, {self.kept}, {self.at_once}, {self.bins}, {self.room}"
             )
-        if not self.span >= 0:
-            raise ValueError(f"span must be >= 0 s, got {self.span}")
+        limits = (self.span, self.least, self.hysteresis, self.out_of_class)
+        if not min(limits) >= 0:
+            raise ValueError(
+                f"span, least, hysteresis and out_of_class must be at least 0, got {', '.join(map(str, limits))}"
+            )
 
     @property
     def spline(self) -> SplinePmht:
@@ -118,7 +123,7 @@ class AdaptiveSpline:
         window = windows.cleared(state.window, info.lost & some)  # the past does not lead there
         window = windows.record(window, own.m, state.m, gain, seen, scan.pose[..., :2], some)
         cross = np.where(some[..., None, None], own.P, state.cross)
-        new, notes = self._learn(state._replace(m=own.m, P=own.P, cross=cross, window=window))
+        new, notes = self._learn(state._replace(m=own.m, P=own.P, cross=cross, window=window), some)
         return new, info._replace(notes=(*info.notes, *notes))
 
     def estimate(self, state: AdaptiveState) -> Estimate:
@@ -171,12 +176,13 @@ class AdaptiveSpline:
 
     # -- turns ------------------------------------------------------------------------------------------------------
 
-    def _learn(self, state: AdaptiveState) -> tuple[AdaptiveState, tuple[Note, ...]]:
-        """Turns of those that are next."""
+    def _learn(self, state: AdaptiveState, some: NDArray) -> tuple[AdaptiveState, tuple[Note, ...]]:
+        """Turns of those that are next, of the objects that have a detection."""
         window, lead = state.window, state.stage.shape
         full = window.looks >= self.window
         ready = (window.time >= self.span) & (window.detections >= np.where(full, 1, self.least))
-        rank = np.where(state.stage > 0, np.inf, np.where(ready, window.time, -1.0)).ravel()
+        waited = np.where(state.stage > 0, np.inf, np.where(ready, window.time, -1.0))
+        rank = np.where(some, waited, -1.0).ravel()
         turn = np.argsort(-rank, kind="stable")[: self.at_once]
         turn = turn[rank[turn] >= 0]
         stage = state.stage.ravel()[turn]
@@ -201,12 +207,13 @@ class AdaptiveSpline:
     def _told(
         self, kind: str, before: AdaptiveState, after: AdaptiveState, rows: NDArray, lead: tuple[int, ...]
     ) -> list[Note]:
-        """A note for each of the objects rows (A,) whose contour has changed: both contours, in its frame of now."""
+        """A note for each of the objects rows (A,) whose contour or place has changed: contours in its frame of now."""
         rings = [self.learner.outlines_of(s) for s in (before, after)]
         rings[0] = to_frame(after.m[:, : PHI + 1], to_world(before.m[:, : PHI + 1], rings[0]))
         pairs = np.stack(rings, -3)
         notes = []
-        for a in np.flatnonzero((before.p != after.p).any((-1, -2))):
+        jumped = np.abs(rings[1] - rings[0]).max((-1, -2)) > TOLD
+        for a in np.flatnonzero(jumped | (before.p != after.p).any((-1, -2))):
             where, contours = np.zeros(lead, bool), np.zeros((*lead, *pairs.shape[1:]))
             at = np.unravel_index(rows[a], lead)
             where[at], contours[at] = True, pairs[a]
@@ -219,6 +226,9 @@ class AdaptiveSpline:
         """Why the contour of one object has changed."""
         if kind == "adapted":
             sides = pools.ends_seen(before.pool, before.m, self.learner.seen_from).sum()
-            return f"contour learned from {before.fresh[0]} new detections, seen from {sides} of 4 sides"
-        p = after.probability[0]
-        return f"{self.classes[int(p.argmax())]} with probability {p.max():.2f}"
+            count = before.pool.all.mask.sum()
+            return f"contour learned from the newest {count} detections, seen from {sides} of 4 sides"
+        p, first = after.probability[0], len(self.spline.models)
+        likely = f"{self.classes[int(p.argmax())]} with probability {p.max():.2f}"
+        dropped = before.kind[0] >= first > after.kind[0]
+        return f"not sure any more, {likely}; contour by the length" if dropped else likely

@@ -25,7 +25,7 @@ class AdaptiveState(NamedTuple):
     pool: Pool
     draft: Contour  # what is being learned
     stage: NDArray  # (...) int, of learning, see `Learner`
-    fresh: NDArray  # (...) int, detections in the pool that no contour was learned from
+    fresh: NDArray  # (...) int, detections that came into the pool since a contour was learned
     probability: NDArray  # (..., C) of the classes
     whole: NDArray  # (...) bool, whether the next look is at the whole object; from parts nothing is learned
 

@@ -21,7 +21,7 @@ from trackers.pmht.association import Seen, log_density, responsibilities, synth
 from trackers.pmht.ellipses import BOX_COLUMN
 from trackers.pmht.filter import shown
 from trackers.pmht.model import SHIPPED, SplineModel, load
-from trackers.pmht.symmetric import columns, determinant
+from trackers.pmht.symmetric import columns, determinant, squares
 from trackers.pmht.visibility import directions, weights
 
 FOLDER = SHIPPED / "classes"
@@ -31,7 +31,7 @@ NAMES = ("car", "van", "truck", "bus", "articulated", "tractor", "motorcycle")
 class Fits(NamedTuple):
     """Each class fitted to T objects."""
 
-    evidence: NDArray  # (T, C) log likelihood of the detections at the fit, and log prior of the class and the fit
+    evidence: NDArray  # (T, C) log likelihood at the fit, less what place and size are tied with, and log share
     offset: NDArray  # (T, C, 2) [m] of the centre, in the frame of the body
     size: NDArray  # (T, C, 2) [m]
     size_std: NDArray  # (T, C, 2) [m]
@@ -60,6 +60,8 @@ class Catalogue:
                 f"shares must be one positive number for each of {len(self.names)} names, got {self.shares}"
             )
         positive = (self.counts, self.length_std, self.width_std, self.place_std, self.outliers, self.iterations)
+        if not (0 <= self.unseen <= 1 and 0 <= self.grazing <= 1):
+            raise ValueError(f"unseen and grazing must be within 0 and 1, got {self.unseen} and {self.grazing}")
         if not (min(positive) > 0 and self.blur >= 0):
             raise ValueError(
                 "counts, length_std, width_std, place_std, outliers and iterations must be positive and blur at least "
@@ -70,6 +72,10 @@ class Catalogue:
     def models(self) -> tuple[SplineModel, ...]:
         """One contour a class."""
         folder = FOLDER if self.folder is None else Path(self.folder)
+        if missing := [name for name in self.names if not (folder / f"{name}.json").is_file()]:
+            raise ValueError(
+                f"folder {folder} has no model {missing[0]}.json; python -m testbed.contour_classes makes them"
+            )
         return tuple(load(folder / f"{name}.json") for name in self.names)
 
     @cached_property
@@ -172,8 +178,3 @@ class Catalogue:
         var = self.size_std**2 + ((size_std / size) ** 2)[..., None, :]
         d = np.log(size)[..., None, :] - np.log(self.size)
         return self.probability(np.log(self.shares) - 0.5 * (d**2 / var + np.log(var)).sum(-1))
-
-
-def squares(s: NDArray) -> NDArray:
-    """What scales covariances as columns (..., 3, 1) to sizes s (..., 2)."""
-    return np.stack([s[..., 0] ** 2, s[..., 0] * s[..., 1], s[..., 1] ** 2], -1)[..., None]

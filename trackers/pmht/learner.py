@@ -25,12 +25,13 @@ from trackers.pmht import window as windows
 from trackers.pmht.adaptation import partial_shift, shifted
 from trackers.pmht.adaptive_state import AdaptiveState
 from trackers.pmht.association import Seen
-from trackers.pmht.classes import Catalogue, squares
+from trackers.pmht.classes import Catalogue
 from trackers.pmht.filter import TRUCK_ABOVE, SplinePmht, shown
 from trackers.pmht.learning import Contour
 from trackers.pmht.model import DEGREE, outlines
 from trackers.pmht.refine import Refine, sound
 from trackers.pmht.state import LENGTH, resized
+from trackers.pmht.symmetric import squares
 from trackers.pmht.visibility import sight_table
 
 COARSE = 2  # points on the arc of an ellipse for the sight of a contour that is learned in the loop
@@ -61,6 +62,12 @@ class Learner:
     def offline(self) -> tuple[NDArray, NDArray, NDArray]:
         """Control points, covariances and sights of the contours to start from: the filter's, then one a class."""
         models, grazing = (*self.spline.models, *self.catalogue.models), self.spline.grazing
+        if len({(len(model.spread), len(model.points)) for model in models}) > 1:
+            raise ValueError(
+                f"model {self.spline.models[0].name!r} must have as many ellipses and control points as the classes "
+                f"({len(models[-1].spread)} and {len(models[-1].points)}), got {len(models[0].spread)} and "
+                f"{len(models[0].points)}; learn one or the other again"
+            )
         return (
             np.stack([model.p for model in models]),
             np.stack([model.Sigma for model in models]),
@@ -92,12 +99,11 @@ class Learner:
         m, P = resized(state.m, state.P, size, np.where(sure, fits.size_std[rows, best], now_std))
         m[..., :2] += (rotation(m[..., PHI]) @ o[..., None])[..., 0]
         now = self._of_class(state, p)
-        z = (state.pool.z * state.m[:, None, None, LENGTH:] - o[:, None, None]) / size[:, None, None]
         return now._replace(
             m=m,
             P=P,
             window=windows.cleared(state.window, np.ones(len(m), bool)),
-            pool=state.pool._replace(z=z),
+            pool=pools.moved(state.pool, o, state.m[:, LENGTH:], size),
             draft=Contour(now.p, now.Sigma),
             stage=np.where(state.fresh >= self.enough, 2, 0),
             probability=p,
@@ -106,9 +112,13 @@ class Learner:
     def _compared(self, state: AdaptiveState) -> tuple[Seen, NDArray, NDArray, NDArray]:
         """What is compared with the classes, see `Catalogue.fit`: detections of the pool, spread over all of it."""
         data, size = state.pool.all, state.m[:, LENGTH:]
-        D = data.mask.shape[1]
-        pick = np.linspace(0, D - 1, min(D, self.compared)).astype(int)
-        z, R, sensor, mask = (a[:, pick] for a in data)
+        n = data.mask.sum(-1, keepdims=True)
+        rank = np.arange(min(data.mask.shape[1], self.compared))
+        step = np.maximum(n, self.compared) / self.compared  # all of few, every so many of many
+        at = np.minimum((rank * step).astype(int), np.maximum(n - 1, 0))
+        pick = np.take_along_axis(np.argsort(~data.mask, -1, kind="stable"), at, -1)
+        z, R, sensor = (np.take_along_axis(a, pick[..., None], 1) for a in data[:3])
+        mask = rank < n
         R = np.where(mask[..., None], R * squares(size).mT, NO_NOISE)
         z = np.where(mask[..., None], z * size[:, None], 0.0)
         ends = pools.ends_seen(state.pool, state.m, self.seen_from)
@@ -156,7 +166,7 @@ class Learner:
             Sigma=state.draft.Sigma,
             sight=sight_table(p, state.m[..., LENGTH:], L, DEGREE, self.spline.grazing, COARSE),
             window=moved,
-            pool=state.pool._replace(z=state.pool.z - o[..., None, None, :]),
+            pool=pools.moved(state.pool, o * state.m[..., LENGTH:], state.m[..., LENGTH:], state.m[..., LENGTH:]),
         )
         return select(sound(state.draft.p), new, done)
 

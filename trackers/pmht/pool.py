@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.pmht.state import LENGTH
+from trackers.pmht.symmetric import squares
 from trackers.pmht.window import Decoupled
 
 REACH = 0.8  # of the unit box, half: what lies further out is of something else
@@ -51,6 +52,14 @@ def added(pool: Pool, new: Decoupled) -> tuple[Pool, NDArray]:
     for ring, row in ((z, new.z), (R, new.R), (sensor, new.sensor)):
         ring[t, bin[t, d], slot] = row[t, d]
     return Pool(z, R, sensor, pool.came + each.sum(-2)), fit.sum(-1)
+
+
+def moved(pool: Pool, o: NDArray, before: NDArray, after: NDArray) -> Pool:
+    """The pool in the frame with its origin o (..., 2) [m] further, for sizes before and after (..., 2) [m]."""
+    shift = o[..., None, None, :]
+    z = (pool.z * before[..., None, None, :] - shift) / after[..., None, None, :]
+    R = pool.R * (squares(before) / squares(after)).mT[..., None, :, :]
+    return pool._replace(z=z, R=R, sensor=pool.sensor - shift)
 
 
 def ends_seen(pool: Pool, m: NDArray, least: int) -> NDArray:

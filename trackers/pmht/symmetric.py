@@ -35,3 +35,8 @@ def polar_noise(along: NDArray, across: NDArray, sight: NDArray) -> NDArray:
     c, s = sight[..., 0], sight[..., 1]
     difference = along - across
     return np.stack([across + difference * c * c, difference * c * s, across + difference * s * s], -2)
+
+
+def squares(s: NDArray) -> NDArray:
+    """What scales columns (..., 3, 1) from the unit frame to sizes s (..., 2)."""
+    return np.stack([s[..., 0] ** 2, s[..., 0] * s[..., 1], s[..., 1] ** 2], -1)[..., None]

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.geometry import rotation
+from trackers.geometry import rotation, wrap_angle
 from trackers.motion import PHI
 from trackers.pmht.association import Seen
 from trackers.pmht.state import LENGTH, N
@@ -72,7 +72,7 @@ def record(
     seen are detections relative to m_pred (..., 7), sensor (..., M or 1, 2) [m] their sensors in the world.
     """
     K, M = window.mask.shape[-2:]
-    pick = thinned(seen, M)
+    pick = thinned(seen, M, m_pred[..., PHI])
     there = np.arange(M) < seen.mask.sum(-1, keepdims=True)
 
     def chosen(a: NDArray) -> NDArray:
@@ -100,10 +100,11 @@ def written(ring: NDArray, row: NDArray, at: NDArray) -> NDArray:
     return ring
 
 
-def thinned(seen: Seen, M: int) -> NDArray:
-    """Indices (..., M) of detections: all of few, spread over the angle of many, in an order that is not theirs."""
+def thinned(seen: Seen, M: int, heading: NDArray) -> NDArray:
+    """Indices (..., M) of detections: all of few, spread over the angle to the heading (...) [rad] of many."""
     count = seen.mask.shape[-1]
-    angle = np.where(seen.mask, np.arctan2(seen.z[..., 1, :], seen.z[..., 0, :]), np.inf)
+    angle = wrap_angle(np.arctan2(seen.z[..., 1, :], seen.z[..., 0, :]) - heading[..., None])
+    angle = np.where(seen.mask, angle, np.inf)
     order = np.argsort(angle, -1, kind="stable")
     if count < M:
         order = np.concatenate([order, np.broadcast_to(order[..., -1:], (*order.shape[:-1], M - count))], -1)
