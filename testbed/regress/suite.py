@@ -4,7 +4,6 @@ Its results folder is always about the code at hand: runs of other code or versi
 code are what an interrupted run had finished.
 """
 
-import hashlib
 import json
 import shutil
 from collections.abc import Sequence
@@ -15,13 +14,13 @@ from typing import NamedTuple
 
 from scenarios import SCENARIOS
 from testbed.compare.config import SETTINGS, Comparison, Settings, identity, write_whole
+from testbed.compare.identity import PACKAGES, code_digest
 from testbed.compare.results import RUNS
 from testbed.compare.runs import RECORDINGS
 from testbed.compare.runs import ROWS as RUN_ROWS
 from testbed.recorder import make_directory
 from trackers import TRACKERS
 
-PACKAGES = ("trackers", "sensors", "scenarios", "testbed")
 STAMP = "regress.json"  # in the results folder: which code and versions its runs are of
 LOGS = "logs"  # in the results folder
 FOLDERS, FILES = (RUN_ROWS, RECORDINGS, LOGS), (SETTINGS, RUNS)  # all that a regression run leaves there
@@ -115,10 +114,6 @@ def _identity(suite: Suite) -> dict[str, object]:
 
 
 def _digest() -> str:
-    digest = hashlib.sha256()
-    for package in PACKAGES:
-        root = Path(str(files(package)))
-        for path in sorted(p for p in root.rglob("*") if p.suffix in (".py", ".json")):
-            if Path(__file__).parent not in path.parents:
-                digest.update(path.relative_to(root).as_posix().encode() + b"\0" + path.read_bytes())
-    return digest.hexdigest()[:12]
+    roots = [Path(str(files(package))) for package in PACKAGES]
+    paths = [p for root in roots for p in root.rglob("*") if p.suffix in (".py", ".json")]
+    return code_digest(path for path in paths if Path(__file__).parent not in path.parents)

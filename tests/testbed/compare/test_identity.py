@@ -1,10 +1,27 @@
+import ast
+import inspect
 import re
 from dataclasses import replace
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from testbed.compare import identity
-from trackers import TRACKERS, find
+from trackers import TRACKERS, find, koch
+
+SOURCE = inspect.getsource(koch)
+TREE = ast.parse(SOURCE)
+CONSTANTS = [n for n in ast.walk(TREE) if isinstance(n, ast.Constant) and isinstance(n.value, float | int)]
+
+
+def reworded(source: str) -> str:
+    """The same code with other docstrings, no comments, other line breaks and a note at the end."""
+    tree = ast.parse(source)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node) is not None:
+            node.body[0] = ast.Expr(ast.Constant("Other words."))
+    return ast.unparse(tree) + "\n\n# a note at the end\n"
 
 
 def test_every_tracker_has_a_digest_of_its_own():
@@ -28,6 +45,57 @@ def test_the_modules_of_a_filter_are_those_that_it_imports():
 def test_the_catalogue_itself_counts_for_nobody():
     everything = identity.closure([*identity.ROOTS, *(type(entry.filter).__module__ for entry in TRACKERS.values())])
     assert "trackers.registry" not in everything
+
+
+def test_a_reworded_and_moved_module_keeps_its_digest(tmp_path):
+    (tmp_path / "koch.py").write_text(SOURCE)
+    (tmp_path / "filters").mkdir()
+    moved = tmp_path / "filters" / "koch_rm.py"
+    moved.write_text(reworded(SOURCE).replace("from trackers.", "from trackers.filters."))
+    assert moved.read_text() != SOURCE
+    assert identity.code_digest([moved]) == identity.code_digest([tmp_path / "koch.py"])
+
+
+@given(st.sampled_from(CONSTANTS))
+def test_a_changed_constant_loses_the_digest(constant):
+    lines = SOURCE.splitlines()
+    row, start, end = constant.lineno - 1, constant.col_offset, constant.end_col_offset
+    lines[row] = lines[row].encode()[:start].decode() + "(17.25)" + lines[row].encode()[end:].decode()
+    assert identity.syntax("\n".join(lines)) != identity.syntax(SOURCE)
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        ("x = 1\ny = 2", "y = 2\nx = 1"),
+        ("def f(a=1):\n    return a", "def f(a=2):\n    return a"),
+        ("from numpy import sin", "from scipy.special import sin"),
+        ("from trackers.linalg import outer", "from trackers.linalg import cross as outer"),
+        ("class A:\n    x: int = 1", "class A:\n    x: int = 2"),
+        ("@property\ndef f(self):\n    return 1", "def f(self):\n    return 1"),
+    ],
+)
+def test_what_runs_counts(one, other):
+    assert identity.syntax(one) != identity.syntax(other)
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        ("from trackers.a import f\nfrom trackers.b import g", "from trackers.b import g\nfrom trackers.c import f"),
+        ("def f(a: int) -> int:\n    'Doc.'\n    return a", "def f(a):\n    return a"),
+        ("class A:\n    'Doc.'", "class A:\n    pass"),
+        ("if x:\n    import trackers.a\n    y()", "import trackers.a\nif x:\n    y()"),
+    ],
+)
+def test_what_does_not_run_does_not_count(one, other):
+    assert identity.syntax(one) == identity.syntax(other)
+
+
+def test_data_files_count(tmp_path):
+    for name, text in (("a", "[1]"), ("b", "[2]")):
+        (tmp_path / f"{name}.json").write_text(text)
+    assert identity.code_digest([tmp_path / "a.json"]) != identity.code_digest([tmp_path / "b.json"])
 
 
 def test_filters_inside_of_filters_count():
