@@ -32,30 +32,30 @@ reproduce: $(STAMP)
 	for paper in hoher2022 xia2020 xia2020-learned xu2023 yao2021; do \
 		$(BIN)/testbed reproduce $$paper --runs 100 --out runs/reproduce || test $$? -eq 1 || exit; \
 	done
-	$(BIN)/python -m testbed.papers.committed
+	$(BIN)/python -m testbed.studies.comparison.committed
 
 comparison: $(STAMP)  # an hour on two idle cores; the same command goes on where it was interrupted
 	$(BIN)/testbed compare all --seeds 0:8 --duration 6 --jobs -1 --reference rm-feldmann --out runs/comparison
-	$(BIN)/python -m testbed.compare.publish runs/comparison --reference rm-feldmann
+	$(BIN)/python -m testbed.studies.comparison.publish runs/comparison --reference rm-feldmann
 	$(MAKE) comparison-page
 
 comparison-page: $(STAMP)  # docs/comparison.md from the committed results
-	$(BIN)/python -m testbed.compare.page
+	$(BIN)/python -m testbed.studies.comparison.page
 
 family: $(STAMP)  # half an hour or more; OPTIONS="--seed 0 --seed 1" for more
-	$(BIN)/python -m testbed.family --docs docs $(OPTIONS)
+	$(BIN)/python -m testbed.studies.closed_loop.page --docs docs $(OPTIONS)
 
 modes: $(STAMP)  # two minutes
-	$(BIN)/python -m testbed.modes --docs docs
+	$(BIN)/python -m testbed.studies.modes.page --docs docs
 
 partial-view: $(STAMP)  # eight minutes
-	$(BIN)/python -m testbed.partial_view --docs docs
+	$(BIN)/python -m testbed.studies.partial_view.page --docs docs
 
 contours: $(STAMP)  # twelve minutes
-	$(BIN)/python -m testbed.contours --docs docs
+	$(BIN)/python -m testbed.studies.contours.page --docs docs
 
 learning-docs: $(STAMP)  # DATA is the folder with objects.npz of the real extract
-	$(BIN)/python -m testbed.learning_docs $(DATA)
+	$(BIN)/python -m testbed.studies.htg_tables.page $(DATA)
 
 $(STAMP): pyproject.toml constraints.txt
 	$(PYTHON) -c "import sys; v = sys.version_info; sys.exit(0 if v >= (3, 11) else f'Python >= 3.11 is needed, $(PYTHON) is {v[0]}.{v[1]}; call make PYTHON=python3.11')"

@@ -9,11 +9,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from testbed.env import TrackedEnv as TrackedEnv
+    from testbed.environment.wrapper import TrackedEnv as TrackedEnv
     from testbed.planners import PLANNERS as PLANNERS
     from testbed.planners import Planner as Planner
 
-_HOME = {"TrackedEnv": "testbed.env", "PLANNERS": "testbed.planners", "Planner": "testbed.planners"}
+_HOME = {
+    "TrackedEnv": "testbed.environment.wrapper",
+    "PLANNERS": "testbed.planners",
+    "Planner": "testbed.planners",
+}
 
 __all__ = ["PLANNERS", "Planner", "TrackedEnv"]
 
@@ -43,6 +47,6 @@ def __dir__() -> list[str]:
 
 _check_neighbours()
 
-from testbed.registration import register_scenarios  # noqa: E402  (the neighbours come first)
+from testbed.environment.registration import register_scenarios  # noqa: E402  (the neighbours come first)
 
 register_scenarios()

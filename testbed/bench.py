@@ -16,7 +16,7 @@ from rich.table import Table
 from scenarios.adapter import SceneReader
 from scenarios.roads import cached as cached_road
 from sensors.raycast import cast_bodies
-from testbed.env import TrackedEnv
+from testbed.environment.wrapper import TrackedEnv
 from testbed.run import RunConfig, run
 from trackers import Scan, prior
 from trackers import find as find_tracker

@@ -9,8 +9,8 @@ from typing import Annotated, TypeVar
 
 import typer
 
-from testbed import tables
-from testbed.terminal import console, progress_bar, user_input
+from testbed.command_line import tables
+from testbed.command_line.terminal import console, progress_bar, user_input
 
 Learned = TypeVar("Learned")
 
@@ -93,7 +93,7 @@ def review(
     Example: [bold]testbed review runs/*.rrd[/bold]
     Example: [bold]testbed review runs/a.rrd --screenshot a.png --at 9[/bold]
     """
-    from testbed import review as reviewing
+    from testbed.log import review as reviewing
 
     with user_input():
         reviewing.check(path, screenshot, at)
@@ -139,7 +139,7 @@ def learn_htg(
 
     Example: [bold]testbed learn-htg sampler:surround:car --out car.json[/bold]
     """
-    from testbed.learning import LearnConfig, learn, report
+    from testbed.learn.htg import LearnConfig, learn, report
 
     with user_input():
         config = LearnConfig(data, bins, not edges, not no_mirror, mass_min, count, seed)
@@ -164,7 +164,7 @@ def learn_spline(
 
     Example: [bold]testbed learn-spline sampler:surround:car --out car.json[/bold]
     """
-    from testbed.learning_spline import SplineConfig, learn, report
+    from testbed.learn.spline import SplineConfig, learn, report
     from trackers.pmht.offline import Offline
 
     with user_input():
@@ -220,9 +220,9 @@ def compare(
     Example: [bold]testbed compare all --seeds 0:5 --duration 10 --jobs -1 --reference htg-map[/bold]
     """
     from testbed.compare import command
-    from testbed.compare.config import Comparison, Settings, check, expand, parse_seeds
-    from testbed.compare.engine import Engine
-    from testbed.compare.engine import check as check_engine
+    from testbed.compare.runs.config import Comparison, Settings, check, expand, parse_seeds
+    from testbed.compare.runs.engine import Engine
+    from testbed.compare.runs.engine import check as check_engine
 
     with user_input():
         settings = Settings(radar, loop, planner, duration)
@@ -321,7 +321,7 @@ def calibrate(
 
     Example: [bold]testbed calibrate --radar imaging[/bold]
     """
-    from testbed import calibration
+    from testbed.learn import calibration
 
     with user_input():
         report = calibration.report(data, radar)

@@ -12,11 +12,12 @@ import gymnasium as gym
 
 from scenarios import find as find_scenario
 from sensors import find as find_radar
-from testbed.evaluation import jsonable
-from testbed.interruption import interruptible
-from testbed.perception import Observer
+from testbed.command_line.interruption import interruptible
+from testbed.evaluation.recorder import LEVELS, Recorder
+from testbed.evaluation.tracking import jsonable
+from testbed.files import make_directory
+from testbed.frame import Observer
 from testbed.planners import find as find_planner
-from testbed.recorder import LEVELS, Recorder, make_directory
 from trackers import find as find_tracker
 
 

@@ -2,12 +2,10 @@
 
 import ast
 import re
-import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
 from graphlib import CycleError, TopologicalSorter
-from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -25,19 +23,15 @@ FLOORS = {
 HOMES = {
     "highway_env": (
         "scenarios",
-        "testbed.env",
-        "testbed.belief",
-        "testbed.observation",
+        "testbed.environment",
         "testbed.planners",
-        "testbed.idm",
-        "testbed.foresight",
         "testbed.bench",
     ),
     "gymnasium": ("scenarios.highway", "scenarios.adapter", "testbed"),
     "rerun": ("testbed.log",),
 }
 FIGURES = re.compile(r"^testbed\.(?:\w+\.)*\w*figures?\w*$")  # modules that may draw with matplotlib
-CATCHES_ALL = {"testbed.compare.runs"}  # one failed run of thousands is reported, and must not stop the others
+CATCHES_ALL = {"testbed.compare.runs.tasks"}  # one failed run of thousands is reported, and must not stop the others
 SEEDED = {"Generator", "SeedSequence", "BitGenerator", "PCG64", "default_rng"}
 
 # Hosts of package registries and paths of one machine; the brackets keep these lines from matching themselves.
@@ -164,15 +158,6 @@ def test_tests_draw_seeded_numbers_and_catch_named_errors():
     ] == []
 
 
-@pytest.mark.skipif(
-    shutil.which("git") is None or not (ROOT / ".git").exists(), reason="which files are ours is asked of git"
-)
-def test_no_two_test_files_share_a_name():
-    """The test runner imports them by their bare names, and the second one would fail to load."""
-    names = sorted(p.name for p in (ROOT / "tests").rglob("test_*.py"))
-    assert [a for a, b in pairwise(names) if a == b] == []
-
-
 def test_no_file_names_a_package_registry_or_a_path_of_one_machine():
     listing = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
     names = subprocess.run(listing, cwd=ROOT, capture_output=True, check=True, text=True).stdout.split("\0")
@@ -196,16 +181,16 @@ def test_no_file_names_a_package_registry_or_a_path_of_one_machine():
         ("scenarios.roads", "from sensors import RADARS"),
         ("scenarios.courses", "import gymnasium"),
         ("scenarios.courses", "from .roads import road"),
-        ("testbed.metrics", "import highway_env"),
-        ("testbed.metrics", "import rerun as rr"),
-        ("testbed.metrics", "import matplotlib.pyplot as plt"),
-        ("testbed.metrics", "import random"),
-        ("testbed.metrics", "import numpy as np\nnp.random.seed(0)"),
-        ("testbed.metrics", "import numpy as np\nx = np.random.rand(3)"),
-        ("testbed.metrics", "import numpy as np\nrng = np.random.default_rng()"),
-        ("testbed.metrics", "try:\n    f()\nexcept Exception:\n    pass"),
-        ("testbed.metrics", "try:\n    f()\nexcept (ValueError, BaseException):\n    pass"),
-        ("testbed.metrics", "try:\n    f()\nexcept:\n    pass"),
+        ("testbed.evaluation.metrics", "import highway_env"),
+        ("testbed.evaluation.metrics", "import rerun as rr"),
+        ("testbed.evaluation.metrics", "import matplotlib.pyplot as plt"),
+        ("testbed.evaluation.metrics", "import random"),
+        ("testbed.evaluation.metrics", "import numpy as np\nnp.random.seed(0)"),
+        ("testbed.evaluation.metrics", "import numpy as np\nx = np.random.rand(3)"),
+        ("testbed.evaluation.metrics", "import numpy as np\nrng = np.random.default_rng()"),
+        ("testbed.evaluation.metrics", "try:\n    f()\nexcept Exception:\n    pass"),
+        ("testbed.evaluation.metrics", "try:\n    f()\nexcept (ValueError, BaseException):\n    pass"),
+        ("testbed.evaluation.metrics", "try:\n    f()\nexcept:\n    pass"),
     ],
 )
 def test_an_offending_module_is_caught(module, source):

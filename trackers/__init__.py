@@ -4,7 +4,7 @@ from trackers.estimate import Estimate, prior
 from trackers.multi.tracker import MultiObjectTracker
 from trackers.multi.tracks import Event, StepInfo, Tracks
 from trackers.protocols import Filter
-from trackers.random_matrix import RandomMatrix
+from trackers.random_matrix.feldmann import RandomMatrix
 from trackers.registry import TRACKERS, find
 from trackers.scan import Scan, SensorModel
 

@@ -17,11 +17,11 @@ from trackers.geometry import wrap_angle
 from trackers.htg.map import MapState
 from trackers.htg.online import OnlineState
 from trackers.imm import IMMState, moments
-from trackers.koch import Koch, KochState, course
 from trackers.motion import PHI
 from trackers.protocols import Angular
-from trackers.random_matrix import RMState
-from trackers.virtual_measurements import ContourState
+from trackers.random_matrix.feldmann import RMState
+from trackers.random_matrix.koch import Koch, KochState, course
+from trackers.random_matrix.virtual_measurements import ContourState
 
 
 class Gaussian(NamedTuple):

@@ -6,17 +6,17 @@ from difflib import get_close_matches
 from types import MappingProxyType
 from typing import Any
 
-from trackers.adaptation import GaussNewton
 from trackers.dra import DataRegion
 from trackers.htg.learned import HTGLearned
 from trackers.htg.map import HTGMap
 from trackers.htg.moment import HTGMoment
 from trackers.htg.online import HTGOnline
-from trackers.koch import Koch
 from trackers.pmht import AdaptiveSpline, Learner, SplinePmht, Walk
 from trackers.protocols import Filter
-from trackers.random_matrix import RandomMatrix
-from trackers.virtual_measurements import VirtualMeasurements
+from trackers.random_matrix.adaptation import GaussNewton
+from trackers.random_matrix.feldmann import RandomMatrix
+from trackers.random_matrix.koch import Koch
+from trackers.random_matrix.virtual_measurements import VirtualMeasurements
 
 
 @dataclass(frozen=True)

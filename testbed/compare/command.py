@@ -6,15 +6,16 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import Progress as Bar
 
-from testbed.compare import analysis, tables
-from testbed.compare.config import Comparison
-from testbed.compare.engine import Engine
-from testbed.compare.measures import MAIN
-from testbed.compare.report import write_report
-from testbed.compare.results import Results, collect
-from testbed.compare.work import Progress, Report, execute
-from testbed.interruption import Wish, interruptible
-from testbed.terminal import stages, user_input
+from testbed.command_line.interruption import Wish, interruptible
+from testbed.command_line.terminal import stages, user_input
+from testbed.compare.report import tables_terminal as tables
+from testbed.compare.report.report import write_report
+from testbed.compare.runs.config import Comparison
+from testbed.compare.runs.engine import Engine
+from testbed.compare.runs.results import Results, collect
+from testbed.compare.runs.work import Progress, Report, execute
+from testbed.compare.statistics import analysis
+from testbed.compare.statistics.measures import MAIN
 
 WARNINGS = 8  # that are spelt out on the terminal
 

@@ -8,10 +8,13 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import NamedTuple
 
-from testbed.interruption import interruptible
-from testbed.papers import hoher2022, xia2020, xu2023, yao2021
+from testbed.command_line.interruption import interruptible
+from testbed.files import make_directory
+from testbed.papers.hoher2022 import experiment as hoher2022
 from testbed.papers.verdict import Progress, Report, Stopped
-from testbed.recorder import make_directory
+from testbed.papers.xia2020 import experiment as xia2020
+from testbed.papers.xu2023 import experiment as xu2023
+from testbed.papers.yao2021 import experiment as yao2021
 
 
 @dataclass(frozen=True)

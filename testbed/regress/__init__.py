@@ -1,1 +1,5 @@
-"""Regression of tracking results: a fixed suite of runs against committed baselines."""
+"""Regression: every scenario and tracker held against committed baselines (`testbed regress`).
+
+In: the catalogues and `baselines.json`. Out: an exit status, a table of what moved, JUnit XML, the log of the worst
+run. May import `testbed.compare.runs` and `testbed.compare.statistics`.
+"""

@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from testbed.compare.config import write_whole
-from testbed.compare.statistics import LEVEL, interval
+from testbed.compare.statistics.bootstrap import LEVEL, interval
+from testbed.files import write_whole
 from testbed.regress.spread import pooled_spread, student_limit
 from testbed.regress.suite import TOLERANCES, Suite
 from testbed.regress.verdict import Values

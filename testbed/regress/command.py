@@ -11,21 +11,21 @@ from rich.console import Console
 from rich.progress import Progress
 
 from scenarios import find as find_scenario
+from testbed.command_line.terminal import stages, user_input
 from testbed.compare.command import tell
-from testbed.compare.config import check as check_comparison
-from testbed.compare.engine import Engine
-from testbed.compare.engine import check as check_engine
-from testbed.compare.replay import write_log
-from testbed.compare.results import Results, collect
-from testbed.compare.runs import Drive, obtain
-from testbed.compare.work import execute
-from testbed.recorder import make_directory, versions
+from testbed.compare.runs.config import check as check_comparison
+from testbed.compare.runs.engine import Engine
+from testbed.compare.runs.engine import check as check_engine
+from testbed.compare.runs.replay import write_log
+from testbed.compare.runs.results import Results, collect
+from testbed.compare.runs.tasks import Drive, obtain
+from testbed.compare.runs.work import execute
+from testbed.files import make_directory, versions
 from testbed.regress import junit, tables
 from testbed.regress.baselines import NONE, Baselines, Update, load, merge, save
 from testbed.regress.findings import Findings, examine, measured, orphans, worst_run
 from testbed.regress.suite import LOGS, Suite, claim_folder
 from testbed.regress.verdict import OVERALL
-from testbed.terminal import stages, user_input
 from trackers import find as find_tracker
 
 COMMITTED = Path(str(files("testbed.regress"))) / "baselines.json"

@@ -8,9 +8,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from scenarios import SCENARIOS
-from testbed.compare.measures import KEYS
-from testbed.compare.results import Results
-from testbed.compare.work import Report
+from testbed.compare.runs.results import Results
+from testbed.compare.runs.work import Report
+from testbed.compare.statistics.measures import KEYS
 from testbed.regress.baselines import Baselines, Key
 from testbed.regress.suite import TOLERANCES, Suite
 from testbed.regress.verdict import BETTER, GONE, OVERALL, WORSE, Change, judge

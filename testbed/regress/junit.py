@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from testbed.compare.config import write_whole
+from testbed.files import write_whole
 from testbed.regress.baselines import Key
 from testbed.regress.findings import Findings, label
 from testbed.regress.verdict import GONE, OVERALL, Change

@@ -13,12 +13,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 from scenarios import SCENARIOS
-from testbed.compare.config import SETTINGS, Comparison, Settings, identity, write_whole
-from testbed.compare.identity import PACKAGES, code_digest
-from testbed.compare.results import RUNS
-from testbed.compare.runs import RECORDINGS
-from testbed.compare.runs import ROWS as RUN_ROWS
-from testbed.recorder import make_directory
+from testbed.compare.runs.config import SETTINGS, Comparison, Settings, identity
+from testbed.compare.runs.identity import PACKAGES, code_digest
+from testbed.compare.runs.results import RUNS
+from testbed.compare.runs.tasks import RECORDINGS
+from testbed.compare.runs.tasks import ROWS as RUN_ROWS
+from testbed.files import make_directory, write_whole
 from trackers import TRACKERS
 
 STAMP = "regress.json"  # in the results folder: which code and versions its runs are of

@@ -7,13 +7,13 @@ from numpy.typing import NDArray
 from rich.markup import escape
 from rich.table import Table
 
-from testbed.compare.measures import KEYS
-from testbed.compare.statistics import mean_of_means
+from testbed.command_line.tables import light_table
+from testbed.compare.statistics.bootstrap import mean_of_means
+from testbed.compare.statistics.measures import KEYS
 from testbed.regress.baselines import Baselines, Key
 from testbed.regress.findings import label
 from testbed.regress.suite import TOLERANCES
 from testbed.regress.verdict import Change
-from testbed.tables import light_table
 
 ROWS = 40  # of a table; there may be thousands of changes
 NAMES = 4  # in a sentence

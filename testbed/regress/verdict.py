@@ -20,8 +20,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from testbed.compare.measures import badness
-from testbed.compare.statistics import FEWEST, interval
+from testbed.compare.statistics.bootstrap import FEWEST, interval
+from testbed.compare.statistics.measures import badness
 from testbed.regress.spread import spread_of_others, student_limit
 from testbed.regress.suite import TOLERANCES, Tolerance
 

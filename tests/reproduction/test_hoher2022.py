@@ -5,11 +5,11 @@ import json
 import numpy as np
 import pytest
 
-from testbed.papers.contour_runs import MEASURES
-from testbed.papers.hoher2022 import CASES, experiment, methods, run
-from testbed.papers.hoher2022_claims import longest_one_sided, stability
-from testbed.papers.hoher2022_reference import REFERENCE
-from testbed.papers.uturn import FIRST, SECOND, SHAPES, lidar_scans, truth
+from testbed.papers.hoher2022.claims import longest_one_sided, stability
+from testbed.papers.hoher2022.experiment import CASES, experiment, methods, run
+from testbed.papers.hoher2022.reference import REFERENCE
+from testbed.papers.hoher2022.runs import MEASURES
+from testbed.papers.hoher2022.uturn import FIRST, SECOND, SHAPES, lidar_scans, truth
 
 RUNS = 20
 SMOOTH = ("RM", "C33", "G")  # the rest accepts and rejects on a grid of rays, or has weights the card does not tell

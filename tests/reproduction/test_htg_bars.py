@@ -5,8 +5,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from testbed.papers.xia2020_generators import COURSES, PUBLISHED
-from testbed.papers.xia2020_methods import (
+from testbed.papers.xia2020.generators import COURSES, PUBLISHED
+from testbed.papers.xia2020.methods import (
     BEST,
     LEARNED,
     LEARNED_N,
@@ -18,13 +18,13 @@ from testbed.papers.xia2020_methods import (
     full_methods,
     partial_methods,
 )
-from testbed.papers.xia2020_trials import SIZE, Errors, errors, full_view, partial_view, track
+from testbed.papers.xia2020.trials import SIZE, Errors, errors, full_view, partial_view, track
 from trackers import Scan
 from trackers.geometry import extent_matrix, rotation
 from trackers.htg.bins import single
 from trackers.htg.density import HTG, moments, sample
 from trackers.htg.learned import HTGLearned
-from trackers.random_matrix import RMState
+from trackers.random_matrix.feldmann import RMState
 
 pytestmark = pytest.mark.slow
 

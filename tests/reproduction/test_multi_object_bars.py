@@ -4,24 +4,19 @@ The worlds are ours, built after the card's description, with the catalogue's ra
 15 m where the card's radar has 26), and with displaced returns. Figures are means over `SEEDS`.
 """
 
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "testbed"))  # the worlds lie beside the tests of the testbed
-
-import road_cases as cases
-from road_world import SEVEN, Outcome, World, drive, tracker_for
-
-from testbed.evaluation import Evaluator
-from testbed.histories import losses
-from testbed.perception import truth_tracks
+from testbed.environment.perception import truth_tracks
+from testbed.evaluation.histories import losses
+from testbed.evaluation.tracking import Evaluator
+from tests.testbed.evaluation import road_cases as cases
+from tests.testbed.evaluation.road_world import SEVEN, Outcome, World, drive, tracker_for
 from trackers import MultiObjectTracker
 from trackers.multi.association import Detections
 from trackers.multi.exclusion import Exclusion

@@ -7,11 +7,11 @@ import json
 
 import pytest
 
-from testbed.papers import xia2020
 from testbed.papers.verdict import CONFIRMED, REFUTED
-from testbed.papers.xia2020_claims import COURSES, ROUGH, SPARSE
-from testbed.papers.xia2020_generators import GENERATORS
-from testbed.papers.xia2020_methods import BEST, LEARNED, LEARNED_N, MAP, MM, ONLINE_N, RM, RM_MATCHED
+from testbed.papers.xia2020 import experiment as xia2020
+from testbed.papers.xia2020.claims import COURSES, ROUGH, SPARSE
+from testbed.papers.xia2020.generators import GENERATORS
+from testbed.papers.xia2020.methods import BEST, LEARNED, LEARNED_N, MAP, MM, ONLINE_N, RM, RM_MATCHED
 
 pytestmark = pytest.mark.slow
 

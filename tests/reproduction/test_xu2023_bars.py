@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from testbed.papers import xu2023
-from testbed.papers.xu2023_cases import BEHIND, FAR, METHODS, NEAR, Trial, Variant
-from testbed.papers.xu2023_reference import CARD, COLUMNS
+from testbed.papers.xu2023 import experiment as xu2023
+from testbed.papers.xu2023.cases import BEHIND, FAR, METHODS, NEAR, Trial, Variant
+from testbed.papers.xu2023.reference import CARD, COLUMNS
 
 RUNS = 50
 SEED = 0

@@ -5,8 +5,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from testbed.papers import yao2021
-from testbed.papers.yao2021_trials import CONTOURS, A, B, drive, play
+from testbed.papers.yao2021 import experiment as yao2021
+from testbed.papers.yao2021.trials import CONTOURS, A, B, drive, play
 from trackers.pmht.model import find
 
 RUNS = 100

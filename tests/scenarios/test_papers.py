@@ -7,7 +7,7 @@ from scenarios.adapter import SceneReader
 from scenarios.highway import ScenarioEnv
 from scenarios.registry import find
 from sensors import find as find_radar
-from testbed.papers.xia2020_generators import FOLLOWING, RIGHT_TURN, S_CURVE, drive
+from testbed.papers.xia2020.generators import FOLLOWING, RIGHT_TURN, S_CURVE, drive
 from trackers.geometry import to_frame, wrap_angle
 
 IDLE = 1

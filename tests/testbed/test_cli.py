@@ -12,7 +12,7 @@ import pytest
 from rich.console import Console
 
 from scenarios import SCENARIOS
-from testbed import tables
+from testbed.command_line import tables
 from testbed.log import reader
 
 TESTBED = [sys.executable, "-m", "testbed"]

@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
+from testbed.environment.perception import Cost
 from testbed.log import reader
-from testbed.perception import Cost
 from testbed.run import RunConfig, check, make_env, run
 from trackers.multi.tracks import StepInfo
 

@@ -16,7 +16,7 @@ from trackers.htg.spatial import log_spatial
 from trackers.linalg import sqrtm
 from trackers.motion import PHI
 from trackers.protocols import UpdateInfo
-from trackers.random_matrix import RandomMatrix, RMState
+from trackers.random_matrix.feldmann import RandomMatrix, RMState
 from trackers.scan import Scan, check_scan
 
 LEAST_SHARE = 1e-3  # of the Gaussian outside the hole: N = n / c_D must stay finite

@@ -18,7 +18,7 @@ from trackers.htg.spatial import log_spatial
 from trackers.linalg import inverse, inverse_sqrtm, outer, sqrtm, symmetrize
 from trackers.motion import PHI
 from trackers.protocols import UpdateInfo
-from trackers.random_matrix import RandomMatrix, RMState
+from trackers.random_matrix.feldmann import RandomMatrix, RMState
 from trackers.scan import Scan, check_scan
 
 

@@ -32,7 +32,7 @@ from trackers.htg.sides import Sides, fit
 from trackers.linalg import I2, sqrtm
 from trackers.motion import PHI
 from trackers.protocols import UpdateInfo
-from trackers.random_matrix import RandomMatrix, RMState
+from trackers.random_matrix.feldmann import RandomMatrix, RMState
 from trackers.scan import Scan, check_scan
 
 AXIS = np.array([0, 1, 0, 1])  # of the sides a1, a2, b1, b2: rear, right, front, left

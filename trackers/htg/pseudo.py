@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from trackers.geometry import rotation
 from trackers.linalg import inverse, inverse_sqrtm, outer, symmetrize
-from trackers.random_matrix import RMState, masked_mean, moments
+from trackers.random_matrix.feldmann import RMState, masked_mean, moments
 from trackers.scan import Scan
 
 

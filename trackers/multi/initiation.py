@@ -11,7 +11,7 @@ from trackers.geometry import dot, perpendicular, to_frame, unit
 from trackers.multi.association import Detections
 from trackers.multi.road import RoadMap
 from trackers.multi.sizes import SizePrior
-from trackers.surface import visible_offset
+from trackers.random_matrix.surface import visible_offset
 
 
 class Births(NamedTuple):

@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
-from testbed.compare.config import Comparison, Task
-from testbed.compare.measures import KEYS
-from testbed.compare.results import Results, collect
-from testbed.compare.rows import COLUMNS, SCHEMA, write
-from testbed.compare.runs import ROWS, rows_path
-from testbed.pair_errors import ERRORS
+from testbed.compare.runs.config import Comparison, Task
+from testbed.compare.runs.results import Results, collect
+from testbed.compare.runs.rows import COLUMNS, SCHEMA, write
+from testbed.compare.runs.tasks import ROWS, rows_path
+from testbed.compare.statistics.measures import KEYS
+from testbed.evaluation.pair_errors import ERRORS
 
 PHASES = (("before", 0.0, 3.0), ("onset", 3.0, 4.0), ("during", 4.0, 6.0), ("after", 6.0, 8.0))
 OBJECTS = 4

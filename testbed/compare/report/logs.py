@@ -1,0 +1,120 @@
+"""Review logs of the runs worth a look: the best, the median and the worst of every tracker."""
+
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import NamedTuple
+
+import numpy as np
+
+from testbed.compare.runs.config import Comparison, Task
+from testbed.compare.runs.engine import Engine, perform
+from testbed.compare.runs.replay import REPLAY, write_log
+from testbed.compare.runs.results import Results
+from testbed.compare.runs.tasks import DONE, FAILED, FOUND, Drive, Outcome, obtain
+from testbed.evaluation.recorder import run_id
+from testbed.files import make_directory
+from testbed.run import RunConfig
+from testbed.run import run as run_live
+
+FOLDER = "logs"
+PLACES = ("best", "median", "worst")
+
+
+class Pick(NamedTuple):
+    """A run that gets a log."""
+
+    place: str  # best, median or worst
+    task: Task
+    gospa: float  # [m]
+    relative: float  # GOSPA over the mean of its scenario
+
+
+def picks(results: Results) -> list[Pick]:
+    """Best, median and worst run of every tracker, in its order.
+
+    What counts is the GOSPA of a run divided by the mean over all trackers and seeds of its scenario. Without that the
+    worst run of every tracker would come from the one scenario that is hard for all, and would show the scenario, not
+    the tracker. Of an even number of runs the median is the better one of the two in the middle; ties go to the
+    scenario and seed that come first. A tracker with one or two runs has fewer picks than places: none comes twice.
+    """
+    whole = results.whole
+    if "gospa" not in whole:
+        return []
+    runs = whole[np.isfinite(whole["gospa"].astype(float))]
+    runs = runs.assign(mean=runs.groupby("scenario")["gospa"].transform("mean"))
+    runs = runs.assign(relative=(runs["gospa"] / runs["mean"].where(runs["mean"] > 0)).fillna(1.0))
+    found: list[Pick] = []
+    for tracker in results.comparison.trackers:
+        order = runs[runs["tracker"] == tracker].sort_values("relative", kind="stable")
+        if len(order):
+            at = dict(zip(PLACES, (0, (len(order) - 1) // 2, len(order) - 1), strict=True))
+            distinct = {k: place for place, k in reversed(at.items())}  # where two agree the first place stands
+            for k, place in sorted(distinct.items()):
+                row = order.iloc[k]
+                task = Task(row["scenario"], tracker, int(row["seed"]))
+                found.append(Pick(place, task, float(row["gospa"]), float(row["relative"])))
+    return found
+
+
+def side_by_side(task: Task, baseline: str) -> tuple[str, ...]:
+    """The trackers in a log: the one it is about, then the reference."""
+    return tuple(dict.fromkeys((task.tracker, baseline)))
+
+
+def log_path(task: Task, comparison: Comparison, out: Path) -> Path:
+    """Where the log of a run lies in the folder of the report."""
+    settings = comparison.settings
+    planner = REPLAY if settings.loop == "open" else settings.planner
+    name = run_id(task.scenario, side_by_side(task, comparison.baseline), settings.radar, planner, task.seed)
+    return out / FOLDER / f"{name}.rrd"
+
+
+def write(
+    results: Results,
+    found: Sequence[Pick],
+    out: Path,
+    engine: Engine = Engine(),  # noqa: B008 - frozen
+    progress: Callable[[int, int], None] | None = None,
+) -> list[Outcome]:
+    """Write the logs of the picks into OUT/logs, beside what is there already; progress(done, total) after each."""
+    comparison = results.comparison
+    make_directory(out / FOLDER)
+    tasks = list(dict.fromkeys(pick.task for pick in found))
+    work = [(task, comparison, log_path(task, comparison, out)) for task in tasks]
+    outcomes: list[Outcome] = []
+    with closing(perform(write_one, work, engine)) as finished:
+        if progress:
+            progress(0, len(work))
+        for outcome in finished:
+            outcomes.append(outcome)
+            if progress:
+                progress(len(outcomes), len(work))
+    return outcomes
+
+
+def write_one(task: Task, comparison: Comparison, path: Path) -> Outcome:
+    """Write one log whole or not at all; a log that is there is kept."""
+    if path.exists():
+        return Outcome(task.name, FOUND)
+    trackers, settings = side_by_side(task, comparison.baseline), comparison.settings
+    try:
+        with TemporaryDirectory(dir=path.parent, prefix=".part-") as part:
+            if settings.loop == "open":
+                recording = obtain(Drive(task.scenario, task.seed), settings, Path(comparison.out))
+                made = write_log(recording, trackers, Path(part))
+            else:
+                config = RunConfig(
+                    task.scenario, trackers, settings.radar, settings.planner, task.seed, settings.duration, part
+                )
+                done = run_live(config)
+                if done.interrupted:
+                    raise KeyboardInterrupt  # what the first signal asked of the run is asked of us all
+                assert done.rrd is not None  # its level is full
+                made = done.rrd
+            made.with_suffix(".json").replace(path.with_suffix(".json"))
+            made.replace(path)
+    except (OSError, ValueError) as error:
+        return Outcome(task.name, FAILED, str(error))
+    return Outcome(task.name, DONE)

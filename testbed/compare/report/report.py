@@ -1,0 +1,233 @@
+"""The report of a comparison: one page with the verdict in words, all tables, the figures and links to the logs."""
+
+import os
+import shlex
+from collections.abc import Callable, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, NamedTuple
+from urllib.parse import quote
+
+import pandas as pd
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from testbed.compare.report import figures
+from testbed.compare.report import logs as log_files
+from testbed.compare.report import tables_html as report_tables
+from testbed.compare.report import words as report_words
+from testbed.compare.report.tables_html import Table
+from testbed.compare.runs.config import read_settings
+from testbed.compare.runs.engine import Engine
+from testbed.compare.runs.results import Results
+from testbed.compare.runs.tasks import FAILED, rows_path
+from testbed.compare.runs.work import Report
+from testbed.compare.statistics.analysis import BANDS, by_band, cells, consistency, unresolved
+from testbed.compare.statistics.measures import MAIN
+from testbed.files import make_directory, write_whole
+
+NAME = "report.html"
+TEMPLATE = "report.html.j2"
+BY_PHASE = ("gospa", "missed_percent", "rmse_position")
+NO_LOG = "not here: the command that made the runs leaves it beside its own report"
+NARROW = "code"  # key of the settings that identifies the code behind the rows
+Progress = Callable[[int, int, str], None]
+
+
+class LogLink(NamedTuple):
+    """A line of the table of logs."""
+
+    pick: log_files.Pick
+    href: str  # relative to the page, empty where there is no log
+    command: str
+    note: str
+
+
+def write_report(
+    results: Results,
+    report: Report | None = None,
+    out: Path | None = None,
+    logs: bool = True,
+    engine: Engine = Engine(),  # noqa: B008 - frozen
+    progress: Progress | None = None,
+) -> Path:
+    """Write OUT/report.html with its figures and, where asked for, its logs; returns the path of the page.
+
+    Args:
+        results: of a folder.
+        report: how the work went; without it the page knows which runs are missing, but not why.
+        out: where page, figures and logs go; None: the folder of the results.
+        logs: whether to replay, or to drive again, the best, the median and the worst run of each tracker.
+        engine: on which the logs are made.
+        progress: progress(done, total, what) with what is at hand: tables, figures, then logs.
+
+    Raises OSError, in one sentence, where the disk is full or must not be written.
+    """
+    folder = Path(out or results.comparison.out)
+    make_directory(folder)
+    told = _stage(progress, "tables") or (lambda done, total: None)
+    told(0, 2)
+    bands = bands_of(results)
+    told(1, 2)
+    tables = tables_of(results, bands)
+    told(2, 2)
+    drawn = figures.draw(results, bands, folder, _stage(progress, "figures"))
+    links = _logs(results, folder, logs, engine, _stage(progress, "logs"))
+    path = folder / NAME
+    write_whole(path, render(results, report, tables, drawn, links, folder))
+    return path
+
+
+def render(
+    results: Results,
+    report: Report | None,
+    tables: dict[str, Any],
+    drawn: Sequence[figures.Drawn] = (),
+    links: Sequence[LogLink] = (),
+    folder: Path = Path(),
+) -> str:
+    """The page itself, for a folder in which figures and logs lie; tables as from `tables_of`."""
+    return _template().render(
+        **_about(results, report),
+        **tables,
+        figures=[(d, _href(d.svg, folder), _href(d.png, folder)) for d in drawn],
+        links=links,
+        failed=report.failed if report else [],
+        missing=results.missing,
+    )
+
+
+def bands_of(results: Results) -> dict[str, pd.DataFrame]:
+    """Errors by range and by visible share; empty tables where no run is finished."""
+    return {band: pd.DataFrame() if results.whole.empty else by_band(results, band) for band in BANDS}
+
+
+def _template() -> Any:
+    loader = PackageLoader("testbed.compare.report", "")
+    environment = Environment(
+        loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    return environment.get_template(TEMPLATE)
+
+
+def _stage(progress: Progress | None, what: str) -> Callable[[int, int], None] | None:
+    return None if progress is None else lambda done, total: progress(done, total, what)
+
+
+def tables_of(results: Results, bands: dict[str, pd.DataFrame]) -> dict[str, Any]:
+    """All tables by their names in the template, None for what there are no data for, and the sentences."""
+    baseline = results.comparison.baseline
+    main = list(cells(results, MAIN))
+    scenarios = list(cells(results, ("gospa",), by="scenario"))
+    phases = list(cells(results, BY_PHASE, by="phase"))
+    known = pd.DataFrame() if results.whole.empty else consistency(results)
+    several = any(c.difference for c in main)
+    return {
+        "verdict": report_words.verdict(results, main),
+        "doubts": report_words.doubts(results, main),
+        "open_questions": unresolved(main),
+        "differences_known": sum(c.difference is not None for c in main),
+        "overview": report_tables.overview(main, baseline) if main else None,
+        "differences": report_tables.differences(main, baseline) if several else None,
+        "by_scenario": report_tables.by_scenario(scenarios, baseline) if scenarios else None,
+        "by_phase": report_tables.by_phase(phases, baseline) if phases else None,
+        "by_range": _band(bands, "range", baseline),
+        "by_visible": _band(bands, "visible", baseline),
+        "consistency": None if known.empty else report_tables.consistency(known, baseline),
+    }
+
+
+def _band(bands: dict[str, pd.DataFrame], band: str, baseline: str) -> Table | None:
+    return None if bands[band].empty else report_tables.by_band(bands[band], band, baseline)
+
+
+def _about(results: Results, report: Report | None) -> dict[str, Any]:
+    """What was compared, as (term, text) pairs, and where the time went as (part, seconds, share)."""
+    comparison = results.comparison
+    settings = comparison.settings
+    made = len(comparison.tasks) - len(results.missing)
+    shares = results.shares
+    total = sum(shares.values())
+    facts = [
+        ("trackers", f"{len(comparison.trackers)}: {', '.join(comparison.trackers)}"),
+        ("reference", comparison.baseline),
+        ("scenarios", f"{len(comparison.scenarios)}: {', '.join(comparison.scenarios)}"),
+        ("seeds", f"{len(comparison.seeds)}: {seeds_text(comparison.seeds)}"),
+        ("duration", f"{settings.duration:g} s of each run" if settings.duration else "the scenarios' own"),
+        ("radar", settings.radar),
+        ("loop", _loop(settings.loop, settings.planner)),
+        (
+            "runs",
+            f"{made} of {len(comparison.tasks)}" + (f", {len(results.missing)} missing" if results.missing else ""),
+        ),
+        ("made", _date(results)),
+        *_identity(comparison.out),
+    ]
+    if report and report.wall:
+        facts.append(("wall time", f"{report.wall:.0f} s for {report.done} runs; {report.found} were there already"))
+    return {
+        "title": f"Comparison of {len(comparison.trackers)} trackers"
+        if len(comparison.trackers) > 1
+        else f"Results of {comparison.trackers[0]}",
+        "facts": facts,
+        "shares": [(part, seconds, seconds / total) for part, seconds in shares.items()] if total else [],
+        "total": total,
+        "reference": comparison.baseline,
+    }
+
+
+def _loop(loop: str, planner: str) -> str:
+    if loop == "open":
+        return "open: every tracker gets the same recorded detections; a planner that knows the truth drove"
+    return f"closed: every tracker drives the planner {planner}; the same traffic and radar noise at the start"
+
+
+def _identity(out: str) -> list[tuple[str, str]]:
+    """Versions, and the digest of the code, of the folder with the runs; nothing where it does not say."""
+    try:
+        _, known = read_settings(Path(out))
+    except ValueError:
+        return []
+    prefix = "version of "
+    versions = ", ".join(f"{k.removeprefix(prefix)} {v}" for k, v in known.items() if k.startswith(prefix))
+    return [("versions", versions), ("digest of the code", str(known[NARROW]))]
+
+
+def _date(results: Results) -> str:
+    gone = set(results.missing)
+    paths = [rows_path(t, Path(results.comparison.out)) for t in results.comparison.tasks if t not in gone]
+    times = [path.stat().st_mtime for path in paths if path.exists()]
+    return f"{datetime.fromtimestamp(max(times), UTC):%Y-%m-%d %H:%M} UTC" if times else "not yet"
+
+
+def seeds_text(seeds: tuple[int, ...]) -> str:
+    """Seeds as people write them.
+
+    >>> seeds_text((0, 1, 2, 3)), seeds_text((1, 5))
+    ('0 to 3', '1, 5')
+    """
+    first, last = min(seeds), max(seeds)
+    whole = len(seeds) > 2 and sorted(seeds) == list(range(first, last + 1))
+    return f"{first} to {last}" if whole else ", ".join(map(str, seeds))
+
+
+def _logs(
+    results: Results, folder: Path, wanted: bool, engine: Engine, progress: Callable[[int, int], None] | None
+) -> list[LogLink]:
+    found = log_files.picks(results)
+    notes: dict[str, str] = {}
+    if wanted:
+        outcomes = log_files.write(results, found, folder, engine, progress)
+        notes = {outcome.name: outcome.note for outcome in outcomes if outcome.status == FAILED}
+    links = []
+    for pick in found:
+        path = log_files.log_path(pick.task, results.comparison, folder)
+        if path.exists():
+            links.append(LogLink(pick, _href(path, folder), f"testbed review {shlex.quote(str(path))}", ""))
+        else:
+            links.append(LogLink(pick, "", "", notes.get(pick.task.name, NO_LOG)))
+    return links
+
+
+def _href(path: Path, folder: Path) -> str:
+    """Address of a file as seen from the page."""
+    return quote(Path(os.path.relpath(path, folder)).as_posix(), safe="/")

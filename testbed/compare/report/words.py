@@ -1,0 +1,148 @@
+"""What the statistics of a comparison say, in sentences."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from testbed.compare.report.tables_html import bounds, number
+from testbed.compare.runs.results import Results
+from testbed.compare.statistics.analysis import Cell, samples
+from testbed.compare.statistics.bootstrap import FEWEST, compare
+from testbed.compare.statistics.measures import KEYS, MAIN, badness
+
+BESIDES = tuple(key for key in MAIN if key != "gospa")
+
+
+def verdict(results: Results, cells: Sequence[Cell]) -> list[str]:
+    """The outcome: best in GOSPA and whether that is resolved, the others against the reference, and the rest."""
+    order = _by_gospa(cells)
+    if not order:
+        return ["No run has a GOSPA yet, so there is nothing to be said."]
+    sentences = [_best(results, order)]
+    if len(order) > 1:
+        sentences += [_lead(results, order), _wins(results, order[0].tracker), _against(cells, results)]
+    sentences += [_besides(cells), _certainty(cells), _cost(results, order[0].tracker)]
+    return [s for s in sentences if s]
+
+
+def doubts(results: Results, cells: Sequence[Cell]) -> list[str]:
+    """What a reader should know before believing the tables."""
+    comparison = results.comparison
+    found = []
+    if len(comparison.seeds) < FEWEST:
+        few = f"{_count(len(comparison.seeds), 'seed')} {'is' if len(comparison.seeds) == 1 else 'are'}"
+        found.append(f"{few} too few for intervals: {FEWEST} are the least.")
+    lacking = {t: sum(task.tracker == t for task in results.missing) for t in comparison.trackers}
+    each = len(comparison.scenarios) * len(comparison.seeds)
+    for tracker, count in lacking.items():
+        if count == each:
+            found.append(f"{tracker} has no finished run and is left out.")
+        elif count:
+            found.append(f"{tracker} lacks {count} of {each} runs: its means are over the others, see below.")
+    blind = {c.tracker for c in cells if c.measure == "rmse_position" and not np.isfinite(c.mean.value)}
+    known = {c.tracker for c in cells if c.measure == "rmse_position"}
+    for tracker in comparison.trackers:
+        if lacking[tracker] < each and (tracker in blind or tracker not in known):
+            found.append(f"{tracker} never held an object, so it has no errors of position, velocity and extent.")
+    count = sum(c.difference is not None and np.isfinite(c.difference.mean.low) for c in cells)
+    if count >= 20:
+        found.append(
+            f"Every interval holds alone with 95 %: of {count} differences about {count / 20:.0f} would look resolved "
+            "by chance if there were none."
+        )
+    return found
+
+
+def _by_gospa(cells: Sequence[Cell]) -> list[Cell]:
+    found = [c for c in cells if c.measure == "gospa" and np.isfinite(c.mean.value)]
+    return sorted(found, key=lambda c: c.mean.value)
+
+
+def _best(results: Results, order: Sequence[Cell]) -> str:
+    best = order[0]
+    comparison = results.comparison
+    where = f"{_count(len(comparison.scenarios), 'scenario')} and {_count(len(comparison.seeds), 'seed')}"
+    size = " ".join(filter(None, (f"{best.mean.value:.2f} m", bounds(best.mean, 2))))
+    if len(order) == 1:
+        return f"{best.tracker} has a mean GOSPA of {size} over {where}; there is no other tracker to hold it against."
+    return f"{best.tracker} is best in GOSPA: {size} over {where}."
+
+
+def _lead(results: Results, order: Sequence[Cell]) -> str:
+    comparison = results.comparison
+    best, second = order[0].tracker, order[1].tracker
+    found = samples(results.whole, "gospa", comparison.scenarios, comparison.seeds)
+    d = compare(found[best], found[second])
+    lead = f"{-d.mean.value:.2f} m"
+    if d.verdict == "better":
+        mean = d.mean
+        return (
+            f"Its lead over the next, {second}, is {lead} [{-mean.high:.2f}, {-mean.low:.2f}] and resolved; "
+            f"it is the better one in {100 * d.improvement.value:.0f} % of the runs."
+        )
+    if d.verdict == "too few seeds":
+        return f"The next is {second}, {lead} behind; the seeds are too few to say whether that is chance."
+    if not np.isfinite(d.needed):
+        return f"It cannot be told apart from the next, {second}."
+    return (
+        f"Its lead over the next, {second}, is {lead} and not resolved: about {d.needed:.0f} seeds a scenario would "
+        "tell them apart, if the difference stays what it is."
+    )
+
+
+def _wins(results: Results, best: str) -> str:
+    means = results.whole.pivot_table(index="scenario", columns="tracker", values="gospa")
+    wins = int((means.idxmin(axis=1) == best).sum())
+    return f"It has the smallest mean GOSPA in {wins} of {_count(len(means), 'scenario')}." if len(means) > 1 else ""
+
+
+def _against(cells: Sequence[Cell], results: Results) -> str:
+    groups: dict[str, list[str]] = {}
+    for c in cells:
+        if c.measure == "gospa" and c.difference is not None:
+            groups.setdefault(c.difference.verdict, []).append(c.tracker)
+    words = {"better": "better", "worse": "worse", "unresolved": "not resolved", "the same": "the same",
+             "too few seeds": "not to be judged from so few seeds"}  # fmt: skip
+    parts = [f"{words[v]}: {', '.join(groups[v])}" for v in words if v in groups]
+    return f"GOSPA against the reference {results.comparison.baseline} – {'; '.join(parts)}." if parts else ""
+
+
+def _besides(cells: Sequence[Cell]) -> str:
+    parts = []
+    for key in BESIDES:
+        known = [c for c in cells if c.measure == key and np.isfinite(c.mean.value)]
+        if len(known) > 1 and not key.startswith("nees"):
+            best = min(known, key=lambda c: badness(key, c.mean.value))
+            unit = f" {KEYS[key].unit}" if KEYS[key].unit != "1" else ""
+            parts.append(f"{KEYS[key].label} {best.tracker} ({number(best.mean.value, KEYS[key].digits)}{unit})")
+    return f"Smallest means besides: {', '.join(parts)}." if parts else ""
+
+
+def _certainty(cells: Sequence[Cell]) -> str:
+    known = [c for c in cells if c.measure == "nees_position" and np.isfinite(c.mean.value)]
+    if not known:
+        return ""
+    best = min(known, key=lambda c: badness("nees_position", c.mean.value))
+    sure = sum(bool(c.mean.low > 2) for c in known)
+    say = f"The NEES of the position is nearest to its ideal 2 for {best.tracker} ({best.mean.value:.1f})"
+    if not sure:
+        return f"{say}."
+    return f"{say}; {sure} of {_count(len(known), 'tracker')} claim to be surer than they are (interval above 2)."
+
+
+def _cost(results: Results, best: str) -> str:
+    """Means of a scan's cost, over scenarios as everything else."""
+    if "ms_per_scan" not in results.whole:
+        return ""
+    means = results.whole.groupby(["tracker", "scenario"])["ms_per_scan"].mean().groupby("tracker").mean()
+    known = means.dropna().to_dict()
+    if best not in known:
+        return ""
+    fastest = min(known, key=lambda tracker: known[tracker])
+    if fastest == best:
+        return f"A scan costs {best} {known[best]:.1f} ms{', the least of all' if len(known) > 1 else ''}."
+    return f"A scan costs {best} {known[best]:.1f} ms; the fastest, {fastest}, takes {known[fastest]:.1f} ms."
+
+
+def _count(n: int, what: str) -> str:
+    return f"{n} {what}{'' if n == 1 else 's'}"

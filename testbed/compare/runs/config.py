@@ -1,0 +1,186 @@
+"""What is compared: the product of scenarios, trackers and seeds, and the settings that all of its runs share."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, fields
+from math import isfinite
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from scenarios import SCENARIOS
+from scenarios import find as find_scenario
+from sensors import find as find_radar
+from testbed.compare.runs.identity import shared_digest, tracker_digest
+from testbed.files import write_whole
+from testbed.planners import find as find_planner
+from testbed.files import make_directory, versions
+from trackers import TRACKERS
+from trackers import find as find_tracker
+
+LOOPS = ("open", "closed")
+ALL = "all"
+SETTINGS = "comparison.json"
+
+
+class Task(NamedTuple):
+    """One run."""
+
+    scenario: str
+    tracker: str
+    seed: int
+
+    @property
+    def name(self) -> str:
+        """Stem of its files."""
+        return f"{self.scenario}_{self.tracker}_seed{self.seed}"
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What all runs of a results folder have in common; runs of other settings are not comparable with them."""
+
+    radar: str = "surround"
+    loop: str = "open"  # open: recorded scans are replayed; closed: each tracker drives the planner
+    planner: str = "idm"  # who drives in closed loop; in open loop the planner that knows the truth
+    duration: float | None = None  # [s], None: the scenario's own
+
+    def __post_init__(self) -> None:
+        if self.loop not in LOOPS:
+            raise ValueError(f"loop must be one of {', '.join(LOOPS)}, got {self.loop!r}; choose one of them")
+        if self.duration is not None and not (self.duration > 0 and isfinite(self.duration)):
+            raise ValueError(f"duration must be positive and finite, got {self.duration} s; leave it out for the usual")
+
+    def seconds(self, scenario: str) -> float:
+        """Simulated time [s] of a run."""
+        return self.duration or find_scenario(scenario).duration
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A whole comparison, and where it goes."""
+
+    scenarios: tuple[str, ...]
+    trackers: tuple[str, ...]
+    seeds: tuple[int, ...]
+    settings: Settings = Settings()
+    reference: str | None = None  # tracker that the others are held against, None: the first
+    out: str = "runs/compare"
+
+    def __post_init__(self) -> None:
+        for what in ("scenarios", "trackers", "seeds"):
+            values = getattr(self, what)
+            if not values:
+                raise ValueError(f"{what} must name at least one of them, got none; see `testbed compare --help`")
+            if len(set(values)) < len(values):
+                raise ValueError(f"{what} must differ, got {', '.join(map(str, values))}; drop the repetition")
+        if min(self.seeds) < 0:
+            raise ValueError(f"seeds must not be negative, got {min(self.seeds)}; take 0 or more")
+        if self.reference is not None and self.reference not in self.trackers:
+            raise ValueError(
+                f"reference {self.reference!r} is not compared; choose one of {', '.join(self.trackers)}, or add it"
+            )
+
+    @property
+    def baseline(self) -> str:
+        """The tracker that the others are held against."""
+        return self.reference or self.trackers[0]
+
+    @property
+    def tasks(self) -> list[Task]:
+        """All runs; those on the same detections stand together."""
+        return [Task(c, t, s) for c in self.scenarios for s in self.seeds for t in self.trackers]
+
+
+def parse_seeds(text: str) -> tuple[int, ...]:
+    """Seeds of a range `0:20` (20 excluded), a list `0,3,7`, or a single number.
+
+    >>> parse_seeds("2:5")
+    (2, 3, 4)
+    """
+    try:
+        if ":" in text:
+            first, last = (int(part) for part in text.split(":"))
+            found = tuple(range(first, last))
+        else:
+            found = tuple(int(part) for part in text.split(","))
+    except ValueError:
+        raise ValueError(f"seeds must read like 0:20, 0,3,7 or 5, got {text!r}") from None
+    if not found:
+        raise ValueError(f"seeds {text!r} are none at all; the range 0:20 has the seeds 0 to 19")
+    return found
+
+
+def expand(names: list[str], what: str) -> tuple[str, ...]:
+    """Names of scenarios or trackers, `all` standing for the whole catalogue."""
+    catalogue = SCENARIOS if what == "scenarios" else TRACKERS
+    return tuple(catalogue) if names == [ALL] else tuple(names)
+
+
+def check(comparison: Comparison) -> None:
+    """Raise LookupError, ValueError or OSError, in one sentence, for what cannot be run or has no place.
+
+    A folder that holds runs of other settings, versions or code is refused: the sentence names the field that differs.
+    """
+    for scenario in comparison.scenarios:
+        find_scenario(scenario)
+    for tracker in comparison.trackers:
+        find_tracker(tracker)
+    find_radar(comparison.settings.radar)
+    find_planner(comparison.settings.planner)
+    folder = Path(comparison.out)
+    make_directory(folder)
+    wanted = identity(comparison.settings, comparison.trackers)
+    try:
+        text = (folder / SETTINGS).read_text()
+    except FileNotFoundError:
+        return
+    found = _parse(text, folder)
+    for key in wanted:
+        if key.startswith("code of ") and key not in found:  # a tracker that the folder does not hold yet
+            continue
+        if found.get(key) != wanted[key]:
+            raise ValueError(
+                f"out: {folder} holds runs with {key} {found.get(key)!r}, wanted is {wanted[key]!r}; "
+                "choose another directory, or delete that one"
+            )
+
+
+def claim_folder(comparison: Comparison) -> None:
+    """Write down what the runs of the folder have in common, and with what code each tracker made its runs."""
+    path = Path(comparison.out) / SETTINGS
+    found = _parse(path.read_text(), path.parent) if path.exists() else {}
+    wanted = {**identity(comparison.settings, comparison.trackers), **found}  # what is there stays
+    if wanted != found:
+        write_whole(path, json.dumps(wanted, indent=1) + "\n")
+
+
+def read_settings(folder: Path) -> tuple[Settings, dict[str, Any]]:
+    """The settings that a folder was made with, and everything else that identifies its runs.
+
+    Raises ValueError where there are none.
+    """
+    try:
+        found = _parse((folder / SETTINGS).read_text(), folder)
+    except FileNotFoundError:
+        raise ValueError(f"out: {folder} holds no comparison; make one with `testbed compare --out {folder}`") from None
+    return Settings(**{f.name: found[f.name] for f in fields(Settings)}), found
+
+
+def identity(settings: Settings, trackers: Sequence[str] = ()) -> dict[str, Any]:
+    """Flat: the settings, versions of what decides about results, and digests of our own code that does."""
+    return {
+        **asdict(settings),
+        **{f"version of {name}": version for name, version in versions().items()},
+        "code": shared_digest(),
+        **{f"code of {tracker}": tracker_digest(tracker) for tracker in trackers},
+    }
+
+
+def _parse(text: str, folder: Path) -> dict[str, Any]:
+    try:
+        found = json.loads(text)
+    except json.JSONDecodeError:
+        found = None
+    if not isinstance(found, dict):
+        raise ValueError(f"out: {folder / SETTINGS} is damaged; delete the folder, or choose another directory")
+    return found

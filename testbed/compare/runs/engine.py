@@ -1,0 +1,132 @@
+"""Many tasks on many processes, here or on a cluster; what a killed worker had at hand is done again."""
+
+import signal
+import sys
+import warnings
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, NamedTuple
+
+from joblib import Parallel, delayed, parallel_config
+from joblib.externals.loky.process_executor import TerminatedWorkerError
+
+from testbed.compare.runs.tasks import FAILED, Outcome
+
+PATIENCE = 5  # [s] for a cluster to answer
+DEATHS = 3  # of workers in a row, without a single finished task, before the tasks at hand are tried alone
+
+
+class Engine(NamedTuple):
+    """Where the work is done."""
+
+    jobs: int = 1  # processes on this machine; 1: no other process than this
+    dask: str | None = None  # address of the scheduler of a cluster, in place of them
+
+
+def check(engine: Engine) -> None:
+    """Raise ValueError, in one sentence, for an engine that cannot be."""
+    if engine.jobs == 0 or engine.jobs < -1:
+        raise ValueError(f"jobs must be 1 or more, or -1 for all cores, got {engine.jobs}")
+
+
+def perform(function: Callable[..., Outcome], tasks: Sequence[tuple[Any, ...]], engine: Engine) -> Generator[Outcome]:
+    """Outcomes of function(*task) in the order in which they are finished. Close the iterator to stop early.
+
+    A task whose worker dies again and again is reported as failed; those that were at hand with it are tried alone.
+    """
+    remaining = dict(enumerate(tasks))
+    deaths = 0
+    while remaining:
+        begun: list[tuple[int, tuple[Any, ...]]] = []
+        try:
+            for key, outcome in _finished(function, _noting(list(remaining.items()), begun), engine):
+                del remaining[key]
+                deaths = 0
+                yield outcome
+        except TerminatedWorkerError:
+            deaths += 1
+        except _killed_on_cluster():
+            deaths = DEATHS  # the cluster itself has tried that often
+        if deaths == DEATHS:
+            for key, task in [entry for entry in begun if entry[0] in remaining]:
+                del remaining[key]
+                yield _alone(function, key, task)
+            deaths = 0
+
+
+def _alone(function: Callable[..., Outcome], key: int, task: tuple[Any, ...]) -> Outcome:
+    """Outcome of a task in a process of its own on this machine, in the second of two attempts at the latest."""
+    for _ in range(2):
+        try:
+            return next(outcome for _, outcome in _finished(function, [(key, task)], Engine(jobs=2)))
+        except TerminatedWorkerError as error:
+            death = error
+    return Outcome(task[0].name, FAILED, f"its process was killed again and again: {death}")
+
+
+def _noting(tasks: Iterable[tuple[int, tuple[Any, ...]]], begun: list[tuple[int, tuple[Any, ...]]]) -> Iterator[Any]:
+    """The tasks, each of which goes onto the list when it is asked for."""
+    for task in tasks:
+        begun.append(task)
+        yield task
+
+
+def _killed_on_cluster() -> tuple[type[Exception], ...]:
+    """What a cluster raises when a task has killed worker after worker; nothing where there is none."""
+    distributed = sys.modules.get("distributed")
+    return (distributed.KilledWorker,) if distributed else ()
+
+
+def _finished(
+    function: Callable[..., Outcome], tasks: Iterable[tuple[int, tuple[Any, ...]]], engine: Engine
+) -> Iterator[tuple[int, Outcome]]:
+    jobs = -1 if engine.dask else engine.jobs
+    with _backend(engine), warnings.catch_warnings():
+        parallel = Parallel(n_jobs=jobs, return_as="generator_unordered", batch_size=1)  # takes the backend of here
+        warnings.filterwarnings("ignore", ".*tasks which were still being processed", UserWarning)
+        results = parallel(delayed(_keyed)(key, function, *task) for key, task in tasks)
+        try:
+            yield from results
+        finally:
+            results.close()
+
+
+@contextmanager
+def cluster(engine: Engine) -> Iterator[None]:
+    """Connection to the cluster, if there is one; OSError in one sentence where nobody answers."""
+    if engine.dask is None:
+        yield
+        return
+    try:
+        from distributed import Client
+    except ImportError:
+        raise ValueError("dask is not installed; install the extra with `pip install 'eot-testbed[dask]'`") from None
+    try:
+        client = Client(engine.dask, timeout=PATIENCE)
+    except (OSError, ValueError, MemoryError) as error:  # the last where something else answers
+        raise OSError(f"dask: no scheduler answers at {engine.dask!r} ({error}); is the cluster running?") from None
+    with client:
+        workers = client.scheduler_info(n_workers=-1)["workers"]
+        if not workers:
+            raise OSError(f"dask: the cluster at {engine.dask!r} has no workers; start `dask worker {engine.dask}`")
+        most = max(worker["nthreads"] for worker in workers.values())
+        if most > 1:  # highway-env keeps state in its classes, which threads share
+            raise ValueError(f"dask: workers must have one thread, got {most}; start them with `--nthreads 1`")
+        yield
+
+
+def _backend(engine: Engine) -> Any:
+    if engine.dask:
+        return parallel_config(backend="dask")
+    if engine.jobs == 1:
+        return parallel_config(backend="sequential")
+    return parallel_config(backend="loky", initializer=_leave_interrupts_to_the_parent)
+
+
+def _leave_interrupts_to_the_parent() -> None:
+    """Ctrl-C reaches all processes of a terminal; the one that asked for the work decides what becomes of it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _keyed(key: int, function: Callable[..., Outcome], *task: Any) -> tuple[int, Outcome]:
+    return key, function(*task)

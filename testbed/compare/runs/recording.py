@@ -1,0 +1,202 @@
+"""One drive, recorded once: the truth and the scans that every tracker of an open-loop comparison gets.
+
+The ego is driven by the planner that knows the truth, so that no tracker has a say in what there is to be seen. A
+recording is one `.npz` file of flat arrays: a ragged series is stored as its parts joined, with their lengths beside.
+"""
+
+import os
+import zlib
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from pathlib import Path
+from time import perf_counter
+from tokenize import TokenError
+from typing import Any, NamedTuple
+from zipfile import BadZipFile
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+from scenarios.lanes import lane_shapes
+from scenarios.stage import Phase
+from sensors.scene import Bodies, Ego, Objects, Scene
+from sensors.source import Source
+from testbed.log.record import RoadGeometry
+from testbed.frame import TRUTH
+from testbed.planners import find as find_planner
+from testbed.evaluation.recorder import road_geometry
+from trackers.multi.road import RoadMap
+from trackers.scan import Scan
+
+Arrays = dict[str, NDArray]
+LINES = ("edges", "lane_lines", "surface")
+DAMAGES = (  # what comes out of a damaged archive, depending on where it is damaged
+    BadZipFile, zlib.error, EOFError, OSError, NotImplementedError, RuntimeError, ValueError, LookupError, TypeError,
+    SyntaxError, TokenError,
+)  # fmt: skip
+
+
+class Look(NamedTuple):
+    """One look of the radar: the truth, what was measured, and where that came from."""
+
+    scene: Scene
+    scan: Scan
+    source: Source
+
+
+class Recording(NamedTuple):
+    """All looks of one drive."""
+
+    scenario: str
+    seed: int
+    radar: str
+    looks: tuple[Look, ...]
+    phases: tuple[Phase, ...]
+    road: RoadMap
+    drawn: RoadGeometry
+    seconds: dict[str, float]  # wall time: simulation, sensing
+
+
+def record(scenario: str, seed: int, radar: str, duration: float | None = None) -> Recording:
+    """Drive once and keep every look; the same arguments give the same looks."""
+    planner = find_planner(TRUTH)
+    looks: list[Look] = []
+
+    def keep(step: int, time: float, scene: Scene, scan: Scan, source: Source, *rest: object) -> None:
+        looks.append(Look(scene, scan, source))
+
+    start = perf_counter()
+    config = {} if duration is None else {"duration": duration}
+    with closing(gym.make(f"testbed/{scenario}-v0", config=config, tracker=TRUTH, radar=radar, planner=TRUTH)) as env:
+        tracked: Any = env
+        tracked.attach(keep)
+        env.reset(seed=seed)
+        shapes = lane_shapes(tracked.unwrapped.road.network)
+        done = False
+        while not done:
+            _, _, terminated, truncated, _ = env.step(planner.drive(env).action)
+            done = terminated or truncated
+        phases = tuple(tracked.unwrapped.phases)
+        sensing = tracked.seconds["sense"]
+    seconds = {"simulation": perf_counter() - start - sensing, "sensing": sensing}
+    road = RoadMap.of([(lane.centre, lane.width) for lane in shapes])
+    return Recording(scenario, seed, radar, tuple(looks), phases, road, road_geometry(shapes), seconds)
+
+
+def save(recording: Recording, path: Path) -> None:
+    """Write it whole or not at all."""
+    arrays = _looks_to_arrays(recording.looks) | {
+        "phase_names": np.array([p.name for p in recording.phases], np.str_),
+        "phase_times": np.array([(p.start, p.end) for p in recording.phases]).reshape(-1, 2),
+        "seconds": np.array([recording.seconds["simulation"], recording.seconds["sensing"]]),
+        **{f"road.{name}": value for name, value in recording.road._asdict().items()},
+        "drawn.half_width": np.array(recording.drawn.half_width),
+    }
+    for name in LINES:
+        arrays |= _ragged(f"drawn.{name}", getattr(recording.drawn, name), np.zeros((0, 2)))
+    part = path.with_name(f".{path.stem}.{os.getpid()}.part.npz")  # two processes may make the same
+    try:
+        np.savez_compressed(part, allow_pickle=False, **arrays)
+        part.replace(path)
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise OSError(f"cannot write {path}: {error.strerror}; is the disk full?") from error
+
+
+def load(path: Path, scenario: str, seed: int, radar: str) -> Recording:
+    """The recording in a file; raises ValueError, in one sentence, where the file is damaged."""
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            arrays = {name: archive[name] for name in archive.files}
+        lines = {name: tuple(_parts(arrays, f"drawn.{name}")) for name in LINES}
+        return Recording(
+            scenario,
+            seed,
+            radar,
+            _looks_of_arrays(arrays),
+            tuple(
+                Phase(str(n), float(a), float(b))
+                for n, (a, b) in zip(arrays["phase_names"], arrays["phase_times"], strict=True)
+            ),
+            RoadMap(arrays["road.a"], arrays["road.b"], arrays["road.half_width"]),
+            RoadGeometry(**lines, half_width=tuple(arrays["drawn.half_width"].tolist())),
+            dict(zip(("simulation", "sensing"), arrays["seconds"].tolist(), strict=True)),
+        )
+    except DAMAGES as error:
+        raise ValueError(f"the recording {path} is damaged ({error}); delete it and it is made again") from None
+
+
+def read_seconds(path: Path) -> dict[str, float]:
+    """Wall time that a recording took: simulation, sensing; ValueError as in `load`."""
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            return dict(zip(("simulation", "sensing"), archive["seconds"].tolist(), strict=True))
+    except DAMAGES as error:
+        raise ValueError(f"the recording {path} is damaged ({error}); delete it and it is made again") from None
+
+
+# Names of the series are those of the fields; every entry says how to get the array of a look.
+_SERIES: dict[str, Callable[[Look], Any]] = {
+    "time": lambda k: k.scene.time,
+    "dt": lambda k: k.scene.dt,
+    **{f"ego.{n}": lambda k, n=n: getattr(k.scene.ego, n) for n in Ego._fields},  # type: ignore[misc]
+    **{
+        f"objects.{n}": lambda k, n=n: np.asarray(getattr(k.scene.objects, n), np.str_ if n == "kind" else None)  # type: ignore[misc]
+        for n in Objects._fields
+    },
+    **{f"bodies.{n}": lambda k, n=n: getattr(k.scene.bodies, n) for n in Bodies._fields if n != "outline"},  # type: ignore[misc]
+    "bodies.corners": lambda k: np.array([len(o) for o in k.scene.bodies.outline], int),
+    "bodies.outline": lambda k: np.concatenate([np.zeros((0, 2)), *k.scene.bodies.outline]),
+    "walls": lambda k: k.scene.walls,
+    **{f"scan.{n}": lambda k, n=n: getattr(k.scan, n) for n in Scan._fields},  # type: ignore[misc]
+    **{f"source.{n}": lambda k, n=n: getattr(k.source, n) for n in Source._fields},  # type: ignore[misc]
+}
+
+
+def _looks_to_arrays(looks: Sequence[Look]) -> Arrays:
+    arrays: Arrays = {}
+    for name, get in _SERIES.items():
+        arrays |= _ragged(name, [np.asarray(get(look)) for look in looks])
+    return arrays
+
+
+def _looks_of_arrays(arrays: Arrays) -> tuple[Look, ...]:
+    series = {name: _parts(arrays, name) for name in _SERIES}
+
+    def fields(group: str, type_: Any, k: int, **more: Any) -> Any:
+        return type_(**{n: series[f"{group}.{n}"][k] for n in type_._fields if n not in more}, **more)
+
+    looks = []
+    for k in range(len(series["time"])):
+        ends = np.cumsum(series["bodies.corners"][k])
+        outline = tuple(np.split(series["bodies.outline"][k], ends[:-1])) if len(ends) else ()
+        scene = Scene(
+            time=float(series["time"][k]),
+            dt=float(series["dt"][k]),
+            ego=fields(
+                "ego", Ego, k, yaw_rate=float(series["ego.yaw_rate"][k]), crashed=bool(series["ego.crashed"][k])
+            ),
+            objects=fields("objects", Objects, k, kind=tuple(series["objects.kind"][k].tolist())),
+            bodies=fields("bodies", Bodies, k, outline=outline),
+            walls=series["walls"][k],
+        )
+        looks.append(Look(scene, fields("scan", Scan, k), fields("source", Source, k)))
+    return tuple(looks)
+
+
+def _ragged(name: str, parts: Sequence[NDArray], none: NDArray | None = None) -> Arrays:
+    """A series as one array: stacked where all parts have one shape, else joined along their first axis."""
+    if len({part.shape for part in parts}) == 1:
+        return {name: np.stack(parts)}
+    lengths = np.array([len(part) for part in parts], int)
+    joined = np.concatenate(parts) if len(parts) else np.zeros((0, 2)) if none is None else none
+    return {name: joined, f"{name}#lengths": lengths}
+
+
+def _parts(arrays: Arrays, name: str) -> list[NDArray]:
+    """The series again."""
+    if f"{name}#lengths" not in arrays:
+        return list(arrays[name])
+    lengths = arrays[f"{name}#lengths"]
+    return np.split(arrays[name], np.cumsum(lengths)[:-1]) if len(lengths) else []

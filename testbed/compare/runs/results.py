@@ -1,0 +1,95 @@
+"""The results of a folder: the runs as one table, and the rows of all runs when they are asked for."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pandas as pd
+import pyarrow as pa
+import pyarrow.dataset as ds
+import pyarrow.parquet as pq
+
+from testbed.compare.runs.config import Comparison, Task
+from testbed.compare.statistics.measures import KEYS, SPAN_UNITS
+from testbed.compare.runs.recording import read_seconds
+from testbed.compare.runs.rows import SCHEMA, read_meta
+from testbed.compare.runs.tasks import Drive, recording_path, rows_path
+
+RUNS = "runs.parquet"
+WHOLE = "all"  # phase of the whole run
+
+
+class Results(NamedTuple):
+    """What the runs of a comparison left."""
+
+    comparison: Comparison
+    spans: pd.DataFrame  # one row a run and phase, with the phase "all" for the whole of it; `measures.py` has units
+    seconds: pd.DataFrame  # one row a run: wall time [s] by part
+    missing: list[Task]  # runs that failed or have not been made
+
+    @property
+    def shares(self) -> dict[str, float]:
+        """Wall time [s] by part, over all runs and the recordings that they used; processes side by side add up."""
+        parts = self.seconds.drop(columns=list(Task._fields)).sum().to_dict() if len(self.seconds) else {}
+        order = ("simulation", "sensing", "loading", "tracking", "metrics", "writing")
+        return {name: float(parts[name]) for name in order if name in parts}
+
+    @property
+    def whole(self) -> pd.DataFrame:
+        """One row a run."""
+        return self.spans[self.spans["phase"] == WHOLE]
+
+    def rows(self, columns: Sequence[str], scenario: str | None = None) -> pd.DataFrame:
+        """Some columns of the rows of all runs, or of those of one scenario; see `rows.COLUMNS`."""
+        gone = set(self.missing)
+        tasks = [t for t in self.comparison.tasks if t not in gone and scenario in (None, t.scenario)]
+        paths = [str(rows_path(task, Path(self.comparison.out))) for task in tasks]
+        return ds.dataset(paths, schema=SCHEMA, format="parquet").to_table(columns=list(columns)).to_pandas()
+
+
+def collect(comparison: Comparison) -> Results:
+    """Read what is known of every run, and leave it as one table in the folder."""
+    out = Path(comparison.out)
+    spans: list[dict[str, Any]] = []
+    seconds: list[dict[str, Any]] = []
+    missing: list[Task] = []
+    recorded: set[Drive] = set()
+    for task in comparison.tasks:
+        try:
+            meta = read_meta(rows_path(task, out))
+        except (FileNotFoundError, ValueError):
+            missing.append(task)
+            continue
+        drive = meta["drive"] or {}
+        for span in meta["spans"]:
+            spans.append({**span, **meta["cost"], **drive} if span["phase"] == WHOLE else span)
+        spent = meta["seconds"]
+        drive_of = Drive(task.scenario, task.seed)
+        if comparison.settings.loop == "open" and drive_of not in recorded:  # its cost is counted once
+            recorded.add(drive_of)
+            spent = {**_recording_seconds(drive_of, out), **spent}
+        seconds.append({**task._asdict(), **spent})
+    columns = dict.fromkeys(key for span in spans for key in span)  # of runs, then those that only phases have
+    frame = pd.DataFrame(spans, columns=list(columns) or ["phase"])
+    results = Results(comparison, frame, pd.DataFrame(seconds), missing)
+    if spans:
+        _write(frame, out / RUNS)
+    return results
+
+
+def _recording_seconds(drive: Drive, out: Path) -> dict[str, float]:
+    """What a recording took; nothing where it was thrown away or damaged meanwhile."""
+    try:
+        return read_seconds(recording_path(drive, out))
+    except ValueError:
+        return {}
+
+
+def _write(frame: pd.DataFrame, path: Path) -> None:
+    """The table with its units, whole or not at all."""
+    table = pa.Table.from_pandas(frame, preserve_index=False)
+    units = {name: KEYS[name].unit if name in KEYS else SPAN_UNITS[name] for name in table.column_names}
+    fields = [field.with_metadata({"unit": units[field.name]}) for field in table.schema]
+    part = path.with_name(f".{path.name}.part")
+    pq.write_table(table.cast(pa.schema(fields, table.schema.metadata)), part)
+    part.replace(path)

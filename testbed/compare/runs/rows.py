@@ -1,0 +1,214 @@
+"""Rows of a run: what one tracker made of each object at each look, as a documented Parquet table.
+
+A row is a counted object with its track (`pair`) or without one (`missed`), a reported track that belongs to no object
+(`false`), or a look at which there was nothing to be said (`empty`), so that every look has a row. The squared GOSPA
+distance of a look is the sum of `gospa2` over its rows.
+"""
+
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from time import perf_counter
+from typing import Any, NamedTuple
+from zlib import crc32
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from scenarios.stage import Phase
+from sensors.scene import Scene
+from sensors.source import Source
+from testbed.compare.runs.config import Task
+from testbed.evaluation.tracking import Evaluator, jsonable
+from testbed.evaluation.metrics import CUTOFF
+from testbed.evaluation.pair_errors import ERRORS
+from testbed.frame import Outputs
+from trackers.scan import Scan
+
+PAIR, MISSED, FALSE, EMPTY = "pair", "missed", "false", "empty"
+BETWEEN = "between"  # phase of a look that lies in none
+VERSION = 2  # of this layout
+META, CHECKSUM = b"testbed", b"testbed checksum"
+
+
+class Column(NamedTuple):
+    """One column of the table."""
+
+    name: str
+    type: pa.DataType
+    unit: str
+    note: str
+
+
+TEXT = pa.dictionary(pa.int32(), pa.string())
+UNITS = {
+    "gwd": "m", "gwd2": "m^2", "position": "m", "velocity": "m/s", "heading_deg": "deg", "length": "m", "width": "m",
+    "box_iou": "1", "contour_iou": "1", "nees_position": "1", "nees_velocity": "1",
+}  # fmt: skip
+NOTES = {
+    "gwd": "Gaussian Wasserstein distance of the boxes",
+    "gwd2": "its square",
+    "position": "distance of the centres",
+    "velocity": "magnitude of the difference of the velocities",
+    "heading_deg": "estimate minus truth",
+    "length": "estimate minus truth",
+    "width": "estimate minus truth",
+    "box_iou": "intersection over union of the boxes",
+    "contour_iou": "of the estimated contour, or the box without one, and the true outline",
+    "nees_position": "normalised estimation error squared of the centre, 2 degrees of freedom",
+    "nees_velocity": "of the velocity, 2 degrees of freedom",
+}
+COLUMNS = (
+    Column("scenario", TEXT, "", "name in the catalogue"),
+    Column("tracker", TEXT, "", "name in the catalogue"),
+    Column("seed", pa.int32(), "1", "of the traffic and of the radar"),
+    Column("time", pa.float64(), "s", "since the start of the episode"),
+    Column("phase", TEXT, "", "of the maneuver: before, onset, during, after"),
+    Column("status", TEXT, "", "pair, missed, false or empty"),
+    Column("object", pa.int32(), "1", "id in the scene, null for a false track"),
+    Column("kind", TEXT, "", "class of the object"),
+    Column("track", pa.int32(), "1", "id of the track, null for a missed object"),
+    Column("range", pa.float32(), "m", "from the ego to the object, or to a false track"),
+    Column("visible", pa.float32(), "1", "share of the outline facing the sensors that other vehicles do not hide"),
+    Column("expected", pa.float32(), "1", "detections expected of the object at this look"),
+    Column("detections", pa.int32(), "1", "detections that the track took at this look"),
+    Column("gospa2", pa.float32(), "m^2", f"part of the squared GOSPA distance, c = {CUTOFF:g} m"),
+    *(Column(name, pa.float32(), UNITS[name], NOTES[name]) for name in ERRORS),
+    Column("length_std", pa.float32(), "m", "standard deviation that the tracker claims for the length"),
+    Column("width_std", pa.float32(), "m", "and for the width"),
+    Column("nis", pa.float32(), "1", "normalised innovation squared of the centroid, 2 degrees of freedom"),
+)
+NAMES = tuple(column.name for column in COLUMNS)
+SCHEMA = pa.schema([pa.field(c.name, c.type, metadata={"unit": c.unit, "note": c.note}) for c in COLUMNS])
+
+
+class Rows:
+    """Observer of an environment or of a replay that keeps the rows of one tracker."""
+
+    def __init__(self, task: Task, phases: tuple[Phase, ...] = ()) -> None:
+        self.task = task
+        self.evaluator = Evaluator(task.tracker, phases)
+        self._rows: list[tuple[Any, ...]] = []
+
+    def __call__(
+        self, step: int, time: float, scene: Scene, scan: Scan, source: Source, outputs: Outputs, *drive: object
+    ) -> None:
+        """Take in one look."""
+        tracks, info = outputs[self.task.tracker]
+        score = self.evaluator.step(time, scene, source, tracks, info.owner)
+        out = tracks.reported
+        row_of = {track: k for k, track in enumerate(out.id.tolist())}
+        number = dict(zip(info.track.tolist(), zip(info.detections.tolist(), info.nis.tolist())))
+        objects, ego = scene.objects, scene.ego.pose[:2]
+        distance = np.hypot(*(objects.pose[:, :2] - ego).T).tolist()
+        size_std = out.estimate.size_std.tolist()
+        head = (*self.task, time, self._phase(time))
+        rows: list[tuple[Any, ...]] = []
+        for n, key in enumerate(objects.id.tolist()):
+            if key not in score.counted:
+                continue
+            seen = (distance[n], float(source.visible[n]), float(source.expected[n]))
+            if key in score.pairs:
+                track, errors = score.pairs[key], score.errors[key]
+                took, nis = number.get(track, (None, None))
+                rest = (took, errors["gwd2"], *errors.values(), *size_std[row_of[track]], nis)
+                rows.append((*head, PAIR, key, objects.kind[n], track, *seen, *rest))
+            else:
+                rows.append((*head, MISSED, key, objects.kind[n], None, *seen, None, CUTOFF**2 / 2, *NOTHING))
+        for track in sorted(set(row_of) - set(score.pairs.values())):
+            k = row_of[track]
+            far = float(np.hypot(*(out.estimate.pose[k, :2] - ego)))
+            took, nis = number.get(track, (None, None))
+            rest = (took, CUTOFF**2 / 2, *NOTHING[:-3], *size_std[k], nis)
+            rows.append((*head, FALSE, None, None, track, far, None, None, *rest))
+        self._rows += rows or [(*head, EMPTY, *[None] * 7, 0.0, *NOTHING)]
+
+    def table(self) -> pa.Table:
+        """All rows so far."""
+        columns = list(zip(*self._rows, strict=True)) or [()] * len(COLUMNS)
+        arrays = [pa.array(values, c.type, from_pandas=True) for values, c in zip(columns, COLUMNS, strict=True)]
+        return pa.table(arrays, SCHEMA)
+
+    def summaries(self) -> list[dict[str, Any]]:
+        """The whole run and each phase, one flat row each; events count in the phase in which they happen."""
+        whole = self.evaluator.summary()
+        spans = [{"phase": "all", **whole}, *self.evaluator.phase_rows()]
+        return [{**dict(zip(Task._fields, self.task)), **jsonable(row)} for row in spans]
+
+    def _phase(self, time: float) -> str:
+        return next((name for name, start, end in self.evaluator.phases if start <= time < end), BETWEEN)
+
+
+NOTHING = (None,) * (len(ERRORS) + 3)  # errors, two standard deviations and NIS of a row without a pair
+
+
+def write(table: pa.Table, meta: Mapping[str, Any], path: Path) -> None:
+    """Write the rows of a run with what is to be known of it, whole or not at all.
+
+    The time that it takes goes into `meta["seconds"]` as "writing".
+    """
+    start = perf_counter()
+    part = path.with_name(f".{path.stem}.{os.getpid()}.part")  # two processes may make the same run
+    try:
+        with pq.ParquetWriter(part, table.schema, compression="zstd", write_page_checksum=True) as writer:
+            writer.write_table(table)
+            seconds = {**meta["seconds"], "writing": perf_counter() - start}
+            known = {"layout": VERSION, "rows": table.num_rows, "content": content(table), **meta, "seconds": seconds}
+            text = json.dumps(known, allow_nan=False).encode()
+            writer.add_key_value_metadata({META: text, CHECKSUM: _checksum(text)})  # pages have theirs, this has not
+        part.replace(path)
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise OSError(f"cannot write {path}: {error.strerror or error}; is the disk full?") from error
+
+
+def read_meta(path: Path) -> dict[str, Any]:
+    """What is to be known of a run.
+
+    Raises:
+        FileNotFoundError: it has not been made.
+        ValueError: the file is damaged or of another layout.
+    """
+    try:
+        with pq.ParquetFile(path) as file:
+            kept = file.metadata.metadata or {}
+            rows, schema = file.metadata.num_rows, file.schema_arrow
+        if kept[CHECKSUM] != _checksum(kept[META]):
+            raise ValueError("wrong checksum")
+        found = json.loads(kept[META])
+    except FileNotFoundError:
+        raise
+    except (pa.ArrowException, KeyError, ValueError, OSError) as error:
+        raise ValueError(f"{path} is damaged ({_one_line(error)})") from None
+    if found.get("layout") != VERSION or found.get("rows") != rows or not schema.equals(SCHEMA, check_metadata=True):
+        raise ValueError(f"{path} is of another layout or not complete")
+    return found
+
+
+def check_part(path: Path, task: Task) -> None:
+    """Raise ValueError, naming the file, where the rows of a run are damaged or those of another run."""
+    meta = read_meta(path)
+    if meta.get("task") != task._asdict():
+        raise ValueError(f"{path} holds the run {meta.get('task')}")
+    try:
+        table = pq.read_table(path, page_checksum_verification=True)
+        if content(table) != meta["content"]:  # page headers have no checksum
+            raise ValueError("its rows are not those that were written")
+    except (pa.ArrowException, ValueError, OSError) as error:
+        raise ValueError(f"{path} is damaged ({_one_line(error)})") from None
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())
+
+
+def content(table: pa.Table) -> int:
+    """Checksum of the rows, however they are stored."""
+    return crc32(pd.util.hash_pandas_object(table.to_pandas(), index=False).to_numpy().tobytes())
+
+
+def _checksum(text: bytes) -> bytes:
+    return f"{crc32(text):08x}".encode()

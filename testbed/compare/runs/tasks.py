@@ -1,0 +1,156 @@
+"""The work of one task: make a recording, or a run, unless its file is there already and sound."""
+
+import traceback
+from collections.abc import Callable
+from contextlib import closing, suppress
+from pathlib import Path
+from time import perf_counter
+from typing import Any, NamedTuple
+
+import gymnasium as gym
+
+from testbed.evaluation.driving import DriveEvaluator
+from testbed.compare.runs import recording as tape
+from testbed.compare.runs.config import Settings, Task
+from testbed.compare.runs.replay import replay
+from testbed.compare.runs.rows import Rows, check_part, write
+from testbed.evaluation.tracking import jsonable
+from testbed.frame import TRUTH
+from testbed.planners import find as find_planner
+
+ROWS, RECORDINGS = "rows", "recordings"  # folders of a comparison
+DONE, FOUND, FAILED = "done", "found", "failed"
+
+
+class Outcome(NamedTuple):
+    """What became of one task."""
+
+    name: str
+    status: str  # done, found (an earlier run's file is sound), failed
+    note: str = ""  # traceback of a failure; which damaged file was replaced
+
+
+class Drive(NamedTuple):
+    """One recording to be made."""
+
+    scenario: str
+    seed: int
+
+    @property
+    def name(self) -> str:
+        """Stem of its file."""
+        return f"{self.scenario}_seed{self.seed}"
+
+
+def recording_path(drive: Drive, out: Path) -> Path:
+    """Where a recording lies."""
+    return out / RECORDINGS / f"{drive.name}.npz"
+
+
+def rows_path(task: Task, out: Path) -> Path:
+    """Where the rows of a run lie."""
+    return out / ROWS / f"{task.name}.parquet"
+
+
+def record(drive: Drive, settings: Settings, out: Path) -> Outcome:
+    """Make a recording."""
+
+    def work() -> str:
+        if recording_path(drive, out).exists():
+            return FOUND
+        obtain(drive, settings, out)
+        return ""
+
+    return _outcome(f"recording {drive.name}", work)
+
+
+def obtain(drive: Drive, settings: Settings, out: Path) -> tape.Recording:
+    """The recording of a drive; it is made where it is missing or damaged."""
+    path = recording_path(drive, out)
+    if path.exists():
+        with suppress(ValueError):
+            return tape.load(path, drive.scenario, drive.seed, settings.radar)
+    made = tape.record(drive.scenario, drive.seed, settings.radar, settings.duration)
+    tape.save(made, path)
+    return made
+
+
+def run(task: Task, settings: Settings, out: Path) -> Outcome:
+    """Make the rows of a run; in open loop from its recording."""
+
+    def work() -> str:
+        path = rows_path(task, out)
+        note = ""
+        if path.exists():
+            try:
+                check_part(path, task)
+                return FOUND
+            except ValueError as error:
+                note = str(error)
+        start = perf_counter()
+        rows, meta = (_replayed if settings.loop == "open" else _driven)(task, settings, out)
+        table = rows.table()
+        spans = rows.summaries()
+        total = perf_counter() - start
+        seconds = meta.pop("seconds")
+        seconds["metrics"] = total - sum(seconds.values())
+        meta |= {"task": task._asdict(), "spans": spans, "seconds": seconds}
+        write(table, meta, path)
+        return note
+
+    return _outcome(task.name, work)
+
+
+def _replayed(task: Task, settings: Settings, out: Path) -> tuple[Rows, dict[str, Any]]:
+    start = perf_counter()
+    recording = obtain(Drive(task.scenario, task.seed), settings, out)
+    loaded = perf_counter() - start
+    rows = Rows(task, recording.phases)
+    senses = replay(recording, (task.tracker,), [rows])
+    seconds = {"loading": loaded, "tracking": senses.seconds["track"]}
+    return rows, {"seconds": seconds, "cost": jsonable(senses.costs[task.tracker].row()), "drive": None}
+
+
+def _driven(task: Task, settings: Settings, out: Path) -> tuple[Rows, dict[str, Any]]:
+    """In closed loop the trackers' worlds differ, but traffic and radar draw the same numbers for the same seed."""
+    planner = find_planner(settings.planner)
+    config = {} if settings.duration is None else {"duration": settings.duration}
+    first, *also = [TRUTH, task.tracker] if planner.knows_truth else [task.tracker]  # the first drives the planner
+    make: dict[str, Any] = {"config": config, "tracker": first, "also": also, "radar": settings.radar}
+    make["planner"] = settings.planner
+    drive = DriveEvaluator()
+    start = perf_counter()
+    with closing(gym.make(f"testbed/{task.scenario}-v0", **make)) as env:
+        tracked: Any = env
+        rows: Rows | None = None
+        scoring = 0.0
+
+        def observe(*look: Any) -> None:
+            nonlocal rows, scoring
+            before = perf_counter()
+            rows = rows or Rows(task, tuple(tracked.unwrapped.phases))
+            drive.step(look[2])
+            rows(*look)
+            scoring += perf_counter() - before
+
+        tracked.attach(observe)
+        env.reset(seed=task.seed)
+        done = False
+        while not done:
+            _, _, terminated, truncated, _ = env.step(planner.drive(env).action)
+            done = terminated or truncated
+        spent, cost = tracked.seconds, tracked.costs[task.tracker].row()
+    assert rows is not None  # a reset has a look
+    sensing, tracking = spent["sense"], spent["track"]
+    seconds = {"simulation": perf_counter() - start - sensing - tracking - scoring}
+    seconds |= {"sensing": sensing, "tracking": tracking}
+    return rows, {"seconds": seconds, "cost": jsonable(cost), "drive": jsonable(drive.summary())}
+
+
+def _outcome(name: str, work: Callable[[], str]) -> Outcome:
+    """A run that fails must not stop the others, so every failure of it is caught here, and told with its traceback."""
+    try:
+        note = work()
+    except Exception:
+        return Outcome(name, FAILED, traceback.format_exc())
+    return Outcome(name, FOUND) if note == FOUND else Outcome(name, DONE, note)

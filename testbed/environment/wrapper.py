@@ -1,0 +1,354 @@
+"""The gymnasium wrapper: any highway-env environment, with a radar and a tracker between the world and the planner.
+
+Three hooks, none of which changes the simulation (card highway_env, section 3):
+
+- frame tap: while `step` runs, every simulated frame ends with a look of the radar;
+- belief view: observation types look at a road that holds the tracks;
+- road swap: between calls `env.unwrapped.road` is that road, so planners that read it, or copy it, plan on tracks.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from highway_env.envs.common.abstract import AbstractEnv
+from highway_env.envs.common.action import ActionType, MultiAgentAction
+from highway_env.road.road import Road
+from numpy.typing import ArrayLike, NDArray
+
+from scenarios.adapter import SceneReader
+from scenarios.constants import protect_idm_constants
+from scenarios.highway import ScenarioEnv
+from scenarios.lanes import lane_shapes
+from scenarios.vehicles import CourseVehicle
+from sensors.scene import Scene
+from sensors.source import Source
+from testbed.environment.belief import BeliefView, RoadSwap, attach_view, belief_road, mirror_road
+from testbed.environment.observation import without_frames
+from testbed.environment.perception import Cost, Perception, label
+from testbed.evaluation.recorder import LEVELS, Recorder, road_geometry, run_id
+from testbed.files import versions
+from testbed.frame import Observer
+from testbed.log.record import RunMeta
+from trackers.multi.road import RoadMap
+from trackers.multi.tracks import Tracks
+from trackers.scan import Scan
+
+TRACKER, RADAR = "rm-feldmann", "surround"  # what is mounted unless told otherwise
+SLOWEST_CRUISE = 8.0  # [m/s] otherwise the speed at which the episode began
+SENSOR_STREAM, BELIEF_STREAM = 1, 2  # spawn keys beside the traffic's own stream
+
+
+def describe_action(action_type: ActionType, action: Any) -> str:
+    """An action in words."""
+    if isinstance(action_type, MultiAgentAction):
+        return " / ".join(map(describe_action, action_type.agents_action_types, action))
+    if action is None:
+        return "none"
+    if hasattr(action_type, "actions"):
+        return action_type.actions.get(int(action), str(action))
+    return " ".join(f"{value:+.2f}" for value in np.ravel(action))
+
+
+@contextmanager
+def frame_tap(road: Road, on_frame: Callable[[], None]) -> Iterator[None]:
+    """Call on_frame() after each step of the road; a copy made meanwhile would inherit the call, so make none."""
+    step = road.step
+
+    def tapped(dt: float) -> None:
+        step(dt)
+        on_frame()
+
+    road.step = tapped
+    try:
+        yield
+    finally:
+        del road.step
+
+
+class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
+    """A highway-env environment whose observation, and whose road between calls, are built from tracks.
+
+    Reward, termination, truncation and rendering are those of the true world. Traffic draws from the environment's own
+    generator, the radar from another: the same seed and actions give the same traffic whatever is mounted. In a deep
+    copy the senses are gone: it steps the believed world, and only that.
+    """
+
+    def __init__(
+        self,
+        env: gym.Env,
+        tracker: Any = TRACKER,
+        radar: Any = RADAR,
+        also: Sequence[Any] = (),
+        out: str | None = None,
+        log: str = "full",
+        planner: str = "idm",
+    ) -> None:
+        """Mount a radar and trackers on the first controlled vehicle.
+
+        Args:
+            env: any highway-env environment.
+            tracker: drives the planner: a name of `trackers.TRACKERS`, {"name": name, parameter: value, ...}, "truth"
+                for perfect tracks, a filter, or an object with the verbs of `MultiObjectTracker`.
+            radar: a name of `sensors.RADARS`, {"name": name, parameter: value, ...}, or an object like `sensors.Radar`.
+            also: further trackers that get the same detections.
+            out: directory for the log and the results of every episode; None: nothing is written.
+            log: what goes into the log: full, metrics, or off for results only.
+            planner: name of who is going to drive, for the files.
+        """
+        gym.utils.RecordConstructorArgs.__init__(
+            self, tracker=tracker, radar=radar, also=list(also), out=out, log=log, planner=planner
+        )
+        gym.Wrapper.__init__(self, env)
+        if not isinstance(env.unwrapped, AbstractEnv):
+            raise TypeError(f"env must be a highway-env environment, got {env.unwrapped!r}; try gym.make('highway-v0')")
+        if log not in LEVELS:
+            raise ValueError(f"log must be one of {', '.join(LEVELS)}, got {log!r}")
+        self.out, self.log, self.planner = out, log, planner
+        self.plan: NDArray = np.zeros((0, 2))  # [m] where the planner means to go; set before `step`, for the observers
+        self.cruise_speed = SLOWEST_CRUISE  # [m/s] what a planner drives at where nothing is in the way
+        self._action = "reset"
+        self._radar = radar
+        self._live: Perception | None = Perception.mount(radar, (tracker, *also))
+        self._swap: RoadSwap | None = RoadSwap(env.unwrapped)
+        self._view = BeliefView(env.unwrapped, self._belief_now)
+        self._fence = protect_idm_constants()  # `intersection-*` writes into IDMVehicle at every reset
+        self._episode = 0
+        self._belief: tuple[int, Road] | None = None  # frame, road
+        self.recorder: Recorder | None = None  # of the episode that goes on, when `out` is given
+
+    # What the senses say
+
+    @property
+    def truth(self) -> Scene:
+        """The scene of the last look; for metrics and logs only."""
+        return self._senses.scene
+
+    @property
+    def scan(self) -> Scan:
+        """The last look."""
+        return self._senses.scan
+
+    @property
+    def source(self) -> Source:
+        """Where the detections of the last look came from; for metrics and logs only."""
+        return self._senses.source
+
+    @property
+    def tracks(self) -> Tracks:
+        """What the first tracker carries after the last look, unreported tracks included."""
+        return self._senses.tracks
+
+    @property
+    def all_tracks(self) -> dict[str, Tracks]:
+        """The same of every tracker, by name."""
+        return {name: tracks for name, (tracks, _) in self._senses.outputs.items()}
+
+    @property
+    def observers(self) -> list[Observer]:
+        """What is called after every look."""
+        return self._senses.observers
+
+    @property
+    def seconds(self) -> dict[str, float]:
+        """Wall time [s] so far: "sense" for scene and radar, "track" for all trackers."""
+        return self._senses.seconds
+
+    @property
+    def costs(self) -> dict[str, Cost]:
+        """What each tracker has cost so far, by name."""
+        return self._senses.costs
+
+    def attach(self, observer: Observer) -> None:
+        """Call `observer(step, time, scene, scan, source, outputs, action, plan)` after every look of the radar.
+
+        `step` counts simulated frames, `time` is in seconds; `outputs` maps the name of each tracker to
+        (Tracks, StepInfo); `action` is the planner's last choice in words and `plan` (P, 2) [m] what it put into
+        `env.plan`. Metrics and logs hang here. Frames without a look of a slow radar make no call.
+        """
+        self._senses.observers.append(observer)
+
+    # The three verbs
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+        """Start an episode; the first look comes before the first observation."""
+        if self._live is None or self._swap is None:
+            return self.env.reset(seed=seed, options=options)
+        self._swap.show()
+        self._episode = 0 if seed is not None else self._episode + 1
+        self._belief, self._action, self.plan = None, "reset", np.zeros((0, 2))
+        with self._viewed_from_the_start(), self._fence:
+            observation, info = self.env.reset(seed=seed, options=options)
+        self.cruise_speed = max(SLOWEST_CRUISE, float(self._core.vehicle.speed))
+        belief = self._belief_now()
+        self._record()
+        self._swap.hide(belief)
+        self._live.tell(self._action, self.plan)
+        return observation, self._report(info)
+
+    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
+        """Simulate until the planner's next turn."""
+        if self._live is None or self._swap is None:
+            return self.env.step(action)
+        if not self._swap.hidden:
+            raise gym.error.ResetNeeded("step was called before reset; call env.reset(seed=...) first")
+        self._swap.show()
+        core = self._core
+        self._action = describe_action(core.action_type, action)
+        attach_view(core.observation_type, self._view)
+        try:
+            with frame_tap(core.road, self._on_frame), self._fence:
+                observation, reward, terminated, truncated, info = self.env.step(action)
+        finally:
+            self._swap.hide(self._belief_now())
+        return observation, reward, terminated, truncated, self._report(info)
+
+    def render(self) -> Any:
+        """Picture of the true world."""
+        if self._swap is None or not self._swap.hidden:
+            return self.env.render()
+        self._swap.show()
+        try:
+            return self.env.render()
+        finally:
+            self._swap.hide(self._belief_now())
+
+    def close(self) -> None:
+        """Finish the files of the last episode, and close the environment."""
+        self._stop_recording()
+        self.env.close()
+
+    # How
+
+    def _record(self) -> None:
+        """Start the files of an episode, if files are wanted."""
+        self._stop_recording()
+        if self.out is None:
+            return
+        core, live = self._core, self._senses
+        scenario = core.scenario.name if isinstance(core, ScenarioEnv) else core.spec.id
+        names, radar = tuple(live.trackers), label(self._radar)
+        name = run_id(scenario, names, radar, self.planner, core.np_random_seed)
+        keys = ("simulation_frequency", "policy_frequency", "duration")
+        meta = RunMeta(
+            run_id=name if self._episode == 0 else f"{name}-episode{self._episode}",
+            scenario=scenario,
+            seed=core.np_random_seed,
+            radar=radar,
+            trackers=names,
+            planner=self.planner,
+            config={key: str(core.config[key]) for key in keys if key in core.config},
+            versions=versions(),
+        )
+        courses = [v for v in core.road.vehicles if isinstance(v, CourseVehicle)]
+        lively = max(courses, key=lambda v: v.table.peak_acceleration, default=None)
+        self.recorder = Recorder(
+            meta,
+            self.out,
+            self.log,
+            phases=getattr(core, "phases", ()),
+            road=road_geometry(lane_shapes(core.road.network)),
+            sensors=live.radar.models,
+            focus=None if lively is None else self._reader.number(lively),
+            trackers=live.trackers,
+        )
+        live.observers.append(self.recorder)
+
+    def _stop_recording(self) -> None:
+        if self.recorder is not None:
+            self._senses.observers.remove(self.recorder)
+            self.recorder.close()
+            self.recorder = None
+
+    @property
+    def _core(self) -> Any:
+        """The highway-env environment."""
+        return self.unwrapped
+
+    @property
+    def _senses(self) -> Perception:
+        if self._live is None:
+            raise AttributeError("a copy of the environment has no radar and no tracker; ask the original")
+        return self._live
+
+    def _on_frame(self) -> None:
+        """A simulated frame has passed."""
+        live = self._senses
+        frequency = self._core.config["simulation_frequency"]
+        if live.due(frequency):
+            time = live.frame / frequency
+            live.look(lambda: self._read(time, time - live.scene.time))
+            live.tell(self._action, self.plan)
+
+    def _read(self, time: float, dt: float) -> Scene:
+        """The scene now, its clock being the count of frames: highway-env's own counter lags while a frame ends."""
+        return self._reader.read(self.unwrapped)._replace(time=time, dt=dt)
+
+    def _belief_now(self) -> Road:
+        """The belief road of the current frame, made once a frame."""
+        live = self._senses
+        if self._belief is None:
+            sensor, self._rng = self._streams()
+            self._reader = SceneReader()
+            shapes = lane_shapes(self._core.road.network)
+            lanes: list[tuple[ArrayLike, float]] = [(lane.centre, lane.width) for lane in shapes]
+            live.start(lambda: self._read(0.0, 0.0), RoadMap.of(lanes), sensor)
+        if self._belief is None or self._belief[0] != live.frame:
+            self._belief = live.frame, self._believe(live)
+        return self._belief[1]
+
+    def _believe(self, live: Perception) -> Road:
+        core = self._core
+        if live.knows_truth:
+            return mirror_road(core.road, core.controlled_vehicles, self._rng)
+        ids, estimate = live.estimate(live.frame / core.config["simulation_frequency"])
+        return belief_road(core.road, core.controlled_vehicles, ids, estimate, self._rng)
+
+    def _streams(self) -> tuple[np.random.Generator, np.random.Generator]:
+        """Generators of the radar and of the belief, from the seed of the environment and the count of episodes."""
+        seed = self.unwrapped.np_random_seed
+        sensor, belief = (
+            np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(self._episode, stream)))
+            for stream in (SENSOR_STREAM, BELIEF_STREAM)
+        )
+        return sensor, belief
+
+    @contextmanager
+    def _viewed_from_the_start(self) -> Iterator[None]:
+        """Let every observation type that a reset makes look through the view, before it observes anything."""
+        core = self._core
+        define_spaces = core.define_spaces
+
+        def define_and_attach() -> None:
+            define_spaces()
+            without_frames(core.observation_type)
+            attach_view(core.observation_type, self._view)
+
+        core.define_spaces = define_and_attach
+        try:
+            yield
+        finally:
+            del core.define_spaces
+
+    def _report(self, info: dict[str, Any]) -> dict[str, Any]:
+        """The environment's info, with how much the planner's tracker saw."""
+        live = self._senses
+        return {**info, "tracks": len(live.tracks.reported.id), "detections": int(live.scan.mask.sum())}
+
+
+def scenario_env(
+    scenario: str,
+    tracker: Any = TRACKER,
+    radar: Any = RADAR,
+    also: Sequence[Any] = (),
+    out: str | None = None,
+    log: str = "full",
+    planner: str = "idm",
+    config: dict[str, Any] | None = None,
+    render_mode: str | None = None,
+) -> TrackedEnv:
+    """What `gym.make("testbed/SCENARIO-v0", ...)` calls; arguments as in `TrackedEnv` and highway-env."""
+    env = ScenarioEnv(scenario=scenario, config=config, render_mode=render_mode)
+    return TrackedEnv(env, tracker=tracker, radar=radar, also=also, out=out, log=log, planner=planner)

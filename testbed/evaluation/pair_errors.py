@@ -1,0 +1,58 @@
+"""Estimates beside the objects they may belong to: distances of all pairs, errors of the assigned ones."""
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from sensors.scene import Bodies, Objects
+from testbed.evaluation.metrics import CUTOFF, areas, box_areas, gwd, nees, ragged_areas, region_iou
+from trackers.estimate import Estimate
+from trackers.geometry import wrap_angle
+
+# Errors of a pair: distances [m], [m^2], [m/s]; heading_deg, length and width are signed, estimate minus truth.
+ERRORS = (
+    "gwd", "gwd2", "position", "velocity", "heading_deg", "length", "width",
+    "box_iou", "contour_iou", "nees_position", "nees_velocity",
+)  # fmt: skip
+
+
+def truth_areas(bodies: Bodies, rows: NDArray) -> NDArray:
+    """Areas (K,) inside the outlines of all bodies of each object row: a truck and its trailer are one area."""
+    parts: dict[int, list[int]] = {row: [] for row in rows.tolist()}
+    owned = [body for body, owner in enumerate(bodies.owner.tolist()) if owner in parts]
+    inside = ragged_areas([bodies.outline[body] for body in owned])
+    for i, body in enumerate(owned):
+        parts[int(bodies.owner[body])].append(i)
+    return np.array([inside[i[0]] if len(i) == 1 else shapely.union_all(inside[i]) for i in parts.values()], object)
+
+
+def pair_distances(objects: Objects, estimate: Estimate) -> NDArray:
+    """Distances (N, T) [m] of objects and estimates: `gwd`, or that of the centres where those alone reach the cut-off.
+
+    The distance of the centres is a lower bound of `gwd`, so no pair below the cut-off is missed.
+    """
+    offset = objects.pose[:, None, :2] - estimate.pose[:, :2]
+    distance = np.hypot(offset[..., 0], offset[..., 1])
+    row, column = np.nonzero(distance < CUTOFF)
+    distance[row, column] = gwd(objects.pose[row], objects.size[row], estimate.pose[column], estimate.size[column])
+    return distance
+
+
+def pair_errors(objects: Objects, bodies: Bodies, rows: NDArray, estimate: Estimate, distance: NDArray) -> NDArray:
+    """Errors (K, len(ERRORS)) of estimates (K) of the objects in `rows` (K,), at `gwd` distance (K,) [m]."""
+    if not len(rows):
+        return np.zeros((0, len(ERRORS)))
+    pose, size, cov = objects.pose[rows], objects.size[rows], estimate.cov
+    error = np.stack([estimate.pose[:, :2] - pose[:, :2], estimate.velocity - objects.velocity[rows]], 1)  # (K, 2, 2)
+    box, true_box = box_areas(np.stack([estimate.pose, pose]), np.stack([estimate.size, size]))
+    contour = box if estimate.contour is None else areas(estimate.contour)
+    columns = (
+        distance,
+        distance**2,
+        *np.hypot(error[..., 0], error[..., 1]).T,
+        np.degrees(wrap_angle(estimate.pose[:, 2] - pose[:, 2])),
+        *(estimate.size - size).T,
+        *region_iou(np.stack([box, contour]), np.stack([true_box, truth_areas(bodies, rows)])),
+        *nees(error, np.stack([cov[:, :2, :2], cov[:, 2:, 2:]], 1)).T,
+    )
+    return np.array(columns).T

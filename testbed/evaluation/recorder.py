@@ -1,0 +1,244 @@
+"""One episode on record: scores every frame against the truth, feeds the review log, leaves a JSON of the results."""
+
+import json
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from time import perf_counter
+from types import MappingProxyType
+from typing import Any
+
+from numpy.typing import NDArray
+
+from scenarios.lanes import LaneShape, is_dashed, is_drawn
+from sensors.scene import Scene
+from sensors.source import Source
+from testbed.evaluation.driving import DriveEvaluator
+from testbed.evaluation.smoothing import Memory
+from testbed.evaluation.tracking import Evaluator, FrameScore, jsonable
+from testbed.files import make_directory, make_room
+from testbed.frame import Outputs
+from testbed.log.record import RoadGeometry, RunMeta, StepRecord, TrackerFrame
+from testbed.log.writer import NullLog, RunLog
+from trackers.multi.tracker import MultiObjectTracker
+from trackers.scan import Scan, SensorModel
+
+LEVELS = ("off", "metrics", "full")
+LOST_AFTER = 1.0  # [s] unassigned, as in `testbed.evaluation.histories`
+
+
+def run_id(scenario: str, trackers: Sequence[str], radar: str, planner: str, seed: int) -> str:
+    """Name of a run's files: the same settings give the same name, and replace each other."""
+    return "_".join([scenario, "+".join(trackers), radar, planner, f"seed{seed}"]).replace("/", "-")
+
+
+class Recorder:
+    """Observer of a `TrackedEnv`: attach it before `reset`, close it after the last step.
+
+    Args:
+        meta: what identifies the run.
+        directory: where `<run id>.rrd` and `<run id>.json` go.
+        level: full, metrics or off; off writes the JSON only.
+        phases: (name, start [s], end [s]) of the maneuver.
+        road: what to draw.
+        sensors: whose fields of view to draw.
+        focus: id of the object whose errors get a page of their own; None: the one nearest at the start.
+        trackers: by name; those whose tracks can be smoothed get a layer of smoothed tracks at level full.
+    """
+
+    def __init__(
+        self,
+        meta: RunMeta,
+        directory: str | Path,
+        level: str = "full",
+        phases: Sequence[tuple[str, float, float]] = (),
+        road: RoadGeometry | None = None,
+        sensors: tuple[SensorModel, ...] = (),
+        focus: int | None = None,
+        trackers: Mapping[str, Any] = MappingProxyType({}),
+    ) -> None:
+        if level not in LEVELS:
+            raise ValueError(f"log must be one of {', '.join(LEVELS)}, got {level!r}; choose one of them")
+        self.meta, self.phases = meta, tuple(phases)
+        self.directory = Path(directory)
+        make_directory(self.directory)
+        self._drop_old_results()
+        self.evaluators = {name: Evaluator(name, self.phases) for name in meta.trackers}
+        self.drive = DriveEvaluator()
+        self.log: NullLog = NullLog()
+        if level != "off":
+            path = self.directory / f"{meta.run_id}.rrd"
+            make_room(path)
+            self.log = RunLog(path, meta, level="full" if level == "full" else "metrics", focus=focus)
+            self.log.static(road or RoadGeometry(), sensors)
+        kept = trackers.items() if level == "full" else ()
+        self._memory = {name: Memory(tracker) for name, tracker in kept if isinstance(tracker, MultiObjectTracker)}
+        self.seconds: dict[str, float] = defaultdict(float)  # wall time spent on metrics and on the log
+        self._crashed: set[int] = set()
+        self._missing: dict[str, dict[int, float]] = {name: {} for name in meta.trackers}  # object id -> since when
+        self._held: dict[str, dict[int, int]] = {name: {} for name in meta.trackers}  # object id -> last track
+        self._result: dict[str, Any] | None = None
+        self._looks = 0
+
+    def __deepcopy__(self, memo: dict) -> None:
+        return None
+
+    @property
+    def json_path(self) -> Path:
+        """Where the results go."""
+        return self.directory / f"{self.meta.run_id}.json"
+
+    def __call__(
+        self,
+        step: int,
+        time: float,
+        scene: Scene,
+        scan: Scan,
+        source: Source,
+        outputs: Outputs,
+        action: str,
+        plan: NDArray,
+    ) -> None:
+        """Take one look of the radar and what the trackers made of it."""
+        start = perf_counter()
+        self.drive.step(scene)
+        scores = {}
+        for name, evaluator in self.evaluators.items():
+            tracks, info = outputs[name]
+            scores[name] = evaluator.step(time, scene, source, tracks, info.owner)
+        events = self._phase_events(scene) + self._crash_events(scene)
+        for name, score in scores.items():
+            events += self._lost_events(name, time, score)
+        scored = perf_counter()
+        frames = {
+            name: TrackerFrame(*outputs[name], score.pairs, score.errors, score.mean) for name, score in scores.items()
+        }
+        with self._writing_log():
+            self.log.step(StepRecord(step, time, scene, scan, source, frames, action, plan, tuple(events)))
+            for name, memory in self._memory.items():
+                memory.keep(step, time, outputs[name][0])
+                if memory.full:
+                    self._smooth(name)
+        self._looks += 1
+        self.seconds["metrics"] += scored - start
+        self.seconds["log"] += perf_counter() - scored
+
+    def result(self) -> dict[str, Any]:
+        """Everything measured so far: flat rows that JSON takes."""
+        return {
+            "run": {
+                "id": self.meta.run_id,
+                "scenario": self.meta.scenario,
+                "seed": self.meta.seed,
+                "radar": self.meta.radar,
+                "trackers": list(self.meta.trackers),
+                "planner": self.meta.planner,
+                "config": self.meta.config,
+                "versions": self.meta.versions,
+            },
+            "drive": jsonable(self.drive.summary()),
+            "trackers": {name: jsonable(e.summary()) for name, e in self.evaluators.items()},
+            "phases": [jsonable(row) for e in self.evaluators.values() for row in e.phase_rows()],
+            "objects": [jsonable(row) for e in self.evaluators.values() for row in e.object_rows()],
+            "orphans": [jsonable(row) for e in self.evaluators.values() for row in e.orphan_rows()],
+        }
+
+    def close(self, interrupted: bool = False, timing: Mapping[str, Any] | None = None) -> dict[str, Any]:
+        """Finish log and JSON, once; nothing is written of an episode without a single look.
+
+        Args:
+            interrupted: the scenario was to go on.
+            timing: wall time [s] by part, and cost of each tracker; without it what this recorder itself took.
+        """
+        if self._result is None:
+            self._result = self.result() | {"interrupted": interrupted, "timing": dict(timing or self.seconds)}
+            if self._looks:
+                try:
+                    self._close_log(interrupted)
+                finally:
+                    self._write_results()
+        return self._result
+
+    def _close_log(self, interrupted: bool) -> None:
+        if interrupted:
+            self.log.event("WARN", "the run was interrupted")
+        summary: dict[str, Any] = {name: e.summary() for name, e in self.evaluators.items()}
+        with self._writing_log():
+            try:
+                for name in self._memory:
+                    self._smooth(name)
+            finally:  # whatever happens to the smoother, the log has its end
+                self.log.close({**{f"drive_{k}": v for k, v in self.drive.summary().items()}, **summary})
+
+    def _smooth(self, name: str) -> None:
+        """Add the smoothed tracks of one tracker to the log."""
+        smoothed = self._memory[name].smoothed()
+        self.log.smoothed(name, smoothed)
+        for track in smoothed.failed:
+            self.log.event("WARN", f"{name}: track {track} could not be smoothed, a covariance was not definite")
+
+    @contextmanager
+    def _writing_log(self) -> Iterator[None]:
+        """Tell a failing disk, which rerun reports as a RuntimeError of its writer, from a defect."""
+        try:
+            yield
+        except RuntimeError as error:
+            raise OSError(f"cannot write the log {self.log.path}: {error}; is the disk full?") from error
+
+    def _write_results(self) -> None:
+        """The JSON, whole or not at all."""
+        part = self.json_path.with_suffix(".json.part")
+        try:
+            part.write_text(json.dumps(self._result, indent=1, allow_nan=False) + "\n")
+            part.replace(self.json_path)
+        except OSError as error:
+            part.unlink(missing_ok=True)
+            raise OSError(f"cannot write {self.json_path}: {error.strerror}; choose another directory") from error
+
+    def _drop_old_results(self) -> None:
+        """A run that is killed must not leave the results of an older one beside its log."""
+        try:
+            self.json_path.unlink(missing_ok=True)
+        except OSError as error:
+            raise OSError(f"cannot replace {self.json_path}: {error.strerror}; choose another directory") from error
+
+    def _phase_events(self, scene: Scene) -> list[tuple[str, str]]:
+        return [
+            ("INFO", f"phase {name} begins")
+            for name, start, _ in self.phases
+            if start <= scene.time < start + scene.dt - 1e-9
+        ]
+
+    def _crash_events(self, scene: Scene) -> list[tuple[str, str]]:
+        crashed = {int(i) for i in scene.objects.id[scene.objects.crashed]} | ({0} if scene.ego.crashed else set())
+        new, self._crashed = crashed - self._crashed, crashed
+        if not new:
+            return []
+        who = " and ".join("ego" if i == 0 else f"veh_{i:02d}" for i in sorted(new))
+        return [("ERROR", f"collision: {who}")]
+
+    def _lost_events(self, name: str, time: float, score: FrameScore) -> list[tuple[str, str]]:
+        """Objects in sight that have been without their track for a second."""
+        held, missing = self._held[name], self._missing[name]
+        for key, track in score.pairs.items():
+            held[key] = track
+            missing.pop(key, None)
+        events = []
+        for key in score.counted:
+            if key in held and key not in score.pairs:
+                since = missing.setdefault(key, time)
+                if time - since >= LOST_AFTER - 1e-9:
+                    events.append(("WARN", f"{name}: veh_{key:02d} lost, was track {held.pop(key)}"))
+        return events
+
+
+def road_geometry(lanes: Sequence[LaneShape]) -> RoadGeometry:
+    """What the log draws of a road."""
+    lines = [pair for lane in lanes for pair in zip(lane.borders, lane.lines, strict=True)]
+    return RoadGeometry(
+        edges=tuple(line for line, kind in lines if is_drawn(kind) and not is_dashed(kind)),
+        lane_lines=tuple(line for line, kind in lines if is_dashed(kind)),
+        surface=tuple(lane.centre for lane in lanes),
+        half_width=tuple(lane.width / 2 for lane in lanes),
+    )

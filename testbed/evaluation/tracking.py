@@ -1,0 +1,283 @@
+"""One tracker against the truth, frame by frame and over a run: the definitions of card multi_object section 7.
+
+An object is counted at a scan when it was expected to give more than half a detection at some scan of the last second.
+Crashed objects (their motion is not physical) and static obstacles are never counted. Tracks are assigned to all
+objects; pairs with uncounted ones cost nothing and enter no average. Only reported tracks are looked at.
+"""
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sensors.scene import Objects, Scene
+from sensors.source import Source
+from testbed.evaluation import histories
+from testbed.evaluation.histories import History
+from testbed.evaluation.metrics import gospa, mean, nees_bounds, rmse
+from testbed.evaluation.pair_errors import ERRORS, pair_distances, pair_errors
+from trackers.batch import take
+from trackers.geometry import to_frame
+from trackers.multi.tracks import Tracks
+
+COUNTED_ABOVE = 0.5  # expected detections
+COUNTED_FOR = 1.0  # [s] memory of that
+PLAIN_SHARE, PLAIN_COUNT = 0.5, 3.0  # visible share and expected detections of an object in plain view
+UNCOUNTED_KINDS = ("obstacle",)
+
+Row = dict[str, float | int | str]
+
+
+class FrameScore(NamedTuple):
+    """One tracker at one frame, as the log takes it."""
+
+    pairs: dict[int, int]  # object id -> id of the track assigned to it, uncounted objects included
+    errors: dict[int, dict[str, float]]  # object id -> each of ERRORS, for every pair
+    mean: dict[str, float]  # GOSPA and its parts, numbers of objects and tracks, mean magnitudes over counted pairs
+    counted: tuple[int, ...]  # ids of the objects that count at this frame
+
+
+class _Frame(NamedTuple):
+    """Numbers of one frame that the summary needs again."""
+
+    time: float
+    gospa: float
+    localisation: float
+    missed: float
+    false: float
+    objects: int  # counted
+    unassigned: int  # counted without a track
+    ghosts: int  # tracks without an object
+    tracks: int
+
+
+class Evaluator:
+    """Score one tracker: feed `step` once a frame, then ask for the tables.
+
+    Phases are (name, start [s], end [s]); a scan belongs to a phase when start <= time < end.
+    """
+
+    def __init__(self, tracker: str, phases: Sequence[tuple[str, float, float]] = ()) -> None:
+        for name, start, end in phases:
+            if not start < end:
+                raise ValueError(f"phase {name!r} must end after it starts, got {start} s to {end} s; swap the times")
+        self.tracker = tracker
+        self.phases = tuple(phases)
+        self._frames: list[_Frame] = []
+        self._pair_keys: list[tuple[float, int]] = []  # time, object id of each counted pair
+        self._pair_errors: list[NDArray] = []  # (K, len(ERRORS)) of the counted pairs of each scan
+        self._seen: dict[int, float] = {}  # object id -> last time it was expected to be detected
+        self._kind: dict[int, str] = {}
+        self._rows: dict[int, list[tuple]] = defaultdict(list)  # object id -> rows of its History
+        self._object_of: dict[int, int] = {}  # track id -> object it was first assigned to
+        self._counted_object_of: dict[int, int] = {}  # track id -> counted object it was last assigned to
+        self._jumps: list[tuple[float, int]] = []  # time, track id
+        self._reports: dict[int, list[tuple[float, bool]]] = defaultdict(list)  # track id -> time, inside an object
+        self._took: dict[int, list[int]] = defaultdict(lambda: [0, 0])  # track id -> detections of objects, of nothing
+
+    def step(
+        self, time: float, scene: Scene, source: Source, tracks: Tracks, owner: NDArray | None = None
+    ) -> FrameScore:
+        """Score the tracks after the scan at `time` [s]; `source` belongs to that scan.
+
+        owner (M,) is the id of the track that took each detection, as in `StepInfo`; without it nothing is said about
+        tracks of clutter.
+        """
+        self._check(time, scene, source)
+        if owner is not None:
+            for track, real in zip(owner[owner >= 0].tolist(), (source.object[owner >= 0] >= 0).tolist(), strict=True):
+                self._took[track][not real] += 1
+        objects, out = scene.objects, tracks._replace(state=None).reported
+        countable = _countable(objects)
+        counted = self._count(time, objects, source) & countable
+        distance = pair_distances(objects, out.estimate)
+        score = gospa(distance, counted)
+        rows, columns = score.pairs.T
+        errors = pair_errors(objects, scene.bodies, rows, take(out.estimate, columns), distance[rows, columns])
+        held_by = np.full(len(objects.id), -1)
+        held_by[rows] = out.id[columns]
+        frame = _Frame(
+            time, score.total, score.localisation, score.missed, score.false,
+            int(counted.sum()), int((counted & (held_by < 0)).sum()), len(out.id) - len(rows), len(out.id),
+        )  # fmt: skip
+        self._frames.append(frame)
+        plain = countable & (source.visible > PLAIN_SHARE) & (source.expected > PLAIN_COUNT)
+        self._remember(time, objects, counted, plain, held_by, out)
+        cares = counted[rows]
+        self._pair_keys += [(time, i) for i in objects.id[rows[cares]].tolist()]
+        self._pair_errors.append(errors[cares])
+        held = objects.id[rows].tolist()
+        return FrameScore(
+            pairs=dict(zip(held, held_by[rows].tolist(), strict=True)),
+            errors={i: dict(zip(ERRORS, e, strict=True)) for i, e in zip(held, errors.tolist(), strict=True)},
+            mean=_frame_means(frame, errors[cares]),
+            counted=tuple(objects.id[counted].tolist()),
+        )
+
+    def summary(self) -> Row:
+        """The whole run in one flat row; NaN where nothing was there to be measured."""
+        return {"tracker": self.tracker, **self._table(-np.inf, np.inf), **self._acceptance()}
+
+    def phase_rows(self) -> list[Row]:
+        """The same per phase; switches, jumps, losses and births belong to the phase in which they happen."""
+        return [
+            {"tracker": self.tracker, "phase": name, "start": start, "end": end, **self._table(start, end)}
+            for name, start, end in self.phases
+        ]
+
+    def object_rows(self) -> list[Row]:
+        """One row an object: how long it counted, what held it, and its mean errors."""
+        keys = np.array([key for _, key in self._pair_keys], int)
+        errors = self._errors()
+        rows: list[Row] = []
+        for key, history in self.histories().items():
+            row: Row = {"tracker": self.tracker, "object": key, "kind": self._kind[key]}
+            row |= {
+                "scans_counted": int(history.counted.sum()),
+                "scans_missed": int((history.counted & (history.track < 0)).sum()),
+                "first_counted": histories.first_counted(history),
+                "birth_delay": histories.birth_delay(history),
+                "switches": len(histories.switches(history)),
+                "lost": len(histories.losses(history)),
+                "never": int(histories.never_tracked(history)),
+                "plain_view_gap": histories.plain_view_gap(history),
+                "uncovered_gap": histories.uncovered_gap(history),
+            }
+            rows.append(row | _error_table(errors[keys == key]))
+        return rows
+
+    def orphan_rows(self) -> list[Row]:
+        """Reported tracks that were never assigned to any object: born from clutter, static road, or as a fragment.
+
+        `inside` is the share of their scans with the centre inside an object: near 1 for a fragment of a vehicle.
+        `real` is the share of their detections that came from objects, NaN where owners were not given.
+        """
+        orphans = (track for track in self._reports if track not in self._object_of)
+        rows: list[Row] = []
+        for track in orphans:
+            times, inside = zip(*self._reports[track], strict=True)
+            row: Row = {"tracker": self.tracker, "track": track, "first": times[0], "last": times[-1]}
+            real, nothing = self._took.get(track, (0, 0))
+            row |= {"scans": len(times), "duration": times[-1] - times[0], "inside": mean(inside)}
+            rows.append(row | {"real": real / (real + nothing) if real + nothing else np.nan})
+        return rows
+
+    def plain_view_gaps(self) -> dict[int, float]:
+        """Object id -> longest time [s] in plain view without an assigned track."""
+        return {key: histories.plain_view_gap(history) for key, history in self.histories().items()}
+
+    def histories(self) -> dict[int, History]:
+        """Object id -> its scans."""
+        return {key: History(*map(np.array, zip(*rows, strict=True))) for key, rows in self._rows.items()}
+
+    def _check(self, time: float, scene: Scene, source: Source) -> None:
+        N = len(scene.objects.id)
+        if source.expected.shape != (N,):
+            raise ValueError(
+                f"source.expected must be ({N},), got {source.expected.shape}; it belongs to another scene"
+            )
+        if self._frames and time <= self._frames[-1].time:
+            last = self._frames[-1].time
+            raise ValueError(f"time must grow, got {time} s after {last} s; make a new Evaluator for each run")
+
+    def _count(self, time: float, objects: Objects, source: Source) -> NDArray:
+        """Which objects (N,) were expected to be detected of late."""
+        ids = objects.id.tolist()
+        self._seen |= dict.fromkeys(objects.id[source.expected > COUNTED_ABOVE].tolist(), time)
+        oldest = time - COUNTED_FOR - histories.TIME_ROUNDING
+        return np.array([self._seen.get(i, -np.inf) >= oldest for i in ids], bool)
+
+    def _remember(
+        self, time: float, objects: Objects, counted: NDArray, plain: NDArray, owner: NDArray, out: Tracks
+    ) -> None:
+        local = to_frame(objects.pose, np.broadcast_to(out.estimate.pose[:, :2], (len(objects.id), len(out.id), 2)))
+        inside = (np.abs(local) <= objects.size[:, None] / 2).all(-1)  # (N, T)
+        flags = zip(counted.tolist(), plain.tolist(), inside.any(1).tolist(), owner.tolist(), strict=True)
+        for key, kind, row in zip(objects.id.tolist(), objects.kind, flags, strict=True):
+            self._kind[key] = kind
+            self._rows[key].append((time, *row))
+            is_counted, track = row[0], row[-1]
+            if track >= 0:
+                self._object_of.setdefault(track, key)
+                if is_counted:
+                    if self._counted_object_of.setdefault(track, key) != key:
+                        self._jumps.append((time, track))
+                    self._counted_object_of[track] = key
+        for track, within in zip(out.id.tolist(), inside.any(0).tolist(), strict=True):
+            self._reports[track].append((time, within))
+
+    def _errors(self) -> NDArray:
+        return np.concatenate([np.zeros((0, len(ERRORS))), *self._pair_errors])
+
+    def _table(self, start: float, end: float) -> Row:
+        """Everything that can be said of a span of time."""
+        within = [f for f in self._frames if start <= f.time < end]
+        frames = {name: np.array([getattr(f, name) for f in within], float) for name in _Frame._fields}
+        chosen = [start <= time < end for time, _ in self._pair_keys]
+        past = list(self.histories().values())
+        births = [histories.birth_delay(h) for h in past if start <= histories.first_counted(h) < end]
+        counted = [h for h in past if (h.counted & (start <= h.time) & (h.time < end)).any()]
+        confirmed = [h for h in past if (h.held & (start <= h.time) & (h.time < end)).any()]
+        ids = {t for t, seen in self._reports.items() if any(start <= time < end for time, _ in seen)}
+        table: Row = {"scans": len(within)}
+        table |= {name: mean(frames[name]) for name in ("gospa", "localisation", "missed", "false")}
+        table |= {
+            "missed_percent": 100 * float(frames["unassigned"].sum() / (frames["objects"].sum() or np.nan)),
+            "false_per_scan": mean(frames["ghosts"]),
+            "objects_per_scan": mean(frames["objects"]),
+            "tracks_per_scan": mean(frames["tracks"]),
+            "objects_visible": len(counted),
+            "objects_confirmed": len(confirmed),
+            "tracks_reported": len(ids),
+            "tracks_orphan": len(ids - set(self._object_of)),
+            "tracks_clutter": sum(nothing > real for real, nothing in (self._took.get(i, (0, 0)) for i in ids)),
+            "switches": sum(_within(histories.switches(h), start, end) for h in past),
+            "jumps": _within(np.array([time for time, _ in self._jumps]), start, end),
+            "lost": sum(_within(histories.losses(h), start, end) for h in past),
+            "never": sum(histories.never_tracked(h) for h in counted),
+            "birth_delay": mean([delay for delay in births if not np.isnan(delay)]),
+        }
+        return table | _error_table(self._errors()[np.array(chosen, bool)])
+
+    def _acceptance(self) -> Row:
+        """The worst of the run, over all objects and tracks."""
+        past = self.histories().values()
+        return {
+            "plain_view_gap": max(map(histories.plain_view_gap, past), default=0.0),
+            "uncovered_gap": max(map(histories.uncovered_gap, past), default=0.0),
+            "orphan_duration": max((float(row["duration"]) for row in self.orphan_rows()), default=0.0),
+        }
+
+
+def _countable(objects: Objects) -> NDArray:
+    """Objects (N,) whose truth can be held against a tracker."""
+    return ~objects.crashed & np.array([kind not in UNCOUNTED_KINDS for kind in objects.kind], bool)
+
+
+def _within(times: NDArray, start: float, end: float) -> int:
+    return int(((start <= times) & (times < end)).sum())
+
+
+def _frame_means(frame: _Frame, errors: NDArray) -> dict[str, float]:
+    """What is plotted over time: errors (K, len(ERRORS)) by mean magnitude."""
+    parts = {name: float(value) for name, value in frame._asdict().items() if name != "time"}
+    means = np.abs(errors).mean(0) if len(errors) else np.full(len(ERRORS), np.nan)
+    return parts | dict(zip(ERRORS, means.tolist(), strict=True))
+
+
+def _error_table(errors: NDArray) -> Row:
+    """Averages over pairs (K, len(ERRORS)): means, RMSE, mean absolute sizes, NEES with its chi-square bounds."""
+    e = dict(zip(ERRORS, errors.T, strict=True))
+    table: Row = {name: mean(e[name]) for name in ("gwd", "gwd2", "box_iou", "contour_iou")}
+    table |= {f"rmse_{name}": rmse(e[name]) for name in ("position", "velocity", "heading_deg", "length", "width")}
+    table |= {f"abs_{name}": mean(np.abs(e[name])) for name in ("length", "width")}
+    low, high = nees_bounds(2, len(errors))
+    table |= {name: mean(e[name]) for name in ("nees_position", "nees_velocity")}
+    return table | {"nees_low": low, "nees_high": high, "pairs": len(errors)}
+
+
+def jsonable(row: Mapping[str, float | int | str]) -> dict[str, float | int | str | None]:
+    """The row with null in place of NaN and infinity, which JSON does not know."""
+    return {key: None if isinstance(v, float) and not np.isfinite(v) else v for key, v in row.items()}

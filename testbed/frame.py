@@ -1,0 +1,16 @@
+"""What one simulated frame hands to everybody who watches a run."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from numpy.typing import NDArray
+
+from sensors.scene import Scene
+from sensors.source import Source
+from trackers.multi.tracks import StepInfo, Tracks
+from trackers.scan import Scan
+
+TRUTH = "truth"  # name of the tracker whose tracks are the scene itself
+
+Outputs = Mapping[str, tuple[Tracks, StepInfo]]
+Observer = Callable[[int, float, Scene, Scan, Source, Outputs, str, NDArray], Any]

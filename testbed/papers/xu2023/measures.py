@@ -1,0 +1,88 @@
+"""Measures of xu2023: RMSE over runs, averaged over a stage, with 95 % intervals over the runs.
+
+The paper averages the roots, not the squares. So a run pulls the figure of a stage by the mean over its steps of
+(s - v) / (2 sqrt(v)), s its squared error and v their mean (delta method); the interval is that of the mean pull. A
+reduction of one method's error by another compares both on the same runs.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from testbed.papers.xu2023.trials import IOU_EVERY, STAGES, STEP, STEPS, Trace, maneuver
+
+UNITS = ("m", "m/s")
+NORMAL = 1.96  # standard deviations of a 95 % interval
+LEAST = 1e-12  # [m] error of a stage that is divided by
+
+
+class Interval(NamedTuple):
+    """A figure and half its 95 % interval, NaN from one run."""
+
+    value: float
+    half: float
+
+    @property
+    def positive(self) -> bool | None:
+        """Whether the figure is above zero; None where its interval holds zero."""
+        return None if abs(self.value) < self.half else self.value > 0
+
+
+def stage_mask(stage: str) -> NDArray:
+    """Steps (500,) of a stage."""
+    t = np.arange(STEPS) * STEP + 1e-9
+    return np.any([(t >= a) & (t < b) for a, b in STAGES[stage]], axis=0)
+
+
+def true_modes() -> NDArray:
+    """Motion model (500,) that is true: 0 CV, 1 CA, 2 CT."""
+    return np.array([maneuver(k)[2] for k in range(STEPS)])
+
+
+def pulls(squared: NDArray, stage: str) -> tuple[float, NDArray]:
+    """RMSE of a stage, and by how much each run (R,) pulls it; squared (steps, R)."""
+    s = squared[stage_mask(stage)]
+    root = np.sqrt(s.mean(1, keepdims=True))
+    return float(root.mean()), ((s - root**2) / (2 * np.maximum(root, LEAST))).mean(0)
+
+
+def interval(value: float, pull: NDArray) -> Interval:
+    """95 % interval of a figure that runs pull by `pull` (R,), of mean 0."""
+    R = len(pull)
+    half = NORMAL * np.sqrt((pull**2).sum() / (R * (R - 1))) if R > 1 else np.nan
+    return Interval(value, float(half))
+
+
+def rmse(squared: NDArray, stage: str) -> Interval:
+    """RMSE over runs, averaged over the steps of a stage; squared (steps, R)."""
+    return interval(*pulls(squared, stage))
+
+
+def reduction(before: NDArray, after: NDArray, stage: str) -> Interval:
+    """By how many percent the error `after` of a stage is smaller than that `before`; squared errors (steps, R)."""
+    (b, pull_b), (a, pull_a) = pulls(before, stage), pulls(after, stage)
+    return interval(100 * (1 - a / b), 100 * (a * pull_b / b - pull_a) / b)
+
+
+def reductions(before: Trace, after: Trace) -> dict[str, Interval]:
+    """Reductions [%] of position and velocity errors in all stages."""
+    return {
+        f"{stage} {unit}": reduction(b, a, stage)
+        for stage in STAGES
+        for unit, b, a in zip(UNITS, before[:2], after[:2], strict=True)
+    }
+
+
+def measure(trace: Trace) -> dict[str, float]:
+    """Figures of one method in one case, and the half widths of their intervals."""
+    out = {}
+    right = trace.mode.argmax(-1) == true_modes()[:, None]
+    known = trace.mode.shape[-1] == len(STAGES)
+    for stage in STAGES:
+        for unit, squared in zip(UNITS, trace[:2], strict=True):
+            out[f"{stage} {unit}"], out[f"{stage} {unit} 95 %"] = rmse(squared, stage)
+        out[f"{stage} IoU"] = float(trace.iou[stage_mask(stage)[::IOU_EVERY]].mean())
+        out[f"{stage} mode"] = float(right[stage_mask(stage)].mean()) if known else float("nan")
+    out |= {"IoU": float(trace.iou.mean()), "mode": float(right.mean()) if known else float("nan")}
+    return out | {"farthest [m]": float(np.sqrt(trace.position.max())), "runs": trace.position.shape[1]}

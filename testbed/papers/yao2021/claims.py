@@ -1,0 +1,118 @@
+"""What yao2021 claims, and what our figures say to it; card bspline_pmht, section 12.
+
+A condition holds, fails, or is not decided: a 95 % interval holds the bar.
+"""
+
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from testbed.papers.verdict import Claim, Verdict
+from testbed.papers.xu2023.claims import decide, every
+
+Squares = Mapping[str, Mapping[str, NDArray]]  # stage -> column -> mean squared errors (R,) of the runs
+Results = Mapping[tuple[str, str], Squares]  # contour, method
+CONTOURS = ("truck", "tractor")
+MOTION = {"position m": "position", "speed m/s": "speed", "heading rad": "heading"}
+EXTENT = {"length m": "length", "width m": "width"}
+MUCH = 1.3  # times smaller, what counts as much improved
+ALIKE = 1.3  # times, within which two gains are comparable
+DRAWS = 400  # of the bootstrap
+
+
+class Gain(NamedTuple):
+    """How many times smaller an RMSE is, with the ends of its 95 % interval over the runs."""
+
+    value: float
+    low: float
+    high: float
+
+    def __str__(self) -> str:
+        return f"{self.value:.2f} [{self.low:.2f}, {self.high:.2f}]"
+
+
+def gain(before: NDArray, after: NDArray) -> Gain:
+    """RMSE before over RMSE after, from mean squared errors (R,) of the same runs; bootstrap over the runs."""
+    pick = np.random.default_rng(0).integers(len(before), size=(DRAWS, len(before)))
+    ratio = np.sqrt(before[pick].mean(-1) / np.maximum(after[pick].mean(-1), 1e-300))
+    value = float(np.sqrt(before.mean() / max(after.mean(), 1e-300)))
+    return Gain(value, *(float(q) for q in np.quantile(ratio, [0.025, 0.975])))
+
+
+def above(g: Gain, bar: float) -> bool | None:
+    """Whether a gain is above a bar; None where its interval holds the bar."""
+    return None if g.low <= bar <= g.high else g.value > bar
+
+
+def apart(a: Gain, b: Gain) -> Gain:
+    """How many times one gain is the other, at least 1; the runs of the two are independent, and logs add up."""
+    value = max(a.value, b.value) / min(a.value, b.value)
+    width = float(np.exp(np.hypot(*(np.log(g.high / g.low) / 2 for g in (a, b)))))
+    return Gain(value, value / width, value * width)
+
+
+def gains(results: Results) -> Iterator[tuple[str, Gain, Gain]]:
+    """Method and column in words, and the gains of truck and tractor by the adaptation."""
+    for method in ("A", "A, 4 Sigma", "B"):
+        for column, word in MOTION.items():
+            stages = [results[name, method] for name in CONTOURS]
+            truck, tractor = (gain(s["not adapted"][column], s["adapted"][column]) for s in stages)
+            yield f"{method}, {word}", truck, tractor
+
+
+def verdicts(results: Results) -> tuple[Verdict, ...]:
+    """Our answer to every claim."""
+    return smoother(results), adaptation(results), comparable(results), ours(results)
+
+
+def smoother(results: Results) -> Verdict:
+    """Section IV: smoothed states are better than filtered ones."""
+    held: dict[str, bool | None] = {}
+    numbers = []
+    for name in CONTOURS:
+        s = results[name, "A"]
+        for column, word in (MOTION | EXTENT).items():
+            g = gain(s["before"][column], s["smoothed"][column])
+            held[f"{name}, {word}"] = above(g, 1.0)
+            numbers.append(f"{name}, {word} {g}")
+    claim = Claim("The smoother often improves on the filter before the adaptation", "section IV, Fig. 7 and 8")
+    return decide(claim, held, f"RMSE filtered over smoothed: {'; '.join(numbers)}")
+
+
+def adaptation(results: Results) -> Verdict:
+    """Section IV: much improved RMSE after the adaptation."""
+    held: dict[str, bool | None] = {}
+    numbers = []
+    for what, truck, tractor in gains(results):
+        held[what] = every([above(truck, MUCH), above(tractor, MUCH)])
+        numbers.append(f"{what} {truck} / {tractor}")
+    claim = Claim("The RMSE is much improved after the adaptation", "section IV, Fig. 7")
+    return decide(claim, held, f"RMSE without over with, truck / tractor; much: above {MUCH}: {'; '.join(numbers)}")
+
+
+def comparable(results: Results) -> Verdict:
+    """Section IV: truck and tractor gain alike."""
+    held: dict[str, bool | None] = {}
+    numbers = []
+    for what, truck, tractor in gains(results):
+        factor = apart(truck, tractor)
+        unlike = above(factor, ALIKE)
+        held[what] = None if unlike is None else not unlike
+        numbers.append(f"{what} {factor}")
+    claim = Claim("The gains of truck and tractor are comparable", "section IV")
+    return decide(claim, held, f"larger gain over smaller, alike: below {ALIKE}: {'; '.join(numbers)}")
+
+
+def ours(results: Results) -> Verdict:
+    """The card's frame shift."""
+    pairs = {
+        name: gain(results[name, "A"]["adapted"]["position m"], results[name, "B"]["adapted"]["position m"])
+        for name in CONTOURS
+    }
+    claim = Claim("With the frame moved to the middle of the contour position errors are 40 % less", "our card")
+    numbers = ", ".join(f"{name} {g}" for name, g in pairs.items())
+    return decide(
+        claim, {name: above(g, 1 / 0.6) for name, g in pairs.items()}, f"RMSE of A over B, adapted: {numbers}"
+    )

@@ -1,0 +1,35 @@
+"""The collision forecast: when a box that drives along a path would touch one of the others."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from testbed.planners.prediction import Others, Path, along_path, forecast, overlap
+
+STEP = 0.2  # [s] between the instants of a forecast
+
+
+def instants(horizon: float) -> NDArray:
+    """The instants (H,) [s] that a forecast looks at."""
+    return np.arange(0.0, horizon, STEP)
+
+
+def distance_driven(speed: NDArray) -> NDArray:
+    """Distances (..., H) [m] at the instants, from speeds (..., H) [m/s] there."""
+    return np.concatenate([np.zeros((*speed.shape[:-1], 1)), np.cumsum(speed[..., :-1] * STEP, -1)], -1)
+
+
+def first_contact(path: Path, arc: NDArray, offset: float, size: NDArray, others: Others) -> NDArray:
+    """Times (...) [s] of the first contact, inf for none.
+
+    The box of size (2,) [m] is at arc (..., H) [m] of the path at each instant; its offset [m] from the path fades
+    within a second. Only others that come within reach of the box are looked at closely.
+    """
+    times = STEP * np.arange(arc.shape[-1])
+    q, g = forecast(others, times)
+    p, h = along_path(path, arc, np.broadcast_to(offset * np.exp(-times), arc.shape))
+    apart = p[..., None, :, :] - q  # (..., N, H, 2)
+    reach = (np.hypot(*size) + np.hypot(*others.size.T)) / 2
+    close = (apart**2).sum(-1) < (reach**2)[:, None]
+    near = close.any(axis=tuple(i for i in range(close.ndim) if i != close.ndim - 2))
+    hit = overlap(p[..., None, :, :], h[..., None, :], size, q[near], g[near], others.size[near, None]).any(-2)
+    return np.where(hit.any(-1), times[hit.argmax(-1)], np.inf)

@@ -1,0 +1,87 @@
+"""Who drives: planners that read the belief road between the calls of an environment, and nothing else.
+
+A planner never remembers: the same belief gives the same action.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from difflib import get_close_matches
+from types import MappingProxyType
+from typing import Any, Protocol
+
+import gymnasium as gym
+import numpy as np
+from highway_env.envs.common.action import DiscreteMetaAction
+from numpy.typing import NDArray
+
+from testbed.planners.idm import Drive, IdmPlanner
+
+
+class Planner(Protocol):
+    """What drives the ego vehicle."""
+
+    @property
+    def name(self) -> str:
+        """Name in the table."""
+
+    @property
+    def note(self) -> str:
+        """What it is, in one line."""
+
+    @property
+    def knows_truth(self) -> bool:
+        """True if it wants an environment whose first tracker is the truth."""
+
+    def act(self, env: gym.Env) -> Any:
+        """The next action."""
+
+    def plan(self, env: gym.Env) -> NDArray:
+        """Points (P, 2) [m] of the path that it means to take, in the world frame."""
+
+    def drive(self, env: gym.Env) -> Drive:
+        """Both, for the work of one."""
+
+
+@dataclass(frozen=True)
+class Idle:
+    """Keeps speed and lane."""
+
+    name: str = "idle"
+    note: str = "keeps speed and lane, and does not look"
+    knows_truth: bool = False
+
+    def act(self, env: gym.Env) -> Any:
+        """The action that changes nothing."""
+        action_type = env.unwrapped.action_type  # type: ignore[attr-defined]
+        if isinstance(action_type, DiscreteMetaAction):
+            return action_type.actions_indexes["IDLE"]
+        return np.zeros(env.action_space.shape, env.action_space.dtype)
+
+    def plan(self, env: gym.Env) -> NDArray:
+        """Straight on for three seconds."""
+        ego = env.unwrapped.vehicle  # type: ignore[attr-defined]
+        return ego.position + np.linspace(0, 3, 7)[:, None] * ego.velocity
+
+    def drive(self, env: gym.Env) -> Drive:
+        """The action that changes nothing, and where it leads."""
+        return Drive(self.act(env), self.plan(env))
+
+
+PLANNERS: Mapping[str, Planner] = MappingProxyType(
+    {p.name: p for p in (IdmPlanner(), Idle(), IdmPlanner("truth", "the same, fed with the truth", True))}
+)
+
+
+def find(name: str) -> Planner:
+    """The planner of that name.
+
+    Raises:
+        LookupError: no such planner; the nearest name is suggested.
+
+    """
+    try:
+        return PLANNERS[name]
+    except KeyError:
+        close = get_close_matches(name, PLANNERS, n=1)
+        hint = f"did you mean {close[0]!r}?" if close else f"known: {', '.join(PLANNERS)}"
+        raise LookupError(f"no planner {name!r}; {hint}") from None

@@ -1,0 +1,1 @@
+"""The page docs/closed-loop.md: trackers side by side in closed loop."""

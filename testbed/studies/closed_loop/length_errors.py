@@ -1,0 +1,88 @@
+"""Length errors against the visible share of a vehicle, to show whether tracks shrink to what is seen.
+
+Only vehicles that count for `Evaluator` are taken, at every look of the radar. A track whose box is too far from the
+vehicle's, 5 m in Gaussian Wasserstein distance, is not assigned to it: then there is no error, but a look without a
+track that fits. Errors and the share of looks with a track have to be read together.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sensors.scene import Scene
+from sensors.source import Source
+from testbed.compare.statistics.measures import EDGES, LABELS
+from testbed.evaluation.metrics import rmse
+from testbed.evaluation.tracking import Evaluator
+from testbed.frame import Outputs
+from trackers.scan import Scan
+
+FEWEST = 30  # looks with a track that an average needs
+
+
+class Looks(NamedTuple):
+    """n vehicles, each at one look, and what one tracker made of them."""
+
+    visible: NDArray  # (n,) share of the outline facing the sensors that others do not hide
+    length: NDArray  # (n,) [m]
+    error: NDArray  # (n,) [m] estimated minus true length, NaN without a track that fits
+
+
+class Profile(NamedTuple):
+    """Averages in the bins of visible share, (B,) each; NaN where they would stand on too little."""
+
+    mean: NDArray  # [m]
+    rms: NDArray  # [m]
+    held: NDArray  # share of looks with a track that fits
+    looks: NDArray  # int
+
+
+class LengthErrors:
+    """Observer of a `TrackedEnv` that keeps the length errors of some trackers."""
+
+    def __init__(self, trackers: Sequence[str]) -> None:
+        self._evaluators = {name: Evaluator(name) for name in trackers}
+        self._rows: dict[str, list[NDArray]] = {name: [np.zeros((0, 3))] for name in trackers}
+
+    def __call__(
+        self, step: int, time: float, scene: Scene, scan: Scan, source: Source, outputs: Outputs, *drive: object
+    ) -> None:
+        """Take in one look."""
+        objects = scene.objects
+        for name, evaluator in self._evaluators.items():
+            score = evaluator.step(time, scene, source, outputs[name][0])
+            counted = np.isin(objects.id, score.counted)
+            error = [score.errors[i]["length"] if i in score.errors else np.nan for i in objects.id[counted].tolist()]
+            self._rows[name].append(np.stack([source.visible[counted], objects.size[counted, 0], error], -1))
+
+    @property
+    def looks(self) -> dict[str, Looks]:
+        """Everything so far, by tracker."""
+        return {name: Looks(*np.concatenate(rows).T) for name, rows in self._rows.items()}
+
+
+def joined(runs: Sequence[Mapping[str, Looks]]) -> dict[str, Looks]:
+    """The looks of several runs with the same trackers."""
+    return {name: Looks(*np.concatenate([run[name] for run in runs], -1)) for name in runs[0]}
+
+
+def profile(looks: Looks) -> Profile:
+    """Averages by visible share."""
+    bins = np.searchsorted(EDGES, looks.visible)
+    held = np.isfinite(looks.error)
+    rows = []
+    for k in range(len(LABELS)):
+        error, seen = looks.error[held & (bins == k)], int((bins == k).sum())
+        enough = len(error) >= FEWEST
+        rows.append(
+            (
+                error.mean() if enough else np.nan,
+                rmse(error) if enough else np.nan,
+                len(error) / seen if seen >= FEWEST else np.nan,
+                seen,
+            )
+        )
+    mean, rms, share, count = np.array(rows).T
+    return Profile(mean, rms, share, count.astype(int))

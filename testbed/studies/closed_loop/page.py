@@ -1,0 +1,241 @@
+"""Trackers side by side in closed loop: the page docs/closed-loop.md, its tables and its figure.
+
+Made by `make family` or `python -m testbed.studies.closed_loop.page`. The planner uses the first tracker; all get the
+same detections.
+"""
+
+import json
+import shlex
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+import typer
+from rich.console import Console
+from rich.progress import Progress
+
+from scenarios import SCENARIOS, find
+from testbed.command_line.tables import number
+from testbed.command_line.terminal import user_input
+from testbed.evaluation.metrics import CUTOFF, mean
+from testbed.evaluation.recorder import run_id
+from testbed.files import make_directory
+from testbed.log.text import markdown_table
+from testbed.run import RunConfig, check, run
+from testbed.studies.closed_loop.figure import draw
+from testbed.studies.closed_loop.length_errors import FEWEST, LengthErrors, Looks, joined
+
+TRACKERS = (
+    "htg-map", "htg-mm", "htg-rm", "htg-rm-learned", "rm-feldmann", "rm-surface", "rm-vmm",
+    "dra", "dra-imm", "edra-imm", "pmht-spline", "pmht-spline-adaptive",
+)  # fmt: skip
+LONGEST = 20.0  # [s] of a run; only the courses of papers are longer
+REUSE = "--reuse"
+MEANS = (  # key of a tracker's summary or cost, label, digits
+    ("gospa", "GOSPA [m]", 2),
+    ("missed_percent", "missed [%]", 1),
+    ("false_per_scan", "false a scan", 2),
+    ("rmse_position", "position [m]", 2),
+    ("rmse_velocity", "velocity [m/s]", 2),
+    ("rmse_length", "length [m]", 2),
+    ("nees_position", "NEES position", 1),
+    ("nees_velocity", "NEES velocity", 1),
+    ("ms_per_scan", "ms a scan", 1),
+    ("us_per_update", "us an update", 0),
+)
+TOTALS = ("lost", "switches", "jumps")
+
+PAGE = """# Trackers in closed loop
+
+Written by `{command}` on {date}; do not edit it by hand.
+
+{runs} runs, {seconds:.0f} simulated seconds: every tracker got the same detections of the radar `{radar}`, and
+`{driver}` drove the planner `{planner}`. Collisions of the ego in all runs: {collisions}.
+
+Versions: {versions}.
+
+## Means over the runs
+
+[results.md](results.md) defines the columns; position, velocity and length are root mean square errors. A consistent
+filter has a NEES of 2. Lost tracks, switches and jumps are totals. The cost is that of the whole multi-object tracker:
+wall time [ms] of one look, and wall time [us] for each track that got a detection in it. The trackers took turns in one
+process, which had {cpu:.0f} % of a core: busy machines show higher costs.
+
+{table}
+
+## GOSPA [m] by scenario
+
+c = {cutoff:g} m, over the rooted Gaussian Wasserstein distance; smaller is better.
+
+{gospa}
+
+## Length error against the visible share
+
+Visible is the share of the outline facing the sensors that other vehicles do not hide; the far side of a vehicle never
+counts. A vehicle is in it while the radar could see it within the last second, so "hidden" is that second. The error is
+estimated minus true length, of looks in which a track was near enough to the vehicle to be assigned to it. A track that
+is far too short is not, hence the lowest panels: the fewer looks have a track, the more the errors flatter it. Points
+that would stand on fewer than {fewest} looks are left out.
+
+![Length error against the visible share](pictures/length-error.png)
+"""
+
+
+class Drive(NamedTuple):
+    """One run, as its files have it."""
+
+    result: dict[str, Any]  # see `Recorder.result`
+    looks: dict[str, Looks]  # by tracker
+    date: datetime
+
+
+def drive(config: RunConfig, progress: Callable[[float, float], None]) -> Drive:
+    """Run once; leaves the length errors beside the JSON of the run. typer.Exit when a signal ended it early."""
+    probe = LengthErrors(config.trackers)
+    files(config)[1].unlink(missing_ok=True)
+    done = run(config, progress, [probe])
+    if done.interrupted:
+        raise typer.Exit(done.exit_status)
+    np.savez_compressed(files(config)[1], allow_pickle=False, **{n: np.stack(k) for n, k in probe.looks.items()})
+    return Drive(done.result, probe.looks, datetime.now(UTC))
+
+
+def files(config: RunConfig) -> tuple[Path, Path]:
+    """Where a run leaves its results, and its length errors: a `Looks` as an array (3, n) for each tracker."""
+    stem = run_id(config.scenario, config.trackers, config.radar, config.planner, config.seed)
+    return Path(config.out) / f"{stem}.json", Path(config.out) / f"{stem}.npz"
+
+
+def stored(config: RunConfig) -> Drive | None:
+    """A whole run with these settings that was made before, if there is one."""
+    results, lengths = files(config)
+    if not lengths.exists():
+        return None
+    result = json.loads(results.read_text())
+    if float(result["run"]["config"]["duration"]) != duration_of(config):
+        return None
+    with np.load(lengths, allow_pickle=False) as arrays:
+        looks = {name: Looks(*arrays[name]) for name in config.trackers}
+    return Drive(result, looks, datetime.fromtimestamp(lengths.stat().st_mtime, UTC))
+
+
+def duration_of(config: RunConfig) -> float:
+    """How long a run is to take [s], simulated."""
+    return config.duration or find(config.scenario).duration
+
+
+def drive_all(configs: Sequence[RunConfig], reuse: bool) -> list[Drive]:
+    """All runs, in turn, with a progress bar and one line a run."""
+    drives: list[Drive] = []
+    ends = np.cumsum([duration_of(config) for config in configs])
+    with Progress(console=Console(stderr=True)) as bar:
+        task = bar.add_task("", total=ends[-1])
+        for config, end in zip(configs, ends.tolist(), strict=True):
+            what = f"{config.scenario}, seed {config.seed}"
+            bar.update(task, description=what)
+
+            def show(done: float, total: float, end: float = end) -> None:
+                bar.update(task, completed=end - total + done)
+
+            drives.append((stored(config) if reuse else None) or drive(config, show))
+            bar.update(task, completed=end)
+            gospa = [f"{name} {row['gospa']:.2f}" for name, row in drives[-1].result["trackers"].items()]
+            bar.console.print(f"{what}: GOSPA {', '.join(gospa)}", soft_wrap=True)
+    return drives
+
+
+def main(
+    out: Annotated[Path, typer.Option(help="Directory for the results of the runs.")] = Path("runs/family"),
+    docs: Annotated[Path | None, typer.Option(help="Directory for the page and its figure; OUT without it.")] = None,
+    tracker: Annotated[
+        list[str] | None, typer.Option(help="Repeat; the first drives. Twelve of them without it.")
+    ] = None,
+    scenario: Annotated[list[str] | None, typer.Option(help="Repeat; all without it.")] = None,
+    seed: Annotated[list[int] | None, typer.Option(help="Repeat; 0 without it.")] = None,
+    duration: Annotated[float | None, typer.Option(help="Seconds; the scenarios' own, 20 at most, without it.")] = None,
+    reuse: Annotated[
+        bool, typer.Option(REUSE, help="Take whole runs that lie in OUT instead of repeating them.")
+    ] = False,
+) -> None:
+    """Run trackers side by side in closed loop and write the page closed-loop.md with its tables and its figure.
+
+    Example: python -m testbed.studies.closed_loop.page --scenario cut-in --tracker htg-map --tracker rm-feldmann
+    """
+    target = docs or out
+    with user_input():
+        configs = [
+            RunConfig(
+                name,
+                tuple(tracker or TRACKERS),
+                seed=s,
+                duration=duration or min(find(name).duration, LONGEST),
+                out=str(out),
+                log="off",
+            )
+            for name in scenario or SCENARIOS
+            for s in seed or (0,)
+        ]
+        for config in configs:
+            check(config)
+        make_directory(target / "pictures")
+    drives = drive_all(configs, reuse)
+    command = shlex.join(["python", "-m", "testbed.studies.closed_loop.page", *(a for a in sys.argv[1:] if a != REUSE)])
+    path = target / "closed-loop.md"
+    path.write_text(page(drives, command))
+    draw(joined([d.looks for d in drives]), target / "pictures" / "length-error.png")
+    Console().print(f"page     {path}", soft_wrap=True)
+
+
+def page(drives: Sequence[Drive], command: str) -> str:
+    """The whole page of some runs with the same trackers."""
+    results = [d.result for d in drives]
+    first = results[0]["run"]
+    return PAGE.format(
+        command=command,
+        date=f"{max(d.date for d in drives):%Y-%m-%d}",
+        runs=len(results),
+        seconds=sum(r["drive"]["elapsed"] for r in results),
+        radar=first["radar"],
+        driver=first["trackers"][0],
+        planner=first["planner"],
+        collisions=sum(r["drive"]["collisions"] for r in results),
+        versions=", ".join(f"{name} {version}" for name, version in first["versions"].items()),
+        cpu=100 * sum(r["timing"]["cpu"] for r in results) / sum(r["timing"]["wall"] for r in results),
+        table=overview(results),
+        cutoff=CUTOFF,
+        gospa=by_scenario(results),
+        fewest=FEWEST,
+    )
+
+
+def overview(results: Sequence[Mapping[str, Any]]) -> str:
+    """One row a tracker: means and totals over the runs; what a run could not measure enters no mean."""
+    rows = []
+    for name in results[0]["trackers"]:
+        found = [r["trackers"][name] | r["timing"]["trackers"][name] for r in results]
+        means = [number(_mean([row[key] for row in found]), digits) for key, _, digits in MEANS]
+        rows.append((f"`{name}`", *means, *(str(sum(row[key] for row in found)) for key in TOTALS)))
+    return markdown_table(("tracker", *(label for _, label, _ in MEANS), *TOTALS), rows)
+
+
+def by_scenario(results: Sequence[Mapping[str, Any]]) -> str:
+    """GOSPA of each tracker, one row a scenario, means over its seeds."""
+    names = list(results[0]["trackers"])
+    rows = []
+    for scenario in dict.fromkeys(r["run"]["scenario"] for r in results):
+        own = [r for r in results if r["run"]["scenario"] == scenario]
+        rows.append((scenario, *(number(_mean([r["trackers"][n]["gospa"] for r in own]), 2) for n in names)))
+    return markdown_table(("scenario", *names), rows)
+
+
+def _mean(values: Sequence[float | None]) -> float | None:
+    """Mean of what was measured, None where nothing was."""
+    known = [v for v in values if v is not None]
+    return mean(known) if known else None
+
+
+if __name__ == "__main__":
+    typer.run(main)

@@ -1,0 +1,1 @@
+"""The page docs/comparison.md: the committed results of the comparison of record and of the reproductions."""

@@ -1,0 +1,119 @@
+"""The results of a whole comparison, made small enough to be committed: `make comparison`.
+
+`RESULTS/comparison.json` says what was run, `runs.parquet` has the measures of every run and phase, `range.csv`,
+`visible.csv` and `consistency.csv` are the tables of `testbed.compare.statistics.analysis` that need all rows.
+`testbed.studies.comparison.page` makes the page from them.
+"""
+
+import json
+from collections.abc import Sequence
+from dataclasses import fields
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated, Any
+
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+import typer
+
+from scenarios import SCENARIOS
+from testbed.command_line.terminal import console, user_input
+from testbed.compare.report.report import write_report
+from testbed.compare.runs.config import Comparison, Settings, Task, read_settings
+from testbed.compare.runs.results import Results, collect
+from testbed.compare.runs.rows import read_meta
+from testbed.compare.runs.tasks import ROWS
+from testbed.compare.statistics.analysis import by_band, consistency
+from testbed.compare.statistics.measures import KEYS
+from testbed.files import write_whole
+from trackers import TRACKERS
+
+ABOUT, RUNS = "comparison.json", "runs.parquet"
+TABLES = ("range", "visible", "consistency")  # .csv
+DIGITS = 6  # significant, of the tables
+
+
+def stored_comparison(folder: Path, reference: str | None = None) -> Comparison:
+    """All runs that lie in a folder, as the comparison that made them.
+
+    Raises ValueError where the folder holds none, or not all runs of a product of scenarios, trackers and seeds.
+    """
+    settings, _ = read_settings(folder)
+    tasks = {Task(**read_meta(path)["task"]) for path in sorted((folder / ROWS).glob("*.parquet"))}
+    if not tasks:
+        raise ValueError(f"out: {folder} holds no finished run; run `testbed compare --out {folder}` first")
+    found = [_in_order([getattr(t, name) for t in tasks], name) for name in Task._fields]
+    comparison = Comparison(found[0], found[1], found[2], settings, reference, str(folder))
+    missing = [task for task in comparison.tasks if task not in tasks]
+    if missing:
+        raise ValueError(f"out: {folder} lacks {len(missing)} runs, {missing[0].name} among them; finish it first")
+    return comparison
+
+
+def publish(folder: Path, target: Path, report: Path, reference: str | None = None) -> None:
+    """Write the small results of all runs in a folder, and the report page without its logs."""
+    comparison = stored_comparison(folder, reference)
+    results = collect(comparison)
+    target.mkdir(parents=True, exist_ok=True)
+    keys = ["scenario", "tracker", "seed", "phase"]
+    measures = [key for key in KEYS if key in results.spans]
+    spans = results.spans[keys + measures].astype(dict.fromkeys(measures, "float32"))
+    table = pa.Table.from_pandas(spans, preserve_index=False)
+    described = [f.with_metadata({"unit": KEYS[f.name].unit if f.name in KEYS else ""}) for f in table.schema]
+    pq.write_table(table.cast(pa.schema(described, table.schema.metadata)), target / RUNS, compression="zstd")
+    for name, found in zip(TABLES, (by_band(results, "range"), by_band(results, "visible"), consistency(results))):
+        found.to_csv(target / f"{name}.csv", index=False, float_format=f"%.{DIGITS}g")
+    write_whole(target / ABOUT, json.dumps(about(results), indent=1) + "\n")
+    write_report(results, out=report, logs=False)
+
+
+def about(results: Results) -> dict[str, Any]:
+    """What was run, when, with which versions, and where the time went."""
+    comparison = results.comparison
+    folder = Path(comparison.out)
+    _, identity = read_settings(folder)
+    made = max(path.stat().st_mtime for path in (folder / ROWS).glob("*.parquet"))
+    return {
+        "date": f"{datetime.fromtimestamp(made, UTC):%Y-%m-%d}",
+        "scenarios": list(comparison.scenarios),
+        "trackers": list(comparison.trackers),
+        "seeds": list(comparison.seeds),
+        "reference": comparison.baseline,
+        "identity": identity,
+        "seconds": {name: round(value, 1) for name, value in results.shares.items()},
+    }
+
+
+def read(target: Path) -> tuple[Results, dict[str, Any], dict[str, pd.DataFrame]]:
+    """Published results again: runs, what is known of them, and the tables by name."""
+    known = json.loads((target / ABOUT).read_text())
+    settings = Settings(**{f.name: known["identity"][f.name] for f in fields(Settings)})
+    scenarios, trackers, seeds = (tuple(known[what]) for what in ("scenarios", "trackers", "seeds"))
+    comparison = Comparison(scenarios, trackers, seeds, settings, known["reference"], str(target))
+    spans = pd.read_parquet(target / RUNS)
+    tables = {name: pd.read_csv(target / f"{name}.csv") for name in TABLES}
+    return Results(comparison, spans, pd.DataFrame(), []), known, tables
+
+
+def _in_order(values: Sequence[Any], what: str) -> tuple[Any, ...]:
+    """Distinct values; names in the order of the catalogues."""
+    catalogue = {"scenario": list(SCENARIOS), "tracker": list(TRACKERS)}.get(what)
+    distinct = sorted(set(values))
+    return tuple(sorted(distinct, key=catalogue.index) if catalogue else distinct)
+
+
+def main(
+    folder: Annotated[Path, typer.Argument(help="What `testbed compare --out` left.")],
+    target: Annotated[Path, typer.Argument(help="Directory for the small results.")] = Path("docs/results"),
+    report: Annotated[Path, typer.Argument(help="Directory for the report page.")] = Path("docs/comparison"),
+    reference: Annotated[str | None, typer.Option(help="The others are held against it.")] = None,
+) -> None:
+    """Make the results of a whole comparison small enough to be committed."""
+    with user_input((OSError, ValueError)):
+        publish(folder, target, report, reference)
+    console.print(f"results  {target}, {report}", soft_wrap=True)
+
+
+if __name__ == "__main__":
+    typer.run(main)

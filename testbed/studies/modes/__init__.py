@@ -1,0 +1,1 @@
+"""The page docs/modes.md: motion models against the true maneuvers."""

@@ -1,0 +1,402 @@
+"""What a one-sided view does to pmht-spline, with and without weights by visibility: the page docs/partial-view.md.
+
+Made by `python -m testbed.studies.partial_view.page --docs docs`. What stands on the page below the line NOTES is
+written by hand, and kept.
+"""
+
+import shlex
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+import typer
+from numpy.typing import NDArray
+from rich.console import Console
+
+import sensors
+from scenarios.contours import CONTOURS
+from testbed.command_line.terminal import progress_bar, user_input
+from testbed.compare.runs.recording import Recording, record
+from testbed.evaluation.metrics import contour_iou
+from testbed.evaluation.tracking import Evaluator, Row
+from testbed.files import make_directory
+from testbed.learn.detections import Detections, read
+from testbed.learn.spline import fit
+from testbed.log.text import markdown_table
+from testbed.studies.page import NOTES, notes_of
+from testbed.studies.partial_view.figure import Panel, draw_learned, draw_tracked
+from testbed.studies.partial_view.runs import STEP, Figure, drives, follow, measure, views
+from trackers import MultiObjectTracker, find
+from trackers.pmht import AdaptiveSpline, Learner
+from trackers.pmht.classes import Catalogue
+from trackers.pmht.model import SplineModel, outlines
+from trackers.pmht.offline import Learned, Offline
+
+RADAR = "surround"
+KINDS = ("car", "truck", "tractor")
+COURSES = ("yao2021-truck", "yao2021-tractor")
+REFERENCE = "htg-map"
+ADAPTED = "rays, adapted"
+MIXED = ", learned with"  # part of the names of filters that the figure leaves out
+SINCE = 40  # looks before errors count
+DETECTIONS = 5000  # of the training sampler, to learn a model from
+SIDES: dict[str, Callable[[NDArray], NDArray]] = {  # by the aspect angle, 0 at the rear
+    "all sides": lambda a: np.isfinite(a),
+    "rear and left": lambda a: (a > -0.25) & (a < np.pi / 2),
+    "rear only": lambda a: np.abs(a) < 0.25,
+}
+MEASURES = {
+    "along": "bias along [m]",
+    "across": "bias across [m]",
+    "length": "length bias [m]",
+    "length rms": "length error, rms [m]",
+    "iou": "contour IoU",
+    "nees": "NEES of the centre",
+}
+DRAWN = {
+    "along": "magnitude of the bias along [m]",
+    "length rms": "length error, rms [m]",
+    "iou": "contour IoU",
+    "nees": "NEES of the centre, ideal 2",
+}
+COLUMNS = (  # of a whole run with the multi-object tracker
+    ("gospa", "GOSPA [m]", 2),
+    ("rmse_position", "position [m]", 2),
+    ("rmse_velocity", "velocity [m/s]", 2),
+    ("rmse_heading_deg", "heading [deg]", 2),
+    ("rmse_length", "length [m]", 2),
+    ("rmse_width", "width [m]", 2),
+    ("contour_iou", "contour IoU", 3),
+    ("nees_position", "NEES position", 1),
+    ("nees_velocity", "NEES velocity", 1),
+)
+Tell = Callable[[str], None]
+Tracked = dict[tuple[str, str, str], dict[str, Figure]]  # class, view, variant
+
+
+class Sided(NamedTuple):
+    """A contour learned from some sides."""
+
+    sides: str
+    visibility: str
+    model: SplineModel
+    learned: Learned
+    z: NDArray  # (N, 2) what it was learned from, in the unit frame
+
+
+def learned_models(visibility: str, tell: Tell) -> tuple[SplineModel, ...]:
+    """Of cars and trucks, from the training sampler."""
+    found = []
+    for kind in ("car", "truck"):
+        tell(f"learn {kind}, {visibility}")
+        detections = read(f"sampler:{RADAR}:{kind}", DETECTIONS, 1)
+        found.append(fit(detections, Offline(visibility=visibility, iterations=40), f"{kind}-{visibility}")[0])
+    return tuple(found)
+
+
+def variants(rays: tuple[SplineModel, ...], none: tuple[SplineModel, ...], at_once: int) -> dict[str, Any]:
+    """Filters by name: weights in the filter and in what it learned from, in one only, in neither; and htg-map.
+
+    Those that adapt their contours do so for at_once vehicles in a look.
+    """
+    found: dict[str, Any] = {
+        "rays": find("pmht-spline", model=rays, visibility="rays"),
+        "rays, learned with none": find("pmht-spline", model=none, visibility="rays"),
+        "none, learned with rays": find("pmht-spline", model=rays, visibility="none"),
+        "none": find("pmht-spline", model=none, visibility="none"),
+    }
+    return found | {
+        ADAPTED: AdaptiveSpline(Learner(found["rays"]), at_once=at_once),
+        "none, adapted": AdaptiveSpline(Learner(found["none"], catalogue=Catalogue(unseen=1.0)), at_once=at_once),
+        REFERENCE: find(REFERENCE),
+    }
+
+
+def tracked(filters: Mapping[str, Any], runs: int, seed: int, tell: Tell) -> Tracked:
+    """Every filter on the same detections of every class in every view."""
+    radar = sensors.find(RADAR)
+    found: Tracked = {}
+    for i, kind in enumerate(KINDS):
+        for j, view in enumerate(views()):
+            tell(f"{kind}, {view.name}")
+            seen = drives(view, radar, kind, runs, np.random.default_rng([seed, i, j]))
+            for name, filter in filters.items():
+                found[kind, view.name, name] = measure(follow(filter, seen), SINCE)
+    return found
+
+
+def from_sides(tell: Tell) -> list[Sided]:
+    """Contours of cars learned from those detections of the sampler that come from some sides."""
+    detections = read(f"sampler:{RADAR}:car", 3 * DETECTIONS, 2)
+    found: list[Sided] = []
+    for name, chosen in SIDES.items():
+        part = rows(detections, np.flatnonzero(chosen(detections.aspect))[:DETECTIONS])
+        for visibility in ("rays", "none"):
+            tell(f"learn from {name}, {visibility}")
+            options = Offline(visibility=visibility, mirrored=False, iterations=40)
+            found.append(Sided(name, visibility, *fit(part, options, name), part.u / 2))
+    return found
+
+
+def rows(detections: Detections, index: NDArray) -> Detections:
+    """Some of the detections."""
+    return detections._replace(
+        **{
+            name: getattr(detections, name)[index]
+            for name in ("u", "aspect", "noise", "look", "size")
+            if getattr(detections, name) is not None
+        }
+    )
+
+
+def overlap(model: SplineModel, body: NDArray) -> float:
+    """IoU of the drawn contour of a model with the true outline body (C, 2) in the unit frame."""
+    return float(contour_iou(outlines(model.p, model.Sigma, 1.0), body))
+
+
+def courses(filters: Mapping[str, Any], seeds: int, duration: float, tell: Tell) -> dict[tuple[str, str], list[Row]]:
+    """Summaries by scenario and variant, one a seed: every drive is recorded once, and replayed."""
+    found: dict[tuple[str, str], list[Row]] = {}
+    for scenario in COURSES:
+        for seed in range(seeds):
+            tell(f"{scenario}, seed {seed}")
+            recording = record(scenario, seed, RADAR, duration)
+            for name, filter in filters.items():
+                found.setdefault((scenario, name), []).append(summary(recording, filter))
+    return found
+
+
+def summary(recording: Recording, filter: Any) -> Row:
+    """How a multi-object tracker on a filter does on a recording."""
+    tracker = MultiObjectTracker(filter, sensors.find(RADAR).models, road=recording.road)
+    tracks, evaluator = tracker.start(), Evaluator(recording.scenario)
+    for look in recording.looks:
+        tracks, info = tracker.step(tracks, look.scan, look.scene.dt)
+        evaluator.step(look.scene.time, look.scene, look.source, tracks, info.owner)
+    return evaluator.summary()
+
+
+def cell(figure: Figure, digits: int = 2) -> str:
+    """A value with half the width of its interval."""
+    return f"{figure.value:.{digits}f} ± {figure.half:.{digits}f}"
+
+
+def tracked_table(found: Tracked, kind: str) -> str:
+    """One row a view and variant."""
+    body = [
+        (view, name, *(cell(figures[key], 1 if key == "nees" else 2) for key in MEASURES))
+        for (own, view, name), figures in found.items()
+        if own == kind
+    ]
+    return markdown_table(("view", "visibility", *MEASURES.values()), body)
+
+
+def overall(found: Tracked) -> dict[str, dict[str, dict[str, tuple[float, float]]]]:
+    """Means over the classes by variant, measure and view, of magnitudes for biases: what the figure shows."""
+    names, seen = dict.fromkeys(key[2] for key in found), dict.fromkeys(key[1] for key in found)
+    return {name: {m: {view: _over_kinds(found, view, name, m) for view in seen} for m in DRAWN} for name in names}
+
+
+def _over_kinds(found: Tracked, view: str, name: str, key: str) -> tuple[float, float]:
+    own = [figures[key] for (_, v, n), figures in found.items() if (v, n) == (view, name)]
+    value = np.mean([abs(f.value) if key in ("along", "across", "length") else f.value for f in own])
+    return float(value), float(np.sqrt(np.sum([f.half**2 for f in own])) / len(own))
+
+
+def sided_table(found: Sequence[Sided], body: NDArray) -> str:
+    """One row a choice of sides."""
+    lines = [
+        (s.sides, s.visibility, str(len(s.z)), f"{overlap(s.model, body):.2f}", f"{drawn_length(s.model):.2f}")
+        for s in found
+    ]
+    return markdown_table(("detections from", "visibility", "number", "contour IoU", "length of the contour"), lines)
+
+
+def drawn_length(model: SplineModel) -> float:
+    """Length of the drawn contour in lengths of the vehicle."""
+    return float(np.ptp(outlines(model.p, model.Sigma, 1.0)[:, 0]))
+
+
+def course_table(found: Mapping[tuple[str, str], Sequence[Row]]) -> str:
+    """One row a scenario and variant, means over the seeds; they are too few for intervals."""
+    body = []
+    for (scenario, name), summaries in found.items():
+        means = ((np.mean([float(row[key]) for row in summaries]), digits) for key, _, digits in COLUMNS)
+        body.append((scenario, name, *(f"{value:.{digits}f}" for value, digits in means)))
+    return markdown_table(("scenario", "tracker", *(label for _, label, _ in COLUMNS)), body)
+
+
+PAGE = """# Chained ellipses in a partial view
+
+Written by `{command}` on {date}; do not edit it by hand but for the notes at its end.
+
+The spatial model of Yao et al. (2021) has ellipses along the whole contour, all equally likely: their sensor sees every
+side at once. Ours sees one to three. `pmht-spline` therefore weighs each ellipse by the share of it that the sensor of
+a detection can see (`visibility="rays"`, in the filter and in learning, see `trackers/pmht/visibility.py`); "none" is
+the paper's model. This page compares the two on the radar `{radar}`.
+
+## Contours learned from some sides
+
+Up to {detections} detections of cars from the training sampler, chosen by the aspect they were seen under: any, up to
+90 degrees to the left of the rear, or within 14 degrees of it. No mirror images, so that nothing is known of a side
+that no detection came from. Black: the outline of a car; green: the contour that is drawn, one standard deviation
+outside the curve; ellipses: two standard deviations, vermilion where hardly any detection is. The IoU is with the
+outline of a car; the length of the contour is in lengths of the vehicle.
+
+![Contours learned from some sides](pictures/partial-view-learned.png)
+
+{sided}
+
+## One vehicle, known association
+
+{runs} runs of 8 s with vehicles of different sizes, looks every {step:g} s; errors count after {since:g} s. The prior
+is drawn about the truth (0.5 m, 1 m/s, 0.05 rad); its size is the usual one of the class, and true sizes scatter by 7 %
+about it. "All around" has four cars with radars about the vehicle, which is the paper's full view; on the "circle" it
+turns before a standing ego, and shows all sides, one after the other. "Passing", "oncoming" and "behind" are drives on
+a road. ± is a 95 % interval over the runs. Ahead and left count as positive; a NEES of 2 is ideal.
+
+The filter and what it was learned from can each have weights or not: "rays" and "none" have the same in both. Those
+that are "adapted" learn class and contour on the way as `pmht-spline-adaptive` does, with weights in the comparison
+with the classes, in learning and in the filter, or with none in all of them.
+
+![Errors with and without weights by visibility](pictures/partial-view.png)
+
+The figure is of means over the classes, for those with the same in filter and learning.
+
+{tables}
+
+## The course of Yao et al. (2021), followed
+
+The scenarios `{courses}`, first {duration:g} s, {seeds} seeds: the ego follows 22 to 28 m behind, so it sees the
+rear, and the inner side in the curve. The multi-object tracker finds the vehicle by itself; the truth drives.
+
+{course}
+
+## Which offset can be seen
+
+Let the body be at c with A = R(phi) diag(l, w), and its ellipses at mu_l in the unit frame. A detection is
+z = c + A (mu_l + xi) + e. For any o,
+
+    (c - A o) + A (mu_l + o + xi) + e  =  c + A (mu_l + xi) + e:
+
+the model moved by o and the centre moved by -A o predict the same detections, whatever sides they come from and however
+the object turns. So the likelihood of positions is flat along o in both axes, and no amount of data tells o. What is
+observable is mu_l + A^-1 c, the place of the ellipses that are seen, and nothing else: not where in them the centre is.
+Range rates and the motion model break the tie in a turn only, where the heading of the model is the direction of motion
+of the centre: moved by d along the axis, the centre moves at an angle of omega d / v to it. That is 0.003 rad for 1 m
+on the course above (0.031 rad/s at 11.2 m/s), less than the filter knows of the heading. One part of our model does not
+move with o: the box of the detections from inside. It is as wide as the vehicle and holds a tenth of the detections.
+
+So o is settled by a convention, the position is the centre of the box, and that needs ends. By axis of the body:
+
+| ends seen | what is known | what `trackers.pmht.adaptation.partial_shift` does |
+| --- | --- | --- |
+| both | both ends of the curve, so its middle | centres the box of the curve: o is its centre |
+| one | that end; every length fits it with a centre of its own | keeps that end where the catalogue's contour has it |
+| none | neither | keeps the mean of the control points |
+
+For the filter this says: of a vehicle seen from behind, the rear is measured, and the errors of centre and length are
+tied, along = length / 2. The uncertainty of the length is that of the centre, and weights by visibility do not remove
+it; they keep the filter from taking the rear for something else. `tests/trackers/pmht/test_learning.py` and
+`tests/testbed/studies/partial_view/test_page.py` check these.
+
+{mark}{notes}"""
+
+
+class Study(NamedTuple):
+    """All that the page shows."""
+
+    sided: Sequence[Sided]
+    tracked: Tracked
+    courses: Mapping[tuple[str, str], Sequence[Row]]
+    runs: int
+    seeds: int
+    duration: float  # [s]
+
+
+def page(command: str, study: Study, notes: str = "\n") -> str:
+    """The whole page with its notes."""
+    return PAGE.format(
+        command=command,
+        date=f"{datetime.now(UTC):%Y-%m-%d}",
+        radar=RADAR,
+        detections=DETECTIONS,
+        sided=sided_table(study.sided, CONTOURS["car"].points),
+        runs=study.runs,
+        step=STEP,
+        since=SINCE * STEP,
+        tables="\n\n".join(f"### {kind}\n\n{tracked_table(study.tracked, kind)}" for kind in KINDS),
+        courses="` and `".join(COURSES),
+        duration=study.duration,
+        seeds=study.seeds,
+        course=course_table(study.courses),
+        mark=NOTES,
+        notes=notes,
+    )
+
+
+def panels(found: Sequence[Sided], body: NDArray) -> list[list[Panel]]:
+    """What the figure of contours shows: a row each for rays and none."""
+    return [
+        [
+            Panel(s.model, s.z, s.learned.counts, f"{s.sides}, {s.visibility}: IoU {overlap(s.model, body):.2f}")
+            for s in found
+            if s.visibility == visibility
+        ]
+        for visibility in ("rays", "none")
+    ]
+
+
+def study(runs: int, seed: int, seeds: int, duration: float, tell: Tell) -> Study:
+    """Everything; `tell` gets what comes next."""
+    filters = variants(learned_models("rays", tell), learned_models("none", tell), runs)
+    sided = from_sides(tell)
+    single = tracked(filters, runs, seed, tell)
+    own = {name: filters[name] for name in ("rays", "none", REFERENCE)}
+    own[ADAPTED] = replace(filters[ADAPTED], at_once=1)
+    return Study(sided, single, courses(own, seeds, duration, tell), runs, seeds, duration)
+
+
+def main(
+    docs: Annotated[Path, typer.Option(help="Directory for the page; its figures go to pictures/ in it.")] = Path(
+        "runs/partial-view"
+    ),
+    runs: Annotated[int, typer.Option(min=2, help="Runs of one vehicle in each view.")] = 12,
+    seed: Annotated[int, typer.Option(min=0, help="Of those runs.")] = 0,
+    seeds: Annotated[int, typer.Option(min=1, help="Drives of each course of Yao et al., from 0 on.")] = 2,
+    duration: Annotated[float, typer.Option(min=5.0, help="Of each of these [s].")] = 60.0,
+) -> None:
+    """Track and learn from one side with and without weights by visibility, and write partial-view.md with figures.
+
+    Example: python -m testbed.studies.partial_view.page --runs 4 --duration 10
+    """
+    with user_input():
+        make_directory(docs / "pictures")
+    total = 4 + 2 * len(SIDES) + len(KINDS) * len(views()) + len(COURSES) * seeds
+    with progress_bar("{task.completed:.0f} of {task.total:.0f}") as bar:
+        task = bar.add_task("", total=total)
+        begun = False
+
+        def tell(what: str) -> None:
+            nonlocal begun
+            bar.update(task, description=what, advance=int(begun))
+            begun = True
+
+        found = study(runs, seed, seeds, duration, tell)
+        bar.advance(task)
+    command = shlex.join(["python", "-m", "testbed.studies.partial_view.page", *sys.argv[1:]])
+    path = docs / "partial-view.md"
+    path.write_text(page(command, found, notes_of(path)))
+    body = CONTOURS["car"].points
+    draw_learned(panels(found.sided, body), body, docs / "pictures" / "partial-view-learned.png")
+    shown = {name: means for name, means in overall(found.tracked).items() if MIXED not in name}
+    draw_tracked(shown, DRAWN, docs / "pictures" / "partial-view.png")
+    Console().print(f"page     {path}", soft_wrap=True)
+
+
+if __name__ == "__main__":
+    typer.run(main)

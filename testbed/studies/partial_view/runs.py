@@ -1,0 +1,201 @@
+"""One vehicle, seen by our radars from known sides, many runs at once: what a filter's errors are along and across it.
+
+Association is known: every filter gets the detections of the vehicle and no others, so what is left is the spatial
+model. The prior is no better than that of a track: it is drawn about the truth.
+"""
+
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenarios.contours import CONTOURS
+from sensors.radar import Radar
+from sensors.scene import Ego, Scene, boxes_scene
+from testbed.evaluation.metrics import contour_iou
+from trackers.estimate import Estimate, prior
+from trackers.geometry import box_corners, rotation, to_world, unit
+from trackers.scan import Scan
+
+STEP = 0.1  # [s]
+EGO_SIZE = np.array([4.7, 1.9])  # [m]
+SPREAD = 0.07  # relative, of the true sizes about those of the class
+POSITION_STD, VELOCITY_STD, HEADING_STD = 0.5, 1.0, 0.05  # [m, m/s, rad] of the prior
+
+
+class Motion(NamedTuple):
+    """A vehicle at K looks."""
+
+    pose: NDArray  # (K, 3) [m, m, rad]
+    velocity: NDArray  # (K, 2) [m/s]
+    yaw_rate: NDArray  # (K,) [rad/s]
+
+
+class View(NamedTuple):
+    """From where a vehicle is seen."""
+
+    name: str
+    vehicle: Motion
+    egos: tuple[Motion, ...]  # who carry the radar
+
+
+class Drives(NamedTuple):
+    """R runs of a view with vehicles of one class."""
+
+    vehicle: Motion
+    size: NDArray  # (R, 2) [m]
+    outline: NDArray  # (R, C, 2) in the unit frame
+    scans: tuple[Scan, ...]  # K of them with the axis R
+    start: Estimate  # (R,) the prior at the first look
+
+
+class Errors(NamedTuple):
+    """Errors of R runs at K looks."""
+
+    along: NDArray  # (R, K) [m] of the centre, ahead is positive
+    across: NDArray  # (R, K) [m] to the left is positive in a frame with y to the left of x
+    length: NDArray  # (R, K) [m]
+    iou: NDArray  # (R, K) of contour and true outline
+    nees: NDArray  # (R, K) of the centre, 2 is ideal
+
+
+def straight(start: tuple[float, float, float], speed: float, looks: int) -> Motion:
+    """At constant speed [m/s] from a pose (3,)."""
+    t = STEP * np.arange(looks)
+    velocity = speed * unit(np.full(looks, start[2]))
+    xy = np.array(start[:2]) + t[:, None] * velocity
+    return Motion(np.column_stack([xy, np.full(looks, start[2])]), velocity, np.zeros(looks))
+
+
+def circle(centre: tuple[float, float], radius: float, speed: float, looks: int) -> Motion:
+    """Counter-clockwise about a centre [m]."""
+    rate = speed / radius
+    angle = rate * STEP * np.arange(looks)
+    xy = np.array(centre) + radius * unit(angle)
+    heading = angle + np.pi / 2
+    return Motion(np.column_stack([xy, heading]), speed * unit(heading), np.full(looks, rate))
+
+
+def views() -> tuple[View, ...]:
+    """From full to one-sided; speeds of a country road, and of a yard for the circle."""
+    n = 80
+    lead = straight((0.0, 0.0, 0.0), 15.0, n)
+    around = ((18.0, 0.0, np.pi), (-18.0, 0.0, 0.0), (0.0, 14.0, -np.pi / 2), (0.0, -14.0, np.pi / 2))
+    formation = tuple(Motion(lead.pose + np.array([x, y, a]), lead.velocity, lead.yaw_rate) for x, y, a in around)
+    return (
+        View("all around", lead, formation),
+        View("circle", circle((22.0, 0.0), 8.0, 6.0, n), (straight((0.0, 0.0, 0.0), 0.0, n),)),
+        View("passing", lead, (straight((-24.0, -3.75, 0.0), 21.0, n),)),
+        View("oncoming", lead, (straight((150.0, 3.75, np.pi), 5.0, n),)),
+        View("behind", lead, (straight((-22.0, 0.5, 0.0), 15.0, n),)),
+    )
+
+
+def drives(view: View, radar: Radar, kind: str, runs: int, rng: np.random.Generator) -> Drives:
+    """The same courses seen `runs` times, each time a vehicle of another size."""
+    body = CONTOURS[kind]
+    size = body.size * (1 + SPREAD * rng.standard_normal((runs, 2)))
+    outline = np.broadcast_to(body.points, (runs, *body.points.shape))
+    alone = replace(radar, sensors=tuple(replace(s, clutter=0.0) for s in radar.sensors))
+    scans = tuple(padded([look(view, k, alone, kind, s, rng) for s in size]) for k in range(len(view.vehicle.pose)))
+    return Drives(view.vehicle, size, outline, scans, drawn_prior(view.vehicle, body.size, runs, rng))
+
+
+def look(view: View, k: int, radar: Radar, kind: str, size: NDArray, rng: np.random.Generator) -> Scan:
+    """Detections of the vehicle from all egos at look k."""
+    now = Motion(*(leaf[k] for leaf in view.vehicle))
+    scans = []
+    for ego in view.egos:
+        scan, source = radar.scan(scene_of(now, Motion(*(leaf[k] for leaf in ego)), kind, size), rng)
+        scans.append(Scan(*[*(leaf[source.object == 0] for leaf in scan[:-1]), scan.platform]))
+    joined = (np.concatenate(leaves) for leaves in zip(*(scan[:-1] for scan in scans), strict=True))
+    return Scan(*[*joined, np.zeros(6)])
+
+
+def scene_of(vehicle: Motion, ego: Motion, kind: str, size: NDArray) -> Scene:
+    """One vehicle and who looks at it."""
+    watcher = Ego(ego.pose, ego.velocity, float(ego.yaw_rate), EGO_SIZE, box_corners(ego.pose, EGO_SIZE))
+    scene = boxes_scene(vehicle.pose, size, vehicle.velocity, vehicle.yaw_rate, watcher, dt=STEP)
+    return scene._replace(bodies=scene.bodies._replace(outline=(CONTOURS[kind].place(vehicle.pose, size),)))
+
+
+def padded(scans: list[Scan]) -> Scan:
+    """Scans of R runs as one with the axis R."""
+    M = max(1, *(len(scan.mask) for scan in scans))
+
+    def stack(leaf: int) -> NDArray:
+        parts = [scan[leaf] for scan in scans]
+        return np.stack([np.concatenate([p, np.zeros((M - len(p), *p.shape[1:]), p.dtype)]) for p in parts])
+
+    return Scan(*[*map(stack, range(6)), np.zeros((len(scans), 6))])
+
+
+def drawn_prior(vehicle: Motion, size: NDArray, runs: int, rng: np.random.Generator) -> Estimate:
+    """Priors (R,) about the true pose and velocity at the first look; the size is that of the class."""
+    draw = rng.standard_normal((runs, 5))
+    pose = vehicle.pose[0] + draw[:, :3] * (POSITION_STD, POSITION_STD, HEADING_STD)
+    speed = np.linalg.norm(vehicle.velocity[0]) + VELOCITY_STD * draw[:, 3]
+    return prior(
+        pose,
+        speed[:, None] * unit(pose[:, 2]),
+        vehicle.yaw_rate[0] + 0.05 * draw[:, 4],
+        size,
+        POSITION_STD,
+        VELOCITY_STD,
+        size * SPREAD,
+        HEADING_STD,
+        0.05,
+    )
+
+
+def follow(filter: Any, seen: Drives) -> Errors:
+    """Errors of a filter over all looks of all runs."""
+    state = filter.init(seen.start)
+    rows: list[tuple[NDArray, ...]] = []
+    for k, scan in enumerate(seen.scans):
+        state = filter.predict(state, STEP) if k else state
+        state, _ = filter.update(state, scan)
+        rows.append(errors(filter.estimate(state), seen, k))
+    return Errors(*(np.stack(column, -1) for column in zip(*rows, strict=True)))
+
+
+def errors(found: Estimate, seen: Drives, k: int) -> tuple[NDArray, ...]:
+    """Errors (R,) at look k, in the order of `Errors`."""
+    true = np.broadcast_to(seen.vehicle.pose[k], found.pose.shape)
+    d = found.pose[..., :2] - true[..., :2]
+    body = (d[..., None, :] @ rotation(true[..., 2]))[..., 0, :]
+    nees = (d * np.linalg.solve(found.cov[..., :2, :2], d[..., None])[..., 0]).sum(-1)
+    outline = to_world(true, seen.outline * seen.size[:, None])
+    drawn = box_corners(found.pose, found.size) if found.contour is None else found.contour
+    return body[..., 0], body[..., 1], found.size[..., 0] - seen.size[:, 0], contour_iou(drawn, outline), nees
+
+
+class Figure(NamedTuple):
+    """A mean over runs and half the width of its 95 % interval."""
+
+    value: float
+    half: float
+
+
+def measure(e: Errors, since: int) -> dict[str, Figure]:
+    """Means from look `since` on: biases, root mean square of the length, IoU and NEES; intervals are over runs."""
+    late = Errors(*(leaf[:, since:] for leaf in e))
+    found = {
+        "along": late.along,
+        "across": late.across,
+        "length": late.length,
+        "length rms": late.length**2,
+        "iou": late.iou,
+        "nees": late.nees,
+    }
+    out = {name: interval(value.mean(1)) for name, value in found.items()}
+    square = out["length rms"]
+    root = float(np.sqrt(square.value))
+    out["length rms"] = Figure(root, square.half / (2 * max(root, 1e-9)))
+    return out
+
+
+def interval(value: NDArray) -> Figure:
+    """Of independent runs (R,)."""
+    return Figure(float(value.mean()), float(1.96 * value.std(ddof=1) / np.sqrt(len(value))))

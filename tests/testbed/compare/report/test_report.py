@@ -1,0 +1,306 @@
+"""The page of a comparison: what it says, where it leads, and what it does with little or odd input."""
+
+import json
+from html.parser import HTMLParser
+from pathlib import Path
+from urllib.parse import unquote
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from testbed.compare.report import logs
+from testbed.compare.report import words as report_words
+from testbed.compare.report.report import bands_of, render, seeds_text, tables_of, write_report
+from testbed.compare.runs.config import SETTINGS, Comparison, Settings, Task, identity
+from testbed.compare.runs.engine import Engine
+from testbed.compare.runs.results import Results, collect
+from testbed.compare.runs.tasks import FAILED, Outcome
+from testbed.compare.runs.work import Report, execute
+from testbed.compare.statistics.analysis import cells
+from testbed.compare.statistics.measures import MAIN
+from tests.testbed.compare.made_results import make
+
+VOID = {"meta", "img", "br", "link", "source", "hr", "input"}
+TRACKERS = ("good", "fair", "bad")
+
+
+class Page(HTMLParser):
+    """Tags, links, texts and sections of a page; complains of tags that are not closed."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(convert_charrefs=True)
+        self.path, self.open, self.links, self.ids, self.tags, self.texts = path, [], [], [], [], []
+        self.section, self.by_section = "", {}
+        self.feed(path.read_text())
+        self.close()
+        assert not self.open, f"not closed: {self.open}"
+
+    def handle_starttag(self, tag, attrs):
+        found = dict(attrs)
+        self.tags.append(tag)
+        self.links += [found[key] for key in ("href", "src") if key in found]
+        self.ids += [found["id"]] if "id" in found else []
+        if tag == "section":
+            self.section = found.get("id", "")
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.texts.append(data)
+        self.by_section[self.section] = self.by_section.get(self.section, "") + data
+
+    @property
+    def text(self) -> str:
+        return " ".join(" ".join(self.texts).split())
+
+
+def check_links(page: Page) -> None:
+    for link in page.links:
+        if link.startswith("#"):
+            assert link[1:] in page.ids
+        else:
+            assert "://" not in link
+            assert (page.path.parent / unquote(link)).is_file(), link
+    assert len(set(page.ids)) == len(page.ids)
+
+
+def written(results: Results, out: Path, report: Report | None = None) -> Page:
+    """The page alone, without figures and logs, which take the time."""
+    path = out / "alone.html"
+    path.write_text(render(results, report, tables_of(results, bands_of(results))))
+    page = Page(path)
+    check_links(page)
+    return page
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    out = tmp_path_factory.mktemp("report")
+    comparison = Comparison(("cut-in", "merge"), TRACKERS, (0, 1, 2, 3), Settings(duration=8.0), "fair", str(out))
+    (Path(comparison.out) / SETTINGS).write_text(json.dumps(identity(comparison.settings)))
+    return make(comparison)
+
+
+@pytest.fixture(scope="module")
+def page(results):
+    return Page(write_report(results, Report(done=24, wall=12.5), logs=False))
+
+
+def test_every_link_leads_to_a_file_or_a_part_of_the_page(page):
+    check_links(page)
+    assert sum(link.endswith(".svg") for link in page.links) == 2 * 10
+    assert sum(link.endswith(".png") for link in page.links) == 10
+
+
+def test_the_page_needs_nothing_from_outside(page):
+    assert not {"script", "link", "iframe"} & set(page.tags)
+    assert "url(" not in page.path.read_text()
+    assert "@import" not in page.path.read_text()
+
+
+def test_every_tracker_stands_in_every_table(page):
+    for part in ("overview", "scenarios", "phases", "range", "visibility", "consistency", "logs"):
+        assert all(name in page.by_section[part] for name in TRACKERS), part
+
+
+def test_the_page_says_what_was_compared(page):
+    about = page.by_section["about"]
+    for text in ("good, fair, bad", "cut-in, merge", "4: 0 to 3", "8 s of each run", "surround", "24 of 24", "numpy"):
+        assert text in about
+    for part in ("tracking", "metrics", "loading"):
+        assert part in about
+
+
+def test_the_verdict_names_the_best_and_tells_what_is_resolved(page):
+    verdict = page.by_section["verdict"]
+    assert "good is best in GOSPA" in verdict
+    assert "lead over the next, fair" in verdict
+    assert "against the reference fair" in verdict
+
+
+def test_light_and_dark_and_narrow_screens_are_thought_of(page):
+    text = page.path.read_text()
+    assert "prefers-color-scheme: dark" in text
+    assert "tabular-nums" in text
+    assert "width=device-width" in text
+    assert page.tags.count("table") <= text.count('class="scroll"')
+
+
+def test_verdicts_stand_in_words_beside_the_colours(page):
+    overview = page.by_section["overview"]
+    assert "better" in overview
+    assert "worse" in overview
+
+
+def test_nothing_that_comes_from_outside_is_taken_for_markup(tmp_path):
+    evil = "<script>alert(1)</script>"
+    comparison = Comparison(("cut-in",), ("good", "a<b>&c"), (0, 1, 2), out=str(tmp_path))
+    failed = [Outcome(f"cut-in_{evil}", FAILED, f"Traceback {evil}")]
+    page = written(make(comparison), tmp_path, Report(failed=failed))
+    assert "script" not in page.tags
+    assert f"Traceback {evil}" in page.by_section["runs"]
+    assert "a<b>&c" in page.by_section["overview"]
+
+
+def test_a_tracker_that_holds_nothing_is_named_as_such(tmp_path):
+    comparison = Comparison(("cut-in", "merge"), TRACKERS, (0, 1, 2), out=str(tmp_path))
+    page = written(make(comparison, blind="bad"), tmp_path)
+    assert "bad never held an object" in page.text
+    assert "nan" not in page.text.split()
+
+
+def test_one_seed_has_means_and_says_why_there_are_no_intervals(tmp_path):
+    comparison = Comparison(("cut-in",), TRACKERS, (5,), out=str(tmp_path))
+    page = written(make(comparison), tmp_path)
+    assert "1 seeds are too few" not in page.text
+    assert "1 seed is too few for intervals" in page.text
+    assert "too few seeds" in page.by_section["differences"]
+    assert "nan" not in page.text.split()
+
+
+def test_one_tracker_has_nothing_to_be_held_against(tmp_path):
+    page = written(make(Comparison(("cut-in",), ("good",), (0, 1, 2), out=str(tmp_path))), tmp_path)
+    assert "no other tracker" in page.by_section["verdict"]
+    assert "no other tracker" in page.by_section["differences"]
+
+
+def test_a_folder_without_a_finished_run_says_so(tmp_path):
+    comparison = Comparison(("cut-in",), TRACKERS, (0, 1), out=str(tmp_path))
+    failed = [Outcome(task.name, FAILED, "ZeroDivisionError") for task in comparison.tasks]
+    page = Page(write_report(collect(comparison), Report(failed=failed)))
+    check_links(page)
+    assert "nothing to be said" in page.by_section["verdict"]
+    assert page.by_section["runs"].count("ZeroDivisionError") == 6
+
+
+def test_missing_runs_are_named(tmp_path):
+    comparison = Comparison(("cut-in", "merge"), TRACKERS, (0, 1, 2), out=str(tmp_path))
+    gone = (Task("merge", "bad", 1), *(Task(c, "fair", s) for c in ("cut-in", "merge") for s in (0, 1, 2)))
+    page = written(make(comparison, gone=gone), tmp_path)
+    assert "bad lacks 1 of 6 runs" in page.text
+    assert "fair has no finished run" in page.text
+    assert "merge_bad_seed1" in page.by_section["runs"]
+
+
+def test_the_same_results_give_the_same_page_and_figures_wherever_they_go(results, page, tmp_path):
+    told = []
+    again = write_report(
+        results,
+        Report(done=24, wall=12.5),
+        tmp_path / "elsewhere",
+        logs=False,
+        progress=lambda *step: told.append(step),
+    )
+    check_links(Page(again))
+    assert again == tmp_path / "elsewhere" / "report.html"
+    assert again.read_text() == page.path.read_text()
+    for figure in sorted((again.parent / "figures").iterdir()):
+        assert figure.read_bytes() == (page.path.parent / "figures" / figure.name).read_bytes(), figure.name
+    assert told == [(0, 2, "tables"), (1, 2, "tables"), (2, 2, "tables"), (0, 1, "figures")] + [
+        (k, 10, "figures") for k in range(1, 11)
+    ]
+
+
+def gospa_of(values: dict[tuple[str, str, int], float]) -> Results:
+    """Results with nothing but the GOSPA of runs (scenario, tracker, seed)."""
+    scenarios, trackers, seeds = (tuple(dict.fromkeys(key[k] for key in values)) for k in range(3))
+    rows = [dict(zip(Task._fields, key), phase="all", gospa=value) for key, value in values.items()]
+    return Results(Comparison(scenarios, trackers, seeds), pd.DataFrame(rows), pd.DataFrame(), [])
+
+
+def test_best_median_and_worst_are_those_computed_by_hand():
+    # Means of the scenarios: easy 2, hard 20. Relative to them, a: 0.5, 1.0, 0.9, 1.1; b: 1.5, 1.0, 1.2, 0.8.
+    results = gospa_of(
+        {("easy", "a", 0): 1.0, ("easy", "a", 1): 2.0, ("hard", "a", 0): 18.0, ("hard", "a", 1): 22.0,
+         ("easy", "b", 0): 3.0, ("easy", "b", 1): 2.0, ("hard", "b", 0): 24.0, ("hard", "b", 1): 16.0}
+    )  # fmt: skip
+    found = {
+        (p.task.tracker, p.place): (p.task.scenario, p.task.seed, round(p.relative, 9)) for p in logs.picks(results)
+    }
+    assert found == {
+        ("a", "best"): ("easy", 0, 0.5),
+        ("a", "median"): ("hard", 0, 0.9),
+        ("a", "worst"): ("hard", 1, 1.1),
+        ("b", "best"): ("hard", 1, 0.8),
+        ("b", "median"): ("easy", 1, 1.0),
+        ("b", "worst"): ("easy", 0, 1.5),
+    }
+
+
+def test_no_run_is_picked_twice():
+    one = logs.picks(gospa_of({("easy", "a", 0): 1.0}))
+    two = logs.picks(gospa_of({("easy", "a", 0): 1.0, ("easy", "a", 1): 3.0}))
+    assert [p.place for p in one] == ["best"]
+    assert [(p.place, p.task.seed) for p in two] == [("best", 0), ("worst", 1)]
+
+
+def test_runs_without_a_gospa_are_not_picked():
+    picked = logs.picks(gospa_of({("easy", "a", 0): np.nan, ("easy", "a", 1): 0.0}))
+    assert [(p.place, p.task.seed) for p in picked] == [("best", 1)]
+
+
+def test_a_lead_that_is_chance_is_not_called_resolved():
+    rng = np.random.default_rng(4)
+    values = {("easy", t, s): float(5 + rng.normal()) for s in range(6) for t in ("a", "b")}
+    results = gospa_of(values)
+    verdict = " ".join(report_words.verdict(results, list(cells(results, MAIN))))
+    assert "not resolved: about" in verdict
+
+
+def test_seeds_are_written_as_people_do():
+    assert seeds_text((0, 1, 2, 3)) == "0 to 3"
+    assert seeds_text((4, 2)) == "4, 2"
+    assert seeds_text((7,)) == "7"
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    out = tmp_path_factory.mktemp("recorded")
+    comparison = Comparison(
+        ("cut-in",), ("rm-feldmann", "rm-koch"), (0,), Settings(duration=1.0), out=str(out / "a folder")
+    )
+    report = execute(comparison, Engine())
+    assert not report.failed
+    return comparison, report
+
+
+def test_logs_are_written_from_the_recording_and_linked(recorded):
+    comparison, report = recorded
+    told = []
+    results = collect(comparison)
+    page = Page(write_report(results, report, progress=lambda *step: told.append(step)))
+    check_links(page)
+    linked = [unquote(link) for link in page.links if link.endswith(".rrd")]
+    assert linked == [
+        "logs/cut-in_rm-feldmann_surround_replay_seed0.rrd",
+        "logs/cut-in_rm-koch+rm-feldmann_surround_replay_seed0.rrd",
+    ]
+    assert all(f"testbed review {page.path.parent / link}" in page.text.replace("'", "") for link in linked)
+    assert (2, 2, "logs") in told
+    assert not list((page.path.parent / "logs").glob(".part*"))
+    meta = json.loads((page.path.parent / linked[1]).with_suffix(".json").read_text())
+    assert meta["run"]["trackers"] == ["rm-koch", "rm-feldmann"]
+
+
+def test_logs_that_are_there_are_kept(recorded, tmp_path):
+    results = collect(recorded[0])
+    found = logs.picks(results)
+    kept = logs.log_path(found[0].task, results.comparison, tmp_path)
+    kept.parent.mkdir()
+    kept.write_text("mine")
+    outcomes = logs.write(results, found, tmp_path)
+    assert [o.status for o in outcomes] == ["found", "done"]
+    assert kept.read_text() == "mine"
+
+
+def test_logs_of_closed_loops_are_driven_again(tmp_path):
+    settings = Settings(duration=0.6, loop="closed")
+    comparison = Comparison(("cut-in",), ("rm-feldmann",), (1,), settings, out=str(tmp_path))
+    assert not execute(comparison, Engine()).failed
+    results = collect(comparison)
+    assert [o.status for o in logs.write(results, logs.picks(results), tmp_path)] == ["done"]
+    assert (tmp_path / "logs" / "cut-in_rm-feldmann_surround_idm_seed1.rrd").is_file()

@@ -1,0 +1,182 @@
+"""A comparison as a whole: it repeats, goes on after damage, and a failing run stops nothing."""
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow.parquet as pq
+import pytest
+from distributed import LocalCluster
+
+from testbed.compare.runs import tasks as runs
+from testbed.compare.runs.config import SETTINGS, Comparison, Settings, Task
+from testbed.compare.runs.engine import Engine
+from testbed.compare.statistics.measures import COSTS
+from testbed.compare.runs.results import RUNS, collect
+from testbed.compare.runs.rows import check_part
+from testbed.compare.runs.tasks import DONE, FAILED, FOUND, RECORDINGS, ROWS, Drive, recording_path, rows_path
+from testbed.compare.runs.work import execute
+
+WANTED = Comparison(("xia2020-lane",), ("rm-koch", "rm-feldmann"), (0, 1), Settings("front", duration=0.5))
+DAMAGED, SWAPPED = WANTED.tasks[:2]
+
+
+def rows_of(out, comparison=WANTED):
+    """Task -> table of its rows."""
+    return {task: pq.read_table(rows_path(task, Path(out))) for task in comparison.tasks}
+
+
+def assert_same_results(a, b):
+    """Rows to the bit, and the table of runs but for wall times."""
+    one, two = rows_of(a), rows_of(b)
+    assert all(one[task].equals(two[task], check_metadata=True) for task in WANTED.tasks)
+    frames = [pd.read_parquet(Path(out) / RUNS).drop(columns=list(COSTS)) for out in (a, b)]
+    pd.testing.assert_frame_equal(*frames, check_exact=True)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """The folder of an uninterrupted comparison in one process."""
+    out = tmp_path_factory.mktemp("whole")
+    report = execute(replace(WANTED, out=str(out)), Engine(1))
+    collect(replace(WANTED, out=str(out)))
+    assert (report.done, report.found, report.failed, report.exit_status) == (4, 0, [], 0)
+    return out
+
+
+@pytest.fixture
+def copied(whole, tmp_path):
+    """A copy of it to be damaged."""
+    return replace(WANTED, out=str(shutil.copytree(whole, tmp_path / "copy")))
+
+
+def again(comparison, **engine):
+    report = execute(comparison, Engine(**engine))
+    collect(comparison)
+    return report
+
+
+def test_a_comparison_leaves_its_settings_recordings_rows_and_one_table(whole):
+    assert {p.name for p in whole.iterdir()} == {SETTINGS, RECORDINGS, ROWS, RUNS}
+    assert {p.name for p in (whole / ROWS).iterdir()} == {f"{task.name}.parquet" for task in WANTED.tasks}
+    assert {p.name for p in (whole / RECORDINGS).iterdir()} == {f"xia2020-lane_seed{s}.npz" for s in (0, 1)}
+
+
+def test_runs_on_one_recording_see_the_same_objects_at_the_same_times(whole):
+    for seed in WANTED.seeds:
+        seen = []
+        for tracker in WANTED.trackers:
+            frame = rows_of(whole)[Task("xia2020-lane", tracker, seed)].to_pandas()
+            counted = frame[frame["status"].isin(["pair", "missed"])]
+            seen.append(counted[["time", "object", "range", "visible", "expected"]].to_numpy(float))
+        assert np.array_equal(*seen)
+
+
+def test_what_is_there_is_found_and_not_made_again(copied):
+    before = {p: p.stat().st_mtime_ns for p in Path(copied.out).rglob("*.*") if p.name != RUNS}
+    report = again(copied)
+    assert (report.done, report.found) == (0, 4)
+    assert before == {p: p.stat().st_mtime_ns for p in Path(copied.out).rglob("*.*") if p.name != RUNS}
+
+
+def test_other_seeds_and_trackers_join_the_folder(copied):
+    report = again(replace(copied, trackers=("rm-koch", "rm-vmm"), seeds=(1, 2)))
+    assert (report.done, report.found) == (3, 1)
+
+
+def truncate(path, _):
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+
+
+def flip(path, _):
+    data = bytearray(path.read_bytes())
+    for k in range(len(data) // 2, len(data) // 2 + 64):
+        data[k] ^= 255
+    path.write_bytes(data)
+
+
+@pytest.mark.parametrize(
+    ("damage", "told"),
+    [
+        (truncate, "is damaged"),
+        (flip, "is damaged"),
+        (lambda path, other: path.write_bytes(b""), "is damaged"),
+        (lambda path, other: shutil.copy(other, path), "holds the run"),
+    ],
+    ids=["truncated", "flipped", "empty", "another run"],
+)
+def test_a_corrupt_part_is_named_and_made_again(copied, whole, damage, told):
+    out = Path(copied.out)
+    damage(rows_path(DAMAGED, out), rows_path(SWAPPED, out))
+    report = again(copied)
+    assert (report.done, report.found) == (1, 3)
+    (redone,) = report.redone
+    assert redone.name == DAMAGED.name
+    assert redone.note.startswith(f"{rows_path(DAMAGED, out)} {told}")
+    assert_same_results(whole, out)
+
+
+def test_a_corrupt_recording_is_made_again_where_it_is_needed(copied, whole):
+    out = Path(copied.out)
+    path = recording_path(Drive(DAMAGED.scenario, DAMAGED.seed), out)
+    truncate(path, None)
+    assert again(copied).found == 4  # nobody needs it
+    rows_path(DAMAGED, out).unlink()
+    assert again(copied).done == 1
+    assert_same_results(whole, out)
+
+
+def test_a_folder_of_other_settings_is_refused_before_anything_is_made(copied):
+    with pytest.raises(ValueError, match=r"holds runs with duration 0\.5, wanted is 1\.0"):
+        execute(replace(copied, settings=Settings("front", duration=1.0)), Engine(1))
+
+
+def test_two_processes_give_the_rows_of_one(whole, tmp_path):
+    comparison = replace(WANTED, out=str(tmp_path / "two"))
+    assert again(comparison, jobs=2).done == 4
+    assert_same_results(whole, comparison.out)
+
+
+def test_a_cluster_gives_the_rows_of_one_process(whole, tmp_path):
+    comparison = replace(WANTED, out=str(tmp_path / "cluster"))
+    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0", silence_logs=50) as made:
+        assert again(comparison, dask=made.scheduler_address).done == 4
+    assert_same_results(whole, comparison.out)
+
+
+def test_a_failing_run_is_told_with_its_traceback_and_seed_and_stops_nothing(copied):
+    out = Path(copied.out)
+    rows_path(DAMAGED, out).unlink()
+    rows_path(DAMAGED, out).mkdir()  # nothing can be written in its place
+    report = again(copied)
+    (failed,) = report.failed
+    assert failed.name == DAMAGED.name
+    assert failed.name.endswith(f"seed{DAMAGED.seed}")
+    assert "Traceback" in failed.note
+    assert "Error: " in failed.note
+    assert report.found == 3
+    assert collect(copied).missing == [DAMAGED]
+
+
+def test_a_run_in_closed_loop_repeats_and_scores_the_drive(tmp_path):
+    task, settings = Task("xia2020-lane", "rm-koch", 1), Settings("front", "closed", duration=0.5)
+    outs = [tmp_path / name for name in ("a", "b")]
+    for out in outs:
+        (out / ROWS).mkdir(parents=True)
+        assert runs.run(task, settings, out).status == DONE
+        assert runs.run(task, settings, out).status == FOUND
+        check_part(rows_path(task, out), task)
+    tables = [pq.read_table(rows_path(task, out)) for out in outs]
+    assert tables[0].equals(tables[1])
+    comparison = Comparison((task.scenario,), (task.tracker,), (task.seed,), settings, out=str(outs[0]))
+    assert collect(comparison).whole["progress"].notna().all()
+
+
+def test_a_run_of_an_unknown_tracker_fails_alone(tmp_path):
+    (tmp_path / ROWS).mkdir()
+    (tmp_path / RECORDINGS).mkdir()
+    outcome = runs.run(Task("xia2020-lane", "none", 0), WANTED.settings, tmp_path)
+    assert outcome.status == FAILED
+    assert "LookupError" in outcome.note

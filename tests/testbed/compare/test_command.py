@@ -1,0 +1,109 @@
+"""`testbed compare` as a user meets it: sentences for wrong input, Ctrl-C, and going on."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import pandas as pd
+import pyarrow.parquet as pq
+import pytest
+from typer.testing import CliRunner
+
+from testbed.cli import app
+from testbed.compare.runs.config import Comparison, Settings
+from testbed.compare.runs.engine import Engine
+from testbed.compare.runs.results import RUNS, collect
+from testbed.compare.runs.rows import check_part
+from testbed.compare.runs.tasks import ROWS, rows_path
+from testbed.compare.runs.work import execute
+from testbed.compare.statistics.measures import COSTS
+
+PLAIN = {**os.environ, "COLUMNS": "200", "NO_COLOR": "1", "TERM": "dumb"}
+LONG = Comparison(("xia2020-lane",), ("rm-koch", "rm-feldmann"), tuple(range(6)), Settings("front", duration=0.5))
+ASKED = ["compare", "xia2020-lane", "--radar", "front", "--duration", "0.5", "--seeds", "0:6"]
+TRACKERS = ["--tracker", "rm-koch", "--tracker", "rm-feldmann"]
+
+
+def refused(out, *args):
+    """The sentence with which a command line is refused."""
+    done = CliRunner().invoke(app, ["compare", "xia2020-lane", "--out", str(out), *map(str, args)])
+    assert done.exit_code == 2, done.output
+    assert done.stderr.startswith("testbed: ")
+    assert done.stderr.count("\n") == 1
+    return done.stderr
+
+
+@pytest.mark.parametrize(
+    ("args", "sentence"),
+    [
+        (["merg"], "no scenario 'merg'; did you mean 'merge'?"),
+        (["--tracker", "htg-mapp"], "did you mean 'htg-map'?"),
+        (["--radar", "frnt"], "did you mean 'front'?"),
+        (["--planner", "imd"], "did you mean 'idm'?"),
+        (["--seeds", "0:0"], "seeds '0:0' are none at all"),
+        (["--seeds", "many"], "seeds must read like 0:20, 0,3,7 or 5, got 'many'"),
+        (["--tracker", "rm-koch", "--reference", "rm-vmm"], "reference 'rm-vmm' is not compared"),
+        (["--duration", "nan"], "duration must be positive and finite, got nan s"),
+        (["--loop", "half"], "loop must be one of open, closed"),
+        (["--jobs", "0"], "jobs must be 1 or more, or -1 for all cores, got 0"),
+        (["xia2020-lane"], "scenarios must differ"),
+    ],
+)
+def test_wrong_input_is_one_sentence(tmp_path, args, sentence):
+    assert sentence in refused(tmp_path, *args)
+
+
+def test_an_out_that_cannot_be_is_one_sentence(tmp_path):
+    (tmp_path / "file").touch()
+    assert "out: cannot write to" in refused(tmp_path / "file")
+
+
+def test_a_folder_of_other_settings_is_one_sentence(tmp_path):
+    (tmp_path / "comparison.json").write_text('{"radar": "front"}')
+    assert "holds runs with radar 'front', wanted is 'surround'" in refused(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def interrupted(tmp_path_factory):
+    """Folder, exit status and output of a comparison that got Ctrl-C after its first runs."""
+    out = tmp_path_factory.mktemp("interrupted")
+    command = [sys.executable, "-m", "testbed", *ASKED, *TRACKERS, "--jobs", "2", "--out", str(out)]
+    process = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=PLAIN, start_new_session=True
+    )
+    deadline = time.monotonic() + 300
+    while not list((out / ROWS).glob("*.parquet")) and process.poll() is None and time.monotonic() < deadline:
+        time.sleep(0.02)
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to the workers too
+    output, errors = process.communicate(timeout=300)
+    return out, process.returncode, output, errors
+
+
+def test_an_interrupted_comparison_says_so_and_leaves_whole_files(interrupted):
+    out, status, output, errors = interrupted
+    assert status == 130, errors
+    assert "interrupted: the tables hold what was run until then; the same command goes on" in output
+    assert "Traceback" not in output + errors
+    made = {task for task in LONG.tasks if rows_path(task, out).exists()}
+    assert 0 < len(made) < len(LONG.tasks)
+    for task in made:
+        check_part(rows_path(task, out), task)
+
+
+def test_it_goes_on_and_ends_with_the_tables_of_an_uninterrupted_one(interrupted, tmp_path):
+    resumed, whole = replace(LONG, out=str(interrupted[0])), replace(LONG, out=str(tmp_path))
+    report = execute(resumed, Engine(1))
+    assert report.found > 0
+    assert report.done == len(LONG.tasks) - report.found
+    execute(whole, Engine(1))
+    for task in LONG.tasks:
+        a, b = (pq.read_table(rows_path(task, Path(c.out))) for c in (resumed, whole))
+        assert a.equals(b, check_metadata=True)
+    for comparison in (resumed, whole):
+        collect(comparison)
+    frames = [pd.read_parquet(Path(c.out) / RUNS).drop(columns=list(COSTS)) for c in (resumed, whole)]
+    pd.testing.assert_frame_equal(*frames, check_exact=True)

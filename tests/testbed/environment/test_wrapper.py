@@ -1,0 +1,420 @@
+"""The wrapper: bit-identical under perfect tracks, blind without them, and reproducible."""
+
+import gc
+from collections.abc import Iterator
+from copy import deepcopy
+from dataclasses import replace
+from types import FunctionType, ModuleType
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from highway_env.vehicle.behavior import IDMVehicle
+from highway_env.vehicle.controller import MDPVehicle
+from highway_env.vehicle.kinematics import Vehicle
+
+import sensors
+from scenarios.constants import protect_idm_constants
+from testbed.environment.belief import TrackVehicle
+from testbed.environment.perception import label, on_road
+from testbed.environment.wrapper import TrackedEnv
+from trackers import MultiObjectTracker, find
+from trackers.estimate import prior
+from trackers.multi.road import RoadMap
+from trackers.multi.tracks import StepInfo, Tracks
+
+SMALL = {"vehicles_count": 8, "lanes_count": 3}
+ENVS = {
+    "highway-fast-v0": SMALL,
+    "merge-v1": {},
+    "roundabout-v1": {},
+    "exit-v1": {"vehicles_count": 8},
+    "u-turn-v1": {},
+    "two-way-v0": {},
+    "intersection-v2": {},
+}
+OBSERVATIONS = {
+    "default": None,
+    "Kinematics": {
+        "type": "Kinematics",
+        "vehicles_count": 8,
+        "features": ["presence", "x", "y", "vx", "vy", "heading", "long_off", "lat_off", "ang_off"],
+        "see_behind": True,
+        "normalize": False,
+    },
+    "OccupancyGrid": {"type": "OccupancyGrid"},
+    "Lidar": {"type": "LidarObservation", "cells": 32},
+    "TimeToCollision": {"type": "TimeToCollision"},
+}
+GRAYSCALE = {
+    "type": "GrayscaleObservation",
+    "observation_shape": (64, 48),
+    "stack_size": 3,
+    "weights": [0.3, 0.5, 0.2],
+    "scaling": 1.75,
+}
+SHUFFLED = {"type": "Kinematics", "vehicles_count": 6, "order": "shuffled"}
+TWO_EYES = {"type": "TupleObservation", "observation_configs": [SHUFFLED, {"type": "OccupancyGrid"}]}
+
+
+def make(name: str, observation: dict | None = None, **config: Any) -> gym.Env:
+    config = {**ENVS.get(name, {}), "simulation_frequency": 5, **config}
+    return gym.make(name, config=config if observation is None else {**config, "observation": observation})
+
+
+def states(env: gym.Env) -> list[tuple]:
+    return [(*v.position, v.heading, v.speed, v.crashed) for v in env.unwrapped.road.vehicles]
+
+
+def assert_equal_episodes(name: str, observation: dict | None, steps: int = 3) -> None:
+    """A native episode and one with perfect tracks agree to the last bit; so does the world, by its reward."""
+    native, tracked = make(name, observation), TrackedEnv(make(name, observation), tracker="truth")
+    (a, _), (b, _) = native.reset(seed=11), tracked.reset(seed=11)
+    np.testing.assert_equal(b, a)
+    for action in (1, 0, 2)[:steps]:
+        a, *flags, info = native.step(action)
+        b, *others, tracked_info = tracked.step(action)
+        np.testing.assert_equal(b, a)
+        assert others == flags
+        assert info["rewards"] == tracked_info["rewards"]
+        tracked._swap.show()  # a look behind the curtain
+        assert states(tracked) == states(native)
+        tracked._swap.hide(tracked._belief_now())
+        if any(flags[1:]):
+            break
+
+
+@pytest.mark.parametrize("kind", OBSERVATIONS)
+@pytest.mark.parametrize("name", ENVS)
+def test_perfect_tracks_give_the_native_episode_bit_by_bit(name, kind):
+    with protect_idm_constants():
+        assert_equal_episodes(name, OBSERVATIONS[kind])
+
+
+@pytest.mark.parametrize("observation", [GRAYSCALE, SHUFFLED, TWO_EYES], ids=["Grayscale", "shuffled", "tuple"])
+def test_observations_with_memory_or_chance_agree_as_well(observation):
+    assert_equal_episodes("merge-v1", observation)
+
+
+# Nothing but tracks
+
+
+def reachable(thing: Any) -> Iterator[Any]:
+    """Everything that can be reached from a thing, code and classes excepted."""
+    seen: set[int] = set()
+    todo = [thing]
+    while todo:
+        item = todo.pop()
+        if id(item) in seen or isinstance(item, type | ModuleType | FunctionType | str | bytes | np.ndarray):
+            continue
+        seen.add(id(item))
+        yield item
+        todo.extend(gc.get_referents(item))
+
+
+def assert_blind(copied: gym.Env) -> None:
+    """No vehicle besides the controlled ones and the tracks, anywhere."""
+    core = copied.unwrapped
+    vehicles = [v for v in reachable(core) if isinstance(v, Vehicle)]
+    assert core.vehicle in vehicles
+    strangers = [v for v in vehicles if v not in core.controlled_vehicles and not isinstance(v, TrackVehicle)]
+    assert strangers == []
+    assert copied.unwrapped.road.vehicles[0] is core.vehicle
+
+
+@pytest.mark.parametrize("name", ["testbed/truck-convoy-v0", "testbed/articulated-turn-v0"])
+def test_between_calls_the_road_and_its_copies_hold_ego_and_tracks_only(name):
+    env = gym.make(name)
+    env.reset(seed=0)
+    for _ in range(8):
+        env.step(1)
+    road = env.unwrapped.road
+    reported = env.tracks.reported
+    tracks = [v for v in road.vehicles if v is not env.unwrapped.vehicle]
+    assert len(tracks) > 1
+    assert {v.track_id for v in tracks} <= set(reported.id.tolist())
+    for v in tracks:
+        row = int(np.flatnonzero(reported.id == v.track_id)[0])
+        np.testing.assert_array_equal(v.position, reported.estimate.pose[row, :2])
+        np.testing.assert_array_equal(v.velocity, reported.estimate.velocity[row])
+    true = {tuple(pose[:2]) for pose in env.truth.objects.pose}
+    assert not true & {tuple(v.position) for v in tracks}
+    for copied in (deepcopy(env), deepcopy(env.unwrapped), env.unwrapped.simplify()):
+        assert_blind(copied)
+
+
+def test_recorded_trajectories_and_goals_do_not_leak_the_truth():
+    for name, config in (("highway-fast-v0", {"show_trajectories": True}), ("parking-v0", {})):
+        env = TrackedEnv(make(name, **config))
+        env.reset(seed=0)
+        env.step(env.action_space.sample())
+        copied = deepcopy(env.unwrapped)
+        hidden = {id(v.road) for v in reachable(copied) if isinstance(v, Vehicle)} - {id(copied.road)}
+        assert not hidden, name
+
+
+def test_the_observation_is_made_of_tracks():
+    """A tracker that knows one vehicle 12 m ahead, whatever the world is like."""
+    env = TrackedEnv(make("highway-fast-v0"), tracker=OneTrack([12.0, 0.0, 0.0], [3.0, 0.0]))
+    observation, _ = env.reset(seed=0)
+    assert observation[:, 0].tolist() == [1, 1, 0, 0, 0]
+    ego = env.truth.ego
+    expected = [12.0 / 200.0, (3.0 - ego.velocity[0]) / 80.0]
+    np.testing.assert_allclose(observation[1, [1, 3]], expected, rtol=1e-5)
+
+
+@pytest.mark.parametrize("absurd", [np.nan, np.inf, 1e9])
+def test_an_absurd_track_never_reaches_observation_or_road(absurd):
+    env = TrackedEnv(make("highway-fast-v0"), tracker=OneTrack([absurd, 0.0, 0.0], [absurd, 0.0]))
+    observation, info = env.reset(seed=0)
+    assert np.isfinite(observation).all()
+    assert env.unwrapped.road.vehicles == [env.unwrapped.vehicle]
+    assert np.isfinite(env.step(1)[0]).all()
+
+
+def test_a_track_of_small_existence_is_not_shown():
+    env = TrackedEnv(make("highway-fast-v0"), tracker=OneTrack([12.0, 0.0, 0.0], [3.0, 0.0], existence=0.4))
+    env.reset(seed=0)
+    assert env.unwrapped.road.vehicles == [env.unwrapped.vehicle]
+    assert len(env.tracks.id) == 1
+
+
+class OneTrack:
+    """A tracker that reports one vehicle at a fixed offset from the platform."""
+
+    def __init__(self, offset: list[float], velocity: list[float], existence: float = 1.0) -> None:
+        self.offset, self.velocity, self.existence = offset, velocity, existence
+        self.dts: list[float] = []
+
+    def start(self) -> Tracks:
+        none = np.zeros(0)
+        estimate = prior(np.zeros((0, 3)))
+        return Tracks(none.astype(int), none, none.astype(int), none, none.astype(bool), None, estimate)
+
+    def step(self, tracks: Tracks, scan: Any, dt: float) -> tuple[Tracks, StepInfo]:
+        self.dts.append(dt)
+        one = np.ones(1)
+        estimate = prior(scan.platform[None, :3] + self.offset, velocity=[self.velocity])
+        rest = StepInfo(np.full(scan.mask.shape, -1), one.astype(int), one, one > 0, one.astype(int), one, one, ())
+        return Tracks(one.astype(int), self.existence * one, one.astype(int), one, one > 0, None, estimate, 2), rest
+
+
+# Planning on copies
+
+
+def test_a_rollout_on_a_copy_does_not_disturb_the_live_environment():
+    env, twin = gym.make("testbed/cut-in-v0"), gym.make("testbed/cut-in-v0")
+    for e in (env, twin):
+        e.reset(seed=5)
+        e.step(1)
+    for copied in (deepcopy(env), env.unwrapped.simplify()):
+        for action in (4, 0, 3):
+            observation, *_ = copied.step(action)
+            assert np.isfinite(observation).all()
+    (a, *flags, _), (b, *others, _) = env.step(1), twin.step(1)
+    np.testing.assert_array_equal(a, b)
+    assert flags == others
+    np.testing.assert_array_equal(env.scan.polar, twin.scan.polar)
+
+
+def test_a_copy_has_no_senses():
+    env = TrackedEnv(make("highway-fast-v0"), tracker="truth")
+    env.reset(seed=0)
+    copied = deepcopy(env)
+    for name in ("truth", "tracks", "scan", "source", "observers"):
+        assert not hasattr(copied, name)
+    before = env.truth
+    copied.step(1)
+    assert env.truth is before
+
+
+# Streams
+
+
+def test_another_radar_or_tracker_never_changes_the_traffic():
+    def drive(**mounted: Any) -> list:
+        env = gym.make("testbed/cut-in-v0", **mounted)
+        env.reset(seed=3)
+        poses = []
+        for _ in range(4):
+            env.step(1)
+            poses.append(np.concatenate([env.truth.objects.pose, env.truth.ego.pose[None]]))
+        return poses
+
+    reference = drive(tracker="truth", radar="ideal")
+    for other in ({"radar": "front"}, {"tracker": {"name": "rm-feldmann", "sigma": 0.5}, "also": ["truth"]}):
+        np.testing.assert_array_equal(drive(**other), reference)
+
+
+def test_another_tracker_sees_the_same_detections():
+    scans = []
+    for tracker in ("truth", "rm-feldmann"):
+        env = TrackedEnv(make("highway-fast-v0"), tracker=tracker)
+        env.reset(seed=3)
+        env.step(1)
+        scans.append(env.scan)
+    np.testing.assert_array_equal(scans[0].polar, scans[1].polar)
+    assert scans[0].mask.any()
+
+
+def test_resets_without_a_seed_go_on_reproducibly_and_differ():
+    def episodes() -> list:
+        env = TrackedEnv(make("highway-fast-v0"), tracker="truth")
+        scans = []
+        for seed in (3, None, None):
+            env.reset(seed=seed)
+            scans.append(env.scan.polar)
+        return scans
+
+    first, second = episodes(), episodes()
+    for a, b in zip(first, second, strict=True):
+        np.testing.assert_array_equal(a, b)
+    assert not np.array_equal(first[1], first[2])
+
+
+# Looks and observers
+
+
+def test_the_first_look_comes_at_reset_and_then_one_a_frame():
+    env = TrackedEnv(make("highway-fast-v0", simulation_frequency=5), tracker="truth", also=["rm-feldmann"])
+    calls = []
+    env.attach(lambda *call: calls.append(call))
+    env.reset(seed=0)
+    assert [(step, time) for step, time, *_ in calls] == [(0, 0.0)]
+    env.plan = np.ones((4, 2))
+    env.step(3)
+    assert [step for step, *_ in calls] == list(range(6))
+    np.testing.assert_allclose([time for _, time, *_ in calls], np.arange(6) / 5)
+    _, time, scene, scan, source, outputs, action, plan = calls[-1]
+    assert scene is env.truth
+    assert scene.time == time
+    assert scene.dt == pytest.approx(0.2)
+    assert scan is env.scan
+    assert len(source.object) == scan.mask.shape[-1]
+    assert list(outputs) == ["truth", "rm-feldmann"] == list(env.all_tracks)
+    assert outputs["truth"][0] is env.tracks
+    assert (action, plan.shape) == ("FASTER", (4, 2))
+
+
+def test_a_slow_radar_looks_at_its_own_rate_and_tracks_move_on_in_between():
+    tracker = OneTrack([12.0, 0.0, 0.0], [3.0, 0.0])
+    radar = {"name": "ideal", "rate": 4.0}
+    env = TrackedEnv(make("highway-fast-v0", simulation_frequency=10), tracker=tracker, radar=radar)
+    frames = []
+    env.attach(lambda step, *_: frames.append(step))
+    env.reset(seed=0)
+    for _ in range(2):
+        env.step(1)
+    assert frames == [0, 3, 5, 8, 10, 13, 15, 18, 20]
+    assert sum(tracker.dts) == pytest.approx(2.0)
+
+    stale = TrackedEnv(make("highway-fast-v0", simulation_frequency=10), tracker=tracker, radar={**radar, "rate": 0.6})
+    stale.reset(seed=0)
+    stale.step(1)
+    track = stale.unwrapped.road.vehicles[1]
+    assert stale.truth.time == 0.0
+    np.testing.assert_allclose(track.position - stale.tracks.estimate.pose[0, :2], [3.0, 0.0])
+
+
+def test_info_counts_tracks_and_detections():
+    env = TrackedEnv(make("highway-fast-v0"), tracker="truth")
+    _, info = env.reset(seed=0)
+    assert info["tracks"] == len(env.truth.objects.id)
+    assert info["detections"] == int(env.scan.mask.sum())
+    assert {type(info["tracks"]), type(info["detections"])} == {int}
+
+
+# Life and errors
+
+
+def test_rendering_shows_the_true_world_and_hides_it_again():
+    native = gym.make("merge-v1", render_mode="rgb_array")
+    tracked = TrackedEnv(gym.make("merge-v1", render_mode="rgb_array"), tracker=OneTrack([12.0, 0.0, 0.0], [3.0, 0.0]))
+    pictures = []
+    for env in (native, tracked):
+        env.reset(seed=0)
+        env.step(1)
+        pictures.append(env.render())
+    np.testing.assert_array_equal(*pictures)
+    assert len(tracked.unwrapped.road.vehicles) == 2
+    tracked.close()
+    tracked.close()
+
+
+def test_intersections_leave_the_constants_of_other_traffic_alone():
+    before = {k: v for k, v in vars(IDMVehicle).items() if k.isupper()}
+    with protect_idm_constants():
+        inner = make("intersection-v2")
+    env = TrackedEnv(inner, tracker="truth")
+    env.reset(seed=0)
+    env.step(1)
+    assert {k: v for k, v in vars(IDMVehicle).items() if k.isupper()} == before
+
+
+def test_two_controlled_vehicles_are_both_known():
+    with protect_idm_constants():
+        env = TrackedEnv(make("intersection-multi-agent-v0"), tracker="rm-feldmann")
+        observation, _ = env.reset(seed=0)
+        env.step((1, 1))
+    assert len(observation) == 2
+    core = env.unwrapped
+    assert core.road.vehicles[:2] == core.controlled_vehicles
+
+
+def test_a_step_before_reset_is_an_error():
+    with pytest.raises(gym.error.ResetNeeded):
+        TrackedEnv(make("highway-fast-v0").unwrapped, tracker="truth").step(1)
+
+
+def test_wrong_arguments_are_named():
+    env = make("highway-fast-v0")
+    with pytest.raises(LookupError, match="rm-feldmann"):
+        TrackedEnv(env, tracker="rm-feldman")
+    with pytest.raises(LookupError, match="surround"):
+        TrackedEnv(env, radar="suround")
+    with pytest.raises(ValueError, match="different names"):
+        TrackedEnv(env, also=["rm-feldmann"])
+    with pytest.raises(ValueError, match="'name'"):
+        TrackedEnv(env, tracker={"sigma": 0.3})
+    with pytest.raises(TypeError, match="highway-env"):
+        TrackedEnv(gym.make("CartPole-v1"))
+
+
+def test_trackers_get_the_map_of_every_episode_unless_they_bring_one():
+    road = RoadMap.of([(np.array([[0.0, 0.0], [10.0, 0.0]]), 4.0)])
+    stock = MultiObjectTracker(find("rm-feldmann"), sensors.find("front").models)
+    assert on_road(stock, road).road is road
+    own = replace(stock, road=RoadMap.of([]))
+    assert on_road(own, road) is own
+    assert on_road(None, road) is None
+
+
+def test_the_map_lets_a_vehicle_be_found_that_stands_in_a_lane():
+    action = {"type": "DiscreteMetaAction", "target_speeds": [0, 5, 10]}
+    env = TrackedEnv(make("highway-v0", action=action, lanes_count=3), radar="front")
+    core = env.unwrapped
+
+    def reset() -> None:
+        core._create_road()
+        core.vehicle = MDPVehicle(core.road, [100.0, 4.0], speed=10.0, target_speeds=[0, 5, 10])
+        core.road.vehicles = [core.vehicle, Vehicle(core.road, [170.0, 4.0], speed=0.0)]
+
+    core._reset = reset
+    env.reset(seed=0)
+    for _ in range(5):
+        env.step(1)
+    (track,) = core.road.vehicles[1:]
+    assert np.hypot(*(track.position - [170.0, 4.0])) < 3.0  # only its rear is seen
+    assert np.hypot(*track.velocity) < 1.0
+
+
+def test_objects_are_taken_as_well_as_names():
+    radar, rm = sensors.find("front"), find("rm-feldmann", sigma=0.3)
+    env = TrackedEnv(make("highway-fast-v0"), tracker=rm, radar=radar, also=[{"name": "rm-feldmann", "sigma": 0.3}])
+    env.reset(seed=0)
+    env.step(1)
+    one, two = env.all_tracks.values()
+    assert list(env.all_tracks) == ["RandomMatrix", "rm-feldmann(sigma=0.3)"]
+    np.testing.assert_array_equal(one.estimate.pose, two.estimate.pose)
+    assert label("truth") == "truth"

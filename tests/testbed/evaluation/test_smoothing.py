@@ -1,0 +1,143 @@
+"""Smoothed tracks of a run: from the memory of a recorder to the log, and back out of the log."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import testbed  # noqa: F401  (registers the ids)
+from testbed.evaluation import smoothing
+from testbed.evaluation.smoothing import Memory
+from testbed.log import paths, reader
+from trackers import MultiObjectTracker, RandomMatrix, SensorModel, prior
+from trackers.batch import stack, take
+from trackers.geometry import wrap_angle
+from trackers.multi.smoothing import smooth_track
+from trackers.multi.tracks import Tracks
+
+DT = 0.1
+TRACKER = MultiObjectTracker(RandomMatrix(), (SensorModel(),))
+
+
+def track_states(looks=20, seed=0):
+    """States (looks, 2) of two vehicles that drive ahead, at whose places noise is measured."""
+    rng, f = np.random.default_rng(seed), TRACKER.filter
+    start = prior(np.array([[0.0, 0, 0], [30.0, 4, 0]]), velocity=(15.0, 0.0))
+    states = [f.init(start)]
+    for _ in range(looks - 1):
+        state = f.predict(states[-1], DT)
+        states.append(
+            state._replace(m=state.m + 0.05 * rng.standard_normal((2, 5)) * [1, 1, 0.1, 1, 0.1], P=state.P / 2)
+        )
+    return states
+
+
+def tracks_of(state, reported=(True, True)):
+    existence = np.where(reported, 0.9, 0.2)
+    one = np.ones(2)
+    return Tracks(np.array([3, 7]), existence, one.astype(int), one, one > 0, state, TRACKER.filter.estimate(state), 8)
+
+
+def test_tracks_come_back_smoothed_at_the_looks_at_which_they_were_reported():
+    states, memory = track_states(), Memory(TRACKER)
+    for k, state in enumerate(states):
+        memory.keep(2 * k, k * DT, tracks_of(state, (True, 5 <= k < 9 or k >= 12)))
+    got = memory.smoothed()
+    np.testing.assert_array_equal(got.step, 2 * np.arange(20))
+    assert [track.id for track in got.tracks] == [3, 7]
+    np.testing.assert_array_equal(got.tracks[0].look, np.arange(20))
+    np.testing.assert_array_equal(got.tracks[1].look, [*range(5, 9), *range(12, 20)])
+    chain = take(stack(states), got.tracks[1].look)
+    other = smooth_track(TRACKER, type(chain)(*(leaf[:, 1] for leaf in chain)), [DT] * 3 + [4 * DT] + [DT] * 7)
+    np.testing.assert_allclose(got.tracks[1].pose, TRACKER.filter.estimate(other).pose, atol=1e-9)
+    assert len(memory.smoothed().step) == 0  # what was told is forgotten
+
+
+def test_a_memory_is_full_before_a_long_run_ends():
+    memory, (state,) = Memory(TRACKER), track_states(1)
+    for k in range(smoothing.LOOKS):
+        assert not memory.full
+        memory.keep(k, k * DT, tracks_of(state))
+    assert memory.full
+
+
+def test_a_track_without_a_covariance_is_named_and_the_others_are_smoothed():
+    memory = Memory(TRACKER)
+    for k, state in enumerate(track_states()):
+        P = state.P.copy()
+        P[0] = np.nan
+        memory.keep(k, k * DT, tracks_of(state._replace(P=P)))
+    got = memory.smoothed()
+    assert got.failed == (3,)
+    assert [track.id for track in got.tracks] == [7]
+
+
+def run_log(tmp_path, interrupted=False, **settings):
+    env = gym.make("testbed/cut-in-v0", out=str(tmp_path), config={"duration": 2.0}, radar="surround", **settings)
+    seen = {}
+
+    def watch(step, time, scene, scan, source, outputs, action, plan):
+        seen[step] = {name: (tracks.reported.id, tracks.reported.estimate) for name, (tracks, _) in outputs.items()}
+
+    env.attach(watch)
+    env.reset(seed=1)
+    for _ in range(1 if interrupted else 2):
+        env.step(1)
+    log = env.recorder.log.path
+    env.recorder.close(interrupted=interrupted)
+    env.close()
+    return log, seen
+
+
+def boxes(log, name):
+    """Step -> ids, centres (n, 2) and headings of the smoothed tracks."""
+    rows = [row for row in reader.rows(log, paths.smoothed(name, "extent")) if row.get(paths.STEP) is not None]
+    return {
+        row[paths.STEP]: (
+            np.array(row["track:id"] or [], int),
+            np.array([np.mean(strip[:4], 0) for strip in row["LineStrips2D:strips"] or []]).reshape(-1, 2),
+            np.array(row["track:heading"] or []),
+        )
+        for row in rows
+    }
+
+
+@pytest.mark.parametrize("interrupted", [False, True])
+def test_the_log_of_a_run_has_a_smoothed_box_for_every_reported_track_at_every_look(tmp_path, interrupted):
+    log, seen = run_log(tmp_path, interrupted, tracker="rm-feldmann", also=["htg-map"])
+    assert reader.complete(log)
+    for name in ("rm-feldmann", "htg-map"):
+        found = boxes(log, name)
+        assert set(found) == set(seen)
+        moved = []
+        for step, (ids, centre, heading) in found.items():
+            there, estimate = seen[step][name]
+            assert sorted(ids) == sorted(there)
+            own = estimate.pose[[np.flatnonzero(there == i)[0] for i in ids]]
+            moved.append(np.column_stack([np.hypot(*(centre - own[:, :2]).T), np.abs(wrap_angle(heading - own[:, 2]))]))
+        assert (np.median(np.concatenate(moved), 0) < [0.5, 0.05]).all()
+        last = found[max(found)]
+        there, estimate = seen[max(found)][name]
+        own = estimate.pose[[np.flatnonzero(there == i)[0] for i in last[0]], :2]
+        np.testing.assert_allclose(last[1], own, atol=1e-3)  # single precision; at the last look nothing is smoothed
+        (way,) = [row for row in reader.rows(log, paths.smoothed(name, "path")) if row.get(paths.STEP) is not None]
+        assert sorted(way["track:id"]) == sorted({i for ids, _, _ in found.values() for i in ids})
+
+
+def test_smoothing_moves_the_boxes_of_the_past(tmp_path):
+    log, seen = run_log(tmp_path, tracker="rm-feldmann")
+    moved = []
+    for step, (ids, centre, _) in boxes(log, "rm-feldmann").items():
+        there, estimate = seen[step]["rm-feldmann"]
+        rows = [np.flatnonzero(there == i)[0] for i in ids]
+        moved += np.hypot(*(centre - estimate.pose[rows, :2]).T).tolist()
+    assert np.median(moved) > 0.01
+
+
+@pytest.mark.parametrize("kept", ["metrics", "off"])
+def test_less_than_a_full_log_is_not_smoothed(tmp_path, kept):
+    env = gym.make("testbed/cut-in-v0", out=str(tmp_path), log=kept, radar="front", config={"duration": 1.0})
+    env.reset(seed=0)
+    env.step(1)
+    env.close()
+    for log in tmp_path.glob("*.rrd"):
+        assert not any(entity.startswith("world/") for entity in reader.entity_paths(log))

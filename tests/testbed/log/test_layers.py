@@ -1,0 +1,108 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from testbed.log import layers, palette, paths
+from testbed.log.record import RoadGeometry
+from tests.testbed.log import log_runs
+from trackers.scan import SensorModel
+
+
+@pytest.fixture
+def record():
+    return next(log_runs.records(1))
+
+
+def test_closed_outlines_end_where_they_began():
+    strips = layers.Strips.of((np.eye(2), np.arange(6.0).reshape(3, 2)), closed=True)
+    assert strips.counts.tolist() == [3, 4]
+    assert np.array_equal(strips.xy[[0, 3]], strips.xy[[2, 6]])
+
+
+MILLIMETRES = st.integers(-50_000, 50_000).map(lambda n: n / 1000)
+
+
+@given(st.lists(st.tuples(MILLIMETRES, MILLIMETRES), min_size=2, max_size=6))
+def test_dashes_lie_on_their_line_and_are_no_longer_than_asked(points):
+    line = np.array(points)
+    cut = layers.dashes(line, dash=3.0, gap=6.0)
+    length = np.hypot(*np.diff(line, axis=0).T).sum()
+    assert len(cut) == np.ceil(length / 9.0)
+    assert (np.hypot(*(cut[:, 1] - cut[:, 0]).T) <= 3.0 + 1e-9).all()
+
+
+def test_dashes_of_a_straight_line():
+    assert layers.dashes([[0, 0], [20, 0]]).tolist() == [[[0, 0], [3, 0]], [[9, 0], [12, 0]], [[18, 0], [20, 0]]]
+
+
+def test_confidence_ellipse_holds_95_percent(record):
+    rng = np.random.default_rng(0)
+    frame = record.frames["htg-map"]
+    ellipse = layers.tracker_rows("htg-map", frame)[paths.tracker("htg-map", "covariance")]["LineStrips2D:strips"]
+    radius = np.hypot(*(ellipse.xy[: ellipse.counts[0]] - frame.tracks.estimate.pose[0, :2]).T)
+    draws = np.hypot(*rng.normal(0, 0.5, (2, 20_000)))  # the prior has 0.5 m in x and y
+    assert np.ptp(radius) < 1e-4
+    assert abs((draws < radius[0]).mean() - 0.95) < 4 * np.sqrt(0.95 * 0.05 / 20_000)
+
+
+def test_tentative_tracks_are_kept_apart(record):
+    frame = record.frames["htg-map"]
+    tracks = frame.tracks._replace(existence=np.array([0.9, 0.2, 0.9, 0.5, 0.9]))
+    rows = layers.tracker_rows("htg-map", frame._replace(tracks=tracks))
+    assert rows[paths.tracker("htg-map", "extent")]["track:id"].tolist() == [100, 102, 104]
+    assert len(rows[paths.tracker("htg-map", "tentative")]["LineStrips2D:strips"]) == 2
+
+
+def test_a_contour_is_drawn_where_the_method_has_one(record):
+    frame = record.frames["htg-map"]
+    contour = np.random.default_rng(0).normal(size=(5, 9, 2))
+    tracks = frame.tracks._replace(estimate=frame.tracks.estimate._replace(contour=contour))
+    rows = layers.tracker_rows("htg-map", frame._replace(tracks=tracks))
+    strips = rows[paths.tracker("htg-map", "extent")]["LineStrips2D:strips"]
+    assert strips.counts.tolist() == [10] * 5
+    assert np.array_equal(strips.xy[:9], contour[0].astype(np.float32))
+
+
+def test_detections_know_object_ids_not_rows(record):
+    ids = np.array([40, 10, 30, 20, 50])
+    scene = record.scene._replace(objects=record.scene.objects._replace(id=ids))
+    rows = layers.detection_rows(record._replace(scene=scene))
+    seen = np.concatenate([rows[paths.detections(kind)]["radar:object_id"] for kind in ("contour", "volume")])
+    assert sorted(set(seen.tolist())) == sorted(ids.tolist())
+    assert set(rows[paths.detections("clutter")]["radar:object_id"].tolist()) == {-1}
+
+
+def test_the_view_keeps_to_the_middle_of_a_straight_road_and_follows_on_a_wide_one(record):
+    wide = RoadGeometry(edges=(np.array([[0.0, -40.0], [0.0, 40.0]]),))
+    assert layers.strip_middle(log_runs.road(lanes=4)) == 6.0
+    assert layers.strip_middle(wide) is None
+    assert layers.strip_middle(RoadGeometry()) is None
+    fixed = layers.scene_rows(record.scene, 6.0)[paths.FOLLOW]["Transform3D:translation"][0]
+    free = layers.scene_rows(record.scene, None)[paths.FOLLOW]["Transform3D:translation"][0]
+    assert fixed[1] == 6.0
+    assert free[1] == np.float32(record.scene.ego.pose[1])
+
+
+def test_fields_of_view_stand_at_their_mounts():
+    narrow, ring = layers.fields_of_view(
+        (SensorModel(mount=(2.0, 0.5, np.pi / 2), max_range=10.0, fov=0.4), SensorModel(max_range=5.0, fov=2 * np.pi))
+    )
+    assert np.allclose(narrow[[0, -1]], [2.0, 0.5])
+    assert np.allclose(narrow[1:-1].mean(0)[0], 2.0)
+    assert narrow[:, 1].max() == pytest.approx(10.5, abs=0.01)
+    assert np.allclose(np.hypot(*ring.T), 5.0)
+
+
+def test_identities_have_stable_colours_and_nobody_is_grey():
+    colors = palette.identity([-1, 0, 1, 0])
+    assert colors.dtype == np.uint32
+    assert colors[0] == palette.NOBODY
+    assert colors[1] == colors[3] != colors[2]
+
+
+def test_names_that_would_need_escapes_are_refused():
+    assert paths.tracker("rm-feldmann", "extent") == "world/trackers/rm-feldmann/extent"
+    for name in ("", "a b", "a/b", "__reserved"):
+        with pytest.raises(ValueError, match="cannot be part of a log path"):
+            paths.part(name)

@@ -1,0 +1,249 @@
+import os
+import signal
+import subprocess
+import sys
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sensors.source import KINDS
+from testbed.log import NullLog, RunLog, paths, reader
+from tests.testbed.log import log_runs
+
+TRACKERS = log_runs.META.trackers
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # rerun drops a bad column with a warning only
+        return log_runs.write(tmp_path_factory.mktemp("log") / "run.rrd", steps=45)
+
+
+def expected_paths(objects, metrics):
+    numbers = {*paths.NUMBERS, paths.EVENTS, paths.CONFIG, paths.SUMMARY}
+    numbers |= {paths.metric(metric, name) for metric in metrics for name in TRACKERS}
+    return numbers | {paths.of_object(i, leaf) for i in range(objects) for leaf in (*TRACKERS, paths.SEEN)}
+
+
+def metric_names():
+    first = next(log_runs.records(1))
+    return tuple(first.frames[TRACKERS[0]].mean)
+
+
+def test_every_path_is_written_and_nothing_else(log):
+    expected = expected_paths(5, metric_names()) | set(paths.scene_layers(TRACKERS))
+    assert reader.entity_paths(log) == expected
+
+
+def test_level_metrics_writes_numbers_and_events_only(tmp_path):
+    path = log_runs.write(tmp_path / "m.rrd", steps=20, level="metrics")
+    assert reader.entity_paths(path) == expected_paths(5, metric_names())
+
+
+def test_metrics_come_back_as_they_went_in(log):
+    gwd = reader.scalars(log, "metrics/gwd/**")
+    records = list(log_runs.records(45))
+    for name in TRACKERS:
+        steps, values = gwd[paths.metric("gwd", name)]
+        assert np.array_equal(steps, np.arange(45))
+        assert np.array_equal(values, [r.frames[name].mean["gwd"] for r in records])
+
+
+def test_errors_of_an_object_end_with_a_gap_when_its_track_is_lost(log):
+    path = paths.of_object(2, "htg-map")
+    steps, values = reader.scalars(log, path, "metrics:gwd")[path]
+    _, ids = reader.scalars(log, path, "metrics:track_id")[path]
+    assert steps.tolist() == [*range(21), *range(40, 45)]
+    assert np.flatnonzero(np.isnan(values)).tolist() == [20]
+    assert ids[20] == -1
+    assert set(np.delete(ids, 20)) == {102}
+
+
+def test_detections_of_all_kinds_carry_their_columns_and_padding_is_left_out(log):
+    components = reader.components(log)
+    wanted = {"Points2D:positions", "radar:doppler", "radar:object_color", "radar:object_id", "radar:sensor"}
+    wanted |= {f"radar:{word}_{name}" for word in ("owner", "owner_color") for name in TRACKERS}
+    drawn = 0
+    for kind in KINDS:
+        assert wanted <= components[paths.detections(kind)]
+        drawn += instances(log, paths.detections(kind), "Points2D:positions")
+    assert drawn == sum(int(record.scan.mask.sum()) for record in log_runs.records(45))
+
+
+def instances(path, entity, component):
+    batches = [batch for _, batch in reader._batches(path, f"/{entity}") if component in batch.schema.names]
+    rows = [batch for batch in batches if paths.STEP in batch.schema.names]
+    return sum(len(batch[component].flatten()) for batch in rows)
+
+
+def test_actions_are_written_when_they_change(log):
+    batches = [b for _, b in reader._batches(log, f"/{paths.EGO_ACTION}") if paths.STEP in b.schema.names]
+    rows = [row for batch in batches for row in batch.to_pylist()]
+    assert [(row["step"], row["StateChange:state"]) for row in rows] == [(0, ["IDLE"]), (33, ["FASTER"])]
+
+
+def test_events_have_levels_that_tell_lost_tracks_from_noise(log):
+    events = {(e.step, e.text): e.level for e in reader.events(log)}
+    assert events[20, "htg-map: track 102 died, no detection for 1 s"] == "WARN"
+    assert events[20, "htg-map: track 150 born, 3 detections no track explains"] == "DEBUG"
+    assert events[30, "veh_01 starts a lane change"] == "INFO"
+
+
+def test_properties_say_what_was_run_and_what_came_out(log):
+    properties = reader.properties(log)
+    assert properties["run"]["scenario"] == "made-by-hand"
+    assert properties["run"]["seed"] == 0
+    assert properties["run"]["trackers"] == "rm-feldmann htg-map"
+    assert properties["summary"]["htg_map_gwd"] == 0.24
+    assert properties["summary"]["collision"] is False
+
+
+def test_arrays_may_change_after_the_step(tmp_path):
+    kept = log_runs.write(tmp_path / "kept.rrd", steps=10)
+    with RunLog(tmp_path / "spoilt.rrd", log_runs.META) as log:
+        log.static(log_runs.road(), log_runs.SENSORS)
+        for record in log_runs.records(10):
+            log.step(record)
+            for array in (record.scan.polar, record.scene.objects.pose, record.scene.ego.pose, record.plan):
+                array[...] = -1.0
+            for frame in record.frames.values():
+                frame.tracks.estimate.pose[...] = -1.0
+                frame.mean["gwd"] = -1.0
+        log.close(log_runs.SUMMARY)
+    assert reader.digests(tmp_path / "spoilt.rrd") == reader.digests(kept)
+
+
+def test_closing_twice_writes_once(tmp_path):
+    log = RunLog(tmp_path / "a.rrd", log_runs.META)
+    for record in log_runs.records(3):
+        log.step(record)
+    log.close({"steps": 3})
+    log.close({"steps": 99})
+    assert reader.properties(tmp_path / "a.rrd")["summary"] == {"steps": 3}
+    with pytest.raises(ValueError, match="is closed"):
+        log.step(next(log_runs.records(1)))
+
+
+def test_an_exception_leaves_a_complete_log_that_names_it(tmp_path):
+    path = tmp_path / "a.rrd"
+
+    def interrupted():
+        with RunLog(path, log_runs.META) as log:
+            for record in log_runs.records(8):
+                log.step(record)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert reader.complete(path)
+    assert reader.steps(path).tolist() == list(range(8))
+    last = reader.events(path)[-1]
+    assert (last.step, last.level, last.text) == (7, "ERROR", "the run ended with KeyboardInterrupt")
+
+
+def test_a_run_that_fails_before_its_first_step_leaves_no_file(tmp_path):
+    with pytest.raises(RuntimeError, match="before"), RunLog(tmp_path / "a.rrd", log_runs.META):
+        raise RuntimeError("before")
+    assert not (tmp_path / "a.rrd").exists()
+
+
+KILLED = """
+import os, signal, sys, time
+sys.path.insert(0, sys.argv[2])
+from tests.testbed.log import log_runs
+from testbed.log import RunLog
+log = RunLog(sys.argv[1], log_runs.META, every=10)
+for record in log_runs.records(37):
+    log.step(record)
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="no SIGKILL on this system")
+def test_a_killed_run_is_readable_up_to_its_last_block(tmp_path):
+    path = tmp_path / "killed.rrd"
+    folder = str(Path(__file__).parents[3])
+    killed = subprocess.run([sys.executable, "-c", KILLED, str(path), folder], timeout=60, check=False)
+    assert killed.returncode == -signal.SIGKILL
+    assert len(reader.steps(path)) >= 37 - 10
+    assert not reader.complete(path)
+
+
+def test_directories_are_made_and_old_files_replaced(tmp_path):
+    path = tmp_path / "deep" / "er" / "a.rrd"
+    log_runs.write(path, steps=12)
+    log_runs.write(path, steps=3)
+    assert len(reader.steps(path)) == 3
+
+
+def test_a_path_that_cannot_be_written_is_one_sentence(tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    log = RunLog(tmp_path / "file" / "a.rrd", log_runs.META)
+    with pytest.raises(OSError, match=r"cannot write the log .*a\.rrd: .*; choose another output directory"):
+        log.step(next(log_runs.records(1)))
+
+
+def test_nothing_is_opened_before_the_first_step(tmp_path):
+    log = RunLog(tmp_path / "a.rrd", log_runs.META)
+    log.static(log_runs.road(), log_runs.SENSORS)
+    assert not (tmp_path / "a.rrd").exists()
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (lambda r: r._replace(step=0), "record.step must grow, got 0 after 0"),
+        (lambda r: r._replace(frames={}), "record.frames must have the trackers of the run"),
+        (lambda r: r._replace(events=(("LOUD", "x"),)), "event level must be one of"),
+    ],
+)
+def test_bad_records_are_refused(tmp_path, spoil, message):
+    log = RunLog(tmp_path / "a.rrd", log_runs.META)
+    first, second = log_runs.records(2)
+    log.step(first)
+    with pytest.raises(ValueError, match=message):
+        log.step(spoil(second))
+    log.close()
+
+
+def test_bad_options_are_refused(tmp_path):
+    with pytest.raises(ValueError, match="level must be"):
+        RunLog(tmp_path / "a.rrd", log_runs.META, level="off")
+    with pytest.raises(ValueError, match="every must be"):
+        RunLog(tmp_path / "a.rrd", log_runs.META, every=0)
+    with pytest.raises(ValueError, match="cannot be part of a log path"):
+        RunLog(tmp_path / "a.rrd", log_runs.META._replace(trackers=("a tracker",)))
+    log = RunLog(tmp_path / "a.rrd", log_runs.META)
+    with pytest.raises(TypeError, match=r"summary\['htg-map.gwd'\] must be a number or a text, got NoneType"):
+        log.close({"htg-map": {"gwd": None}})
+
+
+def test_a_focus_that_is_not_there_is_refused(tmp_path):
+    log = RunLog(tmp_path / "a.rrd", log_runs.META, focus=77)
+    with pytest.raises(ValueError, match=r"focus must be an object of the first scene, \[0, 1, 2, 3, 4\], got 77"):
+        log.step(next(log_runs.records(1)))
+
+
+def test_empty_frames_are_logged(tmp_path):
+    path = tmp_path / "empty.rrd"
+    log_runs.write(path, steps=5, objects=0, clutter=0)
+    assert len(reader.steps(path)) == 5
+    assert instances(path, paths.TRUTH_CONTOUR, "LineStrips2D:strips") == 0
+    each = log_runs.write(tmp_path / "each.rrd", steps=5, objects=0, clutter=0, every=1)
+    assert reader.digests(each) == reader.digests(path)
+
+
+def test_the_null_log_takes_everything(tmp_path):
+    with NullLog() as log:
+        log.static(log_runs.road(), log_runs.SENSORS)
+        log.step(next(log_runs.records(1)))
+        log.event("INFO", "unheard")
+        log.close(log_runs.SUMMARY)
+
+
+def test_the_log_module_does_not_import_rerun():
+    code = "import sys, testbed.log, testbed.log.review; sys.exit('rerun' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], env=os.environ, check=False).returncode == 0

@@ -1,0 +1,446 @@
+"""The multi-object tracker: laws, bad scans, and what it must do in a small world."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
+
+from tests.trackers.rear_sides import RADAR, Road, drive
+from trackers import MultiObjectTracker, RandomMatrix, Scan, find, prior
+from trackers.batch import take
+from trackers.geometry import box_corners, to_frame, to_world, unit
+from trackers.multi.association import shares
+from trackers.multi.exclusion import GRID, Exclusion
+from trackers.multi.existence import Existence
+from trackers.multi.initiation import Initiation, components
+from trackers.multi.sizes import SizePrior, stretch
+from trackers.multi.tracker import told
+from trackers.multi.tracks import Tracks
+from trackers.multi.visibility import SensorArray, predict_visibility, ray_box
+from trackers.protocols import Note
+
+CARS = [(30, 0, 0, 25.0), (50, 4, 0, 28.0), (60, -4, 0, 22.0)]
+
+
+def leaves(value):
+    if value is None:
+        return []
+    return [a for v in value for a in leaves(v)] if isinstance(value, tuple) else [np.asarray(value)]
+
+
+def assert_same(a, b):
+    for x, y in zip(leaves(a), leaves(b), strict=True):
+        np.testing.assert_allclose(x, y, rtol=1e-9, atol=1e-12)
+
+
+def test_three_cars_are_three_tracks_within_three_scans(tracker):
+    tracks, infos = drive(tracker, Road(CARS), 0.2)
+    assert len(tracks.reported.id) == 3
+    assert sum(e.kind == "confirmed" for i in infos for e in i.events) == 3
+
+
+def test_ids_stay_for_ten_seconds_and_clutter_bears_nothing(tracker):
+    road, seen = Road(CARS), []
+    tracks, _ = drive(tracker, road, 10, lambda road, scan, tracks, info: seen.append(set(tracks.reported.id.tolist())))
+    assert set.union(*seen) == {0, 1, 2}
+    order = np.argsort(tracks.estimate.pose[:, 1])
+    np.testing.assert_allclose(tracks.estimate.pose[order, 1], [-4, 0, 4], atol=0.5)
+    np.testing.assert_allclose(tracks.estimate.velocity[order, 0], [22, 25, 28], atol=0.3)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_an_empty_road_with_clutter_stays_empty(tracker, seed):
+    reported = []
+    drive(tracker, Road([], clutter=20, seed=seed), 10, lambda *a: reported.append(len(a[2].reported.id)))
+    assert sum(reported) == 0
+
+
+@settings(max_examples=15, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_order_padding_and_splitting_of_detections_change_nothing(seed):
+    tracker, rng = MultiObjectTracker(RandomMatrix(), (RADAR,)), np.random.default_rng(seed)
+
+    def scrambled(scan):
+        M = len(scan.mask)
+        full = scan._replace(pose=np.repeat(scan.pose, M, 0), velocity=np.repeat(scan.velocity, M, 0))
+        keep = rng.permutation(M)
+        polar = np.concatenate([full.polar[keep], np.full((4, 3), np.nan)])
+        mask = np.concatenate([full.mask[keep], np.zeros(4, bool)])
+        pose = np.concatenate([full.pose[keep], np.full((4, 3), np.nan)])
+        velocity = np.concatenate([full.velocity[keep], np.full((4, 2), np.nan)])
+        return full._replace(polar=polar, mask=mask, pose=pose, velocity=velocity)
+
+    road, one, two = Road(CARS, seed=seed), tracker.start(), tracker.start()
+    for k in range(6):
+        scan = road.scan()
+        one, info = tracker.step(one, scan, road.dt if k else 0.0)
+        two, other = tracker.step(two, scrambled(scan), road.dt if k else 0.0)
+        assert_same(one, two)
+        assert info.events == other.events
+        road.advance()
+
+
+def test_an_empty_scan_costs_visible_tracks_existence_and_hidden_ones_none(tracker):
+    road = Road([(30, 0, 0, 25.0), (60, 0.2, 0, 25.0)])
+    tracks, _ = drive(tracker, road, 1.0)
+    tracks = tracks._replace(existence=np.full(len(tracks.id), 0.9))
+    nothing = road.scan()._replace(
+        mask=np.zeros(len(road.scan().mask), bool), polar=np.zeros((len(road.scan().mask), 3))
+    )
+    nothing = Scan(np.zeros((0, 3)), np.zeros(0, bool), nothing.pose, nothing.velocity, platform=nothing.platform)
+    after, info = tracker.step(tracks, nothing, road.dt)
+    near, far = np.argsort(after.estimate.pose[:, 0])
+    assert after.existence[near] < 0.7
+    assert after.existence[far] > 0.88
+    assert info.expected[near] > 1
+    assert info.expected[far] == 0
+    predicted = tracker._predict(tracks, road.dt)
+    assert_same(after.estimate, predicted.estimate)
+
+
+def test_a_car_hidden_for_two_seconds_keeps_its_track(tracker):
+    """Behind a nearer one: no detection, and none expected."""
+    road = Road([(30, 0, 0, 25.0), (70, 0.1, 0, 25.0)], hidden={1: (2.0, 4.0)})
+    tracks, _ = drive(tracker, road, 6.0)
+    assert sorted(tracks.reported.id.tolist()) == [0, 1]
+
+
+def test_a_visible_track_without_detections_dies(tracker):
+    road = Road([(30, 0, 0, 25.0)], hidden={0: (1.0, 99.0)})
+    tracks, infos = drive(tracker, road, 2.5)
+    assert len(tracks.id) == 0
+    assert any(e.kind == "died" for i in infos for e in i.events)
+
+
+def test_owners_are_ids_at_the_places_of_the_scan(tracker):
+    def check(road, scan, tracks, info):
+        assert info.owner.shape == scan.mask.shape
+        for i, n in zip(info.track, info.detections, strict=True):
+            assert (info.owner == i).sum() == n
+
+    drive(tracker, Road(CARS), 1.0, check)
+
+
+def empty(platform):
+    return Scan(np.zeros((0, 3)), np.zeros(0, bool), np.zeros((1, 3)), np.zeros((1, 2)), platform=platform)
+
+
+def test_no_scan_ever_corrupts_a_state(tracker):
+    """Nothing, ten thousand false alarms, all at one point, no range rate, time standing still."""
+    road, rng = Road(CARS), np.random.default_rng(0)
+    tracks, _ = drive(tracker, road, 1.0)
+    base = road.scan()
+
+    def crowd(polar):
+        return base._replace(polar=polar, mask=np.ones(len(polar), bool))
+
+    burst = rng.uniform([1, -0.5, -60], [174, 0.5, 60], (10_000, 3))
+    no_rate = np.where(np.arange(3) == 2, np.nan, base.polar)
+    scans = [empty(road.ego), crowd(burst), crowd(np.tile(base.polar[:1], (3000, 1))), crowd(no_rate), base]
+    for scan in scans:
+        for dt in (0.0, road.dt, 2.0):
+            after, _ = tracker.step(tracks, scan, dt)
+            assert all(np.isfinite(a).all() for a in leaves(after))
+            assert np.linalg.eigvalsh(after.estimate.cov).min(initial=1) > 0
+            assert ((after.existence >= 0) & (after.existence < 1)).all()
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"mask": np.ones((2, 3), bool), "polar": np.ones((2, 3, 3))}, r"scan\.mask must be \(M,\)"),
+        ({"polar": np.full((3, 3), np.nan)}, "without a finite range"),
+        ({"sensor": np.array([7])}, "scan.sensor must index the tracker's 1 sensors"),
+        ({"platform": np.zeros(3)}, r"scan\.platform must be \(6,\)"),
+        ({"platform": np.full(6, np.inf)}, "ego motion is missing"),
+    ],
+)
+def test_impossible_scans_get_one_clear_error(tracker, change, message):
+    scan = Scan.from_xy(np.ones((3, 2)) * 10)._replace(platform=np.zeros(6))
+    tracker.step(tracker.start(), scan, 0.1)
+    with pytest.raises(ValueError, match=message):
+        tracker.step(tracker.start(), scan._replace(**change), 0.1)
+
+
+@pytest.mark.parametrize("dt", [-0.1, np.nan, np.inf])
+def test_impossible_time_steps_get_one_clear_error(tracker, dt):
+    with pytest.raises(ValueError, match="dt must be finite and >= 0"):
+        tracker.step(tracker.start(), empty(np.zeros(6)), dt)
+
+
+def test_a_tracker_that_would_prune_its_births_cannot_be_built():
+    with pytest.raises(ValueError, match="every birth is removed in silence"):
+        MultiObjectTracker(RandomMatrix(), (RADAR,), prune_below=0.05)
+    with pytest.raises(ValueError, match="sensors must name at least one"):
+        MultiObjectTracker(RandomMatrix(), ())
+
+
+def test_pieces_of_one_vehicle_become_one_and_neighbours_do_not():
+    pose = np.array([[20.0, 0, 0], [26, 0.3, 0], [20, 3.5, 0]])
+    e = prior(pose, velocity=(20.0, 0.0), size=(5.0, 2.0))
+    verdict = Exclusion().apply(e, np.array([3.0, 2.0, 1.0]))
+    assert verdict.keep.tolist() == [True, False, True]
+    assert verdict.into.tolist() == [-1, 0, -1]
+    np.testing.assert_allclose(verdict.estimate.size[0], [11, 2])
+    np.testing.assert_allclose(verdict.estimate.pose[0], [23, 0, 0], atol=1e-9)
+    assert e.size[0, 0] == 5
+
+
+def test_in_a_queue_two_metres_apart_vehicles_stay_two():
+    e = prior(np.array([[20.0, 0, 0], [27, 0, 0]]), size=(5.0, 2.0))
+    assert Exclusion().apply(e, np.ones(2)).keep.all()
+    moving = e._replace(velocity=np.full((2, 2), [25.0, 0]))
+    assert not Exclusion().apply(moving, np.ones(2)).keep.all()
+
+
+def test_at_speed_nothing_drives_a_fifth_of_a_second_behind_another():
+    for gap, stay in ((4.5, 1), (6.5, 2)):
+        e = prior(np.array([[20.0, 0, 0], [25 + gap, 0, 0]]), velocity=(25.0, 0.0), size=(5.0, 2.0))
+        assert Exclusion().apply(e, np.ones(2)).keep.sum() == stay
+
+
+def test_a_duplicate_inside_a_box_goes():
+    e = prior(np.array([[20.0, 0, 0], [20.5, 0.2, 0.1]]), velocity=(20.0, 0.0))
+    verdict = Exclusion().apply(e, np.array([1.0, 2.0]))
+    assert verdict.keep.tolist() == [False, True]
+    assert not verdict.joined.any()
+
+
+@given(st.integers(0, 8), st.integers(0, 2**32 - 1))
+def test_overlapping_pairs_are_those_of_a_loop_over_all_pairs(n, seed):
+    rng = np.random.default_rng(seed)
+    pose = np.c_[rng.uniform(0, 8, (n, 2)), rng.uniform(-3, 3, n)]
+    e = prior(pose, velocity=rng.uniform(0, 6, (n, 2)), size=rng.uniform(1, 6, (n, 2)))
+    rule = Exclusion()
+    expected = np.zeros((n, n), bool)
+    for a in range(n):
+        for b in set(range(n)) - {a}:
+            there = [to_frame(e.pose[j], to_world(e.pose[i], GRID * e.size[i])) for i, j in ((a, b), (b, a))]
+            share = max((np.abs(p) < e.size[j] / 2).all(-1).mean() for p, j in zip(there, (b, a), strict=True))
+            alike = np.linalg.norm(e.velocity[a] - e.velocity[b]) < rule.overlap_speed
+            expected[a, b] = share > rule.overlap_sure or (share > rule.overlap and alike)
+    np.testing.assert_array_equal(rule.overlapping(e), expected)
+
+
+@given(st.integers(0, 40), st.integers(0, 2**32 - 1))
+def test_components_agree_with_a_graph_library(n, seed):
+    rng = np.random.default_rng(seed)
+    near = rng.random((n, n)) < 1.2 / max(n, 1)
+    near = near | near.T
+    label, reference = components(near), connected_components(csr_array(near), directed=False)[1]
+    np.testing.assert_array_equal(label[:, None] == label, reference[:, None] == reference)
+
+
+def test_rays_enter_boxes_where_the_corners_say():
+    pose, size = np.array([[10.0, 0, 0], [0.0, 20, np.pi / 2], [-1, 0, 0]]), np.array([[4.0, 2], [6, 2], [4, 4]])
+    origin, direction = np.zeros((1, 2)), unit(np.array([[0.0, np.pi / 2, np.pi]]))
+    d = ray_box(origin, direction, pose, size)[0]
+    np.testing.assert_allclose(d, [[8, np.inf, 0], [np.inf, 17, 0], [np.inf, np.inf, 0]])
+
+
+def test_rays_agree_with_the_edges_of_the_box():
+    """The slab method against a loop over corners: first crossing of any edge."""
+    rng = np.random.default_rng(3)
+    pose, size = np.c_[rng.normal(0, 20, (40, 2)), rng.uniform(-3, 3, 40)], rng.uniform(1, 8, (40, 2))
+    bearing = rng.uniform(-3, 3, 25)
+    got = ray_box(np.zeros((1, 2)), unit(bearing)[None], pose, size)[0]
+    corners = box_corners(pose, size)
+    for k, u in enumerate(unit(bearing)):
+        for t, ring in enumerate(corners):
+            hits = []
+            for a, b in zip(ring, np.roll(ring, -1, 0), strict=True):
+                r, s = np.linalg.solve(np.stack([u, a - b], -1), a)
+                if 0 <= s <= 1 and r > 0:
+                    hits.append(r)
+            inside = len(hits) == 1  # the ray leaves a box that it never entered
+            expected = 0.0 if inside else min(hits, default=np.inf)
+            np.testing.assert_allclose(got[k, t], expected, atol=1e-9)
+
+
+def test_a_box_behind_a_confirmed_one_is_not_expected():
+    e = prior(np.array([[20.0, 0, 0], [40, 0, 0], [40, 9, 0]]))
+    sensors, platform = SensorArray.of((RADAR,)), np.zeros(6)
+    free = predict_visibility(e, np.zeros(3, bool), sensors, platform)
+    behind = predict_visibility(e, np.array([True, False, False]), sensors, platform)
+    assert (free.expected > 0).all()
+    assert behind.expected[0, 1] == 0
+    assert behind.in_view[1]
+    np.testing.assert_array_equal(behind.expected[0, [0, 2]], free.expected[0, [0, 2]])
+
+
+def test_a_duplicate_is_not_protected_by_its_twin():
+    e = prior(np.array([[20.0, 0, 0], [20.3, 0, 0]]))
+    view = predict_visibility(e, np.ones(2, bool), SensorArray.of((RADAR,)), np.zeros(6))
+    assert (view.expected > 0).all()
+
+
+def test_outside_every_field_of_view_nothing_is_expected():
+    e = prior(np.array([[-20.0, 0, 0], [400.0, 0, 0]]))
+    view = predict_visibility(e, np.zeros(2, bool), SensorArray.of((RADAR,)), np.zeros(6))
+    assert not view.in_view.any()
+    assert (view.expected == 0).all()
+
+
+def test_sizes_are_drawn_to_what_a_filter_holds_for_usual_where_it_knows():
+    sizes, size, std = SizePrior(), np.tile([5.0, 2.2], (2, 1)), np.tile([0.3, 0.1], (2, 1))
+    usual = np.array([[5.0, 2.5], [np.nan, np.nan]]), np.array([[0.12, 0.05], [np.nan, np.nan]])
+    known, known_std = sizes.relax(size, std, 60.0, usual)
+    plain, plain_std = sizes.relax(size, std, 60.0)
+    np.testing.assert_allclose(known[0], [5.0, 2.5], rtol=1e-6)
+    np.testing.assert_allclose(known_std[0], [0.6, 0.125], rtol=1e-6)
+    np.testing.assert_array_equal(known[1], plain[1])
+    np.testing.assert_array_equal(known_std[1], plain_std[1])
+    np.testing.assert_allclose(plain[0], sizes.car, rtol=1e-6)
+
+
+def test_a_box_is_whole_but_for_what_an_edge_cuts_off_and_others_hide():
+    edge = 20.0 * np.tan(RADAR.fov / 2)
+    e = prior(np.array([[20.0, 0, 0], [20.0 + 2.3, edge, 0], [60.0, 0.9, 0], [-20.0, 0, 0]]))
+    view = predict_visibility(e, np.array([True, False, False, False]), SensorArray.of((RADAR,)), np.zeros(6))
+    assert view.whole[0] == 1
+    assert 0.2 < view.whole[1] < 0.8
+    assert view.whole[2] < 0.75
+    assert view.whole[3] == 0
+
+
+def test_existence_by_hand():
+    ex = Existence()
+    np.testing.assert_allclose(np.exp(ex.log_ratio(np.zeros(2), np.array([0.0, 1.0]), np.zeros(2))), [1, 1.5**-2])
+    assert ex.log_ratio(np.zeros(1), np.array([50.0]), np.zeros(1)) == np.log(0.2)
+    np.testing.assert_allclose(ex.log_ratio(np.ones(1), np.array([2.0]), np.array([3.0])), [2.4])
+    np.testing.assert_allclose(ex.update(np.array([0.5]), np.log([4.0])), [0.8])
+    alive = ex.survive(np.ones(3), np.array([True, False, False]), np.array([True, True, False]), 1.5)
+    np.testing.assert_allclose(alive, np.exp([-1.5 / 60, -1.5 / 8, -1]))
+
+
+def test_the_size_prior_pulls_back_and_keeps_inside_what_vehicles_are():
+    sizes = SizePrior()
+    size, std = sizes.relax(np.array([[4.0, 1.7], [30.0, 0.5]]), np.full((2, 2), 0.01), 0.0)
+    np.testing.assert_allclose(size, [[4.0, 1.7], [20.0, 0.8]])
+    size, std = sizes.relax(np.array([[4.0, 1.7]]), np.full((1, 2), 0.01), 1e6)
+    np.testing.assert_allclose(size, [[4.6, 1.86]])
+    np.testing.assert_allclose(std, [[4.6 * 0.08, 1.86 * 0.05]])
+
+
+def test_stretching_moves_one_end_only():
+    """Hand-computed: 2 m ahead of a box 5 m long at heading 30 degrees, and 3 m behind another."""
+    e = prior(np.array([[10.0, 4.0, np.pi / 6], [0, 0, 0], [1, 2, 0]]), size=(5.0, 2.0), size_std=0.1)
+    reach = np.array([[2.0, 0.0], [0.0, 3.0], [0.0, 0.0]])
+    longer = stretch(e, reach, 0.2)
+    np.testing.assert_allclose(longer.size[:, 0], [7, 8, 5])
+    np.testing.assert_allclose(longer.size[:, 1], 2)
+    np.testing.assert_allclose(longer.pose[:2, :2], [[10 + np.sqrt(3) / 2, 4.5], [-1.5, 0]])
+    ends = lambda e, sign: e.pose[:, :2] + sign * e.size[:, :1] / 2 * unit(e.pose[:, 2])  # noqa: E731
+    np.testing.assert_allclose(ends(longer, -1)[0], ends(e, -1)[0])
+    np.testing.assert_allclose(ends(longer, 1)[1], ends(e, 1)[1])
+    np.testing.assert_allclose(longer.size_std[:, 0], [1.4, 1.6, 1.0])
+    np.testing.assert_allclose(longer.cov[1, 0, 0] - e.cov[1, 0, 0], 1.5**2)
+    assert e.size[0, 0] == 5
+
+
+def test_two_detections_just_ahead_of_a_box_are_in_reach_and_one_is_not(tracker):
+    """A car is tracked; then a scan has returns up to 2.5 m ahead of it, as a longer vehicle would give them."""
+    road = Road([(30, 0, 0, 25.0)], clutter=0)
+    tracks, _ = drive(tracker, road, 1)
+    front = tracks.estimate.pose[0, 0] + tracks.estimate.size[0, 0] / 2
+    for beyond, expected in (((1.0, 2.5), 2.5), ((2.5,), 0.0)):
+        pose, velocity = RADAR.poses(road.ego), RADAR.velocity(road.ego)
+        xy = np.stack([front + np.array(beyond), np.full(len(beyond), tracks.estimate.pose[0, 1])], -1)
+        scan = Scan.from_xy(xy, pose=pose)
+        polar = scan.polar.copy()
+        polar[:, 2] = (scan.sight * (tracks.estimate.velocity[0] - velocity)).sum(-1)
+        full = Scan(polar, scan.mask, pose[None], velocity[None], np.array([[0.15, 0.01, 0.1]]), platform=road.ego)
+        z, _ = tracker.association.prepare(full, tracker.sensor_array)
+        got = tracker.initiation.leftovers(z, np.full(len(xy), -1), tracks.estimate, tracks.existence, None)
+        np.testing.assert_allclose(got.reach[0], [expected, 0], atol=0.01)  # the heading is estimated
+        assert not got.candidate.any()
+
+
+def test_shares_hold_every_owned_detection_once_and_never_too_many():
+    owner = np.array([2, -1, 0, 2, 2, 0, -1])
+    np.testing.assert_array_equal(shares(owner, 3, 40), [[2, 5, -1], [-1, -1, -1], [0, 3, 4]])
+    np.testing.assert_array_equal(shares(owner, 3, 2), [[2, 5], [-1, -1], [0, 4]])
+    np.testing.assert_array_equal(shares(np.zeros(0, int), 2, 40), [[-1], [-1]])
+
+
+def test_velocity_of_a_crossing_car_is_not_forced_into_the_lane():
+    """Across the line of travel 12 m ahead, 60 degrees wide: only the loose prior explains the range rates."""
+    velocity = np.array([0.0, 9.0])
+    xy = np.stack([np.full(15, 12.0), np.linspace(-6, -1.5, 15)], -1)
+    scan = Scan.from_xy(xy)
+    polar = scan.polar.copy()
+    polar[:, 2] = (scan.sight * velocity).sum(-1)
+    tracker = MultiObjectTracker(RandomMatrix(), (RADAR,))
+    z, _ = tracker.association.prepare(scan._replace(polar=polar), tracker.sensor_array)
+    births = replace(Initiation(), link_across=2.0).births(z, np.ones(15, bool))
+    assert np.abs(births.estimate.velocity[0] - velocity).max() < 2.0
+    heading = births.estimate.pose[0, 2]
+    assert abs(heading - np.pi / 2) < 0.25
+
+
+def test_an_oncoming_car_is_born_facing_the_ego(tracker):
+    tracks, _ = drive(tracker, Road([(80, -4, np.pi, 25.0)]), 1.0)
+    assert len(tracks.reported.id) == 1
+    assert abs(abs(tracks.estimate.pose[0, 2]) - np.pi) < 0.1
+    assert tracks.estimate.velocity[0, 0] < -23
+
+
+def test_rows_keep_counting_ids(tracker):
+    tracks, _ = drive(tracker, Road(CARS), 0.5)
+    some = tracks.rows(np.array([0]))
+    assert some.next_id == tracks.next_id
+    assert_same(some.estimate, take(tracks.estimate, np.array([0])))
+
+
+def test_motion_modes_of_the_filter_reach_the_reader_of_a_step(tracker):
+    mixing = replace(tracker, filter=find("edra-imm"))
+    _, infos = drive(mixing, Road(CARS), 1)
+    assert infos[-1].mode.shape == (3, 3)
+    np.testing.assert_allclose(infos[-1].mode.sum(1), 1)
+    _, infos = drive(tracker, Road(CARS), 0.2)
+    assert infos[-1].mode is None  # a filter with one motion model has none to tell
+
+
+def test_what_a_filter_has_to_tell_of_an_update_becomes_an_event(tracker):
+    starved = replace(tracker, filter=find("dra", form="joint", cap=1))
+    _, infos = drive(starved, Road(CARS), 0.5)
+    told = {e.track for i in infos for e in i.events if e.kind == "capped"}
+    assert told == {0, 1, 2}
+    plenty = replace(tracker, filter=find("dra", form="sequential"))
+    _, infos = drive(plenty, Road(CARS), 0.5)
+    assert not any(e.kind == "capped" for i in infos for e in i.events)
+
+
+def test_a_note_goes_to_the_tracks_it_is_about_each_with_its_own_contours():
+    contours = np.arange(3 * 2 * 4 * 2.0).reshape(3, 2, 4, 2)
+    events = told(Note("adapted", "enough seen", np.array([True, False, True]), contours), np.array([7, 8, 9]))
+    assert [(e.kind, e.track, e.reason) for e in events] == [
+        ("adapted", 7, "enough seen"),
+        ("adapted", 9, "enough seen"),
+    ]
+    np.testing.assert_array_equal(events[1].contours, contours[2])
+    assert told(Note("lost", "nothing fits", np.array([True])), np.array([4]))[0].contours is None
+
+
+@dataclass(frozen=True)
+class Marked(RandomMatrix):
+    """A filter that marks the states it started again: the extent gets more degrees of freedom."""
+
+    def restart(self, state, estimate):
+        fresh = self.init(estimate)
+        return fresh._replace(nu=np.full_like(fresh.nu, 777.0))
+
+
+def test_a_filter_that_knows_more_than_an_estimate_is_restarted_and_not_born_again(tracker):
+    """Two halves of one vehicle merge to one that starts again."""
+    marked = replace(tracker, filter=Marked())
+    halves = prior([(30, 0, 0), (33, 0, 0)], velocity=(25.0, 0.0), size=(3.0, 1.8))
+    sure = np.full(2, 0.99)
+    tracks = Tracks(np.arange(2), sure, np.full(2, 9), sure, sure > 0, marked.filter.init(halves), halves, 2)
+    merged, info = marked.step(tracks, empty(np.array([0.0, 0, 0, 25, 0, 0])), 0.0)
+    assert [e.kind for e in info.events] == ["merged"]
+    assert merged.state.nu.tolist() == [777.0]

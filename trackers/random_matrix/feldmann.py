@@ -1,0 +1,191 @@
+"""Random-matrix filters: the extent is a symmetric positive definite matrix with an inverse Wishart density.
+
+Symbols and equations: card htg_rm, section 2, after Xia et al. (2020), eq. (13)-(15), and Feldmann et al. (2011).
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.batch import select
+from trackers.estimate import Estimate, check_estimate
+from trackers.geometry import cross, dot, extent_matrix, rotation, unit, wrap_angle
+from trackers.linalg import I2, inverse, inverse_sqrtm, outer, sqrtm, symmetrize
+from trackers.motion import I5, OMEGA, PHI, SPEED, cartesian_covariance, coordinated_turn, polar_moments, turn_noise
+from trackers.protocols import UpdateInfo
+from trackers.random_matrix.surface import visible_offset
+from trackers.scan import Scan, check_scan
+
+NU_MIN = 8.5  # the variance of the extent exists for nu > 8 only
+
+
+class RMState(NamedTuple):
+    """p(x) p(X) = N(x; m, P) IW(X; nu, V), eq. (12)."""
+
+    m: NDArray  # (..., 5) px, py [m], phi [rad], v [m/s], omega [rad/s]
+    P: NDArray  # (..., 5, 5)
+    nu: NDArray  # (...) degrees of freedom, > 6
+    V: NDArray  # (..., 2, 2) scale matrix [m^2], mean extent V / (nu - 6)
+
+
+def moments(z: NDArray, mask: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+    """Count (...), mean (..., 2) and spread (..., 2, 2), a sum, of the detections z (..., M, 2) under the mask."""
+    z = np.where(mask[..., None], z, 0.0)
+    n = mask.sum(-1)
+    z_bar = z.sum(-2) / np.maximum(n, 1)[..., None]
+    d = np.where(mask[..., None], z - z_bar[..., None, :], 0.0)
+    return n, z_bar, d.mT @ d
+
+
+def masked_mean(value: NDArray, mask: NDArray, axes: int) -> NDArray:
+    """Mean over the detection axis of value (..., M, ...), which has `axes` axes behind M, under the mask (..., M)."""
+    weight = mask / np.maximum(mask.sum(-1, keepdims=True), 1)
+    tail = (1,) * axes
+    weight = weight.reshape(weight.shape + tail)
+    return (np.where(weight > 0, value, 0.0) * weight).sum(-1 - axes)
+
+
+@dataclass(frozen=True)
+class RandomMatrix:
+    """Random-matrix filter of Feldmann et al. (2011) on the coordinated-turn state.
+
+    Two terms go beyond the paper and vanish at their defaults or without data: range rates, which correct heading,
+    speed and yaw rate (card multi_object, step 7), and `surface`, which puts the mean of a one-sided scan where it
+    belongs.
+    """
+
+    accel_std: float = 1.5  # [m/s^2] process noise along the heading
+    yaw_accel_std: float = 0.1  # [rad/s^2]
+    tau: float = 5.0  # [s] memory of the extent
+    rho: float = 0.25  # spread / extent; 1/4 for a uniform ellipse
+    sigma: float = 0.2  # [m] sensor noise of detections that do not tell theirs
+    surface: float = 0.0  # where the mean of the detections lies: 0 at the centre, 1 on the visible outline
+    rate_std: float = 0.5  # [m/s] range rate, scattering on the body included; larger than the radar's own
+    rate_weight: float = 0.3  # information of a range rate, because those of one vehicle are not independent
+    rate_clip: float = 1.5  # [m/s] larger residuals count as this
+
+    def init(self, estimate: Estimate) -> RMState:
+        """State from a prior; raises ValueError for a prior that is not finite, positive, definite."""
+        check_estimate(estimate)
+        heading = estimate.pose[..., 2]
+        v, P4 = polar_moments(estimate.velocity, estimate.cov, heading, estimate.heading_std)
+        m = np.concatenate([estimate.pose, v[..., None], estimate.yaw_rate[..., None]], -1)
+        P = np.zeros((*m.shape, 5))
+        P[..., :4, :4] = P4
+        P[..., 4, 4] = estimate.yaw_rate_std**2
+        nu = degrees_of_freedom(estimate.size, estimate.size_std)
+        return RMState(m, P, nu, (nu - 6)[..., None, None] * extent_matrix(heading, estimate.size))
+
+    def predict(self, state: RMState, dt: float) -> RMState:
+        """Time update over dt [s] >= 0, coordinated turn."""
+        if not dt >= 0:
+            raise ValueError(f"dt must be >= 0 s, got {dt}; scans come in the order of time")
+        m, P, nu, V = state
+        m_new, G = coordinated_turn(m, dt)
+        decay = np.exp(-dt / self.tau)
+        E = rotation(m[..., OMEGA] * dt)
+        return RMState(
+            m=m_new,  # (14a)
+            P=G @ P @ G.mT + turn_noise(m[..., PHI], dt, self.accel_std, self.yaw_accel_std),  # (14b)
+            nu=6 + decay * (nu - 6),  # (14c)
+            V=decay * E @ V @ E.mT,  # (14d)
+        )
+
+    def update(self, state: RMState, scan: Scan) -> tuple[RMState, UpdateInfo]:
+        """Measurement update; without a detection the state is returned as it came."""
+        check_scan(scan)
+        m, P, nu, V = state
+        xy = scan.xy
+        n, z_bar, Z = moments(xy, scan.mask)
+        if self.surface:
+            z_bar = z_bar - self.surface * self._offset(state, scan)
+        X_hat = V / (nu - 6)[..., None, None]
+        R = masked_mean(scan.position_noise(self.sigma), scan.mask, axes=2)
+        Y = self.rho * X_hat + R + np.where(n > 0, 0.0, 1.0)[..., None, None] * I2  # regular without detections
+        eps = z_bar - m[..., :2]
+        S = P[..., :2, :2] + Y / np.maximum(n, 1)[..., None, None]
+        K = P[..., :2] @ inverse(S)
+        root = sqrtm(X_hat)
+        A = root @ inverse_sqrtm(S)
+        B = root @ inverse_sqrtm(Y)
+        m_new, P_new = self.range_rates(
+            m + (K @ eps[..., None])[..., 0],  # (15a)
+            symmetrize(P - K @ P[..., :2, :]),  # (15b)
+            scan,
+            xy,
+        )
+        new = RMState(
+            m=m_new,
+            P=P_new,
+            nu=nu + n,  # (15c)
+            V=symmetrize(V + A @ outer(eps) @ A.mT + B @ Z @ B.mT),  # (15d), Z is a sum over the detections
+        )
+        return select(n > 0, new, state), UpdateInfo(n, eps, S)
+
+    def estimate(self, state: RMState) -> Estimate:
+        """Box along the heading; half length and width are the roots of the extent's diagonal there."""
+        m, P, nu, _ = state
+        pose = m[..., :3].copy()
+        pose[..., PHI] = wrap_angle(m[..., PHI])
+        size = self._size(state)
+        log_std = np.sqrt(1 / (2 * (np.maximum(nu, NU_MIN) - 8)))
+        return Estimate(
+            pose=pose,
+            velocity=m[..., SPEED, None] * unit(m[..., PHI]),
+            yaw_rate=m[..., OMEGA].copy(),
+            size=size,
+            cov=cartesian_covariance(m, P),
+            size_std=size * log_std[..., None],
+            heading_std=np.sqrt(P[..., PHI, PHI]),
+            yaw_rate_std=np.sqrt(P[..., OMEGA, OMEGA]),
+        )
+
+    def resize(self, state: RMState, size: NDArray, size_std: NDArray) -> RMState:
+        """State with another size (..., 2) [m] of standard deviation size_std (..., 2) [m]."""
+        nu = degrees_of_freedom(size, size_std)
+        return state._replace(nu=nu, V=(nu - 6)[..., None, None] * extent_matrix(state.m[..., PHI], size))
+
+    def _size(self, state: RMState) -> NDArray:
+        M = rotation(state.m[..., PHI])
+        D = M.mT @ state.V @ M / (state.nu - 6)[..., None, None]
+        return 2 * np.sqrt(D.diagonal(axis1=-2, axis2=-1))
+
+    def _offset(self, state: RMState, scan: Scan) -> NDArray:
+        """Mean of the visible outline relative to the centre, (..., 2) [m]; zero without a detection."""
+        n = scan.mask.sum(-1)
+        where = np.broadcast_to(scan.pose[..., :2], (*scan.mask.shape, 2))
+        offset = visible_offset(state.m[..., :3], self._size(state), masked_mean(where, scan.mask, axes=1))
+        return np.where((n > 0)[..., None], offset, 0.0)
+
+    def range_rates(self, m: NDArray, P: NDArray, scan: Scan, xy: NDArray) -> tuple[NDArray, NDArray]:
+        """Correct phi, v, omega by ground range rates g = u . (v e_phi + omega J (z - c)), card multi_object step 7."""
+        g = scan.ground_rate
+        use = scan.mask & np.isfinite(g)
+        if not use.any():
+            return m, P
+        phi, v, omega = (m[..., i, None] for i in (PHI, SPEED, OMEGA))
+        u = scan.sight
+        e = unit(phi)
+        h = np.empty((*g.shape, 3))
+        h[..., 0], h[..., 1], h[..., 2] = v * cross(e, u), dot(u, e), cross(xy - m[..., None, :2], u)
+        residual = g - v * h[..., 1] - omega * h[..., 2]
+        residual = np.where(use, np.clip(residual, -self.rate_clip, self.rate_clip), 0.0)
+        h = np.where(use[..., None], h, 0.0)
+        information = self.rate_weight / self.rate_std**2
+        J = np.zeros(P.shape)
+        J[..., 2:, 2:] = information * (h.mT @ h)
+        score = np.zeros(m.shape)
+        score[..., 2:] = information * (h * residual[..., None]).sum(-2)
+        P_new = symmetrize(np.linalg.solve(I5 + P @ J, P))  # (P^-1 + J)^-1 without the inverse of P
+        return m + (P_new @ score[..., None])[..., 0], P_new
+
+
+def degrees_of_freedom(size: NDArray, size_std: NDArray) -> NDArray:
+    """Nu (...) at which the inverse Wishart has the mean relative size variance of (..., 2) boxes.
+
+    Var X_ii / X_ii^2 = 2 / (nu - 8) in this parametrisation, and the length goes with the root of X_ii.
+    """
+    relative = ((size_std / size) ** 2).mean(-1)
+    return 8 + 1 / (2 * np.maximum(relative, 1e-6))

@@ -1,0 +1,227 @@
+"""Koch's random matrix with Singer's motion model: centre and extent share one covariance.
+
+Symbols and equations: card rm_vmm, sections 1 to 3, after Koch (2008) and Singer (1970). The covariance of the
+kinematic state is the Kronecker product P (x) X^ with the extent X^ = X / (nu - 3): uncertainty has the shape of the
+object, and X^ is the spread of its detections, sensor noise included.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.batch import select
+from trackers.estimate import Estimate, check_estimate
+from trackers.geometry import extent_matrix, perpendicular, rotation, unit, wrap_angle
+from trackers.linalg import I2, inverse, outer, symmetrize
+from trackers.protocols import UpdateInfo
+from trackers.random_matrix.feldmann import moments
+from trackers.scan import Scan, check_scan
+
+NU_LEAST = 3.5  # the mean of the extent exists above 3
+NU_SPREAD = 5.5  # its variance above 5
+ROUNDING = 1e-9  # [m^2] keeps the scale matrix regular when all detections fall on one point for ever
+
+
+class KochState(NamedTuple):
+    """p(x | X) p(X) = N(x; m, P (x) X) IW(X; nu, scale X)."""
+
+    x: NDArray  # (..., 6) px, py [m], vx, vy [m/s], ax, ay [m/s^2]
+    P: NDArray  # (..., 3, 3) covariance factor of position, velocity, acceleration; times X^ [m^2]
+    nu: NDArray  # (...) degrees of freedom, > 3
+    X: NDArray  # (..., 2, 2) scale matrix [m^2], mean extent X / (nu - 3)
+    heading: NDArray  # (...) [rad] of the velocity; the last one known while the object stands
+
+    @property
+    def extent(self) -> NDArray:
+        """Mean extent X^ (..., 2, 2) [m^2]."""
+        return self.X / (self.nu - 3)[..., None, None]
+
+
+@dataclass(frozen=True)
+class Koch:
+    """Random matrix of Koch (2008) with the innovation covariance that follows from its model.
+
+    `printed` takes the form of the project report instead, S = H P H^T + sigma^2 / n, in which P is an ordinary
+    covariance; var_a is then an ordinary variance too (0.01 in the report). Range rates go beyond the paper.
+    """
+
+    theta: float = 0.5  # [s] memory of the acceleration
+    tau: float = 0.5  # [s] memory of the extent; the paper has one constant for both
+    var_a: float = 10.0  # [1/s^4] variance of the acceleration, in units of the extent
+    sigmas: float = 2.0  # half axes of the body over the spread of its detections: 2 for a uniform ellipse
+    printed: bool = False
+    sigma: float = 0.5  # [m] sensor noise of the printed form; the other has it in the extent
+    least_speed: float = 0.5  # [m/s] below, the heading is held
+    turn_speed: float = 2.0  # [m/s] yaw rates are worked out with at least this speed
+    rate_std: float = 0.5  # [m/s] range rate, scattering on the body included
+    rate_weight: float = 0.0  # information of a range rate; 0: not used, as in the paper
+    rate_clip: float = 1.5  # [m/s] larger residuals count as this
+
+    def init(self, estimate: Estimate) -> KochState:
+        """State from a prior; raises ValueError for a prior that is not finite, positive, definite."""
+        check_estimate(estimate)
+        x = np.concatenate([estimate.pose[..., :2], estimate.velocity, np.zeros_like(estimate.velocity)], -1)
+        nu = degrees_of_freedom(estimate.size, estimate.size_std)
+        heading = estimate.pose[..., 2]
+        X_hat = extent_matrix(heading, estimate.size / self.sigmas)
+        P = np.zeros((*nu.shape, 3, 3))
+        P[..., :2, :2] = self._factor(estimate.cov, X_hat)
+        P[..., 2, 2] = self.var_a
+        return KochState(x, P, nu, (nu - 3)[..., None, None] * X_hat, heading.copy())
+
+    def predict(self, state: KochState, dt: float) -> KochState:
+        """Time update over dt [s] >= 0, Singer's model."""
+        if not dt >= 0:
+            raise ValueError(f"dt must be >= 0 s, got {dt}; scans come in the order of time")
+        x, P, nu, X, heading = state
+        F, D = singer(dt, self.theta)
+        moved = x @ np.kron(F, np.eye(2)).T
+        fast = (self._speed(x) > self.least_speed) & (self._speed(moved) > self.least_speed)
+        # e nu alone falls below 3 after two steps without detections and makes the extent negative.
+        nu_new = np.minimum(nu, np.maximum(np.exp(-dt / self.tau) * nu, NU_LEAST))
+        return KochState(
+            x=moved,
+            P=F @ P @ F.T + self.var_a * D,
+            nu=nu_new,
+            X=X * ((nu_new - 3) / (nu - 3))[..., None, None],  # keeps the mean extent
+            heading=heading + np.where(fast, wrap_angle(course(moved) - course(x)), 0.0),
+        )
+
+    def update(self, state: KochState, scan: Scan) -> tuple[KochState, UpdateInfo]:
+        """Measurement update; without a detection the state is returned as it came."""
+        check_scan(scan)
+        return self.correct(state, scan, np.zeros(2))
+
+    def correct(self, state: KochState, scan: Scan, offset: NDArray) -> tuple[KochState, UpdateInfo]:
+        """Measurement update by the mean of the detections, known to lie at offset (..., 2) [m] from the state's."""
+        x, P, nu, X, heading = state
+        xy = scan.xy
+        n, z_bar, Z = moments(xy, scan.mask)
+        noise = self.sigma**2 if self.printed else 1.0  # printed: the mean's noise is an area beside a pure factor
+        S = np.maximum(P[..., 0, 0] + noise / np.maximum(n, 1), 1e-12)  # regular at sigma = 0
+        W = P[..., 0] / S[..., None]
+        eps = z_bar - offset - x[..., :2]
+        shift = (W[..., :, None] * eps[..., None, :]).reshape(*eps.shape[:-1], 6)
+        unit_of_P = np.eye(2) if self.printed else state.extent
+        x_new, P_new = self._range_rates(
+            x + shift, symmetrize(P - outer(W) * S[..., None, None]), state.extent, scan, xy, z_bar
+        )
+        new = KochState(
+            x=x_new,
+            P=P_new,
+            nu=nu + n,
+            X=symmetrize(X + outer(eps) / S[..., None, None] + Z + ROUNDING * np.eye(2)),  # Z is a sum
+            heading=np.where(self._speed(x_new) > self.least_speed, course(x_new), heading),
+        )
+        return select(n > 0, new, state), UpdateInfo(n, eps, S[..., None, None] * unit_of_P)
+
+    def estimate(self, state: KochState) -> Estimate:
+        """Box along the heading; half length and width are `sigmas` roots of the extent's diagonal there."""
+        M = rotation(state.heading)
+        D = M.mT @ state.extent @ M
+        size = 2 * self.sigmas * np.sqrt(np.stack([D[..., 0, 0], D[..., 1, 1]], -1))
+        relative = np.sqrt(1 / (2 * (np.maximum(state.nu, NU_SPREAD) - 5)))
+        return self.describe(state, state.x[..., :2], state.heading, size, size * relative[..., None])
+
+    def resize(self, state: KochState, size: NDArray, size_std: NDArray) -> KochState:
+        """State with another size (..., 2) [m] of standard deviation size_std (..., 2) [m].
+
+        The factor P is scaled so that the total variance of the centre stays.
+        """
+        nu = degrees_of_freedom(size, size_std)
+        X_hat = extent_matrix(state.heading, size / self.sigmas)
+        ratio = np.trace(state.extent, axis1=-2, axis2=-1) / np.trace(X_hat, axis1=-2, axis2=-1)
+        P = state.P if self.printed else state.P * ratio[..., None, None]
+        return state._replace(P=P, nu=nu, X=(nu - 3)[..., None, None] * X_hat)
+
+    def describe(
+        self, state: KochState, centre: NDArray, heading: NDArray, size: NDArray, size_std: NDArray
+    ) -> Estimate:
+        """The record of a box whose motion is that of the state: velocity, yaw rate and their covariances."""
+        C = self.covariance(state)
+        v, a = state.x[..., 2:4], state.x[..., 4:6]
+        across = perpendicular(unit(course(state.x)))
+        sideways = np.sqrt((across[..., None, :] @ C[..., 2:4, 2:4] @ across[..., None])[..., 0, 0])
+        wobble = np.sqrt((across[..., None, :] @ C[..., 4:, 4:] @ across[..., None])[..., 0, 0])
+        speed = self._speed(state.x)
+        return Estimate(
+            pose=np.concatenate([centre, wrap_angle(heading)[..., None]], -1),
+            velocity=v.copy(),
+            yaw_rate=self._yaw_rate(v, a),
+            size=size,
+            cov=symmetrize(C[..., :4, :4]) + ROUNDING * np.eye(4),
+            size_std=size_std,
+            heading_std=np.arctan2(sideways, np.maximum(speed, self.least_speed)),
+            yaw_rate_std=wobble / np.maximum(speed, self.turn_speed),
+        )
+
+    def covariance(self, state: KochState) -> NDArray:
+        """Covariance (..., 6, 6) of the kinematic state."""
+        return self._covariance(state.P, state.extent)
+
+    def _yaw_rate(self, v: NDArray, a: NDArray) -> NDArray:
+        speed2 = (v * v).sum(-1)
+        turn = (perpendicular(v) * a).sum(-1) / np.maximum(speed2, self.turn_speed**2)
+        return np.where(speed2 > self.least_speed**2, turn, 0.0)
+
+    def _speed(self, x: NDArray) -> NDArray:
+        return np.hypot(x[..., 2], x[..., 3])
+
+    def _covariance(self, P: NDArray, X_hat: NDArray) -> NDArray:
+        """Covariance (..., 6, 6) of the kinematic state, P (x) X^; the printed form has P (x) I."""
+        B = np.broadcast_to(I2, X_hat.shape) if self.printed else X_hat
+        return (P[..., :, None, :, None] * B[..., None, :, None, :]).reshape(*P.shape[:-2], 6, 6)
+
+    def _factor(self, C: NDArray, X_hat: NDArray) -> NDArray:
+        """Factor P (..., s, s) of a covariance (..., 2 s, 2 s): P_ij = tr(X^^-1 C_ij) / 2, exact for P (x) X^."""
+        s = C.shape[-1] // 2
+        B = np.broadcast_to(I2, X_hat.shape) if self.printed else inverse(X_hat)
+        blocks = C.reshape(*C.shape[:-2], s, 2, s, 2)
+        return symmetrize((B[..., None, :, None, :] * blocks).sum((-3, -1)) / 2)
+
+    def _range_rates(
+        self, x: NDArray, P: NDArray, X_hat: NDArray, scan: Scan, xy: NDArray, centre: NDArray
+    ) -> tuple[NDArray, NDArray]:
+        """Correct the velocity by ground range rates g = u . (v + omega J (z - centre)).
+
+        One line of sight does not keep the covariance a Kronecker product; the nearest factor is taken.
+        """
+        g = scan.ground_rate
+        use = scan.mask & np.isfinite(g)
+        if self.rate_weight == 0 or not use.any():
+            return x, P
+        u = np.where(use[..., None], scan.sight, 0.0)
+        swing = (u * perpendicular(xy - centre[..., None, :])).sum(-1)
+        v = x[..., 2:4]
+        expected = (u * v[..., None, :]).sum(-1) + self._yaw_rate(v, x[..., 4:6])[..., None] * swing
+        residual = np.where(use, np.clip(g - expected, -self.rate_clip, self.rate_clip), 0.0)
+        information = self.rate_weight / self.rate_std**2
+        C = self._covariance(P, X_hat)
+        J, score = np.zeros_like(C), np.zeros_like(x)
+        J[..., 2:4, 2:4] = information * (u.mT @ u)
+        score[..., 2:4] = information * (u * residual[..., None]).sum(-2)
+        C_new = symmetrize(np.linalg.solve(np.eye(6) + C @ J, C))  # (C^-1 + J)^-1 without the inverse of C
+        return x + (C_new @ score[..., None])[..., 0], self._factor(C_new, X_hat)
+
+
+def singer(dt: float, theta: float) -> tuple[NDArray, NDArray]:
+    """Transition F and noise shape D, both (3, 3), over dt [s]; the approximation that the paper uses."""
+    e = np.exp(-dt / theta)
+    F = np.array([[1, dt, dt**2 / 2], [0, 1, dt], [0, 0, e]])
+    return F, (1 - e**2) * np.diag([0.0, 0.0, 1.0])
+
+
+def course(x: NDArray) -> NDArray:
+    """Direction (...) [rad] of the velocity of states x (..., 6)."""
+    return np.arctan2(x[..., 3], x[..., 2])
+
+
+def degrees_of_freedom(size: NDArray, size_std: NDArray) -> NDArray:
+    """Nu (...) at which the inverse Wishart has the mean relative size variance of (..., 2) boxes.
+
+    Var X_ii / X_ii^2 = 2 / (nu - 5) in this parametrisation, and the length goes with the root of X_ii.
+    """
+    relative = ((size_std / size) ** 2).mean(-1)
+    return 5 + 1 / (2 * np.maximum(relative, 1e-6))
