@@ -22,7 +22,7 @@ def catalogue() -> str:
 
 
 def section(text):
-    return re.search(r"tests/test_readme\.py -->\n(.*)<!-- end of catalogue -->", text, re.S).group(1)
+    return re.search(r"tests/docs/test_readme\.py -->\n(.*)<!-- end of catalogue -->", text, re.S).group(1)
 
 
 def test_the_catalogue_is_that_of_the_registries():

@@ -3,9 +3,8 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-import pytest
 
-from trackers import MultiObjectTracker, RandomMatrix, Scan, SensorModel
+from trackers import Scan, SensorModel
 from trackers.geometry import to_world, unit
 
 RADAR = SensorModel(mount=(2.3, 0.0, 0.0), max_range=174.0, fov=np.deg2rad(60), clutter=5.0)
@@ -75,8 +74,3 @@ def drive(tracker, road, seconds, each=None):
         if each:
             each(road, scan, tracks, info)
     return tracks, infos
-
-
-@pytest.fixture
-def tracker():
-    return MultiObjectTracker(RandomMatrix(), (RADAR,))
