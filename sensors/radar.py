@@ -1,4 +1,4 @@
-"""The radar: a Scene in, a Scan and its Source out. Every step is a function of arrays and a generator."""
+"""The radar: a Scene in, a Scan and its Origin out. Every step is a function of arrays and a generator."""
 
 from dataclasses import dataclass, fields
 from functools import cached_property
@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sensors.illumination import Fans, Lit, Sight, fan, illuminate
+from sensors.origin import CONTOUR, STATIC, VOLUME, Origin
 from sensors.raycast import Edges, outline_edges
 from sensors.returns import Returns, add_noise, false_alarms, join, merge_cells
 from sensors.scattering import (
@@ -18,7 +19,6 @@ from sensors.scattering import (
     surface_points,
 )
 from sensors.scene import Scene
-from sensors.source import CONTOUR, STATIC, VOLUME, Source
 from trackers.geometry import compose, point_velocity, rotation, wrap_angle
 from trackers.scan import Scan, SensorModel
 
@@ -129,7 +129,7 @@ class Radar:
         azimuth = self.column("cell_azimuth_deg", np.pi / 180)
         return np.stack([self.column("cell_range"), azimuth, self.column("cell_rate")], -1)
 
-    def scan(self, scene: Scene, rng: np.random.Generator) -> tuple[Scan, Source]:
+    def scan(self, scene: Scene, rng: np.random.Generator) -> tuple[Scan, Origin]:
         """One look of all sensors at a scene; every detection is one row, there is no padding."""
         check_scene(scene)
         platform = scene.ego.platform
@@ -148,7 +148,7 @@ class Radar:
         s = got.sensor
         scan = Scan(got.polar, np.ones(len(s), bool), pose[s], velocity[s], self.sigma[s], s, platform)
         share = sight.share.max(0)
-        return scan, Source(got.object, got.body, got.edge, got.kind, expected.sum(0), share)
+        return scan, Origin(got.object, got.body, got.edge, got.kind, expected.sum(0), share)
 
     @cached_property
     def _rays(self) -> tuple[NDArray, NDArray, NDArray]:

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sensors.source import CLUTTER
+from sensors.origin import CLUTTER
 from trackers.geometry import wrap_angle
 
 
@@ -36,7 +36,7 @@ def merge_cells(returns: Returns, cell: NDArray) -> Returns:
 
     cell (M, 3) range [m], azimuth [rad], range rate [m/s]. A size of zero or infinity does not tell returns apart;
     returns of a sensor with no positive finite size are not merged at all. The merged return lies at the mean of its
-    parts and keeps the source of the first one.
+    parts and keeps the origin of the first one.
     """
     splits = (cell > 0) & np.isfinite(cell)
     if not splits.any():

@@ -5,12 +5,12 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from sensors.origin import Origin
 from sensors.scene import Scene
-from sensors.source import Source
 from trackers.multi.tracks import StepInfo, Tracks
 from trackers.scan import Scan
 
 TRUTH = "truth"  # name of the tracker whose tracks are the scene itself
 
 Outputs = Mapping[str, tuple[Tracks, StepInfo]]
-Observer = Callable[[int, float, Scene, Scan, Source, Outputs, str, NDArray], Any]
+Observer = Callable[[int, float, Scene, Scan, Origin, Outputs, str, NDArray], Any]

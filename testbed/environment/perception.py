@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 import sensors
 import trackers
+from sensors.origin import Origin
 from sensors.scene import Scene
-from sensors.source import Source
 from testbed.environment.belief import advance
 from testbed.frame import TRUTH, Observer
 from trackers.estimate import Estimate, prior
@@ -36,7 +36,7 @@ class RadarLike(Protocol):
     def rate(self) -> float | None:
         """Looks per second; None: one a simulated frame."""
 
-    def scan(self, scene: Scene, rng: np.random.Generator) -> tuple[Scan, Source]:
+    def scan(self, scene: Scene, rng: np.random.Generator) -> tuple[Scan, Origin]:
         """One look."""
 
 
@@ -127,15 +127,15 @@ def truth_tracks(scene: Scene) -> Tracks:
     return Tracks(o.id, sure, np.ones(n, int), np.full(n, scene.time), sure > 0, None, estimate, next_id)
 
 
-def truth_info(scene: Scene, source: Source) -> StepInfo:
-    """What a tracker would report that knew the source of every detection."""
+def truth_info(scene: Scene, origin: Origin) -> StepInfo:
+    """What a tracker would report that knew the origin of every detection."""
     n = len(scene.objects.id)
-    owned = source.object >= 0
+    owned = origin.object >= 0
     owner = np.full(len(owned), -1)
-    owner[owned] = scene.objects.id[source.object[owned]]
-    count = np.bincount(source.object[owned], minlength=n)
-    seen = source.visible > 0
-    return StepInfo(owner, scene.objects.id, source.expected, seen, count, np.zeros(n), np.full(n, np.nan), ())
+    owner[owned] = scene.objects.id[origin.object[owned]]
+    count = np.bincount(origin.object[owned], minlength=n)
+    seen = origin.visible > 0
+    return StepInfo(owner, scene.objects.id, origin.expected, seen, count, np.zeros(n), np.full(n, np.nan), ())
 
 
 class Perception:
@@ -180,7 +180,7 @@ class Perception:
         """Read a scene, scan it, and feed all trackers."""
         start = perf_counter()
         self.scene = read()
-        self.scan, self.source = self.radar.scan(self.scene, self.rng)
+        self.scan, self.origin = self.radar.scan(self.scene, self.rng)
         sensed = perf_counter()
         self.outputs = {name: self._timed_step(name, tracker) for name, tracker in self._driven.items()}
         self.seconds["sense"] += sensed - start
@@ -189,7 +189,7 @@ class Perception:
     def tell(self, action: str, plan: NDArray) -> None:
         """Hand the last look to the observers, with the planner's action and plan (P, 2) [m]."""
         for observer in self.observers:
-            observer(self.frame, self.scene.time, self.scene, self.scan, self.source, self.outputs, action, plan)
+            observer(self.frame, self.scene.time, self.scene, self.scan, self.origin, self.outputs, action, plan)
 
     def estimate(self, time: float) -> tuple[NDArray, Estimate]:
         """Ids (T,) and estimates of the first tracker's reported tracks, moved on to a time [s] after the last look."""
@@ -214,6 +214,6 @@ class Perception:
 
     def _step(self, name: str, tracker: TrackerLike | None) -> tuple[Tracks, StepInfo]:
         if tracker is None:
-            return truth_tracks(self.scene), truth_info(self.scene, self.source)
+            return truth_tracks(self.scene), truth_info(self.scene, self.origin)
         self._tracks[name], info = tracker.step(self._tracks[name], self.scan, self.scene.dt)
         return self._tracks[name], info

@@ -23,8 +23,8 @@ from scenarios.constants import protect_idm_constants
 from scenarios.highway import ScenarioEnv
 from scenarios.lanes import lane_shapes
 from scenarios.vehicles import CourseVehicle
+from sensors.origin import Origin
 from sensors.scene import Scene
-from sensors.source import Source
 from testbed.environment.belief import BeliefView, RoadSwap, attach_view, belief_road, mirror_road
 from testbed.environment.observation import without_frames
 from testbed.environment.perception import Cost, Perception, label
@@ -132,9 +132,9 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
         return self._senses.scan
 
     @property
-    def source(self) -> Source:
+    def origin(self) -> Origin:
         """Where the detections of the last look came from; for metrics and logs only."""
-        return self._senses.source
+        return self._senses.origin
 
     @property
     def tracks(self) -> Tracks:
@@ -162,7 +162,7 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
         return self._senses.costs
 
     def attach(self, observer: Observer) -> None:
-        """Call `observer(step, time, scene, scan, source, outputs, action, plan)` after every look of the radar.
+        """Call `observer(step, time, scene, scan, origin, outputs, action, plan)` after every look of the radar.
 
         `step` counts simulated frames, `time` is in seconds; `outputs` maps the name of each tracker to
         (Tracks, StepInfo); `action` is the planner's last choice in words and `plan` (P, 2) [m] what it put into

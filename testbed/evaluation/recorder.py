@@ -12,8 +12,8 @@ from typing import Any
 from numpy.typing import NDArray
 
 from scenarios.lanes import LaneShape, is_dashed, is_drawn
+from sensors.origin import Origin
 from sensors.scene import Scene
-from sensors.source import Source
 from testbed.evaluation.driving import DriveEvaluator
 from testbed.evaluation.smoothing import Memory
 from testbed.evaluation.tracking import Evaluator, FrameScore, jsonable
@@ -95,7 +95,7 @@ class Recorder:
         time: float,
         scene: Scene,
         scan: Scan,
-        source: Source,
+        origin: Origin,
         outputs: Outputs,
         action: str,
         plan: NDArray,
@@ -106,7 +106,7 @@ class Recorder:
         scores = {}
         for name, evaluator in self.evaluators.items():
             tracks, info = outputs[name]
-            scores[name] = evaluator.step(time, scene, source, tracks, info.owner)
+            scores[name] = evaluator.step(time, scene, origin, tracks, info.owner)
         events = self._phase_events(scene) + self._crash_events(scene)
         for name, score in scores.items():
             events += self._lost_events(name, time, score)
@@ -115,7 +115,7 @@ class Recorder:
             name: TrackerFrame(*outputs[name], score.pairs, score.errors, score.mean) for name, score in scores.items()
         }
         with self._writing_log():
-            self.log.step(StepRecord(step, time, scene, scan, source, frames, action, plan, tuple(events)))
+            self.log.step(StepRecord(step, time, scene, scan, origin, frames, action, plan, tuple(events)))
             for name, memory in self._memory.items():
                 memory.keep(step, time, outputs[name][0])
                 if memory.full:

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sensors.origin import Origin
 from sensors.scene import Objects, Scene
-from sensors.source import Source
 from testbed.evaluation import histories
 from testbed.evaluation.histories import History
 from testbed.evaluation.metrics import gospa, mean, nees_bounds, rmse
@@ -78,20 +78,20 @@ class Evaluator:
         self._took: dict[int, list[int]] = defaultdict(lambda: [0, 0])  # track id -> detections of objects, of nothing
 
     def step(
-        self, time: float, scene: Scene, source: Source, tracks: Tracks, owner: NDArray | None = None
+        self, time: float, scene: Scene, origin: Origin, tracks: Tracks, owner: NDArray | None = None
     ) -> FrameScore:
-        """Score the tracks after the scan at `time` [s]; `source` belongs to that scan.
+        """Score the tracks after the scan at `time` [s]; `origin` belongs to that scan.
 
         owner (M,) is the id of the track that took each detection, as in `StepInfo`; without it nothing is said about
         tracks of clutter.
         """
-        self._check(time, scene, source)
+        self._check(time, scene, origin)
         if owner is not None:
-            for track, real in zip(owner[owner >= 0].tolist(), (source.object[owner >= 0] >= 0).tolist(), strict=True):
+            for track, real in zip(owner[owner >= 0].tolist(), (origin.object[owner >= 0] >= 0).tolist(), strict=True):
                 self._took[track][not real] += 1
         objects, out = scene.objects, tracks._replace(state=None).reported
         countable = _countable(objects)
-        counted = self._count(time, objects, source) & countable
+        counted = self._count(time, objects, origin) & countable
         distance = pair_distances(objects, out.estimate)
         score = gospa(distance, counted)
         rows, columns = score.pairs.T
@@ -103,7 +103,7 @@ class Evaluator:
             int(counted.sum()), int((counted & (held_by < 0)).sum()), len(out.id) - len(rows), len(out.id),
         )  # fmt: skip
         self._frames.append(frame)
-        plain = countable & (source.visible > PLAIN_SHARE) & (source.expected > PLAIN_COUNT)
+        plain = countable & (origin.visible > PLAIN_SHARE) & (origin.expected > PLAIN_COUNT)
         self._remember(time, objects, counted, plain, held_by, out)
         cares = counted[rows]
         self._pair_keys += [(time, i) for i in objects.id[rows[cares]].tolist()]
@@ -172,20 +172,20 @@ class Evaluator:
         """Object id -> its scans."""
         return {key: History(*map(np.array, zip(*rows, strict=True))) for key, rows in self._rows.items()}
 
-    def _check(self, time: float, scene: Scene, source: Source) -> None:
+    def _check(self, time: float, scene: Scene, origin: Origin) -> None:
         N = len(scene.objects.id)
-        if source.expected.shape != (N,):
+        if origin.expected.shape != (N,):
             raise ValueError(
-                f"source.expected must be ({N},), got {source.expected.shape}; it belongs to another scene"
+                f"origin.expected must be ({N},), got {origin.expected.shape}; it belongs to another scene"
             )
         if self._frames and time <= self._frames[-1].time:
             last = self._frames[-1].time
             raise ValueError(f"time must grow, got {time} s after {last} s; make a new Evaluator for each run")
 
-    def _count(self, time: float, objects: Objects, source: Source) -> NDArray:
+    def _count(self, time: float, objects: Objects, origin: Origin) -> NDArray:
         """Which objects (N,) were expected to be detected of late."""
         ids = objects.id.tolist()
-        self._seen |= dict.fromkeys(objects.id[source.expected > COUNTED_ABOVE].tolist(), time)
+        self._seen |= dict.fromkeys(objects.id[origin.expected > COUNTED_ABOVE].tolist(), time)
         oldest = time - COUNTED_FOR - histories.TIME_ROUNDING
         return np.array([self._seen.get(i, -np.inf) >= oldest for i in ids], bool)
 

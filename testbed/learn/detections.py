@@ -180,8 +180,8 @@ def looks(
         bearing = rng.uniform(-0.5, 0.5) * WITHIN * sensor.fov
         aspect = rng.uniform(-np.pi, np.pi)
         pose = np.array([*(r * unit(bearing)), bearing + aspect])
-        scan, source = one.scan(lone_vehicle(make.contour, pose, size), rng)
-        own = source.object == 0
+        scan, origin = one.scan(lone_vehicle(make.contour, pose, size), rng)
+        own = origin.object == 0
         n = int(own.sum())
         heading, sizes = np.full(n, pose[2]), np.tile(size, (n, 1))
         yield Detections(

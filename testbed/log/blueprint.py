@@ -23,7 +23,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 from rerun.blueprint.encodings import VisualizerComponentMapping
 
-from sensors.source import KINDS
+from sensors.origin import KINDS
 from testbed.log import palette, paths
 from testbed.log.layers import road_shape
 from testbed.log.modes import Modes

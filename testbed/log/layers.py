@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sensors.origin import KINDS
 from sensors.scene import Bodies, Ego, Objects, Scene
-from sensors.source import KINDS
 from testbed.log import palette, paths
 from testbed.log.modes import Modes, probabilities
 from testbed.log.record import RoadGeometry, SmoothedTracks, StepRecord, TrackerFrame
@@ -102,9 +102,9 @@ def plan_rows(plan: NDArray) -> Rows:
 def detection_rows(record: StepRecord) -> Rows:
     """Detections by kind with what the radar measured, where they came from and which track took them."""
     keep = np.flatnonzero(record.scan.mask)
-    scan, source = record.scan, record.source
+    scan, origin = record.scan, record.origin
     ids = np.append(record.scene.objects.id, -1).astype(np.int32)
-    object_id = ids[source.object[keep]]
+    object_id = ids[origin.object[keep]]
     sensor = np.broadcast_to(scan.sensor, scan.mask.shape)[keep].astype(np.int32)
     columns: dict[str, NDArray] = {
         "Points2D:positions": scan.xy[keep].astype(np.float32),
@@ -117,7 +117,7 @@ def detection_rows(record: StepRecord) -> Rows:
         owner = frame.info.owner[keep]
         columns[f"radar:owner_{name}"] = owner.astype(np.int32)
         columns[f"radar:owner_color_{name}"] = palette.identity(owner)
-    kind = source.kind[keep]
+    kind = origin.kind[keep]
     return {
         paths.detections(word): {component: column[kind == k] for component, column in columns.items()}
         for k, word in enumerate(KINDS)
@@ -225,13 +225,13 @@ def object_rows(record: StepRecord, modes: Modes = MappingProxyType({})) -> Rows
     Where a tracker mixes the motion models `modes`, their probabilities stand beside the errors.
     """
     ids = record.scene.objects.id
-    source = record.source
-    of_object = source.object[record.scan.mask]
+    origin = record.origin
+    of_object = origin.object[record.scan.mask]
     got = np.bincount(of_object[of_object >= 0], minlength=len(ids))
     rows: Rows = {}
     for i, number in enumerate(ids):
         rows[paths.of_object(number, paths.SEEN)] = _numbers(
-            "radar", {"detections": got[i], "expected": source.expected[i], "visible": source.visible[i]}
+            "radar", {"detections": got[i], "expected": origin.expected[i], "visible": origin.visible[i]}
         )
     for name, frame in record.frames.items():
         names = modes.get(name, ())

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sensors.source import KINDS
+from sensors.origin import KINDS
 
 TRUTH = 0xC9CBD6FF
 EGO = 0xFFFFFFFF

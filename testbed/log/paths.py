@@ -7,7 +7,7 @@ entity per layer; numbers live under `metrics`, `objects` and `ego`.
 import re
 from functools import lru_cache
 
-from sensors.source import KINDS
+from sensors.origin import KINDS
 
 APPLICATION = "eot_testbed"
 STEP, TIME = "step", "sim_time"  # the two timelines: frame number, seconds of simulation
@@ -44,7 +44,7 @@ def part(name: str) -> str:
 
 
 def detections(kind: str) -> str:
-    """Layer of the detections of one kind, see `sensors.source.KINDS`."""
+    """Layer of the detections of one kind, see `sensors.origin.KINDS`."""
     return f"world/detections/{part(kind)}"
 
 

@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 from numpy.typing import NDArray
 
+from sensors.origin import Origin
 from sensors.scene import Scene
-from sensors.source import Source
 from trackers.multi.tracks import StepInfo, Tracks
 from trackers.scan import Scan
 
@@ -45,7 +45,7 @@ class StepRecord(NamedTuple):
     time: float  # [s]
     scene: Scene
     scan: Scan
-    source: Source
+    origin: Origin
     frames: dict[str, TrackerFrame]  # tracker name -> frame, in the order of the command line
     action: str  # what the planner last chose
     plan: NDArray  # (P, 2) [m] where the planner means to go, world frame

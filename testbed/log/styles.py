@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 import rerun as rr
 
-from sensors.source import KINDS
+from sensors.origin import KINDS
 from testbed.log import palette, paths
 from testbed.log.layers import dashes, fields_of_view
 from testbed.log.record import RoadGeometry

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from sensors import RADARS, Radar, Sensor, find
+from sensors.origin import CLUTTER, CONTOUR, STATIC, VOLUME
 from sensors.scattering import draw_counts, draw_depth
 from sensors.scene import Ego, boxes_scene
-from sensors.source import CLUTTER, CONTOUR, STATIC, VOLUME
 from trackers.geometry import box_corners, to_frame, unit
 from trackers.scan import check_scan
 
@@ -39,18 +39,18 @@ def traffic(seed=3):
 @pytest.mark.parametrize("name", RADARS)
 def test_every_rig_gives_a_scan_that_trackers_accept_and_a_source_for_each_detection(name):
     scene = traffic()
-    got, source = scan(find(name), scene)
+    got, origin = scan(find(name), scene)
     check_scan(got)
     M = len(got.mask)
     assert M > 0
     assert got.mask.all()
     assert got.pose.shape == got.noise.shape == (M, 3)
     assert got.velocity.shape == (M, 2)
-    for column in (source.object, source.body, source.edge, source.kind, got.sensor):
+    for column in (origin.object, origin.body, origin.edge, origin.kind, got.sensor):
         assert column.shape == (M,)
-    np.testing.assert_array_equal(source.object >= 0, source.kind <= VOLUME)
-    assert source.expected.shape == source.visible.shape == (12,)
-    assert ((source.visible >= 0) & (source.visible <= 1)).all()
+    np.testing.assert_array_equal(origin.object >= 0, origin.kind <= VOLUME)
+    assert origin.expected.shape == origin.visible.shape == (12,)
+    assert ((origin.visible >= 0) & (origin.visible <= 1)).all()
 
 
 def test_the_same_seed_gives_the_same_scan_and_another_seed_another():
@@ -61,28 +61,28 @@ def test_the_same_seed_gives_the_same_scan_and_another_seed_another():
 
 
 def test_an_empty_scene_gives_empty_arrays():
-    got, source = scan(rig(), boxes_scene(np.zeros((0, 3)), np.zeros((0, 2))))
+    got, origin = scan(rig(), boxes_scene(np.zeros((0, 3)), np.zeros((0, 2))))
     assert (got.polar.shape, got.pose.shape, got.velocity.shape) == ((0, 3), (0, 3), (0, 2))
     assert got.platform.shape == (6,)
-    assert source.expected.shape == (0,)
+    assert origin.expected.shape == (0,)
 
 
 def test_detections_without_noise_lie_on_the_faces_that_look_at_the_sensor():
     pose, size = np.array([20.0, 6.0, 0.4]), np.array([4.6, 1.8])
-    got, source = scan(rig(count_at_15m=400.0, count_max=1e4), boxes_scene(pose, size))
+    got, origin = scan(rig(count_at_15m=400.0, count_max=1e4), boxes_scene(pose, size))
     e = to_frame(pose, got.xy)
     assert len(e) > 300
     np.testing.assert_allclose(np.max(np.abs(e) / (size / 2), -1), 1.0, atol=1e-9)
-    assert set(source.edge) == {0, 1}  # left and rear: the body itself hides its far front and right
-    np.testing.assert_array_equal(np.isclose(e[:, 0], -2.3), source.edge == 1)
+    assert set(origin.edge) == {0, 1}  # left and rear: the body itself hides its far front and right
+    np.testing.assert_array_equal(np.isclose(e[:, 0], -2.3), origin.edge == 1)
 
 
 def test_a_car_behind_a_truck_gets_nothing_and_is_not_expected():
     scene = boxes_scene([[20.0, 0.0, 0.0], [40.0, 0.0, 0.0]], [[12.0, 2.5], [4.6, 1.8]])
-    got, source = scan(rig(count_at_15m=200.0, count_max=1e4), scene)
-    assert (source.object == 0).all()
-    assert source.expected[1] == 0
-    assert source.visible.tolist() == [1.0, 0.0]
+    got, origin = scan(rig(count_at_15m=200.0, count_max=1e4), scene)
+    assert (origin.object == 0).all()
+    assert origin.expected[1] == 0
+    assert origin.visible.tolist() == [1.0, 0.0]
     alone = scan(rig(), boxes_scene([[40.0, 0.0, 0.0]], [[4.6, 1.8]]))[1]
     assert alone.expected[0] > 5
 
@@ -90,12 +90,12 @@ def test_a_car_behind_a_truck_gets_nothing_and_is_not_expected():
 def test_volume_detections_lie_inside_the_body_and_behind_its_surface():
     pose, size = np.array([20.0, 6.0, 0.4]), np.array([4.6, 1.8])
     sensor = rig(count_at_15m=400.0, count_max=1e4, share_volume=0.5, depth_volume=np.inf)
-    got, source = scan(sensor, boxes_scene(pose, size))
+    got, origin = scan(sensor, boxes_scene(pose, size))
     e = np.abs(to_frame(pose, got.xy)) / (size / 2)
     assert (e <= 1 + 1e-9).all()
-    assert 0.4 < (source.kind == VOLUME).mean() < 0.6
-    assert (e[source.kind == VOLUME].max(-1) < 0.999).mean() > 0.9
-    np.testing.assert_allclose(e[source.kind == CONTOUR].max(-1), 1.0, atol=1e-9)
+    assert 0.4 < (origin.kind == VOLUME).mean() < 0.6
+    assert (e[origin.kind == VOLUME].max(-1) < 0.999).mean() > 0.9
+    np.testing.assert_allclose(e[origin.kind == CONTOUR].max(-1), 1.0, atol=1e-9)
 
 
 def test_doppler_of_a_turning_target_seen_from_a_turning_ego_is_that_worked_out_by_hand():
@@ -132,9 +132,9 @@ def test_guard_rails_stand_still_over_ground_and_bodies_hide_them():
     walls = np.array([[[5.0, 6.0], [80.0, 6.0]]])
     radar = Radar("test", "", (replace(IDEAL, mount=(1.0, 0.5, 0.3), static_density=20.0),))
     bare = boxes_scene(np.zeros((0, 3)), np.zeros((0, 2)), ego=ego)._replace(walls=walls)
-    got, source = scan(radar, bare)
+    got, origin = scan(radar, bare)
     assert len(got.mask) > 100
-    assert (source.kind == STATIC).all()
+    assert (origin.kind == STATIC).all()
     np.testing.assert_allclose(got.ground_rate, 0.0, atol=1e-9)
     np.testing.assert_allclose(got.xy[:, 1], 6.0, atol=1e-9)
     hidden = boxes_scene([[40.0, 4.0, 0.0]], [[80.0, 1.0]], ego=ego)._replace(walls=walls)
@@ -176,16 +176,16 @@ def test_nothing_is_seen_outside_the_field_of_view_or_beyond_the_range():
     pose = [[30.0, 0.0, 0.0], [20.0, 20.0, 0.0], [-20.0, 0.0, 0.0], [80.0, 0.0, 0.0]]
     scene = boxes_scene(pose, [[4.6, 1.8]] * 4)
     scene = scene._replace(walls=np.array([[[-100.0, -9.0], [100.0, -9.0]]]))
-    got, source = scan(rig(fov_deg=40.0, max_range=60.0, static_density=20.0), scene)
-    assert set(source.object) == {0, -1}
+    got, origin = scan(rig(fov_deg=40.0, max_range=60.0, static_density=20.0), scene)
+    assert set(origin.object) == {0, -1}
     assert (np.abs(got.polar[:, 1]) <= np.radians(20) + 1e-9).all()
     assert (got.polar[:, 0] <= 60.5).all()  # a point within the sector of the last ray may lie a little beyond it
 
 
 def test_clutter_is_uniform_over_area_azimuth_and_doppler_with_the_stated_mean():
     radar = rig(clutter=20_000.0, max_range=80.0, fov_deg=60.0, max_rate=40.0)
-    got, source = scan(radar, boxes_scene(np.zeros((0, 3)), np.zeros((0, 2))))
-    assert (source.kind == CLUTTER).all()
+    got, origin = scan(radar, boxes_scene(np.zeros((0, 3)), np.zeros((0, 2))))
+    assert (origin.kind == CLUTTER).all()
     assert len(got.mask) == pytest.approx(20_000, abs=5 * np.sqrt(20_000))
     x = got.polar / [80.0, np.radians(60.0), 80.0] + [0.0, 0.5, 0.5]
     x[:, 0] **= 2  # the area within the range

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scenarios.lanes import lane_shapes
 from scenarios.stage import Phase
 from sensors.scene import Bodies, Ego, Objects, Scene
-from sensors.source import Source
+from sensors.origin import Origin
 from testbed.log.record import RoadGeometry
 from testbed.frame import TRUTH
 from testbed.planners import find as find_planner
@@ -42,7 +42,7 @@ class Look(NamedTuple):
 
     scene: Scene
     scan: Scan
-    source: Source
+    origin: Origin
 
 
 class Recording(NamedTuple):
@@ -63,8 +63,8 @@ def record(scenario: str, seed: int, radar: str, duration: float | None = None) 
     planner = find_planner(TRUTH)
     looks: list[Look] = []
 
-    def keep(step: int, time: float, scene: Scene, scan: Scan, source: Source, *rest: object) -> None:
-        looks.append(Look(scene, scan, source))
+    def keep(step: int, time: float, scene: Scene, scan: Scan, origin: Origin, *rest: object) -> None:
+        looks.append(Look(scene, scan, origin))
 
     start = perf_counter()
     config = {} if duration is None else {"duration": duration}
@@ -150,7 +150,7 @@ _SERIES: dict[str, Callable[[Look], Any]] = {
     "bodies.outline": lambda k: np.concatenate([np.zeros((0, 2)), *k.scene.bodies.outline]),
     "walls": lambda k: k.scene.walls,
     **{f"scan.{n}": lambda k, n=n: getattr(k.scan, n) for n in Scan._fields},  # type: ignore[misc]
-    **{f"source.{n}": lambda k, n=n: getattr(k.source, n) for n in Source._fields},  # type: ignore[misc]
+    **{f"origin.{n}": lambda k, n=n: getattr(k.origin, n) for n in Origin._fields},  # type: ignore[misc]
 }
 
 
@@ -181,7 +181,7 @@ def _looks_of_arrays(arrays: Arrays) -> tuple[Look, ...]:
             bodies=fields("bodies", Bodies, k, outline=outline),
             walls=series["walls"][k],
         )
-        looks.append(Look(scene, fields("scan", Scan, k), fields("source", Source, k)))
+        looks.append(Look(scene, fields("scan", Scan, k), fields("origin", Origin, k)))
     return tuple(looks)
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from sensors.scene import Scene
-from sensors.source import Source
+from sensors.origin import Origin
 from testbed.compare.runs.recording import Recording
 from testbed.log.record import RunMeta
 from testbed.environment.perception import Perception, radar_of
@@ -26,10 +26,10 @@ class Tape:
         self.models, self.rate = radar.models, radar.rate
         self._looks = {look.scene.time: look for look in recording.looks}
 
-    def scan(self, scene: Scene, rng: np.random.Generator) -> tuple[Scan, Source]:
+    def scan(self, scene: Scene, rng: np.random.Generator) -> tuple[Scan, Origin]:
         """The recorded look at this scene; the generator is left alone."""
         look = self._looks[scene.time]
-        return look.scan, look.source
+        return look.scan, look.origin
 
 
 def replay(recording: Recording, trackers: Sequence[str], observers: Sequence[Observer]) -> Perception:

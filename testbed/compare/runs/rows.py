@@ -20,7 +20,7 @@ import pyarrow.parquet as pq
 
 from scenarios.stage import Phase
 from sensors.scene import Scene
-from sensors.source import Source
+from sensors.origin import Origin
 from testbed.compare.runs.config import Task
 from testbed.evaluation.tracking import Evaluator, jsonable
 from testbed.evaluation.metrics import CUTOFF
@@ -94,11 +94,11 @@ class Rows:
         self._rows: list[tuple[Any, ...]] = []
 
     def __call__(
-        self, step: int, time: float, scene: Scene, scan: Scan, source: Source, outputs: Outputs, *drive: object
+        self, step: int, time: float, scene: Scene, scan: Scan, origin: Origin, outputs: Outputs, *drive: object
     ) -> None:
         """Take in one look."""
         tracks, info = outputs[self.task.tracker]
-        score = self.evaluator.step(time, scene, source, tracks, info.owner)
+        score = self.evaluator.step(time, scene, origin, tracks, info.owner)
         out = tracks.reported
         row_of = {track: k for k, track in enumerate(out.id.tolist())}
         number = dict(zip(info.track.tolist(), zip(info.detections.tolist(), info.nis.tolist())))
@@ -110,7 +110,7 @@ class Rows:
         for n, key in enumerate(objects.id.tolist()):
             if key not in score.counted:
                 continue
-            seen = (distance[n], float(source.visible[n]), float(source.expected[n]))
+            seen = (distance[n], float(origin.visible[n]), float(origin.expected[n]))
             if key in score.pairs:
                 track, errors = score.pairs[key], score.errors[key]
                 took, nis = number.get(track, (None, None))

@@ -12,9 +12,9 @@ import shapely
 from numpy.typing import NDArray
 
 from sensors import Radar, cast
+from sensors.origin import Origin
 from sensors.raycast import outline_edges
 from sensors.scene import Bodies, Scene, boxes_scene
-from sensors.source import Source
 from trackers.batch import stack
 from trackers.geometry import to_world, unit
 from trackers.scan import Scan
@@ -144,9 +144,9 @@ def radar_scans(truth: Truth, radar: Radar, runs: int, rng: np.random.Generator)
     return [padded([own(*radar.scan(scene, rng)) for _ in range(runs)]) for scene in scenes(truth)]
 
 
-def own(scan: Scan, source: Source) -> Scan:
+def own(scan: Scan, origin: Origin) -> Scan:
     """The detections that an object made."""
-    return scan._replace(mask=scan.mask & (source.object >= 0))
+    return scan._replace(mask=scan.mask & (origin.object >= 0))
 
 
 def padded(scans: list[Scan]) -> Scan:

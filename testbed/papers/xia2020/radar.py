@@ -60,8 +60,8 @@ def looks_at(scenes: list[Scene], radar: Radar, rng: np.random.Generator) -> lis
     """Scans of the one object of the scenes, without false alarms and walls."""
     found = []
     for scene in scenes:
-        scan, source = radar.scan(scene, rng)
-        own = source.object == 0
+        scan, origin = radar.scan(scene, rng)
+        own = origin.object == 0
         found.append(
             Scan(
                 scan.polar[own], scan.mask[own], scan.pose[own], scan.velocity[own], scan.noise[own],

@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sensors.origin import Origin
 from sensors.scene import Scene
-from sensors.source import Source
 from testbed.compare.statistics.measures import EDGES, LABELS
 from testbed.evaluation.metrics import rmse
 from testbed.evaluation.tracking import Evaluator
@@ -47,15 +47,15 @@ class LengthErrors:
         self._rows: dict[str, list[NDArray]] = {name: [np.zeros((0, 3))] for name in trackers}
 
     def __call__(
-        self, step: int, time: float, scene: Scene, scan: Scan, source: Source, outputs: Outputs, *drive: object
+        self, step: int, time: float, scene: Scene, scan: Scan, origin: Origin, outputs: Outputs, *drive: object
     ) -> None:
         """Take in one look."""
         objects = scene.objects
         for name, evaluator in self._evaluators.items():
-            score = evaluator.step(time, scene, source, outputs[name][0])
+            score = evaluator.step(time, scene, origin, outputs[name][0])
             counted = np.isin(objects.id, score.counted)
             error = [score.errors[i]["length"] if i in score.errors else np.nan for i in objects.id[counted].tolist()]
-            self._rows[name].append(np.stack([source.visible[counted], objects.size[counted, 0], error], -1))
+            self._rows[name].append(np.stack([origin.visible[counted], objects.size[counted, 0], error], -1))
 
     @property
     def looks(self) -> dict[str, Looks]:

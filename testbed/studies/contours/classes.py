@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sensors.origin import Origin
 from sensors.scene import Scene
-from sensors.source import Source
 from testbed.evaluation.tracking import Evaluator
 from testbed.frame import Outputs
 from testbed.log.text import markdown_table
@@ -39,13 +39,13 @@ class ClassProbe:
         self._rows: dict[tuple[int, int, str], list[tuple[float, NDArray]]] = {}
 
     def __call__(
-        self, step: int, time: float, scene: Scene, scan: Scan, source: Source, outputs: Outputs, *drive: object
+        self, step: int, time: float, scene: Scene, scan: Scan, origin: Origin, outputs: Outputs, *drive: object
     ) -> None:
         """Take in one look."""
         tracks, _ = outputs[self.tracker]
         probability = tracks.estimate.class_probability
         assert probability is not None
-        score = self._evaluator.step(time, scene, source, tracks)
+        score = self._evaluator.step(time, scene, origin, tracks)
         kinds = dict(zip(scene.objects.id.tolist(), scene.objects.kind, strict=True))
         row = {number: i for i, number in enumerate(tracks.id.tolist())}
         for number, track in score.pairs.items():

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from rich.console import Console
 
 from scenarios import find as find_scenario
+from sensors.origin import Origin
 from sensors.scene import Scene
-from sensors.source import Source
 from testbed.command_line.terminal import progress_bar, user_input
 from testbed.compare.runs.recording import record
 from testbed.compare.runs.replay import replay
@@ -86,11 +86,11 @@ class ModeProbe:
         self._rows: dict[int, list[NDArray]] = {}
 
     def __call__(
-        self, step: int, time: float, scene: Scene, scan: Scan, source: Source, outputs: Outputs, *drive: object
+        self, step: int, time: float, scene: Scene, scan: Scan, origin: Origin, outputs: Outputs, *drive: object
     ) -> None:
         """Take in one look."""
         tracks, info = outputs[self.tracker]
-        score = self._evaluator.step(time, scene, source, tracks)
+        score = self._evaluator.step(time, scene, origin, tracks)
         known = probabilities(TrackerFrame(tracks, info, score.pairs, score.errors, score.mean), self.names)
         unknown, objects = np.full(len(self.names), np.nan), scene.objects
         for i, number in enumerate(objects.id.tolist()):

@@ -176,7 +176,7 @@ def summary(recording: Recording, filter: Any) -> Row:
     tracks, evaluator = tracker.start(), Evaluator(recording.scenario)
     for look in recording.looks:
         tracks, info = tracker.step(tracks, look.scan, look.scene.dt)
-        evaluator.step(look.scene.time, look.scene, look.source, tracks, info.owner)
+        evaluator.step(look.scene.time, look.scene, look.origin, tracks, info.owner)
     return evaluator.summary()
 
 

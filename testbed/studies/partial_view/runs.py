@@ -107,8 +107,8 @@ def look(view: View, k: int, radar: Radar, kind: str, size: NDArray, rng: np.ran
     now = Motion(*(leaf[k] for leaf in view.vehicle))
     scans = []
     for ego in view.egos:
-        scan, source = radar.scan(scene_of(now, Motion(*(leaf[k] for leaf in ego)), kind, size), rng)
-        scans.append(Scan(*[*(leaf[source.object == 0] for leaf in scan[:-1]), scan.platform]))
+        scan, origin = radar.scan(scene_of(now, Motion(*(leaf[k] for leaf in ego)), kind, size), rng)
+        scans.append(Scan(*[*(leaf[origin.object == 0] for leaf in scan[:-1]), scan.platform]))
     joined = (np.concatenate(leaves) for leaves in zip(*(scan[:-1] for scan in scans), strict=True))
     return Scan(*[*joined, np.zeros(6)])
 

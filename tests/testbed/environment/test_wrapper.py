@@ -222,7 +222,7 @@ def test_a_copy_has_no_senses():
     env = TrackedEnv(make("highway-fast-v0"), tracker="truth")
     env.reset(seed=0)
     copied = deepcopy(env)
-    for name in ("truth", "tracks", "scan", "source", "observers"):
+    for name in ("truth", "tracks", "scan", "origin", "observers"):
         assert not hasattr(copied, name)
     before = env.truth
     copied.step(1)
@@ -286,12 +286,12 @@ def test_the_first_look_comes_at_reset_and_then_one_a_frame():
     env.step(3)
     assert [step for step, *_ in calls] == list(range(6))
     np.testing.assert_allclose([time for _, time, *_ in calls], np.arange(6) / 5)
-    _, time, scene, scan, source, outputs, action, plan = calls[-1]
+    _, time, scene, scan, origin, outputs, action, plan = calls[-1]
     assert scene is env.truth
     assert scene.time == time
     assert scene.dt == pytest.approx(0.2)
     assert scan is env.scan
-    assert len(source.object) == scan.mask.shape[-1]
+    assert len(origin.object) == scan.mask.shape[-1]
     assert list(outputs) == ["truth", "rm-feldmann"] == list(env.all_tracks)
     assert outputs["truth"][0] is env.tracks
     assert (action, plan.shape) == ("FASTER", (4, 2))

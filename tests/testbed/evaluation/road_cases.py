@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from sensors.origin import STATIC, Origin
 from sensors.scene import Scene
-from sensors.source import STATIC, Source
 from tests.testbed.evaluation.road_world import CAR, TRUCK, Road, Vehicle, World
 from trackers import Scan
 
@@ -55,13 +55,13 @@ def turn(seed: int) -> World:
     return World(tuple(vehicles), replace(EGO, speed=12.0), Road(curvature=1 / 90))
 
 
-def ghost(start: float, end: float) -> Callable[[float, Scene, Scan, Source, np.random.Generator], Scan]:
+def ghost(start: float, end: float) -> Callable[[float, Scene, Scan, Origin, np.random.Generator], Scan]:
     """Between two times, every third detection of object 0 comes a second time from 6 m farther, at the same rate."""
 
-    def distort(time: float, scene: Scene, scan: Scan, source: Source, rng: np.random.Generator) -> Scan:
+    def distort(time: float, scene: Scene, scan: Scan, origin: Origin, rng: np.random.Generator) -> Scan:
         if not start <= time < end:
             return scan
-        again = np.flatnonzero(source.object == 0)[::3]
+        again = np.flatnonzero(origin.object == 0)[::3]
         rows = np.concatenate([np.arange(len(scan.mask)), again])
         polar = scan.polar[rows].copy()
         polar[len(scan.mask) :, 0] += 6.0
@@ -129,9 +129,9 @@ def _conflict(vehicle: Vehicle, others: list[Vehicle]) -> bool:
     return False
 
 
-def static_rates(step_scan: Scan, source: Source) -> tuple[np.ndarray, np.ndarray]:
+def static_rates(step_scan: Scan, origin: Origin) -> tuple[np.ndarray, np.ndarray]:
     """Ground range rates (J,) [m/s] of the returns of guard rails, and their standard deviations (J,)."""
-    rail = source.kind == STATIC
+    rail = origin.kind == STATIC
     u = step_scan.sight[rail]
     sideways = step_scan.velocity[rail, 1] * u[:, 0] - step_scan.velocity[rail, 0] * u[:, 1]
     sigma = np.hypot(step_scan.noise[rail, 2], sideways * step_scan.noise[rail, 1])

@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sensors.origin import Origin
 from sensors.radar import Radar
 from sensors.rigs import RADARS
 from sensors.scene import Ego, Scene, boxes_scene
-from sensors.source import Source
 from testbed.evaluation.tracking import Evaluator, FrameScore
 from trackers import MultiObjectTracker, Scan, find
 from trackers.geometry import box_corners, perpendicular, unit
@@ -147,7 +147,7 @@ class Step(NamedTuple):
     time: float
     scene: Scene
     scan: Scan
-    source: Source
+    origin: Origin
     tracks: Tracks
     info: StepInfo
     score: FrameScore
@@ -173,7 +173,7 @@ class Outcome(NamedTuple):
         return np.array([step.score.mean["ghosts"] for step in self.steps if start <= step.time < end])
 
 
-Distortion = Callable[[float, Scene, Scan, Source, np.random.Generator], Scan]
+Distortion = Callable[[float, Scene, Scan, Origin, np.random.Generator], Scan]
 
 
 def tracker_for(world: World, name: str = "rm-feldmann", seconds: float = 10.0) -> MultiObjectTracker:
@@ -195,10 +195,10 @@ def drive(
     for k in range(round(seconds * RATE)):
         time = k / RATE
         scene = world.scene(time)
-        scan, source = radar(time).scan(scene, rng)
+        scan, origin = radar(time).scan(scene, rng)
         if distort is not None:
-            scan = distort(time, scene, scan, source, rng)
+            scan = distort(time, scene, scan, origin, rng)
         tracks, info = tracker.step(tracks, scan, 1 / RATE if k else 0.0)
-        score = evaluator.step(time, scene, source, tracks)
-        steps.append(Step(time, scene, scan, source, tracks, info, score))
+        score = evaluator.step(time, scene, origin, tracks)
+        steps.append(Step(time, scene, scan, origin, tracks, info, score))
     return Outcome(steps, evaluator)

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from sensors.source import CLUTTER, STATIC
+from sensors.origin import CLUTTER, STATIC
 from tests.testbed.evaluation import road_cases as cases
 from tests.testbed.evaluation.road_world import CAR, RATE, SEVEN, Outcome, World, drive, tracker_for, with_clutter
 from trackers import Scan
@@ -107,7 +107,7 @@ class TestCase:
 
     def test_03_a_car_that_was_hidden_behind_a_truck_keeps_its_id(self, name):
         outcome = run("hidden", name)
-        expected = np.array([step.source.expected[0] for step in outcome.steps])
+        expected = np.array([step.origin.expected[0] for step in outcome.steps])
         assert (expected == 0).sum() / RATE > 1.5
         assert expected[0] > 1
         assert expected[-1] > 1
@@ -118,13 +118,13 @@ class TestCase:
         start, end = BURST[0], BURST[0] + 1
         scans = [step for step in run("burst", name).steps if BURST[0] <= step.time < BURST[1]]
         before = [step for step in run("burst", name).steps if step.time < BURST[0]]
-        alarms = [np.mean([(s.source.kind == CLUTTER).sum() for s in some]) for some in (before, scans)]
+        alarms = [np.mean([(s.origin.kind == CLUTTER).sum() for s in some]) for some in (before, scans)]
         assert alarms[1] > 8 * alarms[0]
         assert run("burst", name).false(start, end).mean() <= run("abreast", name).false(start, end).mean() + 0.3
 
     def test_05_rails_and_clutter_alone_are_no_track(self, name):
         outcome = run("empty", name)
-        assert np.mean([(step.source.kind == STATIC).sum() for step in outcome.steps]) > 20
+        assert np.mean([(step.origin.kind == STATIC).sum() for step in outcome.steps]) > 20
         assert sum(len(step.tracks.reported.id) for step in outcome.steps) == 0
 
     def test_06_an_overtaking_car_is_found_early_and_held_across_all_radars(self, name):
@@ -159,7 +159,7 @@ class TestCase:
         outcome = run("tailgaters", name)
         assert len(outcome.ids(0)) == 1
         assert max(len(step.tracks.reported.id) for step in outcome.steps) == 1
-        assert max(step.source.expected[1:].max() for step in outcome.steps) == 0
+        assert max(step.origin.expected[1:].max() for step in outcome.steps) == 0
 
     def test_11_a_passing_truck_has_one_id_once_its_side_is_seen(self, name):
         """Weak in the card (birth to acceptance 1.7 s); here 0.7 s with one id."""
@@ -173,7 +173,7 @@ class TestCase:
         outcome = run("jam", name)
         late = [step for step in outcome.steps if step.time >= 7.5]
         assert np.abs(late[0].scene.objects.velocity).max() == 0
-        held = [{i: t for i, t in step.score.pairs.items() if step.source.visible[i] > 0.5} for step in late]
+        held = [{i: t for i, t in step.score.pairs.items() if step.origin.visible[i] > 0.5} for step in late]
         always = set.intersection(*(set(h) for h in held))
         assert len(always) >= 5
         assert all(len({h[i] for h in held}) == 1 for i in always)
@@ -183,7 +183,7 @@ class TestCase:
     def test_13_rails_stand_still_for_an_ego_that_turns(self, name):
         outcome = run("turn", name)
         assert abs(outcome.steps[0].scene.ego.yaw_rate) == pytest.approx(12 / 90)
-        rate, sigma = map(np.concatenate, zip(*(cases.static_rates(s.scan, s.source) for s in outcome.steps)))
+        rate, sigma = map(np.concatenate, zip(*(cases.static_rates(s.scan, s.origin) for s in outcome.steps)))
         assert len(rate) > 1000
         assert (np.abs(rate) < 3 * sigma).mean() >= 0.99
         assert outcome.false().mean() <= 1.5
@@ -229,7 +229,7 @@ def test_15_order_splitting_and_padding_of_seven_radars_change_nothing():
 @pytest.mark.parametrize("name", FILTERS)
 def test_16_an_empty_scan_costs_the_visible_its_miss_factor_and_the_hidden_only_time(name):
     outcome = run("hidden", name)
-    step = next(s for s in outcome.steps if s.source.expected[0] == 0 and s.time > 4)
+    step = next(s for s in outcome.steps if s.origin.expected[0] == 0 and s.time > 4)
     truck = int(np.argmin(np.abs(step.tracks.estimate.pose[:, 0] - step.scene.objects.pose[1, 0])))
     car = list(step.tracks.id).index(outcome.ids(0)[0])
     tracks = step.tracks._replace(existence=np.full(len(step.tracks.id), 0.9))

@@ -30,10 +30,10 @@ def test_the_json_holds_the_metrics_of_the_evaluator(tmp_path):
     env = gym.make("testbed/cut-in-v0", tracker="rm-feldmann", out=str(tmp_path), log="off", **QUICK)
     own: list[Evaluator] = []
 
-    def judge(step, time, scene, scan, source, outputs, action, plan):
+    def judge(step, time, scene, scan, origin, outputs, action, plan):
         if step == 0:
             own.append(Evaluator("rm-feldmann", env.recorder.phases))
-        own[0].step(time, scene, source, outputs["rm-feldmann"][0])
+        own[0].step(time, scene, origin, outputs["rm-feldmann"][0])
 
     env.attach(judge)
     drive(env)

@@ -75,7 +75,7 @@ def run_log(tmp_path, interrupted=False, **settings):
     env = gym.make("testbed/cut-in-v0", out=str(tmp_path), config={"duration": 2.0}, radar="surround", **settings)
     seen = {}
 
-    def watch(step, time, scene, scan, source, outputs, action, plan):
+    def watch(step, time, scene, scan, origin, outputs, action, plan):
         seen[step] = {name: (tracks.reported.id, tracks.reported.estimate) for name, (tracks, _) in outputs.items()}
 
     env.attach(watch)

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from sensors.origin import Origin
 from sensors.scene import boxes_scene
-from sensors.source import Source
 from testbed.evaluation.metrics import gospa, gwd
 from testbed.evaluation.pair_errors import ERRORS, pair_distances
 from testbed.evaluation.tracking import Evaluator, jsonable
@@ -35,7 +35,7 @@ def road(x, size=CAR, ids=None, kinds=None, crashed=None, **changes):
 
 def seen(scene, expected=9.0, visible=1.0):
     N = len(scene.objects.id)
-    return Source.empty(N)._replace(expected=np.full(N, expected), visible=np.full(N, visible))
+    return Origin.empty(N)._replace(expected=np.full(N, expected), visible=np.full(N, visible))
 
 
 def tracks_at(x, ids, existence=0.9, **belief):
@@ -57,8 +57,8 @@ def run(held, expected=None, visible=1.0, phases=()):
     return evaluator
 
 
-def step_once(scene, source, tracks):
-    return Evaluator("case").step(0.0, scene, source, tracks)
+def step_once(scene, origin, tracks):
+    return Evaluator("case").step(0.0, scene, origin, tracks)
 
 
 # One frame
@@ -133,14 +133,14 @@ def test_a_hidden_object_counts_for_one_more_second():
 def test_a_track_on_an_uncounted_object_is_neither_good_nor_false(reason):
     kinds = ("obstacle" if reason == "obstacle" else "car", "car")
     scene = road([20, 40], kinds=kinds, crashed=[reason == "crashed", False])
-    source = seen(scene)._replace(expected=np.array([0.0 if reason == "hidden" else 9.0, 9.0]))
+    origin = seen(scene)._replace(expected=np.array([0.0 if reason == "hidden" else 9.0, 9.0]))
     evaluator = Evaluator("case")
-    score = evaluator.step(0.0, scene, source, tracks_at([21, 40], [3, 4]))
+    score = evaluator.step(0.0, scene, origin, tracks_at([21, 40], [3, 4]))
     assert score.pairs == {1: 3, 2: 4}
     assert score.counted == (2,)
     assert score.mean["gospa"] == pytest.approx(0.0, abs=1e-6)
     assert evaluator.summary()["rmse_position"] == 0.0
-    assert evaluator.step(1.5, scene, source, tracks_at([40], [4])).mean["missed"] == 0.0
+    assert evaluator.step(1.5, scene, origin, tracks_at([40], [4])).mean["missed"] == 0.0
 
 
 def test_tracks_that_are_not_reported_do_not_exist():
@@ -305,7 +305,7 @@ def test_rows_become_strict_json():
 
 
 def test_a_source_of_another_scene_is_refused():
-    with pytest.raises(ValueError, match=r"source\.expected must be"):
+    with pytest.raises(ValueError, match=r"origin\.expected must be"):
         step_once(road([20, 40]), seen(road([20])), tracks_at([], []))
 
 

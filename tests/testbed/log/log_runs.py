@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from sensors.origin import CLUTTER, CONTOUR, STATIC, VOLUME, Origin
 from sensors.scene import Ego, boxes_scene
-from sensors.source import CLUTTER, CONTOUR, STATIC, VOLUME, Source
 from testbed.log import RoadGeometry, RunMeta, StepRecord, TrackerFrame
 from trackers.estimate import prior
 from trackers.geometry import box_corners, unit
@@ -79,8 +79,8 @@ def scan_of(scene, rng, per_object, clutter):
     owner = np.concatenate([np.repeat(np.arange(N), per_object), np.full(clutter + 4, -1)])
     scan = Scan.from_xy(np.where(padding[:, None], 0.0, xy), ~padding, scene.ego.pose)
     polar = np.where(padding[:, None], np.nan, scan.polar)
-    source = Source(owner, owner, owner, kind, np.full(N, float(per_object)), np.full(N, 0.7))
-    return scan._replace(polar=polar, sensor=np.zeros(len(xy), int)), source
+    origin = Origin(owner, owner, owner, kind, np.full(N, float(per_object)), np.full(N, 0.7))
+    return scan._replace(polar=polar, sensor=np.zeros(len(xy), int)), origin
 
 
 def tracks_of(scene, rng, noise, lost=()):
@@ -94,7 +94,7 @@ def tracks_of(scene, rng, noise, lost=()):
     return Tracks(objects.id + 100, existence, np.full(n, 9), np.full(n, 2.0), reported, np.zeros(n), estimate, 100 + n)
 
 
-def frame_of(scene, source, rng, noise, step):
+def frame_of(scene, origin, rng, noise, step):
     lost = (2,) if 20 <= step < 40 else ()
     tracks = tracks_of(scene, rng, noise, lost)
     events = []
@@ -103,7 +103,7 @@ def frame_of(scene, source, rng, noise, step):
     if step == 20:
         events = [Event("died", 102, "no detection for 1 s"), Event("born", 150, "3 detections no track explains")]
     n = len(tracks.id)
-    owner = np.where(source.object >= 0, source.object + 100, -1)
+    owner = np.where(origin.object >= 0, origin.object + 100, -1)
     info = StepInfo(
         owner, tracks.id, np.ones(n), np.ones(n, bool), np.ones(n, int), np.zeros(n), np.full(n, np.nan), tuple(events)
     )
@@ -137,15 +137,15 @@ def records(steps, seed=0, objects=5, per_object=4, clutter=5):
     rng = np.random.default_rng(seed)
     for step in range(steps):
         scene = scene_at(step, objects)
-        scan, source = scan_of(scene, rng, per_object, clutter)
+        scan, origin = scan_of(scene, rng, per_object, clutter)
         frames = {
-            "rm-feldmann": frame_of(scene, source, rng, 0.3, step),
-            "htg-map": frame_of(scene, source, rng, 0.12, step),
+            "rm-feldmann": frame_of(scene, origin, rng, 0.3, step),
+            "htg-map": frame_of(scene, origin, rng, 0.12, step),
         }
         ahead = np.linspace(0, 90, 10)
         plan = scene.ego.pose[:2] + np.stack([ahead, 4.0 * np.tanh(ahead / 60) * (scene.time < 6)], -1)
         events = (("INFO", "veh_01 starts a lane change"),) if step == 30 else ()
-        yield StepRecord(step, scene.time, scene, scan, source, frames, action_at(scene.time), plan, events)
+        yield StepRecord(step, scene.time, scene, scan, origin, frames, action_at(scene.time), plan, events)
 
 
 MIXING = META._replace(trackers=("rm-feldmann", "edra-imm"))  # the second tracker mixes cv, ca and ct

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sensors.source import KINDS
+from sensors.origin import KINDS
 from testbed.log import NullLog, RunLog, paths, reader
 from tests.testbed.log import log_runs
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from scenarios.stage import Phase
 from sensors.scene import Ego, boxes_scene
-from sensors.source import Source
+from sensors.origin import Origin
 from testbed.compare.runs.config import Settings, Task
 from testbed.compare.runs.recording import Look, Recording, load, read_seconds, record, save
 from testbed.compare.runs.replay import replay, write_log
@@ -93,11 +93,11 @@ def test_the_live_environment_shows_what_was_recorded_and_trackers_say_the_same(
     _, back, _ = drive
     looks, said, heard = [], [], []
 
-    def keep(step, time, scene, scan, source, outputs, *rest):
-        looks.append(copy.deepcopy(Look(scene, scan, source)))
+    def keep(step, time, scene, scan, origin, outputs, *rest):
+        looks.append(copy.deepcopy(Look(scene, scan, origin)))
         said.append(copy.deepcopy([outputs[name] for name in TRACKERS]))
 
-    def listen(step, time, scene, scan, source, outputs, *rest):
+    def listen(step, time, scene, scan, origin, outputs, *rest):
         heard.append([outputs[name] for name in TRACKERS])
 
     rows = [[Rows(Task(back.scenario, name, SEED), back.phases) for name in TRACKERS] for _ in range(2)]
@@ -140,7 +140,7 @@ def blind(look):
             polar=np.zeros((0, 3)), mask=np.zeros(0, bool), pose=np.zeros((0, 3)), velocity=np.zeros((0, 2)),
             noise=np.zeros((0, 3)), sensor=np.zeros(0, int),
         ),
-        source=Source.empty(len(look.scene.objects.id)),
+        origin=Origin.empty(len(look.scene.objects.id)),
     )  # fmt: skip
 
 
@@ -149,7 +149,7 @@ def deserted(look):
     scene = look.scene
     none = boxes_scene(np.zeros((0, 3)), np.zeros((0, 2)))
     return blind(look)._replace(
-        scene=scene._replace(objects=none.objects, bodies=none.bodies), source=Source.empty(0)
+        scene=scene._replace(objects=none.objects, bodies=none.bodies), origin=Origin.empty(0)
     )  # fmt: skip
 
 
@@ -195,7 +195,7 @@ def worlds(draw):
             np.full((width, 3), np.nan), np.zeros(width, int), rng.normal(size=6),
         )  # fmt: skip
         whole = rng.integers(-1, 3, (4, detections))
-        looks.append(Look(scene, scan, Source(*whole, rng.random(objects), rng.random(objects))))
+        looks.append(Look(scene, scan, Origin(*whole, rng.random(objects), rng.random(objects))))
     lines = tuple(rng.normal(size=(draw(st.integers(2, 4)), 2)) for _ in range(draw(st.integers(0, 2))))
     road = RoadMap(rng.normal(size=(3, 2)), rng.normal(size=(3, 2)), np.ones(3))
     drawn = RoadGeometry(lines, (), lines, (2.0,) * len(lines))

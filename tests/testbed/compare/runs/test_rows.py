@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from scenarios.stage import Phase
 from sensors.scene import boxes_scene
-from sensors.source import Source
+from sensors.origin import Origin
 from testbed.compare.runs.config import Task
 from testbed.compare.runs.recording import record
 from testbed.compare.runs.replay import replay
@@ -53,14 +53,14 @@ def scene_at(positions, ids, time=0.5, kinds=None):
     return scene._replace(objects=scene.objects._replace(id=np.array(ids, int), kind=kinds or ("car",) * n))
 
 
-def source_of(expected, real=()):
+def origin_of(expected, real=()):
     expected = np.array(expected, float)
     seen = np.full(len(expected), 0.75)
-    return Source.empty(len(expected))._replace(object=np.array(real, int), expected=expected, visible=seen)
+    return Origin.empty(len(expected))._replace(object=np.array(real, int), expected=expected, visible=seen)
 
 
-def look(rows, scene, source, tracks, info):
-    rows(0, scene.time, scene, None, source, {rows.task.tracker: (tracks, info)})
+def look(rows, scene, origin, tracks, info):
+    rows(0, scene.time, scene, None, origin, {rows.task.tracker: (tracks, info)})
 
 
 def entries(rows):
@@ -74,7 +74,7 @@ def one_look():
     scene = scene_at([(30, 40), (0, 50), (60, 0)], [5, 7, 8], kinds=("van", "car", "bus"))
     tracks = tracks_at([(60, 0), (30.3, 40.4), (-3, 4), (90, 90)], [2, 3, 6, 1], [0.9, 1.0, 0.6, 0.4])
     info = info_of([6, 9, 3, 2], [0, 5, 2, 4], [math.nan, 8.0, 1.5, 7.0], [3, 2, 3, 2, 2, 2])
-    look(rows, scene, source_of([2, 0.6, 0.1], real=[0, 0, 0, 0, 0, 0]), tracks, info)
+    look(rows, scene, origin_of([2, 0.6, 0.1], real=[0, 0, 0, 0, 0, 0]), tracks, info)
     return rows
 
 
@@ -114,8 +114,8 @@ def test_neither_uncounted_objects_nor_unreported_tracks_have_rows(one_look):
 
 def test_a_look_without_anything_to_say_has_a_row():
     rows = Rows(TASK, PHASES)
-    look(rows, scene_at([(60, 0)], [8]), source_of([0.1]), tracks_at([(60, 0)], [2]), info_of([2], [1], [1.0]))
-    look(rows, scene_at([], [], 1.5), source_of([]), tracks_at([], []), info_of([], [], []))
+    look(rows, scene_at([(60, 0)], [8]), origin_of([0.1]), tracks_at([(60, 0)], [2]), info_of([2], [1], [1.0]))
+    look(rows, scene_at([], [], 1.5), origin_of([]), tracks_at([], []), info_of([], [], []))
     found = entries(rows)
     assert [(r["time"], r["status"], r["phase"], r["gospa2"]) for r in found] == [
         (0.5, "empty", "before", 0.0),
@@ -126,7 +126,7 @@ def test_a_look_without_anything_to_say_has_a_row():
 
 def test_a_track_born_at_this_look_has_no_innovation_yet():
     rows = Rows(TASK)
-    look(rows, scene_at([(20, 0)], [1]), source_of([3]), tracks_at([(20, 0)], [4]), info_of([], [], []))
+    look(rows, scene_at([(20, 0)], [1]), origin_of([3]), tracks_at([(20, 0)], [4]), info_of([], [], []))
     (pair,) = entries(rows)
     assert (pair["status"], pair["track"], pair["nis"], pair["detections"]) == ("pair", 4, None, None)
 
@@ -134,7 +134,7 @@ def test_a_track_born_at_this_look_has_no_innovation_yet():
 def test_a_look_belongs_to_the_phase_that_it_begins_and_to_between_outside_of_all():
     rows = Rows(TASK, PHASES)
     for time in (0.0, 0.999, 1.0, 2.0):
-        look(rows, scene_at([], [], time), source_of([]), tracks_at([], []), info_of([], [], []))
+        look(rows, scene_at([], [], time), origin_of([]), tracks_at([], []), info_of([], [], []))
     assert rows.table().column("phase").to_pylist() == ["before", "before", "onset", "between"]
     assert [(s["phase"], s["scans"]) for s in rows.summaries()] == [("all", 4), ("before", 2), ("onset", 1)]
 
@@ -152,10 +152,10 @@ def test_rows_of_a_look_add_up_to_its_gospa(seed, objects, tracks):
     rows, evaluator = Rows(TASK, PHASES), Evaluator(TASK.tracker, PHASES)
     for k in range(3):
         scene = scene_at(rng.uniform(0, 15, (objects, 2)), range(objects), k / 2)
-        source = source_of(rng.uniform(0, 1.2, objects))
+        origin = origin_of(rng.uniform(0, 1.2, objects))
         heard = tracks_at(rng.uniform(0, 15, (tracks, 2)), range(10, 10 + tracks), rng.uniform(0.3, 1, tracks))
-        look(rows, scene, source, heard, info_of(range(10, 10 + tracks), [1] * tracks, rng.chisquare(2, tracks)))
-        score = evaluator.step(k / 2, scene, source, heard)
+        look(rows, scene, origin, heard, info_of(range(10, 10 + tracks), [1] * tracks, rng.chisquare(2, tracks)))
+        score = evaluator.step(k / 2, scene, origin, heard)
         mine = [row for row in entries(rows) if row["time"] == k / 2]
         status = [row["status"] for row in mine]
         assert sum(row["gospa2"] for row in mine) == pytest.approx(score.mean["gospa"] ** 2, rel=1e-5)
@@ -170,8 +170,8 @@ def drive():
     recording = record(LANE.scenario, LANE.seed, "surround", 2.0)
     rows, said = Rows(LANE, recording.phases), []
     replay(
-        recording, (LANE.tracker,), [rows, lambda step, time, scene, scan, source, outputs, *rest: said.append(
-            (time, scene, source, *outputs[LANE.tracker])
+        recording, (LANE.tracker,), [rows, lambda step, time, scene, scan, origin, outputs, *rest: said.append(
+            (time, scene, origin, *outputs[LANE.tracker])
         )],
     )  # fmt: skip
     return rows, said
@@ -185,14 +185,14 @@ def test_every_look_of_a_drive_has_rows_that_agree_with_scene_tracks_and_step(dr
     moments = {time: rest for time, *rest in said}
     for row in found:
         if row["status"] == "pair":
-            scene, source, tracks, info = moments[row["time"]]
+            scene, origin, tracks, info = moments[row["time"]]
             n, k = scene.objects.id.tolist().index(row["object"]), tracks.id.tolist().index(row["track"])
             estimate = tracks.estimate
             off = estimate.pose[k, :2] - scene.objects.pose[n, :2]
             assert row["position"] == pytest.approx(np.hypot(*off), rel=1e-5)
             assert row["nees_position"] == pytest.approx(off @ np.linalg.solve(estimate.cov[k, :2, :2], off), rel=1e-5)
             assert row["length"] == pytest.approx(estimate.size[k, 0] - scene.objects.size[n, 0], rel=1e-5, abs=1e-6)
-            assert row["expected"] == pytest.approx(source.expected[n], rel=1e-6)
+            assert row["expected"] == pytest.approx(origin.expected[n], rel=1e-6)
             if row["track"] in info.track:
                 step = info.track.tolist().index(row["track"])
                 nis = info.nis[step]

@@ -53,8 +53,8 @@ def radar_minute():
         pose = np.array([x[X] - AHEAD, 0.0, 0.0])
         ego = Ego(pose, x[VELOCITY], 0.0, CAR, box_corners(pose, CAR))
         scene = boxes_scene([[*x[PLACE], 0.0]], [CAR], [x[VELOCITY]], ego=ego, time=k * STEP)
-        scan, source = radar.scan(scene, rng)
-        steps.append((x, scan._replace(mask=source.object == 0)))
+        scan, origin = radar.scan(scene, rng)
+        steps.append((x, scan._replace(mask=origin.object == 0)))
     return first, steps
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from sensors.origin import Origin
 from sensors.scene import boxes_scene
-from sensors.source import Source
 from testbed.compare.statistics.measures import LABELS
 from testbed.studies.closed_loop.figure import draw
 from testbed.studies.closed_loop.length_errors import FEWEST, LengthErrors, Looks, joined, profile
@@ -54,11 +54,11 @@ def test_the_observer_takes_counted_vehicles_and_their_tracks():
     """A truck half hidden with a track 2 m too short, a car without a track, a car that the radar cannot see."""
     pose = np.array([[20.0, 0, 0], [50.0, 0, 0], [80.0, 0, 0]])
     scene = boxes_scene(pose, np.array([[10.0, 2.5], [4.5, 1.8], [4.5, 1.8]]))
-    source = Source.empty(3)._replace(expected=np.array([5.0, 5.0, 0.0]), visible=np.array([0.5, 1.0, 0.0]))
+    origin = Origin.empty(3)._replace(expected=np.array([5.0, 5.0, 0.0]), visible=np.array([0.5, 1.0, 0.0]))
     one = np.ones(1)
     tracks = Tracks(np.array([7]), one, one, one, one > 0, None, prior(pose[:1], size=np.array([[8.0, 2.5]])), 8)
     probe = LengthErrors(["a"])
-    probe(0, 0.0, scene, None, source, {"a": (tracks, None)}, "IDLE", np.zeros((0, 2)))
+    probe(0, 0.0, scene, None, origin, {"a": (tracks, None)}, "IDLE", np.zeros((0, 2)))
     found = probe.looks["a"]
     assert found.visible.tolist() == [0.5, 1.0]
     assert found.length.tolist() == [10.0, 4.5]

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from sensors.origin import Origin
 from sensors.scene import boxes_scene
-from sensors.source import Source
 from testbed.studies.modes.figure import TRUE, draw
 from testbed.studies.modes.page import (
     MODES,
@@ -126,7 +126,7 @@ def test_a_row_of_the_table_says_never_and_counts_what_came_in_time():
 
 def test_the_probe_takes_the_probabilities_of_the_track_of_each_vehicle():
     pose = np.array([[20.0, 0, 0], [50.0, 0, 0]])
-    source = Source.empty(2)._replace(expected=np.array([5.0, 5.0]), visible=np.ones(2))
+    origin = Origin.empty(2)._replace(expected=np.array([5.0, 5.0]), visible=np.ones(2))
     one = np.ones(1)
     tracks = Tracks(np.array([7]), one, one, one, one > 0, None, prior(pose[1:], size=np.array([[4.5, 1.8]])), 8)
     mode = np.array([[0.2, 0.3, 0.5], [1.0, 0.0, 0.0]])
@@ -134,7 +134,7 @@ def test_the_probe_takes_the_probabilities_of_the_track_of_each_vehicle():
     probe = ModeProbe("edra-imm")
     for step in range(3):
         scene = boxes_scene(pose, np.array([[4.5, 1.8]] * 2), np.array([[10.0, 0.0]] * 2), time=DT * step)
-        probe(step, DT * step, scene, None, source, {"edra-imm": (tracks, info)}, "IDLE", np.zeros((0, 2)))
+        probe(step, DT * step, scene, None, origin, {"edra-imm": (tracks, info)}, "IDLE", np.zeros((0, 2)))
     assert np.isnan(probe.courses[0].probability).all()
     assert probe.courses[1].probability.tolist() == [[0.2, 0.3, 0.5]] * 3
 

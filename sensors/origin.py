@@ -9,7 +9,7 @@ CONTOUR, VOLUME, CLUTTER, STATIC = range(4)
 KINDS = ("contour", "volume", "clutter", "static")
 
 
-class Source(NamedTuple):
+class Origin(NamedTuple):
     """Truth about the M detections of a scan and the N objects of its scene."""
 
     object: NDArray  # (M,) int, row of `scene.objects`, -1 for clutter and static returns
@@ -20,7 +20,7 @@ class Source(NamedTuple):
     visible: NDArray  # (N,) share of the outline facing the sensors that is not hidden by others, best sensor
 
     @classmethod
-    def empty(cls, objects: int) -> "Source":
+    def empty(cls, objects: int) -> "Origin":
         """No detection of a scene with so many objects."""
         none = np.zeros(0, int)
         return cls(none, none, none, none, np.zeros(objects), np.zeros(objects))
