@@ -18,7 +18,7 @@ from testbed.evaluation.tracking import Evaluator
 from tests.testbed.evaluation import road_cases as cases
 from tests.testbed.evaluation.road_world import SEVEN, Outcome, World, drive, tracker_for
 from trackers import MultiObjectTracker
-from trackers.multi.association import Detections
+from trackers.multi.association import SortedScan
 from trackers.multi.exclusion import Exclusion
 from trackers.multi.initiation import Initiation, Leftovers
 
@@ -30,7 +30,7 @@ Row = dict[str, float]
 class BearsFromRails(Initiation):
     """Births without the rule that nothing is born standing."""
 
-    def leftovers(self, z: Detections, *rest: Any) -> Leftovers:
+    def leftovers(self, z: SortedScan, *rest: Any) -> Leftovers:
         return super().leftovers(z._replace(static=np.zeros_like(z.static)), *rest)
 
 
@@ -103,8 +103,8 @@ def test_perfect_tracks_cost_nothing_and_no_tracks_the_root_of_half_the_cut_off_
     perfect, blind = Evaluator("perfect"), Evaluator("blind")
     for time in (0.0, 0.5):
         scene = world.scene(time)
-        _, source = SEVEN.scan(scene, np.random.default_rng(0))
-        score, missed = perfect.step(time, scene, source, truth_tracks(scene)), blind.step(time, scene, source, none)
+        _, origin = SEVEN.scan(scene, np.random.default_rng(0))
+        score, missed = perfect.step(time, scene, origin, truth_tracks(scene)), blind.step(time, scene, origin, none)
         assert score.mean["gospa"] == pytest.approx(0, abs=1e-5)  # the root of a rounding of 1e-12 m^2
         assert len(missed.counted) > 5
         assert missed.mean["gospa"] == pytest.approx(np.sqrt(12.5 * len(missed.counted)))

@@ -1,7 +1,8 @@
-"""Which track made which detection: gates, likelihoods, owners; card multi_object steps 5 and 6.
+"""Association: gates, likelihoods, and the one track that owns each detection.
 
-Every detection goes whole to its best track: soft weights fall on the detections just outside the box, shrink it,
-and two tracks then share one vehicle for good (card, pitfall 1).
+Equations: docs/methods/multi-object-tracking.md, sections 1 and 5. A detection has weight one in the update of its
+owner and none in any other: soft weights fall on the detections just outside the box, shrink it, and two tracks then
+share one vehicle for good.
 """
 
 from dataclasses import dataclass
@@ -18,26 +19,26 @@ from trackers.protocols import SpatialModel
 from trackers.scan import Scan
 
 
-class Detections(NamedTuple):
-    """A scan of M detections as the association needs it, in canonical order."""
+class SortedScan(NamedTuple):
+    """M detections without padding, sorted by sensor, range, azimuth and rate, with what association needs of them."""
 
     scan: Scan
     xy: NDArray  # (M, 2) [m]
-    sight: NDArray  # (M, 2)
-    rate: NDArray  # (M,) [m/s] over ground, NaN: not measured
+    sight: NDArray  # (M, 2) unit lines of sight
+    rate: NDArray  # (M,) [m/s] range rate over ground, NaN: not measured
     var_along: NDArray  # (M,) [m^2] noise along the line of sight
-    var_across: NDArray  # (M,) [m^2]
+    var_across: NDArray  # (M,) [m^2] noise across it
     sensor: NDArray  # (M,) int
-    static: NDArray  # (M,) bool, may be standing still
+    static: NDArray  # (M,) bool, the range rate is that of something that stands still
     clutter: NDArray  # (M,) intensity [1/(m^2 m/s)], or [1/m^2] where the rate is not measured
 
 
 class Claims(NamedTuple):
-    """What the tracks claim of a scan: G pairs inside both gates, and the owners."""
+    """G pairs of track and detection inside both gates, and the owner of each of M detections."""
 
-    track: NDArray  # (G,) row
-    detection: NDArray  # (G,)
-    gain: NDArray  # (G,) gam * ell / lam, the ratio of detection to clutter
+    track: NDArray  # (G,) row of the track
+    detection: NDArray  # (G,) row of the sorted scan
+    gain: NDArray  # (G,) likelihood ratio of track against clutter, (MOT.20)
     owner: NDArray  # (M,) row of the track, -1 for none
 
 
@@ -45,17 +46,20 @@ class Claims(NamedTuple):
 class Association:
     """Gates and noise of the association."""
 
-    position_gate: float = 10.0  # squared distance outside the box, in standard deviations
-    rate_gate: float = 12.0  # squared, in standard deviations
-    rate_std: float = 0.5  # [m/s]
+    position_gate: float = 10.0  # squared distance outside the box, in standard deviations, (MOT.15)
+    rate_gate: float = 12.0  # squared deviation of the range rate, in standard deviations, (MOT.19)
+    rate_std: float = 0.5  # [m/s] noise of the ground range rate in the gate
     surface_std: float = 0.2  # [m] roughness of the box as a model of the outline
     own_above: float = 0.3  # least probability to own a detection
     least_expected: float = 0.5  # a track expects at least so many detections where one falls into its gates
-    static_rate: float = 0.4  # [m/s] least threshold for standing still
+    static_rate: float = 0.4  # [m/s] least threshold below which a detection counts as static
     static_density: float = 0.02  # [1/(m^2 m/s)] returns of standing things, added to the false alarms
 
-    def prepare(self, scan: Scan, sensors: SensorArray) -> tuple[Detections, NDArray]:
-        """Detections under the mask, sorted so that their order does not matter, and their places (M,) in the scan."""
+    def prepare(self, scan: Scan, sensors: SensorArray) -> tuple[SortedScan, NDArray]:
+        """The M detections under the mask, sorted, and the index (M,) of each in the scan.
+
+        The order is that of the values, so a permutation of the scan gives the same result to the last digit.
+        """
         polar = scan.polar
         sensor = scan.sensor + np.zeros(len(polar), int)
         order = np.lexsort((polar[:, 2], polar[:, 1], polar[:, 0], sensor))
@@ -69,21 +73,19 @@ class Association:
         sight = sorted_scan.sight
         rate = sorted_scan.ground_rate
         sideways = cross(sight, velocity)
-        sigma_g = np.hypot(
-            noise[:, 2], sideways * noise[:, 1]
-        )  # pitfall 15: azimuth noise turns ego speed into range rate
-        static = np.abs(rate) < np.maximum(self.static_rate, 3 * sigma_g)
+        sigma_g = np.hypot(noise[:, 2], sideways * noise[:, 1])  # (MOT.4)
+        static = np.abs(rate) < np.maximum(self.static_rate, 3 * sigma_g)  # (MOT.5)
         clutter = np.where(np.isnan(rate), sensors.clutter_density_2d[sensor], sensors.clutter_density[sensor])
-        return Detections(
+        return SortedScan(
             scan=sorted_scan,
             xy=sorted_scan.xy,
             sight=sight,
             rate=rate,
-            var_along=noise[:, 0] ** 2,
-            var_across=(sorted_scan.polar[:, 0] * noise[:, 1]) ** 2,
+            var_along=noise[:, 0] ** 2,  # (MOT.3)
+            var_across=(sorted_scan.polar[:, 0] * noise[:, 1]) ** 2,  # (MOT.3)
             sensor=sensor,
             static=static,
-            clutter=clutter + np.where(static, self.static_density, 0.0),
+            clutter=clutter + np.where(static, self.static_density, 0.0),  # (MOT.6)
         ), order
 
     def claim(
@@ -93,12 +95,13 @@ class Association:
         estimate: Estimate,
         existence: NDArray,
         expected: NDArray,
-        z: Detections,
+        z: SortedScan,
     ) -> Claims:
-        """Owners of the detections; estimate (T,), existence (T,), expected (S, T).
+        """Pairs inside both gates, and the owner of each of the M detections.
 
-        `spatial` is the filter that the state (T,) belongs to, where it knows how detections lie on the body; None
-        takes them as even over the box.
+        estimate and existence (T,) are those of the predicted tracks, expected (S, T) their expected detections by
+        sensor. `spatial` is the filter that the state (T,) belongs to if it has a density of detections over the body;
+        None stands for a density that is even over the box.
         """
         track, detection, log_box = self._inside_gate(estimate, z)
         log_rate, near = self._rate_gate(estimate, z, track, detection)
@@ -106,56 +109,57 @@ class Association:
         if spatial is not None:
             log_box = spatial.log_spatial(state, z.scan, track, detection)
         gam = np.maximum(expected[z.sensor[detection], track], self.least_expected)
-        gain = gam * np.exp(log_box + log_rate) / z.clutter[detection]
+        gain = gam * np.exp(log_box + log_rate) / z.clutter[detection]  # (MOT.20)
         T, M = len(existence), len(z.rate)
         weight = np.zeros((T, M))
         weight[track, detection] = existence[track] * gain
         owner = np.full(M, -1)
         if T:
             best = weight.argmax(0)
-            p = weight[best, np.arange(M)] / (1 + weight.sum(0))
-            owner = np.where(p > self.own_above, best, -1)
+            p = weight[best, np.arange(M)] / (1 + weight.sum(0))  # (MOT.21)
+            owner = np.where(p > self.own_above, best, -1)  # (MOT.22)
         return Claims(track, detection, gain, owner)
 
-    def _inside_gate(self, estimate: Estimate, z: Detections) -> tuple[NDArray, NDArray, NDArray]:
-        """Pairs (G,) near enough to the box, and the log density (G,) [1/m^2] of a box blurred by all noise."""
+    def _inside_gate(self, estimate: Estimate, z: SortedScan) -> tuple[NDArray, NDArray, NDArray]:
+        """Pairs (G,) inside the position gate, and the log density (G,) [1/m^2] of a box blurred by all noise."""
         e = to_frame(estimate.pose, z.xy)  # (T, M, 2)
         cos2 = (unit(estimate.pose[:, 2]) @ z.sight.T) ** 2
         sin2 = 1 - cos2
         M = rotation(estimate.pose[:, 2])
         P = (M.mT @ estimate.cov[:, :2, :2] @ M).diagonal(axis1=-2, axis2=-1)
         C = np.empty(e.shape)
-        C[..., 0] = z.var_along * cos2 + z.var_across * sin2
-        C[..., 1] = z.var_along * sin2 + z.var_across * cos2
-        C += (P + self.surface_std**2 + estimate.size_std**2 / 4)[:, None]
+        C[..., 0] = z.var_along * cos2 + z.var_across * sin2  # (MOT.14a)
+        C[..., 1] = z.var_along * sin2 + z.var_across * cos2  # (MOT.14b)
+        C += (P + self.surface_std**2 + estimate.size_std**2 / 4)[:, None]  # (MOT.14a), (MOT.14b)
         half = (estimate.size / 2)[:, None]
         d2 = np.maximum(np.abs(e) - half, 0.0) ** 2 / C
-        track, detection = np.nonzero(d2[..., 0] + d2[..., 1] < self.position_gate)
+        track, detection = np.nonzero(d2[..., 0] + d2[..., 1] < self.position_gate)  # (MOT.15)
         e, s, half = e[track, detection], np.sqrt(C[track, detection]), half[track, 0]
         # On the far side of an axis both terms are near one: use the mirrored tail, which keeps its digits.
         a = np.abs(e)
         mass = ndtr((half - a) / s) - ndtr((-half - a) / s)
-        return track, detection, np.log(np.maximum(mass, 1e-300) / (2 * half)).sum(-1)
+        return track, detection, np.log(np.maximum(mass, 1e-300) / (2 * half)).sum(-1)  # (MOT.16)
 
     def _rate_gate(
-        self, estimate: Estimate, z: Detections, track: NDArray, detection: NDArray
+        self, estimate: Estimate, z: SortedScan, track: NDArray, detection: NDArray
     ) -> tuple[NDArray, NDArray]:
-        """Log density (G,) [s/m] of the ground range rates, 0 where not measured, and whether inside the gate."""
+        """Log density (G,) [s/m] of the ground range rates, 0 where not measured, and whether inside the rate gate."""
         u, g = z.sight[detection], z.rate[detection]
         swing = cross(z.xy[detection] - estimate.pose[track, :2], u)
-        ghat = dot(u, estimate.velocity[track]) + estimate.yaw_rate[track] * swing
+        ghat = dot(u, estimate.velocity[track]) + estimate.yaw_rate[track] * swing  # (MOT.17)
         var = dot(u, (estimate.cov[track, 2:, 2:] @ u[..., None])[..., 0])
-        var = var + (swing * estimate.yaw_rate_std[track]) ** 2 + self.rate_std**2
+        var = var + (swing * estimate.yaw_rate_std[track]) ** 2 + self.rate_std**2  # (MOT.18)
         measured = np.isfinite(g)
-        d2 = np.where(measured, (g - ghat) ** 2 / var, 0.0)
-        log_rate = np.where(measured, -0.5 * (d2 + np.log(2 * np.pi * var)), 0.0)
+        d2 = np.where(measured, (g - ghat) ** 2 / var, 0.0)  # (MOT.19)
+        log_rate = np.where(measured, -0.5 * (d2 + np.log(2 * np.pi * var)), 0.0)  # (MOT.19)
         return log_rate, d2 < self.rate_gate
 
 
 def shares(owner: NDArray, tracks: int, most: int) -> NDArray:
-    """Detections (T, K) of each track as indices, -1 for padding; K at most `most`.
+    """Indices (T, K) of the detections of each track, -1 for padding; K at most `most`.
 
-    owner (M,) row of each detection, -1 for none. A track with more keeps an even choice in the canonical order.
+    owner (M,) is the row of each detection's track, -1 for none. Of a track with more than `most`, evenly spaced ones
+    in the order of the sorted scan are kept.
     """
     count = np.bincount(owner[owner >= 0], minlength=tracks)
     K = int(min(count.max(initial=0), most))
@@ -170,8 +174,8 @@ def shares(owner: NDArray, tracks: int, most: int) -> NDArray:
     return index
 
 
-def gather(z: Detections, index: NDArray) -> Scan:
-    """The scan of each track: detections index (T, K) of the scan, -1 for padding."""
+def gather(z: SortedScan, index: NDArray) -> Scan:
+    """One scan (T, K) a track, of the detections with indices `index` (T, K), -1 for padding."""
     scan = z.scan
     if not len(z.rate):
         T, K = index.shape

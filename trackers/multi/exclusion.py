@@ -1,4 +1,7 @@
-"""Two vehicles cannot overlap: duplicates go, pieces of one vehicle become one; card multi_object step 12."""
+"""Exclusion: two vehicles cannot overlap. Duplicates are dropped, pieces of one vehicle become one track.
+
+Equations: docs/methods/multi-object-tracking.md, section 9.
+"""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -13,12 +16,12 @@ from trackers.geometry import UNIT_BOX, to_frame, to_world, unit
 GRID = np.stack(np.meshgrid(np.linspace(-0.4, 0.4, 5), np.linspace(-1 / 3, 1 / 3, 3), indexing="ij"), -1).reshape(-1, 2)
 
 
-class Verdict(NamedTuple):
-    """What is left of T tracks."""
+class ExclusionResult(NamedTuple):
+    """Which of T tracks are kept, and the boxes of those that took in another."""
 
     keep: NDArray  # (T,) bool
-    into: NDArray  # (T,) row that absorbed a dropped track, -1 for a kept one
-    joined: NDArray  # (T,) bool, kept and to be started again from `estimate`
+    into: NDArray  # (T,) row of the track that took a dropped one in, -1 for a kept one
+    joined: NDArray  # (T,) bool, kept, and to be started again from `estimate`
     estimate: Estimate  # (T,) union boxes where joined
 
 
@@ -34,13 +37,13 @@ class Exclusion:
     gap: tuple[float, float, float] = (5.5, 0.8, 0.0105)  # bumper gap below min(a, b + c v^2) [m]: one vehicle
     longest: float = 18.5  # [m] of a union
 
-    def apply(self, estimate: Estimate, score: NDArray) -> Verdict:
-        """Go through the tracks from the best score (T,) down; each takes or joins the worse ones it excludes."""
+    def apply(self, estimate: Estimate, score: NDArray) -> ExclusionResult:
+        """Go through T tracks from the best score (T,) down; each drops, or unites with, the worse ones it excludes."""
         T = len(score)
         keep, into, joined = np.ones(T, bool), np.full(T, -1), np.zeros(T, bool)
         same, one = self.overlapping(estimate), self.one_vehicle(estimate)
         if not (same | one).any():
-            return Verdict(keep, into, joined, estimate)
+            return ExclusionResult(keep, into, joined, estimate)
         estimate = take(estimate, np.arange(T))  # a copy: unions are written into it
         for a in np.argsort(-score, kind="stable"):
             if not keep[a]:
@@ -54,10 +57,10 @@ class Exclusion:
                     unite(estimate, a, b)
                     joined[a] = True
                 keep[b], into[b] = False, a
-        return Verdict(keep, into, joined, estimate)
+        return ExclusionResult(keep, into, joined, estimate)
 
     def overlapping(self, estimate: Estimate) -> NDArray:
-        """Pairs (T, T) that cover the same ground."""
+        """Pairs (T, T) bool of boxes that overlap too much to be two vehicles."""
         pose, size = estimate.pose, estimate.size
         radius = np.hypot(size[:, 0], size[:, 1]) / 2
         near = distances(pose[:, :2]) < radius[:, None] + radius
@@ -67,19 +70,19 @@ class Exclusion:
         if len(a):
             points = to_frame(pose[b], to_world(pose[a], GRID * size[a, None]))  # (P, 15, 2)
             share[a, b] = (np.abs(points) < size[b, None] / 2).all(-1).mean(-1)
-        share = np.maximum(share, share.T)
+        share = np.maximum(share, share.T)  # (MOT.42)
         speed = distances(estimate.velocity)
-        return ((share > self.overlap) & (speed < self.overlap_speed)) | (share > self.overlap_sure)
+        return ((share > self.overlap) & (speed < self.overlap_speed)) | (share > self.overlap_sure)  # (MOT.43)
 
     def one_vehicle(self, estimate: Estimate) -> NDArray:
-        """Pairs (T, T) one behind the other, nearer than vehicles drive."""
+        """Pairs (T, T) bool in one lane, one behind the other, nearer than two vehicles drive at their speed."""
         heading, length = estimate.pose[:, 2], estimate.size[:, 0]
         away = np.abs(to_frame(estimate.pose, estimate.pose[:, :2]))  # (T, T, 2) of b from a, along and across a
         gap = away[..., 0] - (length[:, None] + length) / 2
         most, base, slope = self.gap
-        limit = np.minimum(most, base + slope * (estimate.velocity**2).sum(-1))
+        limit = np.minimum(most, base + slope * (estimate.velocity**2).sum(-1))  # (MOT.44)
         parallel = np.cos(heading[:, None] - heading) > 0.9
-        pairs = (away[..., 1] < self.lane) & (gap < limit[:, None]) & parallel
+        pairs = (away[..., 1] < self.lane) & (gap < limit[:, None]) & parallel  # (MOT.44)
         pairs &= distances(estimate.velocity) < self.speed
         pairs &= pairs.T
         np.fill_diagonal(pairs, False)
@@ -93,22 +96,22 @@ def distances(a: NDArray) -> NDArray:
 
 
 def reach(estimate: Estimate, a: np.intp, b: np.intp) -> NDArray:
-    """Ends (2,) [m] of both boxes along the heading of a, from its centre."""
+    """Rearmost and foremost point (2,) [m] of both boxes along the heading of a, from its centre."""
     corners = to_world(estimate.pose[[a, b]], UNIT_BOX * estimate.size[[a, b], None]).reshape(-1, 2)
     along = (corners - estimate.pose[a, :2]) @ unit(estimate.pose[a, 2])
     return np.array([along.min(), along.max()])
 
 
 def union_length(estimate: Estimate, a: np.intp, b: np.intp) -> float:
-    """Length [m] of the box of a, stretched over b."""
+    """Length [m] of the box of a when it reaches over b."""
     return float(np.ptp(reach(estimate, a, b)))
 
 
 def unite(estimate: Estimate, a: np.intp, b: np.intp) -> None:
-    """Stretch a over b, in place: both ends uncertain, position loosened by 1 m along."""
+    """Make the box of a the union of both, in place, with an uncertain length and 1 m^2 more variance along."""
     low, high = reach(estimate, a, b)
     along = unit(estimate.pose[a, 2])
-    estimate.pose[a, :2] += along * (low + high) / 2
-    estimate.size[a] = high - low, max(estimate.size[a, 1], estimate.size[b, 1])
-    estimate.size_std[a] = np.maximum(estimate.size_std[a], (0.2 * (high - low), 0.1))
-    estimate.cov[a, :2, :2] += np.outer(along, along)
+    estimate.pose[a, :2] += along * (low + high) / 2  # (MOT.45)
+    estimate.size[a] = high - low, max(estimate.size[a, 1], estimate.size[b, 1])  # (MOT.45)
+    estimate.size_std[a] = np.maximum(estimate.size_std[a], (0.2 * (high - low), 0.1))  # (MOT.46)
+    estimate.cov[a, :2, :2] += np.outer(along, along)  # (MOT.46)

@@ -1,7 +1,7 @@
-"""What a map tells a tracker: where lanes are. Only things that stand still need it.
+"""The road map of a tracker: where the lanes are and which way they lead.
 
-A vehicle that is first seen standing has no Doppler that sets it apart from a guard rail; it is born where lanes
-are and nowhere else (card multi_object, pitfall 10).
+It is used for births of standing vehicles only: their range rate does not set them apart from a guard rail, so they
+are born on a lane and nowhere else. Equations: docs/methods/multi-object-tracking.md, section 7.
 """
 
 from typing import NamedTuple
@@ -34,7 +34,7 @@ class RoadMap(NamedTuple):
             return np.full(len(xy), -np.inf), np.zeros(len(xy))
         ex, ey = (self.b - self.a).T
         dx, dy = xy[:, 0, None] - self.a[:, 0], xy[:, 1, None] - self.a[:, 1]  # (M, L), apart: both are large
-        t = np.clip((dx * ex + dy * ey) / (ex**2 + ey**2), 0, 1)
-        depth = self.half_width - np.hypot(dx - t * ex, dy - t * ey)
+        t = np.clip((dx * ex + dy * ey) / (ex**2 + ey**2), 0, 1)  # (MOT.27)
+        depth = self.half_width - np.hypot(dx - t * ex, dy - t * ey)  # (MOT.27)
         best = depth.argmax(-1)
         return depth[np.arange(len(xy)), best], np.arctan2(ey[best], ex[best])

@@ -1,4 +1,7 @@
-"""What vehicles are like in size: a persistent prior per class, and the bounds of all; card multi_object step 2."""
+"""The size prior: mean and spread of length and width by class, to which the sizes of all tracks revert.
+
+Equations: docs/methods/multi-object-tracking.md, sections 2, 7 and 8.
+"""
 
 from dataclasses import dataclass
 
@@ -22,43 +25,44 @@ class SizePrior:
     truck_birth_std: tuple[float, float] = (0.25, 0.08)
     truck_above: float = 6.5  # [m]
     tau: float = 3.0  # [s]
-    least: tuple[float, float] = (2.0, 0.8)  # [m] a motorcycle
-    most: tuple[float, float] = (20.0, 2.9)
+    least: tuple[float, float] = (2.0, 0.8)  # [m] smallest length and width, of a motorcycle
+    most: tuple[float, float] = (20.0, 2.9)  # [m] greatest length and width
 
     def of(self, size: NDArray) -> tuple[NDArray, NDArray]:
-        """Class mean and log std, (..., 2) each, of objects with size (..., 2) [m]."""
+        """Mean size [m] of the class, and std of its logarithms, (..., 2) each, of objects with size (..., 2) [m]."""
         truck = (size[..., 0] > self.truck_above)[..., None]
         return np.where(truck, self.truck, self.car), np.where(truck, self.truck_std, self.car_std)
 
     def at_birth(self, length: NDArray) -> tuple[NDArray, NDArray]:
         """Size (..., 2) [m] and its std (..., 2) [m] of a new track whose cell is length (...) [m] long."""
-        truck = (np.asarray(length) > self.truck_above)[..., None]
+        truck = (np.asarray(length) > self.truck_above)[..., None]  # (MOT.38)
         size = np.where(truck, self.truck, self.car)
         return size, size * np.where(truck, self.truck_birth_std, self.birth_std)
 
     def relax(
-        self, size: NDArray, size_std: NDArray, dt: float, usual: tuple[NDArray, NDArray] | None = None
+        self, size: NDArray, size_std: NDArray, dt: float, of_class: tuple[NDArray, NDArray] | None = None
     ) -> tuple[NDArray, NDArray]:
-        """Size and std (..., 2) [m] after dt [s], clipped to what vehicles are.
+        """Size and std (..., 2) [m] after dt [s], the size clipped to `least` and `most`.
 
-        usual are size (..., 2) [m] and log std (..., 2) of what a filter holds the objects for, NaN where it does not
-        know.
+        of_class is the mean size (..., 2) [m] and the std of its logarithms (..., 2) of the class that a filter found,
+        NaN where it found none; there, and for None, the class follows from the length.
         """
         mean, std = self.of(size)
-        if usual is not None:
-            known = np.isfinite(usual[0])
-            mean, std = np.where(known, usual[0], mean), np.where(known, usual[1], std)
+        if of_class is not None:
+            known = np.isfinite(of_class[0])
+            mean, std = np.where(known, of_class[0], mean), np.where(known, of_class[1], std)
         a = np.exp(-dt / self.tau)
-        log_size = np.log(mean) + a * (np.log(size) - np.log(mean))
-        log_std = np.sqrt(a**2 * (size_std / size) ** 2 + (1 - a**2) * std**2)
+        log_size = np.log(mean) + a * (np.log(size) - np.log(mean))  # (MOT.7)
+        log_std = np.sqrt(a**2 * (size_std / size) ** 2 + (1 - a**2) * std**2)  # (MOT.7)
         size = np.clip(np.exp(log_size), self.least, self.most)
         return size, size * log_std
 
 
 def stretch(estimate: Estimate, reach: NDArray, log_std: float) -> Estimate:
-    """Boxes that reach further, by reach (..., 2) [m] ahead and behind; log_std is that of the new lengths.
+    """Boxes made longer by reach (..., 2) [m] at the front and at the rear.
 
-    The ends stay where they were, so the centre moves, and becomes less certain by as much, along the heading.
+    The centre moves along the heading by half of the difference, and its covariance grows by the square of that shift.
+    log_std is the least standard deviation of the logarithm of the new lengths.
     """
     along = unit(estimate.pose[..., 2])
     shift = ((reach[..., 0] - reach[..., 1]) / 2)[..., None] * along

@@ -1,4 +1,4 @@
-"""Smoothed tracks: the states that a multi-object tracker gave one track, given all its detections."""
+"""Smoothing of one track of the multi-object tracker over all its scans: docs/methods/smoothing.md."""
 
 from typing import Any, TypeVar
 
@@ -12,7 +12,7 @@ T = TypeVar("T", bound=tuple)
 
 
 def smooth_track(tracker: MultiObjectTracker, states: T, dt: ArrayLike) -> T:
-    """K states of one track, stacked along the first axis in the order of time, dt (K - 1,) [s] apart, smoothed.
+    """Smooth the K states of one track, stacked along the first axis in the order of time, dt (K - 1,) [s] apart.
 
     Raises:
         TypeError: the tracker's filter has states that hold no Gaussian.
@@ -20,7 +20,7 @@ def smooth_track(tracker: MultiObjectTracker, states: T, dt: ArrayLike) -> T:
     """
 
     def with_size_prior(state: Any, dt: float) -> Any:
-        """What the tracker makes of a prediction before it is updated."""
+        """The prediction with the size prior, as `MultiObjectTracker.step` has it before the update, (MOT.7)."""
         filter = tracker.filter
         estimate = filter.estimate(state)
         size, size_std = tracker.sizes.relax(estimate.size, estimate.size_std, dt)

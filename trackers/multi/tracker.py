@@ -1,6 +1,7 @@
-"""The multi-object tracker: any filter of the four verbs, many objects, one batch; card multi_object section 2.
+"""The multi-object tracker: many objects over any single-object filter, all tracks in one batch.
 
-The tracker holds parameters only. What it knows of the world travels in `Tracks`.
+Order of a step and equations: docs/methods/multi-object-tracking.md. The tracker holds parameters only; its state is
+`Tracks`, which `step` takes and returns.
 """
 
 from dataclasses import dataclass, field
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from trackers.batch import concatenate, select
 from trackers.estimate import Estimate, prior
 from trackers.linalg import largest_eigenvalue
-from trackers.multi.association import Association, Claims, Detections, gather, shares
+from trackers.multi.association import Association, Claims, SortedScan, gather, shares
 from trackers.multi.exclusion import Exclusion
 from trackers.multi.existence import Existence
 from trackers.multi.initiation import Initiation
@@ -26,7 +27,7 @@ from trackers.scan import Scan, SensorModel, check_scan
 
 @dataclass(frozen=True)
 class MultiObjectTracker:
-    """Tracks all vehicles that the sensors see, over any single-object filter."""
+    """Tracks all vehicles in view of the sensors, over any single-object filter."""
 
     filter: Filter
     sensors: tuple[SensorModel, ...]
@@ -35,15 +36,15 @@ class MultiObjectTracker:
     initiation: Initiation = field(default_factory=Initiation)
     exclusion: Exclusion = field(default_factory=Exclusion)
     sizes: SizePrior = field(default_factory=SizePrior)
-    prune_below: float = 0.02  # existence
-    prune_position_std: float = 5.0  # [m]
+    prune_below: float = 0.02  # existence below which a track dies
+    prune_position_std: float = 5.0  # [m] above which it dies
     most_detections: int = 16  # of a scan, for the update of one track: those of one vehicle are not independent
     occlude_above: float = 0.6  # existence of a track that may hide others
-    occlude_hits: int = 4
-    trust: float = 0.8  # of the data sheets' detection rates
-    whole: float = 0.75  # share of an object that must be in sight for a look that its class is learned from
+    occlude_hits: int = 4  # and its hits, to be exceeded
+    rate_factor: float = 0.8  # of the data sheets' expected counts
+    complete_above: float = 0.75  # visible share of an object's span from which an update teaches its class
     growth_std: float = 0.2  # std of log length of a track with detections just beyond its ends
-    road: RoadMap | None = None  # map of the lanes; without it nothing is born that stands still
+    road: RoadMap | None = None  # map of the lanes; without it no standing vehicle is born
 
     def __post_init__(self) -> None:
         if not self.sensors:
@@ -61,26 +62,26 @@ class MultiObjectTracker:
 
     @cached_property
     def resizable(self) -> Resizable | None:
-        """The filter, where it has that verb; asked once, because the question is slow."""
+        """The filter if it has `resize`, else None; cached, because `isinstance` of a protocol is slow."""
         return self.filter if isinstance(self.filter, Resizable) else None
 
     @cached_property
     def restartable(self) -> Restartable | None:
-        """The filter, where it has that verb."""
+        """The filter if it has `restart`, else None."""
         return self.filter if isinstance(self.filter, Restartable) else None
 
     @cached_property
     def classifying(self) -> Classifying | None:
-        """The filter, where it knows classes."""
+        """The filter if it classifies its objects, else None."""
         return self.filter if isinstance(self.filter, Classifying) else None
 
     @cached_property
     def spatial(self) -> SpatialModel | None:
-        """The filter, where it has its own density of detections over the body."""
+        """The filter if it has its own density of detections over the body, else None."""
         return self.filter if isinstance(self.filter, SpatialModel) else None
 
     def start(self) -> Tracks:
-        """No track yet."""
+        """The state before the first scan: no track."""
         estimate = prior(np.zeros((0, 3)))
         none = np.zeros(0)
         return Tracks(
@@ -88,15 +89,17 @@ class MultiObjectTracker:
         )
 
     def step(self, tracks: Tracks, scan: Scan, dt: float) -> tuple[Tracks, StepInfo]:
-        """One scan of all sensors, dt [s] after the scan before.
+        """Tracks after one scan (M,) of all sensors, dt [s] after the scan before, and what was decided.
 
-        Raises ValueError for a scan of wrong shape or not finite, and for dt < 0.
+        Raises:
+            ValueError: a scan of wrong shape, not finite, or of sensors that the tracker does not have; dt < 0.
+
         """
         self._check(scan, dt)
         z, order = self.association.prepare(scan, self.sensor_array)
         tracks = self._predict(tracks, dt)
         occluder = (tracks.existence > self.occlude_above) & (tracks.hits > self.occlude_hits)
-        view = predict_visibility(tracks.estimate, occluder, self.sensor_array, scan.platform, self.trust)
+        view = predict_visibility(tracks.estimate, occluder, self.sensor_array, scan.platform, self.rate_factor)
         visible = view.share.max(0, initial=0.0) > 0
         tracks = tracks._replace(existence=self.existence.survive(tracks.existence, visible, view.in_view, dt))
         claims = self.association.claim(self.spatial, tracks.state, tracks.estimate, tracks.existence, view.expected, z)
@@ -105,7 +108,7 @@ class MultiObjectTracker:
         updated = self._grow(updated, leftovers.reach)
         owner = np.full(scan.mask.shape[-1], -1)
         owner[order] = np.where(claims.owner >= 0, tracks.id[claims.owner], -1) if len(tracks.id) else -1
-        updated, born = self._bear(updated, z, leftovers.candidate)
+        updated, born = self._initiate(updated, z, leftovers.candidate)
         updated, merged = self._exclude(updated)
         updated, died = self._prune(updated)
         fresh = (updated.existence > REPORT_ABOVE) & ~updated.confirmed
@@ -140,7 +143,7 @@ class MultiObjectTracker:
         return tracks._replace(state=state, estimate=self.filter.estimate(state), age=tracks.age + dt)
 
     def _resize(self, state: object, size: NDArray, size_std: NDArray) -> object:
-        """State with another belief about the size; a filter without that verb starts again from its own estimate."""
+        """State with another size and std (T, 2) [m]; a filter without `resize` starts again from its own estimate."""
         if self.resizable is not None:
             return self.resizable.resize(state, size, size_std)
         return self._restart(state, self.filter.estimate(state)._replace(size=size, size_std=size_std, contour=None))
@@ -151,11 +154,11 @@ class MultiObjectTracker:
             return self.restartable.restart(state, estimate)
         return self.filter.init(estimate)
 
-    def _update(self, tracks: Tracks, view: Visibility, claims: Claims, z: Detections) -> tuple[Tracks, StepInfo]:
+    def _update(self, tracks: Tracks, view: Visibility, claims: Claims, z: SortedScan) -> tuple[Tracks, StepInfo]:
         T = len(tracks.id)
         n = np.bincount(claims.owner[claims.owner >= 0], minlength=T)
         own = claims.owner[claims.detection] == claims.track
-        log_gain = np.minimum(np.log1p(claims.gain[own]), self.existence.pair_cap)
+        log_gain = np.minimum(np.log1p(claims.gain[own]), self.existence.pair_cap)  # (MOT.24)
         evidence = np.bincount(claims.track[own], weights=log_gain, minlength=T)
         Gam = view.expected.sum(0)
         log_ratio = self.existence.log_ratio(n, Gam, evidence)
@@ -164,23 +167,23 @@ class MultiObjectTracker:
         if n.any():
             share = gather(z, shares(claims.owner, T, self.most_detections))
             if self.classifying is not None:
-                state = self.classifying.attend(state, view.whole > self.whole)
+                state = self.classifying.attend(state, view.complete > self.complete_above)
             state, info = self.filter.update(state, share)
             nis, mode, notes = info.nis, getattr(info, "mode", None), getattr(info, "notes", ())
         updated = tracks._replace(
             state=state,
             estimate=self.filter.estimate(state),
             existence=self.existence.update(tracks.existence, log_ratio),
-            hits=tracks.hits + (n > 0),
+            hits=tracks.hits + (n > 0),  # (MOT.26)
         )
-        events = tuple(event for note in notes for event in told(note, tracks.id))
+        events = tuple(event for note in notes for event in events_of(note, tracks.id))
         return updated, StepInfo(np.zeros(0, int), tracks.id, Gam, view.in_view, n, log_ratio, nis, events, mode)
 
     def _grow(self, tracks: Tracks, reach: NDArray) -> Tracks:
         """Let tracks become longer over the detections just beyond their ends; reach (T, 2) [m] ahead and behind.
 
-        A random matrix grows over them with the next scan once its size is uncertain. A density that knows how deep
-        a car is seen would not: its box is stretched, and the next scans say whether it is a truck.
+        A random matrix grows over them with the next scan once its length is uncertain. A filter with a density of
+        detections over the body would not: its box is stretched, and the next scans decide whether that holds.
         """
         grows = np.asarray(reach.any(1))
         if not grows.any():
@@ -194,7 +197,7 @@ class MultiObjectTracker:
         state = select(grows, longer, tracks.state)
         return tracks._replace(state=state, estimate=self.filter.estimate(state))
 
-    def _bear(self, tracks: Tracks, z: Detections, candidate: NDArray) -> tuple[Tracks, list[Event]]:
+    def _initiate(self, tracks: Tracks, z: SortedScan, candidate: NDArray) -> tuple[Tracks, list[Event]]:
         births = self.initiation.births(z, candidate, self.road)
         if births is None:
             return tracks, []
@@ -217,22 +220,22 @@ class MultiObjectTracker:
 
     def _exclude(self, tracks: Tracks) -> tuple[Tracks, list[Event]]:
         score = tracks.existence * np.minimum(tracks.hits, 50)
-        verdict = self.exclusion.apply(tracks.estimate, score)
-        if verdict.keep.all():
+        result = self.exclusion.apply(tracks.estimate, score)
+        if result.keep.all():
             return tracks, []
         state = tracks.state
-        if verdict.joined.any():
-            state = select(verdict.joined, self._restart(state, verdict.estimate), state)
+        if result.joined.any():
+            state = select(result.joined, self._restart(state, result.estimate), state)
         events = [
-            Event("merged", int(tracks.id[t]), f"same vehicle as track {tracks.id[verdict.into[t]]}")
-            for t in np.flatnonzero(~verdict.keep)
+            Event("merged", int(tracks.id[t]), f"same vehicle as track {tracks.id[result.into[t]]}")
+            for t in np.flatnonzero(~result.keep)
         ]
         tracks = tracks._replace(state=state, estimate=self.filter.estimate(state))
-        return tracks.rows(verdict.keep), events
+        return tracks.rows(result.keep), events
 
     def _prune(self, tracks: Tracks) -> tuple[Tracks, list[Event]]:
-        unsure = tracks.existence < self.prune_below
-        vague = largest_eigenvalue(tracks.estimate.cov[:, :2, :2]) > self.prune_position_std**2
+        unsure = tracks.existence < self.prune_below  # (MOT.47)
+        vague = largest_eigenvalue(tracks.estimate.cov[:, :2, :2]) > self.prune_position_std**2  # (MOT.47)
         if not (unsure | vague).any():
             return tracks, []
         events = [
@@ -242,8 +245,8 @@ class MultiObjectTracker:
         return tracks.rows(~(unsure | vague)), events
 
 
-def told(note: Note, ids: NDArray) -> list[Event]:
-    """What a filter has to tell of its T objects as events of the tracks with these ids (T,)."""
+def events_of(note: Note, ids: NDArray) -> list[Event]:
+    """A filter's note about its T objects as events of the tracks with these ids (T,)."""
     rows = np.flatnonzero(note.where)
     contours = [None] * len(rows) if note.contours is None else note.contours[rows]
     return [Event(note.kind, int(i), note.reason, c) for i, c in zip(ids[rows], contours, strict=True)]

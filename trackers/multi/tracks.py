@@ -1,4 +1,7 @@
-"""What a multi-object tracker carries from step to step, and what it tells about a step."""
+"""The state of the multi-object tracker, and its report about one step.
+
+Life cycle of a track: docs/methods/multi-object-tracking.md, section 10.
+"""
 
 from typing import Any, NamedTuple
 
@@ -7,14 +10,14 @@ from numpy.typing import NDArray
 from trackers.batch import take
 from trackers.estimate import Estimate
 
-REPORT_ABOVE = 0.5  # existence probability above which a track is output, card multi_object step 13
+REPORT_ABOVE = 0.5  # existence probability above which a track is output, (MOT.48)
 
 
 class Event(NamedTuple):
-    """One decision of the tracker, in words and in numbers."""
+    """One decision about one track."""
 
-    kind: str  # born, confirmed, merged, died, or what a filter has to tell
-    track: int  # id of the track it is about
+    kind: str  # born, confirmed, merged, died, or the kind of a filter's `Note`
+    track: int  # id
     reason: str  # one readable clause
     contours: NDArray | None = None  # (2, C, 2) [m] outlines on the body's axes, before and after a change
 
@@ -33,11 +36,11 @@ class Tracks(NamedTuple):
 
     @property
     def reported(self) -> "Tracks":
-        """The tracks that a user should see: existence above one half."""
-        return self.rows(self.existence > REPORT_ABOVE)
+        """The tracks that are output: existence above one half."""
+        return self.rows(self.existence > REPORT_ABOVE)  # (MOT.48)
 
     def rows(self, index: NDArray) -> "Tracks":
-        """Some of the tracks; ids keep counting."""
+        """The tracks at index, (T,) bool or rows; `next_id` stays."""
         return take(self._replace(next_id=None), index)._replace(next_id=self.next_id)  # type: ignore[arg-type]
 
     def __str__(self) -> str:
@@ -45,13 +48,13 @@ class Tracks(NamedTuple):
 
 
 class StepInfo(NamedTuple):
-    """What one step decided; rows of tracks are those after prediction, before births and deaths."""
+    """What one step decided about T tracks: those of the step before, without births, merging and deaths."""
 
-    owner: NDArray  # (M,) id of the track that took each detection, -1 for none
+    owner: NDArray  # (M,) id of the track that owns each detection, -1 for none
     track: NDArray  # (T,) ids of the predicted tracks
     expected: NDArray  # (T,) expected detections, predicted occlusion included
     in_view: NDArray  # (T,) bool, inside some field of view
-    detections: NDArray  # (T,) how many detections the track took
+    detections: NDArray  # (T,) number of detections that the track owns
     log_ratio: NDArray  # (T,) log likelihood ratio of the existence update
     nis: NDArray  # (T,) normalised innovation squared of the centroid, NaN without detection
     events: tuple[Event, ...]

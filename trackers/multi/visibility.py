@@ -1,4 +1,7 @@
-"""Which predicted tracks which radar should see: rays over predicted boxes, card multi_object step 3."""
+"""Visibility: which predicted tracks which radar should see, and how many detections to expect of them.
+
+Rays are cast over the predicted boxes. Equations: docs/methods/multi-object-tracking.md, section 3.
+"""
 
 from typing import NamedTuple
 
@@ -10,9 +13,9 @@ from trackers.geometry import box_corners, compose, rotation, to_frame, unit, wr
 from trackers.scan import SensorModel
 
 RAYS = 9
-STEPS = (np.arange(RAYS) + 0.5) / RAYS  # where they lie in the span of a box
-NEARER = 1.0  # [m] an occluder must be this much nearer on the same ray, or a duplicate protects its twin
-SHADOW = 0.5  # [m] an occluder hides so much beyond its sides: half hidden tracks lie beside their vehicles
+STEPS = (np.arange(RAYS) + 0.5) / RAYS  # places of the rays, as shares of the span of a box
+NEARER = 1.0  # [m] an occluder must be this much nearer on the same ray; else a duplicate would hide its twin
+SHADOW = 0.5  # [m] added to an occluder on every side: tracks of half hidden vehicles lie beside their vehicles
 
 
 class SensorArray(NamedTuple):
@@ -30,22 +33,22 @@ class SensorArray(NamedTuple):
     def of(cls, sensors: tuple[SensorModel, ...]) -> "SensorArray":
         """Arrays of the data sheets."""
         area = np.array([s.fov * s.max_range**2 / 2 for s in sensors])
-        clutter = np.maximum([s.clutter for s in sensors], 1e-3)  # a radar without false alarms still has surprises
+        clutter = np.maximum([s.clutter for s in sensors], 1e-3)  # never 0: the likelihood ratio is divided by it
         return cls(
             mount=np.array([s.mount for s in sensors], float),
             max_range=np.array([s.max_range for s in sensors], float),
             fov=np.array([s.fov for s in sensors], float),
             noise=np.array([(s.sigma_range, s.sigma_azimuth, s.sigma_rate) for s in sensors], float),
-            clutter_density=clutter / (area * 2 * np.array([s.max_rate for s in sensors])),
-            clutter_density_2d=clutter / area,
+            clutter_density=clutter / (area * 2 * np.array([s.max_rate for s in sensors])),  # (MOT.6)
+            clutter_density_2d=clutter / area,  # (MOT.6) without the range rate
             rates=np.array([(s.count_at_15m, s.count_falloff, s.count_max) for s in sensors], float),
         )
 
     def expected_count(self, sensor: NDArray, distance: NDArray, outline: NDArray) -> NDArray:
-        """Detections (G,) expected of an outline (G,) [m] in sight at distance (G,) [m] of sensor (G,) int."""
+        """Detections (G,) expected of a visible outline (G,) [m] at distance (G,) [m] from the sensor (G,) int."""
         at_15m, falloff, most = self.rates[sensor].T
         count = at_15m * (15.0 / np.maximum(distance, 1.0)) ** falloff * np.sqrt(outline / 3.0)
-        return np.minimum(count, most)
+        return np.minimum(count, most)  # (MOT.11) without its factors
 
 
 class Visibility(NamedTuple):
@@ -54,7 +57,7 @@ class Visibility(NamedTuple):
     expected: NDArray  # (S, T) detections, occlusion included
     in_view: NDArray  # (T,) bool, inside the field of view and range of some sensor
     share: NDArray  # (S, T) share of the rays on the box that no occluder stops
-    whole: NDArray  # (T,) share of the box's span that is in sight, of the sensor that sees most of it
+    complete: NDArray  # (T,) visible share of the span of the uncut box, by the sensor that sees most of it
 
 
 def ray_box(origin: NDArray, direction: NDArray, pose: NDArray, size: NDArray) -> NDArray:
@@ -74,12 +77,12 @@ def ray_box(origin: NDArray, direction: NDArray, pose: NDArray, size: NDArray) -
 
 
 def predict_visibility(
-    estimate: Estimate, occluder: NDArray, sensors: SensorArray, platform: NDArray, trust: float = 0.8
+    estimate: Estimate, occluder: NDArray, sensors: SensorArray, platform: NDArray, rate_factor: float = 0.8
 ) -> Visibility:
-    """Expected detections of every track by every sensor.
+    """Expected detections of T tracks by S sensors.
 
-    estimate (T,), occluder (T,) bool: tracks sure enough to hide others, platform (6,). `trust` scales the data
-    sheet's rate (card: gs).
+    estimate (T,) predicted tracks, occluder (T,) bool those sure enough to hide others, platform (6,) the odometry.
+    rate_factor scales the counts of the data sheets.
     """
     S, T = len(sensors.max_range), len(estimate.yaw_rate)
     expected, share = np.zeros((S, T)), np.zeros((S, T))
@@ -87,31 +90,34 @@ def predict_visibility(
         return Visibility(expected, np.zeros(0, bool), share, np.zeros(0))
     poses = compose(platform[:3], sensors.mount)  # (S, 3)
     low, high, nearest = angular_spans(estimate, poses)
-    edge, whole_span = sensors.fov[:, None] / 2, high - low
-    low, high = np.maximum(low, -edge), np.minimum(high, edge)
+    edge, uncut = sensors.fov[:, None] / 2, high - low
+    low, high = np.maximum(low, -edge), np.minimum(high, edge)  # (MOT.8)
     in_view = (high > low) & (nearest < sensors.max_range[:, None])
     s, t = np.nonzero(in_view)  # G pairs
     span = (high - low)[s, t]
-    bearing = (poses[s, 2] + low[s, t])[:, None] + span[:, None] * STEPS
+    bearing = (poses[s, 2] + low[s, t])[:, None] + span[:, None] * STEPS  # (MOT.9)
     boxes = np.concatenate([estimate.pose, estimate.pose[occluder]])
     sizes = np.concatenate([estimate.size, estimate.size[occluder] + 2 * SHADOW])
     hit = ray_box(poses[s, :2], unit(bearing), boxes, sizes)  # (G, K, T + O)
     own, shadow = hit[np.arange(len(s)), :, t], hit[..., T:]  # (G, K), (G, K, O)
     itself = t[:, None] == np.flatnonzero(occluder)
     first = np.where(itself[:, None] | (shadow == 0), np.inf, shadow).min(-1, initial=np.inf)
-    sees = (first > own - NEARER - SHADOW) & (own < sensors.max_range[s, None])
+    sees = (first > own - NEARER - SHADOW) & (own < sensors.max_range[s, None])  # (MOT.10)
     share[s, t] = sees.sum(-1) / RAYS
-    whole = (share * (high - low) / whole_span).max(0)
+    complete = (share * (high - low) / uncut).max(0)  # (MOT.12)
     visible = sees.any(-1)
     s, t, span, sees, own = (a[visible] for a in (s, t, span, sees, own))
     distance = np.where(sees, own, np.inf).min(-1, initial=np.inf)
-    rate = sensors.expected_count(s, distance, span * distance)  # what the sensor sees of it, as a chord
-    expected[s, t] = trust * rate * np.minimum(1.0, 3 * share[s, t])
-    return Visibility(expected, np.asarray(in_view.any(axis=0)), share, whole)
+    rate = sensors.expected_count(s, distance, span * distance)  # the outline as a chord at that distance
+    expected[s, t] = rate_factor * rate * np.minimum(1.0, 3 * share[s, t])  # (MOT.11)
+    return Visibility(expected, np.asarray(in_view.any(axis=0)), share, complete)
 
 
 def angular_spans(estimate: Estimate, poses: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-    """Lowest and highest azimuth (S, T) [rad] of boxes in the frames of sensors (S, 3), and corner distance (S, T)."""
+    """Lowest and highest azimuth (S, T) [rad] of T boxes in the frames of sensors (S, 3), for (MOT.8).
+
+    The third array (S, T) [m] is the distance of the nearest corner.
+    """
     corners = box_corners(estimate.pose, estimate.size)  # (T, 4, 2)
     d = corners - poses[:, None, None, :2]  # (S, T, 4, 2)
     c = estimate.pose[:, :2] - poses[:, None, :2]

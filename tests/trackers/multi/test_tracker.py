@@ -18,7 +18,7 @@ from trackers.multi.exclusion import GRID, Exclusion
 from trackers.multi.existence import Existence
 from trackers.multi.initiation import Initiation, components
 from trackers.multi.sizes import SizePrior, stretch
-from trackers.multi.tracker import told
+from trackers.multi.tracker import events_of
 from trackers.multi.tracks import Tracks
 from trackers.multi.visibility import SensorArray, predict_visibility, ray_box
 from trackers.protocols import Note
@@ -408,8 +408,8 @@ def test_motion_modes_of_the_filter_reach_the_reader_of_a_step(tracker):
 def test_what_a_filter_has_to_tell_of_an_update_becomes_an_event(tracker):
     starved = replace(tracker, filter=find("dra", form="joint", cap=1))
     _, infos = drive(starved, Road(CARS), 0.5)
-    told = {e.track for i in infos for e in i.events if e.kind == "capped"}
-    assert told == {0, 1, 2}
+    events_of = {e.track for i in infos for e in i.events if e.kind == "capped"}
+    assert events_of == {0, 1, 2}
     plenty = replace(tracker, filter=find("dra", form="sequential"))
     _, infos = drive(plenty, Road(CARS), 0.5)
     assert not any(e.kind == "capped" for i in infos for e in i.events)
@@ -417,13 +417,13 @@ def test_what_a_filter_has_to_tell_of_an_update_becomes_an_event(tracker):
 
 def test_a_note_goes_to_the_tracks_it_is_about_each_with_its_own_contours():
     contours = np.arange(3 * 2 * 4 * 2.0).reshape(3, 2, 4, 2)
-    events = told(Note("adapted", "enough seen", np.array([True, False, True]), contours), np.array([7, 8, 9]))
+    events = events_of(Note("adapted", "enough seen", np.array([True, False, True]), contours), np.array([7, 8, 9]))
     assert [(e.kind, e.track, e.reason) for e in events] == [
         ("adapted", 7, "enough seen"),
         ("adapted", 9, "enough seen"),
     ]
     np.testing.assert_array_equal(events[1].contours, contours[2])
-    assert told(Note("lost", "nothing fits", np.array([True])), np.array([4]))[0].contours is None
+    assert events_of(Note("lost", "nothing fits", np.array([True])), np.array([4]))[0].contours is None
 
 
 @dataclass(frozen=True)
