@@ -26,6 +26,11 @@ from trackers.protocols import Note
 CARS = [(30, 0, 0, 25.0), (50, 4, 0, 28.0), (60, -4, 0, 22.0)]
 
 
+@pytest.fixture
+def tracker():
+    return MultiObjectTracker(RandomMatrix(), (RADAR,))
+
+
 def leaves(value):
     if value is None:
         return []
@@ -297,14 +302,14 @@ def test_sizes_are_drawn_to_what_a_filter_holds_for_usual_where_it_knows():
     np.testing.assert_allclose(plain[0], sizes.car, rtol=1e-6)
 
 
-def test_a_box_is_whole_but_for_what_an_edge_cuts_off_and_others_hide():
+def test_a_box_is_complete_but_for_what_an_edge_cuts_off_and_others_hide():
     edge = 20.0 * np.tan(RADAR.fov / 2)
     e = prior(np.array([[20.0, 0, 0], [20.0 + 2.3, edge, 0], [60.0, 0.9, 0], [-20.0, 0, 0]]))
     view = predict_visibility(e, np.array([True, False, False, False]), SensorArray.of((RADAR,)), np.zeros(6))
-    assert view.whole[0] == 1
-    assert 0.2 < view.whole[1] < 0.8
-    assert view.whole[2] < 0.75
-    assert view.whole[3] == 0
+    assert view.complete[0] == 1
+    assert 0.2 < view.complete[1] < 0.8
+    assert view.complete[2] < 0.75
+    assert view.complete[3] == 0
 
 
 def test_existence_by_hand():
@@ -408,8 +413,8 @@ def test_motion_modes_of_the_filter_reach_the_reader_of_a_step(tracker):
 def test_what_a_filter_has_to_tell_of_an_update_becomes_an_event(tracker):
     starved = replace(tracker, filter=find("dra", form="joint", cap=1))
     _, infos = drive(starved, Road(CARS), 0.5)
-    events_of = {e.track for i in infos for e in i.events if e.kind == "capped"}
-    assert events_of == {0, 1, 2}
+    told = {e.track for i in infos for e in i.events if e.kind == "capped"}
+    assert told == {0, 1, 2}
     plenty = replace(tracker, filter=find("dra", form="sequential"))
     _, infos = drive(plenty, Road(CARS), 0.5)
     assert not any(e.kind == "capped" for i in infos for e in i.events)
