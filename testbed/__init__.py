@@ -4,7 +4,7 @@ Importing this package registers the gymnasium ids `testbed/NAME-v0`, one for ev
 highway-env, rerun and what needs them are loaded when they are first used.
 """
 
-from importlib import import_module, util
+from importlib import import_module, metadata, util
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,13 +13,15 @@ if TYPE_CHECKING:
     from testbed.planners import PLANNERS as PLANNERS
     from testbed.planners import Planner as Planner
 
+    __version__: str
+
 _HOME = {
     "TrackedEnv": "testbed.environment.wrapper",
     "PLANNERS": "testbed.planners",
     "Planner": "testbed.planners",
 }
 
-__all__ = ["PLANNERS", "Planner", "TrackedEnv"]
+__all__ = ["PLANNERS", "Planner", "TrackedEnv", "__version__"]
 
 
 def _check_neighbours() -> None:
@@ -36,6 +38,8 @@ def _check_neighbours() -> None:
 
 
 def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        return metadata.version("eot-testbed")
     if name not in _HOME:
         raise AttributeError(f"module 'testbed' has no attribute {name!r}")
     return getattr(import_module(_HOME[name]), name)
