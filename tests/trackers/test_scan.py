@@ -75,6 +75,13 @@ def test_a_resting_thing_has_no_ground_rate():
     np.testing.assert_allclose(scan.ground_rate, 0, atol=1e-9)
 
 
+def test_a_turning_platform_moves_its_sensor_by_yaw_rate_times_lever_arm():
+    """Heading 90 degrees, so a radar 2 m ahead and 0.5 m left is at (-0.5, 2) from the centre: 0.4 rad/s x that."""
+    sensor = SensorModel(mount=(2.0, 0.5, 0.0))
+    velocity = sensor.velocity(np.array([[7.0, 3.0, np.pi / 2, 0.0, 10.0, 0.4], [7.0, 3.0, np.pi / 2, 0.0, 10.0, 0.0]]))
+    np.testing.assert_allclose(velocity, [[-0.8, 9.8], [0.0, 10.0]], atol=1e-12)
+
+
 def test_noise_is_along_and_across_the_line_of_sight():
     scan = Scan.from_xy([[0.0, 50.0]], noise=(0.1, 0.02, 0.1))
     np.testing.assert_allclose(scan.position_noise()[0], [[1.0, 0], [0, 0.01]], atol=1e-12)

@@ -273,6 +273,22 @@ def test_resets_without_a_seed_go_on_reproducibly_and_differ():
     assert not np.array_equal(first[1], first[2])
 
 
+def test_every_episode_of_the_same_traffic_has_its_own_detections():
+    """The published scene starts alike whatever the seed, so only the radar's stream can make its scans differ."""
+
+    def episodes() -> list[tuple[Any, Any]]:
+        env = gym.make("testbed/six-radar-highway-v0", tracker="truth")
+        return [(env.reset(seed=seed), env.truth.objects.pose, env.scan)[1:] for seed in (3, None, 3)]
+
+    (first_truth, first), (second_truth, second), (_, again) = episodes()
+    np.testing.assert_array_equal(first_truth, second_truth)
+    assert first.mask.any()
+    assert not np.array_equal(first.polar, second.polar)
+    np.testing.assert_array_equal(first.polar, again.polar)
+    for (_, scan), (_, repeated) in zip(episodes(), episodes(), strict=True):
+        np.testing.assert_array_equal(scan.polar, repeated.polar)
+
+
 # Looks and observers
 
 

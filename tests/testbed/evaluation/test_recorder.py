@@ -6,12 +6,15 @@ from pathlib import Path
 import gymnasium as gym
 import pytest
 
+import sensors
 import testbed  # noqa: F401  (registers the ids)
+import trackers
 from testbed.evaluation.recorder import Recorder, run_id
 from testbed.evaluation.tracking import Evaluator, jsonable
 from testbed.files import make_directory
 from testbed.log import reader
 from testbed.log.record import RunMeta
+from trackers import MultiObjectTracker
 
 QUICK = {"config": {"duration": 1.0}, "radar": "front"}
 
@@ -80,6 +83,36 @@ def test_an_interrupted_log_says_so(tmp_path):
     env.recorder.close(interrupted=True)
     env.close()
     assert reader.events(log)[-1][2:] == ("WARN", "the run was interrupted")
+
+
+class BlindAfter:
+    """A tracker that drops all tracks after so many scans and finds none again."""
+
+    def __init__(self, scans):
+        self.inner = MultiObjectTracker(trackers.find("rm-feldmann"), sensors.find("ideal").models)
+        self.left = scans
+
+    def start(self):
+        return self.inner.start()
+
+    def step(self, tracks, scan, dt):
+        self.left -= 1
+        tracks, info = self.inner.step(tracks, scan, dt)
+        return (tracks if self.left >= 0 else self.inner.start()), info
+
+
+def test_an_object_is_logged_as_lost_one_second_after_its_last_track(tmp_path):
+    """15 scans a second: scans 0 to 9 have tracks, scan 10 is the first without, and 15 scans later they are lost."""
+    frames = {"simulation_frequency": 15, "policy_frequency": 5, "duration": 2.0}
+    env = gym.make("testbed/following-v0", tracker=BlindAfter(10), radar="ideal", config=frames, out=str(tmp_path))
+    env.reset(seed=0)
+    for _ in range(9):
+        env.step(1)
+    log = env.recorder.log.path
+    env.close()
+    lost = [event.step for event in reader.events(log) if " lost, was track " in event.text]
+    assert len(lost) > 1
+    assert min(lost) == 10 + 15
 
 
 def test_results_of_an_older_run_do_not_survive_beside_a_new_log(tmp_path):

@@ -1,0 +1,89 @@
+"""Gates and owners on scans made by hand: a radar at the origin faces along x to boxes 4 m long and 2 m wide."""
+
+import numpy as np
+import pytest
+
+from tests.trackers.multi.known_objects import KnownObjects, scan_of, tracks_of
+from trackers import MultiObjectTracker, SensorModel, prior
+
+QUIET = SensorModel(max_range=200.0, fov=np.pi, clutter=0.01)  # whatever falls into the gates is owned
+
+
+def box(x, y, heading=0.0, **known):
+    """One object; its variances along and across the box are 0.25 + 0.04 + 0.04 [m^2] before the radar's noise."""
+    spread = {"velocity": (20.0, 0.0), "size": (4.0, 2.0), "size_std": (0.4, 0.4), "position_std": 0.5}
+    return prior([(x, y, heading)], **(spread | known))
+
+
+def owners(estimate, scan, sensor=QUIET, existence=0.9):
+    """Row of the track that takes each detection, -1 for none."""
+    tracker = MultiObjectTracker(KnownObjects(), (sensor,))
+    _, info = tracker.step(tracks_of(estimate, existence), scan, 0.0)
+    return info.owner.tolist()
+
+
+def test_the_position_gate_ends_at_ten_squared_deviations_outside_the_box():
+    """Behind a rear end at x = 48 m the variance is 0.33 + 0.3^2 = 0.42 m^2: the gate is sqrt(10 x 0.42) = 2.05 m."""
+    scan = scan_of([(46.0, 0.0), (45.9, 0.0)], noise=(0.3, 0.001, 0.1))
+    assert owners(box(50, 0), scan) == [0, -1]
+
+
+def test_noise_of_the_measurement_widens_the_position_gate():
+    """1.9 m outside the box: the gate is sqrt(10 x 0.33) = 1.82 m, and sqrt(10 x 0.42) = 2.05 m with 0.3 m of noise."""
+    assert owners(box(50, 0), scan_of([(46.1, 0.0)], noise=(0.0, 0.0, 0.1))) == [-1]
+    assert owners(box(50, 0), scan_of([(46.1, 0.0)], noise=(0.3, 0.0, 0.1))) == [0]
+    assert owners(box(50, -2.9), scan_of([(50.0, 0.0)], noise=(0.0, 0.0, 0.1))) == [-1]
+    assert owners(box(50, -2.9), scan_of([(50.0, 0.0)], noise=(0.0, 0.3 / 50, 0.1))) == [0]
+
+
+@pytest.mark.parametrize("heading", [0.0, np.pi / 2, np.pi])
+def test_range_noise_counts_along_the_line_of_sight_and_azimuth_noise_across(heading):
+    """Noise 0.1 m along, 1 m across (0.02 rad at 50 m): gates of sqrt(10 x 0.34) = 1.84 m and sqrt(10 x 1.33) = 3.65 m.
+
+    Both detections lie straight ahead on y = 0; a square box, so that its heading does not move its sides.
+    """
+    noise, size = (0.1, 0.02, 0.1), (2.0, 2.0)
+    assert owners(box(51 + 1.7, 0, heading, size=size), scan_of([(50.0, 0.0)], noise)) == [0]
+    assert owners(box(51 + 2.0, 0, heading, size=size), scan_of([(50.0, 0.0)], noise)) == [-1]
+    assert owners(box(50, 1 + 3.5, heading, size=size), scan_of([(50.0, 0.0)], noise)) == [0]
+    assert owners(box(50, 1 + 3.8, heading, size=size), scan_of([(50.0, 0.0)], noise)) == [-1]
+
+
+def test_the_rate_gate_ends_at_twelve_squared_deviations():
+    """Speed 20 +- 1 m/s and a model error of 0.5 m/s: the gate is sqrt(12 x 1.25) = 3.87 m/s either way."""
+    rates = np.array([20 - 3.95, 20 - 3.80, 20.0, 20 + 3.80, 20 + 3.95])
+    scan = scan_of(np.tile([48.2, 0.0], (5, 1)), noise=(0.1, 0.0, 0.0), rate=rates)
+    assert owners(box(50, 0, yaw_rate_std=1e-3), scan) == [-1, 0, 0, 0, -1]
+
+
+def test_a_left_turn_slows_the_left_side_of_a_car_that_drives_away():
+    """A point 0.9 m left of the centre of a body that turns left with 3 rad/s moves 2.7 m/s backwards.
+
+    So it recedes with 20 - 2.7 m/s from a radar straight behind it, and the right side with 20 + 2.7 m/s; the gate is
+    sqrt(12 (0.1^2 + 0.09^2 + 0.5^2)) = 1.8 m/s.
+    """
+    turning = {"yaw_rate": 3.0, "velocity_std": 0.1, "yaw_rate_std": 0.1}
+    scan = scan_of([(48.2, 0.0), (48.2, 0.0)], noise=(0.1, 0.0, 0.0), rate=[17.3, 22.7])
+    assert owners(box(50, -0.9, **turning), scan) == [0, -1]  # its left side faces the radar
+    assert owners(box(50, 0.9, **turning), scan) == [-1, 0]
+
+
+def test_a_detection_that_is_probably_clutter_stays_without_an_owner():
+    """Two boxes with one detection in each middle: density 1 / (4 x 2) = 0.125 / m^2, half a detection expected.
+
+    2000 false alarms on a half disc of 100 m have a density of 0.1273 / m^2, so a detection is q x 0.491 times as
+    likely from the box: probabilities 0.31 for existence 0.93 and 0.27 for 0.75, on both sides of 0.3.
+    """
+    blind = SensorModel(max_range=100.0, fov=np.pi, clutter=2000.0, count_at_15m=0.01)
+    known = {"position_std": 0.01, "size_std": 0.01}
+    two = prior([(50, 0, 0), (50, 20, 0)], size=(4.0, 2.0), **known)
+    scan = scan_of([(50.0, 0.0), (50.0, 20.0)], noise=(0.01, 0.0002, 0.1))
+    assert owners(two, scan, blind, existence=[0.93, 0.75]) == [0, -1]
+    assert owners(two, scan, blind, existence=[0.75, 0.93]) == [-1, 1]
+
+
+def test_of_two_tracks_the_likelier_takes_the_whole_detection():
+    """A detection 0.5 m behind one box and 1.5 m before another goes to the nearer one, and to nobody twice."""
+    two = prior([(50, 0, 0), (44, 0, 0)], size=(4.0, 2.0), position_std=0.5)
+    assert owners(two, scan_of([(47.5, 0.0)], noise=(0.1, 0.001, 0.1))) == [0]
+    assert owners(two, scan_of([(46.5, 0.0)], noise=(0.1, 0.001, 0.1))) == [1]

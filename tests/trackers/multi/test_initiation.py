@@ -1,0 +1,25 @@
+"""Where tracks begin: moving things anywhere, standing things in a lane of the map only."""
+
+import numpy as np
+import pytest
+
+from tests.trackers.multi.known_objects import KnownObjects, scan_of
+from trackers import MultiObjectTracker, SensorModel
+from trackers.multi.road import RoadMap
+
+RADAR = SensorModel(max_range=200.0, fov=np.pi)
+REAR = [(50.0, -0.6), (50.0, 0.0), (50.0, 0.6), (50.3, 0.3)]  # four returns of one rear end
+LANE = RoadMap.of([([[0.0, 0.0], [100.0, 0.0]], 4.0)])
+BESIDE = RoadMap.of([([[0.0, 8.0], [100.0, 8.0]], 4.0)])
+
+
+@pytest.mark.parametrize(
+    ("road", "rate", "born"),
+    [(None, 0.0, 0), (BESIDE, 0.0, 0), (LANE, 0.0, 1), (None, 9.0, 1), (BESIDE, 9.0, 1)],
+    ids=["standing-no-map", "standing-off-lane", "standing-in-lane", "moving-no-map", "moving-off-lane"],
+)
+def test_what_stands_is_born_in_a_lane_of_the_map_and_nowhere_else(road, rate, born):
+    tracker = MultiObjectTracker(KnownObjects(), (RADAR,), road=road)
+    tracks, info = tracker.step(tracker.start(), scan_of(REAR, (0.15, 0.005, 0.1), rate), 0.0)
+    assert len(tracks.id) == born
+    assert [event.kind for event in info.events] == ["born"] * born
