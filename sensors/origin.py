@@ -1,4 +1,4 @@
-"""Where each detection really came from: for metrics and logs only, never for a tracker."""
+"""The true origin of each detection: for metrics and logs only, never for a tracker."""
 
 from typing import NamedTuple
 
@@ -10,17 +10,17 @@ KINDS = ("contour", "volume", "clutter", "static")
 
 
 class Origin(NamedTuple):
-    """Truth about the M detections of a scan and the N objects of its scene."""
+    """The origin of the M detections of a scan, and what was visible of the N objects of its scene."""
 
     object: NDArray  # (M,) int, row of `scene.objects`, -1 for clutter and static returns
     body: NDArray  # (M,) int, row of `scene.bodies`, -1 likewise
     edge: NDArray  # (M,) int, edge of the body's outline that was hit, -1 likewise
     kind: NDArray  # (M,) int, index into KINDS
     expected: NDArray  # (N,) expected detections of each object over all sensors, occlusion included
-    visible: NDArray  # (N,) share of the outline facing the sensors that is not hidden by others, best sensor
+    visible: NDArray  # (N,) share of the rays on the object that no other object stops, of the best sensor
 
     @classmethod
     def empty(cls, objects: int) -> "Origin":
-        """No detection of a scene with so many objects."""
+        """That of a scan without a detection, of a scene with so many objects."""
         none = np.zeros(0, int)
         return cls(none, none, none, none, np.zeros(objects), np.zeros(objects))

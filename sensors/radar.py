@@ -1,4 +1,7 @@
-"""The radar: a Scene in, a Scan and its Origin out. Every step is a function of arrays and a generator."""
+"""The radar: a Scene in, a Scan and its Origin out. Every step is a function of arrays and a generator.
+
+Order of a scan and equations: docs/methods/radar.md.
+"""
 
 from dataclasses import dataclass, fields
 from functools import cached_property
@@ -6,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from sensors.illumination import Fans, Lit, Sight, fan, illuminate
+from sensors.illumination import Beams, Illuminated, Visible, beam_azimuths, illuminate
 from sensors.origin import CONTOUR, STATIC, VOLUME, Origin
 from sensors.raycast import Edges, outline_edges
 from sensors.returns import Returns, add_noise, false_alarms, join, merge_cells
@@ -39,12 +42,12 @@ class Sensor:
     count_falloff: float = 0.6  # exponent of (15 m / range)
     count_max: float = 40.0  # of one object
     count_shape: float = 2.0  # of the negative binomial; inf: Poisson; 0: not random, the mean rounded
-    detection_probability: float = 1.0  # that an object in view returns anything at all in a look
+    detection_probability: float = 1.0  # that a visible object returns anything at all in a scan
     grazing: float = 0.5  # 0: returns spread over the projected outline; 1: over its true length
     share_volume: float = 0.2  # of the detections that come from inside the body
     depth_contour: float = 0.12  # [m] mean depth behind the surface of the others
     depth_volume: float = np.inf  # [m] mean depth of those inside, before the body cuts it; inf: uniform
-    share_scatter: float = 0.0  # of the detections that are displaced: multipath, mirrors, mounting parts
+    share_scatter: float = 0.0  # of the detections, displaced by multipath, mirrors, mounting parts
     scatter: float = 0.5  # [m] standard deviation of that displacement, each axis
     cell_range: float = 0.0  # [m] resolution cell; all three 0: nothing merges
     cell_azimuth_deg: float = 0.0
@@ -69,7 +72,7 @@ class Sensor:
     @cached_property
     def azimuths(self) -> NDArray:
         """Azimuth (B,) [rad] of each ray in the sensor frame."""
-        return fan(np.radians(self.fov_deg), np.radians(self.spacing_deg))
+        return beam_azimuths(np.radians(self.fov_deg), np.radians(self.spacing_deg))
 
     @cached_property
     def model(self) -> SensorModel:
@@ -82,27 +85,27 @@ class Sensor:
             sigma_azimuth=float(np.radians(self.sigma_azimuth_deg)),
             sigma_rate=self.sigma_rate,
             max_rate=self.max_rate,
-            count_at_15m=self.count_at_15m * self.detection_probability,
+            count_at_15m=self.count_at_15m * self.detection_probability,  # (RAD.10)
             count_falloff=self.count_falloff,
-            count_max=self.count_max * self.detection_probability,
+            count_max=self.count_max * self.detection_probability,  # (RAD.10)
             clutter=self.clutter,
         )
 
 
 @dataclass(frozen=True)
 class Radar:
-    """A rig of mounted radars that look at the same instant."""
+    """A rig of mounted radars that scan at the same instant."""
 
     name: str
     note: str  # where its figures come from, one line
     sensors: tuple[Sensor, ...]
-    rate: float | None = None  # [1/s] looks; None: one every frame
+    rate: float | None = None  # [1/s] of scans; None: one every simulated frame
 
     def __post_init__(self) -> None:
         if not self.sensors:
             raise ValueError(f"{self.name}: sensors is empty; a rig needs at least one")
         if self.rate is not None and not self.rate > 0:
-            raise ValueError(f"{self.name}: rate must be positive, got {self.rate}; None looks at every frame")
+            raise ValueError(f"{self.name}: rate must be positive, got {self.rate}; None scans every frame")
 
     @cached_property
     def models(self) -> tuple[SensorModel, ...]:
@@ -130,14 +133,21 @@ class Radar:
         return np.stack([self.column("cell_range"), azimuth, self.column("cell_rate")], -1)
 
     def scan(self, scene: Scene, rng: np.random.Generator) -> tuple[Scan, Origin]:
-        """One look of all sensors at a scene; every detection is one row, there is no padding."""
+        """Detections (M,) of all sensors at one instant, without padding, and the origin of each.
+
+        Raises:
+            ValueError: a scene that is not finite, or whose bodies do not fit together.
+
+        """
         check_scene(scene)
         platform = scene.ego.platform
         pose, velocity = self._mounted(platform)
         edges = outline_edges(scene.bodies.outline)
-        lit, sight, rail = illuminate(self._fans(pose), edges, scene.bodies.owner, len(scene.objects.id), scene.walls)
-        expected = self.expected(sight)
-        vehicles = self._vehicles(scene, lit, edges, self._counts(expected, rng), pose, velocity, rng)
+        elements, visible, rail = illuminate(
+            self._beams(pose), edges, scene.bodies.owner, len(scene.objects.id), scene.walls
+        )
+        expected = self.expected(visible)
+        vehicles = self._vehicles(scene, elements, edges, self._counts(expected, rng), pose, velocity, rng)
         walls = self._walls(scene, rail, pose, velocity, rng)
         true = join((vehicles, walls))
         merged = merge_cells(true, self.cells[true.sensor])
@@ -147,7 +157,7 @@ class Radar:
         got = join((seen, alarms))
         s = got.sensor
         scan = Scan(got.polar, np.ones(len(s), bool), pose[s], velocity[s], self.sigma[s], s, platform)
-        share = sight.share.max(0)
+        share = visible.share.max(0)
         return scan, Origin(got.object, got.body, got.edge, got.kind, expected.sum(0), share)
 
     @cached_property
@@ -161,62 +171,65 @@ class Radar:
         """Poses (S, 3) and velocities (S, 2) [m/s] of all sensors in the world, as `SensorModel` has them of one."""
         mount = self.column("mount")
         lever = (rotation(platform[2]) @ mount[:, :2, None])[..., 0]
-        return compose(platform[:3], mount), point_velocity(platform[3:5], platform[5], lever)
+        return compose(platform[:3], mount), point_velocity(platform[3:5], platform[5], lever)  # (RAD.1)
 
-    def _fans(self, pose: NDArray) -> Fans:
+    def _beams(self, pose: NDArray) -> Beams:
         """The rays of all sensors at poses (S, 3)."""
         sensor, azimuth, spacing = self._rays
-        return Fans(pose, sensor, pose[sensor, 2] + azimuth, spacing, self.column("max_range"))
+        return Beams(pose, sensor, pose[sensor, 2] + azimuth, spacing, self.column("max_range"))
 
-    def expected(self, sight: Sight) -> NDArray:
+    def expected(self, visible: Visible) -> NDArray:
         """Expected detections (S, N) of every object by every sensor, occlusion included, before cells merge any."""
-        seen = sight.chord > 0
-        nearest = np.where(seen, sight.nearest, 1.0)
-        rate = [m.expected_count(r, c) for m, r, c in zip(self.models, nearest, sight.chord, strict=True)]
+        seen = visible.chord > 0
+        nearest = np.where(seen, visible.nearest, 1.0)
+        rate = [m.expected_count(r, c) for m, r, c in zip(self.models, nearest, visible.chord, strict=True)]  # (RAD.9)
         return np.where(seen, rate, 0.0)
 
     def _counts(self, expected: NDArray, rng: np.random.Generator) -> NDArray:
-        """Number of detections (S, N) of this look."""
+        """Numbers of detections (S, N) in this scan."""
         p = self.column("detection_probability")[:, None]
         mean = expected / np.where(p > 0, p, 1.0)
-        counts = draw_counts(mean, self.column("count_shape")[:, None], rng)
-        return np.where(rng.random(expected.shape) < p, counts, 0)
+        counts = draw_counts(mean, self.column("count_shape")[:, None], rng)  # (RAD.11)
+        return np.where(rng.random(expected.shape) < p, counts, 0)  # (RAD.12)
 
     def _vehicles(
-        self, scene: Scene, lit: Lit, edges: Edges, counts: NDArray, pose: NDArray, velocity: NDArray,
+        self, scene: Scene, elements: Illuminated, edges: Edges, counts: NDArray, pose: NDArray, velocity: NDArray,
         rng: np.random.Generator,
     ) -> Returns:  # fmt: skip
-        """True returns of the objects: a lit element each, a point on it or behind it, its motion."""
-        weight = lit.chord * lit.incidence ** -self.column("grazing")[lit.sensor]
-        pick = choose_elements(lit, weight, counts, rng)
-        s, segment = lit.sensor[pick], lit.segment[pick]
-        body, origin = edges.body[segment], pose[s, :2]
-        spacing = lit.chord[pick] / lit.range[pick]
-        point = surface_points(origin, lit.bearing[pick], spacing, edges.a[segment], edges.b[segment], rng)
+        """Noise-free returns of the objects: on or behind an illuminated element each, with the motion of the body."""
+        weight = elements.chord * elements.incidence ** -self.column("grazing")[elements.sensor]  # (RAD.13)
+        pick = choose_elements(elements, weight, counts, rng)
+        s, segment = elements.sensor[pick], elements.segment[pick]
+        body, place = edges.body[segment], pose[s, :2]
+        spacing = elements.chord[pick] / elements.range[pick]
+        point = surface_points(place, elements.bearing[pick], spacing, edges.a[segment], edges.b[segment], rng)
         volume = rng.random(len(pick)) < self.column("share_volume")[s]
         mean = np.where(volume, self.column("depth_volume")[s], self.column("depth_contour")[s])
-        depth = draw_depth(mean, room_behind(origin, point, body, edges), rng)
-        sight = point - origin
+        depth = draw_depth(mean, room_behind(place, point, body, edges), rng)
+        sight = point - place
         u = sight / np.maximum(np.hypot(sight[:, 0], sight[:, 1]), 1e-12)[:, None]
-        point = point + depth[:, None] * u
+        point = point + depth[:, None] * u  # (RAD.16)
         lever = point - scene.bodies.pose[body, :2]
         moving = point_velocity(scene.bodies.velocity[body], scene.bodies.yaw_rate[body], lever)
-        rate = (u * (moving - velocity[s])).sum(-1)
-        point = point + draw_scatter(self.column("share_scatter")[s], self.column("scatter")[s], rng)
+        rate = (u * (moving - velocity[s])).sum(-1)  # (RAD.17)
+        point = point + draw_scatter(self.column("share_scatter")[s], self.column("scatter")[s], rng)  # (RAD.18)
         kind = np.where(volume, VOLUME, CONTOUR)
-        return Returns(polar_of(pose[s], point, rate), s, lit.object[pick], body, edges.edge[segment], kind)
+        return Returns(polar_of(pose[s], point, rate), s, elements.object[pick], body, edges.edge[segment], kind)
 
-    def _walls(self, scene: Scene, lit: Lit, pose: NDArray, velocity: NDArray, rng: np.random.Generator) -> Returns:
-        """True returns of the lit walls, which stand still."""
-        falloff = (15.0 / np.maximum(lit.range, 1.0)) ** self.column("count_falloff")[lit.sensor]
-        mean = self.column("static_density")[lit.sensor] * falloff * lit.chord / lit.incidence
-        pick = np.repeat(np.arange(len(mean)), rng.poisson(mean))
-        s, wall = lit.sensor[pick], lit.segment[pick]
-        spacing = lit.chord[pick] / lit.range[pick]
+    def _walls(
+        self, scene: Scene, elements: Illuminated, pose: NDArray, velocity: NDArray, rng: np.random.Generator
+    ) -> Returns:
+        """Noise-free returns of the illuminated walls, which stand still."""
+        falloff = (15.0 / np.maximum(elements.range, 1.0)) ** self.column("count_falloff")[elements.sensor]
+        density = self.column("static_density")[elements.sensor]
+        mean = density * falloff * elements.chord / elements.incidence
+        pick = np.repeat(np.arange(len(mean)), rng.poisson(mean))  # (RAD.20)
+        s, wall = elements.sensor[pick], elements.segment[pick]
+        spacing = elements.chord[pick] / elements.range[pick]
         a, b = scene.walls[wall, 0], scene.walls[wall, 1]
-        point = surface_points(pose[s, :2], lit.bearing[pick], spacing, a, b, rng)
+        point = surface_points(pose[s, :2], elements.bearing[pick], spacing, a, b, rng)
         sight = point - pose[s, :2]
-        rate = -(sight * velocity[s]).sum(-1) / np.maximum(np.hypot(sight[:, 0], sight[:, 1]), 1e-12)
+        rate = -(sight * velocity[s]).sum(-1) / np.maximum(np.hypot(sight[:, 0], sight[:, 1]), 1e-12)  # (RAD.20)
         none = np.full(len(s), -1)
         return Returns(polar_of(pose[s], point, rate), s, none, none, none, np.full(len(s), STATIC))
 
@@ -225,11 +238,11 @@ def polar_of(pose: NDArray, point: NDArray, rate: NDArray) -> NDArray:
     """Range, azimuth, range rate (M, 3) of world points (M, 2) [m] in the frames of sensors (M, 3)."""
     d = point - pose[:, :2]
     azimuth = wrap_angle(np.arctan2(d[:, 1], d[:, 0]) - pose[:, 2])
-    return np.stack([np.hypot(d[:, 0], d[:, 1]), azimuth, rate], -1)
+    return np.stack([np.hypot(d[:, 0], d[:, 1]), azimuth, rate], -1)  # (RAD.19)
 
 
 def check_scene(scene: Scene) -> None:
-    """Raise ValueError, in one sentence, for a scene that cannot be seen."""
+    """Raise ValueError, in one sentence, for a scene that is not finite or whose bodies do not fit together."""
     bodies = scene.bodies
     outlines = np.concatenate(bodies.outline) if len(bodies.outline) else np.zeros((0, 2))
     arrays = {

@@ -7,6 +7,8 @@ Rules, so that every implementation finds the same hit:
   edge seen end-on is never crossed.
 - A crossing counts from `NEAREST` on; a sensor on an edge or a vertex does not see that edge.
 - The nearest crossing wins; of equal ranges the lowest segment index.
+
+Equations: docs/methods/radar.md, section 2.
 """
 
 from collections.abc import Sequence
@@ -66,10 +68,10 @@ def crossing_range(u: NDArray, wa: NDArray, wb: NDArray) -> NDArray:
     inf where they do not, by the rules above.
     """
     sa, sb = cross(u, wa), cross(u, wb)
-    crossed = (sa >= 0) != (sb >= 0)
-    t = sa / np.where(crossed, sa - sb, 1.0)
+    crossed = (sa >= 0) != (sb >= 0)  # (RAD.3)
+    t = sa / np.where(crossed, sa - sb, 1.0)  # (RAD.4)
     x, y = (wa[..., k] + t * (wb[..., k] - wa[..., k]) for k in (0, 1))  # by columns: rows of two are slow
-    r = u[..., 0] * x + u[..., 1] * y
+    r = u[..., 0] * x + u[..., 1] * y  # (RAD.4)
     return np.where(crossed & (r > NEAREST), r, np.inf)
 
 
@@ -77,9 +79,9 @@ def _sectors(wa: NDArray, wb: NDArray) -> tuple[NDArray, NDArray]:
     """Start [0, 2 pi) and width (V, S) [rad] of the widened sector of each segment."""
     first = np.arctan2(wa[..., 1], wa[..., 0])
     turn = wrap_angle(np.arctan2(wb[..., 1], wb[..., 0]) - first)
-    low = (first + np.minimum(turn, 0.0) - SLACK) % (2 * np.pi)
-    width = np.abs(turn) + 2 * SLACK
-    # So close to the line of the segment that the side it lies on is a matter of rounding: take every ray.
+    low = (first + np.minimum(turn, 0.0) - SLACK) % (2 * np.pi)  # (RAD.5)
+    width = np.abs(turn) + 2 * SLACK  # (RAD.5)
+    # So close to the line of the segment, rounding decides on which side of it the sensor is: take every ray.
     return low, np.where(np.abs(turn) > np.pi - 1e-6, np.inf, width)
 
 
@@ -93,8 +95,8 @@ def crossings(origin: NDArray, view: NDArray, bearing: NDArray, a: NDArray, b: N
     order = np.lexsort((angle, view))
     count = np.bincount(view, minlength=V)
     start = np.cumsum(count) - count  # where the rays of each origin begin
-    # The fan of each origin stands twice in a row, the second time a turn further on, so that no sector wraps.
-    lap = 8 * np.pi * np.arange(V)  # tells the origins apart
+    # The rays of each origin stand twice in a row, the second time a turn further on, so that no sector wraps.
+    lap = 8 * np.pi * np.arange(V)  # separates the origins in the sorted angles
     place = np.arange(len(bearing)) + np.repeat(start, count)
     again = place + np.repeat(count, count)
     twice, ray_at = np.empty(2 * len(bearing)), np.empty(2 * len(bearing), int)
@@ -119,11 +121,11 @@ def crossings(origin: NDArray, view: NDArray, bearing: NDArray, a: NDArray, b: N
 def first_hits(found: Crossings, rays: int) -> tuple[NDArray, NDArray]:
     """Range (rays,) [m], inf for no hit, and segment (rays,), -1 for no hit, of the nearest crossing."""
     nearest = np.full(rays, np.inf)
-    np.minimum.at(nearest, found.ray, found.range)
+    np.minimum.at(nearest, found.ray, found.range)  # (RAD.6)
     winner = found.range == nearest[found.ray]
     none = np.iinfo(np.int64).max
     segment = np.full(rays, none)
-    np.minimum.at(segment, found.ray[winner], found.segment[winner])
+    np.minimum.at(segment, found.ray[winner], found.segment[winner])  # (RAD.6)
     return nearest, np.where(segment == none, -1, segment)
 
 

@@ -1,4 +1,7 @@
-"""Radar returns as arrays: cells that merge them, noise upon them, false alarms beside them."""
+"""Radar returns as arrays: resolution cells that merge them, measurement noise, false alarms.
+
+Equations: docs/methods/radar.md, section 8.
+"""
 
 from typing import NamedTuple
 
@@ -10,7 +13,7 @@ from trackers.geometry import wrap_angle
 
 
 class Returns(NamedTuple):
-    """M returns and where they came from."""
+    """M returns and their origin."""
 
     polar: NDArray  # (M, 3) range [m], azimuth [rad], range rate [m/s] in the frame of the sensor
     sensor: NDArray  # (M,) int
@@ -21,27 +24,27 @@ class Returns(NamedTuple):
 
 
 def join(parts: tuple[Returns, ...]) -> Returns:
-    """All returns, ordered by sensor and then range: the order tells nothing of their origin."""
+    """All returns, sorted by sensor and range, so that their order says nothing of their origin."""
     joined = Returns(*(np.concatenate(column) for column in zip(*parts, strict=True)))
     return rows(joined, np.lexsort((joined.polar[:, 0], joined.sensor)))
 
 
 def rows(returns: Returns, index: NDArray) -> Returns:
-    """Some of the returns."""
+    """The returns with these rows, int or bool."""
     return Returns(*(column[index] for column in returns))
 
 
 def merge_cells(returns: Returns, cell: NDArray) -> Returns:
     """Merge the returns of one sensor that fall into one resolution cell.
 
-    cell (M, 3) range [m], azimuth [rad], range rate [m/s]. A size of zero or infinity does not tell returns apart;
-    returns of a sensor with no positive finite size are not merged at all. The merged return lies at the mean of its
-    parts and keeps the origin of the first one.
+    cell (M, 3) is its size in range [m], azimuth [rad], range rate [m/s]. A size of zero or infinity does not separate
+    returns; those of a sensor with no positive finite size are not merged at all. The merged return lies at the mean of
+    its parts and keeps the origin of the first one.
     """
     splits = (cell > 0) & np.isfinite(cell)
     if not splits.any():
         return returns
-    bins = np.where(splits, np.floor(returns.polar / np.where(splits, cell, 1.0)), 0.0)
+    bins = np.where(splits, np.floor(returns.polar / np.where(splits, cell, 1.0)), 0.0)  # (RAD.21)
     alone = np.where(splits.any(-1), -1, np.arange(len(cell)))
     key = np.column_stack([returns.sensor, alone, bins])
     _, first, group, size = np.unique(key, axis=0, return_index=True, return_inverse=True, return_counts=True)
@@ -51,20 +54,20 @@ def merge_cells(returns: Returns, cell: NDArray) -> Returns:
 
 
 def add_noise(polar: NDArray, sigma: NDArray, rng: np.random.Generator) -> NDArray:
-    """Measured from true polar (M, 3), with standard deviations sigma (M, 3); no range is negative."""
-    r, azimuth, rate = (polar + sigma * rng.standard_normal(polar.shape)).T
+    """Measured range, azimuth, rate (M, 3) of true ones (M, 3), with noise of std sigma (M, 3); no range below 0."""
+    r, azimuth, rate = (polar + sigma * rng.standard_normal(polar.shape)).T  # (RAD.22)
     return np.stack([np.maximum(r, 0.0), wrap_angle(azimuth), rate], -1)
 
 
 def false_alarms(
     mean: NDArray, max_range: NDArray, fov: NDArray, max_rate: NDArray, rng: np.random.Generator
 ) -> Returns:
-    """Poisson false alarms of S sensors, mean (S,) a scan, uniform over the area in view and the Doppler span."""
+    """Poisson false alarms of S sensors, mean (S,) a scan, uniform over the area in view and the range rates."""
     sensor = np.repeat(np.arange(len(mean)), rng.poisson(mean))
     x = rng.random((3, len(sensor)))
     polar = np.stack(
         [
-            max_range[sensor] * np.sqrt(x[0]),
+            max_range[sensor] * np.sqrt(x[0]),  # (RAD.23)
             fov[sensor] * (x[1] - 0.5),
             max_rate[sensor] * (2 * x[2] - 1),
         ],

@@ -1,33 +1,36 @@
-"""Where on a vehicle a radar return comes from, and how many there are: functions of arrays and a generator."""
+"""How many returns a vehicle gives, and where on it they lie: functions of arrays and a generator.
+
+Equations: docs/methods/radar.md, sections 4 and 5.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sensors.illumination import Lit
+from sensors.illumination import Illuminated
 from sensors.raycast import Edges, crossing_range
 from trackers.geometry import cross, unit
 
 
 def draw_counts(mean: NDArray, shape: NDArray, rng: np.random.Generator) -> NDArray:
-    """Counts (...) with the given mean (...).
+    """Counts (...) of the given mean (...), negative binomial with variance mean + mean^2 / shape.
 
-    The variance is mean + mean^2 / shape: negative binomial, as a Poisson count whose rate is gamma distributed.
-    An infinite shape is Poisson. A shape of zero stands for no randomness: the mean, rounded.
+    Drawn as a Poisson count whose rate is gamma distributed. An infinite shape is Poisson; zero stands for no
+    randomness: the mean, rounded.
     """
     mean, shape = np.broadcast_arrays(mean, shape)
     random = np.isfinite(shape) & (shape > 0)
     k = np.where(random, shape, 1.0)
-    rate = np.where(random, mean * rng.gamma(k) / k, mean)
+    rate = np.where(random, mean * rng.gamma(k) / k, mean)  # (RAD.11)
     return np.where(shape == 0, np.rint(mean).astype(int), rng.poisson(rate))
 
 
-def choose_elements(lit: Lit, weight: NDArray, counts: NDArray, rng: np.random.Generator) -> NDArray:
-    """Draw, with replacement, counts (S, N) elements of each object as seen by each radar; indices (D,) into `lit`.
+def choose_elements(elements: Illuminated, weight: NDArray, counts: NDArray, rng: np.random.Generator) -> NDArray:
+    """Indices (D,) of elements drawn with replacement, counts (S, N) for each radar and object.
 
-    weight (L,) is positive; a count of an object without a lit element must be zero.
+    weight (L,) is positive; the count of an object without an element must be zero.
     """
     N = counts.shape[1]
-    group = lit.sensor * N + lit.object
+    group = elements.sensor * N + elements.object
     order = np.argsort(group, kind="stable")
     total = np.cumsum(weight[order])
     bounds = np.searchsorted(group[order], np.arange(counts.size + 1))
@@ -41,12 +44,15 @@ def choose_elements(lit: Lit, weight: NDArray, counts: NDArray, rng: np.random.G
 def surface_points(
     origin: NDArray, bearing: NDArray, spacing: NDArray, a: NDArray, b: NDArray, rng: np.random.Generator
 ) -> NDArray:
-    """Points (D, 2) [m] on segments a -> b (D, 2), each uniform in azimuth over the sector of the ray that lit it."""
+    """Points (D, 2) [m] on segments a -> b (D, 2), uniform in azimuth over the sector of the ray that reached them.
+
+    origin (D, 2) [m] is the sensor, bearing (D,) [rad] and spacing (D,) [rad] are those of the ray.
+    """
     u = unit(bearing + spacing * (rng.random(len(bearing)) - 0.5))
     sa, sb = cross(u, a - origin), cross(u, b - origin)
     apart = sa != sb
     t = np.clip(np.where(apart, sa / np.where(apart, sa - sb, 1.0), 0.5), 0.0, 1.0)
-    return a + t[:, None] * (b - a)
+    return a + t[:, None] * (b - a)  # (RAD.14)
 
 
 def room_behind(origin: NDArray, point: NDArray, body: NDArray, edges: Edges) -> NDArray:
@@ -67,7 +73,7 @@ def draw_depth(mean: NDArray, room: NDArray, rng: np.random.Generator) -> NDArra
     """Depths (D,) [m] behind the surface: exponential with `mean` [m], cut at `room` [m]; infinite mean is uniform."""
     x = rng.random(len(room))
     with np.errstate(divide="ignore", invalid="ignore"):
-        depth = -mean * np.log1p(-x * -np.expm1(-room / mean))
+        depth = -mean * np.log1p(-x * -np.expm1(-room / mean))  # (RAD.15)
     depth = np.where(np.isinf(mean), x * room, depth)
     return np.where(mean > 0, np.minimum(depth, room), 0.0)
 
