@@ -1,6 +1,7 @@
-"""How the ego vehicle fared in traffic: measured on scenes alone, so the same truth judges every tracker.
+"""How the ego drove: collisions, distances, times to collision, progress and braking, measured on scenes alone.
 
-Every rigid body counts for itself: a bent articulated truck is two boxes, not the box around both.
+Every rigid body counts for itself: a bent articulated truck is two boxes, not the box around both. Equations:
+docs/methods/metrics.md, "The drive".
 """
 
 from dataclasses import dataclass, field
@@ -41,7 +42,7 @@ def body_boxes(bodies: Bodies) -> Boxes:
 
 def box_distance(ego: Ego, boxes: Boxes) -> NDArray:
     """Shortest distances (B,) [m] from the ego's box to the others, 0 where they touch."""
-    return shapely.distance(areas(box_corners(ego.pose, ego.size)), areas(box_corners(boxes.pose, boxes.size)))
+    return shapely.distance(areas(box_corners(ego.pose, ego.size)), areas(box_corners(boxes.pose, boxes.size)))  # (MET.20)
 
 
 def headway_time(ego: Ego, boxes: Boxes) -> NDArray:
@@ -54,7 +55,7 @@ def headway_time(ego: Ego, boxes: Boxes) -> NDArray:
     ahead = shapely.clip_by_rect(local, front, -half_width, FAR, half_width)
     gap = np.where(shapely.area(ahead) > 0, shapely.bounds(ahead)[:, 0] - front, np.inf)
     closing = (ego.velocity - boxes.velocity) @ unit(ego.pose[2])
-    return np.divide(gap, closing, out=np.full(len(gap), np.inf), where=closing > 0)
+    return np.divide(gap, closing, out=np.full(len(gap), np.inf), where=closing > 0)  # (MET.21)
 
 
 def contact_time(ego: Ego, boxes: Boxes) -> NDArray:
@@ -70,11 +71,11 @@ def contact_time(ego: Ego, boxes: Boxes) -> NDArray:
     reach = np.abs(axes @ (own * ego.size / 2)).sum(-1) + np.abs(axes @ (other * boxes.size[:, None] / 2)).sum(-1)
     d, v = (axes @ d[..., None])[..., 0], (axes @ v[..., None])[..., 0]  # (B, 4)
     with np.errstate(divide="ignore", invalid="ignore"):
-        start, end = (-d - np.sign(v) * reach) / v, (-d + np.sign(v) * reach) / v
+        start, end = (-d - np.sign(v) * reach) / v, (-d + np.sign(v) * reach) / v  # (MET.22)
     still, apart = v == 0, np.abs(d) > reach
     start = np.where(still, np.where(apart, np.inf, -np.inf), start).max(-1)
     end = np.where(still, np.inf, end).min(-1)
-    return np.where((start <= end) & (end >= 0), np.maximum(start, 0.0), np.inf)
+    return np.where((start <= end) & (end >= 0), np.maximum(start, 0.0), np.inf)  # (MET.22)
 
 
 class DriveFrame(NamedTuple):
@@ -89,7 +90,7 @@ class DriveFrame(NamedTuple):
 
 @dataclass
 class DriveEvaluator:
-    """Score the drive: feed `step` once a frame, then ask for `summary`."""
+    """Measures of the ego's drive: call `step` once a frame, then `summary`."""
 
     harsh: float = -4.0  # [m/s^2] braking below this is harsh
     released: float = -2.0  # [m/s^2] it ends above this; in between it goes on
@@ -105,7 +106,7 @@ class DriveEvaluator:
             raise ValueError(f"released must lie above harsh, got {self.released} and {self.harsh} m/s^2; swap them")
 
     def step(self, scene: Scene) -> DriveFrame:
-        """Take in one scene; scenes come in the order of time."""
+        """Measures at one scene; scenes come in the order of time. Raises ValueError otherwise."""
         if self._time and scene.time <= self._time[-1]:
             raise ValueError(
                 f"scene.time must grow, got {scene.time} s after {self._time[-1]} s; one evaluator for each run"
@@ -114,7 +115,7 @@ class DriveEvaluator:
         speed, acceleration = float(ego.velocity @ unit(ego.pose[2])), np.nan
         if last is not None:
             ahead = unit(last.pose[2])
-            self._progress += float((ego.pose[:2] - last.pose[:2]) @ ahead)
+            self._progress += float((ego.pose[:2] - last.pose[:2]) @ ahead)  # (MET.23)
             if not ego.crashed:
                 acceleration = (speed - float(last.velocity @ ahead)) / (scene.time - self._time[-1])
         self._collisions += bool(ego.crashed and (last is None or not last.crashed))
@@ -131,7 +132,7 @@ class DriveEvaluator:
         return frame
 
     def summary(self) -> dict[str, float | int]:
-        """The drive in one flat row; inf where nothing was ever near, NaN where nothing was measured."""
+        """The drive in one flat row; inf where no body was ever near, NaN where nothing was measured."""
         frames = np.array(self._frames, float).reshape(-1, len(DriveFrame._fields))
         distance, ttc, plane, speed, acceleration = frames.T
         elapsed = self._time[-1] - self._time[0] if self._time else 0.0

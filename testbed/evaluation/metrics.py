@@ -1,8 +1,8 @@
-"""How far an estimate is from the truth: pure functions of arrays, each with its source.
+"""How far an estimate is from the truth: pure functions of arrays.
 
-Published codes disagree on the Gaussian Wasserstein distance: some print its square under the same name. Here
-`gaussian_wasserstein` and `gwd2` are squared [m^2], `gwd` is rooted [m]. A box of length l and width w stands for the
-ellipse with extent matrix M diag(l^2/4, w^2/4) M^T, card htg_rm section 6.
+Definitions, equations and references: docs/methods/metrics.md. Published codes disagree on the Gaussian Wasserstein
+distance: some print its square under the same name. Here `gaussian_wasserstein` and `gwd2` are squared [m^2], `gwd` is
+rooted [m]. A box of length l and width w stands for the ellipse with extent matrix M diag(l^2/4, w^2/4) M^T, (MET.1).
 """
 
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ from scipy.stats import chi2
 from trackers.geometry import box_corners, extent_matrix
 from trackers.linalg import quadratic, sqrtm
 
-CUTOFF = 5.0  # [m] GOSPA's c over the rooted distance, card multi_object section 7
+CUTOFF = 5.0  # [m] GOSPA's c, compared with the rooted distance
 
 
 def gaussian_wasserstein(p: NDArray, X: NDArray, q: NDArray, Y: NDArray) -> NDArray:
@@ -33,7 +33,7 @@ def gaussian_wasserstein(p: NDArray, X: NDArray, q: NDArray, Y: NDArray) -> NDAr
     cross_term = sqrtm(root @ Y @ root)
     rest = X + Y - 2 * cross_term
     shape = rest[..., 0, 0] + rest[..., 1, 1]  # the trace
-    return ((p - q) ** 2).sum(-1) + np.maximum(shape, 0.0)  # equal extents: rounding may fall below zero
+    return ((p - q) ** 2).sum(-1) + np.maximum(shape, 0.0)  # (MET.2); of equal extents rounding may fall below zero
 
 
 def gwd2(pose: NDArray, size: NDArray, other_pose: NDArray, other_size: NDArray) -> NDArray:
@@ -44,7 +44,7 @@ def gwd2(pose: NDArray, size: NDArray, other_pose: NDArray, other_size: NDArray)
 
 def gwd(pose: NDArray, size: NDArray, other_pose: NDArray, other_size: NDArray) -> NDArray:
     """Rooted Gaussian Wasserstein distance (...) [m] of boxes: the square root of `gwd2`."""
-    return np.sqrt(gwd2(pose, size, other_pose, other_size))
+    return np.sqrt(gwd2(pose, size, other_pose, other_size))  # (MET.3)
 
 
 def box_iou(pose: NDArray, size: NDArray, other_pose: NDArray, other_size: NDArray) -> NDArray:
@@ -58,23 +58,23 @@ def contour_iou(outline: NDArray, other: NDArray) -> NDArray:
 
 
 def region_iou(a: NDArray, b: NDArray) -> NDArray:
-    """Intersection over union (...) of arrays (...) of shapely areas."""
+    """Intersection over union (...) of arrays (...) of shapely polygons."""
     common = shapely.area(shapely.intersection(a, b))
-    return common / (shapely.area(a) + shapely.area(b) - common)
+    return common / (shapely.area(a) + shapely.area(b) - common)  # (MET.4)
 
 
 def box_areas(pose: NDArray, size: NDArray) -> NDArray:
-    """Shapely areas (...) of oriented boxes with pose (..., 3) and size (..., 2) [m], which never cross themselves."""
+    """Shapely polygons (...) of oriented boxes with pose (..., 3) and size (..., 2) [m], which are always valid."""
     return np.asarray(shapely.polygons(_finite(box_corners(pose, size))))
 
 
 def areas(outline: NDArray) -> NDArray:
-    """Shapely areas (...) inside outlines (..., C, 2) [m]; one that crosses itself counts its even-odd inside."""
+    """Shapely polygons (...) of outlines (..., C, 2) [m]; one that crosses itself has its even-odd inside."""
     return _valid(np.asarray(shapely.polygons(_finite(outline))))
 
 
 def ragged_areas(outlines: Sequence[NDArray]) -> NDArray:
-    """The same (B,) of B outlines (C, 2) [m] with a C of their own."""
+    """The same (B,) of B outlines (C, 2) [m], each with its own C."""
     owner = np.repeat(np.arange(len(outlines)), [len(outline) for outline in outlines])
     return _valid(shapely.polygons(shapely.linearrings(np.concatenate(outlines), indices=owner)))
 
@@ -91,7 +91,7 @@ def _valid(areas: NDArray) -> NDArray:
 
 
 class Gospa(NamedTuple):
-    """GOSPA of one scan and the parts it is made of: total^2 = localisation + missed + false."""
+    """GOSPA of one scan and its parts: total^2 = localisation + missed + false, (MET.7)."""
 
     total: float  # [m], rooted
     localisation: float  # [m^2] sum of d^2 over counted pairs
@@ -103,9 +103,12 @@ class Gospa(NamedTuple):
 def gospa(distance: NDArray, counted: NDArray | None = None, cutoff: float = CUTOFF) -> Gospa:
     """Generalized optimal sub-pattern assignment with p = 2, alpha = 2, Rahmathullah et al. (2017).
 
-    distance (N, T) [m] of N truths and T tracks, ROOTED (`gwd`), as it is compared with the cut-off c. counted (N,):
-    false for a truth that nobody can be asked to see; it takes part in the assignment, so that a track on it is not
-    false, and then neither the pair nor the lack of one costs anything (card multi_object section 7).
+    distance (N, T) [m] of N truths and T tracks, ROOTED (`gwd`), as it is compared with the cut-off c. counted (N,)
+    bool, all by default: a truth that is not counted takes part in the assignment, so that a track on it is not false,
+    but neither that pair nor its lack costs anything.
+
+    Raises:
+        ValueError: distance is not (N, T), finite and at least 0, or counted is not (N,).
 
     >>> round(gospa(np.array([[3.0], [9.0]])).total, 3)    # a pair at 3 m and a missed truth: sqrt(9 + 12.5)
     4.637
@@ -120,28 +123,32 @@ def gospa(distance: NDArray, counted: NDArray | None = None, cutoff: float = CUT
     counted = np.ones(N, bool) if counted is None else np.asarray(counted, bool)
     if counted.shape != (N,):
         raise ValueError(f"counted must be ({N},) like the rows of distance, got {counted.shape}")
-    rows, columns = linear_sum_assignment(np.minimum(distance, cutoff) ** 2)
+    rows, columns = linear_sum_assignment(np.minimum(distance, cutoff) ** 2)  # (MET.6)
     close = distance[rows, columns] < cutoff  # a pair at the cut-off costs what two singles cost
     rows, columns = rows[close], columns[close]
-    cares = counted[rows]
-    localisation = float((distance[rows, columns][cares] ** 2).sum())
-    missed = cutoff**2 / 2 * int(counted.sum() - cares.sum())
-    false = cutoff**2 / 2 * (T - len(columns))
-    total = float(np.sqrt(localisation + missed + false))
+    costs = counted[rows]
+    localisation = float((distance[rows, columns][costs] ** 2).sum())  # (MET.7)
+    missed = cutoff**2 / 2 * int(counted.sum() - costs.sum())  # (MET.7)
+    false = cutoff**2 / 2 * (T - len(columns))  # (MET.7)
+    total = float(np.sqrt(localisation + missed + false))  # (MET.5)
     return Gospa(total, localisation, missed, false, np.stack([rows, columns], -1))
 
 
 def nees(error: NDArray, cov: NDArray) -> NDArray:
     """Normalised estimation error squared (...), Bar-Shalom, Li and Kirubarajan (2001), section 5.4.2.
 
-    error (..., n), cov (..., n, n): chi-square with n degrees of freedom when the covariance tells the truth.
+    error (..., n), cov (..., n, n): chi-square with n degrees of freedom if the errors have that covariance.
+
+    Raises:
+        ValueError: cov is not positive definite.
+
     """
     try:
         np.linalg.cholesky(cov)
     except np.linalg.LinAlgError:
         message = "cov must be positive definite; give a small variance to what is known exactly"
         raise ValueError(message) from None
-    return quadratic(error, cov)
+    return quadratic(error, cov)  # (MET.11)
 
 
 def nees_bounds(dof: int, count: int, level: float = 0.95) -> tuple[float, float]:
@@ -151,14 +158,14 @@ def nees_bounds(dof: int, count: int, level: float = 0.95) -> tuple[float, float
     """
     if count < 1:
         return np.nan, np.nan
-    low, high = chi2.ppf([(1 - level) / 2, (1 + level) / 2], dof * count) / count
+    low, high = chi2.ppf([(1 - level) / 2, (1 + level) / 2], dof * count) / count  # (MET.12)
     return float(low), float(high)
 
 
 def rmse(error: ArrayLike) -> float:
     """Root of the mean square of scalar errors (...) [their unit], NaN of none."""
     error = np.asarray(error, float)
-    return float(np.sqrt(np.mean(error**2))) if error.size else np.nan
+    return float(np.sqrt(np.mean(error**2))) if error.size else np.nan  # (MET.10)
 
 
 def mean(value: ArrayLike) -> float:

@@ -32,7 +32,7 @@ def pair_distances(objects: Objects, estimate: Estimate) -> NDArray:
     The distance of the centres is a lower bound of `gwd`, so no pair below the cut-off is missed.
     """
     offset = objects.pose[:, None, :2] - estimate.pose[:, :2]
-    distance = np.hypot(offset[..., 0], offset[..., 1])
+    distance = np.hypot(offset[..., 0], offset[..., 1])  # (MET.9)
     row, column = np.nonzero(distance < CUTOFF)
     distance[row, column] = gwd(objects.pose[row], objects.size[row], estimate.pose[column], estimate.size[column])
     return distance

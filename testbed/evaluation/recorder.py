@@ -15,6 +15,7 @@ from scenarios.lanes import LaneShape, is_dashed, is_drawn
 from sensors.origin import Origin
 from sensors.scene import Scene
 from testbed.evaluation.driving import DriveEvaluator
+from testbed.evaluation.histories import LOST_AFTER, TIME_ROUNDING
 from testbed.evaluation.smoothing import Memory
 from testbed.evaluation.tracking import Evaluator, FrameScore, jsonable
 from testbed.files import make_directory, make_room
@@ -25,7 +26,6 @@ from trackers.multi.tracker import MultiObjectTracker
 from trackers.scan import Scan, SensorModel
 
 LEVELS = ("off", "metrics", "full")
-LOST_AFTER = 1.0  # [s] unassigned, as in `testbed.evaluation.histories`
 
 
 def run_id(scenario: str, trackers: Sequence[str], radar: str, planner: str, seed: int) -> str:
@@ -228,7 +228,7 @@ class Recorder:
         for key in score.counted:
             if key in held and key not in score.pairs:
                 since = missing.setdefault(key, time)
-                if time - since >= LOST_AFTER - 1e-9:
+                if time - since >= LOST_AFTER - TIME_ROUNDING:
                     events.append(("WARN", f"{name}: veh_{key:02d} lost, was track {held.pop(key)}"))
         return events
 

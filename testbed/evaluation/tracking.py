@@ -1,8 +1,8 @@
-"""One tracker against the truth, frame by frame and over a run: the definitions of card multi_object section 7.
+"""One tracker against the truth, frame by frame and over a run: definitions in docs/methods/metrics.md.
 
 An object is counted at a scan when it was expected to give more than half a detection at some scan of the last second.
 Crashed objects (their motion is not physical) and static obstacles are never counted. Tracks are assigned to all
-objects; pairs with uncounted ones cost nothing and enter no average. Only reported tracks are looked at.
+objects; pairs with uncounted ones cost nothing and enter no average. Only reported tracks take part.
 """
 
 from collections import defaultdict
@@ -23,7 +23,7 @@ from trackers.geometry import to_frame
 from trackers.multi.tracks import Tracks
 
 COUNTED_ABOVE = 0.5  # expected detections
-COUNTED_FOR = 1.0  # [s] memory of that
+COUNTED_FOR = 1.0  # [s] for which an object counts after that
 PLAIN_SHARE, PLAIN_COUNT = 0.5, 3.0  # visible share and expected detections of an object in plain view
 UNCOUNTED_KINDS = ("obstacle",)
 
@@ -82,8 +82,7 @@ class Evaluator:
     ) -> FrameScore:
         """Score the tracks after the scan at `time` [s]; `origin` belongs to that scan.
 
-        owner (M,) is the id of the track that took each detection, as in `StepInfo`; without it nothing is said about
-        tracks of clutter.
+        owner (M,) is the id of the track that owns each detection, as in `StepInfo`; without it `tracks_clutter` is 0.
         """
         self._check(time, scene, origin)
         if owner is not None:
@@ -103,16 +102,16 @@ class Evaluator:
             int(counted.sum()), int((counted & (held_by < 0)).sum()), len(out.id) - len(rows), len(out.id),
         )  # fmt: skip
         self._frames.append(frame)
-        plain = countable & (origin.visible > PLAIN_SHARE) & (origin.expected > PLAIN_COUNT)
+        plain = countable & (origin.visible > PLAIN_SHARE) & (origin.expected > PLAIN_COUNT)  # (MET.18)
         self._remember(time, objects, counted, plain, held_by, out)
-        cares = counted[rows]
-        self._pair_keys += [(time, i) for i in objects.id[rows[cares]].tolist()]
-        self._pair_errors.append(errors[cares])
+        counts = counted[rows]
+        self._pair_keys += [(time, i) for i in objects.id[rows[counts]].tolist()]
+        self._pair_errors.append(errors[counts])
         held = objects.id[rows].tolist()
         return FrameScore(
             pairs=dict(zip(held, held_by[rows].tolist(), strict=True)),
             errors={i: dict(zip(ERRORS, e, strict=True)) for i, e in zip(held, errors.tolist(), strict=True)},
-            mean=_frame_means(frame, errors[cares]),
+            mean=_frame_means(frame, errors[counts]),
             counted=tuple(objects.id[counted].tolist()),
         )
 
@@ -183,11 +182,11 @@ class Evaluator:
             raise ValueError(f"time must grow, got {time} s after {last} s; make a new Evaluator for each run")
 
     def _count(self, time: float, objects: Objects, origin: Origin) -> NDArray:
-        """Which objects (N,) were expected to be detected of late."""
+        """Mask (N,) of objects that were expected to be detected within the last `COUNTED_FOR`."""
         ids = objects.id.tolist()
         self._seen |= dict.fromkeys(objects.id[origin.expected > COUNTED_ABOVE].tolist(), time)
         oldest = time - COUNTED_FOR - histories.TIME_ROUNDING
-        return np.array([self._seen.get(i, -np.inf) >= oldest for i in ids], bool)
+        return np.array([self._seen.get(i, -np.inf) >= oldest for i in ids], bool)  # (MET.8)
 
     def _remember(
         self, time: float, objects: Objects, counted: NDArray, plain: NDArray, owner: NDArray, out: Tracks
@@ -252,7 +251,7 @@ class Evaluator:
 
 
 def _countable(objects: Objects) -> NDArray:
-    """Objects (N,) whose truth can be held against a tracker."""
+    """Mask (N,) of objects that may count: not crashed, and no static obstacles."""
     return ~objects.crashed & np.array([kind not in UNCOUNTED_KINDS for kind in objects.kind], bool)
 
 

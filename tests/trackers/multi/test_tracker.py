@@ -26,11 +26,6 @@ from trackers.protocols import Note
 CARS = [(30, 0, 0, 25.0), (50, 4, 0, 28.0), (60, -4, 0, 22.0)]
 
 
-@pytest.fixture
-def tracker():
-    return MultiObjectTracker(RandomMatrix(), (RADAR,))
-
-
 def leaves(value):
     if value is None:
         return []
