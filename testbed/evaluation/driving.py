@@ -42,7 +42,8 @@ def body_boxes(bodies: Bodies) -> Boxes:
 
 def box_distance(ego: Ego, boxes: Boxes) -> NDArray:
     """Shortest distances (B,) [m] from the ego's box to the others, 0 where they touch."""
-    return shapely.distance(areas(box_corners(ego.pose, ego.size)), areas(box_corners(boxes.pose, boxes.size)))  # (MET.20)
+    own, others = areas(box_corners(ego.pose, ego.size)), areas(box_corners(boxes.pose, boxes.size))
+    return shapely.distance(own, others)  # (MET.20)
 
 
 def headway_time(ego: Ego, boxes: Boxes) -> NDArray:
