@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from trackers.dra.state import DataRegionState
 from trackers.geometry import wrap_angle
-from trackers.htg.map import MapState
+from trackers.htg.map import MotionSizeState
 from trackers.htg.online import OnlineState
 from trackers.imm import IMMState, moments
 from trackers.motion import PHI
@@ -133,7 +133,7 @@ ONE_MODEL = Part(
 )
 PARTS: Mapping[type, Part] = MappingProxyType(
     {
-        MapState: Part(PLAIN.read, PLAIN.write, (PHI,)),
+        MotionSizeState: Part(PLAIN.read, PLAIN.write, (PHI,)),
         RMState: Part(
             PLAIN.read,
             PLAIN.write,

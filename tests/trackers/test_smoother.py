@@ -12,7 +12,7 @@ from trackers import TRACKERS, RandomMatrix, Scan, find, prior
 from trackers.batch import stack, take
 from trackers.gaussian_part import Extent, part_of
 from trackers.geometry import extent_matrix, rotation, to_world, unit, wrap_angle
-from trackers.htg.map import HTGMap, MapState
+from trackers.htg.map import HTGMap, MotionSizeState
 from trackers.imm import IMM
 from trackers.motion import PHI, coordinated_turn, turn_noise
 from trackers.smoother import smooth, smooth_extents, smooth_moments, smooth_stacked
@@ -308,7 +308,7 @@ def test_models_that_are_all_alike_are_smoothed_as_one():
     _, many, _, _ = follow(imm, seed=9, K=12, missing=(4, 6))
     one, mixed = stack(smooth(HTGMap(), states, DT)), stack(smooth(imm, many, DT))
     m, P = part_of(imm, mixed).read(mixed)
-    assert isinstance(one, MapState)
+    assert isinstance(one, MotionSizeState)
     np.testing.assert_allclose(m, one.m, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(P, one.P, rtol=1e-7, atol=1e-10)
 

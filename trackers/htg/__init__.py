@@ -1,4 +1,7 @@
-"""Hierarchical truncated Gaussian trackers: density, tables, and the filters over them."""
+"""Hierarchical truncated Gaussian trackers: density, tables, and the filters over them.
+
+Equations: docs/methods/hierarchical-truncated-gaussians.md.
+"""
 
 from trackers.htg.bins import HTGTable, load, metric_ends
 from trackers.htg.density import HTG

@@ -1,8 +1,8 @@
-"""Learned densities by aspect: which side of a vehicle the sensor sees decides where its detections lie.
+"""Learned densities by aspect: the side of a vehicle that faces the sensor decides where its detections lie.
 
-The aspect angle is phi' = wrap(phi - azimuth of the centre from the sensor), Xia et al. (2020), eq. (11): 0 when the
-sensor sees the rear, +-pi when it sees the front. `centred` bins have 0 and +-pi in the middle of a bin, where a
-highway needs them; the paper's have edges there.
+The aspect angle (HTG.12) is 0 when the sensor sees the rear and +-pi when it sees the front. `centred` bins have 0 and
++-pi in the middle of a bin, where the aspects of a highway are; the paper's have edges there.
+Equations: docs/methods/hierarchical-truncated-gaussians.md.
 """
 
 import json
@@ -21,12 +21,12 @@ FORMAT = "htg-table-1"
 SHIPPED = Path(__file__).parent / "tables"
 TYPICAL = (4.6, 1.86)  # [m] length and width of a car
 TRUCK_ABOVE = 6.5  # [m] no car is longer, and hardly a truck shorter
-FRAME = (("anchor", 0.0), ("scale", 1.0), ("shift", 0.0))
+PAPER_FRAME = (("anchor", 0.0), ("scale", 1.0), ("shift", 0.0))
 PARAMETERS = ("rho", "a1", "a2", "b1", "b2", "theta", "r1", "r2")
 
 
-class Frame(NamedTuple):
-    """How unit coordinates sit on a body, (..., 2) each along the length and the width."""
+class UnitFrame(NamedTuple):
+    """Unit coordinates of a bin, (HTG.14); each field (..., 2) along the length and the width."""
 
     anchor: NDArray  # in [-1, 1]
     scale: NDArray  # > 0
@@ -46,23 +46,23 @@ class HTGTable:
     cov: NDArray  # (B, 2, 2)
     centred: bool = True  # bin 0 lies around +-pi, not from -pi onwards
     name: str = "unnamed"
-    anchor: NDArray = field(default_factory=lambda: np.zeros((1, 2)))  # (B or 1, 2) see `warp`; 0 is the paper's
-    size: ArrayLike = TYPICAL  # (2,) or (B, 2) [m] typical of the data; there every anchor gives the same u
-    scale: NDArray = field(default_factory=lambda: np.ones((1, 2)))  # (B or 1, 2) see `calibration.py`; 1, 0: the paper
-    shift: NDArray = field(default_factory=lambda: np.zeros((1, 2)))  # (B or 1, 2)
-    above: float = np.inf  # [m]
+    anchor: NDArray = field(default_factory=lambda: np.zeros((1, 2)))  # (B or 1, 2) see `warp`; 0 in the paper
+    size: ArrayLike = TYPICAL  # (2,) or (B, 2) [m] typical of the data; at this size every anchor gives the same u
+    scale: NDArray = field(default_factory=lambda: np.ones((1, 2)))  # (B or 1, 2) see `calibration.py`; 1 in the paper
+    shift: NDArray = field(default_factory=lambda: np.zeros((1, 2)))  # (B or 1, 2); 0 in the paper
+    above: float = np.inf  # [m] length above which a body is of the second class
 
     def __len__(self) -> int:
         return len(self.p.rho)
 
     @property
     def plain(self) -> bool:
-        """Whether all bins are in the unit coordinates of the paper."""
+        """Whether all bins are in the unit coordinates of the paper, (HTG.1)."""
         return not self.anchor.any() and not self.shift.any() and bool((self.scale == 1).all())
 
     @property
     def aspects(self) -> int:
-        """Bins of one class."""
+        """Number of bins of one class."""
         return len(self) // 2 if np.isfinite(self.above) else len(self)
 
     @property
@@ -75,7 +75,7 @@ class HTGTable:
         """Bin (...) of aspect angles (...) [rad] of bodies of length (...) [m]."""
         B = self.aspects
         turn = (np.asarray(aspect) + np.pi) * (B / (2 * np.pi))
-        return np.floor(turn + 0.5 * self.centred).astype(int) % B + B * (np.asarray(length) > self.above)
+        return np.floor(turn + 0.5 * self.centred).astype(int) % B + B * (np.asarray(length) > self.above)  # (HTG.13)
 
     def bin_at(self, centre: NDArray, heading: NDArray, length: NDArray, sensor: NDArray) -> NDArray:
         """Bin (...) of bodies at centre (..., 2) [m] with heading (...) and length (...), for sensors (..., 2) [m]."""
@@ -89,38 +89,38 @@ class HTGTable:
         """Scale h and shift t, (..., 2) [m], of u = (e - t) / h for body coordinates e (..., 2) [m].
 
         half (..., 2) [m] is half the size of the body, index (...) the bin. Anchor 0 is the unit coordinate of the
-        paper, e / half. At anchor +-1 the distance from that end is metric: how deep behind the bumper a radar looks
-        does not depend on how long the vehicle is, and must not say anything about it.
+        paper, e / half. At anchor +-1 the distance from that end is in metres: how deep behind the bumper detections
+        lie does not depend on the length of the vehicle, and must not inform about it.
         """
         return warp(half, self.frame(index))
 
-    def frame(self, index: NDArray) -> Frame:
+    def frame(self, index: NDArray) -> UnitFrame:
         """The unit coordinates of the bins index (...)."""
-        return Frame(*(leaf[index] for leaf in frames(self)))
+        return UnitFrame(*(leaf[index] for leaf in frames(self)))
 
 
-def warp(half: NDArray, frame: Frame) -> tuple[NDArray, NDArray]:
-    """Scale and shift, (..., 2) [m], as in `HTGTable.warp`."""
+def warp(half: NDArray, frame: UnitFrame) -> tuple[NDArray, NDArray]:
+    """Scale and shift, (..., 2) [m], as in `HTGTable.warp`, (HTG.14)."""
     anchor, scale, shift, size = frame
     share = np.abs(anchor)
-    h = (1 - share) * half + share * size / 2
-    return scale * h, anchor * (half - h) + shift * h
+    h = (1 - share) * half + share * size / 2  # (HTG.14)
+    return scale * h, anchor * (half - h) + shift * h  # (HTG.14)
 
 
-def growth(half: NDArray, frame: Frame) -> tuple[NDArray, NDArray]:
+def growth(half: NDArray, frame: UnitFrame) -> tuple[NDArray, NDArray]:
     """Derivatives (..., 2) of log scale, and of the shift over the scale, with respect to log half (..., 2)."""
     anchor, scale, shift, size = frame
     share = np.abs(anchor)
     h = (1 - share) * half + share * size / 2
     ratio = half / h
-    return (1 - share) * ratio, (anchor * share + shift * (1 - share)) * ratio / scale
+    return (1 - share) * ratio, (anchor * share + shift * (1 - share)) * ratio / scale  # (HTG.15)
 
 
 @lru_cache(maxsize=64)
-def frames(table: HTGTable) -> Frame:
+def frames(table: HTGTable) -> UnitFrame:
     """The unit coordinates of all bins, leaves (B, 2)."""
     leaves = (table.anchor, table.scale, table.shift, table.size)
-    return Frame(*(np.broadcast_to(leaf, (len(table), 2)) for leaf in leaves))
+    return UnitFrame(*(np.broadcast_to(leaf, (len(table), 2)) for leaf in leaves))
 
 
 @lru_cache(maxsize=64)
@@ -132,11 +132,11 @@ def log_masses(table: HTGTable) -> NDArray:
 def metric_ends(table: HTGTable) -> HTGTable:
     """The table with the end that faces the sensor as anchor, in the bins centred on an axis of the body.
 
-    There one end is seen and the other is not, and all that the detections show of that axis is where the near end is.
-    In the other bins both axes are seen from end to end, and scale. So do those of the longer class, if there are two:
-    a radar sees under a truck from end to end.
+    In these bins one end is visible and the other is not, and the detections show of that axis only where the near end
+    is. In the other bins both axes are visible from end to end and their detections scale with the size. The longer of
+    two classes keeps the coordinates of the paper: a radar sees under a truck from end to end.
     """
-    near = unit(np.pi - table.centres)  # direction of the sensor in the frame of the body
+    near = unit(np.pi - table.centres)  # direction of the sensor in body axes
     ends = np.where(np.abs(near) > 1 - 1e-9, np.sign(near), 0.0)
     ends[table.aspects :] = 0.0
     return replace(table, anchor=ends)
@@ -160,7 +160,7 @@ def by_length(short: HTGTable, long: HTGTable, above: float = TRUCK_ABOVE) -> HT
         np.concatenate([short.cov, long.cov]),
         short.centred,
         f"{short.name} up to {above} m, {long.name}",
-        **{name: both(name) for name in Frame._fields},
+        **{name: both(name) for name in UnitFrame._fields},
         above=above,
     )
 
@@ -168,7 +168,7 @@ def by_length(short: HTGTable, long: HTGTable, above: float = TRUCK_ABOVE) -> HT
 def aspect_angle(centre: NDArray, heading: NDArray, sensor: NDArray) -> NDArray:
     """Aspect (...) [rad] of bodies at centre (..., 2) [m] with heading (...) [rad] for sensors at (..., 2) [m]."""
     d = centre - sensor
-    return wrap_angle(heading - np.arctan2(d[..., 1], d[..., 0]))
+    return wrap_angle(heading - np.arctan2(d[..., 1], d[..., 0]))  # (HTG.12)
 
 
 def single(p: HTG, mean: NDArray, cov: NDArray) -> HTGTable:
@@ -216,7 +216,7 @@ def load(name_or_path: str) -> HTGTable:
 
 
 def resolve(table: str | HTGTable) -> HTGTable:
-    """The table itself, or what the name stands for: a shipped table, a path, or two joined by "+": cars + trucks."""
+    """The table itself, or the one of that name: a shipped table, a path, or two joined by "+" (cars + trucks)."""
     return named(table) if isinstance(table, str) else table
 
 
@@ -249,7 +249,7 @@ def parse(content: dict[str, Any], name: str) -> HTGTable:
         )
     if not ((p.rho > 0).all() and (p.r > 0).all() and (p.bounds >= 0).all() and np.isfinite(p.bounds).any(-1).all()):
         raise ValueError(f"{name} needs rho > 0, r > 0, bounds >= 0 and a finite bound in every bin")
-    frame = {k: np.asarray(content.get(k, [[default] * 2]), float) for k, default in FRAME}
+    frame = {k: np.asarray(content.get(k, [[default] * 2]), float) for k, default in PAPER_FRAME}
     for key, leaf in frame.items():
         if leaf.shape not in ((1, 2), (B, 2)) or not np.isfinite(leaf).all():
             raise ValueError(f"{name} needs {key} as ({B}, 2) finite numbers, got {leaf.tolist()}")
@@ -260,5 +260,5 @@ def parse(content: dict[str, Any], name: str) -> HTGTable:
     size = tuple(float(x) for x in content.get("size", TYPICAL))
     if len(size) != 2 or not min(size) > 0:
         raise ValueError(f"{name} needs size as two positive lengths, got {size}")
-    anchor, scale, shift = (frame[k] for k, _ in FRAME)
+    anchor, scale, shift = (frame[k] for k, _ in PAPER_FRAME)
     return HTGTable(p, mean, cov, bool(content["centred"]), name, anchor, size, scale, shift)

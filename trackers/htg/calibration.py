@@ -1,13 +1,14 @@
-"""Unbiased scores: the frame in which a density is placed on the body, fitted together with its parameters.
+"""Unbiased scores: scale and shift of the unit coordinates, fitted together with the parameters of the density.
 
 The source of the density is round and centred on the body. So its family is not closed under a shift and a stretch of
-one axis, and at the maximum of eq. (6) the mean score with respect to the place and the size of the body is not zero:
-each detection pulls a little the wrong way, always the same, and a filter that adds up detections believes it more and
-more. With a scale k and a shift t of the unit coordinates in every bin,
+one axis, and at the maximum of (HTG.41) the mean score in place and size of the body is not zero: each detection pulls
+a little in the same wrong direction, and a filter that adds up detections becomes certain of it. With a scale k and a
+shift t of the unit coordinates in every bin,
 
-    p(u) = p_HTG((u - t) / k) / (k_x k_y),
+    p(u) = p_HTG((u - t) / k) / (k_x k_y), (HTG.46)
 
 the maximum likelihood makes these mean scores vanish, whether the density is true or not.
+Equations: docs/methods/hierarchical-truncated-gaussians.md.
 """
 
 from dataclasses import replace
@@ -38,7 +39,7 @@ def value(x: NDArray, u: NDArray, variance: NDArray) -> tuple[float, NDArray]:
     k = np.exp(x[8:10])
     noise = (variance / k**2)[:, :, None] * np.eye(2)
     mean, slope, _, _ = mean_log_density(x[:8], (u - x[10:]) / k, noise)
-    return mean - x[8:10].sum(), slope
+    return mean - x[8:10].sum(), slope  # (HTG.46)
 
 
 def negative(x: NDArray, u: NDArray, variance: NDArray) -> tuple[float, NDArray]:

@@ -1,12 +1,12 @@
-"""Expected information of a detection under the density, and how its score moves the state.
+"""Expected information of a detection under the density.
 
 The score of one detection in the state (px, py, phi, log l, log w) is linear in six functions of u = (x, y) and of the
 gradient s of the log density,
 
     f = [s_x, s_y, s_x y, s_y x, s_x x + 1, s_y y + 1],
 
-so the expected information is L F L^T with F = E[f f^T], which depends on the shape and the noise only and is
-tabulated; card htg_rm, section 7.
+so the expected information is L F L^T with F = E[f f^T], (HTG.34). F depends on the density and the noise only and is
+tabulated. Equations: docs/methods/hierarchical-truncated-gaussians.md.
 """
 
 from functools import lru_cache
@@ -23,7 +23,7 @@ SPAN, STEP, MOST = 4.5, 0.7, 160  # grid: half width and spacing in standard dev
 
 
 def score_moments(p: HTG) -> NDArray:
-    """F (6, 6) of one density p (), by a rectangle rule that sees its sharpest edge."""
+    """F (6, 6) of one density p (), by a rectangle rule fine enough for its sharpest edge."""
     half = SPAN * np.sqrt(p.rho + p.r)
     edge = STEP * np.sqrt(p.rho * p.r / (p.rho + p.r))
     count = np.minimum(np.ceil(2 * half / edge), MOST).astype(int)
@@ -31,9 +31,9 @@ def score_moments(p: HTG) -> NDArray:
     zx, zy = (a.ravel() for a in np.meshgrid(zx, zy, indexing="ij"))
     x, y = np.cos(p.theta) * zx - np.sin(p.theta) * zy, np.sin(p.theta) * zx + np.cos(p.theta) * zy
     log_p, (gx, gy) = evaluate(np.stack([x, y]), prepare(lift(p, 1)))
-    f = np.stack([gx, gy, gx * y, gy * x, gx * x + 1, gy * y + 1])
+    f = np.stack([gx, gy, gx * y, gy * x, gx * x + 1, gy * y + 1])  # (HTG.34)
     weight = np.exp(log_p)
-    return (f * (weight / weight.sum())) @ f.T
+    return (f * (weight / weight.sum())) @ f.T  # (HTG.34)
 
 
 @lru_cache(maxsize=64)

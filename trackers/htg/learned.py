@@ -1,4 +1,7 @@
-"""htg-rm-learned: the random matrix with learned holes, Xia et al. (2020), sections III and IV; card section 4b."""
+"""htg-rm-learned: the random matrix with learned holes, Xia et al. (2020), sections III and IV.
+
+Equations: docs/methods/hierarchical-truncated-gaussians.md.
+"""
 
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -11,7 +14,7 @@ from trackers.batch import select
 from trackers.estimate import Estimate
 from trackers.htg.bins import HTGTable, resolve
 from trackers.htg.density import complement, log_mass, noise_matrix
-from trackers.htg.pseudo import Hole, correct, fill, frame, length, mean_extent, posterior, recount, sample_of, scale_of
+from trackers.htg.pseudo import Hole, body_axes, correct, fill, length, mean_extent, posterior, sample_of, scale_of
 from trackers.htg.spatial import log_spatial
 from trackers.linalg import sqrtm
 from trackers.motion import PHI
@@ -24,19 +27,21 @@ LEAST_SHARE = 1e-3  # of the Gaussian outside the hole: N = n / c_D must stay fi
 
 @dataclass(frozen=True)
 class HTGLearned:
-    """Iterated pseudo-measurement update; `n_count` repairs its confidence and wants about 20 iterations."""
+    """Iterated pseudo-measurement update; `n_count` repairs its confidence and needs about 20 iterations."""
 
-    table: str | HTGTable = "surround-car-cd25+surround-truck-cd25"  # as `bins.resolve` takes it; c_D not too small
-    rm: RandomMatrix = field(default_factory=RandomMatrix)  # motion, memory, range rates
-    sigma: float = 0.0  # [m] noise beside the table's of detections that do not tell theirs
+    table: str | HTGTable = "surround-car-cd25+surround-truck-cd25"  # see `bins.resolve`; c_D not too small
+    rm: RandomMatrix = field(default_factory=RandomMatrix)  # motion, forgetting, range rates
+    sigma: float = 0.0  # [m] noise beside the table's of detections whose scan does not state it
     iterations: int = 5
-    n_count: bool = False  # information of the n true detections only, the card's repair; else the paper's update
+    n_count: bool = False  # information of the n detections alone, (HTG.20); else of all N as in the paper
 
     def model(self) -> HTGTable:
-        """The table; raises ValueError for one in other unit coordinates than the paper's."""
+        """The table; raises ValueError for one that is not in the unit coordinates of the paper, (HTG.1)."""
         table = resolve(self.table)
         if not table.plain:
-            raise ValueError(f"table {table.name!r} has a frame of its own; this filter needs one without calibration")
+            raise ValueError(
+                f"table {table.name!r} has unit coordinates of its own; this filter needs a table without calibration"
+            )
         return table
 
     def init(self, estimate: Estimate) -> RMState:
@@ -53,18 +58,18 @@ class HTGLearned:
         s = sample_of(scan, self.sigma)
         some = s._replace(n=np.maximum(s.n, 1))  # rows without a detection must stay regular
         table, X_hat = self.model(), mean_extent(state)
-        bins, root, m, X = shown(table), sqrtm(X_hat), state.m, X_hat
+        models, root, m, X = bin_models(table), sqrtm(X_hat), state.m, X_hat
         for _ in range(self.iterations):
-            A = frame(X, m[..., PHI])
+            A = body_axes(X, m[..., PHI])  # (HTG.16)
             index = table.bin_at(m[..., :2], m[..., PHI], length(A), s.sensor)
-            here = Shown(*(leaf[index] for leaf in bins))
-            count, mean, spread = fill(some, here.hole, m[..., :2], A, s.noise)
+            model = BinModels(*(leaf[index] for leaf in models))
+            count, mean, spread = fill(some, model.hole, m[..., :2], A, s.noise)  # (HTG.17)
             # R of the density is in unit coordinates, so it grows with the iterate; the scale stays the prediction's.
-            scale = scale_of(root, here.rho * X_hat + A @ here.noise @ A.mT + s.noise)
-            last = correct(state, scale, count, mean, spread)
+            scale = scale_of(root, model.rho * X_hat + A @ model.noise @ A.mT + s.noise)  # (HTG.18)
+            last = correct(state, scale, count, mean, spread)  # (HTG.19)
             m, X = last.m, last.X
-        new = recount(state, last, scale, some.n) if self.n_count else posterior(state, last, scale, count)
-        m, P = self.rm.range_rates(new.m, new.P, scan, scan.xy)
+        new = posterior(state, last, scale, some.n if self.n_count else count)
+        m, P = self.rm.range_rates(new.m, new.P, scan, scan.xy)  # (RM.16)
         return select(s.n > 0, new._replace(m=m, P=P), state), UpdateInfo(s.n, last.eps, last.S)
 
     def estimate(self, state: RMState) -> Estimate:
@@ -80,24 +85,24 @@ class HTGLearned:
         return log_spatial(self.model(), self.estimate(state), scan, track, detection, self.sigma)
 
 
-class Shown(NamedTuple):
-    """What bodies show in a bin, in unit coordinates."""
+class BinModels(NamedTuple):
+    """Statistics of the densities of bins, in unit coordinates."""
 
     share: NDArray  # (...) c_D
-    mean: NDArray  # (..., 2) of what the hole cuts out
-    cov: NDArray  # (..., 2, 2) the same, with noise
+    mean: NDArray  # (..., 2) of the part that the hole cuts out
+    cov: NDArray  # (..., 2, 2) of that part, noise included
     rho: NDArray  # (..., 1, 1)
-    noise: NDArray  # (..., 2, 2)
+    noise: NDArray  # (..., 2, 2) R_UC
 
     @property
     def hole(self) -> Hole:
-        """What is missing, with noise."""
+        """The part that the hole cuts out."""
         return Hole(self.share, self.mean, self.cov)
 
 
 @lru_cache(maxsize=64)
-def shown(table: HTGTable) -> Shown:
-    """What the bins (B,) of the table show."""
+def bin_models(table: HTGTable) -> BinModels:
+    """Statistics of the bins (B,) of the table."""
     p = table.p
     share = np.maximum(np.exp(log_mass(p)), LEAST_SHARE)
-    return Shown(share, *complement(p), p.rho[:, None, None], noise_matrix(p))
+    return BinModels(share, *complement(p), p.rho[:, None, None], noise_matrix(p))

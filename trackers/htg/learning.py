@@ -1,8 +1,8 @@
 """Offline learning of the hierarchical truncated Gaussian: maximum likelihood in unit coordinates.
 
-Source: Xia et al. (2020), "Learned Structural Measurement Model", eq. (6)-(9), symbols theirs; eq. (9) corrected
-(exponent of beta, sign of gamma). A scattering source is N(0, rho I) outside the box [-a1, b1] x [-a2, b2] turned by
-theta; a detection adds noise diag(r1, r2) along the axes of the box.
+Equations: docs/methods/hierarchical-truncated-gaussians.md; source: Xia et al. (2020), eq. (6)-(9), corrected. A
+scattering source is N(0, rho I) outside the box [-a1, b1] x [-a2, b2] turned by theta; a detection adds noise
+diag(r1, r2) along the axes of the box.
 
         y'  b2
      +---------+
@@ -58,16 +58,16 @@ class FitOptions:
             raise ValueError(f"mass_min must be within 0 and 1, got {self.mass_min}; it is a probability")
 
 
-class Fit(NamedTuple):
-    """What maximum likelihood found."""
+class HTGFit(NamedTuple):
+    """The maximum-likelihood density of a set of detections."""
 
     p: HTG  # theta in [-pi/4, pi/4), or as given
     log_likelihood: float  # [nat] of all detections, without the penalty
-    warnings: tuple[str, ...]  # why not to trust it
+    warnings: tuple[str, ...]  # reasons to doubt the fit
 
 
 def objective(x: NDArray, u: NDArray, noise: NDArray, options: FitOptions) -> tuple[float, NDArray]:
-    """Mean of -log p with the penalty on a small c_D, and its gradient (8,)."""
+    """Mean of -log p with the penalty on a small c_D, (HTG.41), and its gradient (8,)."""
     mean, gradient, log_c, slope = mean_log_density(x, u, noise)
     if options.mass_min > 0:
         short = max(0.0, np.log(options.mass_min) - log_c)
@@ -75,7 +75,9 @@ def objective(x: NDArray, u: NDArray, noise: NDArray, options: FitOptions) -> tu
     return -mean, -gradient
 
 
-def fit(u: ArrayLike, noise: ArrayLike | None = None, options: FitOptions | None = None, method: str = "joint") -> Fit:
+def fit(
+    u: ArrayLike, noise: ArrayLike | None = None, options: FitOptions | None = None, method: str = "joint"
+) -> HTGFit:
     """Maximum-likelihood HTG of detections.
 
     Args:
@@ -83,7 +85,7 @@ def fit(u: ArrayLike, noise: ArrayLike | None = None, options: FitOptions | None
         noise: (N, 2, 2) covariance of each in unit coordinates, known from a data sheet; None: all noise goes into r.
         options: limits and what is held fixed.
         method: "joint" for L-BFGS-B on all parameters with the analytic gradient, "coordinate" for the cyclic
-            descent of eq. (9); both end in the same optimum.
+            descent of the paper; both end in the same optimum.
 
     """
     options = FitOptions() if options is None else options
@@ -99,7 +101,7 @@ def fit(u: ArrayLike, noise: ArrayLike | None = None, options: FitOptions | None
     p = unpack(x)
     if options.theta is None:
         p = canonical(p)
-    return Fit(p, len(u) * mean_log_density(x, u, noise)[0], doubts(p, len(u), options))
+    return HTGFit(p, len(u) * mean_log_density(x, u, noise)[0], doubts(p, len(u), options))
 
 
 def _check(u: ArrayLike, noise: ArrayLike | None) -> tuple[NDArray, NDArray]:
@@ -118,8 +120,8 @@ def _check(u: ArrayLike, noise: ArrayLike | None) -> tuple[NDArray, NDArray]:
 def starts(options: FitOptions) -> list[NDArray]:
     """Parameter vectors (8,) to begin with: closed boxes, and boxes open to one side or to two neighbouring ones.
 
-    What a sensor sees of a vehicle lies on one side or on two; from four equal bounds the descent often ends in a
-    worse optimum. The wide sources lead to blobs beyond the box, the narrow ones to layers on it.
+    Detections of a vehicle lie on one side or on two; from four equal bounds the descent often ends in a worse optimum.
+    The wide sources lead to blobs beyond the box, the narrow ones to layers on it.
     """
     turn = options.theta or 0.0
     found = []
@@ -191,7 +193,7 @@ def unpack(x: NDArray) -> HTG:
 
 
 def canonical(p: HTG, reference: ArrayLike = 0.0) -> HTG:
-    """Return the same density with theta in [-pi/4, pi/4) about `reference` [rad].
+    """Return the same density with theta in [-pi/4, pi/4) about `reference` [rad], (HTG.45).
 
     A quarter turn of the box with its sides renamed changes nothing: each density has four descriptions.
     """
@@ -205,7 +207,7 @@ def canonical(p: HTG, reference: ArrayLike = 0.0) -> HTG:
 
 
 def mirror(p: HTG) -> HTG:
-    """The density of detections mirrored about the long axis of the vehicle."""
+    """The density of detections mirrored about the long axis of the vehicle, (HTG.44)."""
     return HTG(p.rho, p.bounds[..., [0, 3, 2, 1]], -p.theta, p.r)
 
 
@@ -226,7 +228,7 @@ def doubts(p: HTG, count: int, options: FitOptions) -> tuple[str, ...]:
 
 
 class TableFit(NamedTuple):
-    """A learned table and how far to trust each of its B bins."""
+    """A learned table with the counts, likelihoods and warnings of its B bins."""
 
     table: HTGTable
     counts: NDArray  # (B,) detections in the bin, mirrored ones left out
@@ -249,7 +251,7 @@ def fit_table(
 
     Args:
         u: (N, 2) unit coordinates.
-        aspect: (N,) [rad] at which the sensor saw the vehicle.
+        aspect: (N,) [rad] of the vehicle for the sensor, (HTG.12).
         noise: (N, 2, 2) as in `fit`; the moments keep it.
         bins: of equal width.
         centred: 0 and pi lie in the middle of a bin.
@@ -265,7 +267,7 @@ def fit_table(
     if aspect.shape != (len(u),) or not np.isfinite(aspect).all():
         raise ValueError(f"aspect must be ({len(u)},) finite angles, one a detection, got {aspect.shape}: {aspect}")
     index = bin_index(aspect, bins, centred)
-    twin = (bins - (not centred) - np.arange(bins)) % bins  # the bin of -aspect
+    twin = (bins - (not centred) - np.arange(bins)) % bins  # the bin of -aspect, (HTG.44)
     known = np.broadcast_to(noise, (len(u), 2, 2))
     todo = [k for k in range(bins) if not mirrored or k <= twin[k]]
     counts = np.bincount(index, minlength=bins)
@@ -278,7 +280,7 @@ def fit_table(
             "give more data or fewer bins"
         )
     progress(0, len(todo))
-    found: dict[int, Fit] = {}
+    found: dict[int, HTGFit] = {}
     moments: dict[int, tuple[NDArray, NDArray]] = {}
     for done, k in enumerate(todo):
         z, R = pool(u, known, index == k, index == twin[k] if mirrored else None)

@@ -1,7 +1,8 @@
 """htg-map: maximum a posteriori update of centre, heading and size under the hierarchical truncated Gaussian.
 
-Ours, card htg_rm, section 7 ("HTG-FS"): the density of the papers, used as a likelihood and maximised by Fisher
-scoring, instead of imaginary detections in a random-matrix update. xi = [px, py, phi, v, omega, log l, log w].
+Ours: the density of the papers as a likelihood, maximised by Fisher scoring, instead of pseudo-measurements in a
+random-matrix update. xi = [px, py, phi, v, omega, log l, log w].
+Equations: docs/methods/hierarchical-truncated-gaussians.md.
 """
 
 from dataclasses import dataclass, replace
@@ -24,8 +25,8 @@ from trackers.protocols import UpdateInfo
 from trackers.scan import Scan, check_scan
 
 
-class MapState(NamedTuple):
-    """p(xi) = N(xi; m, P)."""
+class MotionSizeState(NamedTuple):
+    """Motion and log size, p(xi) = N(xi; m, P)."""
 
     m: NDArray  # (..., 7)
     P: NDArray  # (..., 7, 7)
@@ -35,19 +36,19 @@ class MapState(NamedTuple):
 class HTGMap:
     """Fisher scoring on seven states, all objects at once."""
 
-    table: str | HTGTable = "surround-car+surround-truck"  # as `bins.resolve` takes it
+    table: str | HTGTable = "surround-car+surround-truck"  # see `bins.resolve`
     accel_std: float = 1.5  # [m/s^2] process noise along the heading
     yaw_accel_std: float = 0.1  # [rad/s^2]
     size_walk: float = 0.005  # [1/sqrt(s)] random walk of the log sizes
-    sigma: float = 0.2  # [m] noise of detections that do not tell theirs; 0 where the table contains it
-    alpha: float = 1.0  # information of a detection in the covariance, because those of one vehicle are not independent
+    sigma: float = 0.2  # [m] noise of detections whose scan does not state it; 0 where the table contains it
+    alpha: float = 1.0  # information of a detection in the covariance; those of one vehicle are not independent
     rate_std: float = 0.5  # [m/s] range rate, scattering on the body included; larger than the radar's own
     rate_alpha: float = 0.3  # information of a range rate in the covariance
-    rate_clip: float = 1.5  # [m/s] larger residuals pull like this
-    metric: bool = True  # depth behind the near end is metric where a table leaves it open; False: the card's model
-    shape_std: tuple[float, float] = (0.0, 0.0)  # of length and width: how far the outline lies off the learned one
+    rate_clip: float = 1.5  # [m/s] larger residuals count as this
+    metric: bool = True  # near ends as anchors (`metric_ends`) where a table has none; False: coordinates of the paper
+    shape_std: tuple[float, float] = (0.0, 0.0)  # outline off the learned one over length and width, (HTG.39)
     rounds: int = 5  # evaluations of the posterior after the start; each is a step or a halved step
-    flat: float = 1e-3  # the end, where no step promises more of the log posterior
+    flat: float = 1e-3  # [nat] gain of the log posterior below which a step is not worth taking
     two_starts: bool = True  # also from the prediction moved by the sample mean
     contest: int = 2  # rounds after which the better start goes on alone
     size_step: float = 0.2  # largest change of a log size in a step
@@ -57,7 +58,7 @@ class HTGMap:
         table = resolve(self.table)
         return anchored(table) if self.metric and not table.anchor.any() else table
 
-    def init(self, estimate: Estimate) -> MapState:
+    def init(self, estimate: Estimate) -> MotionSizeState:
         """State from a prior; raises ValueError for a prior that is not finite, positive, definite."""
         check_estimate(estimate)
         heading = estimate.pose[..., 2]
@@ -68,24 +69,24 @@ class HTGMap:
         P[..., OMEGA, OMEGA] = estimate.yaw_rate_std**2
         variance = (estimate.size_std / estimate.size) ** 2
         P[..., LOG_L, LOG_L], P[..., LOG_W, LOG_W] = variance[..., 0], variance[..., 1]
-        return MapState(m, P)
+        return MotionSizeState(m, P)
 
-    def predict(self, state: MapState, dt: float) -> MapState:
+    def predict(self, state: MotionSizeState, dt: float) -> MotionSizeState:
         """Time update over dt [s] >= 0: coordinated turn, sizes a random walk."""
         if not dt >= 0:
             raise ValueError(f"dt must be >= 0 s, got {dt}; scans come in the order of time")
         m, P = state
-        m5, G5 = coordinated_turn(m[..., :LOG_L], dt)
+        m5, G5 = coordinated_turn(m[..., :LOG_L], dt)  # (RM.9a)
         G = np.zeros(P.shape)
         G[..., :5, :5] = G5
         G[..., LOG_L, LOG_L] = G[..., LOG_W, LOG_W] = 1.0
-        P = G @ P @ G.mT
-        P[..., :5, :5] += turn_noise(m[..., PHI], dt, self.accel_std, self.yaw_accel_std)
-        P[..., LOG_L, LOG_L] += self.size_walk**2 * dt
-        P[..., LOG_W, LOG_W] += self.size_walk**2 * dt
-        return MapState(np.concatenate([m5, m[..., LOG_L:]], -1), symmetrize(P))
+        P = G @ P @ G.mT  # (RM.9b)
+        P[..., :5, :5] += turn_noise(m[..., PHI], dt, self.accel_std, self.yaw_accel_std)  # (RM.9b)
+        P[..., LOG_L, LOG_L] += self.size_walk**2 * dt  # (HTG.29)
+        P[..., LOG_W, LOG_W] += self.size_walk**2 * dt  # (HTG.29)
+        return MotionSizeState(np.concatenate([m5, m[..., LOG_L:]], -1), symmetrize(P))
 
-    def update(self, state: MapState, scan: Scan) -> tuple[MapState, UpdateInfo]:
+    def update(self, state: MotionSizeState, scan: Scan) -> tuple[MotionSizeState, UpdateInfo]:
         """Measurement update; without a detection the state is returned as it came."""
         check_scan(scan)
         n = scan.mask.sum(-1)
@@ -98,7 +99,7 @@ class HTGMap:
         m, P = m.copy(), P.copy()
         m[hit], P[hit] = xi, cov
         eps.reshape(-1, 2)[hit], S.reshape(-1, 2, 2)[hit] = eps_hit, S_hit
-        return MapState(m.reshape(state.m.shape), P.reshape(state.P.shape)), UpdateInfo(n, eps, S)
+        return MotionSizeState(m.reshape(state.m.shape), P.reshape(state.P.shape)), UpdateInfo(n, eps, S)
 
     def _update_flat(self, m: NDArray, P: NDArray, points: Points) -> tuple[NDArray, NDArray, NDArray, NDArray]:
         """Posterior mean (N, 7) and covariance, innovation of the centroid (N, 2) and its covariance."""
@@ -108,11 +109,11 @@ class HTGMap:
         objective = Objective(points, shape, m, precision, self.rate_std, self.rate_clip)
         J_place = objective.spatial_information(table, information(table, shape.bin, shape.noise.T))
         J_rate = objective.rate_information()
-        gain = np.linalg.inv(precision + J_place + J_rate)
+        gain = np.linalg.inv(precision + J_place + J_rate)  # (HTG.36)
         eps, S, K = centroid(table, objective, P)
-        starts = np.stack([m, m + (K @ eps[..., None])[..., 0]]) if self.two_starts else m[None]
+        starts = np.stack([m, m + (K @ eps[..., None])[..., 0]]) if self.two_starts else m[None]  # (HTG.37)
         xi = self._maximise(objective, gain, starts)
-        cov = np.linalg.inv(precision + self.alpha * J_place + self.rate_alpha * J_rate)
+        cov = np.linalg.inv(precision + self.alpha * J_place + self.rate_alpha * J_rate)  # (HTG.38)
         return xi, symmetrize(cov), eps, S
 
     def _maximise(self, objective: Objective, gain: NDArray, xi: NDArray) -> NDArray:
@@ -126,7 +127,7 @@ class HTGMap:
             if k == self.contest and len(xi) > 1:
                 lead = value.argmax(0), np.arange(value.shape[1])
                 xi, value, gradient, length = (a[lead][None] for a in (xi, value, gradient, length))
-            step = (gain @ gradient[..., None])[..., 0]
+            step = (gain @ gradient[..., None])[..., 0]  # (HTG.36)
             if (length * (gradient * step).sum(-1)).max() < self.flat:
                 break
             np.clip(step[..., LOG_L:], -self.size_step, self.size_step, out=step[..., LOG_L:])
@@ -139,10 +140,10 @@ class HTGMap:
             length = np.where(better, 1.0, 0.5 * length)
         return xi[value.argmax(0), np.arange(xi.shape[1])]
 
-    def resize(self, state: MapState, size: NDArray, size_std: NDArray) -> MapState:
+    def resize(self, state: MotionSizeState, size: NDArray, size_std: NDArray) -> MotionSizeState:
         """State with another size (..., 2) [m] of standard deviation size_std (..., 2) [m].
 
-        Correlations of the size shrink with its standard deviation, as in the card's mean reversion, and never grow.
+        Correlations of the size shrink with its standard deviation, as in a mean reversion, and never grow.
         """
         m, P = state.m.copy(), state.P.copy()
         m[..., LOG_L:] = np.log(size)
@@ -151,20 +152,20 @@ class HTGMap:
         scale[..., LOG_L:] = np.minimum(size_std / size / std, 1.0)
         P *= scale[..., :, None] * scale[..., None, :]
         P[..., LOG_L, LOG_L], P[..., LOG_W, LOG_W] = ((size_std / size)[..., i] ** 2 for i in range(2))
-        return MapState(m, P)
+        return MotionSizeState(m, P)
 
-    def log_spatial(self, state: MapState, scan: Scan, track: NDArray, detection: NDArray) -> NDArray:
+    def log_spatial(self, state: MotionSizeState, scan: Scan, track: NDArray, detection: NDArray) -> NDArray:
         """Log density (G,) [1/m^2] of the detections with indices detection (G,) under the tracks track (G,)."""
-        sure = replace(self, shape_std=(0.0, 0.0)).estimate(state)  # the density knows how detections scatter about it
+        sure = replace(self, shape_std=(0.0, 0.0)).estimate(state)  # the density has their scatter already
         return log_spatial(self.model(), sure, scan, track, detection, self.sigma)
 
-    def estimate(self, state: MapState) -> Estimate:
+    def estimate(self, state: MotionSizeState) -> Estimate:
         """Box along the heading."""
         m, P = state
         phi, size = m[..., PHI], np.exp(m[..., LOG_L:])
         cov = cartesian_covariance(m[..., :5], P[..., :5, :5])
         body = rotation(phi) * (size * self.shape_std)[..., None, :]
-        cov[..., :2, :2] += body @ body.mT  # the same for all detections of a vehicle, so no scan takes it away
+        cov[..., :2, :2] += body @ body.mT  # (HTG.39)
         return Estimate(
             pose=np.concatenate([m[..., :2], wrap_angle(phi[..., None])], -1),
             velocity=m[..., SPEED, None] * unit(phi),
@@ -179,14 +180,14 @@ class HTGMap:
 
 @lru_cache(maxsize=64)
 def anchored(table: HTGTable) -> HTGTable:
-    """One table of metric ends for every table, so that what is worked out for it is kept."""
+    """`metric_ends` of a table, the same object at each call, so that the caches of tables hold."""
     return metric_ends(table)
 
 
 def centroid(table: HTGTable, objective: Objective, P: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-    """Innovation (N, 2) of the sample mean under the moments of the bins, its covariance and gain (N, 7, 2).
+    """Innovation (N, 2) of the sample mean under the moments of the bins, its covariance and gain (N, 7, 2), (HTG.37).
 
-    P (N, 7, 7) predicted covariance. This is the Kalman filter of htg-mm, without its extent.
+    P (N, 7, 7) predicted covariance. This is the Kalman update of htg-mm, without its extent.
     """
     points, m, index = objective.points, objective.mean, objective.shape.bin
     row, start = points.row, points.start
@@ -201,8 +202,8 @@ def centroid(table: HTGTable, objective: Objective, P: NDArray) -> tuple[NDArray
     R[:, 0, 1] = R[:, 1, 0] = (along - across) * c * s
     n = np.diff(start, append=len(row))[:, None]
     offset = (M @ (shift + h * mean)[..., None])[..., 0]
-    eps = np.add.reduceat(points.z.T - offset, start) / n - m[:, :2]
-    S = P[:, :2, :2] + np.add.reduceat(A @ cov @ A.mT + R, start) / n[..., None] ** 2
+    eps = np.add.reduceat(points.z.T - offset, start) / n - m[:, :2]  # (HTG.37)
+    S = P[:, :2, :2] + np.add.reduceat(A @ cov @ A.mT + R, start) / n[..., None] ** 2  # (HTG.37)
     return eps, S, np.linalg.solve(S, P[:, :2, :]).mT
 
 

@@ -1,7 +1,8 @@
-"""htg-mm: the random matrix with the learned mean and covariance of each aspect bin; card section 7, last part.
+"""htg-mm: the random matrix with the learned mean and covariance of each aspect bin.
 
-No hole and no pseudo-measurements: z ~ (c + A mu_b, A C_b A^T) with the moments of the training data. Cheap, and the
-mean of what a sensor sees is no longer taken for the centre.
+No hole and no pseudo-measurements: z ~ (c + A mu_b, A C_b A^T) with the moments of the training data, (HTG.26). Cheap,
+and the mean of the detections is no longer taken for the centre.
+Equations: docs/methods/hierarchical-truncated-gaussians.md.
 """
 
 from dataclasses import dataclass, field
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from trackers.batch import select
 from trackers.estimate import Estimate
 from trackers.htg.bins import HTGTable, resolve
-from trackers.htg.pseudo import frame, inverse_frame, length, mean_extent, sample_of
+from trackers.htg.pseudo import body_axes, inverse_axes, length, mean_extent, sample_of
 from trackers.htg.spatial import log_spatial
 from trackers.linalg import inverse, inverse_sqrtm, outer, sqrtm, symmetrize
 from trackers.motion import PHI
@@ -26,9 +27,9 @@ from trackers.scan import Scan, check_scan
 class HTGMoment:
     """Moment-matched update in aspect bins; the noise of the detections is the one that the table was learned with."""
 
-    table: str | HTGTable = "surround-car+surround-truck"  # as `bins.resolve` takes it
-    rm: RandomMatrix = field(default_factory=RandomMatrix)  # motion, memory, range rates
-    sigma: float = 0.2  # [m] noise in the association of detections that do not tell theirs
+    table: str | HTGTable = "surround-car+surround-truck"  # see `bins.resolve`
+    rm: RandomMatrix = field(default_factory=RandomMatrix)  # motion, forgetting, range rates
+    sigma: float = 0.2  # [m] noise, in the association, of detections whose scan does not state it
     iterations: int = 2
 
     def model(self) -> HTGTable:
@@ -51,20 +52,20 @@ class HTGMoment:
         count = np.maximum(s.n, 1)[..., None, None]
         root, new = sqrtm(mean_extent(state)), state
         for _ in range(self.iterations):
-            A = frame(mean_extent(new), new.m[..., PHI])
+            A = body_axes(mean_extent(new), new.m[..., PHI])  # (HTG.16)
             b = table.bin_at(new.m[..., :2], new.m[..., PHI], length(A), s.sensor)
-            S = P[..., :2, :2] + A @ table.cov[b] @ A.mT / count
-            eps = s.mean - (A @ table.mean[b][..., None])[..., 0] - m[..., :2]
+            S = P[..., :2, :2] + A @ table.cov[b] @ A.mT / count  # (HTG.27)
+            eps = s.mean - (A @ table.mean[b][..., None])[..., 0] - m[..., :2]  # (HTG.27)
             K = P[..., :2] @ inverse(S)
-            W = A @ whitening(table)[b] @ inverse_frame(A)
+            W = A @ whitening(table)[b] @ inverse_axes(A)  # (HTG.27)
             B = root @ inverse_sqrtm(S)
             new = RMState(
-                m=m + (K @ eps[..., None])[..., 0],
-                P=symmetrize(P - K @ P[..., :2, :]),
-                nu=nu + s.n,
-                V=symmetrize(V + B @ outer(eps) @ B.mT + W @ s.spread @ W.mT),
+                m=m + (K @ eps[..., None])[..., 0],  # (HTG.28)
+                P=symmetrize(P - K @ P[..., :2, :]),  # (HTG.28)
+                nu=nu + s.n,  # (HTG.28)
+                V=symmetrize(V + B @ outer(eps) @ B.mT + W @ s.spread @ W.mT),  # (HTG.28)
             )
-        m, P = self.rm.range_rates(new.m, new.P, scan, scan.xy)
+        m, P = self.rm.range_rates(new.m, new.P, scan, scan.xy)  # (RM.16)
         return select(s.n > 0, new._replace(m=m, P=P), state), UpdateInfo(s.n, eps, S)
 
     def estimate(self, state: RMState) -> Estimate:

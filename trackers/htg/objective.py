@@ -1,7 +1,8 @@
-"""The log posterior of many objects at once, over one flat list of detections.
+"""The log posterior of htg-map for many objects at once, over one flat list of detections.
 
-Detections of a scan lie unevenly on the objects; a padded array would be evaluated for nothing in half of its places.
-So the valid ones form one list of G, sorted by object, and sums over an object are sums over a segment of it.
+Objects have different numbers of detections, and half of a padded array would be evaluated for nothing. So the valid
+ones form one list of G, sorted by object, and sums over an object are sums over a segment of it.
+Equations: docs/methods/hierarchical-truncated-gaussians.md.
 
 xi = [px, py, phi, v, omega, log l, log w]: centre [m], heading [rad], speed [m/s], yaw rate [rad/s], size [m].
 """
@@ -11,13 +12,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.htg.bins import Frame, HTGTable, growth, log_masses, warp
+from trackers.htg.bins import HTGTable, UnitFrame, growth, log_masses, warp
 from trackers.htg.density import Prepared, evaluate, lift, prepare, turned
 from trackers.scan import Scan
 
 PX, PY, PHI, SPEED, OMEGA, LOG_L, LOG_W = range(7)
 RATE_ROWS = [0, 1 + PHI, 1 + SPEED, 1 + OMEGA]  # of a value and its gradient
-SPATIAL = np.array([PX, PY, PHI, LOG_L, LOG_W])  # what the place of a detection depends on
+SPATIAL = np.array([PX, PY, PHI, LOG_L, LOG_W])  # components that the position of a detection depends on
 
 
 class Points(NamedTuple):
@@ -57,16 +58,16 @@ def flatten(scan: Scan, sigma: float) -> tuple[NDArray, Points]:
     return flat[start], Points(row, start, pose[:2] + polar[0] * sight, pose[:2], sight, variance, rate)
 
 
-class Shape(NamedTuple):
-    """The density of each of G detections, held fixed during one update at the predicted state."""
+class PlacedDensity(NamedTuple):
+    """The density of each of G detections, chosen at the predicted state and kept during one update."""
 
     bin: NDArray  # (G,) of the table
     noise: NDArray  # (2, G) variances in unit coordinates along the turned axes
-    frame: Frame | None  # leaves (2, 1, G); None for the plain unit coordinates of the paper, e / half
+    frame: UnitFrame | None  # leaves (2, 1, G); None for the plain unit coordinates of the paper, e / half
     prepared: Prepared
 
 
-def shape_of(table: HTGTable, xi: NDArray, points: Points) -> Shape:
+def shape_of(table: HTGTable, xi: NDArray, points: Points) -> PlacedDensity:
     """Bins, noise and prepared densities of the detections under the states xi (N, 7)."""
     x = np.take(xi.T, points.row, -1)
     size = np.exp(x[LOG_L:]).T
@@ -75,8 +76,8 @@ def shape_of(table: HTGTable, xi: NDArray, points: Points) -> Shape:
     frame = table.frame(index)
     scale, _ = warp(size / 2, frame)
     noise = body_noise(scale.T, x[PHI], p.theta, points)
-    inside = None if table.plain else Frame(*(leaf.T[:, None] for leaf in frame))
-    return Shape(index, noise, inside, prepare(lift(p, 2), noise.T[None], log_masses(table)[index]))
+    inside = None if table.plain else UnitFrame(*(leaf.T[:, None] for leaf in frame))
+    return PlacedDensity(index, noise, inside, prepare(lift(p, 2), noise.T[None], log_masses(table)[index]))
 
 
 def body_noise(scale: NDArray, phi: NDArray, theta: NDArray, points: Points) -> NDArray:
@@ -90,14 +91,14 @@ def body_noise(scale: NDArray, phi: NDArray, theta: NDArray, points: Points) -> 
     if theta.any():
         c, s = np.cos(theta), np.sin(theta)
         along, across = turned(along, c, s), turned(across, c, s)
-    return points.variance[0] * along**2 + points.variance[1] * across**2
+    return points.variance[0] * along**2 + points.variance[1] * across**2  # (HTG.31)
 
 
 class Objective(NamedTuple):
     """Log posterior of N objects given all their detections, as a function of the states."""
 
     points: Points
-    shape: Shape
+    shape: PlacedDensity
     mean: NDArray  # (N, 7) predicted
     precision: NDArray  # (N, 7, 7) inverse of the predicted covariance
     rate_std: float
@@ -116,12 +117,12 @@ class Objective(NamedTuple):
             sums[RATE_ROWS] += self.points.total(self.rates(x))
         d = xi - self.mean
         pull = (self.precision @ d[..., None])[..., 0]
-        return sums[0] - 0.5 * (d * pull).sum(-1), sums[1:].transpose(1, 2, 0) - pull
+        return sums[0] - 0.5 * (d * pull).sum(-1), sums[1:].transpose(1, 2, 0) - pull  # (HTG.30)
 
     def spread(self, xi: NDArray) -> NDArray:
-        """What the detections need of the states xi (..., N, 7): (8, ..., G).
+        """The states xi (..., N, 7) of the objects of the detections, (8, ..., G).
 
-        Place, cosine and sine of the heading, speed, yaw rate, half length and width.
+        Position, cosine and sine of the heading, speed, yaw rate, half length and width.
         """
         rows = np.empty((8, *xi.shape[:-1]))
         rows[0], rows[1], rows[4], rows[5] = (xi[..., i] for i in (PX, PY, SPEED, OMEGA))
@@ -131,22 +132,22 @@ class Objective(NamedTuple):
         return rows.take(self.points.row, -1)
 
     def places(self, x: NDArray) -> NDArray:
-        """Log likelihood of the place of each detection and its gradient, (1 + 7, S, G)."""
+        """Log likelihood of the position of each detection and its gradient, (1 + 7, S, G)."""
         _, _, frame, prepared = self.shape
         c, s, half = x[2], x[3], x[6:]
         e = turned(self.points.z[:, None] - x[:2], c, s)
         h, shift = (half, 0.0) if frame is None else warp(half, frame)
-        u = (e - shift) / h
+        u = (e - shift) / h  # (HTG.14)
         log_p, g = evaluate(u, prepared)
         terms = np.zeros((8, *log_p.shape))
-        terms[0] = log_p - np.log(h[0] * h[1])
+        terms[0] = log_p - np.log(h[0] * h[1])  # (HTG.8)
         moved = g / h
-        np.negative(turned(moved, c, -s), out=terms[1:3])
-        terms[3] = moved[0] * e[1] - moved[1] * e[0]
-        terms[6:] = -1.0 - g * u
+        np.negative(turned(moved, c, -s), out=terms[1:3])  # (HTG.32), centre
+        terms[3] = moved[0] * e[1] - moved[1] * e[0]  # (HTG.32), heading
+        terms[6:] = -1.0 - g * u  # (HTG.32), sizes in the coordinates of the paper
         if frame is not None:
             wider, further = growth(half, frame)
-            terms[6:] = wider * terms[6:] - further * g
+            terms[6:] = wider * terms[6:] - further * g  # (HTG.32)
         return terms
 
     def rates(self, x: NDArray) -> NDArray:
@@ -154,35 +155,35 @@ class Objective(NamedTuple):
         residual, h = self.rate_model(x)
         clipped = np.minimum(np.maximum(residual, -self.rate_clip), self.rate_clip) / self.rate_std**2
         terms = np.empty((4, *residual.shape))
-        terms[0] = -clipped * (residual - 0.5 * clipped * self.rate_std**2)
-        terms[1:] = h * clipped
+        terms[0] = -clipped * (residual - 0.5 * clipped * self.rate_std**2)  # (HTG.33)
+        terms[1:] = h * clipped  # (HTG.33)
         return terms
 
     def rate_model(self, x: NDArray) -> tuple[NDArray, NDArray]:
         """Residuals (..., G) of the ground range rates and their gradients h (3, ..., G) in phi, v, omega.
 
-        g = sight . (v e_phi + omega J (z - c)), card multi_object, step 7; both are 0 where nothing was measured. The
-        lever z - c is held at the predicted centre: a range rate tells motion, not place. x (8, ..., G) as in `spread`.
+        Both are 0 where no range rate was measured. The lever arm z - c is held at the predicted centre: a range rate
+        informs about motion, not about position. x (8, ..., G) as in `spread`.
         """
         points = self.points
         c, s, v, omega = x[2:6]
         ux, uy = points.sight
         lever = points.z - self.mean[:, :2].T.take(points.row, -1)
         h = np.empty((3, *c.shape))
-        h[0], h[1], h[2] = v * (uy * c - ux * s), ux * c + uy * s, uy * lever[0] - ux * lever[1]
+        h[0], h[1], h[2] = v * (uy * c - ux * s), ux * c + uy * s, uy * lever[0] - ux * lever[1]  # (RM.15)
         measured = np.isfinite(points.rate)
-        residual = np.where(measured, points.rate - v * h[1] - omega * h[2], 0.0)
+        residual = np.where(measured, points.rate - v * h[1] - omega * h[2], 0.0)  # (RM.15)
         return residual, h * measured
 
     def spatial_information(self, table: HTGTable, F: NDArray) -> NDArray:
-        """Expected information (N, 7, 7) of the places of the detections at the prediction; F (G, 6, 6)."""
+        """Expected information (N, 7, 7) of the positions of the detections at the prediction; F (G, 6, 6)."""
         points, first, index = self.points, self.points.start, self.shape.bin
         if (index == index[first[points.row]]).all():  # one bin an object: add up F before it is transformed
             L = jacobian(self.mean, table.frame(index[first]))
-            J5 = L @ np.add.reduceat(F, first) @ L.mT
+            J5 = L @ np.add.reduceat(F, first) @ L.mT  # (HTG.34)
         else:
             L = jacobian(self.mean[points.row], table.frame(index))
-            J5 = np.add.reduceat(L @ F @ L.mT, first)
+            J5 = np.add.reduceat(L @ F @ L.mT, first)  # (HTG.34)
         J = np.zeros((len(self.mean), 7, 7))
         J[:, SPATIAL[:, None], SPATIAL] = J5
         return J
@@ -192,12 +193,13 @@ class Objective(NamedTuple):
         J = np.zeros(self.precision.shape)
         if self.measured:
             _, h = self.rate_model(self.spread(self.mean))
-            J[:, PHI:LOG_L, PHI:LOG_L] = self.points.total(h[:, None] * h).transpose(2, 0, 1) / self.rate_std**2
+            motion = slice(PHI, LOG_L)
+            J[:, motion, motion] = self.points.total(h[:, None] * h).transpose(2, 0, 1) / self.rate_std**2  # (HTG.36)
         return J
 
 
-def jacobian(xi: NDArray, frame: Frame) -> NDArray:
-    """L (..., 5, 6): the score in px, py, phi, log l, log w is L f; states xi (..., 7), frame (..., 2)."""
+def jacobian(xi: NDArray, frame: UnitFrame) -> NDArray:
+    """L (..., 5, 6) of (HTG.35): the score in px, py, phi, log l, log w is L f; states xi (..., 7), frame (..., 2)."""
     c, s = np.cos(xi[..., PHI]), np.sin(xi[..., PHI])
     half = 0.5 * np.exp(xi[..., LOG_L:])
     h, shift = warp(half, frame)

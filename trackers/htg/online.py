@@ -1,8 +1,8 @@
-"""htg-rm: the random matrix with a hole whose sides are found from every scan; card section 4a.
+"""htg-rm: the random matrix with a hole whose sides are found from every scan, Xia et al. (2020), ICASSP.
 
-Source: slides of the hierarchical truncated Gaussian with online bounds. The detections are shared out over the four
-sides of the hole by expectation-maximisation; each side is then the root of a one-dimensional likelihood equation.
-Sides that do not face the sensor are open to infinity.
+Expectation maximisation shares the detections out over the four sides of the hole; each bound is then the root of a
+one-dimensional likelihood equation. Sides that do not face the sensor are open, their bounds infinite.
+Equations: docs/methods/hierarchical-truncated-gaussians.md.
 """
 
 from dataclasses import dataclass, field
@@ -18,17 +18,16 @@ from trackers.htg.learned import LEAST_SHARE
 from trackers.htg.pseudo import (
     Hole,
     Sample,
+    body_axes,
     correct,
     fill,
-    frame,
-    inverse_frame,
+    inverse_axes,
     mean_extent,
     posterior,
-    recount,
     sample_of,
     scale_of,
 )
-from trackers.htg.sides import Sides, fit
+from trackers.htg.sides import BoundProblem, fit
 from trackers.linalg import I2, sqrtm
 from trackers.motion import PHI
 from trackers.protocols import UpdateInfo
@@ -43,10 +42,10 @@ class OnlineState(NamedTuple):
     """A random matrix and the sides of its hole."""
 
     rm: RMState
-    bounds: NDArray  # (..., 4) a1, a2, b1, b2 in unit coordinates, finite also for sides that are now open
+    bounds: NDArray  # (..., 4) a1, a2, b1, b2 in unit coordinates; finite, also while a side is open
 
 
-class Detections(NamedTuple):
+class FlatDetections(NamedTuple):
     """D detections in the order of their T objects, every one of which has at least one."""
 
     xy: NDArray  # (D, 2) [m]
@@ -58,11 +57,11 @@ class Detections(NamedTuple):
 class HTGOnline:
     """Iterated pseudo-measurement update with the hole of this scan; `n_count` repairs its confidence."""
 
-    rm: RandomMatrix = field(default_factory=lambda: RandomMatrix(rho=0.35))  # rho, noise, motion, memory, range rates
+    rm: RandomMatrix = field(default_factory=lambda: RandomMatrix(rho=0.35))  # rho, noise, motion, range rates
     iterations: int = 10
-    n_count: bool = True  # information of the n true detections only, the card's repair; else the slides' update
+    n_count: bool = True  # information of the n detections alone, (HTG.20); else of all N as in the slides
     rounds: int = 3  # of expectation-maximisation in an iteration
-    full_view: bool = False  # all four sides are seen, wherever the sensor is
+    full_view: bool = False  # no side is open, wherever the sensor is
     cap: float = 2.0  # [s] largest bound, in standard deviations of the source
     start: float = 0.7  # bounds of a new object
     least_weight: float = 0.3  # a side with fewer detections keeps its bound
@@ -82,54 +81,54 @@ class HTGOnline:
         every = sample_of(scan, self.rm.sigma)
         some = every.n > 0
         s, (old, bounds) = take(every, some), take(state, some)
-        seen = Detections(
+        detections = FlatDetections(
             xy=np.broadcast_to(scan.xy, (*scan.mask.shape, 2))[scan.mask],
             owner=np.repeat(np.arange(len(s.n)), s.n),
             first=np.cumsum(s.n) - s.n,
         )
         X_hat, cap, b = mean_extent(old), self.cap * np.sqrt(self.rm.rho), bounds.T
-        scale, m, X = scale_of(sqrtm(X_hat), self.rm.rho * X_hat + s.noise), old.m, X_hat
+        scale, m, X = scale_of(sqrtm(X_hat), self.rm.rho * X_hat + s.noise), old.m, X_hat  # (HTG.18)
         for _ in range(self.iterations):
-            A = frame(X, m[:, PHI])
-            sides = self._sides(m, inverse_frame(A), s, seen)
-            b = fit(sides, b, cap, self.rounds, self.least_weight)
-            count, mean, spread = fill(s, self._hole(b, sides.facing), m[:, :2], A, s.noise)
-            last = correct(old, scale, count, mean, spread)
+            A = body_axes(X, m[:, PHI])  # (HTG.16)
+            problem = self._problem(m, inverse_axes(A), s, detections)
+            b = fit(problem, b, cap, self.rounds, self.least_weight)  # (HTG.22), (HTG.23)
+            count, mean, spread = fill(s, self._hole(b, problem.facing), m[:, :2], A, s.noise)  # (HTG.17)
+            last = correct(old, scale, count, mean, spread)  # (HTG.19)
             m, X = last.m, last.X
-        new = recount(old, last, scale, s.n) if self.n_count else posterior(old, last, scale, count)
+        new = posterior(old, last, scale, s.n if self.n_count else count)
         found: OnlineState = put(state, some, OnlineState(new, b.T))
-        m, P = self.rm.range_rates(found.rm.m, found.rm.P, scan, scan.xy)
+        m, P = self.rm.range_rates(found.rm.m, found.rm.P, scan, scan.xy)  # (RM.16)
         found = found._replace(rm=found.rm._replace(m=m, P=P))
         blank = UpdateInfo(every.n, np.zeros_like(every.mean), np.broadcast_to(np.eye(2), every.noise.shape))
         return select(some, found, state), put(blank, some, UpdateInfo(s.n, last.eps, last.S))
 
-    def _sides(self, m: NDArray, into: NDArray, s: Sample, seen: Detections) -> Sides:
-        """The detections of T objects against the sides, at the iterates m (T, 5)."""
-        rho, (D, T) = self.rm.rho, (len(seen.owner), len(m))
+    def _problem(self, m: NDArray, into: NDArray, s: Sample, detections: FlatDetections) -> BoundProblem:
+        """The likelihood of the bounds of T objects, at the iterates m (T, 5); `into` (T, 2, 2) is A^-1."""
+        rho, owner, (D, T) = self.rm.rho, detections.owner, (len(detections.owner), len(m))
         r = ((into @ s.noise) * into).sum(-1)  # (T, 2)
-        k = rho / (rho + r)
-        precision = 1 / np.sqrt(k * r)  # 1 / sg
+        k = rho / (rho + r)  # (HTG.3)
+        precision = 1 / np.sqrt(k * r)  # 1 / s_k, (HTG.3)
         outwards = (k * precision)[..., None] * into
         reach, scale = np.zeros((4, D + T)), np.full((4, D + T), rho**-0.5)
-        d = seen.xy - m[seen.owner, :2]
-        reach[2:, :D] = (outwards[seen.owner] @ d[..., None])[..., 0].T
+        d = detections.xy - m[owner, :2]
+        reach[2:, :D] = (outwards[owner] @ d[..., None])[..., 0].T  # mu / s_k
         reach[:2] = -reach[2:]
-        scale[:2, :D] = scale[2:, :D] = precision.T[:, seen.owner]
+        scale[:2, :D] = scale[2:, :D] = precision.T[:, owner]
         facing = self._facing(into, m[:, :2], s.sensor)
-        return Sides(reach, scale, facing.T, np.concatenate([seen.owner, np.arange(T)]), seen.first)
+        return BoundProblem(reach, scale, facing.T, np.concatenate([owner, np.arange(T)]), detections.first)
 
     def _hole(self, bounds: NDArray, facing: NDArray) -> Hole:
-        """What the sides bounds (4, T) cut out, without sensor noise."""
+        """The part of the source that the bounds (4, T) cut out, without sensor noise."""
         s = np.sqrt(self.rm.rho)
         t = np.where(facing, bounds, np.inf) / s
         mass, mean, var = truncated(-t[:2], t[2:])
-        share = np.maximum(1 - mass[0] * mass[1], LEAST_SHARE)
-        return Hole(share, s * mean.T, (s**2 * var.T)[..., None] * I2)
+        share = np.maximum(1 - mass[0] * mass[1], LEAST_SHARE)  # (HTG.6)
+        return Hole(share, s * mean.T, (s**2 * var.T)[..., None] * I2)  # (HTG.10) with R = 0
 
     def _facing(self, into: NDArray, centre: NDArray, sensor: NDArray) -> NDArray:
-        """Sides (..., 4) whose outward normal meets the sensor; all of them in full view, or inside the body."""
+        """Sides (..., 4) that face the sensor; all of them in full view, or for a sensor inside the body."""
         where = (into @ (sensor - centre)[..., None])[..., 0]
-        facing = (SIGN * where[..., AXIS] > 1) | self.full_view
+        facing = (SIGN * where[..., AXIS] > 1) | self.full_view  # (HTG.25)
         return facing | ~facing.any(-1, keepdims=True)
 
     def estimate(self, state: OnlineState) -> Estimate:
@@ -143,7 +142,7 @@ class HTGOnline:
     def log_spatial(self, state: OnlineState, scan: Scan, track: NDArray, detection: NDArray) -> NDArray:
         """Log density (G,) [1/m^2] of the detections with indices detection (G,) under the tracks track (G,)."""
         rm, e = state.rm, self.estimate(state)
-        into = inverse_frame(frame(mean_extent(rm), rm.m[..., PHI]))[track]
+        into = inverse_axes(body_axes(mean_extent(rm), rm.m[..., PHI]))[track]
         sensor = np.broadcast_to(scan.pose[:, :2], (scan.mask.shape[-1], 2))[detection]
         facing = self._facing(into, rm.m[track, :2], sensor)
         C = scan.position_noise(self.rm.sigma)[detection] + e.cov[track, :2, :2]
@@ -151,4 +150,4 @@ class HTGOnline:
         rho = np.full(len(track), self.rm.rho)
         p = HTG(rho, np.where(facing, state.bounds[track], np.inf), np.zeros(len(track)), r)
         u = (into @ (scan.xy[detection] - rm.m[track, :2])[..., None])[..., 0]
-        return log_density(u, p) + np.log(np.abs(np.linalg.det(into)))
+        return log_density(u, p) + np.log(np.abs(np.linalg.det(into)))  # (HTG.40)

@@ -1,7 +1,8 @@
-"""The random-matrix update of the papers: detections that the hole swallowed are imagined back.
+"""The random-matrix update of the papers, by pseudo-measurements for what the hole has cut out.
 
-The hole leaves a Gaussian if its content is put back, and for a Gaussian the random matrix is exact. So n detections
-become N = n / c_D with the mean and spread of the whole; card htg_rm, section 4.
+A source without a hole is Gaussian, and for a Gaussian the random matrix is exact. So the statistics of n detections
+are completed by those of n_c pseudo-measurements inside the hole, N = n + n_c = n / c_D.
+Equations: docs/methods/hierarchical-truncated-gaussians.md.
 """
 
 from typing import NamedTuple
@@ -16,25 +17,25 @@ from trackers.scan import Scan
 
 
 class Sample(NamedTuple):
-    """Detections of each object as the random matrix sees them."""
+    """The statistics of the detections of each object that a random matrix needs."""
 
     n: NDArray  # (...) count
     mean: NDArray  # (..., 2) [m]
     spread: NDArray  # (..., 2, 2) [m^2] a sum
-    sensor: NDArray  # (..., 2) [m] mean position of the sensors that saw them
-    noise: NDArray  # (..., 2, 2) [m^2] mean noise that the scan tells
+    sensor: NDArray  # (..., 2) [m] mean position of the sensors that made them
+    noise: NDArray  # (..., 2, 2) [m^2] mean sensor noise
 
 
 class Hole(NamedTuple):
-    """What is missing, in unit coordinates."""
+    """The part of the source that the hole cuts out, in unit coordinates."""
 
-    share: NDArray  # (...) c_D: how much of the Gaussian is seen
+    share: NDArray  # (...) c_D, share of the source outside the hole
     mean: NDArray  # (..., 2)
     cov: NDArray  # (..., 2, 2)
 
 
 def sample_of(scan: Scan, sigma: float) -> Sample:
-    """Moments of the scan; a detection that does not tell its noise has sigma [m]."""
+    """Moments of the scan; sigma [m] is the noise of detections whose scan does not state it."""
     n, mean, spread = moments(scan.xy, scan.mask)
     where = np.broadcast_to(scan.pose[..., :2], (*scan.mask.shape, 2))
     noise = masked_mean(scan.position_noise(sigma), scan.mask, axes=2)
@@ -42,14 +43,14 @@ def sample_of(scan: Scan, sigma: float) -> Sample:
 
 
 def mean_extent(state: RMState) -> NDArray:
-    """X^ (..., 2, 2) [m^2]."""
-    return state.V / (state.nu - 6)[..., None, None]
+    """Mean extent (..., 2, 2) [m^2]."""
+    return state.V / (state.nu - 6)[..., None, None]  # (RM.1)
 
 
-def frame(X: NDArray, phi: NDArray) -> NDArray:
-    """World from unit coordinates, A (..., 2, 2) [m] with A A^T = X.
+def body_axes(X: NDArray, phi: NDArray) -> NDArray:
+    """World from unit coordinates, A (..., 2, 2) [m] with A A^T = X, (HTG.16).
 
-    The axes are eigenvectors of X (..., 2, 2), the first is the one nearest to the heading phi (...).
+    Its columns are eigenvectors of X (..., 2, 2), the one nearest to the heading phi (...) first.
     """
     principal = 0.5 * np.arctan2(2 * X[..., 0, 1], X[..., 0, 0] - X[..., 1, 1])
     quarters = np.round((phi - principal) / (np.pi / 2))  # the four half axes are a quarter turn apart
@@ -58,8 +59,8 @@ def frame(X: NDArray, phi: NDArray) -> NDArray:
     return axes * root[..., None, :]
 
 
-def inverse_frame(A: NDArray) -> NDArray:
-    """Unit from world coordinates, the inverse of a frame A (..., 2, 2) [m]; its columns are orthogonal."""
+def inverse_axes(A: NDArray) -> NDArray:
+    """Unit from world coordinates, the inverse of A (..., 2, 2) [m]; the columns of A are orthogonal."""
     return A.mT / (A * A).sum(-2)[..., None]
 
 
@@ -69,22 +70,23 @@ def length(A: NDArray) -> NDArray:
 
 
 def fill(s: Sample, hole: Hole, centre: NDArray, A: NDArray, noise: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-    """Count N (...), mean (..., 2) and spread (..., 2, 2), a sum, of detections and imagined ones together.
+    """Count N (...), mean (..., 2) and spread (..., 2, 2), a sum, of detections and pseudo-measurements together.
 
     centre (..., 2) and A (..., 2, 2) of the iterate; noise (..., 2, 2) [m^2] of a detection beyond hole.cov.
     """
     c = hole.share[..., None, None]
-    count = s.n / hole.share
+    count = s.n / hole.share  # (HTG.17a)
     missing = count * (1 - hole.share)
-    z_c = centre + (A @ hole.mean[..., None])[..., 0]
-    C_c = A @ hole.cov @ A.mT + noise
+    z_c = centre + (A @ hole.mean[..., None])[..., 0]  # (HTG.16)
+    C_c = A @ hole.cov @ A.mT + noise  # (HTG.16)
     d = s.mean - z_c
-    # about the common mean z_c + c d, what is seen and what is imagined spread by n (1 - c)^2 + (N - n) c^2 = (N - n) c
-    return count, z_c + c[..., 0] * d, s.spread + missing[..., None, None] * (C_c + c * outer(d))
+    mean = z_c + c[..., 0] * d  # (HTG.17b)
+    # About it, the means of both kinds spread by n (1 - c)^2 + (N - n) c^2 = (N - n) c times d d^T.
+    return count, mean, s.spread + missing[..., None, None] * (C_c + c * outer(d))  # (HTG.17c)
 
 
 class Scale(NamedTuple):
-    """The covariance of one detection, and what brings spreads of detections to the scale of the extent."""
+    """The covariance of one detection, and the matrices that bring spreads of detections to the scale of the extent."""
 
     Y: NDArray  # (..., 2, 2) [m^2]
     root: NDArray  # (..., 2, 2) [m] X^^1/2
@@ -92,12 +94,12 @@ class Scale(NamedTuple):
 
 
 def scale_of(root: NDArray, Y: NDArray) -> Scale:
-    """The scale of the state before the update, whose extent has this root, with detections of covariance Y."""
+    """The scale for a predicted extent of this root (..., 2, 2) [m], detections of covariance Y (..., 2, 2) [m^2]."""
     return Scale(Y, root, root @ inverse_sqrtm(Y))
 
 
 class Iterate(NamedTuple):
-    """An update as far as the next iteration needs it: without its covariance."""
+    """The part of an update that the next iteration needs; the covariance is worked out once, at the end."""
 
     m: NDArray  # (..., 5)
     X: NDArray  # (..., 2, 2) [m^2] mean extent
@@ -106,35 +108,31 @@ class Iterate(NamedTuple):
 
 
 def correct(state: RMState, scale: Scale, count: NDArray, mean: NDArray, spread: NDArray) -> Iterate:
-    """Random-matrix update with a fractional count (...), card section 2."""
+    """Random-matrix update of the predicted state by a fractional count (...), (HTG.18) and (HTG.19)."""
     m, P, nu, V = state
-    eps = mean - m[..., :2]
-    S = P[..., :2, :2] + scale.Y / count[..., None, None]
+    eps = mean - m[..., :2]  # (HTG.18)
+    S = P[..., :2, :2] + scale.Y / count[..., None, None]  # (HTG.18)
     root = inverse_sqrtm(S)
     white = root @ eps[..., None]
     along = scale.root @ white
     return Iterate(
-        m=m + (P[..., :2] @ (root @ white))[..., 0],  # (15a)
-        X=symmetrize(V + along @ along.mT + scale.B @ spread @ scale.B.mT) / (nu + count - 6)[..., None, None],  # (15d)
+        m=m + (P[..., :2] @ (root @ white))[..., 0],  # (HTG.19a)
+        X=symmetrize(V + along @ along.mT + scale.B @ spread @ scale.B.mT)  # (HTG.19d)
+        / (nu + count - 6)[..., None, None],
         eps=eps,
         S=S,
     )
 
 
 def posterior(state: RMState, last: Iterate, scale: Scale, count: NDArray) -> RMState:
-    """The update of `state` to the iterate `last`, with the weight of so many detections (...)."""
+    """The predicted state moved to the iterate `last`, with the information of `count` (...) detections.
+
+    The papers count the N of (HTG.17a), which makes them four to ten times over-confident: pseudo-measurements carry no
+    information. With the n detections alone it is the repair (HTG.20).
+    """
     _, P, nu, _ = state
     S = P[..., :2, :2] + scale.Y / count[..., None, None]
     K = P[..., :2] @ inverse(S)
-    nu_new = nu + count  # (15c)
+    nu_new = nu + count  # (HTG.19c) or (HTG.20)
     V = last.X * (nu_new - 6)[..., None, None]
-    return RMState(last.m, symmetrize(P - K @ P[..., :2, :]), nu_new, V)  # (15b)
-
-
-def recount(state: RMState, last: Iterate, scale: Scale, n: NDArray) -> RMState:
-    """The same with the weight of the n true detections: imagined ones inform about nothing.
-
-    The papers count them in P and nu, (15b) and (15c), and become over-confident four to ten times.
-    """
-    new = posterior(state, last, scale, n)
-    return new._replace(V=last.X * (new.nu - 6)[..., None, None])
+    return RMState(last.m, symmetrize(P - K @ P[..., :2, :]), nu_new, V)  # (HTG.19b) or (HTG.20)

@@ -1,9 +1,9 @@
-"""Where the sides of the hole are: a small mixture, fitted to the detections of every object at once; card section 4a.
+"""The bounds of the hole of every object at once: a mixture over its sides, fitted to the detections of one scan.
 
-Source: slides of the hierarchical truncated Gaussian with online bounds. A detection that side k made has, along the
-outward axis of that side, its source beyond the bound b_k, and the density Phi((mu_k - b_k) / sg_k) / Phi(-b_k / s)
-up to a factor without b_k. Both terms are tails, Phi(-y) with y = b scale - reach, so they stand in one list: the D
-detections of all T objects, then the T sources themselves. The sides come first: rear, right, front, left.
+A detection that side k made has its source beyond the bound b_k, and the density Phi((mu_k - b_k) / s_k) /
+Phi(-b_k / sqrt(rho)) up to a factor without b_k, (HTG.21). Both terms are tails Phi(-y) with y = b scale - reach, so
+they stand in one list: the D detections of all T objects, then the T sources. The first axis is the side: rear, right,
+front, left. Equations: docs/methods/hierarchical-truncated-gaussians.md.
 """
 
 from typing import NamedTuple
@@ -18,12 +18,12 @@ STEPS = 40  # at most; two or three do from the bounds before
 SETTLED = 1e-3  # [standard deviations] of a step; the error that it leaves goes with its cube
 
 
-class Sides(NamedTuple):
-    """Detections and sources against the sides; every object has a detection."""
+class BoundProblem(NamedTuple):
+    """Everything the likelihood of the bounds depends on; every object has a detection."""
 
-    reach: NDArray  # (4, D + T) mu / sg: how far outwards the source of a detection probably is; 0 for a source
-    scale: NDArray  # (4, D + T) 1 / sg, then 1 / s
-    facing: NDArray  # (4, T) which sides can be seen
+    reach: NDArray  # (4, D + T) mu / s_k: how far outwards the source of a detection probably is; 0 for a source
+    scale: NDArray  # (4, D + T) 1 / s_k, then 1 / sqrt(rho)
+    facing: NDArray  # (4, T) which sides face the sensor
     owner: NDArray  # (D + T,) object of each, ascending in either part
     first: NDArray  # (T,) first detection of each object
 
@@ -36,71 +36,71 @@ class Sides(NamedTuple):
 class Tails(NamedTuple):
     """Normal distributions cut off at the bounds."""
 
-    y: NDArray  # (..., 4, D + T) where, in standard deviations
+    y: NDArray  # (..., 4, D + T) the bounds in standard deviations
     h: NDArray  # (..., 4, D + T) hazard there; Phi(-y) = phi_n(y) / h
 
 
 def hazard(y: NDArray) -> NDArray:
-    """phi_n(y) / Phi(-y), the inverse Mills ratio, to the last digit in either tail."""
-    return np.sqrt(2 / np.pi) / erfcx(y * np.sqrt(0.5))
+    """Hazard h(y) = phi_n(y) / Phi(-y), the inverse Mills ratio, to the last digit in either tail."""
+    return np.sqrt(2 / np.pi) / erfcx(y * np.sqrt(0.5))  # (HTG.24)
 
 
-def tails(sides: Sides, b: NDArray) -> Tails:
+def tails(problem: BoundProblem, b: NDArray) -> Tails:
     """The tails beyond the bounds b (..., 4, T)."""
-    y = np.maximum(b.take(sides.owner, -1) * sides.scale - sides.reach, -FARTHEST)
+    y = np.maximum(b.take(problem.owner, -1) * problem.scale - problem.reach, -FARTHEST)
     return Tails(y, hazard(y))
 
 
-def fit(sides: Sides, b: NDArray, cap: float, rounds: int, least_weight: float) -> NDArray:
+def fit(problem: BoundProblem, b: NDArray, cap: float, rounds: int, least_weight: float) -> NDArray:
     """Bounds (4, T) in [0, cap] after some rounds of expectation-maximisation that begin at b (4, T).
 
-    Sides with less than least_weight detections, among them those that cannot be seen, keep theirs.
+    Sides with less than least_weight detections keep their bounds, as do open sides.
     """
-    y, h = tails(sides, np.stack([b, np.zeros_like(b), np.full_like(b, cap)]))
+    y, h = tails(problem, np.stack([b, np.zeros_like(b), np.full_like(b, cap)]))
     at, ends, weight = Tails(y[0], h[0]), h[1:], np.ones_like(b)
     for k in range(rounds):
-        at = tails(sides, b) if k else at
-        g = responsibilities(sides, at, weight)
-        W = np.add.reduceat(g, sides.first, -1)
-        at_zero, at_cap = slope(sides, g, W, ends)
+        at = tails(problem, b) if k else at
+        g = responsibilities(problem, at, weight)
+        W = np.add.reduceat(g, problem.first, -1)  # (HTG.22)
+        at_zero, at_cap = slope(problem, g, W, ends)
         keep = least_weight > W
         inside = (at_zero > 0) & (at_cap < 0)
-        best = np.where(inside, climb(sides, g, W, b, at, cap, inside & ~keep), np.where(at_zero > 0, cap, 0.0))
+        best = np.where(inside, climb(problem, g, W, b, at, cap, inside & ~keep), np.where(at_zero > 0, cap, 0.0))
         b = np.where(keep, b, best)
-        weight = W + PSEUDO_COUNT
+        weight = W + PSEUDO_COUNT  # (HTG.22)
     return b
 
 
-def responsibilities(sides: Sides, at: Tails, weight: NDArray) -> NDArray:
-    """Which side made which detection, (4, D), columns sum to one; weight (4, T) is proportional to the priors."""
-    D = sides.detections
+def responsibilities(problem: BoundProblem, at: Tails, weight: NDArray) -> NDArray:
+    """Probability (4, D) of each side to have made a detection; weight (4, T) is proportional to the priors."""
+    D = problem.detections
     log_tail = -np.log(at.h) - 0.5 * at.y * at.y
-    prior = np.where(sides.facing, np.log(weight) - log_tail[:, D:], -np.inf)
-    log_g = log_tail[:, :D] + prior.take(sides.owner[:D], -1)
+    prior = np.where(problem.facing, np.log(weight) - log_tail[:, D:], -np.inf)
+    log_g = log_tail[:, :D] + prior.take(problem.owner[:D], -1)  # (HTG.21)
     g = np.exp(log_g - log_g.max(0))
-    return g / g.sum(0)
+    return g / g.sum(0)  # (HTG.22)
 
 
-def slope(sides: Sides, g: NDArray, W: NDArray, h: NDArray) -> NDArray:
-    """Derivative (..., 4, T) in b of sum_j g_j [log Phi((mu_j - b) / sg) - log Phi(-b / s)], with W = sum_j g_j.
+def slope(problem: BoundProblem, g: NDArray, W: NDArray, h: NDArray) -> NDArray:
+    """Derivative (..., 4, T) of the log-likelihood (HTG.23) in b, with W = sum_j g_j.
 
-    h (..., 4, D + T) are the hazards; their derivatives times `scale` give those of the slope.
+    h (..., 4, D + T) are the hazards; with their derivatives in b instead, the result is that of the slope.
     """
-    term, D = h * sides.scale, sides.detections
-    return W * term[..., D:] - np.add.reduceat(g * term[..., :D], sides.first, -1)
+    term, D = h * problem.scale, problem.detections
+    return W * term[..., D:] - np.add.reduceat(g * term[..., :D], problem.first, -1)  # (HTG.24)
 
 
-def climb(sides: Sides, g: NDArray, W: NDArray, b: NDArray, at: Tails, cap: float, todo: NDArray) -> NDArray:
-    """Bounds (4, T) between 0 and cap at which that sum is largest, for the sides todo (4, T) that have one there.
+def climb(problem: BoundProblem, g: NDArray, W: NDArray, b: NDArray, at: Tails, cap: float, todo: NDArray) -> NDArray:
+    """Bounds (4, T) of the largest likelihood (HTG.23), for the sides todo (4, T) that have it between 0 and cap.
 
-    Halley's method in a bracket that shrinks; it begins at b, where the tails `at` are known.
+    Halley's method in a bracket that shrinks, from b, where the tails are `at`.
     """
     low, high = np.zeros_like(b), np.full_like(b, cap)
-    scale = sides.scale[:, sides.first]
+    scale = problem.scale[:, problem.first]
     for _ in range(STEPS):
         if not todo.any():
             break
-        f, f1, f2 = slope(sides, g, W, with_derivatives(at, sides.scale))
+        f, f1, f2 = slope(problem, g, W, with_derivatives(at, problem.scale))
         with np.errstate(divide="ignore", invalid="ignore"):
             newton = f / f1
             curved = 1 - 0.5 * newton * f2 / f1
@@ -110,7 +110,7 @@ def climb(sides: Sides, g: NDArray, W: NDArray, b: NDArray, at: Tails, cap: floa
             return np.minimum(np.maximum(new, 0.0), cap)
         low, high = np.where(f > 0, b, low), np.where(f > 0, high, b)
         b = np.where((new >= low) & (new <= high), new, 0.5 * (low + high))
-        at = tails(sides, b)
+        at = tails(problem, b)
     return b
 
 
@@ -120,6 +120,6 @@ def with_derivatives(at: Tails, scale: NDArray) -> NDArray:
     out = np.empty((3, *h.shape))
     e = h - y
     out[0] = h
-    out[1] = h * e * scale
+    out[1] = h * e * scale  # (HTG.24)
     out[2] = (out[1] * (h + e) - h * scale) * scale
     return out

@@ -1,4 +1,7 @@
-"""Where the detections of a track lie: the density as the likelihood of the association, card multi_object step 5."""
+"""Where the detections of a track lie: the density as the likelihood of the association.
+
+Equations: docs/methods/hierarchical-truncated-gaussians.md.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,5 +30,5 @@ def log_spatial(
     body = rotation(pose[:, 2])
     e = (body.mT @ (scan.xy[detection] - pose[:, :2])[..., None])[..., 0]
     axes = body @ (rotation(p.theta) / h[:, :, None])  # columns: turned axes of unit coordinates, pulled back
-    noise = (axes * (C @ axes)).sum(-2)
-    return log_density((e - shift) / h, p, noise, log_masses(table)[index]) - np.log(h[:, 0] * h[:, 1])
+    noise = (axes * (C @ axes)).sum(-2)  # (HTG.40)
+    return log_density((e - shift) / h, p, noise, log_masses(table)[index]) - np.log(h[:, 0] * h[:, 1])  # (HTG.40)

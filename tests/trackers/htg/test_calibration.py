@@ -80,6 +80,6 @@ def test_a_calibrated_table_survives_its_file_and_is_refused_by_the_literal_filt
     got = load(str(tmp_path / "fine.json"))
     np.testing.assert_array_equal(got.scale, fine.scale)
     np.testing.assert_array_equal(got.shift, fine.shift)
-    with pytest.raises(ValueError, match="has a frame of its own"):
+    with pytest.raises(ValueError, match="coordinates of its own"):
         HTGLearned(got).model()
     assert HTGLearned(replace(got, scale=np.ones((1, 2)), shift=np.zeros((1, 2)))).model() is not None

@@ -9,7 +9,18 @@ from hypothesis import strategies as st
 from scipy.special import log_ndtr
 
 from trackers.geometry import rotation
-from trackers.htg.bins import Frame, HTGTable, aspect_angle, by_length, load, metric_ends, resolve, save, single, warp
+from trackers.htg.bins import (
+    HTGTable,
+    UnitFrame,
+    aspect_angle,
+    by_length,
+    load,
+    metric_ends,
+    resolve,
+    save,
+    single,
+    warp,
+)
 from trackers.htg.density import HTG, complement, log_density, log_mass, moments, sample, score
 from trackers.htg.information import information, score_moments
 
@@ -276,10 +287,10 @@ def test_classes_with_other_bins_are_refused_and_two_are_not_one_file(tmp_path):
 def test_anchors_hold_their_end_and_change_nothing_at_the_typical_size():
     size = (4.6, 1.86)
     anchor = np.array([[-1.0, 0.0], [1.0, 1.0], [0.0, 0.0], [0.5, -0.3]])
-    h, shift = warp(np.array([2.3, 0.93]), Frame(anchor, np.ones(2), np.zeros(2), size))
+    h, shift = warp(np.array([2.3, 0.93]), UnitFrame(anchor, np.ones(2), np.zeros(2), size))
     np.testing.assert_allclose(h, np.tile([2.3, 0.93], (4, 1)))
     np.testing.assert_allclose(shift, 0)
-    h, shift = warp(np.array([6.0, 1.25]), Frame(anchor, np.ones(2), np.zeros(2), size))
+    h, shift = warp(np.array([6.0, 1.25]), UnitFrame(anchor, np.ones(2), np.zeros(2), size))
     ends = (np.array([-6.0, -1.25]) - shift) / h, (np.array([6.0, 1.25]) - shift) / h
     assert ends[0][0].tolist() == [-1, -1]  # rear of the truck
     np.testing.assert_allclose(ends[1][1], [1, 1])

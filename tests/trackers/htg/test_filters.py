@@ -11,7 +11,7 @@ from trackers.geometry import extent_matrix, to_world
 from trackers.htg.bins import HTGTable, by_length, metric_ends, single
 from trackers.htg.density import HTG, log_density, moments, sample
 from trackers.htg.learned import HTGLearned
-from trackers.htg.map import HTGMap, MapState
+from trackers.htg.map import HTGMap, MotionSizeState
 from trackers.htg.moment import HTGMoment
 from trackers.htg.objective import Objective, flatten, shape_of
 from trackers.htg.online import HTGOnline, OnlineState
@@ -38,7 +38,7 @@ def card_state():
 def card_map_state():
     P = np.diag([1.0] * 5 + [0.01, 0.01])
     P[:5, :5] = card_covariance()
-    return MapState(np.concatenate([M5, np.log([4.6, 1.9])]), P)
+    return MotionSizeState(np.concatenate([M5, np.log([4.6, 1.9])]), P)
 
 
 def rear_table():
@@ -74,7 +74,7 @@ def test_an_outline_off_the_learned_one_blurs_the_centre_in_body_axes_and_nothin
     for x, y in zip(sure.update(state, scan)[0], blurred.update(state, scan)[0], strict=True):
         np.testing.assert_array_equal(x, y)
     pair = np.array([0, 0]), np.array([0, 1])
-    lone = MapState(state.m[None], state.P[None])
+    lone = MotionSizeState(state.m[None], state.P[None])
     np.testing.assert_array_equal(sure.log_spatial(lone, scan, *pair), blurred.log_spatial(lone, scan, *pair))
 
 

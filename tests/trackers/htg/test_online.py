@@ -13,7 +13,7 @@ from trackers import RandomMatrix, Scan, prior
 from trackers.batch import take
 from trackers.geometry import extent_matrix, to_world, unit
 from trackers.htg.online import AXIS, SIGN, HTGOnline, OnlineState
-from trackers.htg.sides import Sides, fit
+from trackers.htg.sides import BoundProblem, fit
 from trackers.random_matrix.feldmann import RMState
 
 DETECTIONS = [(1.8, 1.0), (-1.5, -0.9), (2.2, 0.2), (-0.3, 1.1), (0.6, -0.6)]
@@ -155,7 +155,7 @@ def front(t, sg, s):
     reach = np.tile(np.append(np.array(t) / sg, 0.0), (4, 1))
     scale = np.tile(np.append(np.full(n, 1 / sg), 1 / s), (4, 1))
     facing = np.array([[False], [False], [True], [False]])
-    return Sides(reach, scale, facing, np.zeros(n + 1, int), np.zeros(1, int))
+    return BoundProblem(reach, scale, facing, np.zeros(n + 1, int), np.zeros(1, int))
 
 
 @pytest.mark.parametrize(("t", "b"), [((0.9, 0.95, 0.7, 1.1), 0.7468971395), ((0.3, 0.2, 0.1, 0.15), 0.0)])
