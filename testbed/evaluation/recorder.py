@@ -1,6 +1,5 @@
 """One episode on record: scores every frame against the truth, feeds the review log, leaves a JSON of the results."""
 
-import json
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -18,7 +17,7 @@ from testbed.evaluation.driving import DriveEvaluator
 from testbed.evaluation.histories import LOST_AFTER, TIME_ROUNDING
 from testbed.evaluation.smoothing import Memory
 from testbed.evaluation.tracking import Evaluator, FrameScore, jsonable
-from testbed.files import make_directory, make_room
+from testbed.files import make_directory, make_room, write_json
 from testbed.frame import Outputs
 from testbed.log.record import RoadGeometry, RunMeta, StepRecord, TrackerFrame
 from testbed.log.writer import NullLog, RunLog
@@ -157,7 +156,7 @@ class Recorder:
                 try:
                     self._close_log(interrupted)
                 finally:
-                    self._write_results()
+                    write_json(self.json_path, self._result)
         return self._result
 
     def _close_log(self, interrupted: bool) -> None:
@@ -185,16 +184,6 @@ class Recorder:
             yield
         except RuntimeError as error:
             raise OSError(f"cannot write the log {self.log.path}: {error}; is the disk full?") from error
-
-    def _write_results(self) -> None:
-        """The JSON, whole or not at all."""
-        part = self.json_path.with_suffix(".json.part")
-        try:
-            part.write_text(json.dumps(self._result, indent=1, allow_nan=False) + "\n")
-            part.replace(self.json_path)
-        except OSError as error:
-            part.unlink(missing_ok=True)
-            raise OSError(f"cannot write {self.json_path}: {error.strerror}; choose another directory") from error
 
     def _drop_old_results(self) -> None:
         """A run that is killed must not leave the results of an older one beside its log."""

@@ -7,7 +7,6 @@ judged on detections with |u| < 1.2 and |v| < 1.2 in unit coordinates of the box
 v = 2 lat / width.
 """
 
-import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
@@ -23,6 +22,7 @@ import sensors
 from scenarios.contours import CONTOURS
 from sensors.radar import Radar
 from sensors.scene import Scene, boxes_scene
+from testbed.files import write_json
 from trackers.geometry import to_frame, wrap_angle
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data" / "astyx_hires2019_extract"
@@ -170,7 +170,7 @@ def main(
 ) -> None:
     """Write the comparison of `imaging` with the real cars, for the page that shows it."""
     tables = report()
-    out.write_text(json.dumps({"note": NOTE, "tables": [plain(table) for table in tables]}, indent=1) + "\n")
+    write_json(out, {"note": NOTE, "tables": [plain(table) for table in tables]})
     Console().print(f"results  {out}", soft_wrap=True)
 
 

@@ -14,6 +14,7 @@ import typer
 
 import sensors
 from scenarios.contours import CONTOURS
+from testbed.files import write_json
 from testbed.learn.detections import CLASSES, sample
 from testbed.learn.spline import fit
 from trackers.pmht import classes, model
@@ -37,7 +38,8 @@ def main(
     out.mkdir(parents=True, exist_ok=True)
     for name in CLASSES:
         found = learn(name, count)
-        model.save(found, out / f"{name}.json", {"command": f"python -m testbed.learn.classes --count {count}"})
+        command = f"python -m testbed.learn.classes --count {count}"
+        write_json(out / f"{name}.json", model.as_json(found, {"command": command}))
         typer.echo(f"{name}: {found.size[0]:.2f} x {found.size[1]:.2f} m, {found.interior:.0%} from inside")
 
 

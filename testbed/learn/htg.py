@@ -17,7 +17,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from testbed.command_line.tables import light_table
-from testbed.files import make_directory
+from testbed.files import make_directory, write_json
 from testbed.learn.detections import Detections, Progress, check_sampler, read
 from trackers.htg import bins as tables
 from trackers.htg.bins import HTGTable
@@ -86,7 +86,7 @@ def learn(config: LearnConfig, out: str | Path, progress: Progress = lambda done
     if len(detections.u) == 0:
         raise ValueError(f"data: {config.data} has no detection of that class; choose :car or :truck")
     fit = learn_table(detections, config, path.stem, progress)
-    tables.save(fit.table, path, provenance(config, detections, fit, path))
+    write_json(path, tables.as_json(fit.table, provenance(config, detections, fit, path)))
     return Learned(fit, detections, path)
 
 

@@ -14,6 +14,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from testbed.command_line.tables import light_table
+from testbed.files import write_json
 from testbed.learn.detections import Detections, Progress, check_sampler, read
 from testbed.learn.htg import PACKAGES, check_out
 from trackers.pmht import model as models
@@ -73,7 +74,7 @@ def learn(config: SplineConfig, out: str | Path, progress: Progress = lambda don
             f"{config.options.ellipses} ellipses; take more data or fewer --ellipses"
         )
     model, learned = fit(detections, config.options, path.stem, progress)
-    models.save(model, path, provenance(config, detections, learned, path))
+    write_json(path, models.as_json(model, provenance(config, detections, learned, path)))
     return LearnedModel(model, learned, detections, path)
 
 

@@ -1,6 +1,5 @@
 """What a reproduction reports: figures beside the reference's, and a verdict on every claim; shared by all papers."""
 
-import json
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import version
@@ -11,6 +10,8 @@ from typing import Any
 from rich import box
 from rich.markup import escape
 from rich.table import Table
+
+from testbed.files import write_json
 
 CONFIRMED, REFUTED = "confirmed", "not confirmed"
 Progress = Callable[[float, float, str], None]  # done, total, what is being done; may raise Stopped
@@ -150,7 +151,7 @@ class Report:
         """Write `<paper>.json` into the folder `out` and return its path."""
         out.mkdir(parents=True, exist_ok=True)
         path = out / self.file
-        path.write_text(json.dumps(self.as_dict(), indent=1, allow_nan=False) + "\n", encoding="utf-8")
+        write_json(path, self.as_dict())
         return path
 
 

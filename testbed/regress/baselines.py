@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from testbed.compare.statistics.bootstrap import LEVEL, interval
-from testbed.files import write_whole
+from testbed.files import write_atomic
 from testbed.regress.spread import pooled_spread, student_limit
 from testbed.regress.suite import TOLERANCES, Suite
 from testbed.regress.verdict import Values
@@ -79,7 +79,7 @@ def merge(old: Baselines, new: Values, update: Update, keep: Iterable[Key]) -> B
 
 
 def save(baselines: Baselines, suite: Suite, path: Path) -> None:
-    """Write them whole or not at all, in the order of names, so that a change of them reads well."""
+    """Write them in the order of names, so that a change of them reads well."""
     updates = sorted({(u.date, json.dumps(u.versions, sort_keys=True)) for u in baselines.updates.values()})
     trackers = sorted({tracker for tracker, _ in baselines.values})
     found = {
@@ -88,7 +88,7 @@ def save(baselines: Baselines, suite: Suite, path: Path) -> None:
         "updates": [{"date": date, "versions": json.loads(text)} for date, text in updates],
         "trackers": {tracker: _tracker(baselines, tracker, updates) for tracker in trackers},
     }
-    write_whole(path, _text(found) + "\n")
+    write_atomic(path, _text(found) + "\n")
 
 
 REMEDY = "make it anew with `testbed regress --update`"

@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from testbed.files import write_whole
+from testbed.files import write_atomic
 from testbed.regress.baselines import Key
 from testbed.regress.findings import Findings, label
 from testbed.regress.verdict import GONE, OVERALL, Change
@@ -13,14 +13,14 @@ FORBIDDEN = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]"
 
 
 def write(findings: Findings, path: Path) -> None:
-    """Write the file whole or not at all."""
+    """Write the file; raises OSError, in one sentence, where it cannot be written."""
     root = Element("testsuites", name="testbed regress")
     for tracker in dict.fromkeys(tracker for tracker, _ in findings.cells):
         _suite(root, findings, tracker)
     for name in ("tests", "failures", "errors", "skipped"):
         root.set(name, str(sum(int(suite.get(name, 0)) for suite in root)))
     indent(root)
-    write_whole(path, tostring(root, encoding="us-ascii", xml_declaration=True).decode("ascii") + "\n")
+    write_atomic(path, tostring(root, encoding="us-ascii", xml_declaration=True) + b"\n")
 
 
 def sentence(change: Change) -> str:

@@ -18,7 +18,7 @@ from testbed.compare.runs.identity import PACKAGES, code_digest
 from testbed.compare.runs.results import RUNS
 from testbed.compare.runs.tasks import RECORDINGS
 from testbed.compare.runs.tasks import ROWS as RUN_ROWS
-from testbed.files import make_directory, write_whole
+from testbed.files import make_directory, write_atomic
 from trackers import TRACKERS
 
 STAMP = "regress.json"  # in the results folder: which code and versions its runs are of
@@ -105,7 +105,7 @@ def claim_folder(suite: Suite) -> None:
             (folder / name).unlink(missing_ok=True)
     except OSError as error:
         raise OSError(f"out: cannot empty {folder}: {error.strerror}; choose another directory") from error
-    write_whole(stamp, wanted)
+    write_atomic(stamp, wanted)
 
 
 def _identity(suite: Suite) -> dict[str, object]:

@@ -176,8 +176,8 @@ def single(p: HTG, mean: NDArray, cov: NDArray) -> HTGTable:
     return HTGTable(HTG(*(np.asarray(leaf, float)[None] for leaf in p)), mean[None], cov[None])
 
 
-def save(table: HTGTable, path: str | Path, provenance: dict[str, Any] | None = None) -> None:
-    """Write a table as JSON.
+def as_json(table: HTGTable, provenance: dict[str, Any] | None = None) -> dict[str, Any]:
+    """What the JSON file of a table holds.
 
     Keys: `format`, `centred`, one list of B numbers per parameter (`rho`, `a1`, `a2`, `b1`, `b2`, `theta`, `r1`, `r2`;
     null stands for an open side), `mean` (B, 2), `cov` (B, 2, 2), optionally `anchor`, `scale`, `shift`
@@ -194,7 +194,7 @@ def save(table: HTGTable, path: str | Path, provenance: dict[str, Any] | None = 
     content |= {"mean": table.mean.tolist(), "cov": table.cov.tolist()}
     content |= {"anchor": table.anchor.tolist(), "size": np.asarray(table.size).tolist()}
     content |= {"scale": table.scale.tolist(), "shift": table.shift.tolist(), "provenance": provenance or {}}
-    Path(path).write_text(json.dumps(content, indent=1) + "\n")
+    return content
 
 
 @lru_cache(maxsize=64)

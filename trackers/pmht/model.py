@@ -92,9 +92,9 @@ def outlines(p: NDArray, Sigma: NDArray, outward: float) -> NDArray:
     return ring + outward * depth * n
 
 
-def save(model: SplineModel, path: Path, provenance: Mapping[str, Any] | None = None) -> None:
-    """Write a model as JSON; what no filter needs stands under `provenance`."""
-    data = {
+def as_json(model: SplineModel, provenance: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    """What the JSON file of a model holds; what no filter needs stands under `provenance`."""
+    return {
         "format": FORMAT,
         "name": model.name,
         "size": list(model.size),
@@ -103,7 +103,6 @@ def save(model: SplineModel, path: Path, provenance: Mapping[str, Any] | None = 
         "spread": [[float(f"{x:.6g}") for x in row] for row in model.spread],
         "provenance": dict(provenance or {}),
     }
-    path.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
 
 
 def load(path: Path) -> SplineModel:

@@ -14,7 +14,7 @@ from testbed.compare.runs.results import Results
 from testbed.compare.statistics.analysis import BANDS, pairwise
 from testbed.compare.statistics.measures import COSTS, KEYS, MAIN
 from testbed.compare.statistics.series import STEP, chosen, over_time, ranked
-from testbed.files import make_directory
+from testbed.files import make_directory, write_figure
 
 FOLDER = "figures"
 STATIC = {"svg": {"Date": None}, "png": {"Software": None}}  # nothing that differs from one execution to the next
@@ -67,14 +67,8 @@ def _save(plot: Plot, folder: Path) -> Drawn:
     figure.suptitle(plot.title)
     paths = {kind: folder / f"{plot.name}.{kind}" for kind in ("png", "svg")}
     for kind, path in paths.items():
-        part = path.with_name(f".{path.name}.part")
-        try:
-            figure.savefig(part, format=kind, metadata=STATIC[kind])
-            figure.set_layout_engine("none")  # it stays as it is laid out; to lay it out is what takes the time
-            part.replace(path)
-        except OSError as error:
-            part.unlink(missing_ok=True)
-            raise OSError(f"cannot write {path}: {error.strerror}; is the disk full?") from error
+        write_figure(path, figure, metadata=STATIC[kind])
+        figure.set_layout_engine("none")  # it stays as it is laid out; to lay it out is what takes the time
     return Drawn(plot.name, plot.title, plot.caption, paths["png"], paths["svg"])
 
 

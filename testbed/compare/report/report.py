@@ -23,7 +23,7 @@ from testbed.compare.runs.tasks import FAILED, rows_path
 from testbed.compare.runs.work import Report
 from testbed.compare.statistics.analysis import BANDS, by_band, cells, consistency, unresolved
 from testbed.compare.statistics.measures import MAIN
-from testbed.files import make_directory, write_whole
+from testbed.files import make_directory, write_atomic
 
 NAME = "report.html"
 TEMPLATE = "report.html.j2"
@@ -73,7 +73,7 @@ def write_report(
     drawn = figures.draw(results, bands, folder, _stage(progress, "figures"))
     links = _logs(results, folder, logs, engine, _stage(progress, "logs"))
     path = folder / NAME
-    write_whole(path, render(results, report, tables, drawn, links, folder))
+    write_atomic(path, render(results, report, tables, drawn, links, folder))
     return path
 
 

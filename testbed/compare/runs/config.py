@@ -11,9 +11,8 @@ from scenarios import SCENARIOS
 from scenarios import find as find_scenario
 from sensors import find as find_radar
 from testbed.compare.runs.identity import shared_digest, tracker_digest
-from testbed.files import write_whole
+from testbed.files import make_directory, versions, write_json
 from testbed.planners import find as find_planner
-from testbed.files import make_directory, versions
 from trackers import TRACKERS
 from trackers import find as find_tracker
 
@@ -151,7 +150,7 @@ def claim_folder(comparison: Comparison) -> None:
     found = _parse(path.read_text(), path.parent) if path.exists() else {}
     wanted = {**identity(comparison.settings, comparison.trackers), **found}  # what is there stays
     if wanted != found:
-        write_whole(path, json.dumps(wanted, indent=1) + "\n")
+        write_json(path, wanted)
 
 
 def read_settings(folder: Path) -> tuple[Settings, dict[str, Any]]:

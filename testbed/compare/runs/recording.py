@@ -4,7 +4,6 @@ The ego is driven by the planner that knows the truth, so that no tracker has a 
 recording is one `.npz` file of flat arrays: a ragged series is stored as its parts joined, with their lengths beside.
 """
 
-import os
 import zlib
 from collections.abc import Callable, Sequence
 from contextlib import closing
@@ -22,6 +21,7 @@ from scenarios.lanes import lane_shapes
 from scenarios.stage import Phase
 from sensors.scene import Bodies, Ego, Objects, Scene
 from sensors.origin import Origin
+from testbed.files import atomic_file
 from testbed.log.record import RoadGeometry
 from testbed.frame import TRUTH
 from testbed.planners import find as find_planner
@@ -85,7 +85,7 @@ def record(scenario: str, seed: int, radar: str, duration: float | None = None) 
 
 
 def save(recording: Recording, path: Path) -> None:
-    """Write it whole or not at all."""
+    """Write the file; raises OSError, in one sentence, where it cannot be written."""
     arrays = _looks_to_arrays(recording.looks) | {
         "phase_names": np.array([p.name for p in recording.phases], np.str_),
         "phase_times": np.array([(p.start, p.end) for p in recording.phases]).reshape(-1, 2),
@@ -95,13 +95,8 @@ def save(recording: Recording, path: Path) -> None:
     }
     for name in LINES:
         arrays |= _ragged(f"drawn.{name}", getattr(recording.drawn, name), np.zeros((0, 2)))
-    part = path.with_name(f".{path.stem}.{os.getpid()}.part.npz")  # two processes may make the same
-    try:
-        np.savez_compressed(part, allow_pickle=False, **arrays)
-        part.replace(path)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise OSError(f"cannot write {path}: {error.strerror}; is the disk full?") from error
+    with atomic_file(path) as file:
+        np.savez_compressed(file, allow_pickle=False, **arrays)
 
 
 def load(path: Path, scenario: str, seed: int, radar: str) -> Recording:

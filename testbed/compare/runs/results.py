@@ -14,6 +14,7 @@ from testbed.compare.statistics.measures import KEYS, SPAN_UNITS
 from testbed.compare.runs.recording import read_seconds
 from testbed.compare.runs.rows import SCHEMA, read_meta
 from testbed.compare.runs.tasks import Drive, recording_path, rows_path
+from testbed.files import atomic_file
 
 RUNS = "runs.parquet"
 WHOLE = "all"  # phase of the whole run
@@ -86,10 +87,9 @@ def _recording_seconds(drive: Drive, out: Path) -> dict[str, float]:
 
 
 def _write(frame: pd.DataFrame, path: Path) -> None:
-    """The table with its units, whole or not at all."""
+    """Write the table with the units of its columns."""
     table = pa.Table.from_pandas(frame, preserve_index=False)
     units = {name: KEYS[name].unit if name in KEYS else SPAN_UNITS[name] for name in table.column_names}
     fields = [field.with_metadata({"unit": units[field.name]}) for field in table.schema]
-    part = path.with_name(f".{path.name}.part")
-    pq.write_table(table.cast(pa.schema(fields, table.schema.metadata)), part)
-    part.replace(path)
+    with atomic_file(path) as file:
+        pq.write_table(table.cast(pa.schema(fields, table.schema.metadata)), file)

@@ -6,7 +6,6 @@ distance of a look is the sum of `gospa2` over its rows.
 """
 
 import json
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from time import perf_counter
@@ -25,6 +24,7 @@ from testbed.compare.runs.config import Task
 from testbed.evaluation.tracking import Evaluator, jsonable
 from testbed.evaluation.metrics import CUTOFF
 from testbed.evaluation.pair_errors import ERRORS
+from testbed.files import atomic_file
 from testbed.frame import Outputs
 from trackers.scan import Scan
 
@@ -146,23 +146,21 @@ NOTHING = (None,) * (len(ERRORS) + 3)  # errors, two standard deviations and NIS
 
 
 def write(table: pa.Table, meta: Mapping[str, Any], path: Path) -> None:
-    """Write the rows of a run with what is to be known of it, whole or not at all.
+    """Write the rows of a run with its metadata.
 
-    The time that it takes goes into `meta["seconds"]` as "writing".
+    The time that it takes goes into `meta["seconds"]` as "writing". Raises OSError, in one sentence, where the file
+    cannot be written.
     """
     start = perf_counter()
-    part = path.with_name(f".{path.stem}.{os.getpid()}.part")  # two processes may make the same run
-    try:
-        with pq.ParquetWriter(part, table.schema, compression="zstd", write_page_checksum=True) as writer:
-            writer.write_table(table)
-            seconds = {**meta["seconds"], "writing": perf_counter() - start}
-            known = {"layout": VERSION, "rows": table.num_rows, "content": content(table), **meta, "seconds": seconds}
-            text = json.dumps(known, allow_nan=False).encode()
-            writer.add_key_value_metadata({META: text, CHECKSUM: _checksum(text)})  # pages have theirs, this has not
-        part.replace(path)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise OSError(f"cannot write {path}: {error.strerror or error}; is the disk full?") from error
+    with (
+        atomic_file(path) as file,
+        pq.ParquetWriter(file, table.schema, compression="zstd", write_page_checksum=True) as writer,
+    ):
+        writer.write_table(table)
+        seconds = {**meta["seconds"], "writing": perf_counter() - start}
+        known = {"layout": VERSION, "rows": table.num_rows, "content": content(table), **meta, "seconds": seconds}
+        text = json.dumps(known, allow_nan=False).encode()
+        writer.add_key_value_metadata({META: text, CHECKSUM: _checksum(text)})  # pages have theirs, this has not
 
 
 def read_meta(path: Path) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from testbed.files import write_figure
 from testbed.papers.hoher2022.runs import SETTLED, Errors, Trace
 from testbed.papers.hoher2022.uturn import DT, Truth
 from trackers import Scan
@@ -63,7 +64,7 @@ def over_time(errors: Mapping[tuple[str, str], Errors], name: str, label: str, p
         axis.set_ylabel(label)
     if panels[0, 0].get_legend_handles_labels()[0]:
         panels[0, 0].legend(fontsize=8)
-    return save(figure, path)
+    return write_figure(path, figure, dpi=110)
 
 
 def snapshots(traces: Mapping[tuple[str, str], Trace], truth: Truth, scans: list[Scan], case: str, path: Path) -> Path:
@@ -79,7 +80,7 @@ def snapshots(traces: Mapping[tuple[str, str], Trace], truth: Truth, scans: list
     for axis in panels[len(shown) :]:
         axis.remove()
     figure.suptitle(f"{case}: every {EVERY * DT:.1f} s of one run; the sensor is the triangle")
-    return save(figure, path)
+    return write_figure(path, figure, dpi=110)
 
 
 def panel(
@@ -99,9 +100,3 @@ def panel(
 def detections(scan: Scan) -> NDArray:
     """Detections (n, 2) [m] of the first run."""
     return scan.xy[0][scan.mask[0]]
-
-
-def save(figure: Figure, path: Path) -> Path:
-    """Write a figure and return where."""
-    figure.savefig(path, dpi=110)
-    return path

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from testbed.files import write_figure
 from testbed.papers.xia2020.claims import COURSES
 from testbed.papers.xia2020.generators import GENERATORS, draw_training
 from testbed.papers.xia2020.methods import (
@@ -132,7 +133,7 @@ def over_time(results: Results, group: Group, path: Path) -> Path:
     for axis in panels[-1]:
         axis.set_xlabel("time [s]; errors count from the dotted line on", fontsize=8)
     legend(figure, panels[0, 0])
-    return save(figure, path)
+    return write_figure(path, figure, dpi=110)
 
 
 def legend(figure: Figure, axis: Axes) -> None:
@@ -153,7 +154,7 @@ def snapshots(results: Results, group: Group, path: Path) -> Path:
             if group.mirrored:
                 axis.invert_yaxis()
     legend(figure, panels[0, 0])
-    return save(figure, path)
+    return write_figure(path, figure, dpi=110)
 
 
 def snapshot(axis: Axes, results: Results, case: str, methods: Sequence[str], k: int) -> None:
@@ -194,7 +195,7 @@ def full_densities(path: Path) -> Path:
     figure = Figure(figsize=(9.5, 3.4), layout="constrained")
     for axis, (name, draw) in zip(figure.subplots(1, 3), GENERATORS.items(), strict=True):
         density(axis, full_table(name), 0, draw(np.random.default_rng(2), (1500,), SIZE), name)
-    return save(figure, path)
+    return write_figure(path, figure, dpi=110)
 
 
 def partial_densities(table: HTGTable, path: Path) -> Path:
@@ -205,10 +206,4 @@ def partial_densities(table: HTGTable, path: Path) -> Path:
     for k, axis in enumerate(figure.subplots(2, len(table) // 2).flat):
         middle = np.degrees(-np.pi + (k + 0.5 * (not table.centred)) * 2 * np.pi / len(table))
         density(axis, table, k, data.u[bins == k], f"aspect {middle:.0f}°")
-    return save(figure, path)
-
-
-def save(figure: Figure, path: Path) -> Path:
-    """Write and return the path."""
-    figure.savefig(path, dpi=110)
-    return path
+    return write_figure(path, figure, dpi=110)

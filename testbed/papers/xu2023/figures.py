@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from testbed.files import write_figure
 from testbed.papers.xu2023.cases import VARIED
 from testbed.papers.xu2023.claims import group
 from testbed.papers.xu2023.measures import UNITS, rmse
@@ -55,7 +56,7 @@ def modes(traces: Traces, out: Path) -> Path:
         axis.set(ylabel="probability", ylim=(0, 1.1), title=f"{case}: {method}, mean of {runs} runs")
     panels[0].legend(ncols=len(MODES), loc="center left")
     panels[-1].set_xlabel("time [s]; bars: the true mode")
-    return save(figure, out / "xu2023_modes.png")
+    return write_figure(out / "xu2023_modes.png", figure, dpi=110)
 
 
 def errors(traces: Traces, out: Path) -> Path:
@@ -74,7 +75,7 @@ def errors(traces: Traces, out: Path) -> Path:
         axis.set_ylabel(what)
     for axis in panels.flat:
         axis.grid(alpha=0.3)
-    return save(figure, out / "xu2023_errors.png")
+    return write_figure(out / "xu2023_errors.png", figure, dpi=110)
 
 
 def unprinted(traces: Traces, out: Path) -> Path:
@@ -97,7 +98,7 @@ def unprinted(traces: Traces, out: Path) -> Path:
         column[1].set_xticks(range(len(names)), names, rotation=90, fontsize="small")
     panels[0, 0].legend(fontsize="small")
     figure.suptitle("What the paper does not print, with 95 % intervals; dashed: Table II; first: what all else has")
-    return save(figure, out / "xu2023_unprinted.png")
+    return write_figure(out / "xu2023_unprinted.png", figure, dpi=110)
 
 
 def dots(axis: Axes, traces: Traces, method: str, names: list[str], stage: str, row: int, colour: str) -> None:
@@ -109,9 +110,3 @@ def dots(axis: Axes, traces: Traces, method: str, names: list[str], stage: str, 
     axis.errorbar(
         np.array(at) + shift, value, np.minimum(half, 0.9 * value), fmt="o", markersize=4, color=colour, label=method
     )
-
-
-def save(figure: Figure, path: Path) -> Path:
-    """Write a figure and return where."""
-    figure.savefig(path, dpi=110)
-    return path

@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from testbed.files import write_figure
 from testbed.papers.yao2021.trials import ADAPT_AT, CONTOURS, EARLY, SIZE, STEPS, Errors, Outcome
 from trackers.geometry import ellipse_points
 from trackers.pmht.model import SplineModel, curve, find
@@ -40,9 +41,7 @@ def contours(outcomes: Outcomes, out: Path) -> Path:
             ax.set_aspect("equal")
     for ax in axes[-1]:
         ax.set_xlabel("along [m]")
-    path = out / "yao2021_contours.png"
-    figure.savefig(path, dpi=120)
-    return path
+    return write_figure(out / "yao2021_contours.png", figure, dpi=120)
 
 
 def offline(ax: Axes, model: SplineModel) -> None:
@@ -86,9 +85,7 @@ def series(outcomes: Outcomes, quantities: Mapping[str, str], out: Path, name: s
     axes[0, 0].legend(fontsize="x-small")
     for ax in axes[-1]:
         ax.set_xlabel("scan")
-    path = out / f"yao2021_{name}.png"
-    figure.savefig(path, dpi=120)
-    return path
+    return write_figure(out / f"yao2021_{name}.png", figure, dpi=120)
 
 
 def rmse(e: Errors, quantity: str, kept: NDArray) -> NDArray:

@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from testbed.compare.statistics.measures import LABELS
+from testbed.files import write_figure
 from testbed.studies.closed_loop.length_errors import Looks, profile
 from trackers.htg.bins import TRUCK_ABOVE
 
@@ -47,5 +48,4 @@ def draw(looks: Mapping[str, Looks], path: Path) -> Path:
             axis.grid(alpha=0.3)
     handles, labels = panels[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=min(7, len(labels)), fontsize=8)
-    figure.savefig(path, dpi=90)
-    return path
+    return write_figure(path, figure, dpi=90)

@@ -22,7 +22,7 @@ from testbed.command_line.tables import number
 from testbed.command_line.terminal import user_input
 from testbed.evaluation.metrics import CUTOFF, mean
 from testbed.evaluation.recorder import run_id
-from testbed.files import make_directory
+from testbed.files import atomic_file, make_directory, write_atomic
 from testbed.log.text import markdown_table
 from testbed.run import RunConfig, check, run
 from testbed.studies.closed_loop.figure import draw
@@ -99,7 +99,8 @@ def drive(config: RunConfig, progress: Callable[[float, float], None]) -> Drive:
     done = run(config, progress, [probe])
     if done.interrupted:
         raise typer.Exit(done.exit_status)
-    np.savez_compressed(files(config)[1], allow_pickle=False, **{n: np.stack(k) for n, k in probe.looks.items()})
+    with atomic_file(files(config)[1]) as file:
+        np.savez_compressed(file, allow_pickle=False, **{n: np.stack(k) for n, k in probe.looks.items()})
     return Drive(done.result, probe.looks, datetime.now(UTC))
 
 
@@ -184,7 +185,7 @@ def main(
     drives = drive_all(configs, reuse)
     command = shlex.join(["python", "-m", "testbed.studies.closed_loop.page", *(a for a in sys.argv[1:] if a != REUSE)])
     path = target / "closed-loop.md"
-    path.write_text(page(drives, command))
+    write_atomic(path, page(drives, command))
     draw(joined([d.looks for d in drives]), target / "pictures" / "length-error.png")
     Console().print(f"page     {path}", soft_wrap=True)
 

@@ -12,6 +12,7 @@ from typing import Annotated, Any
 import typer
 
 from testbed.command_line.terminal import console, user_input
+from testbed.files import write_json
 from testbed.papers.catalogue import PAPERS
 
 
@@ -33,7 +34,7 @@ def take(source: Path, target: Path) -> list[Path]:
         kept = {"paper": name, "settings": settings, "date": date, "verdicts": found["verdicts"]}
         target.mkdir(parents=True, exist_ok=True)
         written.append(target / path.name)
-        written[-1].write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
+        write_json(written[-1], kept)
     if not written:
         raise ValueError(f"source: {source} holds no whole reproduction; `testbed reproduce PAPER --out` writes one")
     return written

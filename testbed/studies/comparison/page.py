@@ -14,6 +14,7 @@ from testbed.compare.runs.results import Results
 from testbed.compare.statistics.analysis import PHASES, Cell, cells
 from testbed.compare.statistics.measures import KEYS, MAIN
 from testbed.evaluation.metrics import CUTOFF
+from testbed.files import write_atomic
 from testbed.log.text import markdown_table
 from testbed.studies.comparison import committed
 from testbed.studies.comparison.publish import read
@@ -93,7 +94,7 @@ def main(
 ) -> None:
     """Write the page "How the trackers compare" from committed results."""
     with user_input((OSError, ValueError)):
-        page.write_text(render(results))
+        write_atomic(page, render(results))
     console.print(f"page     {page}", soft_wrap=True)
 
 

@@ -26,7 +26,7 @@ from testbed.compare.runs.rows import read_meta
 from testbed.compare.runs.tasks import ROWS
 from testbed.compare.statistics.analysis import by_band, consistency
 from testbed.compare.statistics.measures import KEYS
-from testbed.files import write_whole
+from testbed.files import atomic_file, write_atomic, write_json
 from trackers import TRACKERS
 
 ABOUT, RUNS = "comparison.json", "runs.parquet"
@@ -61,10 +61,11 @@ def publish(folder: Path, target: Path, report: Path, reference: str | None = No
     spans = results.spans[keys + measures].astype(dict.fromkeys(measures, "float32"))
     table = pa.Table.from_pandas(spans, preserve_index=False)
     described = [f.with_metadata({"unit": KEYS[f.name].unit if f.name in KEYS else ""}) for f in table.schema]
-    pq.write_table(table.cast(pa.schema(described, table.schema.metadata)), target / RUNS, compression="zstd")
+    with atomic_file(target / RUNS) as file:
+        pq.write_table(table.cast(pa.schema(described, table.schema.metadata)), file, compression="zstd")
     for name, found in zip(TABLES, (by_band(results, "range"), by_band(results, "visible"), consistency(results))):
-        found.to_csv(target / f"{name}.csv", index=False, float_format=f"%.{DIGITS}g")
-    write_whole(target / ABOUT, json.dumps(about(results), indent=1) + "\n")
+        write_atomic(target / f"{name}.csv", found.to_csv(index=False, float_format=f"%.{DIGITS}g"))
+    write_json(target / ABOUT, about(results))
     write_report(results, out=report, logs=False)
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+from testbed.files import write_figure
 from testbed.studies.contours.drive import Seen
 
 TRUTH, KNOWN = "0.45", "#0072B2"  # after Okabe and Ito
@@ -28,5 +29,4 @@ def draw(seen: Mapping[str, Seen], moments: Sequence[float], path: Path) -> Path
             axis.set(xlim=(-half[0], half[0]), ylim=(-half[1], half[1]), aspect="equal")
             axis.tick_params(labelsize=7)
     figure.supxlabel("along the vehicle [m]; grey: truth, blue: the track's contour in its own frame", fontsize=9)
-    figure.savefig(path, dpi=100)
-    return path
+    return write_figure(path, figure, dpi=100)

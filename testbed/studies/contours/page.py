@@ -19,7 +19,7 @@ from scenarios import SCENARIOS
 from testbed.command_line.terminal import progress_bar, user_input
 from testbed.compare.runs.recording import record
 from testbed.compare.runs.replay import replay
-from testbed.files import make_directory
+from testbed.files import make_directory, write_atomic
 from testbed.log.text import markdown_table
 from testbed.studies.contours.classes import SURE, ClassProbe, Story, calibration, confusion_table, delay_table
 from testbed.studies.contours.drive import KINDS, Passing, Seen, drive
@@ -186,7 +186,7 @@ def main(
     command = shlex.join(["python", "-m", "testbed.studies.contours.page", *sys.argv[1:]])
     path = docs / "contours.md"
     counts = {"seeds": seeds, "scenarios": len(chosen), "class_seeds": class_seeds, "length": length}
-    path.write_text(page(command, drives, stories, probe, counts, notes_of(path)))
+    write_atomic(path, page(command, drives, stories, probe, counts, notes_of(path)))
     draw({kind: drives[kind, TRACKER][0] for kind in KINDS}, MOMENTS, docs / "pictures" / "contours.png")
     Console().print(f"page     {path}", soft_wrap=True)
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from testbed.files import write_atomic
 from testbed.learn.detections import GROWN, KINDS
 from testbed.studies.htg_tables.comparison import BLOCK, FOLDS, MOST, compare
 from trackers.htg.bins import SHIPPED
@@ -90,7 +91,7 @@ def main() -> None:
     sections = []
     for kind in KINDS:
         sections += [f"### {kind.capitalize()}s", "", *compare(f"{sys.argv[1]}:{kind}", progress=tell)]
-    PAGE.write_text(page(sections))
+    write_atomic(PAGE, page(sections))
 
 
 if __name__ == "__main__":

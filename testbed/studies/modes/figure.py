@@ -9,6 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from testbed.files import write_figure
+
 COLOURS = {"cv": "0.45", "ca": "#D55E00", "ct": "#0072B2"}  # after Okabe and Ito
 TRUE = ("cv", "ca", "ct")  # what a number in Panel.true means
 
@@ -35,8 +37,7 @@ def draw(runs: Mapping[str, Sequence[Panel]], names: Sequence[str], path: Path) 
         axis.set_ylabel(f"seed {seed}")
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=len(names), fontsize=9)
-    figure.savefig(path, dpi=90)
-    return path
+    return write_figure(path, figure, dpi=90)
 
 
 def _fill(axis: Axes, panel: Panel, names: Sequence[str]) -> None:

@@ -24,7 +24,7 @@ from testbed.command_line.terminal import progress_bar, user_input
 from testbed.compare.runs.recording import record
 from testbed.compare.runs.replay import replay
 from testbed.evaluation.tracking import Evaluator
-from testbed.files import make_directory
+from testbed.files import make_directory, write_atomic
 from testbed.frame import Outputs
 from testbed.log.modes import mode_names, probabilities
 from testbed.log.record import TrackerFrame
@@ -287,7 +287,7 @@ def main(
                 bar.advance(task)
     command = shlex.join(["python", "-m", "testbed.studies.modes.page", *sys.argv[1:]])
     path = docs / "modes.md"
-    path.write_text(page(command, tracker, runs, notes_of(path)))
+    write_atomic(path, page(command, tracker, runs, notes_of(path)))
     draw(panels(runs), mode_names(tracker), docs / "pictures" / "modes.png")
     Console().print(f"page     {path}", soft_wrap=True)
 

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from testbed.files import write_figure
 from trackers.geometry import ellipse_points
 from trackers.pmht.model import SplineModel, outlines
 
@@ -36,8 +37,7 @@ def draw_learned(panels: Sequence[Sequence[Panel]], body: NDArray, path: Path) -
         axis.set_xlabel("along [m]")
     for axis in axes[:, 0]:
         axis.set_ylabel("across [m]")
-    figure.savefig(path, dpi=90)
-    return path
+    return write_figure(path, figure, dpi=90)
 
 
 def _contour(axis: Axes, panel: Panel, body: NDArray) -> None:
@@ -76,5 +76,4 @@ def draw_tracked(
         axis.grid(alpha=0.3, axis="y")
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=len(found), fontsize=9)
-    figure.savefig(path, dpi=90)
-    return path
+    return write_figure(path, figure, dpi=90)

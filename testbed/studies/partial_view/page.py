@@ -23,7 +23,7 @@ from testbed.command_line.terminal import progress_bar, user_input
 from testbed.compare.runs.recording import Recording, record
 from testbed.evaluation.metrics import contour_iou
 from testbed.evaluation.tracking import Evaluator, Row
-from testbed.files import make_directory
+from testbed.files import make_directory, write_atomic
 from testbed.learn.detections import Detections, read
 from testbed.learn.spline import fit
 from testbed.log.text import markdown_table
@@ -390,7 +390,7 @@ def main(
         bar.advance(task)
     command = shlex.join(["python", "-m", "testbed.studies.partial_view.page", *sys.argv[1:]])
     path = docs / "partial-view.md"
-    path.write_text(page(command, found, notes_of(path)))
+    write_atomic(path, page(command, found, notes_of(path)))
     body = CONTOURS["car"].points
     draw_learned(panels(found.sided, body), body, docs / "pictures" / "partial-view-learned.png")
     shown = {name: means for name, means in overall(found.tracked).items() if MIXED not in name}
