@@ -7,7 +7,7 @@ import numpy as np
 from highway_env.vehicle.objects import Obstacle, RoadObject
 from numpy.typing import NDArray
 
-from scenarios.bodies import Part, parts
+from scenarios.bodies import RigidPart, parts
 from scenarios.contours import find
 from sensors.scene import Bodies, Ego, Objects, Scene
 from trackers.geometry import point_velocity, rotation, to_frame, wrap_angle
@@ -16,10 +16,10 @@ ARTICULATED, OBSTACLE = "articulated", "obstacle"
 
 
 class SceneReader:
-    """Reads Scenes and remembers which object has which id.
+    """Reads Scenes, and keeps the id of every object it has read.
 
-    Ids count from 1 in the order of first sight, and within one frame in the order of `road.vehicles`, then
-    `road.objects`. `contour_of` names the outline of a single-body object; without it the object's own, or a guess
+    Ids count from 1 in the order in which objects are first read, within one frame in the order of `road.vehicles`,
+    then `road.objects`. `contour_of` names the outline of a single-body object; without it the object's own, or a guess
     from its length. Call `reset` with every reset of the environment.
     """
 
@@ -32,20 +32,18 @@ class SceneReader:
         # The reference in the value keeps an object that left the road alive: its id() cannot be given again
         self._known: dict[int, tuple[RoadObject, int]] = {}
 
-    def read(self, env: Any, frame: int | None = None) -> Scene:
-        """The truth in an unwrapped environment now.
+    def read(self, env: Any) -> Scene:
+        """The truth in an unwrapped environment now; its time is that of the last frame that highway-env has counted.
 
-        `frame` is the number of frames simulated so far. highway-env counts a frame only after `road.step`, so a
-        reader called at the end of `road.step` passes `env.steps + 1`; between calls of `env.step` the default,
-        `env.steps`, is right. `env.time` counts policy steps and disagrees where the frequencies do not divide.
+        highway-env counts a frame after `road.step`, so a scene read at the end of `road.step` needs the next frame's
+        time. `env.time` is not used: it counts policy steps and disagrees where the frequencies do not divide.
         """
         dt = 1 / env.config["simulation_frequency"]
-        frame = env.steps if frame is None else frame
         seen = [v for v in env.road.vehicles if v is not env.vehicle]
         seen += [o for o in env.road.objects if isinstance(o, Obstacle) and o.solid]
         bodies = [self._parts(v) for v in seen]
         return Scene(
-            time=frame / env.config["simulation_frequency"],
+            time=env.steps / env.config["simulation_frequency"],
             dt=dt,
             ego=self._ego(env.vehicle),
             objects=self._objects(seen, bodies),
@@ -54,10 +52,10 @@ class SceneReader:
         )
 
     def number(self, vehicle: RoadObject) -> int:
-        """The id of an object, a new one at first sight."""
+        """The id of an object, a new one if it has none yet."""
         return self._known.setdefault(id(vehicle), (vehicle, len(self._known) + 1))[1]
 
-    def _parts(self, vehicle: RoadObject) -> list[Part]:
+    def _parts(self, vehicle: RoadObject) -> list[RigidPart]:
         bodies = parts(vehicle)
         if self._contour_of is not None and len(bodies) == 1:
             return [bodies[0]._replace(contour=self._contour_of(vehicle))]
@@ -71,7 +69,7 @@ class SceneReader:
         outline = find(body.contour).place(pose, body.size)
         return Ego(pose, body.velocity, body.yaw_rate, body.size, outline, bool(vehicle.crashed))
 
-    def _objects(self, seen: Sequence[RoadObject], bodies: Sequence[list[Part]]) -> Objects:
+    def _objects(self, seen: Sequence[RoadObject], bodies: Sequence[list[RigidPart]]) -> Objects:
         boxes = [_box(b) for b in bodies]
         return Objects(
             id=np.array([self.number(v) for v in seen], int),
@@ -84,7 +82,7 @@ class SceneReader:
         )
 
 
-def bounding_box(bodies: Sequence[Part]) -> Part:
+def bounding_box(bodies: Sequence[RigidPart]) -> RigidPart:
     """Bounding box of the outlines of several bodies, in the frame of the longest one, as a part with contour box.
 
     An articulated truck is seen mostly as its trailer, so the box is aligned with the trailer and shares its yaw
@@ -104,11 +102,11 @@ def bounding_box(bodies: Sequence[Part]) -> Part:
     lever = R @ ((low + high) / 2)
     velocity = point_velocity(frame.velocity, np.asarray(frame.yaw_rate), lever) + R @ ((low_rate + high_rate) / 2)
     pose = np.array([*(frame.pose[:2] + lever), frame.pose[2]])
-    return Part("box", pose, velocity, frame.yaw_rate, high - low)
+    return RigidPart("box", pose, velocity, frame.yaw_rate, high - low)
 
 
 def _extremes(xy: NDArray, rate: NDArray) -> tuple[tuple[NDArray, NDArray], tuple[NDArray, NDArray]]:
-    """Least and greatest coordinates (2,) of points (C, 2) and their rates; of equals the one that takes the lead."""
+    """Least and greatest coordinates (2,) of points (C, 2), and their rates; of equal points the least or greatest."""
     level = np.round(xy, 9)  # [m] bodies in line are equally wide up to rounding
     first = [np.lexsort((rate[:, k], level[:, k]))[[0, -1]] for k in range(2)]
     pick = np.stack(first, -1)  # (low | high, axis)
@@ -116,11 +114,11 @@ def _extremes(xy: NDArray, rate: NDArray) -> tuple[tuple[NDArray, NDArray], tupl
     return (xy[pick[0], axis], rate[pick[0], axis]), (xy[pick[1], axis], rate[pick[1], axis])
 
 
-def _box(bodies: list[Part]) -> Part:
+def _box(bodies: list[RigidPart]) -> RigidPart:
     return bodies[0] if len(bodies) == 1 else bounding_box(bodies)
 
 
-def _kind(vehicle: RoadObject, bodies: list[Part]) -> str:
+def _kind(vehicle: RoadObject, bodies: list[RigidPart]) -> str:
     if isinstance(vehicle, Obstacle):
         return OBSTACLE
     return bodies[0].contour if len(bodies) == 1 else ARTICULATED
@@ -131,7 +129,7 @@ def _wrapped(pose: NDArray) -> NDArray:
     return np.concatenate([pose[..., :2], wrap_angle(pose[..., 2:])], -1)
 
 
-def _bodies(objects: Sequence[list[Part]]) -> Bodies:
+def _bodies(objects: Sequence[list[RigidPart]]) -> Bodies:
     owner = [k for k, bodies in enumerate(objects) for _ in bodies]
     flat = [b for bodies in objects for b in bodies]
     pose = _wrapped(np.array([b.pose for b in flat]).reshape(-1, 3))

@@ -19,7 +19,7 @@ import numpy as np
 from highway_env.vehicle.kinematics import Vehicle
 from numpy.typing import NDArray
 
-from scenarios.bodies import Part, body_part, motion
+from scenarios.bodies import RigidPart, body_part, motion
 from scenarios.contours import CONTOURS
 from scenarios.vehicles import CourseVehicle, SizedIDM, keep_habits
 from trackers.geometry import perpendicular, point_velocity, unit, wrap_angle
@@ -60,7 +60,7 @@ class Articulated:
         length, width = self.trailer_size
         return float(-KINGPIN + np.hypot(length - OVERHANG, width / 2))
 
-    def parts(self) -> list[Part]:
+    def parts(self) -> list[RigidPart]:
         """Tractor unit and trailer, in this order."""
         unit_part = body_part(self)
         kingpin = KINGPIN * unit(self.heading)
@@ -68,7 +68,7 @@ class Articulated:
         back = (OVERHANG - self.trailer_size[0] / 2) * unit(self.trailer_heading)
         pose = np.array([*(unit_part.pose[:2] + kingpin + back), self.trailer_heading])
         velocity = point_velocity(v_k, np.asarray(rate), back)
-        return [unit_part, Part(TRAILER, pose, velocity, rate, self.trailer_size.copy())]
+        return [unit_part, RigidPart(TRAILER, pose, velocity, rate, self.trailer_size.copy())]
 
     def _trailer_motion(self) -> tuple[NDArray, float]:
         """Velocity (2,) [m/s] of the kingpin and yaw rate of the trailer [rad/s]."""
@@ -84,7 +84,7 @@ class Articulated:
 
 
 class ArticulatedIDM(Articulated, SizedIDM):
-    """An articulated truck in traffic; long, so it changes lanes only when told to."""
+    """An articulated truck in traffic; it changes lanes only with `enable_lane_change`, because it is long."""
 
     def __init__(self, *args: Any, hitch: float = 0.0, **kwargs: Any) -> None:
         reject_size(kwargs)

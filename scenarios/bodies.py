@@ -20,7 +20,7 @@ from trackers.geometry import box_corners, rotation
 LONG = 6.0  # [m] a stock vehicle without a contour is a truck from this length on
 
 
-class Part(NamedTuple):
+class RigidPart(NamedTuple):
     """One rigid body of a vehicle."""
 
     contour: str
@@ -73,18 +73,18 @@ def motion(vehicle: RoadObject) -> tuple[NDArray, float]:
     return np.array([speed * math.cos(course), speed * math.sin(course)]), speed * math.sin(beta) / (vehicle.LENGTH / 2)
 
 
-def parts(vehicle: RoadObject) -> list[Part]:
+def parts(vehicle: RoadObject) -> list[RigidPart]:
     """The rigid bodies of any object: one, or what its own `parts()` says."""
     if hasattr(vehicle, "parts"):
         return vehicle.parts()
     return [body_part(vehicle)]
 
 
-def body_part(vehicle: RoadObject) -> Part:
+def body_part(vehicle: RoadObject) -> RigidPart:
     """The rectangle that highway-env knows of an object, as a part."""
     velocity, yaw_rate = motion(vehicle)
     pose = np.array([*vehicle.position, vehicle.heading], float)
-    return Part(contour_of(vehicle), pose, velocity, yaw_rate, np.array([vehicle.LENGTH, vehicle.WIDTH], float))
+    return RigidPart(contour_of(vehicle), pose, velocity, yaw_rate, np.array([vehicle.LENGTH, vehicle.WIDTH], float))
 
 
 def rear_extent(vehicle: RoadObject) -> float:
@@ -115,7 +115,7 @@ def colliding(a: RoadObject, b: RoadObject, dt: float) -> tuple[bool, bool, Any]
     return overlap, will, translation
 
 
-def _closed(part: Part) -> NDArray:
+def _closed(part: RigidPart) -> NDArray:
     """Rectangle (5, 2) [m] of a part, its first corner repeated."""
     corners = box_corners(part.pose, part.size)
     return np.vstack([corners, corners[:1]])

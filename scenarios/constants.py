@@ -1,4 +1,4 @@
-"""A fence around class constants: `intersection-*` environments write theirs into IDMVehicle for the whole process."""
+"""Protection of class constants: `intersection-*` environments write theirs into IDMVehicle for the whole process."""
 
 from types import TracebackType
 from typing import Any

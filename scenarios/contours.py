@@ -26,7 +26,7 @@ Half = tuple[tuple[float, float], ...]
 
 @dataclass(frozen=True)
 class Contour:
-    """One outline and the usual size of its class."""
+    """One outline and the default size of its class."""
 
     name: str
     length: float  # [m] default
@@ -60,7 +60,7 @@ class Contour:
 
 
 def mirrored(left: Half) -> Half:
-    """The whole outline from its left half (y > 0), written from the front to the rear."""
+    """The outline from its left half (y > 0), written from the front to the rear."""
     return left + tuple((x, -y) for x, y in reversed(left))
 
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from scenarios.paths import Path
+from scenarios.paths import SmoothPath
 from trackers.geometry import cross, dot, rotation, unit
 
 COLUMNS = ("t", "x", "y", "heading", "vx", "vy", "yaw_rate")  # [s], [m], [m], [rad] unwrapped, [m/s], [m/s], [rad/s]
@@ -59,7 +59,7 @@ def _cumulative(f: NDArray, start: float = 0.0) -> NDArray:
 
 
 def speed_profile(t: NDArray, speed: float, segments: Sequence[Segment], onset: float = 0.5) -> NDArray:
-    """Speeds (n,) [m/s] at times t (n,); who brakes beyond standstill stands."""
+    """Speeds (n,) [m/s] at times t (n,); a vehicle that brakes to standstill stays there."""
     a = _demand(t, [g.duration for g in segments], [g.acceleration for g in segments], onset)
     v = _cumulative(a, speed)
     return v - np.minimum(np.minimum.accumulate(v), 0.0)  # so that a later acceleration starts from rest
@@ -109,7 +109,7 @@ def pushed(start: ArrayLike, velocity: ArrayLike, pushes: Sequence[Push], onset:
 
 
 def follow_lane(
-    path: Path,
+    path: SmoothPath,
     s: float,
     speed: float,
     segments: Sequence[Segment] = (),

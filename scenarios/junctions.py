@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scenarios import networks
 from scenarios.courses import Segment, Shift, follow_lane
 from scenarios.networks import RING, SLOW, Layout
-from scenarios.paths import Path, of_lanes
+from scenarios.paths import SmoothPath, of_lanes
 from scenarios.stage import Flow, Stage, World, phases
 
 LANES = tuple(("a", "b", i) for i in range(3))
@@ -121,7 +121,7 @@ def articulated_turn(rng: np.random.Generator) -> World:
     return stage.world(phases(onset + seconds - 0.5, onset + seconds + 7.0))
 
 
-def standing(path: Path, s: float, onset: float = 60.0) -> NDArray:
+def standing(path: SmoothPath, s: float, onset: float = 60.0) -> NDArray:
     """Course that waits at arc length s [m] and starts gently at `onset` [s]."""
     return follow_lane(path, s, 0.0, (Segment(onset), Segment(4.0, 1.5)))
 
@@ -147,7 +147,7 @@ def roundabout(rng: np.random.Generator) -> World:
     return stage.world(phases(4.0, 18.0))
 
 
-def _circle(layout: Layout) -> Path:
+def _circle(layout: Layout) -> SmoothPath:
     """Three rounds of the inner ring."""
     arms = list(networks.ARMS)
     edges = []

@@ -16,7 +16,7 @@ SHARE = 0.8  # distance of a lane, as a share of that of its points: `SineLane` 
 MARGIN = 2.0  # [m] that a distance to a lane may fall short: the foot on a `PathLane` is found in a few steps
 
 
-class Boxes(NamedTuple):
+class LaneBoxes(NamedTuple):
     """All L lanes of a network in its own order, and the boxes that hold their centre lines."""
 
     name: list[LaneIndex]
@@ -28,7 +28,7 @@ class Boxes(NamedTuple):
 class SiftedNetwork(RoadNetwork):
     """A RoadNetwork that leaves far lanes out of the search for the nearest."""
 
-    _boxes: Boxes | None = None
+    _boxes: LaneBoxes | None = None
 
     def add_lane(self, _from: str, _to: str, lane: AbstractLane) -> None:
         """Add a lane, as `RoadNetwork.add_lane`."""
@@ -52,7 +52,7 @@ class SiftedNetwork(RoadNetwork):
         return names[found]
 
 
-def lane_boxes(network: RoadNetwork) -> Boxes:
+def lane_boxes(network: RoadNetwork) -> LaneBoxes:
     """Bounding boxes of all lanes of a network."""
     found = [
         ((start, end, k), lane, *_box(lane))
@@ -61,7 +61,7 @@ def lane_boxes(network: RoadNetwork) -> Boxes:
         for k, lane in enumerate(lanes)
     ]
     names, lanes, low, high = (list(column) for column in zip(*found, strict=True))
-    return Boxes(names, lanes, np.array(low), np.array(high))
+    return LaneBoxes(names, lanes, np.array(low), np.array(high))
 
 
 def _box(lane: AbstractLane) -> tuple[NDArray, NDArray]:
@@ -73,7 +73,7 @@ def _box(lane: AbstractLane) -> tuple[NDArray, NDArray]:
 
 
 def sifted(network: RoadNetwork) -> RoadNetwork:
-    """Turn a stock network into a sifted one in place, so that all who hold it profit; returns it."""
+    """Turn a stock network into a sifted one in place and return it; all references to it see the change."""
     if type(network) is RoadNetwork:
         network.__class__ = SiftedNetwork
     return network

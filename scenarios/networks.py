@@ -12,11 +12,11 @@ from highway_env.road.lane import CircularLane, LineType, StraightLane
 from highway_env.road.road import RoadNetwork
 from numpy.typing import NDArray
 
-from scenarios.paths import Path, PathLane, along, from_nodes, through
+from scenarios.paths import PathLane, SmoothPath, along, from_nodes, through
 from trackers.geometry import unit
 
 WIDTH = 4.0  # [m] of a lane
-OPEN = 60.0  # [m/s] limit of a lane that limits nobody
+OPEN = 60.0  # [m/s] speed limit of a lane that has none
 RAIL_GAP = 1.2  # [m] from the edge of the outer lane to the guard rail
 STRAIGHT_RAIL, BENT_RAIL = 25.0, 10.0  # [m] longest piece of a rail; shorter in bends, 3 cm off the arc at R = 400 m
 NONE, STRIPED, SOLID = LineType.NONE, LineType.STRIPED, LineType.CONTINUOUS_LINE
@@ -29,7 +29,9 @@ class Layout(NamedTuple):
     walls: NDArray  # (W, 2, 2) [m] segments from point to point
 
 
-def rail(path: Path, lateral: float, piece: float = BENT_RAIL, start: float = 0.0, end: float = np.inf) -> NDArray:
+def rail(
+    path: SmoothPath, lateral: float, piece: float = BENT_RAIL, start: float = 0.0, end: float = np.inf
+) -> NDArray:
     """Guard rail (W, 2, 2) [m] parallel to a path between two arc lengths, in pieces of at most `piece` [m]."""
     end = min(end, path.length)
     points = path.position(np.linspace(start, end, int(np.ceil((end - start) / piece)) + 1), lateral)
@@ -65,7 +67,7 @@ def _straight_lanes(
         network.add_lane(*edge, lane)
 
 
-def curved(centre: Path, offsets: tuple[float, ...], width: float = WIDTH, speed_limit: float = OPEN) -> Layout:
+def curved(centre: SmoothPath, offsets: tuple[float, ...], width: float = WIDTH, speed_limit: float = OPEN) -> Layout:
     """One-way road a -> b of parallel lanes at lateral offsets [m] from a path, leftmost first, with rails."""
     network = RoadNetwork()
     for i, offset in enumerate(offsets):
@@ -105,7 +107,7 @@ def six_radar_bend() -> Layout:
 SIX_RADAR_ORIGIN = 60.0  # [m] arc length of the published point (0, 0)
 
 
-def _ramp(x0: float, y0: float, x1: float, y1: float) -> Path:
+def _ramp(x0: float, y0: float, x1: float, y1: float) -> SmoothPath:
     """Quintic transition of y between two points, straight along x at both ends."""
     x = np.linspace(x0, x1, round(x1 - x0) + 1)
     u = (x - x0) / (x1 - x0)
@@ -222,7 +224,7 @@ def _arm(network: RoadNetwork, name: str, phi: float, mouth: float, far: float, 
     network.add_lane(f"{name}:near-out", f"{name}:far-out", straight_out)
 
 
-def _bridge(a: NDArray, a_dir: NDArray, b: NDArray, b_dir: NDArray) -> Path:
+def _bridge(a: NDArray, a_dir: NDArray, b: NDArray, b_dir: NDArray) -> SmoothPath:
     """Cubic Hermite curve from point a to b (2,) [m] with the given directions."""
     chord = float(np.linalg.norm(b - a))
     u = np.linspace(0.0, 1.0, round(1.1 * chord) + 1)[:, None]

@@ -1,9 +1,9 @@
 """Scenarios that put the papers' courses on a road: one vehicle, the ego with the radar, nobody else.
 
-Courses of card htg_rm, section 8.2, card rm_vmm, section 7, card dra_imm, section 14, and card bspline_pmht, section
-11. Those of the first two are mirrored: y is to the driver's right here. The ego drives itself, so the speeds there are
-those among its target speeds that are nearest to the cards' 12 and 8 m/s, and turns have smooth onsets. The size of the
-vehicle is drawn.
+Courses of Xia et al. (2020), Hoher et al. (2022), Xu et al. (2023), Table I, and Yao et al. (2021); testbed/papers has
+the experiments themselves. The courses of the first two are mirrored: y is to the driver's right here. The ego drives
+itself, at those of its target speeds that are nearest to the 12 and 8 m/s of the experiments, and turns have smooth
+onsets. The size of the vehicle is drawn.
 """
 
 import numpy as np
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scenarios.courses import RATE, VX, VY, Push, Segment, X, Y, follow_lane, integrate, pushed
 from scenarios.longitudinal import START, M
 from scenarios.networks import SLOW, WIDTH, Layout, curved, lines, straight
-from scenarios.paths import Path, PathLane, along, from_nodes
+from scenarios.paths import PathLane, SmoothPath, along, from_nodes
 from scenarios.stage import Phase, Stage, World, phases
 
 SPEED = 7.5  # [m/s] in the turns
@@ -119,7 +119,7 @@ def _yao(kind: str, rng: np.random.Generator) -> World:
     return stage.world((Phase("right", 0.0, first), Phase("left", first, second), Phase("straight", second, rest)))
 
 
-def _path_of(course: NDArray, before: float, after: float = 200.0) -> Path:
+def _path_of(course: NDArray, before: float, after: float = 200.0) -> SmoothPath:
     """The way of a course (n, 7) with straight pieces [m] before and after it."""
     travelled = np.cumsum(np.hypot(course[:, VX], course[:, VY])) / RATE
     nodes = course[np.searchsorted(travelled, np.arange(1.0, travelled[-1]))]

@@ -1,8 +1,8 @@
 """Smooth planar paths by arc length, and the highway-env lane that lies on one.
 
 highway-env's own polygonal lane has a heading that jumps at every metre and a projection that loops over all of them;
-a vehicle steered along it jerks. A `Path` interpolates with cubic Hermite pieces, so position and heading agree, and
-projects with a handful of array operations.
+a vehicle steered along it jerks. A `SmoothPath` interpolates with cubic Hermite pieces, so position and heading agree,
+and projects with a handful of array operations.
 
 Frames are highway-env's: y points to the driver's right when x points forward, so a positive lateral offset is to the
 right and a positive curvature bends to the right.
@@ -24,7 +24,7 @@ STEP = 1.0  # [m] between the nodes of a path
 
 
 @dataclass(frozen=True, eq=False)
-class Path:
+class SmoothPath:
     """A curve with nodes about a metre apart; beyond its ends it goes on straight."""
 
     s: NDArray  # (n,) [m] arc length
@@ -106,26 +106,26 @@ class Path:
             s += ahead / max(1.0 - bend * lateral, 0.1) if 0.0 < s + ahead < self.s[-1] else ahead
         return s, lateral
 
-    def offset(self, lateral: float) -> "Path":
+    def offset(self, lateral: float) -> "SmoothPath":
         """The parallel path `lateral` [m] to the right."""
         return from_nodes(self.xy + lateral * perpendicular(self.tangent), self.tangent)
 
-    def __deepcopy__(self, memo: dict) -> "Path":
+    def __deepcopy__(self, memo: dict) -> "SmoothPath":
         """Nothing in a path ever changes, so planners' copies of the world share it."""
         return self
 
 
-def from_nodes(xy: NDArray, tangent: NDArray) -> Path:
+def from_nodes(xy: NDArray, tangent: NDArray) -> SmoothPath:
     """Path through nodes (n, 2) [m] with tangents (n, 2) of any length."""
     tangent = tangent / np.linalg.norm(tangent, axis=-1, keepdims=True)
     heading = np.unwrap(np.arctan2(tangent[:, 1], tangent[:, 0]))
     half = np.diff(heading) / 2
     arc = np.linalg.norm(np.diff(xy, axis=0), axis=-1) / np.sinc(half / np.pi)  # chord to arc of a circle
     s = np.concatenate([[0.0], np.cumsum(arc)])
-    return Path(s, xy, tangent, np.gradient(heading, s))
+    return SmoothPath(s, xy, tangent, np.gradient(heading, s))
 
 
-def through(points: ArrayLike) -> Path:
+def through(points: ArrayLike) -> SmoothPath:
     """Natural cubic spline by chord length through the points (p, 2) [m]."""
     p = np.asarray(points, float)
     t = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(p, axis=0), axis=-1))])
@@ -144,7 +144,7 @@ def through(points: ArrayLike) -> Path:
     return from_nodes(xy, (M[i + 1] * b**2 - M[i] * a**2) / (2 * g) - left + right)
 
 
-def along(start: ArrayLike, pieces: tuple[tuple[float, float], ...], ramp: float = 0.0) -> Path:
+def along(start: ArrayLike, pieces: tuple[tuple[float, float], ...], ramp: float = 0.0) -> SmoothPath:
     """Path from pieces of constant curvature.
 
     start (3,): x, y [m], heading [rad]; pieces: (length [m], curvature [1/m]). The curvature passes from piece to piece
@@ -166,7 +166,7 @@ def along(start: ArrayLike, pieces: tuple[tuple[float, float], ...], ramp: float
     return from_nodes(xy[::20], rate[::20])
 
 
-def of_lanes(lanes: tuple[AbstractLane, ...], smooth: float = 8.0) -> Path:
+def of_lanes(lanes: tuple[AbstractLane, ...], smooth: float = 8.0) -> SmoothPath:
     """Drivable path along consecutive lanes.
 
     Lanes of different kinds meet with a jump of curvature. The centre lines are averaged over `smooth` [m], which makes
@@ -192,11 +192,11 @@ def of_lanes(lanes: tuple[AbstractLane, ...], smooth: float = 8.0) -> Path:
 
 
 class PathLane(AbstractLane):
-    """A lane of constant width on a `Path`, with highway-env's lane interface."""
+    """A lane of constant width on a `SmoothPath`, with highway-env's lane interface."""
 
     def __init__(
         self,
-        path: Path,
+        path: SmoothPath,
         width: float = AbstractLane.DEFAULT_WIDTH,
         line_types: tuple[int, int] = (LineType.STRIPED, LineType.STRIPED),
         forbidden: bool = False,

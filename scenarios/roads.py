@@ -32,7 +32,7 @@ class LaneOrder(NamedTuple):
 
 
 class CachedRoad(Road):
-    """A Road that remembers projections while its vehicles act and sifts pairs before they collide."""
+    """A Road that caches projections while its vehicles act, and tests only near pairs for collision."""
 
     _orders: dict[LaneIndex, LaneOrder] | None = None  # filled during `act` only
     _projections: dict[int, list[float | None]]
@@ -43,7 +43,7 @@ class CachedRoad(Road):
         sifted(self.network)
 
     def act(self) -> None:
-        """Let every vehicle decide; nobody moves meanwhile."""
+        """Let every vehicle choose its action; none moves meanwhile."""
         self._orders, self._projections = {}, {}
         try:
             super().act()
@@ -158,7 +158,7 @@ def near_pairs(vehicles: list[Any], objects: list[Any], dt: float) -> NDArray:
 
 
 def cached(road: Road) -> Road:
-    """Turn a stock road into a cached one in place, so that all who hold it profit; returns it."""
+    """Turn a stock road into a cached one in place and return it; all references to it see the change."""
     swap = {Road: CachedRoad, RegulatedRoad: CachedRegulatedRoad}
     if isinstance(road, CachedRoad):
         return road

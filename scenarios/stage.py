@@ -21,7 +21,7 @@ from scenarios.vehicles import CourseVehicle, EgoVehicle, SizedIDM
 
 TARGET_SPEEDS = tuple(np.linspace(0.0, 40.0, 17).tolist())  # [m/s] what the ego's meta actions choose from
 EGO_SIZE = (4.7, 1.9)  # [m]
-WISH = 1.2  # target speed of drivers held up by a leader, as a multiple of their speed
+TARGET_RATIO = 1.2  # target speed of drivers behind a leader, as a multiple of their speed
 TRAILER_REAR = 13.6  # [m] from the centre of a tractor unit back to the end of its trailer, rounded up
 
 
@@ -61,10 +61,10 @@ def steady_gap(speed: float, target: float, headway: float, standstill: float = 
 def balanced_target(speed: float, gap: float, headway: float, standstill: float = 5.0) -> float:
     """Target speed [m/s] at which an IDM driver keeps `speed` at this gap [m] behind a leader as fast; the inverse.
 
-    Never more than `WISH` times the speed: who starts closer than that allows falls back a little.
+    Never more than `TARGET_RATIO` times the speed: a driver who starts at a smaller gap than that falls back a little.
     """
     share = min((standstill + headway * speed) / gap, 1.0) ** 2
-    return speed * min((1 - share) ** -0.25 if share < 1 else WISH, WISH)
+    return speed * min((1 - share) ** -0.25 if share < 1 else TARGET_RATIO, TARGET_RATIO)
 
 
 def phases(onset: float, end: float, duration: float = 20.0) -> tuple[Phase, ...]:
@@ -117,26 +117,28 @@ class Stage:
         return self._enter(vehicle, route)
 
     def prescribe(self, kind: str, table: NDArray, size: tuple[float, float] | None = None) -> CourseVehicle:
-        """Place a vehicle on a course; its size is the usual one of its kind unless given."""
+        """Place a vehicle on a course; its size is the default of its kind unless given."""
         if kind == "articulated":
             return self._enter(ArticulatedCourse(self.road, table))
         length, width = size or find(kind).size
         return self._enter(CourseVehicle(self.road, table, length=length, width=width, contour=kind))
 
     def size(self, kind: str) -> tuple[float, float]:
-        """Length and width [m] of one vehicle of a kind: its usual size, up to 6 % more or less long, 2 % wide."""
+        """Length and width [m] of one vehicle of a kind: the default, varied by up to 6 % in length, 2 % in width."""
         length, width = find(kind).size * (1 + self.rng.uniform(-1, 1, 2) * (0.06, 0.02))
         return float(length), float(width)
 
     def fill(self, flow: Flow) -> list[SizedIDM]:
-        """Place a platoon near its steady gaps; who has nobody in sight ahead keeps its speed."""
+        """Place a platoon at or above its steady gaps; its first driver keeps its speed where no vehicle is ahead."""
         front = flow.front + self.rng.uniform(-4.0, 4.0)
         placed: list[SizedIDM] = []
         for kind in flow.kinds:
             ahead, behind = extent(kind)
             target = balanced_target(flow.speed, self._gap_ahead(flow.lane, front), flow.headway)
             placed.append(self.drive(kind, flow.lane, front - ahead, flow.speed, target, flow.headway))
-            gap = steady_gap(flow.speed, WISH * flow.speed, flow.headway) * (1 + flow.spread * self.rng.uniform())
+            gap = steady_gap(flow.speed, TARGET_RATIO * flow.speed, flow.headway) * (
+                1 + flow.spread * self.rng.uniform()
+            )
             front -= ahead + behind + gap
         return placed
 

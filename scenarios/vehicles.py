@@ -18,7 +18,7 @@ from highway_env.vehicle.controller import MDPVehicle
 from highway_env.vehicle.kinematics import Vehicle
 from numpy.typing import ArrayLike, NDArray
 
-from scenarios.bodies import Part, Sized, contour_of, motion, parts, rear_extent, resize
+from scenarios.bodies import RigidPart, Sized, contour_of, motion, parts, rear_extent, resize
 from scenarios.constants import protect_idm_constants
 from scenarios.table import CourseTable
 
@@ -26,7 +26,7 @@ __all__ = [
     "CourseTable",
     "CourseVehicle",
     "EgoVehicle",
-    "Part",
+    "RigidPart",
     "SizedIDM",
     "motion",
     "parts",
@@ -113,7 +113,7 @@ class SizedIDM(SoftSteering, Sized, IDMVehicle):
         return new
 
     def step(self, dt: float) -> None:
-        """Advance by dt [s]; who brakes to a standstill stands, where highway-env would drive backwards."""
+        """Advance by dt [s]; at a standstill it stays, where highway-env would drive backwards."""
         if not self.crashed and self.speed >= 0:
             self.action["acceleration"] = max(self.action["acceleration"], -self.speed / dt)
         super().step(dt)

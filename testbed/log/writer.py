@@ -306,7 +306,7 @@ def _level(event: Event, confirmed: bool) -> str:
     """Births and deaths of what was never reported are for debugging; a reported track that dies is a warning."""
     if event.kind == "died":
         return "WARN" if confirmed else "DEBUG"
-    return "DEBUG" if event.kind in ("born", "grown") else "INFO"
+    return "DEBUG" if event.kind == "born" else "INFO"
 
 
 def _focus(asked: int | None, first: StepRecord) -> int | None:

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scenarios import networks
-from scenarios.paths import Path, PathLane, along, of_lanes, through
+from scenarios.paths import PathLane, SmoothPath, along, of_lanes, through
 from trackers.geometry import wrap_angle
 
 NETWORKS = {
@@ -69,7 +69,7 @@ def test_smoothed_lanes_have_no_jump_of_curvature_and_do_not_drift():
     ring = NETWORKS["roundabout"].network
     edges = [("s:near-in", "s:enter", 0), ("s:enter", "e:leave", 0), ("e:leave", "e:enter", 0)]
     lanes = tuple(ring.get_lane(e) for e in edges)
-    path: Path = of_lanes(lanes)
+    path: SmoothPath = of_lanes(lanes)
     assert np.abs(np.diff(path.bend)).max() < 0.02  # 1/m per metre; the lanes themselves jump by 0.06
     assert np.linalg.norm(path.xy[-1] - lanes[-1].position(lanes[-1].length, 0)) < 0.1
 

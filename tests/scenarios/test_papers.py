@@ -1,4 +1,4 @@
-"""The papers' courses on a road, against the cards' figures."""
+"""The papers' courses on a road, against those of the reproduced experiments."""
 
 import numpy as np
 import pytest
@@ -34,12 +34,12 @@ def relative(ego, pose):
 
 
 @pytest.mark.parametrize("name", COURSES)
-def test_the_car_stays_where_the_card_sees_it_from_the_ego(name):
+def test_the_car_stays_where_the_experiment_has_it_relative_to_the_ego(name):
     course, scenes = COURSES[name], ride(name)
     t = np.array([s.time for s in scenes])
-    card = drive(course.start, course.turns, t) * [1, -1, -1, 1, -1]  # y to the right
+    car = drive(course.start, course.turns, t) * [1, -1, -1, 1, -1]  # y to the right
     ego = drive((0, 0, 0, course.start[3]), course.ego, t) * [1, -1, -1, 1, -1]
-    want, want_turn = relative(ego[:, :3], card[:, :3])
+    want, want_turn = relative(ego[:, :3], car[:, :3])
     got, turn = relative(np.array([s.ego.pose for s in scenes]), np.array([s.objects.pose[0] for s in scenes]))
     # the ego has a steering of its own, speeds differ by 0.5 m/s and onsets are smooth
     assert np.abs(got - want).max() < 2.0
@@ -47,7 +47,7 @@ def test_the_car_stays_where_the_card_sees_it_from_the_ego(name):
 
 
 @pytest.mark.parametrize("name", COURSES)
-def test_ego_and_car_turn_as_far_as_on_the_card(name):
+def test_ego_and_car_turn_as_far_as_in_the_experiment(name):
     course, scenes = COURSES[name], ride(name)
     for turns, pose in ((course.ego, "ego"), (course.turns, "car")):
         total = -sum(t.duration * t.yaw_rate for t in turns)
