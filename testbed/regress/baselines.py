@@ -14,9 +14,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from testbed.compare.statistics.bootstrap import LEVEL, interval
+from testbed.evaluation.intervals import bootstrap_interval, student_limit
 from testbed.files import write_atomic
-from testbed.regress.spread import pooled_spread, student_limit
+from testbed.regress.spread import pooled_spread
 from testbed.regress.suite import TOLERANCES, Suite
 from testbed.regress.verdict import Values
 
@@ -140,7 +140,7 @@ def _tracker(baselines: Baselines, tracker: str, updates: list[tuple[str, str]])
 
 
 def _overall(sample: list[NDArray]) -> dict[str, Any]:
-    found = interval([np.array([group.mean() for group in sample if len(group)])])
+    found = bootstrap_interval([np.array([group.mean() for group in sample if len(group)])])
     mean, *limits = _numbers(np.array(found))
     return {"mean": mean, "interval": None if None in limits else limits}
 
@@ -149,7 +149,7 @@ def _estimate(values: NDArray, spread: float, dof: int) -> tuple[float | None, l
     if not len(values):
         return None, None
     mean = values.mean()
-    half = float(student_limit((1 - LEVEL) / 2, spread, dof, len(values)))
+    half = float(student_limit(spread, dof, len(values)))
     return _numbers(mean[None])[0], _numbers(np.array([mean - half, mean + half])) if dof else None
 
 

@@ -3,8 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-from scipy.stats import t as student
+from numpy.typing import NDArray
 
 
 def pooled_spread(groups: Sequence[NDArray]) -> tuple[float, int]:
@@ -22,11 +21,6 @@ def spread_of_others(groups: Sequence[NDArray]) -> tuple[NDArray, NDArray]:
     squares, dof = _sums(groups)
     others = np.array([squares[np.arange(len(squares)) != k].sum() for k in range(len(squares))])
     return _root(others, dof.sum() - dof), dof.sum() - dof
-
-
-def student_limit(share: float, spread: ArrayLike, dof: ArrayLike, count: ArrayLike) -> NDArray:
-    """What the mean of `count` values with this spread exceeds by chance with probability `share`; NaN for dof 0."""
-    return student.isf(share, dof) * np.asarray(spread) / np.sqrt(count)
 
 
 def _sums(groups: Sequence[NDArray]) -> tuple[NDArray, NDArray]:

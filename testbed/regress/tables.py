@@ -8,8 +8,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from testbed.command_line.tables import light_table
-from testbed.compare.statistics.bootstrap import mean_of_means
 from testbed.compare.statistics.measures import KEYS
+from testbed.evaluation.intervals import mean_of_means
 from testbed.regress.baselines import Baselines, Key
 from testbed.regress.findings import label
 from testbed.regress.suite import TOLERANCES

@@ -20,9 +20,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from testbed.compare.statistics.bootstrap import FEWEST, interval
 from testbed.compare.statistics.measures import badness
-from testbed.regress.spread import spread_of_others, student_limit
+from testbed.evaluation.intervals import FEWEST, bootstrap_interval, student_limit
+from testbed.regress.spread import spread_of_others
 from testbed.regress.suite import TOLERANCES, Tolerance
 
 Values = Mapping[tuple[str, str], Mapping[str, NDArray]]  # tracker, scenario -> measure -> (seeds), NaN: not measured
@@ -100,9 +100,9 @@ def _overall(tracker: str, measure: str, pairs: _Pairs, tolerance: Tolerance, sh
         return
     change = float(means.mean())
     allowed = tolerance.overall + tolerance.relative * _mean([_bad(measure, group) for group in pairs.before])
-    limit = max(allowed, float(student_limit(share, means.std(ddof=1), len(means) - 1, len(means))))
+    limit = max(allowed, float(student_limit(means.std(ddof=1), len(means) - 1, len(means), share)))
     if abs(change) > limit:  # else the interval, which takes its time, has no say
-        found = interval([means])
+        found = bootstrap_interval([means])
         limit = max(limit, allowed + (change - found.low if change > 0 else found.high - change))
     before, after = _mean(pairs.before), _mean(pairs.after)
     yield Change(tracker, OVERALL, measure, before, after, change, limit, _verdict(change, limit))
@@ -113,7 +113,7 @@ def _by_scenario(tracker: str, measure: str, pairs: _Pairs, tolerance: Tolerance
     d = pairs.differences(measure)
     allowed = np.array([tolerance.scenario + tolerance.relative * _bad(measure, g).mean() for g in pairs.before])
     spread, dof = spread_of_others([group / unit for group, unit in zip(d, allowed, strict=True)])
-    chance = student_limit(share, spread, dof, np.array([len(group) for group in d]))
+    chance = student_limit(spread, dof, np.array([len(group) for group in d]), share)
     limits = allowed * np.where(dof >= FEWEST_DOF, np.maximum(chance, 1.0), 1.0)
     for scenario, before, after, group, limit in zip(*pairs, d, limits.tolist(), strict=True):
         numbers = float(before.mean()), float(after.mean()), float(group.mean()), limit

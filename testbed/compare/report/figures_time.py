@@ -13,8 +13,8 @@ from testbed.compare.report.figures_axes import plain_log
 from testbed.compare.report.style import DURING, LIMITS, ONSET, Look, grid
 from testbed.compare.runs.results import Results
 from testbed.compare.statistics.analysis import DOF
-from testbed.compare.statistics.bootstrap import FEWEST, chi2_limits
 from testbed.compare.statistics.series import Series, Times
+from testbed.evaluation.intervals import FEWEST, chi2_limits
 
 SHADES = {"onset": ONSET, "during": DURING}
 BAND = 0.13  # opacity

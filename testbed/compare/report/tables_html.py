@@ -8,8 +8,9 @@ import numpy as np
 import pandas as pd
 
 from testbed.compare.statistics.analysis import BANDS, DOF, PHASES, QUANTITIES, Cell
-from testbed.compare.statistics.bootstrap import LEVEL, Difference, Interval
+from testbed.compare.statistics.differences import Difference
 from testbed.compare.statistics.measures import KEYS, badness
+from testbed.evaluation.intervals import LEVEL, Interval
 
 DASH = "–"
 WORST = 2.0  # times the best value of a row, at which shading is full

@@ -7,8 +7,8 @@ from rich.table import Table
 
 from testbed.command_line.tables import light_table
 from testbed.compare.statistics.analysis import Cell
-from testbed.compare.statistics.bootstrap import Interval
 from testbed.compare.statistics.measures import KEYS
+from testbed.evaluation.intervals import Interval
 
 FEW = 3  # trackers that stand side by side in 80 columns with their intervals
 

@@ -7,8 +7,9 @@ import numpy as np
 from testbed.compare.report.tables_html import bounds, number
 from testbed.compare.runs.results import Results
 from testbed.compare.statistics.analysis import Cell, samples
-from testbed.compare.statistics.bootstrap import FEWEST, compare
+from testbed.compare.statistics.differences import compare
 from testbed.compare.statistics.measures import KEYS, MAIN, badness
+from testbed.evaluation.intervals import FEWEST
 
 BESIDES = tuple(key for key in MAIN if key != "gospa")
 

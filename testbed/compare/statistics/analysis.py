@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from testbed.compare.runs.results import WHOLE, Results
-from testbed.compare.statistics.bootstrap import LEVEL, Difference, Interval, chi2_limits, compare, interval
+from testbed.compare.statistics.differences import Difference, compare
 from testbed.compare.statistics.measures import EDGES, KEYS, LABELS, badness
+from testbed.evaluation.intervals import LEVEL, Interval, bootstrap_interval, chi2_limits
 
 PHASES = ("before", "onset", "during", "after")
 RANGES = (0.0, 25.0, 50.0, 75.0, 100.0, np.inf)  # [m]
@@ -72,7 +73,7 @@ def _cell(group: str, tracker: str, measure: str, found: dict[str, list[NDArray]
     if tracker != baseline and baseline in found:
         bad = [[_badness(measure, values) for values in found[name]] for name in (tracker, baseline)]
         difference = compare(*bad)
-    return Cell(group, tracker, measure, interval(found[tracker]), difference)
+    return Cell(group, tracker, measure, bootstrap_interval(found[tracker]), difference)
 
 
 def _badness(measure: str, values: NDArray) -> NDArray:
@@ -122,9 +123,9 @@ def by_band(results: Results, band: str) -> pd.DataFrame:
                 "band": label,
                 "looks": counts.loc[(tracker, label), "size"],
             }
-            row |= _columns("held", interval(_by_scenario(part["held"])))
+            row |= _columns("held", bootstrap_interval(_by_scenario(part["held"])))
             for error in errors:
-                row |= _columns(error, _root(interval(_by_scenario(part[error]))))
+                row |= _columns(error, _root(bootstrap_interval(_by_scenario(part[error]))))
             table.append(row)
     return pd.DataFrame(table)
 
@@ -169,7 +170,7 @@ def consistency(results: Results) -> pd.DataFrame:
             part = runs.loc[(tracker, phase)]
             row: dict[str, float | str] = {"tracker": tracker, "phase": phase}
             for value in values:
-                row |= _columns(value, interval(_by_scenario(part[value])))
+                row |= _columns(value, bootstrap_interval(_by_scenario(part[value])))
             for quantity in QUANTITIES:
                 mean, count = (instants.loc[(tracker, phase)][(quantity, k)].to_numpy() for k in ("mean", "count"))
                 row[f"{quantity}_inside"] = inside_share(mean, count)

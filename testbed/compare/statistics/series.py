@@ -6,10 +6,9 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy.stats import t as student
 
 from testbed.compare.runs.results import Results
-from testbed.compare.statistics.bootstrap import FEWEST, LEVEL
+from testbed.evaluation.intervals import FEWEST, student_interval
 
 STEP = 0.5  # [s] looks that are taken together
 SHOWN = 6  # trackers in a figure over time or by band
@@ -122,10 +121,6 @@ def mean_over_seeds(values: NDArray) -> tuple[NDArray, NDArray, NDArray, NDArray
     Fewer than three seeds have no interval.
     """
     count = np.isfinite(values).sum(-1)
-    known = np.where(np.isfinite(values), values, 0.0)
-    mean = np.where(count > 0, known.sum(-1) / np.maximum(count, 1), np.nan)
-    squares = np.where(np.isfinite(values), (values - mean[:, None]) ** 2, 0.0).sum(-1)
-    free = np.maximum(count - 1, 1)
-    half = student.ppf((1 + LEVEL) / 2, free) * np.sqrt(squares / free / np.maximum(count, 1))
+    mean, half = student_interval(values)
     half = np.where(count >= FEWEST, half, np.nan)
     return mean, mean - half, mean + half, count

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import t as student
 
-from testbed.regress.spread import pooled_spread, spread_of_others, student_limit
+from testbed.regress.spread import pooled_spread, spread_of_others
 from testbed.regress.suite import TOLERANCES, Tolerance
 from testbed.regress.verdict import BETTER, GONE, OVERALL, WORSE, judge
 from tests.testbed.regress import made_suites
@@ -34,10 +34,6 @@ def test_without_degrees_of_freedom_there_is_no_spread():
     spread, dof = pooled_spread([np.array([1.0]), np.array([])])
     assert np.isnan(spread)
     assert dof == 0
-
-
-def test_the_limit_is_that_of_students_table():
-    assert student_limit(0.025, 2.0, 10, 4) == pytest.approx(2.228, abs=1e-3)
 
 
 @pytest.mark.parametrize("size", [0.5, 5.0])
