@@ -16,7 +16,7 @@ from trackers.dra.state import DataRegionState
 from trackers.geometry import wrap_angle
 from trackers.htg.map import MotionSizeState
 from trackers.htg.online import OnlineState
-from trackers.imm import IMMState, moments
+from trackers.imm import moments
 from trackers.motion import PHI
 from trackers.protocols import Angular
 from trackers.random_matrix.feldmann import RMState
@@ -63,8 +63,6 @@ def part_of(filter: Any, state: Any) -> Part:
         return PARTS[type(state)]
     if isinstance(state, DataRegionState):
         return ONE_MODEL if state.mu.shape[-1] == 1 else MIXTURE
-    if isinstance(state, IMMState):
-        return _mixture_part(filter.angles)
     if has_gaussian(state):
         return replace(PLAIN, angles=filter.angles) if isinstance(filter, Angular) else PLAIN
     raise TypeError(
@@ -75,7 +73,7 @@ def part_of(filter: Any, state: Any) -> Part:
 
 def has_gaussian(state: Any) -> bool:
     """Whether `part_of` knows the state."""
-    if type(state) in PARTS or isinstance(state, DataRegionState | IMMState):
+    if type(state) in PARTS or isinstance(state, DataRegionState):
         return True
     m, P = getattr(state, "m", None), getattr(state, "P", None)
     return isinstance(m, np.ndarray) and isinstance(P, np.ndarray) and P.shape == (*m.shape, *m.shape[-1:])
@@ -109,20 +107,6 @@ def _mixture(state: DataRegionState) -> Gaussian:
 def _with_mixture(state: DataRegionState, g: Gaussian) -> DataRegionState:
     m = np.broadcast_to(g.m[..., None, :], state.m.shape)
     return state._replace(m=m, P=np.broadcast_to(g.P[..., None, :, :], state.P.shape))
-
-
-def _mixture_part(angles: tuple[int, ...]) -> Part:
-    """IMM: the moments of the mixture; all models get the Gaussian that is written."""
-
-    def read(state: IMMState) -> Gaussian:
-        return Gaussian(*moments(state.models.m, state.models.P, state.mu, angles))
-
-    def write(state: IMMState, g: Gaussian) -> IMMState:
-        m, P = state.models.m, state.models.P
-        both = np.broadcast_to(g.m[..., None, :], m.shape), np.broadcast_to(g.P[..., None, :, :], P.shape)
-        return state._replace(models=type(state.models)(*both))
-
-    return Part(read, write, angles, mixture=True)
 
 
 PLAIN = Part(lambda s: Gaussian(s.m, s.P), lambda s, g: s._replace(m=g.m, P=g.P))

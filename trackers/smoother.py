@@ -27,7 +27,7 @@ from trackers.batch import concatenate, stack, take
 from trackers.dra.state import DataRegionState
 from trackers.gaussian_part import Extent, Gaussian, Part, part_of
 from trackers.geometry import rotation, wrap_angle
-from trackers.imm import IMMState, chain, mix, moments
+from trackers.imm import chain, mix, moments
 from trackers.linalg import symmetrize
 from trackers.motion import PHI
 
@@ -201,11 +201,6 @@ def mixture_pair(
 
 def _mixed(filter: Any, state: Any, dt: float) -> tuple[NDArray, list[tuple[Any, Any]]]:
     """Probability of each next model (..., K), its filter, and the state that it starts from."""
-    if isinstance(state, IMMState):
-        Pi = chain(len(filter.filters), filter.stay, dt / filter.step)
-        m, P, c = mix(state.models.m, state.models.P, state.mu, Pi, angles=filter.angles)
-        kind = type(state.models)
-        return c, [(f, kind(m[..., k, :], P[..., k, :, :])) for k, f in enumerate(filter.filters)]
     p = filter.numbers
     Pi = chain(len(filter.models), p.stay, dt / p.step)
     m, P, c = mix(state.m, state.P, state.mu, Pi, filter.components if p.own_components else None)

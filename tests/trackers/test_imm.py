@@ -1,4 +1,4 @@
-"""The interacting multiple model by its identities, over filters of two kinds, and against a loop."""
+"""Interacting models by their identities and against a loop."""
 
 import numpy as np
 import pytest
@@ -6,10 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from trackers import Scan, find, prior
-from trackers.htg.map import HTGMap
-from trackers.imm import IMM, chain, mix, moments, reweight
-
-SLOW, FAST = HTGMap(yaw_accel_std=0.02), HTGMap(yaw_accel_std=0.5)
+from trackers.imm import chain, mix, moments, reweight
 
 
 def random_mixture(seed, lead=(), K=3, n=5):
@@ -21,11 +18,6 @@ def random_mixture(seed, lead=(), K=3, n=5):
 
 def random_chain(seed, K=3):
     return np.random.default_rng(seed).dirichlet(np.ones(K), K)
-
-
-def start_and_scan():
-    xy = np.array([10.0, 5.0]) + np.random.default_rng(0).uniform([-2, -0.9], [2, 0.9], (6, 2))
-    return prior((10.0, 5.0, 0.1), velocity=(22.0, 2.2)), Scan.from_xy(xy, noise=(0.1, 0.01, 0.1))
 
 
 @settings(max_examples=40, deadline=None)
@@ -109,61 +101,26 @@ def test_probabilities_sum_to_one_and_none_is_lost(seed, scale):
     assert mu.min() > 0.99e-8
 
 
-def test_one_model_is_the_filter():
-    start, scan = start_and_scan()
-    imm = IMM((SLOW,), angles=(2,))
-    state, info = imm.update(imm.predict(imm.init(start), 0.1), scan)
-    alone, alone_info = SLOW.update(SLOW.predict(SLOW.init(start), 0.1), scan)
-    np.testing.assert_allclose(state.models.m[0], alone.m, rtol=1e-9)
-    np.testing.assert_allclose(state.models.P[0], alone.P, rtol=1e-7, atol=1e-12)
-    np.testing.assert_allclose(info.nis, alone_info.nis, rtol=1e-9)
+def test_an_identity_chain_mixes_nothing_and_one_model_stays_alone():
+    m, P, mu = random_mixture(1, (2,))
+    for got, want in zip(mix(m, P, mu, chain(3, 1.0, 5.0)), (m, P, mu), strict=True):
+        np.testing.assert_allclose(got, want, rtol=1e-12, atol=1e-12)
+    m, P, mu = random_mixture(1, K=1)
+    for got, want in zip(mix(m, P, mu, chain(1, 0.3, 1.0)), (m, P, mu), strict=True):
+        np.testing.assert_allclose(got, want, rtol=1e-12, atol=1e-12)
 
 
-def test_an_identity_transition_is_a_bank_of_filters():
-    start, scan = start_and_scan()
-    imm = IMM((SLOW, FAST), stay=1.0, angles=(2,))
-    state = imm.init(start)
-    alone = [f.init(start) for f in imm.filters]
-    for _ in range(3):
-        state, _ = imm.update(imm.predict(state, 0.1), scan)
-        alone = [f.update(f.predict(s, 0.1), scan)[0] for f, s in zip(imm.filters, alone, strict=True)]
-    for k, s in enumerate(alone):
-        np.testing.assert_allclose(state.models.m[k], s.m, rtol=1e-9)
-        np.testing.assert_allclose(state.models.P[k], s.P, rtol=1e-6, atol=1e-10)
-
-
-def test_a_batch_equals_the_loop_and_no_detection_leaves_the_prediction():
-    imm = IMM((SLOW, FAST), angles=(2,))
-    start, scan = start_and_scan()
-    both = prior(np.stack([start.pose, start.pose + 0.3]), velocity=np.stack([start.velocity] * 2))
-    state = imm.predict(imm.init(both), 0.1)
-    got, info = imm.update(state, scan._replace(mask=np.array([[True] * 6, [False] * 6])))
-    one = imm.update(imm.predict(imm.init(start), 0.1), scan)[0]
-    np.testing.assert_allclose(got.models.m[0], one.models.m, rtol=1e-9)
-    np.testing.assert_allclose(got.mu[0], one.mu, rtol=1e-9)
-    np.testing.assert_array_equal(got.models.m[1], state.models.m[1])
-    np.testing.assert_array_equal(got.mu[1], state.mu[1])
-    assert np.isnan(info.nis[1])
-    assert imm.estimate(got).pose.shape == (2, 3)
-
-
-def test_interacting_data_regions_are_data_regions_with_interacting_models():
-    """The likelihood of all detections that those filters tell is what weighs the modes."""
-    f = find("edra-imm", parameters="literal")  # mixes all components
-    imm = IMM(tuple(find("edra-imm", parameters="literal", models=(k,)) for k in f.models), stay=f.numbers.stay)
-    start, scan = start_and_scan()
+def test_models_are_weighed_by_the_likelihood_of_all_detections():
+    """One update of three models side by side gives each the weight that it would have by itself."""
+    f = find("edra-imm")
+    xy = np.array([10.0, 5.0]) + np.random.default_rng(0).uniform([-2, -0.9], [2, 0.9], (6, 2))
+    start, scan = prior((10.0, 5.0, 0.1), velocity=(22.0, 2.2)), Scan.from_xy(xy, noise=(0.1, 0.01, 0.1))
     state, _ = f.update(f.init(start), scan)
-    banks = [g.update(g.init(start), scan) for g in imm.filters]
-    want = reweight(np.full(3, 1 / 3), np.array([info.log_likelihood for _, info in banks]))
-    np.testing.assert_allclose(state.mu, want, rtol=1e-9)
+    alone = [find("edra-imm", models=(k,)) for k in f.models]
+    log_c1 = [g.update(g.init(start), scan)[1].log_likelihood for g in alone]
+    np.testing.assert_allclose(state.mu, reweight(np.full(3, 1 / 3), np.array(log_c1)), rtol=1e-9)
 
 
-def test_bad_arguments_are_named():
+def test_a_probability_to_stay_that_makes_no_chain_is_refused():
     with pytest.raises(ValueError, match="stay must lie between"):
-        IMM((SLOW, FAST), stay=0.3)
-    with pytest.raises(ValueError, match="filters must name"):
-        IMM(())
-    with pytest.raises(ValueError, match="step must be positive"):
-        IMM((SLOW, FAST), step=0.0)
-    with pytest.raises(ValueError, match="dt must be >= 0"):
-        IMM((SLOW, FAST)).predict(IMM((SLOW, FAST)).init(prior((0.0, 0.0, 0.0))), -1.0)
+        chain(3, 0.3, 1.0)

@@ -12,8 +12,6 @@ from trackers import TRACKERS, RandomMatrix, Scan, find, prior
 from trackers.batch import stack, take
 from trackers.gaussian_part import Extent, part_of
 from trackers.geometry import extent_matrix, rotation, to_world, unit, wrap_angle
-from trackers.htg.map import HTGMap, MotionSizeState
-from trackers.imm import IMM
 from trackers.motion import PHI, coordinated_turn, turn_noise
 from trackers.smoother import smooth, smooth_extents, smooth_moments, smooth_stacked
 
@@ -303,14 +301,14 @@ def test_a_smoothed_extent_has_seen_all_detections_past_and_future_with_the_weig
 
 
 def test_models_that_are_all_alike_are_smoothed_as_one():
-    imm = IMM((HTGMap(), HTGMap(), HTGMap()), angles=(PHI,))
-    _, states, _, _ = follow(HTGMap(), seed=9, K=12, missing=(4, 6))
-    _, many, _, _ = follow(imm, seed=9, K=12, missing=(4, 6))
-    one, mixed = stack(smooth(HTGMap(), states, DT)), stack(smooth(imm, many, DT))
-    m, P = part_of(imm, mixed).read(mixed)
-    assert isinstance(one, MotionSizeState)
-    np.testing.assert_allclose(m, one.m, rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(P, one.P, rtol=1e-7, atol=1e-10)
+    f = find("dra")
+    three = find("dra", models=("cv", "cv", "cv"))
+    _, states, _, _ = follow(f, seed=9, K=12, missing=(4, 6))
+    _, many, _, _ = follow(three, seed=9, K=12, missing=(4, 6))
+    one, mixed = stack(smooth(f, states, DT)), stack(smooth(three, many, DT))
+    want, got = part_of(f, one).read(one), part_of(three, mixed).read(mixed)
+    np.testing.assert_allclose(got.m, want.m, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(got.P, want.P, rtol=1e-7, atol=1e-9)
 
 
 def test_what_was_done_to_a_prediction_before_its_update_is_taken_into_account():
