@@ -7,6 +7,7 @@ import pytest
 
 from testbed.papers.xu2023 import experiment as xu2023
 from testbed.papers.xu2023.cases import BEHIND, FAR, METHODS, NEAR, Trial, Variant
+from testbed.papers.xu2023.enumeration import Enumeration
 from testbed.papers.xu2023.reference import CARD, COLUMNS
 
 RUNS = 50
@@ -16,7 +17,7 @@ OFFSETS = {"near": NEAR, "far": FAR, "behind": BEHIND}
 
 def row_of_card(case, method):
     name, joint, _ = method.partition(", joint")
-    f = replace(METHODS[name], form="joint", cap=128) if joint else METHODS[name]
+    f = replace(METHODS[name], form=Enumeration(128)) if joint else METHODS[name]
     where = case.split(",")[0]
     return Trial(case, f, (Variant(method, OFFSETS[where]),), follows=case.endswith("follows"))
 

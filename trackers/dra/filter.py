@@ -1,6 +1,7 @@
 """Data-region association: every detection comes from one of four sides or the interior of a moving parallelogram.
 
-Symbols and equations: card dra_imm, after Xu et al. (2023).
+Equations: docs/methods/data-regions.md, symbols after Xu et al. (2023); the recursion over motion models is that of
+docs/methods/interacting-models.md.
 """
 
 from dataclasses import dataclass
@@ -11,20 +12,19 @@ from numpy.typing import NDArray
 
 from trackers.dra import motion, parameters, region_prior
 from trackers.dra.constraints import heading, rectangle
-from trackers.dra.joint import joint
-from trackers.dra.looks import Looks, flatten
-from trackers.dra.measurement import pieces, residuals
+from trackers.dra.flat_scan import FlatScan, flatten
+from trackers.dra.measurement import LinearisedRegions, RegionResiduals, linearise_regions, residuals
 from trackers.dra.parameters import MODELS, Parameters
-from trackers.dra.posterior import Posterior, softmax
+from trackers.dra.posterior import RegionPosterior, UpdateForm, softmax
 from trackers.dra.regions import gates, region_moments
 from trackers.dra.sequential import sequential
 from trackers.dra.soft import soft
 from trackers.dra.spatial import log_spatial
 from trackers.dra.state import (
+    OBSERVED,
     ORDER,
     PAIRS,
     PLACE,
-    SEEN,
     DataRegionInfo,
     DataRegionState,
     N,
@@ -41,7 +41,7 @@ from trackers.linalg import symmetrize
 from trackers.scan import Scan, check_scan
 
 PRIORS = ("uniform", "rays")
-FORMS = ("joint", "sequential", "soft")
+FORMS = ("sequential", "soft")
 ROUNDING = 1e-13 * np.eye(N)  # keeps the root of a covariance regular
 
 
@@ -51,39 +51,38 @@ class DataRegion:
 
     models: tuple[str, ...] = MODELS
     prior: str = "rays"  # of the regions, or "uniform" as in DRA
-    form: str = "sequential"  # moment matching after each detection; or "joint" as in the paper, or "soft"
+    form: str | UpdateForm = "sequential"  # moment matching after each detection; "soft", or one's own
     parameters: str | Parameters = "recommended"  # or another of PARAMETERS, or one's own
-    reading: str = "V"  # of the paper's eq. (42): variances, or S, the last two standard deviations
-    cap: int = 32  # hypotheses of the joint form
     passes: int = 3  # of the soft form
-    sigma_range: float = 0.1  # [m] of detections that do not tell theirs, as the two below
+    sigma_range: float = 0.1  # [m] noise where a scan does not state it, as the two below
     sigma_azimuth: float = 0.005  # [rad]
     sigma_rate: float = 0.027  # [m/s]
     surface_std: float = 0.2  # [m] roughness of a side, in the density of detections only
-    centre_std: float = 0.0  # [m] of bodies that are no rectangles with evenly spread detections, in estimates only
+    centre_std: float = 0.0  # [m] added in estimates, as no body is a rectangle with evenly spread detections
 
     def __post_init__(self) -> None:
         if not self.models or not set(self.models) <= set(MODELS):
             raise ValueError(f"models must be some of {', '.join(MODELS)}, got {self.models!r}")
-        for name, known in (("prior", PRIORS), ("form", FORMS)):
-            if getattr(self, name) not in known:
-                raise ValueError(f"{name} must be one of {', '.join(known)}, got {getattr(self, name)!r}")
-        if self.cap < 1 or self.passes < 1:
-            raise ValueError(f"cap and passes must be at least 1, got {self.cap} and {self.passes}")
+        if self.prior not in PRIORS:
+            raise ValueError(f"prior must be one of {', '.join(PRIORS)}, got {self.prior!r}")
+        if isinstance(self.form, str) and self.form not in FORMS:
+            raise ValueError(f"form must be one of {', '.join(FORMS)} or an UpdateForm, got {self.form!r}")
+        if self.passes < 1:
+            raise ValueError(f"passes must be at least 1, got {self.passes}")
         chain(len(self.models), self.numbers.stay, 1.0)
 
     @cached_property
     def numbers(self) -> Parameters:
         """The parameter set."""
-        return parameters.find(self.parameters, self.reading)
+        return parameters.find(self.parameters)
 
     @cached_property
     def components(self) -> NDArray:
-        """Which components (K, 11) of the state each model has."""
+        """Whether each model has each component of the state, (K, 11) bool."""
         return np.stack([motion.components(name, self.numbers.rotating_ca) for name in self.models])
 
     def init(self, estimate: Estimate) -> DataRegionState:
-        """State from a prior, all modes equally likely; raises ValueError for a prior that no filter can start from."""
+        """State from a prior, models equally likely; raises ValueError for a prior not finite, positive, definite."""
         check_estimate(estimate)
         K = len(self.models)
         m, P = from_estimate(estimate, self.numbers.accel_prior_std, self.numbers.shear_prior_std)
@@ -92,13 +91,14 @@ class DataRegion:
         return DataRegionState(np.full(m.shape[:-1], 1 / K), m, P)
 
     def predict(self, state: DataRegionState, dt: float) -> DataRegionState:
-        """Time update over dt [s] >= 0: mixing, then each model's own; without time nothing changes."""
+        """Time update over dt [s] >= 0: mixing, then the prediction of each model; with dt = 0 nothing changes."""
         if not dt >= 0:
             raise ValueError(f"dt must be >= 0 s, got {dt}; scans come in the order of time")
         if dt == 0:
             return state
         Pi = chain(len(self.models), self.numbers.stay, dt / self.numbers.step)
-        m, P, mu = mix(state.m, state.P, state.mu, Pi, self.components if self.numbers.own_components else None)
+        own = self.components if self.numbers.own_components else None
+        m, P, mu = mix(state.m, state.P, state.mu, Pi, own)  # (IMM.10), (IMM.11)
         moved = [
             motion.predict(name, m[..., k, :], P[..., k, :, :], dt, self.numbers) for k, name in enumerate(self.models)
         ]
@@ -106,7 +106,7 @@ class DataRegion:
         if self.numbers.swing:
             stiff = ~self.components[:, W]
             variance = self.numbers.swing * dt / self.numbers.step
-            P[..., stiff, :, :] = swung(m[..., stiff, :], P[..., stiff, :, :], variance)
+            P[..., stiff, :, :] = swung(m[..., stiff, :], P[..., stiff, :, :], variance)  # (DRA.33)
         return DataRegionState(mu, m, P)
 
     def update(self, state: DataRegionState, scan: Scan) -> tuple[DataRegionState, DataRegionInfo]:
@@ -114,25 +114,24 @@ class DataRegion:
         check_scan(scan)
         lead, K = state.mu.shape[:-1], len(self.models)
         n = scan.mask.sum(-1)
-        flat = DataRegionState(state.mu.reshape(-1, K), state.m.reshape(-1, K, N), state.P.reshape(-1, K, N, N))
+        rows = DataRegionState(state.mu.reshape(-1, K), state.m.reshape(-1, K, N), state.P.reshape(-1, K, N, N))
         eps, S = np.zeros((n.size, 2)), np.zeros((n.size, 2, 2)) + np.eye(2)
-        evidence, capped = np.zeros(n.size), np.zeros(n.size, bool)
+        log_likelihood = np.zeros(n.size)
         if n.any():
-            hit, looks = flatten(scan, (self.sigma_range, self.sigma_azimuth, self.sigma_rate))
-            mu, m, P = (field.copy() for field in flat)
-            prior = self._region_prior(mu[hit], m[hit], looks)
-            eps[hit], S[hit] = centroid(mu[hit], m[hit], P[hit], looks, prior)
-            m[hit], P[hit], posterior = self._correct(m[hit], P[hit], looks, prior)
-            _, evidence[hit] = softmax(np.log(np.maximum(mu[hit], LEAST)) + posterior.log_c1)
-            capped[hit] = posterior.capped
-            mu[hit] = reweight(mu[hit], posterior.log_c1)
-            flat = DataRegionState(mu, m, P)
-        new = DataRegionState(*(field.reshape(old.shape) for field, old in zip(flat, state, strict=True)))
-        info = (eps.reshape(*lead, 2), S.reshape(*lead, 2, 2), new.mu, evidence.reshape(lead), capped.reshape(lead))
+            hit, flat = flatten(scan, (self.sigma_range, self.sigma_azimuth, self.sigma_rate))
+            mu, m, P = (field.copy() for field in rows)
+            prior = self._region_prior(mu[hit], m[hit], flat)
+            eps[hit], S[hit] = innovation(mu[hit], m[hit], P[hit], flat, prior)
+            m[hit], P[hit], log_c1 = self._correct(m[hit], P[hit], flat, prior)
+            _, log_likelihood[hit] = softmax(np.log(np.maximum(mu[hit], LEAST)) + log_c1)
+            mu[hit] = reweight(mu[hit], log_c1)  # (IMM.12)
+            rows = DataRegionState(mu, m, P)
+        new = DataRegionState(*(field.reshape(old.shape) for field, old in zip(rows, state, strict=True)))
+        info = (eps.reshape(*lead, 2), S.reshape(*lead, 2, 2), new.mu, log_likelihood.reshape(lead))
         return new, DataRegionInfo(n, *info)
 
     def estimate(self, state: DataRegionState) -> Estimate:
-        """Mean of the mixture as a box along p1 + p2."""
+        """Mean of the mixture as a box along p1 + p2, (DRA.35)."""
         box = to_estimate(state)
         box.cov[..., [0, 1], [0, 1]] += self.centre_std**2
         return box
@@ -153,34 +152,34 @@ class DataRegion:
             prior = region_prior.rays(body[track], sensor[detection], p.near, p.far)
         return log_spatial(box, prior, scan, track, detection, self.sigma_range, self.surface_std)
 
-    def _region_prior(self, mu: NDArray, m: NDArray, looks: Looks) -> NDArray:
-        """Probabilities (B, S, 5) of the regions, those of the most likely model."""
+    def _region_prior(self, mu: NDArray, m: NDArray, flat: FlatScan) -> NDArray:
+        """Probabilities (B, S, 5) of the regions for each group, from the most likely model."""
         if self.prior == "uniform":
-            return region_prior.uniform(looks.pose.shape[:2])
+            return region_prior.uniform(flat.pose.shape[:2])
         best = most_likely(mu, m)
-        return region_prior.rays(best[:, None], looks.pose[..., :2], self.numbers.near, self.numbers.far)
+        return region_prior.rays(best[:, None], flat.pose[..., :2], self.numbers.near, self.numbers.far)
 
-    def _correct(self, m: NDArray, P: NDArray, looks: Looks, prior: NDArray) -> tuple[NDArray, NDArray, Posterior]:
-        """All models (B, K, ...) after the detections."""
+    def _correct(self, m: NDArray, P: NDArray, flat: FlatScan, prior: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+        """Moments of all models (B, K, ...) after the detections, and log c1 (B, K)."""
         p = self.numbers
         L = root(m, P)
-        parts = pieces(m, L, looks, p.independence)
-        gate = gates(m, looks.xy[:, None], looks.R_xy[:, None], p.gate, p.interior_gate, p.gate_sigmas)
-        seen = residuals(parts, looks, np.log(prior), gate)
-        if self.form == "joint":
-            posterior = joint(parts, seen, looks, self.cap)
-        elif self.form == "soft":
-            posterior = soft(parts, seen, looks, self.passes)
-        else:
-            posterior = sequential(parts, seen, looks)
-        seen_by, other = L[..., :SEEN], L[..., SEEN:]
-        m = m + (seen_by @ posterior.u[..., None])[..., 0]
-        P = seen_by @ posterior.C @ seen_by.mT + other @ other.mT
+        regions = linearise_regions(m, L, flat, p.independence)
+        gate = gates(m, flat.xy[:, None], flat.R_xy[:, None], p.gate, p.interior_gate, p.gate_sigmas)
+        posterior = self._posterior(regions, residuals(regions, flat, np.log(prior), gate), flat)
+        L_9, rest = L[..., :OBSERVED], L[..., OBSERVED:]
+        m = m + (L_9 @ posterior.u[..., None])[..., 0]  # (DRA.21)
+        P = L_9 @ posterior.C @ L_9.mT + rest @ rest.mT  # (DRA.21)
         if np.isfinite(p.rectangle_std):
-            m, P = rectangle(m, P, p.rectangle_std)
+            m, P = rectangle(m, P, p.rectangle_std)  # (DRA.30)
         if np.isfinite(p.heading_std):
-            m, P = heading(m, P, p.heading_std)
-        return m, symmetrize(P), posterior
+            m, P = heading(m, P, p.heading_std)  # (DRA.31)
+        return m, symmetrize(P), posterior.log_c1
+
+    def _posterior(self, regions: LinearisedRegions, nu: RegionResiduals, flat: FlatScan) -> RegionPosterior:
+        """The update in the chosen form."""
+        if not isinstance(self.form, str):
+            return self.form.posterior(regions, nu, flat)
+        return soft(regions, nu, flat, self.passes) if self.form == "soft" else sequential(regions, nu, flat)
 
 
 def root(m: NDArray, P: NDArray) -> NDArray:
@@ -195,25 +194,25 @@ def root(m: NDArray, P: NDArray) -> NDArray:
         T[..., i, i] = T[..., j, j] = along[..., 0]
         T[..., j, i], T[..., i, j] = along[..., 1], -along[..., 1]
     T = T[..., ORDER]
-    return T @ np.linalg.cholesky(T.mT @ P @ T + ROUNDING)
+    return T @ np.linalg.cholesky(T.mT @ P @ T + ROUNDING)  # (DRA.14)
 
 
 def most_likely(mu: NDArray, m: NDArray) -> NDArray:
-    """Means (B, ...) of the most likely models of m (B, K, ...)."""
+    """Rows (B, ...) of the most likely models in m (B, K, ...)."""
     return m[np.arange(len(m)), mu.argmax(-1)]
 
 
-def centroid(mu: NDArray, m: NDArray, P: NDArray, looks: Looks, prior: NDArray) -> tuple[NDArray, NDArray]:
-    """Innovation (B, 2) of the mean detection under the most likely model, and its covariance (B, 2, 2)."""
+def innovation(mu: NDArray, m: NDArray, P: NDArray, flat: FlatScan, prior: NDArray) -> tuple[NDArray, NDArray]:
+    """Innovation (B, 2) of the mean detection under the most likely model, and its covariance (B, 2, 2), (DRA.34)."""
     m, P = most_likely(mu, m), most_likely(mu, P)
-    real = np.arange(looks.z.shape[1]) < looks.n[:, None]
-    weight = real / looks.n[:, None]  # (B, M)
+    real = np.arange(flat.z.shape[1]) < flat.n[:, None]
+    weight = real / flat.n[:, None]  # (B, M)
     q, C = region_moments(m)
-    p = prior[np.arange(len(m))[:, None], looks.look]  # (B, M, 5)
+    p = prior[np.arange(len(m))[:, None], flat.group]  # (B, M, 5)
     share = (weight[..., None] * p).sum(1)  # (B, 5)
     where = (share[..., None] * q).sum(1)
     d = q - where[:, None]
     spread = (share[..., None, None] * (C + d[..., :, None] * d[..., None, :])).sum(1)
-    noise = (weight[..., None, None] * looks.R_xy).sum(1)
-    eps = (weight[..., None] * looks.xy).sum(1) - m[:, PLACE] - where
-    return eps, symmetrize(P[:, PLACE][:, :, PLACE] + (spread + noise) / looks.n[:, None, None])
+    noise = (weight[..., None, None] * flat.R_xy).sum(1)
+    eps = (weight[..., None] * flat.xy).sum(1) - m[:, PLACE] - where  # (DRA.34a)
+    return eps, symmetrize(P[:, PLACE][:, :, PLACE] + (spread + noise) / flat.n[:, None, None])  # (DRA.34b)

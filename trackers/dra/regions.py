@@ -1,7 +1,13 @@
-"""The five regions of the body and the gates around them; card dra_imm, sections 4 and 5, after eq. (8)-(12).
+"""The five regions of the body and the gates around them.
 
-A point of region i is q = alpha p1 + beta p2 from the centroid, alpha and beta linear in s1, s2, both even on [0, 1].
-Regions: front (p2 to p1), right (p3 to p2), rear (p4 to p3), left (p1 to p4), interior.
+Equations: docs/methods/data-regions.md, after Xu et al. (2023). A point of region i is q = alpha p1 + beta p2 from the
+centroid, alpha and beta linear in s1, s2, both even on [0, 1].
+
+                left
+        p4 ------------- p1
+    rear |   interior    |  front     sides run p2 to p1, p3 to p2, p4 to p3, p1 to p4
+        p3 ------------- p2
+               right
 """
 
 import numpy as np
@@ -13,7 +19,7 @@ from trackers.linalg import outer
 
 REGIONS = 5
 FRONT, RIGHT, REAR, LEFT, INTERIOR = range(REGIONS)
-# alpha and beta (region, 3) as 1, s1, s2 weigh into them
+# (DRA.4): alpha and beta (region, 3) as weights of 1, s1, s2
 ALPHA = np.array([[0, 1, 0], [-1, 1, 0], [0, -1, 0], [1, -1, 0], [1, -1, -1]], float)
 BETA = np.array([[1, -1, 0], [0, 1, 0], [-1, 1, 0], [0, -1, 0], [0, 1, -1]], float)
 MIDDLE = np.array([1.0, 0.5, 0.5])  # the mean of 1, s1, s2
@@ -35,30 +41,30 @@ def region_moments(m: NDArray) -> tuple[NDArray, NDArray]:
     p = np.stack([m[..., P1], m[..., P2]], -2)
     weight = np.stack([ALPHA, BETA], -1)  # (5, 3, 2)
     q = weight @ p[..., None, :, :]  # (..., 5, 3, 2): constant, along s1, along s2
-    return MIDDLE @ q, (outer(q[..., 1, :]) + outer(q[..., 2, :])) / 12
+    return MIDDLE @ q, (outer(q[..., 1, :]) + outer(q[..., 2, :])) / 12  # (DRA.6)
 
 
 def gates(m: NDArray, xy: NDArray, R: NDArray, t: float, interior: float, sigmas: float) -> NDArray:
     """Which regions (..., M, 5) the detections xy (..., M, 2) [m] may come from; R (..., M, 2, 2) is their noise.
 
-    Gates grow with the side that they belong to; the paper prints the width's for all four. A detection outside all
-    of them belongs to the side that is nearest in their coordinates.
+    t and `interior` scale the gates of sides and interior, `sigmas` their margins. Gates grow with the side that they
+    belong to; the paper prints the width's for all four. A detection outside all gates belongs to the nearest side.
     """
     a = axes(m)
     e = oblique(a, xy - m[..., None, PLACE])
     half = np.stack([a.length, a.width])[..., None] / 2  # (2, ..., 1) along the length, along the width
-    margin = sigmas * np.sqrt(np.stack([_spread(R, a.along), _spread(R, a.left)]))
+    margin = sigmas * np.sqrt(np.stack([_spread(R, a.along), _spread(R, a.left)]))  # (DRA.8)
     beside = np.abs(e) <= (1 + 2 * t) * half + margin  # (2, ..., M) not beyond the ends
     thick = 2 * t * half + margin
     above, below = np.abs(e - half) <= thick, np.abs(e + half) <= thick
     inside = np.abs(e) <= interior * half + margin
     along, across = 0, 1
     found = np.empty((*e.shape[1:], REGIONS), bool)
-    found[..., FRONT] = above[along] & beside[across]
-    found[..., RIGHT] = below[across] & beside[along]
-    found[..., REAR] = below[along] & beside[across]
-    found[..., LEFT] = above[across] & beside[along]
-    found[..., INTERIOR] = inside[along] & inside[across]
+    found[..., FRONT] = above[along] & beside[across]  # (DRA.9a)
+    found[..., RIGHT] = below[across] & beside[along]  # (DRA.9a)
+    found[..., REAR] = below[along] & beside[across]  # (DRA.9a)
+    found[..., LEFT] = above[across] & beside[along]  # (DRA.9a)
+    found[..., INTERIOR] = inside[along] & inside[across]  # (DRA.9b)
     lost = ~found.any(-1)
     if lost.any():
         nearest = (side_distance(e[:, lost], np.broadcast_to(half, e.shape)[:, lost]) + TIE * np.arange(4)).argmin(-1)
@@ -71,20 +77,20 @@ def oblique(a: Axes, d: NDArray) -> NDArray:
     u, v = a.along[..., None, :], a.left[..., None, :]
     sine = cross(u, v)
     sine = np.where(np.abs(sine) < LEAST_SINE, LEAST_SINE, sine)
-    return np.stack([cross(d, v), cross(u, d)]) / sine
+    return np.stack([cross(d, v), cross(u, d)]) / sine  # (DRA.7)
 
 
 def side_distance(e: NDArray, half: NDArray) -> NDArray:
     """Distance (..., 4) [m] of oblique coordinates e (2, ...) [m] from the sides of a body of half axes half (2, ...).
 
     As if the axes were at right angles, like the gates: by the distance on the ground a sheared body that lags behind
-    shears on, and a single motion model has half as much error again in the turn of Xu et al. (2023).
+    would shear more, and the error of a single motion model in the turn of Xu et al. (2023) grows by half.
     """
     along, across = e
     half_length, half_width = half
     past_end, past_flank = np.maximum(np.abs(e) - half, 0.0)
-    front, rear = (np.hypot(along - s * half_length, past_flank) for s in (1, -1))
-    left, right = (np.hypot(across - s * half_width, past_end) for s in (1, -1))
+    front, rear = (np.hypot(along - s * half_length, past_flank) for s in (1, -1))  # (DRA.10)
+    left, right = (np.hypot(across - s * half_width, past_end) for s in (1, -1))  # (DRA.10)
     return np.stack([front, right, rear, left], -1)
 
 

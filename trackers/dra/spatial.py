@@ -1,4 +1,7 @@
-"""Where the detections of a body lie: the five regions as a density, for the association of many objects."""
+"""Where the detections of a body lie: the five regions as a density, for the association of many objects.
+
+Equations: docs/methods/data-regions.md.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,12 +23,12 @@ def log_density(e: NDArray, size: NDArray, std: NDArray, prior: NDArray) -> NDAr
     half = size / 2
     # On the far side of an axis both terms are near one: the mirrored tail keeps its digits.
     a = np.abs(e)
-    even = (ndtr((half - a) / std) - ndtr((-half - a) / std)) / size
+    even = (ndtr((half - a) / std) - ndtr((-half - a) / std)) / size  # (DRA.37a)
     ahead, behind = (np.exp(-0.5 * ((e - s * half) / std) ** 2) / (std * ROOT_2PI) for s in (1, -1))
     front, left = (ahead * even[:, ::-1]).T
     rear, right = (behind * even[:, ::-1]).T
     regions = np.stack([front, right, rear, left, even.prod(-1)], -1)
-    return np.log(np.maximum((prior * regions).sum(-1), LEAST))
+    return np.log(np.maximum((prior * regions).sum(-1), LEAST))  # (DRA.37b)
 
 
 def log_spatial(

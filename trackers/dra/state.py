@@ -1,6 +1,6 @@
-"""The state of data-region association: motion, and two vertices of the body in global axes; card dra_imm, section 1.
+"""The state of data-region association: motion, and two vertices of the body.
 
-p1, p2 are relative to the centroid, on global axes; p3 = -p1, p4 = -p2.
+Equations: docs/methods/data-regions.md. p1, p2 are relative to the centroid, on global axes; p3 = -p1, p4 = -p2.
 """
 
 from typing import NamedTuple
@@ -12,7 +12,6 @@ from trackers.estimate import Estimate
 from trackers.geometry import dot, perpendicular, unit
 from trackers.imm import moments
 from trackers.linalg import quadratic, symmetrize
-from trackers.protocols import Note
 
 #          left
 #   p4 ------------- p1
@@ -25,13 +24,13 @@ KINEMATIC = [X, Y, VX, VY]
 VERTICES = [P1X, P1Y, P2X, P2Y]
 PAIRS = [PLACE, VELOCITY, ACCELERATION, P1, P2]  # the vectors that turn with the world
 N = 11
-ORDER = [X, VX, Y, VY, W, P1X, P1Y, P2X, P2Y, AX, AY]  # of roots: what no detection sees comes last
-SEEN = 9
+ORDER = [X, VX, Y, VY, W, P1X, P1Y, P2X, P2Y, AX, AY]  # of roots: components no detection depends on come last
+OBSERVED = 9  # components that detections depend on
 LEAST_AXIS = 1e-3  # [m] an axis shorter than this has no direction
 
 
 class DataRegionState(NamedTuple):
-    """p(x) = sum_k mu_k N(x; m_k, P_k) over the motion models K."""
+    """p(x) = sum_k mu_k N(x; m_k, P_k) over the motion models K, (DRA.1)."""
 
     mu: NDArray  # (..., K)
     m: NDArray  # (..., K, 11) x, vx, ax, y, vy, ay, yaw rate, p1, p2 [m, s, rad]
@@ -39,44 +38,38 @@ class DataRegionState(NamedTuple):
 
 
 class DataRegionInfo(NamedTuple):
-    """What an update tells: the innovation of the centroid, the modes, and whether hypotheses were left out."""
+    """Innovation of the mean detection, the modes, and the likelihood of the scan."""
 
     n: NDArray  # (...) detections used
     eps: NDArray  # (..., 2) [m] innovation
     S: NDArray  # (..., 2, 2) [m^2] its covariance
     mode: NDArray  # (..., K) probabilities of the motion models
     log_likelihood: NDArray  # (...) of all detections, 0 without any
-    capped: NDArray  # (...) bool, the joint form had more hypotheses than it may keep
 
     @property
     def nis(self) -> NDArray:
         """Normalised innovation squared (...), NaN without a detection."""
         return np.where(self.n > 0, quadratic(self.eps, self.S), np.nan)
 
-    @property
-    def notes(self) -> tuple[Note, ...]:
-        """Where likely hypotheses were left out."""
-        return (Note("capped", "more likely hypotheses than the joint form keeps", self.capped),)
-
 
 def vertices(heading: NDArray, size: NDArray) -> NDArray:
     """Coordinates p1, p2 (..., 4) [m] of rectangles with heading (...) [rad] and size (..., 2) [m]."""
     along = unit(heading) * size[..., :1] / 2
     left = perpendicular(unit(heading)) * size[..., 1:] / 2
-    return np.concatenate([along + left, along - left], -1)
+    return np.concatenate([along + left, along - left], -1)  # (DRA.2)
 
 
 def vertex_covariance(heading: NDArray, size: NDArray, size_std: NDArray, heading_std: NDArray) -> NDArray:
-    """Covariance (..., 4, 4) [m^2] of p1, p2 from independent size and heading."""
+    """Covariance (..., 4, 4) [m^2] of p1, p2 from independent size and heading, and their std [m], [rad]."""
     u = unit(heading)
     n = perpendicular(u)
     p = vertices(heading, size)
     J = np.empty((*heading.shape, 4, 3))
-    J[..., 0] = np.concatenate([u, u], -1) / 2
-    J[..., 1] = np.concatenate([n, -n], -1) / 2
-    J[..., 2] = np.concatenate([perpendicular(p[..., :2]), perpendicular(p[..., 2:])], -1)
+    J[..., 0] = np.concatenate([u, u], -1) / 2  # (DRA.3)
+    J[..., 1] = np.concatenate([n, -n], -1) / 2  # (DRA.3)
+    J[..., 2] = np.concatenate([perpendicular(p[..., :2]), perpendicular(p[..., 2:])], -1)  # (DRA.3)
     std = np.concatenate([size_std, heading_std[..., None]], -1)
-    return (J * std[..., None, :] ** 2) @ J.mT
+    return (J * std[..., None, :] ** 2) @ J.mT  # (DRA.3)
 
 
 def from_estimate(estimate: Estimate, accel_std: float, shear_std: float) -> tuple[NDArray, NDArray]:
@@ -91,19 +84,19 @@ def from_estimate(estimate: Estimate, accel_std: float, shear_std: float) -> tup
     P[..., ACCELERATION, ACCELERATION] = accel_std**2
     P[..., W, W] = estimate.yaw_rate_std**2
     shape = vertex_covariance(heading, estimate.size, estimate.size_std, estimate.heading_std)
-    P[..., P1X:, P1X:] = shape + shear_std**2 * np.eye(4)
+    P[..., P1X:, P1X:] = shape + shear_std**2 * np.eye(4)  # (DRA.3)
     return m, P
 
 
 def swung(m: NDArray, P: NDArray, variance: float) -> NDArray:
-    """Covariance (..., 11, 11) of bodies whose direction has this variance [rad^2] more: it turns, and keeps its shape.
+    """Covariance (..., 11, 11) with a variance [rad^2] added to the direction of the body, which keeps its shape.
 
-    Noise on each vertex would let the body turn, too, but forget its length and width.
+    Noise on each vertex would let the body turn, too, but it would forget length and width.
     """
     p = m[..., P1X:]
     turning = np.stack([-p[..., 1], p[..., 0], -p[..., 3], p[..., 2]], -1)
     P = P.copy()
-    P[..., P1X:, P1X:] += variance * turning[..., :, None] * turning[..., None, :]
+    P[..., P1X:, P1X:] += variance * turning[..., :, None] * turning[..., None, :]  # (DRA.33)
     return P
 
 
@@ -126,32 +119,31 @@ def axes(m: NDArray) -> Axes:
 
 
 def to_estimate(state: DataRegionState) -> Estimate:
-    """The record of the mixture's mean and covariance: the parallelogram as a box along p1 + p2."""
+    """The mixture's mean and covariance, the parallelogram as a box along p1 + p2, (DRA.35)."""
     m, P = moments(state.m, state.P, state.mu)
     length, width, along, left = axes(m)
     shape = P[..., P1X:, P1X:]
     across = perpendicular(along)
-    length_var, width_var, turn_var = (
-        _variance(shape, v) for v in (_both(along, 1.0), _both(left, -1.0), _both(across, 1.0))
-    )
+    directions = (_both(along, 1.0), _both(left, -1.0), _both(across, 1.0))
+    length_var, width_var, turn_var = (_variance(shape, v) for v in directions)  # (DRA.35)
     cov = P[..., np.array(KINEMATIC)[:, None], KINEMATIC]
     return Estimate(
-        pose=np.concatenate([m[..., PLACE], np.arctan2(along[..., 1], along[..., 0])[..., None]], -1),
+        pose=np.concatenate([m[..., PLACE], np.arctan2(along[..., 1], along[..., 0])[..., None]], -1),  # (DRA.35)
         velocity=m[..., VELOCITY],
         yaw_rate=m[..., W],
-        size=np.maximum(np.stack([length, width], -1), LEAST_AXIS),
+        size=np.maximum(np.stack([length, width], -1), LEAST_AXIS),  # (DRA.35)
         cov=symmetrize(cov),
         size_std=np.sqrt(np.stack([length_var, width_var], -1)),
-        heading_std=np.sqrt(turn_var) / np.maximum(length, LEAST_AXIS),
+        heading_std=np.sqrt(turn_var) / np.maximum(length, LEAST_AXIS),  # (DRA.35)
         yaw_rate_std=np.sqrt(P[..., W, W]),
     )
 
 
 def resized(state: DataRegionState, size: NDArray, size_std: NDArray) -> DataRegionState:
-    """State with another size and std (..., 2) [m], everything else as it was.
+    """State with another size and std (..., 2) [m], everything else as it was, (DRA.36).
 
-    Every model's axes are stretched alike. More uncertainty is independent of all else and added; less is a smaller
-    deviation of the size with its correlations.
+    The axes of all models are stretched by the same factors. Where the std grows, independent variance is added; where
+    it shrinks, the deviation of the size shrinks, and its correlations with it.
     """
     old = to_estimate(state)
     m, P = state.m.copy(), state.P
@@ -160,28 +152,30 @@ def resized(state: DataRegionState, size: NDArray, size_std: NDArray) -> DataReg
     added = np.maximum(size_std**2 - old.size_std**2, 0.0)[..., None, :]
     _, _, along, left = axes(m)
     along = np.stack([along, left], -2)  # (..., K, 2, 2) directions of length and width
-    # deviations: across an axis (heading, shear) they grow with it, along it they are the size itself
+    # Deviations across an axis (heading, shear) grow with it; those along it are the size itself.
     A = ratio[..., None, None] * np.eye(2) + (gain - ratio)[..., None, None] * along[..., :, None] * along[..., None, :]
     T = np.zeros(P.shape)
     T[..., :P1X, :P1X] = np.eye(P1X)
     T[..., P1X:, P1X:] = _on_vertices(A)
-    P = T @ P @ T.mT
-    P[..., P1X:, P1X:] += _on_vertices(added[..., None, None] * along[..., :, None] * along[..., None, :]) / 2
+    P = T @ P @ T.mT  # (DRA.36)
+    more = _on_vertices(added[..., None, None] * along[..., :, None] * along[..., None, :])
+    P[..., P1X:, P1X:] += more / 2  # (DRA.36)
     M = _on_vertices(ratio[..., None, None] * np.eye(2) + np.zeros_like(A))
     m[..., P1X:] = (M @ m[..., P1X:, None])[..., 0]
     return DataRegionState(state.mu, m, symmetrize(P))
 
 
 def _on_vertices(A: NDArray) -> NDArray:
-    """Maps A (..., 2, 2, 2) of p1 + p2 and p1 - p2 as one map (..., 4, 4) of p1, p2."""
+    """The map (..., 4, 4) of (p1, p2) that is A[0] on p1 + p2 and A[1] on p1 - p2, A (..., 2, 2, 2)."""
     even, odd = A[..., 0, :, :] + A[..., 1, :, :], A[..., 0, :, :] - A[..., 1, :, :]
     return np.concatenate([np.concatenate([even, odd], -1), np.concatenate([odd, even], -1)], -2) / 2
 
 
 def _both(v: NDArray, sign: float) -> NDArray:
-    """Derivative (..., 4) of v . (p1 + sign p2)."""
+    """Gradient (..., 4) of v . (p1 + sign p2)."""
     return np.concatenate([v, sign * v], -1)
 
 
 def _variance(P: NDArray, v: NDArray) -> NDArray:
+    """v^T P v (...)."""
     return ((P @ v[..., None])[..., 0] * v).sum(-1)

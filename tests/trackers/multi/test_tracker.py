@@ -405,14 +405,11 @@ def test_motion_modes_of_the_filter_reach_the_reader_of_a_step(tracker):
     assert infos[-1].mode is None  # a filter with one motion model has none to tell
 
 
-def test_what_a_filter_has_to_tell_of_an_update_becomes_an_event(tracker):
-    starved = replace(tracker, filter=find("dra", form="joint", cap=1))
-    _, infos = drive(starved, Road(CARS), 0.5)
-    told = {e.track for i in infos for e in i.events if e.kind == "capped"}
-    assert told == {0, 1, 2}
-    plenty = replace(tracker, filter=find("dra", form="sequential"))
-    _, infos = drive(plenty, Road(CARS), 0.5)
-    assert not any(e.kind == "capped" for i in infos for e in i.events)
+def test_a_note_of_the_filter_becomes_an_event(tracker):
+    """A share of the scan below 1 counts as lost here, or none does."""
+    for lost_below, tracks in ((1.0, {0, 1, 2}), (0.0, set())):
+        _, infos = drive(replace(tracker, filter=find("pmht-spline", lost_below=lost_below)), Road(CARS), 0.5)
+        assert {e.track for i in infos for e in i.events if e.kind == "lost"} == tracks
 
 
 def test_a_note_goes_to_the_tracks_it_is_about_each_with_its_own_contours():

@@ -7,6 +7,7 @@ import pytest
 
 from sensors import RADARS
 from sensors.scene import Ego, boxes_scene
+from testbed.papers.xu2023.enumeration import Enumeration
 from testbed.papers.xu2023.trials import CAR, STEP, advance, detect, start
 from trackers import Scan, find, prior
 from trackers.batch import stack
@@ -16,7 +17,7 @@ from trackers.imm import moments
 from trackers.multi.sizes import SizePrior
 
 TRACKERS = ("dra", "dra-imm", "edra-imm")
-FORMS = ("sequential", "soft", pytest.param("joint", marks=pytest.mark.slow))
+FORMS = ("sequential", "soft", pytest.param(Enumeration(), id="joint", marks=pytest.mark.slow))
 MINUTE = 600  # steps
 BEHIND = -30.0  # [m] the radar of the card's cases behind (the body keeps its heading) and behind2 (it follows)
 AHEAD = 25.0  # [m] of the car before our radar

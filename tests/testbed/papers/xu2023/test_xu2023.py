@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from testbed.papers.catalogue import PAPERS
 from testbed.papers.verdict import CONFIRMED, REFUTED, Claim, Stopped
 from testbed.papers.xu2023 import experiment as xu2023
-from testbed.papers.xu2023.cases import METHODS, NEAR, TRIALS, VARIED, Trial, Variant, unprinted
+from testbed.papers.xu2023.cases import METHODS, NEAR, READINGS, TRIALS, VARIED, Trial, Variant, unprinted
 from testbed.papers.xu2023.claims import decide, every, group, verdicts
 from testbed.papers.xu2023.measures import Interval, measure, reduction, rmse, stage_mask, true_modes
 from testbed.papers.xu2023.reference import CARD, COLUMNS, TABLE_2
@@ -33,6 +33,7 @@ from testbed.papers.xu2023.trials import (
     start,
     track,
 )  # fmt: skip
+from trackers.dra import ProcessNoise
 from trackers.dra.state import PLACE, VELOCITY, VERTICES, axes
 
 KEYS = [(t.case, v.name) for t in TRIALS for v in t.variants]
@@ -192,6 +193,13 @@ def test_the_table_s_own_figures_confirm_its_claims_and_rows_exist_for_all_of_th
     assert {group(v) for c, v in KEYS if c.startswith(VARIED)} == {
         "radar's course", "transition matrix", "first estimate"
     }  # fmt: skip
+
+
+def test_reading_s_takes_the_numbers_of_yaw_rate_and_vertices_as_standard_deviations():
+    assert READINGS["V"].ct == ProcessNoise(0.25, 1e-6, 1e-4)
+    assert READINGS["S"].ct.accel == 0.25
+    assert READINGS["S"].ct.yaw_rate == pytest.approx(1e-12)
+    assert READINGS["S"].ct.vertex == pytest.approx(1e-8)
 
 
 def test_the_card_s_rows_are_rows_of_the_reproduction_but_for_the_slow_ones():

@@ -1,7 +1,7 @@
-"""Detections of many objects as the update forms need them: flat, in canonical order, with their sensors beside.
+"""Detections of many objects as the update needs them: one row an object, sorted, with their sensors in groups.
 
-Everything that is expensive depends on the sensor and not on the detection, so detections of one sensor at one place
-with one noise share a look.
+The moments of the measurement depend on where the sensor is, how it moves, its noise, and whether it measured a range
+rate, but not on the detection. So detections that share these are a group, and the moments are worked out once a group.
 """
 
 from typing import NamedTuple
@@ -14,29 +14,25 @@ from trackers.linalg import outer
 from trackers.scan import Scan
 
 
-class Looks(NamedTuple):
-    """M detections of B objects by up to S looks; objects with more detections come first."""
+class FlatScan(NamedTuple):
+    """M detections of B objects in up to S groups; objects with more detections come first."""
 
     z: NDArray  # (B, M, 3) range [m], range rate [m/s], azimuth [rad]; 0 for padding and rates not measured
     xy: NDArray  # (B, M, 2) [m]
-    R_xy: NDArray  # (B, M, 2, 2) [m^2]
+    R_xy: NDArray  # (B, M, 2, 2) [m^2] covariance of xy
     n: NDArray  # (B,) > 0, falling; detections come before padding
-    look: NDArray  # (B, M) int < S
+    group: NDArray  # (B, M) int < S
     pose: NDArray  # (B, S, 3) of the sensor [m, m, rad]
-    velocity: NDArray  # (B, S, 2) [m/s]
+    velocity: NDArray  # (B, S, 2) of the sensor [m/s]
     R: NDArray  # (B, S, 3) variances of range, range rate, azimuth; 1 for a rate that is not measured
-    measured: NDArray  # (B, S) bool, has a range rate
-
-    def head(self, count: int) -> "Looks":
-        """The first objects."""
-        return Looks(*(field[:count] for field in self))
+    measured: NDArray  # (B, S) bool, whether the detections have a range rate
 
 
-def flatten(scan: Scan, noise: tuple[float, float, float]) -> tuple[NDArray, Looks]:
-    """Indices (B,) of the objects with detections among all, flat, and their looks.
+def flatten(scan: Scan, noise: tuple[float, float, float]) -> tuple[NDArray, FlatScan]:
+    """Indices (B,) of the objects with detections among all, in flat order, and their detections.
 
-    noise is the std of range, azimuth and range rate of detections that do not tell theirs. Detections are sorted, so
-    that those forms that depend on their order do not depend on the scan's.
+    noise is the std of range [m], azimuth [rad] and range rate [m/s] where the scan does not state it. Detections are
+    sorted, so that forms of the update that depend on their order do not depend on the scan's.
     """
     mask = scan.mask.reshape(-1, scan.mask.shape[-1])
     n = mask.sum(-1)
@@ -50,25 +46,25 @@ def flatten(scan: Scan, noise: tuple[float, float, float]) -> tuple[NDArray, Loo
     data = data[np.arange(len(data))[:, None], order]
     real = np.arange(M) < n[hit][:, None]
     data = np.where(real[..., None], data, data[:, :1])
-    return hit, _looks(data, n[hit], noise)
+    return hit, _grouped(data, n[hit], noise)
 
 
-def _looks(data: NDArray, n: NDArray, noise: tuple[float, float, float]) -> Looks:
+def _grouped(data: NDArray, n: NDArray, noise: tuple[float, float, float]) -> FlatScan:
     """From sorted rows (B, M, 11) of range, azimuth, rate, pose, velocity, noise; padding repeats the first."""
     polar, pose, velocity = data[..., :3], data[..., 3:6], data[..., 6:8]
     std = np.where(np.isnan(data[..., 8:]), noise, data[..., 8:])
     measured = np.isfinite(polar[..., 2])
-    look, first = _distinct(np.concatenate([pose, velocity, std, measured[..., None]], -1))
+    group, first = _distinct(np.concatenate([pose, velocity, std, measured[..., None]], -1))
 
-    def of_look(field: NDArray) -> NDArray:
+    def of_group(field: NDArray) -> NDArray:
         return field[np.arange(len(field))[:, None], first]
 
     z = np.stack([polar[..., 0], np.where(measured, polar[..., 2], 0.0), polar[..., 1]], -1)
-    R = of_look(std)[..., [0, 2, 1]] ** 2
-    has_rate = of_look(measured)
+    R = of_group(std)[..., [0, 2, 1]] ** 2
+    has_rate = of_group(measured)
     R[..., 1] = np.where(has_rate, R[..., 1], 1.0)
     xy, R_xy = _positions(polar, pose, std)
-    return Looks(z, xy, R_xy, n, look, of_look(pose), of_look(velocity), R, has_rate)
+    return FlatScan(z, xy, R_xy, n, group, of_group(pose), of_group(velocity), R, has_rate)
 
 
 def _positions(polar: NDArray, pose: NDArray, std: NDArray) -> tuple[NDArray, NDArray]:
@@ -92,8 +88,8 @@ def _distinct(rows: NDArray) -> tuple[NDArray, NDArray]:
     ordered = np.take_along_axis(name, order, -1)
     begins = np.diff(ordered, axis=-1, prepend=-1) != 0
     number = np.cumsum(begins, -1) - 1
-    look, first = np.zeros_like(name), np.zeros((len(name), int(number.max()) + 1), int)
-    np.put_along_axis(look, order, number, -1)
+    group, first = np.zeros_like(name), np.zeros((len(name), int(number.max()) + 1), int)
+    np.put_along_axis(group, order, number, -1)
     which = np.nonzero(begins)
     first[which[0], number[which]] = order[which]
-    return look, first
+    return group, first
