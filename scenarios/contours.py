@@ -12,7 +12,6 @@ its unit box. Proportions are drawn from the usual dimensions of each class (dri
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from difflib import get_close_matches
 from functools import cached_property
 from types import MappingProxyType
 
@@ -20,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.geometry import cross, to_world
+from trackers.lookup import look_up
 
 Half = tuple[tuple[float, float], ...]
 
@@ -206,9 +206,4 @@ CONTOURS = _table(
 
 def find(name: str) -> Contour:
     """The contour of that name; the error names the nearest one."""
-    try:
-        return CONTOURS[name]
-    except KeyError:
-        close = get_close_matches(name, CONTOURS, n=1)
-        hint = f"did you mean {close[0]!r}?" if close else f"known: {', '.join(CONTOURS)}"
-        raise LookupError(f"no contour {name!r}; {hint}") from None
+    return look_up(name, CONTOURS, "contour")

@@ -6,12 +6,13 @@ registering environments stay light. Users may pass a `Scenario` of their own wi
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from difflib import get_close_matches
 from importlib import import_module
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from trackers.lookup import look_up
 
 if TYPE_CHECKING:
     from scenarios.stage import World
@@ -192,9 +193,4 @@ SCENARIOS = MappingProxyType({s.name: s for s in (
 
 def find(name: str) -> Scenario:
     """The scenario of that name; the error names the nearest one."""
-    try:
-        return SCENARIOS[name]
-    except KeyError:
-        close = get_close_matches(name, SCENARIOS, n=1)
-        hint = f"did you mean {close[0]!r}?" if close else f"known: {', '.join(SCENARIOS)}"
-        raise LookupError(f"no scenario {name!r}; {hint}") from None
+    return look_up(name, SCENARIOS, "scenario")

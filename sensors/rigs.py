@@ -10,12 +10,12 @@ Mounts: bumpers at x = +-2.35 m, side radars at the corners of the body.
 """
 
 from dataclasses import replace
-from difflib import get_close_matches
 from types import MappingProxyType
 
 import numpy as np
 
 from sensors.radar import Radar, Sensor
+from trackers.lookup import look_up
 
 NOSE, FLANK = 2.35, 0.85  # [m] of the mounts from the centre of the car
 
@@ -79,9 +79,4 @@ RADARS = MappingProxyType({r.name: r for r in (
 
 def find(name: str) -> Radar:
     """The radar rig of that name."""
-    try:
-        return RADARS[name]
-    except KeyError:
-        close = get_close_matches(name, RADARS, n=1)
-        hint = f"did you mean {close[0]!r}?" if close else f"known: {', '.join(RADARS)}"
-        raise LookupError(f"no radar {name!r}; {hint}") from None
+    return look_up(name, RADARS, "radar")

@@ -16,8 +16,8 @@ PACKAGES = ("trackers", "sensors", "scenarios", "testbed")
 # Package -> what its modules may import besides themselves and the standard library; testbed may import everything.
 FLOORS = {
     "trackers": ("numpy", "scipy"),
-    "sensors": ("numpy", "trackers.geometry", "trackers.scan"),
-    "scenarios": ("numpy", "highway_env", "gymnasium", "sensors.scene", "trackers.geometry"),
+    "sensors": ("numpy", "trackers.geometry", "trackers.lookup", "trackers.scan"),
+    "scenarios": ("numpy", "highway_env", "gymnasium", "sensors.scene", "trackers.geometry", "trackers.lookup"),
 }
 # Library -> modules, or packages, that may import it.
 HOMES = {

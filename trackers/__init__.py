@@ -5,10 +5,11 @@ from trackers.multi.tracker import MultiObjectTracker
 from trackers.multi.tracks import Event, StepInfo, Tracks
 from trackers.protocols import Filter
 from trackers.random_matrix.feldmann import RandomMatrix
-from trackers.registry import TRACKERS, find
+from trackers.registry import DEFAULT, TRACKERS, find
 from trackers.scan import Scan, SensorModel
 
 __all__ = [
+    "DEFAULT",
     "TRACKERS",
     "Estimate",
     "Event",

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 from types import MappingProxyType
 from typing import Any
 
@@ -11,6 +10,7 @@ from trackers.htg.learned import HTGLearned
 from trackers.htg.map import HTGMap
 from trackers.htg.moment import HTGMoment
 from trackers.htg.online import HTGOnline
+from trackers.lookup import look_up
 from trackers.pmht import AdaptiveSpline, Learner, SplinePmht, Walk
 from trackers.protocols import Filter
 from trackers.random_matrix.adaptation import GaussNewton
@@ -80,6 +80,8 @@ TRACKERS: Mapping[str, Entry] = MappingProxyType(
     }
 )
 
+DEFAULT = "edra-imm"  # what commands and environments use where no tracker is named
+
 
 def find(name: str, **parameters: Any) -> Filter:
     """The filter of that name, with some parameters changed.
@@ -92,12 +94,7 @@ def find(name: str, **parameters: Any) -> Filter:
         TypeError: the filter has no such parameter.
 
     """
-    try:
-        filter = TRACKERS[name].filter
-    except KeyError:
-        close = get_close_matches(name, TRACKERS, n=1)
-        hint = f"did you mean {close[0]!r}?" if close else f"known: {', '.join(TRACKERS)}"
-        raise LookupError(f"no tracker {name!r}; {hint}") from None
+    filter = look_up(name, TRACKERS, "tracker").filter
     unknown = set(parameters) - set(filter.__dataclass_fields__)
     if unknown:
         raise TypeError(

@@ -1,11 +1,13 @@
 """Tables that people read: catalogues and the results of a run."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rich import box
 from rich.markup import escape
 from rich.table import Table
+
+from trackers.lookup import look_up
 
 ROWS = (  # key of the summary, label, digits
     ("objects_visible", "objects visible", 0),
@@ -42,7 +44,6 @@ DRIVE = (
     ("deceleration_max", "hardest braking [m/s^2]", 1),
     ("harsh_braking", "harsh brakings", 0),
 )
-CATALOGUES = ("scenarios", "trackers", "radars", "planners")
 
 
 def number(value: Any, digits: int) -> str:
@@ -79,35 +80,31 @@ def drive(result: Mapping[str, Any]) -> Table:
 
 def catalogues(what: str = "all") -> list[Table]:
     """Tables of the registries; raises LookupError for anything else."""
-    if what != "all" and what not in CATALOGUES:
-        raise LookupError(f"no catalogue {what!r}; known: {', '.join(CATALOGUES)}")
-    return [_catalogue(name) for name in CATALOGUES if what in ("all", name)]
+    found = entries()
+    chosen = found if what == "all" else {what: look_up(what, found, "catalogue")}
+    return [_catalogue(*item) for item in chosen.items()]
 
 
-def entries(name: str) -> list[tuple[str, str]]:
-    """Name and one line of each entry of a catalogue."""
-    if name == "scenarios":
-        from scenarios import SCENARIOS
-
-        return [(s.name, s.purpose) for s in SCENARIOS.values()]
-    if name == "trackers":
-        from trackers import TRACKERS
-
-        return [(t.name, t.source) for t in TRACKERS.values()]
-    if name == "radars":
-        from sensors import RADARS
-
-        return [(r.name, r.note) for r in RADARS.values()]
+def entries() -> dict[str, list[tuple[str, str]]]:
+    """Name and one line of each entry, by catalogue."""
+    from scenarios import SCENARIOS
+    from sensors import RADARS
     from testbed.planners import PLANNERS
+    from trackers import TRACKERS
 
-    return [(p.name, p.note) for p in PLANNERS.values()]
+    return {
+        "scenarios": [(s.name, s.purpose) for s in SCENARIOS.values()],
+        "trackers": [(t.name, t.source) for t in TRACKERS.values()],
+        "radars": [(r.name, r.note) for r in RADARS.values()],
+        "planners": [(p.name, p.note) for p in PLANNERS.values()],
+    }
 
 
-def _catalogue(name: str) -> Table:
-    table = light_table(name)
+def _catalogue(title: str, rows: Sequence[tuple[str, str]]) -> Table:
+    table = light_table(title)
     table.add_column("name", style="bold", no_wrap=True)
     table.add_column("what")
-    for row in entries(name):
+    for row in rows:
         table.add_row(*map(escape, row))
     return table
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from difflib import get_close_matches
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
@@ -15,6 +14,7 @@ from testbed.papers.verdict import Progress, Report, Stopped
 from testbed.papers.xia2020 import experiment as xia2020
 from testbed.papers.xu2023 import experiment as xu2023
 from testbed.papers.yao2021 import experiment as yao2021
+from trackers.lookup import look_up
 
 
 @dataclass(frozen=True)
@@ -70,12 +70,7 @@ class Reproduction(NamedTuple):
 
 def find(name: str) -> Paper:
     """The paper of that name; raises LookupError with the nearest one otherwise."""
-    try:
-        return PAPERS[name]
-    except KeyError:
-        close = get_close_matches(name, PAPERS, n=1)
-        hint = f"did you mean {close[0]!r}?" if close else f"known: {', '.join(PAPERS)}"
-        raise LookupError(f"no paper {name!r}; {hint}") from None
+    return look_up(name, PAPERS, "paper")
 
 
 def check(name: str, runs: int, seed: int, out: Path) -> None:

@@ -5,7 +5,6 @@ A planner never remembers: the same belief gives the same action.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from difflib import get_close_matches
 from types import MappingProxyType
 from typing import Any, Protocol
 
@@ -15,6 +14,7 @@ from highway_env.envs.common.action import DiscreteMetaAction
 from numpy.typing import NDArray
 
 from testbed.planners.idm import Drive, IdmPlanner
+from trackers.lookup import look_up
 
 
 class Planner(Protocol):
@@ -79,9 +79,4 @@ def find(name: str) -> Planner:
         LookupError: no such planner; the nearest name is suggested.
 
     """
-    try:
-        return PLANNERS[name]
-    except KeyError:
-        close = get_close_matches(name, PLANNERS, n=1)
-        hint = f"did you mean {close[0]!r}?" if close else f"known: {', '.join(PLANNERS)}"
-        raise LookupError(f"no planner {name!r}; {hint}") from None
+    return look_up(name, PLANNERS, "planner")

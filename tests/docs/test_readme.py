@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from testbed.command_line.tables import CATALOGUES, entries
+from testbed.command_line.tables import entries
 
 README = Path(__file__).parents[2] / "README.md"
 
@@ -15,8 +15,8 @@ README = Path(__file__).parents[2] / "README.md"
 def catalogue() -> str:
     """The README's catalogue as the registries have it."""
     parts = []
-    for name in CATALOGUES:
-        rows = "\n".join(f"| `{entry}` | {what} |" for entry, what in entries(name))
+    for name, found in entries().items():
+        rows = "\n".join(f"| `{entry}` | {what} |" for entry, what in found)
         parts.append(f"**{name.capitalize()}**\n\n| name | what |\n|---|---|\n{rows}\n")
     return "\n".join(parts)
 

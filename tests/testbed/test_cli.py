@@ -117,6 +117,7 @@ def test_a_disk_that_fills_up_is_one_sentence_and_does_not_hang(tmp_path):
         (["run", "cut-in", "--sed", "1"], ["--sed", "testbed run --help"]),
         (["fly"], ["'fly'", "--help"]),
         (["list", "sensors"], ["catalogue 'sensors'", "radars"]),
+        (["list", "traker"], ["catalogue 'traker'", "did you mean 'trackers'"]),
         (["review", "nowhere.rrd"], ["nowhere.rrd", "testbed run"]),
         (["review", "FILE"], ["is not a review log", ".rrd"]),
         (["review", "FILE", "--at", "3"], ["FILE"]),
@@ -135,15 +136,15 @@ def test_a_wrong_command_line_is_one_sentence(tmp_path, args, parts):
     assert [p.name for p in tmp_path.iterdir()] == ["FILE"]
 
 
-@pytest.mark.parametrize("what", [None, *tables.CATALOGUES])
+@pytest.mark.parametrize("what", [None, *tables.entries()])
 def test_catalogues_name_every_entry_within_80_columns(what):
     done = call("list", *([what] if what else []))
     assert done.returncode == 0
     lines = done.stdout.splitlines()
     assert max(map(len, lines)) <= 80
     first_words = {line.split()[0] for line in lines if line.split()}
-    for name in tables.CATALOGUES:
-        listed = {entry for entry, _ in tables.entries(name)} <= first_words
+    for name, entries in tables.entries().items():
+        listed = {entry for entry, _ in entries} <= first_words
         assert listed == (what in (None, name))
 
 
