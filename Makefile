@@ -32,30 +32,30 @@ reproduce: $(STAMP)
 	for paper in hoher2022 xia2020 xia2020-learned xu2023 yao2021; do \
 		$(BIN)/testbed reproduce $$paper --runs 100 --out runs/reproduce || test $$? -eq 1 || exit; \
 	done
-	$(BIN)/python -m testbed.studies.comparison.committed
+	$(BIN)/python -m testbed.studies verdicts
 
 comparison: $(STAMP)  # an hour on two idle cores; the same command goes on where it was interrupted
 	$(BIN)/testbed compare all --seeds 0:8 --duration 6 --jobs -1 --reference rm-feldmann --out runs/comparison
-	$(BIN)/python -m testbed.studies.comparison.publish runs/comparison --reference rm-feldmann
+	$(BIN)/python -m testbed.studies publish runs/comparison --reference rm-feldmann
 	$(MAKE) comparison-page
 
 comparison-page: $(STAMP)  # docs/comparison.md from the committed results
-	$(BIN)/python -m testbed.studies.comparison.page
+	$(BIN)/python -m testbed.studies comparison --docs docs
 
 family: $(STAMP)  # half an hour or more; OPTIONS="--seed 0 --seed 1" for more
-	$(BIN)/python -m testbed.studies.closed_loop.page --docs docs $(OPTIONS)
+	$(BIN)/python -m testbed.studies closed-loop --docs docs $(OPTIONS)
 
 modes: $(STAMP)  # two minutes
-	$(BIN)/python -m testbed.studies.modes.page --docs docs
+	$(BIN)/python -m testbed.studies modes --docs docs
 
 partial-view: $(STAMP)  # eight minutes
-	$(BIN)/python -m testbed.studies.partial_view.page --docs docs
+	$(BIN)/python -m testbed.studies partial-view --docs docs
 
 contours: $(STAMP)  # twelve minutes
-	$(BIN)/python -m testbed.studies.contours.page --docs docs
+	$(BIN)/python -m testbed.studies contours --docs docs
 
 learning-docs: $(STAMP)  # DATA is the folder with objects.npz of the real extract
-	$(BIN)/python -m testbed.studies.htg_tables.page $(DATA)
+	$(BIN)/python -m testbed.studies htg-tables $(DATA) --docs docs
 
 $(STAMP): pyproject.toml constraints.txt
 	$(PYTHON) -c "import sys; v = sys.version_info; sys.exit(0 if v >= (3, 11) else f'Python >= 3.11 is needed, $(PYTHON) is {v[0]}.{v[1]}; call make PYTHON=python3.11')"

@@ -30,6 +30,7 @@ HOMES = {
     "gymnasium": ("scenarios.highway", "scenarios.adapter", "testbed"),
     "rerun": ("testbed.log",),
 }
+LEAVES = ("testbed.studies",)  # packages that nothing else may import: they only make pages of the documentation
 FIGURES = re.compile(r"^testbed\.(?:\w+\.)*\w*figures?\w*$")  # modules that may draw with matplotlib
 CATCHES_ALL = {"testbed.compare.runs.tasks"}  # one failed run of thousands is reported, and must not stop the others
 SEEDED = {"Generator", "SeedSequence", "BitGenerator", "PCG64", "default_rng"}
@@ -81,6 +82,8 @@ def import_faults(module: str, tree: ast.AST) -> Iterator[str]:
             yield f"{module} imports {name}; {package} may import {', '.join(FLOORS[package])}"
         if library in HOMES and not within(module, HOMES[library]):
             yield f"{module} imports {library}, which belongs in {', '.join(HOMES[library])}"
+        if within(name, LEAVES) and not within(module, LEAVES):
+            yield f"{module} imports {name}, which only makes pages; move what is shared below it"
         if library == "matplotlib" and not FIGURES.match(module):
             yield f"{module} imports matplotlib; figures are drawn in modules named so"
         if library == "random":
@@ -185,6 +188,8 @@ def test_no_file_names_a_package_registry_or_a_path_of_one_machine():
         ("testbed.evaluation.metrics", "import rerun as rr"),
         ("testbed.evaluation.metrics", "import matplotlib.pyplot as plt"),
         ("testbed.evaluation.metrics", "import random"),
+        ("testbed.papers.verdict", "from testbed.studies.page import frame"),
+        ("testbed.cli", "from testbed import studies"),
         ("testbed.evaluation.metrics", "import numpy as np\nnp.random.seed(0)"),
         ("testbed.evaluation.metrics", "import numpy as np\nx = np.random.rand(3)"),
         ("testbed.evaluation.metrics", "import numpy as np\nrng = np.random.default_rng()"),
@@ -205,6 +210,7 @@ def test_an_offending_module_is_caught(module, source):
         ("scenarios.highway", "import gymnasium\nfrom highway_env import utils\nfrom sensors.scene import Scene"),
         ("testbed.log.writer", "import rerun as rr"),
         ("testbed.papers.figures", "import matplotlib.pyplot as plt"),
+        ("testbed.studies.modes.page", "from testbed.studies.page import frame"),
         ("testbed.run", "import numpy as np\nrng = np.random.default_rng(3)\ntry:\n    f()\nexcept OSError:\n    pass"),
     ],
 )

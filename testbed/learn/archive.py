@@ -41,7 +41,10 @@ def open_arrays(file: Path) -> dict[str, NDArray]:
 
 
 def detection_arrays(file: Path) -> dict[str, NDArray]:
-    """The arrays of a file in the documented layout, sound and of the same length; else ValueError, one sentence."""
+    """The arrays of a file in the documented layout.
+
+    Raises ValueError, in one sentence, where they are not valid or not of the same length.
+    """
     arrays = open_arrays(file)
     wanted = LAYOUTS[0] if "u" in arrays else LAYOUTS[1]
     layouts = "; or ".join(", ".join(names) for names in LAYOUTS)

@@ -9,34 +9,28 @@ v = 2 lat / width.
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-import typer
 from numpy.typing import NDArray
 from rich import box
-from rich.console import Console
 from rich.table import Table
 
 import sensors
 from scenarios.contours import CONTOURS
 from sensors.radar import Radar
 from sensors.scene import Scene, boxes_scene
-from testbed.files import write_json
 from trackers.geometry import to_frame, wrap_angle
 
-DATA = Path(__file__).resolve().parents[3] / "shared" / "data" / "astyx_hires2019_extract"
+EXTRACT = "astyx_hires2019_extract"  # folder of the real detections, in a folder `data` beside the project
+DATA = next(Path(__file__).resolve().parents[3].glob(f"*/data/{EXTRACT}"), Path("data") / EXTRACT)
 BANDS = ((0.0, 15.0), (15.0, 30.0), (30.0, 50.0), (50.0, 80.0), (80.0, 120.0))  # [m] range of the centre
-ASPECTS = ("front", "diagonal front", "side", "diagonal rear", "rear")  # what the car shows the radar
+ASPECTS = ("front", "diagonal front", "side", "diagonal rear", "rear")  # of the car, turned to the radar
 ASPECT_LIMITS = np.radians([22.5, 67.5, 112.5, 157.5])
 GROWN = 1.2  # times the box: detections within it belong to the car
 NEAR, FAR = 0.2, 0.4  # [m] bands about the outline
 SEED = 0
 
-NOTE = (
-    "Detections of real cars (Meyer and Kuschk, EuRAD 2019) beside those that the radar `imaging` makes of the same "
-    "cars, pose by pose: real/simulated. Fitted and compared on the same cars; `testbed calibrate` shows it."
-)
 NAMES = ("facing", "near", "far", "deep", "outside", "u", "v", "median", "mean", "std")
 TITLES = (
     "facing half",
@@ -67,7 +61,7 @@ class Cars(NamedTuple):
 
     @property
     def aspect(self) -> NDArray:
-        """Index (N,) into ASPECTS: the side of the car that the radar looks at."""
+        """Index (N,) into ASPECTS: the side of the car that faces the radar."""
         bearing = wrap_angle(np.arctan2(-self.pose[:, 1], -self.pose[:, 0]) - self.pose[:, 2])
         return np.searchsorted(ASPECT_LIMITS, np.abs(bearing))
 
@@ -156,23 +150,3 @@ def _table(title: str, rows: dict[str, NDArray], columns: dict[str, tuple[dict, 
         d = 0 if key in ("median", "mean", "std") else 2
         table.add_row(label, *(f"{a[key]:.{d}f}/{b[key]:.{d}f}" for a, b in columns.values()))
     return table
-
-
-def plain(table: Table) -> dict[str, Any]:
-    """Title, heads and rows of a table as JSON takes them."""
-    columns = [list(column.cells) for column in table.columns]
-    heads = [str(column.header) for column in table.columns]
-    return {"title": str(table.title), "heads": heads, "rows": [list(map(str, row)) for row in zip(*columns)]}
-
-
-def main(
-    out: Annotated[Path, typer.Argument(help="The JSON file.")] = Path("docs/results/calibration.json"),
-) -> None:
-    """Write the comparison of `imaging` with the real cars, for the page that shows it."""
-    tables = report()
-    write_json(out, {"note": NOTE, "tables": [plain(table) for table in tables]})
-    Console().print(f"results  {out}", soft_wrap=True)
-
-
-if __name__ == "__main__":
-    typer.run(main)

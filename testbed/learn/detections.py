@@ -40,13 +40,13 @@ NEAREST = 3.0  # [m] between sensor and the circle about a vehicle
 WITHIN = 0.9  # share of the field of view that centres are drawn from
 
 
-class Detections(NamedTuple):
+class TrainingDetections(NamedTuple):
     """N detections of vehicles whose boxes are known."""
 
     u: NDArray  # (N, 2) unit coordinates
     aspect: NDArray  # (N,) [rad] at which its sensor sees the vehicle
     noise: NDArray | None  # (N, 2, 2) known sensor noise in unit coordinates; None: not known
-    look: NDArray  # (N,) int, the scan it belongs to; detections of one look are not independent
+    scan: NDArray  # (N,) int, the scan it belongs to; detections of one scan are not independent
     source: str  # where they come from, one line
     size: NDArray | None = None  # (N, 2) [m] length and width of the vehicle of each; None: not known
 
@@ -94,7 +94,7 @@ def check_sampler(count: int, seed: int) -> None:
 
 def read(
     data: str, count: int = 60000, seed: int = 0, progress: Progress = lambda done, total, what: None
-) -> Detections:
+) -> TrainingDetections:
     """The detections that a data source stands for; `count` and `seed` are those of the sampler."""
     name, kind = split_kind(data)
     if name.startswith("sampler:"):
@@ -142,32 +142,32 @@ def sample(
     rng: np.random.Generator,
     progress: Progress = lambda done, total, what: None,
     table: dict[str, tuple[Make, ...]] = MAKES,
-) -> Detections:
-    """At least `count` detections of lone vehicles, each look by a radar of the rig drawn at random.
+) -> TrainingDetections:
+    """At least `count` detections of lone vehicles, each scan by a radar of the rig drawn at random.
 
     `table` has the makes of each kind.
     """
-    parts, got, look = [], 0, 0
+    parts, got, scans = [], 0, 0
     what = f"{radar.name} on {kind}s"
-    for seen in looks(radar, kind, rng, table):
-        if len(seen.u):
-            parts.append(seen._replace(look=np.full(len(seen.u), look)))
-        got, look = got + len(seen.u), look + 1
-        if look % 50 == 0 or got >= count:
+    for detections in lone_vehicle_scans(radar, kind, rng, table):
+        if len(detections.u):
+            parts.append(detections._replace(scan=np.full(len(detections.u), scans)))
+        got, scans = got + len(detections.u), scans + 1
+        if scans % 50 == 0 or got >= count:
             progress(min(got, count), count, what)
         if got >= count:
             break
-        if look == 200 and got == 0:
-            raise ValueError(f"radar {radar.name} did not detect a single {kind} in 200 looks; it cannot be learned")
+        if scans == 200 and got == 0:
+            raise ValueError(f"radar {radar.name} did not detect a single {kind} in 200 scans; it cannot be learned")
     u, aspect, noise, index, size = (np.concatenate(column) for column in zip(*((*p[:4], p.size) for p in parts)))
-    source = f"training sampler: {radar.name}, {kind}s, {look} looks, ranges up to {FARTHEST:g} m"
-    return Detections(u, aspect, noise, index, source, size)
+    source = f"training sampler: {radar.name}, {kind}s, {scans} scans, ranges up to {FARTHEST:g} m"
+    return TrainingDetections(u, aspect, noise, index, source, size)
 
 
-def looks(
+def lone_vehicle_scans(
     radar: Radar, kind: str, rng: np.random.Generator, table: dict[str, tuple[Make, ...]] = MAKES
-) -> Iterator[Detections]:
-    """One look after the other at a lone vehicle, without end; false alarms are left out."""
+) -> Iterator[TrainingDetections]:
+    """One scan of a lone vehicle after the other, without end; false alarms are left out."""
     alone = [replace(radar, sensors=(replace(sensor, mount=(0.0, 0.0, 0.0), clutter=0.0),)) for sensor in radar.sensors]
     makes = table[kind]
     while True:
@@ -184,7 +184,7 @@ def looks(
         own = origin.object == 0
         n = int(own.sum())
         heading, sizes = np.full(n, pose[2]), np.tile(size, (n, 1))
-        yield Detections(
+        yield TrainingDetections(
             unit_coordinates(scan.xy[own], np.tile(pose, (n, 1)), sizes),
             np.full(n, aspect),
             unit_noise(scan.position_noise()[own], heading, sizes),
@@ -214,7 +214,7 @@ def lone_vehicle(contour: str, pose: NDArray, size: NDArray) -> Scene:
 # -- files ------------------------------------------------------------------------------------------------------------
 
 
-def read_extract(folder: Path, kind: str) -> Detections:
+def read_extract(folder: Path, kind: str) -> TrainingDetections:
     """Real detections within 1.2 times the box of annotated vehicles; y mirrored into our frame, noise unknown."""
     file = folder / "objects.npz"
     if not file.is_file():
@@ -233,10 +233,12 @@ def read_extract(folder: Path, kind: str) -> Detections:
     aspect = aspect_angle(pose[:, :2], pose[:, 2], np.zeros(2))[row]
     labels = " and ".join(LABELS[kind])
     source = f"Astyx HiRes2019, {labels}, {int(wanted.sum())} boxes grown {GROWN:g} times; CC BY-NC-SA 4.0"
-    return Detections(u[keep], aspect[keep], None, objects["frame"][row[keep]].astype(int), source, size[row[keep]])
+    return TrainingDetections(
+        u[keep], aspect[keep], None, objects["frame"][row[keep]].astype(int), source, size[row[keep]]
+    )
 
 
-def read_npz(file: Path, kind: str) -> Detections:
+def read_npz(file: Path, kind: str) -> TrainingDetections:
     """Detections from an .npz file in the layout of docs/learning.md, never unpickled.
 
     Raises ValueError, in one sentence, for a file that is in no such layout.
@@ -257,7 +259,7 @@ def read_npz(file: Path, kind: str) -> Detections:
     return got
 
 
-def _from_arrays(arrays: dict[str, NDArray], source: str) -> Detections:
+def _from_arrays(arrays: dict[str, NDArray], source: str) -> TrainingDetections:
     noise = arrays.get("noise")
     if "u" in arrays:
         u, aspect = arrays["u"].astype(float), arrays["aspect"].astype(float)
@@ -266,10 +268,10 @@ def _from_arrays(arrays: dict[str, NDArray], source: str) -> Detections:
         u = unit_coordinates(arrays["xy"].astype(float), pose, size)
         aspect = aspect_angle(pose[:, :2], pose[:, 2], arrays["sensor"].astype(float))
         noise = None if noise is None else unit_noise(noise, pose[:, 2], size)
-    return Detections(u, aspect, noise, arrays.get("look", np.arange(len(u))), source, arrays.get("size"))
+    return TrainingDetections(u, aspect, noise, arrays.get("look", np.arange(len(u))), source, arrays.get("size"))
 
 
-def read_recording(file: Path, kind: str) -> Detections:
+def read_recording(file: Path, kind: str) -> TrainingDetections:
     """True detections of the vehicles in a review log; the noise is that of the rig that was recorded."""
     readable(file)
     got = read_detections(file)
@@ -282,6 +284,6 @@ def read_recording(file: Path, kind: str) -> Detections:
     noise = Scan.from_xy(xy, pose=place, noise=sigmas[sensor]).position_noise()
     aspect = aspect_angle(pose[:, :2], pose[:, 2], place[:, :2])
     source = f"recording {file.name}, {kind}s"
-    return Detections(
+    return TrainingDetections(
         unit_coordinates(xy, pose, size), aspect, unit_noise(noise, pose[:, 2], size), got.step[keep], source, size
     )

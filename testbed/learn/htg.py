@@ -1,7 +1,7 @@
 """`testbed learn-htg`: from detections to a table of hierarchical truncated Gaussians, with its provenance.
 
-The JSON is read by `trackers.htg.bins.load`; what no filter needs, where the numbers come from and how far to trust
-them, stands under `provenance`.
+The JSON is read by `trackers.htg.bins.load`; where the numbers come from, and cautions about them, stand under
+`provenance`, which no filter reads.
 """
 
 import os
@@ -18,7 +18,7 @@ from rich.table import Table
 
 from testbed.command_line.tables import light_table
 from testbed.files import make_directory, write_json
-from testbed.learn.detections import Detections, Progress, check_sampler, read
+from testbed.learn.detections import Progress, TrainingDetections, check_sampler, read
 from trackers.htg import bins as tables
 from trackers.htg.bins import HTGTable
 from trackers.htg.density import log_mass
@@ -67,15 +67,15 @@ class LearnConfig:
         return shlex.join(words)
 
 
-class Learned(NamedTuple):
+class LearnedTable(NamedTuple):
     """A learned table, what it was learned from, and where it was written."""
 
     fit: TableFit
-    detections: Detections
+    detections: TrainingDetections
     path: Path
 
 
-def learn(config: LearnConfig, out: str | Path, progress: Progress = lambda done, total, what: None) -> Learned:
+def learn(config: LearnConfig, out: str | Path, progress: Progress = lambda done, total, what: None) -> LearnedTable:
     """Read the detections, fit one density an aspect bin, write the table to `out` (.json).
 
     Raises ValueError or LookupError, in one sentence, for data that cannot be read or are too few.
@@ -87,7 +87,7 @@ def learn(config: LearnConfig, out: str | Path, progress: Progress = lambda done
         raise ValueError(f"data: {config.data} has no detection of that class; choose :car or :truck")
     fit = learn_table(detections, config, path.stem, progress)
     write_json(path, tables.as_json(fit.table, provenance(config, detections, fit, path)))
-    return Learned(fit, detections, path)
+    return LearnedTable(fit, detections, path)
 
 
 def check_out(path: Path) -> None:
@@ -102,7 +102,7 @@ def check_out(path: Path) -> None:
 
 
 def learn_table(
-    detections: Detections, config: LearnConfig, name: str = "unnamed", progress: Progress = lambda *_: None
+    detections: TrainingDetections, config: LearnConfig, name: str = "unnamed", progress: Progress = lambda *_: None
 ) -> TableFit:
     """The table of some detections, with the mean size of the vehicles where that is known."""
     fit = fit_table(
@@ -122,14 +122,14 @@ def learn_table(
     return fit._replace(table=replace(fit.table, size=(length, width)))
 
 
-def provenance(config: LearnConfig, detections: Detections, fit: TableFit, out: Path) -> dict[str, Any]:
+def provenance(config: LearnConfig, detections: TrainingDetections, fit: TableFit, out: Path) -> dict[str, Any]:
     """Where the numbers of a table come from, as flat JSON."""
     return {
         "command": config.command(out),
         "data": detections.source,
         "noise": "part of r" if detections.noise is None else "data sheet taken out of r",
         "detections": len(detections.u),
-        "looks": len(np.unique(detections.look)),
+        "looks": len(np.unique(detections.scan)),
         "counts": fit.counts.tolist(),
         "log_likelihood": [round(float(x), 4) for x in fit.log_likelihood],
         "mass": [float(f"{x:.3g}") for x in masses(fit.table)],
@@ -144,8 +144,8 @@ def masses(table: HTGTable) -> Sequence[float]:
     return np.exp(log_mass(table.p)).tolist()
 
 
-def report(learned: Learned) -> list[Table | str]:
-    """What was found, within 80 columns: one row a bin, and below it in words how far to trust it."""
+def report(learned: LearnedTable) -> list[Table | str]:
+    """What was found, within 80 columns: one row a bin, and below it the cautions."""
     fit, source = learned.fit, learned.detections.source
     grid = light_table(learned.path.stem)
     grid.padding, grid.pad_edge = (0, 0), False
@@ -175,7 +175,7 @@ def report(learned: Learned) -> list[Table | str]:
 
 
 def cautions(fit: TableFit) -> list[str]:
-    """Warnings in words, each with the aspects [deg] of the bins that it is about, and what to do."""
+    """Warnings in words, each with the aspects [deg] of the bins that it is about, and advice."""
     where: dict[str, list[str]] = {}
     for middle, warnings in zip(np.rad2deg(fit.table.centres), fit.warnings, strict=True):
         for text in warnings:

@@ -15,7 +15,7 @@ from rich.table import Table
 
 from testbed.command_line.tables import light_table
 from testbed.files import write_json
-from testbed.learn.detections import Detections, Progress, check_sampler, read
+from testbed.learn.detections import Progress, TrainingDetections, check_sampler, read
 from testbed.learn.htg import PACKAGES, check_out
 from trackers.pmht import model as models
 from trackers.pmht.model import SplineModel
@@ -56,7 +56,7 @@ class LearnedModel(NamedTuple):
 
     model: SplineModel
     learned: Learned
-    detections: Detections
+    detections: TrainingDetections
     path: Path
 
 
@@ -79,7 +79,7 @@ def learn(config: SplineConfig, out: str | Path, progress: Progress = lambda don
 
 
 def fit(
-    detections: Detections, options: Offline, name: str = "unnamed", progress: Progress = lambda *_: None
+    detections: TrainingDetections, options: Offline, name: str = "unnamed", progress: Progress = lambda *_: None
 ) -> tuple[SplineModel, Learned]:
     """The model of some detections."""
     size = np.array([4.6, 1.86]) if detections.size is None else detections.size.mean(0)
@@ -90,14 +90,14 @@ def fit(
     return SplineModel.of(name, *learned.contour, (length, width), round(learned.interior, 4)), learned
 
 
-def provenance(config: SplineConfig, detections: Detections, learned: Learned, out: Path) -> dict[str, Any]:
+def provenance(config: SplineConfig, detections: TrainingDetections, learned: Learned, out: Path) -> dict[str, Any]:
     """Where the numbers of a model come from, as flat JSON."""
     return {
         "command": config.command(out),
         "data": detections.source,
         "noise": "part of the spread" if detections.noise is None else "data sheet taken out of the spread",
         "detections": len(detections.u),
-        "looks": len(np.unique(detections.look)),
+        "looks": len(np.unique(detections.scan)),
         "counts": [round(float(c)) for c in learned.counts],
         "log_likelihood": round(float(learned.log_likelihood[-1]), 4),
         "options": asdict(config.options),
@@ -106,7 +106,7 @@ def provenance(config: SplineConfig, detections: Detections, learned: Learned, o
 
 
 def report(learned: LearnedModel) -> list[Table | str]:
-    """What was found: one row an ellipse, and below it in words how far to trust it."""
+    """What was found: one row an ellipse, and below it the cautions."""
     grid = light_table(learned.path.stem)
     for title in ("ellipse", "detections", "x m", "y m", "std along m", "std across m"):
         grid.add_column(title, justify="right", no_wrap=True)

@@ -1,8 +1,8 @@
 """Length errors against the visible share of a vehicle, to show whether tracks shrink to what is seen.
 
-Only vehicles that count for `Evaluator` are taken, at every look of the radar. A track whose box is too far from the
-vehicle's, 5 m in Gaussian Wasserstein distance, is not assigned to it: then there is no error, but a look without a
-track that fits. Errors and the share of looks with a track have to be read together.
+Only vehicles that count for `Evaluator` are taken, in every frame. A track whose box is too far from the vehicle's, 5 m
+in Gaussian Wasserstein distance, is not assigned to it: such a frame gives no error, but lowers the share of frames
+with a track that fits. So the errors and that share have to be read together.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,11 +19,11 @@ from testbed.evaluation.tracking import Evaluator
 from testbed.frame import Outputs
 from trackers.scan import Scan
 
-FEWEST = 30  # looks with a track that an average needs
+FEWEST = 30  # frames with a track that an average needs
 
 
-class Looks(NamedTuple):
-    """n vehicles, each at one look, and what one tracker made of them."""
+class LengthSamples(NamedTuple):
+    """n vehicles, each in one frame, and the length that one tracker estimates."""
 
     visible: NDArray  # (n,) share of the outline facing the sensors that others do not hide
     length: NDArray  # (n,) [m]
@@ -35,8 +35,8 @@ class Profile(NamedTuple):
 
     mean: NDArray  # [m]
     rms: NDArray  # [m]
-    held: NDArray  # share of looks with a track that fits
-    looks: NDArray  # int
+    held: NDArray  # share of frames with a track that fits
+    frames: NDArray  # int
 
 
 class LengthErrors:
@@ -49,7 +49,7 @@ class LengthErrors:
     def __call__(
         self, step: int, time: float, scene: Scene, scan: Scan, origin: Origin, outputs: Outputs, *drive: object
     ) -> None:
-        """Take in one look."""
+        """Add one frame."""
         objects = scene.objects
         for name, evaluator in self._evaluators.items():
             score = evaluator.step(time, scene, origin, outputs[name][0])
@@ -58,30 +58,30 @@ class LengthErrors:
             self._rows[name].append(np.stack([origin.visible[counted], objects.size[counted, 0], error], -1))
 
     @property
-    def looks(self) -> dict[str, Looks]:
-        """Everything so far, by tracker."""
-        return {name: Looks(*np.concatenate(rows).T) for name, rows in self._rows.items()}
+    def samples(self) -> dict[str, LengthSamples]:
+        """All frames so far, by tracker."""
+        return {name: LengthSamples(*np.concatenate(rows).T) for name, rows in self._rows.items()}
 
 
-def joined(runs: Sequence[Mapping[str, Looks]]) -> dict[str, Looks]:
-    """The looks of several runs with the same trackers."""
-    return {name: Looks(*np.concatenate([run[name] for run in runs], -1)) for name in runs[0]}
+def joined(runs: Sequence[Mapping[str, LengthSamples]]) -> dict[str, LengthSamples]:
+    """The samples of several runs with the same trackers."""
+    return {name: LengthSamples(*np.concatenate([run[name] for run in runs], -1)) for name in runs[0]}
 
 
-def profile(looks: Looks) -> Profile:
+def profile(samples: LengthSamples) -> Profile:
     """Averages by visible share."""
-    bins = np.searchsorted(EDGES, looks.visible)
-    held = np.isfinite(looks.error)
+    bins = np.searchsorted(EDGES, samples.visible)
+    held = np.isfinite(samples.error)
     rows = []
     for k in range(len(LABELS)):
-        error, seen = looks.error[held & (bins == k)], int((bins == k).sum())
+        error, frames = samples.error[held & (bins == k)], int((bins == k).sum())
         enough = len(error) >= FEWEST
         rows.append(
             (
                 error.mean() if enough else np.nan,
                 rmse(error) if enough else np.nan,
-                len(error) / seen if seen >= FEWEST else np.nan,
-                seen,
+                len(error) / frames if frames >= FEWEST else np.nan,
+                frames,
             )
         )
     mean, rms, share, count = np.array(rows).T

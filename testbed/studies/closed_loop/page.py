@@ -1,12 +1,9 @@
 """Trackers side by side in closed loop: the page docs/closed-loop.md, its tables and its figure.
 
-Made by `make family` or `python -m testbed.studies.closed_loop.page`. The planner uses the first tracker; all get the
-same detections.
+The planner uses the first tracker; all get the same detections.
 """
 
 import json
-import shlex
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -22,11 +19,12 @@ from testbed.command_line.tables import number
 from testbed.command_line.terminal import user_input
 from testbed.evaluation.metrics import CUTOFF, mean
 from testbed.evaluation.recorder import run_id
-from testbed.files import atomic_file, make_directory, write_atomic
+from testbed.files import atomic_file
 from testbed.log.text import markdown_table
 from testbed.run import RunConfig, check, run
 from testbed.studies.closed_loop.figure import draw
-from testbed.studies.closed_loop.length_errors import FEWEST, LengthErrors, Looks, joined
+from testbed.studies.closed_loop.length_errors import FEWEST, LengthErrors, LengthSamples, joined
+from testbed.studies.page import DOCS, Docs, Page, command_line
 
 TRACKERS = (
     "htg-map", "htg-mm", "htg-rm", "htg-rm-learned", "rm-feldmann", "rm-surface", "rm-vmm",
@@ -50,10 +48,8 @@ TOTALS = ("lost", "switches", "jumps")
 
 PAGE = """# Trackers in closed loop
 
-Written by `{command}` on {date}; do not edit it by hand.
-
 {runs} runs, {seconds:.0f} simulated seconds: every tracker got the same detections of the radar `{radar}`, and
-`{driver}` drove the planner `{planner}`. Collisions of the ego in all runs: {collisions}.
+the planner `{planner}` used the tracks of `{first}`. Collisions of the ego in all runs: {collisions}.
 
 Versions: {versions}.
 
@@ -61,7 +57,7 @@ Versions: {versions}.
 
 [results.md](results.md) defines the columns; position, velocity and length are root mean square errors. A consistent
 filter has a NEES of 2. Lost tracks, switches and jumps are totals. The cost is that of the whole multi-object tracker:
-wall time [ms] of one look, and wall time [us] for each track that got a detection in it. The trackers took turns in one
+wall time [ms] of one scan, and wall time [us] for each track that got a detection in it. The trackers took turns in one
 process, which had {cpu:.0f} % of a core: busy machines show higher costs.
 
 {table}
@@ -75,43 +71,44 @@ c = {cutoff:g} m, over the rooted Gaussian Wasserstein distance; smaller is bett
 ## Length error against the visible share
 
 Visible is the share of the outline facing the sensors that other vehicles do not hide; the far side of a vehicle never
-counts. A vehicle is in it while the radar could see it within the last second, so "hidden" is that second. The error is
-estimated minus true length, of looks in which a track was near enough to the vehicle to be assigned to it. A track that
-is far too short is not, hence the lowest panels: the fewer looks have a track, the more the errors flatter it. Points
-that would stand on fewer than {fewest} looks are left out.
+counts. A vehicle counts while the radar could see it within the last second, so "hidden" is that second. The error is
+estimated minus true length, of frames in which a track was near enough to the vehicle to be assigned to it. A track
+that is far too short is not, hence the lowest panels: the fewer frames have a track, the more the errors flatter it.
+Points that would stand on fewer than {fewest} frames are left out.
 
 ![Length error against the visible share](pictures/length-error.png)
 """
 
 
-class Drive(NamedTuple):
+class StoredRun(NamedTuple):
     """One run, as its files have it."""
 
     result: dict[str, Any]  # see `Recorder.result`
-    looks: dict[str, Looks]  # by tracker
+    lengths: dict[str, LengthSamples]  # by tracker
     date: datetime
 
 
-def drive(config: RunConfig, progress: Callable[[float, float], None]) -> Drive:
+def simulate(config: RunConfig, progress: Callable[[float, float], None]) -> StoredRun:
     """Run once; leaves the length errors beside the JSON of the run. typer.Exit when a signal ended it early."""
     probe = LengthErrors(config.trackers)
     files(config)[1].unlink(missing_ok=True)
     done = run(config, progress, [probe])
     if done.interrupted:
         raise typer.Exit(done.exit_status)
+    lengths = probe.samples
     with atomic_file(files(config)[1]) as file:
-        np.savez_compressed(file, allow_pickle=False, **{n: np.stack(k) for n, k in probe.looks.items()})
-    return Drive(done.result, probe.looks, datetime.now(UTC))
+        np.savez_compressed(file, allow_pickle=False, **{n: np.stack(k) for n, k in lengths.items()})
+    return StoredRun(done.result, lengths, datetime.now(UTC))
 
 
 def files(config: RunConfig) -> tuple[Path, Path]:
-    """Where a run leaves its results, and its length errors: a `Looks` as an array (3, n) for each tracker."""
+    """Where a run leaves its results, and its length errors: `LengthSamples` as an array (3, n) for each tracker."""
     stem = run_id(config.scenario, config.trackers, config.radar, config.planner, config.seed)
     return Path(config.out) / f"{stem}.json", Path(config.out) / f"{stem}.npz"
 
 
-def stored(config: RunConfig) -> Drive | None:
-    """A whole run with these settings that was made before, if there is one."""
+def stored(config: RunConfig) -> StoredRun | None:
+    """A complete run with these settings that was made before, if there is one."""
     results, lengths = files(config)
     if not lengths.exists():
         return None
@@ -119,18 +116,18 @@ def stored(config: RunConfig) -> Drive | None:
     if float(result["run"]["config"]["duration"]) != duration_of(config):
         return None
     with np.load(lengths, allow_pickle=False) as arrays:
-        looks = {name: Looks(*arrays[name]) for name in config.trackers}
-    return Drive(result, looks, datetime.fromtimestamp(lengths.stat().st_mtime, UTC))
+        samples = {name: LengthSamples(*arrays[name]) for name in config.trackers}
+    return StoredRun(result, samples, datetime.fromtimestamp(lengths.stat().st_mtime, UTC))
 
 
 def duration_of(config: RunConfig) -> float:
-    """How long a run is to take [s], simulated."""
+    """Simulated time [s] of a run."""
     return config.duration or find(config.scenario).duration
 
 
-def drive_all(configs: Sequence[RunConfig], reuse: bool) -> list[Drive]:
+def run_all(configs: Sequence[RunConfig], reuse: bool) -> list[StoredRun]:
     """All runs, in turn, with a progress bar and one line a run."""
-    drives: list[Drive] = []
+    runs: list[StoredRun] = []
     ends = np.cumsum([duration_of(config) for config in configs])
     with Progress(console=Console(stderr=True)) as bar:
         task = bar.add_task("", total=ends[-1])
@@ -141,31 +138,30 @@ def drive_all(configs: Sequence[RunConfig], reuse: bool) -> list[Drive]:
             def show(done: float, total: float, end: float = end) -> None:
                 bar.update(task, completed=end - total + done)
 
-            drives.append((stored(config) if reuse else None) or drive(config, show))
+            runs.append((stored(config) if reuse else None) or simulate(config, show))
             bar.update(task, completed=end)
-            gospa = [f"{name} {row['gospa']:.2f}" for name, row in drives[-1].result["trackers"].items()]
+            gospa = [f"{name} {row['gospa']:.2f}" for name, row in runs[-1].result["trackers"].items()]
             bar.console.print(f"{what}: GOSPA {', '.join(gospa)}", soft_wrap=True)
-    return drives
+    return runs
 
 
 def main(
+    docs: Docs = DOCS,
     out: Annotated[Path, typer.Option(help="Directory for the results of the runs.")] = Path("runs/family"),
-    docs: Annotated[Path | None, typer.Option(help="Directory for the page and its figure; OUT without it.")] = None,
     tracker: Annotated[
-        list[str] | None, typer.Option(help="Repeat; the first drives. Twelve of them without it.")
+        list[str] | None, typer.Option(help="Repeat; the planner uses the first. Twelve of them without it.")
     ] = None,
     scenario: Annotated[list[str] | None, typer.Option(help="Repeat; all without it.")] = None,
     seed: Annotated[list[int] | None, typer.Option(help="Repeat; 0 without it.")] = None,
     duration: Annotated[float | None, typer.Option(help="Seconds; the scenarios' own, 20 at most, without it.")] = None,
     reuse: Annotated[
-        bool, typer.Option(REUSE, help="Take whole runs that lie in OUT instead of repeating them.")
+        bool, typer.Option(REUSE, help="Take complete runs that lie in OUT instead of repeating them.")
     ] = False,
 ) -> None:
     """Run trackers side by side in closed loop and write the page closed-loop.md with its tables and its figure.
 
-    Example: python -m testbed.studies.closed_loop.page --scenario cut-in --tracker htg-map --tracker rm-feldmann
+    Example: python -m testbed.studies closed-loop --scenario cut-in --tracker htg-map --tracker rm-feldmann
     """
-    target = docs or out
     with user_input():
         configs = [
             RunConfig(
@@ -181,26 +177,20 @@ def main(
         ]
         for config in configs:
             check(config)
-        make_directory(target / "pictures")
-    drives = drive_all(configs, reuse)
-    command = shlex.join(["python", "-m", "testbed.studies.closed_loop.page", *(a for a in sys.argv[1:] if a != REUSE)])
-    path = target / "closed-loop.md"
-    write_atomic(path, page(drives, command))
-    draw(joined([d.looks for d in drives]), target / "pictures" / "length-error.png")
-    Console().print(f"page     {path}", soft_wrap=True)
+        page = Page("closed-loop", docs)
+    runs = run_all(configs, reuse)
+    draw(joined([r.lengths for r in runs]), page.picture("length-error"))
+    page.write(render([r.result for r in runs]), command_line(REUSE), f"{max(r.date for r in runs):%Y-%m-%d}")
 
 
-def page(drives: Sequence[Drive], command: str) -> str:
-    """The whole page of some runs with the same trackers."""
-    results = [d.result for d in drives]
+def render(results: Sequence[Mapping[str, Any]]) -> str:
+    """What the page says about some runs with the same trackers."""
     first = results[0]["run"]
     return PAGE.format(
-        command=command,
-        date=f"{max(d.date for d in drives):%Y-%m-%d}",
         runs=len(results),
         seconds=sum(r["drive"]["elapsed"] for r in results),
         radar=first["radar"],
-        driver=first["trackers"][0],
+        first=first["trackers"][0],
         planner=first["planner"],
         collisions=sum(r["drive"]["collisions"] for r in results),
         versions=", ".join(f"{name} {version}" for name, version in first["versions"].items()),
@@ -236,7 +226,3 @@ def _mean(values: Sequence[float | None]) -> float | None:
     """Mean of what was measured, None where nothing was."""
     known = [v for v in values if v is not None]
     return mean(known) if known else None
-
-
-if __name__ == "__main__":
-    typer.run(main)

@@ -1,6 +1,6 @@
 """Verdicts of the reproductions as they are committed: one small JSON a paper, for the page that shows all of them.
 
-`make reproduce` ends with `python -m testbed.studies.comparison.committed`, which takes them out of the files that the
+`make reproduce` ends with `python -m testbed.studies verdicts`, which takes them out of the files that the
 reproductions wrote.
 """
 
@@ -17,7 +17,7 @@ from testbed.papers.catalogue import PAPERS
 
 
 def take(source: Path, target: Path) -> list[Path]:
-    """Write the verdicts of all whole reproductions in a folder; returns the files.
+    """Write the verdicts of all complete reproductions in a folder; returns the files.
 
     Raises ValueError where the folder holds none.
     """
@@ -36,7 +36,7 @@ def take(source: Path, target: Path) -> list[Path]:
         written.append(target / path.name)
         write_json(written[-1], kept)
     if not written:
-        raise ValueError(f"source: {source} holds no whole reproduction; `testbed reproduce PAPER --out` writes one")
+        raise ValueError(f"source: {source} holds no complete reproduction; `testbed reproduce PAPER --out` writes one")
     return written
 
 
@@ -60,7 +60,3 @@ def main(
     with user_input((OSError, ValueError)):
         for path in take(source, target):
             console.print(f"verdicts {path}", soft_wrap=True)
-
-
-if __name__ == "__main__":
-    typer.run(main)

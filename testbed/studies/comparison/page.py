@@ -1,4 +1,4 @@
-"""The page "How the trackers compare": docs/comparison.md, made from committed results by `make comparison-page`."""
+"""The page "How the trackers compare": docs/comparison.md, made from committed results."""
 
 import json
 from collections.abc import Sequence
@@ -8,16 +8,16 @@ from typing import Annotated, Any
 import pandas as pd
 import typer
 
-from testbed.command_line.terminal import console, user_input
+from testbed.command_line.terminal import user_input
 from testbed.compare.report.tables_terminal import label, text
 from testbed.compare.runs.results import Results
 from testbed.compare.statistics.analysis import PHASES, Cell, cells
 from testbed.compare.statistics.measures import KEYS, MAIN
 from testbed.evaluation.metrics import CUTOFF
-from testbed.files import write_atomic
 from testbed.log.text import markdown_table
 from testbed.studies.comparison import committed
 from testbed.studies.comparison.publish import read
+from testbed.studies.page import DOCS, Docs, Page
 
 BY_SCENARIO = ("gospa", "rmse_position", "rmse_length")
 ERRORS = ("position", "velocity", "length")
@@ -25,11 +25,10 @@ CONSISTENCY = ("nees_position", "nees_velocity", "nis")
 
 PAGE = """# How the trackers compare
 
-Written by `make comparison-page` from the committed results of {date}; do not edit it by hand.
-
-{trackers} trackers, {scenarios} scenarios, {seeds} seeds each: {runs} runs of {seconds} on common random numbers.
-In every scenario and seed all trackers get the same detections of the radar `{radar}`, recorded once while a planner
-that knows the truth drove. Brackets hold 95 % bootstrap intervals over seeds. [results.md](results.md) defines the
+From the committed results of {date}: {trackers} trackers, {scenarios} scenarios, {seeds} seeds each, {runs} runs of
+{seconds} on common random numbers.
+In every scenario and seed all trackers get the same detections of the radar `{radar}`, recorded once with a planner
+that knows the truth. Brackets hold 95 % bootstrap intervals over seeds. [results.md](results.md) defines the
 measures, [comparing.md](comparing.md) the statistics; `make comparison` repeats the runs.
 
 Versions: {versions}. Digest of the code behind the runs: `{code}`.
@@ -57,7 +56,7 @@ A verdict is given where the interval leaves out zero.
 
 ## By range
 
-RMSE of counted vehicles with a track that fits, and the share of looks that have one.
+RMSE of counted vehicles with a track that fits, and the share of frames that have one.
 
 {by_range}
 
@@ -70,9 +69,9 @@ could see it within the last second, so "hidden" is that second.
 
 ## Do they know how wrong they are?
 
-Means over all phases' looks, ideal 2, and in parentheses the share of instants at which the mean over runs and objects
-keeps its 95 % chi-square limits. "Length inside" and "width inside" are the shares of looks in which the truth lies in
-the 95 % interval that the tracker claims.
+Means over the frames of all phases, ideal 2, and in parentheses the share of instants at which the mean over runs and
+objects keeps its 95 % chi-square limits. "Length inside" and "width inside" are the shares of frames in which the truth
+lies in the 95 % interval that the tracker claims.
 
 {consistency}
 
@@ -89,17 +88,16 @@ the 95 % interval that the tracker claims.
 
 
 def main(
-    results: Annotated[Path, typer.Argument(help="Directory of the committed results.")] = Path("docs/results"),
-    page: Annotated[Path, typer.Argument(help="The page.")] = Path("docs/comparison.md"),
+    docs: Docs = DOCS,
+    results: Annotated[Path, typer.Option(help="Directory of the committed results.")] = Path("docs/results"),
 ) -> None:
     """Write the page "How the trackers compare" from committed results."""
     with user_input((OSError, ValueError)):
-        write_atomic(page, render(results))
-    console.print(f"page     {page}", soft_wrap=True)
+        Page("comparison", docs).write(render(results))
 
 
 def render(folder: Path) -> str:
-    """The page from the results in a folder."""
+    """What the page says about the results in a folder."""
     results, known, tables = read(folder)
     comparison = results.comparison
     settings = comparison.settings
@@ -166,7 +164,7 @@ def bands(table: pd.DataFrame) -> str:
             errors = (f"{row[e]:.2f} [{row[f'{e}_low']:.2f}, {row[f'{e}_high']:.2f}]" for e in ERRORS)
             rows.append((band, f"`{row['tracker']}`", f"{100 * row['held']:.0f} %", *errors, f"{row['looks']:.0f}"))
     return markdown_table(
-        ("band", "tracker", "with a track", "position [m]", "velocity [m/s]", "length [m]", "looks"), rows
+        ("band", "tracker", "with a track", "position [m]", "velocity [m/s]", "length [m]", "frames"), rows
     )
 
 
@@ -203,7 +201,3 @@ def calibration(known: dict[str, Any]) -> str:
     for table in known["tables"]:
         parts.append(f"{table['title']}\n\n{markdown_table(tuple(table['heads']), [tuple(r) for r in table['rows']])}")
     return "\n\n".join(parts)
-
-
-if __name__ == "__main__":
-    typer.run(main)

@@ -1,4 +1,4 @@
-"""The results of a whole comparison, made small enough to be committed: `make comparison`.
+"""The results of a complete comparison, made small enough to be committed: `make comparison`.
 
 `RESULTS/comparison.json` says what was run, `runs.parquet` has the measures of every run and phase, `range.csv`,
 `visible.csv` and `consistency.csv` are the tables of `testbed.compare.statistics.analysis` that need all rows.
@@ -110,11 +110,7 @@ def main(
     report: Annotated[Path, typer.Argument(help="Directory for the report page.")] = Path("docs/comparison"),
     reference: Annotated[str | None, typer.Option(help="The others are held against it.")] = None,
 ) -> None:
-    """Make the results of a whole comparison small enough to be committed."""
+    """Make the results of a complete comparison small enough to be committed."""
     with user_input((OSError, ValueError)):
         publish(folder, target, report, reference)
     console.print(f"results  {target}, {report}", soft_wrap=True)
-
-
-if __name__ == "__main__":
-    typer.run(main)

@@ -1,4 +1,4 @@
-"""How soon after birth the class of a track is right, over recorded drives of all scenarios."""
+"""How soon after birth the class of a track is right, over recordings of all scenarios."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -19,8 +19,8 @@ AGES = (0.5, 1.0, 2.0, 4.0, 8.0)  # [s]
 SURE = 0.9
 
 
-class Story(NamedTuple):
-    """What a track said about the class of one vehicle, n looks."""
+class ClassHistory(NamedTuple):
+    """The class probabilities of one track while it was on one vehicle, n frames."""
 
     kind: str  # the truth
     age: NDArray  # (n,) [s] of the track
@@ -28,12 +28,12 @@ class Story(NamedTuple):
 
 
 class ClassProbe:
-    """Observer of a replay that keeps what tracks say about the classes of the vehicles that they follow."""
+    """Observer of a replay that keeps the class probabilities of tracks on vehicles that count."""
 
     def __init__(self, tracker: str) -> None:
         filter = find(tracker)
         if not isinstance(filter, Classifying):
-            raise ValueError(f"tracker {tracker} does not tell classes; take one such as pmht-spline-adaptive")
+            raise ValueError(f"tracker {tracker} has no classes; take one such as pmht-spline-adaptive")
         self.tracker, self.classes = tracker, filter.classes
         self._evaluator = Evaluator(tracker)
         self._rows: dict[tuple[int, int, str], list[tuple[float, NDArray]]] = {}
@@ -41,56 +41,56 @@ class ClassProbe:
     def __call__(
         self, step: int, time: float, scene: Scene, scan: Scan, origin: Origin, outputs: Outputs, *drive: object
     ) -> None:
-        """Take in one look."""
+        """Add one frame."""
         tracks, _ = outputs[self.tracker]
         probability = tracks.estimate.class_probability
         assert probability is not None
         score = self._evaluator.step(time, scene, origin, tracks)
         kinds = dict(zip(scene.objects.id.tolist(), scene.objects.kind, strict=True))
-        row = {number: i for i, number in enumerate(tracks.id.tolist())}
+        index = {number: i for i, number in enumerate(tracks.id.tolist())}
         for number, track in score.pairs.items():
             if number in score.counted and kinds[number] in self.classes:
-                i = row[track]
-                told = (float(tracks.age[i]), probability[i])
-                self._rows.setdefault((number, track, kinds[number]), []).append(told)
+                i = index[track]
+                row = (float(tracks.age[i]), probability[i])
+                self._rows.setdefault((number, track, kinds[number]), []).append(row)
 
     @property
-    def stories(self) -> list[Story]:
+    def histories(self) -> list[ClassHistory]:
         """One for each vehicle and track on it."""
         found = []
         for (_, _, kind), rows in self._rows.items():
             age, p = zip(*rows, strict=True)
-            found.append(Story(kind, np.array(age), np.array(p)))
+            found.append(ClassHistory(kind, np.array(age), np.array(p)))
         return found
 
 
-def at_age(stories: Sequence[Story], age: float) -> NDArray:
+def at_age(histories: Sequence[ClassHistory], age: float) -> NDArray:
     """Probabilities (S, C) at an age [s] of the tracks that became so old."""
-    rows = [s.probability[np.searchsorted(s.age, age)] for s in stories if s.age[0] <= age <= s.age[-1]]
+    rows = [h.probability[np.searchsorted(h.age, age)] for h in histories if h.age[0] <= age <= h.age[-1]]
     return np.array(rows)
 
 
-def right_since(story: Story, classes: Sequence[str]) -> float:
+def right_since(history: ClassHistory, classes: Sequence[str]) -> float:
     """Age [s] since which the true class has been the most probable one; infinite where it is not at the end."""
-    right = story.probability.argmax(-1) == classes.index(story.kind)
+    right = history.probability.argmax(-1) == classes.index(history.kind)
     wrong = np.flatnonzero(~right)
     first = 0 if not len(wrong) else int(wrong[-1]) + 1
-    return float(story.age[first]) if first < len(right) else np.inf
+    return float(history.age[first]) if first < len(right) else np.inf
 
 
-def _by_class(stories: Sequence[Story], classes: Sequence[str]) -> Mapping[str, list[Story]]:
-    return {name: found for name in classes if (found := [s for s in stories if s.kind == name])}
+def _by_class(histories: Sequence[ClassHistory], classes: Sequence[str]) -> Mapping[str, list[ClassHistory]]:
+    return {name: found for name in classes if (found := [h for h in histories if h.kind == name])}
 
 
-def delay_table(stories: Sequence[Story], classes: Sequence[str]) -> str:
+def delay_table(histories: Sequence[ClassHistory], classes: Sequence[str]) -> str:
     """One row a true class: right at each age, and since when."""
     rows = []
-    for name, own in _by_class(stories, classes).items():
+    for name, own in _by_class(histories, classes).items():
         k, cells = classes.index(name), [name, str(len(own))]
         for age in AGES:
             p = at_age(own, age)
             cells.append(f"{np.mean(p.argmax(-1) == k):.0%} of {len(p)}" if len(p) else "–")
-        since = np.array([right_since(s, classes) for s in own])
+        since = np.array([right_since(h, classes) for h in own])
         median = np.median(since)
         cells += [f"{median:.1f}" if np.isfinite(median) else "never", f"{np.mean(np.isfinite(since)):.0%}"]
         rows.append(tuple(cells))
@@ -100,19 +100,19 @@ def delay_table(stories: Sequence[Story], classes: Sequence[str]) -> str:
     )
 
 
-def confusion_table(stories: Sequence[Story], classes: Sequence[str]) -> str:
+def confusion_table(histories: Sequence[ClassHistory], classes: Sequence[str]) -> str:
     """One row a true class: share [%] of the tracks whose most probable class is this one at their end, mean belief."""
     rows = []
-    for name, own in _by_class(stories, classes).items():
-        last = np.array([s.probability[-1] for s in own])
+    for name, own in _by_class(histories, classes).items():
+        last = np.array([h.probability[-1] for h in own])
         share = np.bincount(last.argmax(-1), minlength=len(classes)) / len(own)
         rows.append((name, *(f"{100 * x:.0f}" for x in share), f"{last[:, classes.index(name)].mean():.2f}"))
     return markdown_table(("true class", *(f"{name} [%]" for name in classes), "mean probability of the truth"), rows)
 
 
-def calibration(stories: Sequence[Story], classes: Sequence[str]) -> tuple[float, float]:
-    """Share of the looks at which a class is sure, above `SURE`, and share of these that are right."""
-    p = np.concatenate([s.probability for s in stories])
-    kind = np.concatenate([np.full(len(s.age), classes.index(s.kind)) for s in stories])
+def calibration(histories: Sequence[ClassHistory], classes: Sequence[str]) -> tuple[float, float]:
+    """Share of the frames in which a class has a probability above `SURE`, and share of these that are right."""
+    p = np.concatenate([h.probability for h in histories])
+    kind = np.concatenate([np.full(len(h.age), classes.index(h.kind)) for h in histories])
     sure = p.max(-1) > SURE
     return float(sure.mean()), float((p.argmax(-1) == kind)[sure].mean()) if sure.any() else np.nan

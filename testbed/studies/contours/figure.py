@@ -1,4 +1,4 @@
-"""Figure: what a tracker knows of the contours of vehicles that are driven by, at some moments."""
+"""Figure: the contours that a tracker has learned of vehicles that are passed, at some moments."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -7,16 +7,16 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from testbed.files import write_figure
-from testbed.studies.contours.drive import Seen
+from testbed.studies.contours.passing import PassedTrack
 
 TRUTH, KNOWN = "0.45", "#0072B2"  # after Okabe and Ito
 
 
-def draw(seen: Mapping[str, Seen], moments: Sequence[float], path: Path) -> Path:
+def draw(tracks: Mapping[str, PassedTrack], moments: Sequence[float], path: Path) -> Path:
     """Write the figure as PNG and return where: a row for each vehicle, a column for each moment [s]."""
-    figure = Figure(figsize=(4.2 * len(moments), 1.9 * len(seen)), layout="constrained")
-    panels = figure.subplots(len(seen), len(moments), squeeze=False)
-    for row, (kind, found) in zip(panels, seen.items(), strict=True):
+    figure = Figure(figsize=(4.2 * len(moments), 1.9 * len(tracks)), layout="constrained")
+    panels = figure.subplots(len(tracks), len(moments), squeeze=False)
+    for row, (kind, found) in zip(panels, tracks.items(), strict=True):
         half = np.abs(np.concatenate(found.truth)).max(0) + np.array([0.8, 0.6])
         for axis, moment in zip(row, moments, strict=True):
             k = min(int(np.searchsorted(found.time, moment - 1e-9)), len(found.time) - 1)

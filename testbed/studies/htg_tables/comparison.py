@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from testbed.learn.detections import GROWN, Detections, Progress, read
-from testbed.studies.htg_tables.models import HTG_MODEL, RIVALS, VARIANTS, LogDensity, SpatialModel
+from testbed.learn.detections import GROWN, Progress, TrainingDetections, read
+from testbed.log.text import markdown_table
+from testbed.studies.htg_tables.models import HTG_MODEL, RIVALS, VARIANTS, DensityModel, LogDensity
 from trackers.htg.learning import FLIP, LEAST, bin_index
 
 FOLDS = 6
@@ -26,7 +27,7 @@ MODELS = (HTG_MODEL, *RIVALS, *VARIANTS)
 class HeldOut(NamedTuple):
     """What one model gives detections that it has not seen, S scans; [nat] sums over the detections of each."""
 
-    model: SpatialModel
+    model: DensityModel
     plain: NDArray  # (S,) of the density over the plane
     gated: NDArray  # (S,) of the density cut to the grown box and normalised there
     detections: NDArray  # (S,)
@@ -42,24 +43,24 @@ class Gap(NamedTuple):
         return f"{self.mean:+.3f} ± {self.half:.3f}"
 
 
-def folds(look: NDArray, number: int) -> NDArray:
-    """Fold (N,) of each detection: blocks of consecutive looks with about the same number of looks."""
-    looks = np.unique(look)
-    if len(looks) < number:
-        raise ValueError(f"look has {len(looks)} scans, cross validation needs at least {number}")
-    return np.searchsorted(looks, look) * number // len(looks)
+def folds(scan: NDArray, number: int) -> NDArray:
+    """Fold (N,) of each detection from its scan (N,): blocks of consecutive scans, about as many in each."""
+    scans = np.unique(scan)
+    if len(scans) < number:
+        raise ValueError(f"scan has {len(scans)} scans, cross validation needs at least {number}")
+    return np.searchsorted(scans, scan) * number // len(scans)
 
 
 def cross_validate(
-    data: Detections,
-    models: Sequence[SpatialModel] = MODELS,
+    data: TrainingDetections,
+    models: Sequence[DensityModel] = MODELS,
     number: int = FOLDS,
     progress: Progress = lambda done, total, what: None,
 ) -> list[HeldOut]:
     """Held-out log-likelihood of every model; detections outside the grown box are left out."""
     keep = (np.abs(data.u) < GROWN).all(-1)
-    u, aspect, look = data.u[keep], data.aspect[keep], data.look[keep]
-    fold, (_, scan) = folds(look, number), np.unique(look, return_inverse=True)
+    u, aspect = data.u[keep], data.aspect[keep]
+    fold, (_, scan) = folds(data.scan[keep], number), np.unique(data.scan[keep], return_inverse=True)
     rows = []
     for i, model in enumerate(models):
         log_p = np.zeros((2, len(u)))
@@ -72,7 +73,7 @@ def cross_validate(
     return rows
 
 
-def judge(model: SpatialModel, u: NDArray, aspect: NDArray, held: NDArray) -> NDArray:
+def judge(model: DensityModel, u: NDArray, aspect: NDArray, held: NDArray) -> NDArray:
     """Log density (2, H) of the H detections under the mask held (N,), learned on the others.
 
     The first row is over the plane, the second normalised to the grown box.
@@ -112,47 +113,38 @@ def gap(row: HeldOut, base: HeldOut, gated: bool) -> Gap:
     return Gap(float(mean), float(student.ppf(0.975, B - 1) * spread))
 
 
-def table(rows: Sequence[HeldOut]) -> list[str]:
-    """Lines of markdown: each model, and its advantage over the first with its 95 % interval."""
-    lines = [
-        "| model, a bin | parameters | log p in the box | minus HTG | log p in the plane | minus HTG |",
-        "|---|---|---|---|---|---|",
-    ]
+def table(rows: Sequence[HeldOut]) -> str:
+    """Each model, and its advantage over the first with its 95 % interval."""
+    body = []
     for row in rows:
         cells = [row.model.name, str(row.model.parameters)]
         for gated in (True, False):
             mean = (row.gated if gated else row.plain).sum() / row.detections.sum()
             cells += [f"{mean:.3f}", "" if row is rows[0] else str(gap(row, rows[0], gated))]
-        lines.append("| " + " | ".join(cells) + " |")
-    return lines
+        body.append(tuple(cells))
+    head = ("model, a bin", "parameters", "log p in the box", "minus HTG", "log p in the plane", "minus HTG")
+    return markdown_table(head, body)
 
 
 def verdicts(rows: Sequence[HeldOut]) -> list[str]:
-    """Lines of markdown: where the first model stands against each other, by the likelihood in the box."""
+    """Where the first model stands against each other, by the likelihood in the box: one line of a list each."""
     lines = []
     for row in rows[1:]:
         got = gap(row, rows[0], gated=True)
         if abs(got.mean) <= got.half:
-            said = f"cannot be told apart ({got} nats)"
+            verdict = f"cannot be told apart ({got} nats)"
         else:
-            said = f"{'better' if got.mean > 0 else 'worse'} by {abs(got.mean):.3f} ± {got.half:.3f} nats"
-        lines.append(f"- {row.model.name} ({row.model.parameters}): {said}")
+            verdict = f"{'better' if got.mean > 0 else 'worse'} by {abs(got.mean):.3f} ± {got.half:.3f} nats"
+        lines.append(f"- {row.model.name} ({row.model.parameters}): {verdict}")
     return lines
 
 
-def compare(data: str, models: Sequence[SpatialModel] = MODELS, progress: Progress = lambda *_: None) -> list[str]:
-    """Markdown about one data source: what it is, the table, and what it says."""
+def compare(data: str, models: Sequence[DensityModel] = MODELS, progress: Progress = lambda *_: None) -> str:
+    """What one data source says: its name, the table, and the verdicts."""
     detections = read(data)
     inside = int((np.abs(detections.u) < GROWN).all(-1).sum())
     rows = cross_validate(detections, models, progress=progress)
     first = rows[0]
-    return [
-        f"{detections.source}; {inside} detections in {len(first.detections)} frames.",
-        "",
-        *table(rows),
-        "",
-        f"Against the {first.model.name} with its {first.model.parameters} parameters a bin, by log p in the box:",
-        "",
-        *verdicts(rows),
-        "",
-    ]
+    against = f"Against the {first.model.name} with its {first.model.parameters} parameters a bin, by log p in the box:"
+    source = f"{detections.source}; {inside} detections in {len(first.detections)} frames."
+    return "\n\n".join((source, table(rows), against, "\n".join(verdicts(rows))))

@@ -27,7 +27,7 @@ SCREEN = 500  # detections on which the starts of the HTG compete; a shipped tab
 
 
 @dataclass(frozen=True)
-class SpatialModel:
+class DensityModel:
     """One way to describe where detections lie, an aspect bin at a time."""
 
     name: str
@@ -110,16 +110,16 @@ def mixture(K: int, tied: bool) -> Callable[[NDArray], LogDensity]:
     return lambda u: fit_mixture(u, K, tied, np.random.default_rng(K))
 
 
-HTG_MODEL = SpatialModel("HTG", 8, partial(fit_htg, options=FitOptions(screen=SCREEN)))
+HTG_MODEL = DensityModel("HTG", 8, partial(fit_htg, options=FitOptions(screen=SCREEN)))
 RIVALS = (
-    SpatialModel("uniform in the grown box", 0, fit_uniform),
-    SpatialModel("one Gaussian", 5, fit_gaussian),
-    SpatialModel("two Gaussians, one covariance", 8, mixture(2, tied=True)),
-    SpatialModel("two Gaussians", 11, mixture(2, tied=False)),
-    SpatialModel("five Gaussians", 29, mixture(5, tied=False)),
+    DensityModel("uniform in the grown box", 0, fit_uniform),
+    DensityModel("one Gaussian", 5, fit_gaussian),
+    DensityModel("two Gaussians, one covariance", 8, mixture(2, tied=True)),
+    DensityModel("two Gaussians", 11, mixture(2, tied=False)),
+    DensityModel("five Gaussians", 29, mixture(5, tied=False)),
 )
 VARIANTS = (
-    SpatialModel("HTG, theta = 0", 7, partial(fit_htg, options=FitOptions(theta=0.0, screen=SCREEN))),
-    SpatialModel("HTG, c_D at least 0.25", 8, partial(fit_htg, options=FitOptions(mass_min=0.25, screen=SCREEN))),
-    SpatialModel("HTG, bins with edges at 0 and 180 deg", 8, HTG_MODEL.fit, centred=False),
+    DensityModel("HTG, theta = 0", 7, partial(fit_htg, options=FitOptions(theta=0.0, screen=SCREEN))),
+    DensityModel("HTG, c_D at least 0.25", 8, partial(fit_htg, options=FitOptions(mass_min=0.25, screen=SCREEN))),
+    DensityModel("HTG, bins with edges at 0 and 180 deg", 8, HTG_MODEL.fit, centred=False),
 )

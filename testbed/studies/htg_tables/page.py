@@ -1,26 +1,26 @@
 """The page docs/htg-tables.md: the shipped tables with their commands, and how the model stands on real detections.
 
-Made by `make learning-docs DATA=FOLDER` or `python -m testbed.studies.htg_tables.page FOLDER`, FOLDER being that of
-the real extract. It takes some minutes, for the comparison.
+The comparison takes some minutes.
 """
 
 import json
-import sys
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+import typer
 
-from testbed.files import write_atomic
+from testbed.command_line.terminal import progress_bar, stages, user_input
 from testbed.learn.detections import GROWN, KINDS
+from testbed.log.text import markdown_table
 from testbed.studies.htg_tables.comparison import BLOCK, FOLDS, MOST, compare
+from testbed.studies.page import DOCS, PYTHON, Docs, Page
 from trackers.htg.bins import SHIPPED
 
-PAGE = Path(__file__).resolve().parents[3] / "docs" / "htg-tables.md"
+PAGE = """# Learned tables of the hierarchical truncated Gaussian
 
-HEAD = """# Learned tables of the hierarchical truncated Gaussian
-
-Written by `make learning-docs DATA=FOLDER`, where FOLDER holds `objects.npz` of the real extract; do not edit it by
-hand. [learning.md](learning.md) says how to learn a table of your own and what the JSON holds.
+FOLDER holds `objects.npz` of the real extract. [learning.md](learning.md) says how to learn a table of your own and
+what the JSON holds.
 
 Each table has eight bins of the aspect angle, 0 and 180 degrees in the middle of a bin, and learns each bin also from
 the mirror image of its opposite. The tables of our rigs come from the training sampler: lone vehicles of many sizes at
@@ -30,7 +30,7 @@ part of r: use them with sigma = 0.
 
 The tables `*-cd25` keep c_D, the share of the source outside the box, at about 0.25 or more: for the filters with
 pseudo-measurements (`htg-rm-learned`). Free learning gives a better likelihood, but c_D falls to {least:.0e}, and such
-a filter would count {most:.0e} imaginary detections for each real one.
+a filter would count {most_imaginary:.0e} imaginary detections for each real one.
 
 The tables `astyx-*` are fitted to Meyer and Kuschk, "Automotive Radar Dataset for Deep Learning Based 3D Object
 Detection", EuRAD 2019 (Astyx GmbH, CC BY-NC-SA 4.0). Only the fitted parameters are stored here; the data stay outside
@@ -41,9 +41,9 @@ this project.
 `log p` is the mean of a detection [nat] on the training data, in bins and with mirror images; numbers of different data
 cannot be compared.
 
-"""
+{tables}
 
-TEXT = """## Held-out log-likelihood on real detections
+## Held-out log-likelihood on real detections
 
 Cross-validated by frame: {folds} blocks of consecutive frames, because neighbouring frames show the same vehicles in
 nearly the same place. Each model learns each aspect bin from at most {most} detections of the other blocks and their
@@ -57,42 +57,44 @@ the box; Gaussians are free to move, so one Gaussian with 5 parameters is no spe
 with one covariance for both Gaussians has as many parameters as the HTG. The trucks are few and seen again and again,
 hence their wide intervals.
 
+{sections}
 """
 
 
-def shipped() -> list[str]:
-    """One line of markdown for each shipped table."""
-    lines = ["| table | made by | detections | log p | least c_D |", "|---|---|---|---|---|"]
+def shipped() -> str:
+    """One row for each shipped table."""
+    rows = []
     for file in sorted(SHIPPED.glob("*.json")):
         facts = json.loads(file.read_text())["provenance"]
         mean = np.average(facts["log_likelihood"], weights=facts["counts"])
         cells = (file.stem, f"`{facts['command']}`", facts["detections"], f"{mean:.3f}", f"{min(facts['mass']):.2g}")
-        lines.append("| " + " | ".join(map(str, cells)) + " |")
-    return [*lines, ""]
+        rows.append(tuple(map(str, cells)))
+    return markdown_table(("table", "made by", "detections", "log p", "least c_D"), rows)
 
 
-def page(sections: list[str]) -> str:
-    """The whole page; sections are the tables of comparison, `compare` of each data source."""
+def render(sections: list[str]) -> str:
+    """What the page says; sections are the comparisons, `compare` of each data source."""
     least = min(min(json.loads(file.read_text())["provenance"]["mass"]) for file in SHIPPED.glob("*.json"))
-    head = HEAD.format(least=least, most=1 / least)
-    text = TEXT.format(folds=FOLDS, most=MOST, grown=GROWN, block=BLOCK)
-    return head + "\n".join(shipped()) + "\n" + text + "\n".join(sections).rstrip() + "\n"
+    return PAGE.format(
+        least=least,
+        most_imaginary=1 / least,
+        tables=shipped(),
+        folds=FOLDS,
+        most=MOST,
+        grown=GROWN,
+        block=BLOCK,
+        sections="\n\n".join(sections),
+    )
 
 
-def tell(done: int, total: int, what: str) -> None:
-    """Show how far the comparison is."""
-    print(f"{done} of {total} folds: {what}", file=sys.stderr)
-
-
-def main() -> None:
-    """Write the page from the folder on the command line."""
-    if len(sys.argv) != 2:
-        raise SystemExit("give the folder of the real extract, the one with objects.npz")
-    sections = []
-    for kind in KINDS:
-        sections += [f"### {kind.capitalize()}s", "", *compare(f"{sys.argv[1]}:{kind}", progress=tell)]
-    write_atomic(PAGE, page(sections))
-
-
-if __name__ == "__main__":
-    main()
+def main(
+    folder: Annotated[Path, typer.Argument(help="That of the real extract, the one with objects.npz.")],
+    docs: Docs = DOCS,
+) -> None:
+    """Compare densities on real detections, and write htg-tables.md with the shipped tables."""
+    with user_input():
+        page = Page("htg-tables", docs)
+        with progress_bar("{task.completed:.0f} of {task.total:.0f} folds") as bar:
+            show = stages(bar)
+            sections = [f"### {kind.capitalize()}s\n\n{compare(f'{folder}:{kind}', progress=show)}" for kind in KINDS]
+    page.write(render(sections), " ".join((*PYTHON, "htg-tables", "FOLDER")))

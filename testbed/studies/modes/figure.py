@@ -12,18 +12,18 @@ from numpy.typing import NDArray
 from testbed.files import write_figure
 
 COLOURS = {"cv": "0.45", "ca": "#D55E00", "ct": "#0072B2"}  # after Okabe and Ito
-TRUE = ("cv", "ca", "ct")  # what a number in Panel.true means
+TRUE = ("cv", "ca", "ct")  # what a number in ModePanel.true means
 
 
-class Panel(NamedTuple):
-    """One vehicle at n looks."""
+class ModePanel(NamedTuple):
+    """One vehicle in n frames."""
 
     time: NDArray  # (n,) [s]
     true: NDArray  # (n,) of TRUE
     probability: NDArray  # (n, K), NaN without a track
 
 
-def draw(runs: Mapping[str, Sequence[Panel]], names: Sequence[str], path: Path) -> Path:
+def draw(runs: Mapping[str, Sequence[ModePanel]], names: Sequence[str], path: Path) -> Path:
     """Write the figure as PNG and return where; names (K,) are those of the models."""
     rows = max(map(len, runs.values()))
     figure = Figure(figsize=(3.6 * len(runs) + 0.6, 1.25 * rows + 0.9), layout="constrained")
@@ -40,7 +40,7 @@ def draw(runs: Mapping[str, Sequence[Panel]], names: Sequence[str], path: Path) 
     return write_figure(path, figure, dpi=90)
 
 
-def _fill(axis: Axes, panel: Panel, names: Sequence[str]) -> None:
+def _fill(axis: Axes, panel: ModePanel, names: Sequence[str]) -> None:
     for k, mode in enumerate(TRUE[1:], 1):
         there = panel.true == k
         axis.fill_between(panel.time, 0, 1, where=there, step="post", color=COLOURS[mode], alpha=0.18, linewidth=0)

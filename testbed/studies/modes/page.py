@@ -1,36 +1,29 @@
 """How soon the motion models of a tracker follow a vehicle: the page docs/modes.md, its tables and its figure.
 
-Made by `python -m testbed.studies.modes.page --docs docs`. The truth drives, so that every tracker sees the same. What
-stands on the page below the line NOTES is written by hand, and kept.
+The ego's planner uses the truth, so that every tracker gets the same detections.
 """
 
-import shlex
-import sys
 from collections.abc import Sequence
-from datetime import UTC, datetime
 from itertools import pairwise
-from pathlib import Path
 from typing import Annotated, NamedTuple
 
 import numpy as np
 import typer
 from numpy.typing import NDArray
-from rich.console import Console
 
 from scenarios import find as find_scenario
 from sensors.origin import Origin
 from sensors.scene import Scene
-from testbed.command_line.terminal import progress_bar, user_input
+from testbed.command_line.terminal import user_input
 from testbed.compare.runs.recording import record
 from testbed.compare.runs.replay import replay
 from testbed.evaluation.tracking import Evaluator
-from testbed.files import make_directory, write_atomic
 from testbed.frame import Outputs
 from testbed.log.modes import mode_names, probabilities
 from testbed.log.record import TrackerFrame
 from testbed.log.text import markdown_table
-from testbed.studies.modes.figure import Panel, draw
-from testbed.studies.page import NOTES, notes_of
+from testbed.studies.modes.figure import ModePanel, draw
+from testbed.studies.page import DOCS, Docs, Page, steps
 from trackers.geometry import dot, unit
 from trackers.scan import Scan
 
@@ -44,8 +37,8 @@ SEEDS = 5
 RADAR = "surround"
 
 
-class Course(NamedTuple):
-    """One vehicle at n looks of the radar, and the motion models of its track."""
+class ModeHistory(NamedTuple):
+    """One vehicle in n frames, and the motion models of its track."""
 
     time: NDArray  # (n,) [s]
     acceleration: NDArray  # (n, 2) [m/s^2] along the heading and to its right
@@ -53,14 +46,17 @@ class Course(NamedTuple):
     probability: NDArray  # (n, K), NaN without a track
 
     @property
-    def liveliness(self) -> float:
+    def velocity_change(self) -> float:
         """How much its velocity changed while it was tracked [m/s], changes in all directions added up."""
         tracked = np.isfinite(self.probability[:, 0])
         return float((np.hypot(*self.acceleration.T) * np.gradient(self.time))[tracked].sum())
 
 
-class Phase(NamedTuple):
-    """A time in which a vehicle moves in one way, from a look to the one before `end`."""
+Runs = dict[str, list[ModeHistory]]  # by scenario, one a seed
+
+
+class MotionPhase(NamedTuple):
+    """Frames `start` to `end` - 1, in which a vehicle moves in one way."""
 
     mode: int  # of MODES
     start: int
@@ -71,12 +67,12 @@ class Delay(NamedTuple):
     """How late a phase was recognised; infinite where it never was."""
 
     mode: int  # of MODES
-    right: float  # [s] until its own model was the most likely
-    moved: float  # [s] until some other than that of the phase before was
+    right: float  # [s] until its own model was the most likely one
+    moved: float  # [s] until the model of the phase before was not the most likely one any more
 
 
 class ModeProbe:
-    """Observer of a replay that keeps the courses of all vehicles."""
+    """Observer of a replay that keeps the motion of all vehicles and the models of their tracks."""
 
     def __init__(self, tracker: str) -> None:
         self.tracker, self.names = tracker, mode_names(tracker)
@@ -88,7 +84,7 @@ class ModeProbe:
     def __call__(
         self, step: int, time: float, scene: Scene, scan: Scan, origin: Origin, outputs: Outputs, *drive: object
     ) -> None:
-        """Take in one look."""
+        """Add one frame."""
         tracks, info = outputs[self.tracker]
         score = self._evaluator.step(time, scene, origin, tracks)
         known = probabilities(TrackerFrame(tracks, info, score.pairs, score.errors, score.mean), self.names)
@@ -99,48 +95,48 @@ class ModeProbe:
             self._rows.setdefault(number, []).append(row)
 
     @property
-    def courses(self) -> dict[int, Course]:
-        """By object, of all that were there for some looks."""
-        return {number: course(np.array(rows)) for number, rows in self._rows.items() if len(rows) > 2}
+    def histories(self) -> dict[int, ModeHistory]:
+        """By object, of all that were there for at least three frames."""
+        return {number: history(np.array(rows)) for number, rows in self._rows.items() if len(rows) > 2}
 
 
-def course(rows: NDArray) -> Course:
+def history(rows: NDArray) -> ModeHistory:
     """From rows (n, 5 + K) of time, heading, velocity, yaw rate and probabilities."""
     time, heading, velocity = rows[:, 0], rows[:, 1], rows[:, 2:4]
     a = np.gradient(velocity, time, axis=0)
     along = unit(heading)
     side = np.stack([-along[:, 1], along[:, 0]], -1)
-    return Course(time, np.stack([dot(a, along), dot(a, side)], -1), rows[:, 4], rows[:, 5:])
+    return ModeHistory(time, np.stack([dot(a, along), dot(a, side)], -1), rows[:, 4], rows[:, 5:])
 
 
-def true_modes(course: Course) -> NDArray:
-    """What the vehicle does at each look (n,), of MODES; one that turns turns, whether it brakes or not."""
-    brakes, turns = np.abs(course.acceleration[:, 0]) > ACCELERATION, np.abs(course.yaw_rate) > YAW_RATE
+def true_modes(history: ModeHistory) -> NDArray:
+    """What the vehicle does in each frame (n,), of MODES; turning counts before braking."""
+    brakes, turns = np.abs(history.acceleration[:, 0]) > ACCELERATION, np.abs(history.yaw_rate) > YAW_RATE
     return np.where(turns, 2, np.where(brakes, 1, 0))
 
 
-def phases(mode: NDArray, time: NDArray) -> list[Phase]:
-    """The course cut where its mode (n,) changes; phases shorter than SHORTEST belong to the one before."""
+def phases(mode: NDArray, time: NDArray) -> list[MotionPhase]:
+    """The frames cut where their mode (n,) changes; phases shorter than SHORTEST belong to the one before."""
     cuts = [0, *(np.flatnonzero(np.diff(mode)) + 1).tolist(), len(mode)]
-    found: list[Phase] = []
+    found: list[MotionPhase] = []
     for start, end in pairwise(cuts):
         brief = time[min(end, len(time) - 1)] - time[start] < SHORTEST - 1e-9
         if found and (brief or found[-1].mode == mode[start]):
             found[-1] = found[-1]._replace(end=end)
         else:
-            found.append(Phase(int(mode[start]), start, end))
+            found.append(MotionPhase(int(mode[start]), start, end))
     return found
 
 
-def delays(course: Course, names: Sequence[str]) -> list[Delay]:
-    """Of every phase but the first, where the vehicle had a track as it began; 0 for a model that led already."""
-    likely = most_likely(course, names)
+def delays(history: ModeHistory, names: Sequence[str]) -> list[Delay]:
+    """Of every phase but the first, if the vehicle had a track when it began; 0 for a model that was ahead already."""
+    likely = most_likely(history, names)
     found = []
-    for before, phase in pairwise(phases(true_modes(course), course.time)):
-        told = likely[phase.start : phase.end]
-        if told[0] >= 0:
-            time = course.time[phase.start : phase.end] - course.time[phase.start]
-            right, moved = told == phase.mode, (told != before.mode) & (told >= 0)
+    for before, phase in pairwise(phases(true_modes(history), history.time)):
+        estimated = likely[phase.start : phase.end]
+        if estimated[0] >= 0:
+            time = history.time[phase.start : phase.end] - history.time[phase.start]
+            right, moved = estimated == phase.mode, (estimated != before.mode) & (estimated >= 0)
             found.append(Delay(phase.mode, _first(time, right), _first(time, moved)))
     return found
 
@@ -150,27 +146,27 @@ def _first(time: NDArray, where: NDArray) -> float:
     return float(time[where].min(initial=np.inf))
 
 
-def most_likely(course: Course, names: Sequence[str]) -> NDArray:
-    """Of MODES at each look (n,), -1 without a track."""
-    known = np.isfinite(course.probability[:, 0])
+def most_likely(history: ModeHistory, names: Sequence[str]) -> NDArray:
+    """The most likely model in each frame (n,), of MODES; -1 without a track."""
+    known = np.isfinite(history.probability[:, 0])
     place = np.array([MODES.index(name) for name in names])
-    return np.where(known, place[np.where(known[:, None], course.probability, 0.0).argmax(-1)], -1)
+    return np.where(known, place[np.where(known[:, None], history.probability, 0.0).argmax(-1)], -1)
 
 
-def confusion(courses: Sequence[Course], names: Sequence[str]) -> NDArray:
-    """Looks with a track (3, 3): rows what the vehicle did, columns the most likely model."""
+def confusion(histories: Sequence[ModeHistory], names: Sequence[str]) -> NDArray:
+    """Frames with a track (3, 3): rows what the vehicle did, columns the most likely model."""
     table = np.zeros((len(MODES), len(MODES)), int)
-    for c in courses:
-        true, told = true_modes(c), most_likely(c, names)
-        np.add.at(table, (true[told >= 0], told[told >= 0]), 1)
+    for h in histories:
+        true, estimated = true_modes(h), most_likely(h, names)
+        np.add.at(table, (true[estimated >= 0], estimated[estimated >= 0]), 1)
     return table
 
 
-def maneuvering(scenario: str, seed: int, tracker: str, duration: float) -> Course:
-    """The liveliest vehicle of one drive."""
+def maneuvering(scenario: str, seed: int, tracker: str, duration: float) -> ModeHistory:
+    """The vehicle of one run whose velocity changes most."""
     probe = ModeProbe(tracker)
     replay(record(scenario, seed, RADAR, duration), [tracker], [probe])
-    return max(probe.courses.values(), key=lambda c: c.liveliness)
+    return max(probe.histories.values(), key=lambda h: h.velocity_change)
 
 
 def delay_row(name: str, found: Sequence[Delay]) -> tuple[str, ...]:
@@ -185,11 +181,11 @@ def _time(value: float) -> str:
     return f"{value:.2f}" if np.isfinite(value) else "never"
 
 
-def delay_table(runs: dict[str, list[Course]], names: Sequence[str]) -> str:
+def delay_table(runs: Runs, names: Sequence[str]) -> str:
     """One row a scenario and way to move."""
     rows = []
-    for scenario, courses in runs.items():
-        found = [d for c in courses for d in delays(c, names)]
+    for scenario, histories in runs.items():
+        found = [d for h in histories for d in delays(h, names)]
         for k, mode in enumerate(MODES):
             if chosen := [d for d in found if d.mode == k]:
                 rows.append(delay_row(f"{scenario}, to {mode}", chosen))
@@ -197,23 +193,21 @@ def delay_table(runs: dict[str, list[Course]], names: Sequence[str]) -> str:
     return markdown_table((*head, "left the old: median [s]", "worst [s]", f"within {WANTED:g} s"), rows)
 
 
-def confusion_table(runs: dict[str, list[Course]], names: Sequence[str]) -> str:
-    """Shares [%] of the looks, one row a scenario and way to move."""
+def confusion_table(runs: Runs, names: Sequence[str]) -> str:
+    """Shares [%] of the frames, one row a scenario and way to move."""
     rows = []
-    for scenario, courses in runs.items():
-        for mode, row in zip(MODES, confusion(courses, names), strict=True):
+    for scenario, histories in runs.items():
+        for mode, row in zip(MODES, confusion(histories, names), strict=True):
             if row.sum():
                 rows.append((f"{scenario}, {mode}", str(row.sum()), *(f"{100 * n / row.sum():.0f}" for n in row)))
-    return markdown_table(("the vehicle", "looks", *(f"{mode} likeliest [%]" for mode in MODES)), rows)
+    return markdown_table(("the vehicle", "frames", *(f"{mode} most likely [%]" for mode in MODES)), rows)
 
 
 PAGE = """# Motion models against the truth
 
-Written by `{command}` on {date}; do not edit it by hand but for the notes at its end.
-
 `{tracker}` mixes the motion models cv (constant velocity), ca (constant acceleration) and ct (coordinated turn). This
 page holds the probabilities of the models against what the vehicle does, for the vehicle whose velocity changes most in
-each of {seeds} seeds. The truth drives the ego; the radar is `{radar}`.
+each of {seeds} seeds. The ego's planner uses the truth; the radar is `{radar}`.
 
 A vehicle turns (ct) at a yaw rate above {yaw:g} rad/s, else accelerates or brakes (ca) at more than {accel:g} m/s^2
 along its heading, else drives steadily (cv). Phases shorter than {shortest:g} s count to the one before. The delay of
@@ -229,19 +223,16 @@ The shade is what the vehicle does: none for cv, the colour of the model for ca 
 
 {delays}
 
-## Likeliest model at every look
+## Most likely model in every frame
 
 {confusion}
+"""
 
-{mark}{notes}"""
 
-
-def page(command: str, tracker: str, runs: dict[str, list[Course]], notes: str = "\n") -> str:
-    """The whole page with its notes."""
+def render(tracker: str, runs: Runs) -> str:
+    """What the page says about some runs."""
     names = mode_names(tracker)
     return PAGE.format(
-        command=command,
-        date=f"{datetime.now(UTC):%Y-%m-%d}",
         tracker=tracker,
         seeds=max(map(len, runs.values())),
         radar=RADAR,
@@ -250,47 +241,36 @@ def page(command: str, tracker: str, runs: dict[str, list[Course]], notes: str =
         shortest=SHORTEST,
         delays=delay_table(runs, names),
         confusion=confusion_table(runs, names),
-        mark=NOTES,
-        notes=notes,
     )
 
 
-def panels(runs: dict[str, list[Course]]) -> dict[str, list[Panel]]:
-    """What the figure shows of the courses."""
+def panels(runs: Runs) -> dict[str, list[ModePanel]]:
+    """What the figure shows of some runs."""
     return {
-        scenario: [Panel(c.time, true_modes(c), c.probability) for c in courses] for scenario, courses in runs.items()
+        scenario: [ModePanel(h.time, true_modes(h), h.probability) for h in histories]
+        for scenario, histories in runs.items()
     }
 
 
 def main(
-    docs: Annotated[Path, typer.Option(help="Directory for the page; its figure goes to pictures/ in it.")] = Path(
-        "runs/modes"
-    ),
+    docs: Docs = DOCS,
     tracker: Annotated[str, typer.Option(help="One that mixes motion models.")] = "edra-imm",
     scenario: Annotated[list[str] | None, typer.Option(help="Repeat; some with hard maneuvers without it.")] = None,
     seeds: Annotated[int, typer.Option(min=1, help="0 to one less than this.")] = SEEDS,
 ) -> None:
     """Hold the motion models of a tracker against the truth, and write modes.md with its figure.
 
-    Example: python -m testbed.studies.modes.page --tracker dra-imm --scenario cut-in --seeds 2
+    Example: python -m testbed.studies modes --tracker dra-imm --scenario cut-in --seeds 2
     """
     with user_input():
         chosen = {name: SCENES.get(name, find_scenario(name).duration) for name in scenario or SCENES}
         ModeProbe(tracker)
-        make_directory(docs / "pictures")
-    runs: dict[str, list[Course]] = {name: [] for name in chosen}
-    with progress_bar("{task.completed:.0f} of {task.total:.0f} drives") as bar:
-        task = bar.add_task(tracker, total=len(chosen) * seeds)
+        page = Page("modes", docs)
+    runs: Runs = {name: [] for name in chosen}
+    with steps(len(chosen) * seeds) as next_step:
         for name, duration in chosen.items():
             for seed in range(seeds):
+                next_step(f"{name}, seed {seed}")
                 runs[name].append(maneuvering(name, seed, tracker, duration))
-                bar.advance(task)
-    command = shlex.join(["python", "-m", "testbed.studies.modes.page", *sys.argv[1:]])
-    path = docs / "modes.md"
-    write_atomic(path, page(command, tracker, runs, notes_of(path)))
-    draw(panels(runs), mode_names(tracker), docs / "pictures" / "modes.png")
-    Console().print(f"page     {path}", soft_wrap=True)
-
-
-if __name__ == "__main__":
-    typer.run(main)
+    draw(panels(runs), mode_names(tracker), page.picture("modes"))
+    page.write(render(tracker, runs))

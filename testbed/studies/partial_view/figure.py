@@ -17,7 +17,7 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#E69F00", "0.45", "#CC79A7", "#56B4
 LEAST_SHOWN = 0.05  # of the mean ellipse's detections, below which an ellipse is drawn as unseen
 
 
-class Panel(NamedTuple):
+class ContourPanel(NamedTuple):
     """A contour, and what it was learned from."""
 
     model: SplineModel
@@ -26,7 +26,7 @@ class Panel(NamedTuple):
     title: str
 
 
-def draw_learned(panels: Sequence[Sequence[Panel]], body: NDArray, path: Path) -> Path:
+def draw_learned(panels: Sequence[Sequence[ContourPanel]], body: NDArray, path: Path) -> Path:
     """Write a grid of panels over the true outline body (C, 2), in the unit frame, as PNG; returns where."""
     figure = Figure(figsize=(3.6 * len(panels[0]), 2.2 * len(panels)), layout="constrained")
     axes = figure.subplots(len(panels), len(panels[0]), squeeze=False, sharex=True, sharey=True)
@@ -40,7 +40,7 @@ def draw_learned(panels: Sequence[Sequence[Panel]], body: NDArray, path: Path) -
     return write_figure(path, figure, dpi=90)
 
 
-def _contour(axis: Axes, panel: Panel, body: NDArray) -> None:
+def _contour(axis: Axes, panel: ContourPanel, body: NDArray) -> None:
     model, size = panel.model, np.array(panel.model.size)
     axis.plot(*(panel.z[:800] * size).T, ".", color="0.75", markersize=1, zorder=0)
     seen = panel.counts > LEAST_SHOWN * panel.counts.mean()

@@ -1,35 +1,25 @@
-"""What a one-sided view does to pmht-spline, with and without weights by visibility: the page docs/partial-view.md.
+"""What a one-sided view does to pmht-spline, with and without weights by visibility: the page docs/partial-view.md."""
 
-Made by `python -m testbed.studies.partial_view.page --docs docs`. What stands on the page below the line NOTES is
-written by hand, and kept.
-"""
-
-import shlex
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from datetime import UTC, datetime
-from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import typer
 from numpy.typing import NDArray
-from rich.console import Console
 
 import sensors
 from scenarios.contours import CONTOURS
-from testbed.command_line.terminal import progress_bar, user_input
+from testbed.command_line.terminal import user_input
 from testbed.compare.runs.recording import Recording, record
 from testbed.evaluation.metrics import contour_iou
 from testbed.evaluation.tracking import Evaluator, Row
-from testbed.files import make_directory, write_atomic
-from testbed.learn.detections import Detections, read
+from testbed.learn.detections import TrainingDetections, read
 from testbed.learn.spline import fit
 from testbed.log.text import markdown_table
-from testbed.studies.page import NOTES, notes_of
-from testbed.studies.partial_view.figure import Panel, draw_learned, draw_tracked
-from testbed.studies.partial_view.runs import STEP, Figure, drives, follow, measure, views
+from testbed.studies.page import DOCS, Docs, Page, steps
+from testbed.studies.partial_view.encounters import STEP, Figure, encounters, follow, measure, simulate
+from testbed.studies.partial_view.figure import ContourPanel, draw_learned, draw_tracked
 from trackers import MultiObjectTracker, find
 from trackers.pmht import AdaptiveSpline, Learner
 from trackers.pmht.classes import Catalogue
@@ -42,7 +32,7 @@ COURSES = ("yao2021-truck", "yao2021-tractor")
 REFERENCE = "htg-map"
 ADAPTED = "rays, adapted"
 MIXED = ", learned with"  # part of the names of filters that the figure leaves out
-SINCE = 40  # looks before errors count
+SINCE = 40  # frames before errors count
 DETECTIONS = 5000  # of the training sampler, to learn a model from
 SIDES: dict[str, Callable[[NDArray], NDArray]] = {  # by the aspect angle, 0 at the rear
     "all sides": lambda a: np.isfinite(a),
@@ -74,7 +64,7 @@ COLUMNS = (  # of a whole run with the multi-object tracker
     ("nees_position", "NEES position", 1),
     ("nees_velocity", "NEES velocity", 1),
 )
-Tell = Callable[[str], None]
+NextStep = Callable[[str], None]  # called with what comes next
 Tracked = dict[tuple[str, str, str], dict[str, Figure]]  # class, view, variant
 
 
@@ -88,11 +78,11 @@ class Sided(NamedTuple):
     z: NDArray  # (N, 2) what it was learned from, in the unit frame
 
 
-def learned_models(visibility: str, tell: Tell) -> tuple[SplineModel, ...]:
+def learned_models(visibility: str, next_step: NextStep) -> tuple[SplineModel, ...]:
     """Of cars and trucks, from the training sampler."""
     found = []
     for kind in ("car", "truck"):
-        tell(f"learn {kind}, {visibility}")
+        next_step(f"learn {kind}, {visibility}")
         detections = read(f"sampler:{RADAR}:{kind}", DETECTIONS, 1)
         found.append(fit(detections, Offline(visibility=visibility, iterations=40), f"{kind}-{visibility}")[0])
     return tuple(found)
@@ -101,7 +91,7 @@ def learned_models(visibility: str, tell: Tell) -> tuple[SplineModel, ...]:
 def variants(rays: tuple[SplineModel, ...], none: tuple[SplineModel, ...], at_once: int) -> dict[str, Any]:
     """Filters by name: weights in the filter and in what it learned from, in one only, in neither; and htg-map.
 
-    Those that adapt their contours do so for at_once vehicles in a look.
+    Those that adapt their contours do so for at_once vehicles in a scan.
     """
     found: dict[str, Any] = {
         "rays": find("pmht-spline", model=rays, visibility="rays"),
@@ -116,38 +106,38 @@ def variants(rays: tuple[SplineModel, ...], none: tuple[SplineModel, ...], at_on
     }
 
 
-def tracked(filters: Mapping[str, Any], runs: int, seed: int, tell: Tell) -> Tracked:
+def tracked(filters: Mapping[str, Any], runs: int, seed: int, next_step: NextStep) -> Tracked:
     """Every filter on the same detections of every class in every view."""
     radar = sensors.find(RADAR)
     found: Tracked = {}
     for i, kind in enumerate(KINDS):
-        for j, view in enumerate(views()):
-            tell(f"{kind}, {view.name}")
-            seen = drives(view, radar, kind, runs, np.random.default_rng([seed, i, j]))
+        for j, encounter in enumerate(encounters()):
+            next_step(f"{kind}, {encounter.view}")
+            simulated = simulate(encounter, radar, kind, runs, np.random.default_rng([seed, i, j]))
             for name, filter in filters.items():
-                found[kind, view.name, name] = measure(follow(filter, seen), SINCE)
+                found[kind, encounter.view, name] = measure(follow(filter, simulated), SINCE)
     return found
 
 
-def from_sides(tell: Tell) -> list[Sided]:
+def from_sides(next_step: NextStep) -> list[Sided]:
     """Contours of cars learned from those detections of the sampler that come from some sides."""
     detections = read(f"sampler:{RADAR}:car", 3 * DETECTIONS, 2)
     found: list[Sided] = []
     for name, chosen in SIDES.items():
         part = rows(detections, np.flatnonzero(chosen(detections.aspect))[:DETECTIONS])
         for visibility in ("rays", "none"):
-            tell(f"learn from {name}, {visibility}")
+            next_step(f"learn from {name}, {visibility}")
             options = Offline(visibility=visibility, mirrored=False, iterations=40)
             found.append(Sided(name, visibility, *fit(part, options, name), part.u / 2))
     return found
 
 
-def rows(detections: Detections, index: NDArray) -> Detections:
+def rows(detections: TrainingDetections, index: NDArray) -> TrainingDetections:
     """Some of the detections."""
     return detections._replace(
         **{
             name: getattr(detections, name)[index]
-            for name in ("u", "aspect", "noise", "look", "size")
+            for name in ("u", "aspect", "noise", "scan", "size")
             if getattr(detections, name) is not None
         }
     )
@@ -158,12 +148,14 @@ def overlap(model: SplineModel, body: NDArray) -> float:
     return float(contour_iou(outlines(model.p, model.Sigma, 1.0), body))
 
 
-def courses(filters: Mapping[str, Any], seeds: int, duration: float, tell: Tell) -> dict[tuple[str, str], list[Row]]:
-    """Summaries by scenario and variant, one a seed: every drive is recorded once, and replayed."""
+def courses(
+    filters: Mapping[str, Any], seeds: int, duration: float, next_step: NextStep
+) -> dict[tuple[str, str], list[Row]]:
+    """Summaries by scenario and variant, one a seed: every run is recorded once, and replayed."""
     found: dict[tuple[str, str], list[Row]] = {}
     for scenario in COURSES:
         for seed in range(seeds):
-            tell(f"{scenario}, seed {seed}")
+            next_step(f"{scenario}, seed {seed}")
             recording = record(scenario, seed, RADAR, duration)
             for name, filter in filters.items():
                 found.setdefault((scenario, name), []).append(summary(recording, filter))
@@ -174,9 +166,9 @@ def summary(recording: Recording, filter: Any) -> Row:
     """How a multi-object tracker on a filter does on a recording."""
     tracker = MultiObjectTracker(filter, sensors.find(RADAR).models, road=recording.road)
     tracks, evaluator = tracker.start(), Evaluator(recording.scenario)
-    for look in recording.looks:
-        tracks, info = tracker.step(tracks, look.scan, look.scene.dt)
-        evaluator.step(look.scene.time, look.scene, look.origin, tracks, info.owner)
+    for frame in recording.looks:
+        tracks, info = tracker.step(tracks, frame.scan, frame.scene.dt)
+        evaluator.step(frame.scene.time, frame.scene, frame.origin, tracks, info.owner)
     return evaluator.summary()
 
 
@@ -197,8 +189,8 @@ def tracked_table(found: Tracked, kind: str) -> str:
 
 def overall(found: Tracked) -> dict[str, dict[str, dict[str, tuple[float, float]]]]:
     """Means over the classes by variant, measure and view, of magnitudes for biases: what the figure shows."""
-    names, seen = dict.fromkeys(key[2] for key in found), dict.fromkeys(key[1] for key in found)
-    return {name: {m: {view: _over_kinds(found, view, name, m) for view in seen} for m in DRAWN} for name in names}
+    names, views = dict.fromkeys(key[2] for key in found), dict.fromkeys(key[1] for key in found)
+    return {name: {m: {view: _over_kinds(found, view, name, m) for view in views} for m in DRAWN} for name in names}
 
 
 def _over_kinds(found: Tracked, view: str, name: str, key: str) -> tuple[float, float]:
@@ -232,8 +224,6 @@ def course_table(found: Mapping[tuple[str, str], Sequence[Row]]) -> str:
 
 PAGE = """# Chained ellipses in a partial view
 
-Written by `{command}` on {date}; do not edit it by hand but for the notes at its end.
-
 The spatial model of Yao et al. (2021) has ellipses along the whole contour, all equally likely: their sensor sees every
 side at once. Ours sees one to three. `pmht-spline` therefore weighs each ellipse by the share of it that the sensor of
 a detection can see (`visibility="rays"`, in the filter and in learning, see `trackers/pmht/visibility.py`); "none" is
@@ -253,14 +243,14 @@ outline of a car; the length of the contour is in lengths of the vehicle.
 
 ## One vehicle, known association
 
-{runs} runs of 8 s with vehicles of different sizes, looks every {step:g} s; errors count after {since:g} s. The prior
-is drawn about the truth (0.5 m, 1 m/s, 0.05 rad); its size is the usual one of the class, and true sizes scatter by 7 %
+{runs} runs of 8 s with vehicles of different sizes, scans every {step:g} s; errors count after {since:g} s. The prior
+is drawn about the truth (0.5 m, 1 m/s, 0.05 rad); its size is the mean of the class, and true sizes scatter by 7 %
 about it. "All around" has four cars with radars about the vehicle, which is the paper's full view; on the "circle" it
 turns before a standing ego, and shows all sides, one after the other. "Passing", "oncoming" and "behind" are drives on
 a road. ± is a 95 % interval over the runs. Ahead and left count as positive; a NEES of 2 is ideal.
 
 The filter and what it was learned from can each have weights or not: "rays" and "none" have the same in both. Those
-that are "adapted" learn class and contour on the way as `pmht-spline-adaptive` does, with weights in the comparison
+that are "adapted" learn class and contour during the run as `pmht-spline-adaptive` does, with weights in the comparison
 with the classes, in learning and in the filter, or with none in all of them.
 
 ![Errors with and without weights by visibility](pictures/partial-view.png)
@@ -272,7 +262,8 @@ The figure is of means over the classes, for those with the same in filter and l
 ## The course of Yao et al. (2021), followed
 
 The scenarios `{courses}`, first {duration:g} s, {seeds} seeds: the ego follows 22 to 28 m behind, so it sees the
-rear, and the inner side in the curve. The multi-object tracker finds the vehicle by itself; the truth drives.
+rear, and the inner side in the curve. The multi-object tracker finds the vehicle by itself; the ego's planner uses the
+truth.
 
 {course}
 
@@ -303,8 +294,7 @@ For the filter this says: of a vehicle seen from behind, the rear is measured, a
 tied, along = length / 2. The uncertainty of the length is that of the centre, and weights by visibility do not remove
 it; they keep the filter from taking the rear for something else. `tests/trackers/pmht/test_learning.py` and
 `tests/testbed/studies/partial_view/test_page.py` check these.
-
-{mark}{notes}"""
+"""
 
 
 class Study(NamedTuple):
@@ -318,11 +308,9 @@ class Study(NamedTuple):
     duration: float  # [s]
 
 
-def page(command: str, study: Study, notes: str = "\n") -> str:
-    """The whole page with its notes."""
+def render(study: Study) -> str:
+    """What the page says about a study."""
     return PAGE.format(
-        command=command,
-        date=f"{datetime.now(UTC):%Y-%m-%d}",
         radar=RADAR,
         detections=DETECTIONS,
         sided=sided_table(study.sided, CONTOURS["car"].points),
@@ -334,16 +322,14 @@ def page(command: str, study: Study, notes: str = "\n") -> str:
         duration=study.duration,
         seeds=study.seeds,
         course=course_table(study.courses),
-        mark=NOTES,
-        notes=notes,
     )
 
 
-def panels(found: Sequence[Sided], body: NDArray) -> list[list[Panel]]:
+def panels(found: Sequence[Sided], body: NDArray) -> list[list[ContourPanel]]:
     """What the figure of contours shows: a row each for rays and none."""
     return [
         [
-            Panel(s.model, s.z, s.learned.counts, f"{s.sides}, {s.visibility}: IoU {overlap(s.model, body):.2f}")
+            ContourPanel(s.model, s.z, s.learned.counts, f"{s.sides}, {s.visibility}: IoU {overlap(s.model, body):.2f}")
             for s in found
             if s.visibility == visibility
         ]
@@ -351,52 +337,33 @@ def panels(found: Sequence[Sided], body: NDArray) -> list[list[Panel]]:
     ]
 
 
-def study(runs: int, seed: int, seeds: int, duration: float, tell: Tell) -> Study:
-    """Everything; `tell` gets what comes next."""
-    filters = variants(learned_models("rays", tell), learned_models("none", tell), runs)
-    sided = from_sides(tell)
-    single = tracked(filters, runs, seed, tell)
+def study(runs: int, seed: int, seeds: int, duration: float, next_step: NextStep) -> Study:
+    """Everything that the page shows."""
+    filters = variants(learned_models("rays", next_step), learned_models("none", next_step), runs)
+    sided = from_sides(next_step)
+    single = tracked(filters, runs, seed, next_step)
     own = {name: filters[name] for name in ("rays", "none", REFERENCE)}
     own[ADAPTED] = replace(filters[ADAPTED], at_once=1)
-    return Study(sided, single, courses(own, seeds, duration, tell), runs, seeds, duration)
+    return Study(sided, single, courses(own, seeds, duration, next_step), runs, seeds, duration)
 
 
 def main(
-    docs: Annotated[Path, typer.Option(help="Directory for the page; its figures go to pictures/ in it.")] = Path(
-        "runs/partial-view"
-    ),
+    docs: Docs = DOCS,
     runs: Annotated[int, typer.Option(min=2, help="Runs of one vehicle in each view.")] = 12,
     seed: Annotated[int, typer.Option(min=0, help="Of those runs.")] = 0,
-    seeds: Annotated[int, typer.Option(min=1, help="Drives of each course of Yao et al., from 0 on.")] = 2,
+    seeds: Annotated[int, typer.Option(min=1, help="Runs of each course of Yao et al., from 0 on.")] = 2,
     duration: Annotated[float, typer.Option(min=5.0, help="Of each of these [s].")] = 60.0,
 ) -> None:
     """Track and learn from one side with and without weights by visibility, and write partial-view.md with figures.
 
-    Example: python -m testbed.studies.partial_view.page --runs 4 --duration 10
+    Example: python -m testbed.studies partial-view --runs 4 --duration 10
     """
     with user_input():
-        make_directory(docs / "pictures")
-    total = 4 + 2 * len(SIDES) + len(KINDS) * len(views()) + len(COURSES) * seeds
-    with progress_bar("{task.completed:.0f} of {task.total:.0f}") as bar:
-        task = bar.add_task("", total=total)
-        begun = False
-
-        def tell(what: str) -> None:
-            nonlocal begun
-            bar.update(task, description=what, advance=int(begun))
-            begun = True
-
-        found = study(runs, seed, seeds, duration, tell)
-        bar.advance(task)
-    command = shlex.join(["python", "-m", "testbed.studies.partial_view.page", *sys.argv[1:]])
-    path = docs / "partial-view.md"
-    write_atomic(path, page(command, found, notes_of(path)))
+        page = Page("partial-view", docs)
+    with steps(4 + 2 * len(SIDES) + len(KINDS) * len(encounters()) + len(COURSES) * seeds) as next_step:
+        found = study(runs, seed, seeds, duration, next_step)
     body = CONTOURS["car"].points
-    draw_learned(panels(found.sided, body), body, docs / "pictures" / "partial-view-learned.png")
+    draw_learned(panels(found.sided, body), body, page.picture("partial-view-learned"))
     shown = {name: means for name, means in overall(found.tracked).items() if MIXED not in name}
-    draw_tracked(shown, DRAWN, docs / "pictures" / "partial-view.png")
-    Console().print(f"page     {path}", soft_wrap=True)
-
-
-if __name__ == "__main__":
-    typer.run(main)
+    draw_tracked(shown, DRAWN, page.picture("partial-view"))
+    page.write(render(found))

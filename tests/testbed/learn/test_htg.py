@@ -1,4 +1,4 @@
-"""Offline learning end to end: data sources, the table on disk, held-out comparison, shipped tables."""
+"""Offline learning end to end: data sources, the table on disk, shipped tables."""
 
 import io
 import json
@@ -8,38 +8,25 @@ import sys
 import numpy as np
 import pytest
 from rich.console import Console
-from scipy.stats import t as student
 
 import sensors
 from testbed.cli import main
 from testbed.learn.calibration import DATA
 from testbed.learn.detections import (
     GROWN,
-    Detections,
+    TrainingDetections,
     lone_vehicle,
-    looks,
+    lone_vehicle_scans,
     read,
     sample,
     split_kind,
     unit_coordinates,
     unit_noise,
 )
-from testbed.learn.htg import LearnConfig, Learned, learn, report
+from testbed.learn.htg import LearnConfig, LearnedTable, learn, report
 from testbed.log.detections import read_detections
 from testbed.run import RunConfig
 from testbed.run import run as run_once
-from testbed.studies.htg_tables.comparison import (
-    HeldOut,
-    cross_validate,
-    folds,
-    gap,
-    inside_share,
-    judge,
-    table,
-    verdicts,
-)
-from testbed.studies.htg_tables.models import SpatialModel, fit_gaussian, fit_mixture, fit_uniform
-from testbed.studies.htg_tables.page import PAGE, shipped
 from trackers.geometry import box_corners, rotation, to_frame
 from trackers.htg.bins import SHIPPED, load
 from trackers.htg.density import log_density, log_mass
@@ -94,7 +81,9 @@ def test_a_radar_that_sees_only_contours_samples_the_outline_on_the_side_it_sees
 
 
 def test_sampled_noise_is_that_of_the_data_sheet():
-    one = next(found for found in looks(sensors.find("front"), "truck", np.random.default_rng(2)) if len(found.u))
+    one = next(
+        found for found in lone_vehicle_scans(sensors.find("front"), "truck", np.random.default_rng(2)) if len(found.u)
+    )
     variance = np.linalg.eigvalsh(one.noise).max()
     assert 0 < variance < (2 * 0.8 / 2.25) ** 2  # at 80 m 0.7 m across, of a half width of 1.1 m at least
 
@@ -283,8 +272,8 @@ def test_a_report_fits_80_columns_without_losing_a_digit(name):
     shipped, facts = load(name), json.loads((SHIPPED / f"{name}.json").read_text())["provenance"]
     warnings = tuple(tuple(facts["warnings"].get(str(k), ())) for k in range(8))
     fit = TableFit(shipped, np.array(facts["counts"]), np.array(facts["log_likelihood"]), warnings)
-    data = Detections(np.zeros((facts["detections"], 2)), np.zeros(0), None, np.zeros(0), facts["data"])
-    text = printed(Learned(fit, data, SHIPPED / f"{name}.json"))
+    data = TrainingDetections(np.zeros((facts["detections"], 2)), np.zeros(0), None, np.zeros(0), facts["data"])
+    text = printed(LearnedTable(fit, data, SHIPPED / f"{name}.json"))
     assert "…" not in text
     assert max(map(len, text.splitlines())) <= 80
     numbers = [f"{x:.2f}" for x in shipped.p.bounds.ravel()] + [f"{x:.3f}" for x in facts["log_likelihood"]]
@@ -379,91 +368,3 @@ def test_the_shipped_table_of_real_vehicles_has_the_likelihood_it_claims(kind):
     got = log_density(real.u, shipped.of(index)).mean()
     claimed = np.average(facts["log_likelihood"], weights=facts["counts"])
     assert got == pytest.approx(claimed, abs=0.03)  # claimed with mirror images, got without
-
-
-# -- comparison -------------------------------------------------------------------------------------------------------
-
-
-def test_expectation_maximisation_finds_two_clusters_and_the_tied_form_needs_one_covariance():
-    rng = np.random.default_rng(6)
-    u = np.concatenate([rng.normal([-0.6, 0], 0.1, (300, 2)), rng.normal([0.6, 0], 0.1, (300, 2))])
-    one, two = fit_gaussian(u), fit_mixture(u, 2, True, np.random.default_rng(0))
-    true = np.log(0.5 / (2 * np.pi * 0.01)) - ((u - np.sign(u[:, :1]) * [0.6, 0]) ** 2).sum(1) / 0.02
-    assert two(u).mean() == pytest.approx(true.mean(), abs=0.03)
-    assert two(u).mean() > one(u).mean() + 0.5
-
-
-def test_a_gaussian_has_the_density_of_the_textbook():
-    u = np.random.default_rng(7).normal(size=(500, 2)) * [0.3, 0.5]
-    d = u - u.mean(0)
-    C = d.T @ d / len(u)
-    textbook = -np.einsum("ni,ij,nj->n", d, np.linalg.inv(C), d) / 2 - np.log(2 * np.pi) - np.log(np.linalg.det(C)) / 2
-    np.testing.assert_allclose(fit_gaussian(u)(u), textbook, rtol=1e-9)
-
-
-def test_the_share_in_the_grown_box_is_one_for_the_uniform_and_known_for_a_gaussian():
-    assert inside_share(fit_uniform(np.zeros((1, 2)))) == pytest.approx(1.0)
-    u = np.random.default_rng(8).normal(size=(100_000, 2)) * 0.6
-    assert inside_share(fit_gaussian(u)) == pytest.approx((np.abs(u) < GROWN).all(1).mean(), abs=3e-3)
-
-
-def test_folds_are_blocks_of_consecutive_scans():
-    look = np.array([5, 5, 6, 8, 9, 9, 9, 12])
-    assert folds(look, 3).tolist() == [0, 0, 0, 1, 1, 1, 1, 2]
-    with pytest.raises(ValueError, match="needs at least 9"):
-        folds(look, 9)
-
-
-def test_a_model_is_judged_on_what_it_has_not_seen():
-    rng = np.random.default_rng(9)
-    u = np.concatenate([rng.normal(0, 0.1, (400, 2)), rng.normal([0.9, 0], 0.02, (100, 2))])
-    held = np.arange(500) >= 400
-    model = SpatialModel("one Gaussian", 5, fit_gaussian, bins=1)
-    plain, gated = judge(model, u, np.zeros(500), held).mean(1)
-    assert plain < -20  # a cluster that it never saw
-    assert gated == pytest.approx(plain, abs=1e-6)
-    assert judge(model, u, np.zeros(500), ~held)[0].mean() < -5
-
-
-def test_the_comparison_has_a_row_for_every_model():
-    rng = np.random.default_rng(10)
-    n = 800
-    data = Detections(rng.uniform(-1, 1, (n, 2)), rng.uniform(-3, 3, n), None, np.arange(n), "made up")
-    models = [SpatialModel("uniform", 0, fit_uniform, bins=1), SpatialModel("Gaussian", 5, fit_gaussian, bins=1)]
-    rows = cross_validate(data, models, 4)
-    assert rows[0].plain == pytest.approx(np.full(n, -np.log(5.76)))
-    assert rows[0].gated == pytest.approx(rows[0].plain)
-    lines = table(rows)
-    assert len(lines) == 4
-    assert "| 5 |" in lines[3]
-    assert "- Gaussian (5): better by" in verdicts(rows)[0]
-
-
-def held_out(name, log_p):
-    return HeldOut(SpatialModel(name, 1, fit_uniform), log_p, log_p, np.ones(len(log_p), int))
-
-
-def test_an_interval_takes_neighbouring_scans_for_one_draw():
-    rng = np.random.default_rng(11)
-    draws = rng.normal(0.1, 1.0, 40)
-    base, row = held_out("base", np.zeros(400)), held_out("row", np.repeat(draws, 10))
-    got = gap(row, base, gated=True)
-    assert got.mean == pytest.approx(draws.mean())
-    assert got.half == pytest.approx(student.ppf(0.975, 39) * draws.std(ddof=1) / np.sqrt(40))
-
-
-@pytest.mark.parametrize(("advantage", "words"), [(0.5, ": better by 0.5"), (0.0, ": cannot be told apart")])
-def test_a_verdict_needs_an_interval_without_zero(advantage, words):
-    noise = np.random.default_rng(12).normal(0, 0.3, 200)
-    rows = [held_out("base", np.zeros(200)), held_out("row", noise - noise.mean() + advantage)]
-    assert words in verdicts(rows)[0]
-    np.testing.assert_allclose(gap(rows[1], rows[0], True).mean, advantage, atol=1e-12)
-
-
-# -- the page ---------------------------------------------------------------------------------------------------------
-
-
-def test_the_page_in_the_docs_lists_the_shipped_tables_as_they_are():
-    lines = PAGE.read_text().splitlines()
-    first = lines.index(shipped()[0])
-    assert lines[first : first + len(shipped())] == shipped()

@@ -1,4 +1,4 @@
-"""Length errors against the visible share: bins by hand, and what the observer takes from a look."""
+"""Length errors against the visible share: bins by hand, and what the observer takes from a frame."""
 
 import numpy as np
 import pytest
@@ -7,14 +7,14 @@ from sensors.origin import Origin
 from sensors.scene import boxes_scene
 from testbed.compare.statistics.measures import LABELS
 from testbed.studies.closed_loop.figure import draw
-from testbed.studies.closed_loop.length_errors import FEWEST, LengthErrors, Looks, joined, profile
+from testbed.studies.closed_loop.length_errors import FEWEST, LengthErrors, LengthSamples, joined, profile
 from trackers.estimate import prior
 from trackers.multi.tracks import Tracks
 
 
-def looks(visible, error, length=4.5):
+def samples(visible, error, length=4.5):
     visible, error = np.broadcast_arrays(np.asarray(visible, float), np.asarray(error, float))
-    return Looks(visible, np.full(len(visible), length), error)
+    return LengthSamples(visible, np.full(len(visible), length), error)
 
 
 def many(pattern):
@@ -24,28 +24,30 @@ def many(pattern):
 
 def test_each_bin_holds_its_upper_edge():
     visible = many([0.0, 0.1, 0.25, 0.26, 0.75, 0.76, 0.99, 1.0])
-    assert profile(looks(visible, 0.0)).looks.tolist() == [FEWEST * n for n in (1, 2, 1, 1, 2, 1)]
+    assert profile(samples(visible, 0.0)).frames.tolist() == [FEWEST * n for n in (1, 2, 1, 1, 2, 1)]
 
 
 def test_averages_by_hand():
     error = np.concatenate([many([1.0, -3.0]), many([2.0, np.nan, np.nan, np.nan])])
-    found = profile(looks(np.repeat([0.4, 1.0], [2 * FEWEST, 4 * FEWEST]), error))
+    found = profile(samples(np.repeat([0.4, 1.0], [2 * FEWEST, 4 * FEWEST]), error))
     assert found.mean[[2, 5]] == pytest.approx([-1.0, 2.0])
     assert found.rms[[2, 5]] == pytest.approx([np.sqrt(5.0), 2.0])
     assert found.held[[2, 5]] == pytest.approx([1.0, 0.25])
     assert np.isnan([found.mean[0], found.rms[1], found.held[3]]).all()
 
 
-def test_too_few_looks_with_a_track_give_no_error_but_a_share():
+def test_too_few_frames_with_a_track_give_no_error_but_a_share():
     error = np.full(2 * FEWEST, np.nan)
     error[: FEWEST - 1] = 1.0
-    found = profile(looks(np.ones(2 * FEWEST), error))
+    found = profile(samples(np.ones(2 * FEWEST), error))
     assert np.isnan([found.mean[-1], found.rms[-1]]).all()
     assert found.held[-1] == (FEWEST - 1) / (2 * FEWEST)
 
 
 def test_runs_are_joined_tracker_by_tracker():
-    both = joined([{"a": looks([0.5], 1.0), "b": looks([0.5], 2.0)}, {"a": looks([1.0], 3.0), "b": looks([1.0], 4.0)}])
+    both = joined(
+        [{"a": samples([0.5], 1.0), "b": samples([0.5], 2.0)}, {"a": samples([1.0], 3.0), "b": samples([1.0], 4.0)}]
+    )
     assert both["a"].error.tolist() == [1.0, 3.0]
     assert both["b"].visible.tolist() == [0.5, 1.0]
 
@@ -59,13 +61,13 @@ def test_the_observer_takes_counted_vehicles_and_their_tracks():
     tracks = Tracks(np.array([7]), one, one, one, one > 0, None, prior(pose[:1], size=np.array([[8.0, 2.5]])), 8)
     probe = LengthErrors(["a"])
     probe(0, 0.0, scene, None, origin, {"a": (tracks, None)}, "IDLE", np.zeros((0, 2)))
-    found = probe.looks["a"]
+    found = probe.samples["a"]
     assert found.visible.tolist() == [0.5, 1.0]
     assert found.length.tolist() == [10.0, 4.5]
     assert found.error == pytest.approx([-2.0, np.nan], nan_ok=True)
 
 
 def test_the_figure_has_a_line_for_each_tracker_also_where_nothing_was_seen(tmp_path):
-    path = draw({"a": looks(many([0.3, 1.0]), 0.5), "b": looks([], [])}, tmp_path / "figure.png")
+    path = draw({"a": samples(many([0.3, 1.0]), 0.5), "b": samples([], [])}, tmp_path / "figure.png")
     assert path.read_bytes()[:4] == b"\x89PNG"
-    assert len(LABELS) == len(profile(looks([], [])).mean)
+    assert len(LABELS) == len(profile(samples([], [])).mean)

@@ -1,6 +1,7 @@
 """Committed results and the page made from them."""
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from testbed.papers.catalogue import PAPERS
 from testbed.studies.comparison import committed
 from testbed.studies.comparison.page import render
 from testbed.studies.comparison.publish import publish, read, stored_comparison
+from testbed.studies.page import frame, notes_of
 
 DOCS = Path(__file__).parents[4] / "docs"
 TRACKERS = ("rm-feldmann", "htg-mm")
@@ -91,10 +93,12 @@ def test_the_committed_page_is_of_the_committed_results():
 @pytest.mark.slow
 def test_the_committed_page_is_what_the_results_give():
     """On failure: `make comparison-page`."""
-    assert render(DOCS / "results") == (DOCS / "comparison.md").read_text()
+    file = DOCS / "comparison.md"
+    command, date = re.findall(r"^Written by `(.*)` on (\S+);", file.read_text(), re.M)[0]
+    assert frame(render(DOCS / "results"), command, date, notes_of(file)) == file.read_text()
 
 
-def test_verdicts_are_taken_out_of_whole_reproductions_only(tmp_path):
+def test_verdicts_are_taken_out_of_complete_reproductions_only(tmp_path):
     verdict = {"claim": "better", "source": "IV", "outcome": "confirmed", "numbers": "1 < 2"}
     found = {"paper": "hoher2022", "settings": {"runs": 3, "seed": 0, "more": 1}, "rows": [1], "verdicts": [verdict]}
     (tmp_path / "hoher2022.json").write_text(json.dumps({**found, "interrupted": False}))
@@ -106,6 +110,6 @@ def test_verdicts_are_taken_out_of_whole_reproductions_only(tmp_path):
     assert "rows" not in kept
 
 
-def test_a_folder_without_reproductions_is_told(tmp_path):
-    with pytest.raises(ValueError, match="holds no whole reproduction"):
+def test_a_folder_without_reproductions_is_refused(tmp_path):
+    with pytest.raises(ValueError, match="holds no complete reproduction"):
         committed.take(tmp_path, tmp_path / "kept")

@@ -7,8 +7,23 @@ from hypothesis import strategies as st
 
 import sensors
 from scenarios.contours import CONTOURS
-from testbed.learn.detections import Detections
-from testbed.studies.page import NOTES
+from testbed.learn.detections import TrainingDetections
+from testbed.studies.partial_view.encounters import (
+    STEP,
+    BodyErrors,
+    Encounter,
+    EncounterRuns,
+    Figure,
+    Motion,
+    circle,
+    encounters,
+    errors,
+    follow,
+    interval,
+    measure,
+    simulate,
+    straight,
+)
 from testbed.studies.partial_view.figure import draw_learned, draw_tracked
 from testbed.studies.partial_view.page import (
     COLUMNS,
@@ -22,25 +37,9 @@ from testbed.studies.partial_view.page import (
     drawn_length,
     overall,
     overlap,
-    page,
     panels,
+    render,
     rows,
-)
-from testbed.studies.partial_view.runs import (
-    STEP,
-    Drives,
-    Errors,
-    Figure,
-    Motion,
-    View,
-    circle,
-    drives,
-    errors,
-    follow,
-    interval,
-    measure,
-    straight,
-    views,
 )
 from trackers import find
 from trackers.estimate import prior
@@ -50,13 +49,14 @@ from trackers.pmht.model import find as find_model
 from trackers.pmht.offline import Learned
 
 RADAR = sensors.find("surround")
-BY_NAME = {view.name: view for view in views()}
+BY_VIEW = {encounter.view: encounter for encounter in encounters()}
 
 
-def few(view, looks):
-    """The first looks of a view."""
-    vehicle, *egos = (Motion(*(leaf[:looks] for leaf in motion)) for motion in (view.vehicle, *view.egos))
-    return View(view.name, vehicle, tuple(egos))
+def first_frames(view, count):
+    """The first frames of an encounter."""
+    whole = BY_VIEW[view]
+    vehicle, *egos = (Motion(*(leaf[:count] for leaf in motion)) for motion in (whole.vehicle, *whole.egos))
+    return Encounter(view, vehicle, tuple(egos))
 
 
 @pytest.mark.parametrize("motion", [straight((3.0, 1.0, 0.7), 12.0, 50), circle((5.0, -2.0), 8.0, 6.0, 50)])
@@ -67,9 +67,9 @@ def test_vehicles_move_as_their_velocities_say(motion):
     np.testing.assert_allclose(np.diff(motion.pose[:, 2]) / STEP, motion.yaw_rate[1:], atol=1e-9)
 
 
-def seen_ends(view, looks):
+def seen_ends(view, frames):
     """Bounds (2, 2) along and across of what is detected, in lengths and widths of the vehicle."""
-    got = drives(few(BY_NAME[view], looks), RADAR, "car", 3, np.random.default_rng(2))
+    got = simulate(first_frames(view, frames), RADAR, "car", 3, np.random.default_rng(2))
     z = []
     for k, scan in enumerate(got.scans):
         pose = np.broadcast_to(got.vehicle.pose[k], (3, 3))
@@ -87,7 +87,7 @@ def test_from_behind_no_front_is_seen_and_all_around_every_side_is():
 
 
 def test_the_same_generator_gives_the_same_detections():
-    a, b = (drives(few(BY_NAME["behind"], 3), RADAR, "truck", 2, np.random.default_rng(5)) for _ in range(2))
+    a, b = (simulate(first_frames("behind", 3), RADAR, "truck", 2, np.random.default_rng(5)) for _ in range(2))
     np.testing.assert_array_equal(a.scans[2].polar, b.scans[2].polar)
     np.testing.assert_array_equal(a.start.pose, b.start.pose)
 
@@ -99,8 +99,8 @@ def test_errors_are_along_and_across_the_body(heading, along, across):
     body = CONTOURS["box"]
     pose = vehicle.pose[0] + np.concatenate([rotation(heading) @ [along, across], [0.0]])
     found = prior(pose[None], size=body.size + np.array([0.3, 0.0]), position_std=2.0)
-    got = Drives(vehicle, body.size[None], body.points[None], (), found)
-    e = Errors(*(x[:, None] for x in errors(found, got, 0)))
+    got = EncounterRuns(vehicle, body.size[None], body.points[None], (), found)
+    e = BodyErrors(*(x[:, None] for x in errors(found, got, 0)))
     assert e.along[0, 0] == pytest.approx(along, abs=1e-9)
     assert e.across[0, 0] == pytest.approx(across, abs=1e-9)
     assert e.length[0, 0] == pytest.approx(0.3)
@@ -115,16 +115,16 @@ def test_an_interval_is_that_of_a_mean():
     assert cell(found) == "2.50 ± 1.27"
 
 
-def test_measures_take_the_root_of_mean_squares_and_leave_the_first_looks_out():
+def test_measures_take_the_root_of_mean_squares_and_leave_the_first_frames_out():
     late = np.array([[9.0, 3.0, -3.0], [9.0, 3.0, -3.0]])
-    found = measure(Errors(late, late, late, late, late), 1)
+    found = measure(BodyErrors(late, late, late, late, late), 1)
     assert found["length"].value == 0.0
     assert found["length rms"] == Figure(3.0, 0.0)
 
 
 def test_with_visibility_a_vehicle_seen_from_behind_keeps_its_place():
     """Equal weights take the rear for ellipses of all sides, and the centre falls back behind it."""
-    got = drives(few(BY_NAME["behind"], 40), RADAR, "car", 4, np.random.default_rng(3))
+    got = simulate(first_frames("behind", 40), RADAR, "car", 4, np.random.default_rng(3))
     found = {v: measure(follow(find("pmht-spline", visibility=v), got), 20) for v in ("rays", "none")}
     assert abs(found["rays"]["along"].value) < 0.5 * abs(found["none"]["along"].value)
     assert found["rays"]["iou"].value > found["none"]["iou"].value
@@ -158,7 +158,7 @@ def test_every_choice_of_sides_is_of_the_aspects_it_says():
         [True, False, False, True],
         [True, False, False, False],
     ]
-    detections = Detections(np.eye(4)[:, :2], aspect, None, np.arange(4), "made", None)
+    detections = TrainingDetections(np.eye(4)[:, :2], aspect, None, np.arange(4), "made", None)
     part = rows(detections, np.array([2, 0]))
     np.testing.assert_array_equal(part.aspect, [-1.0, 0.0])
     assert part.noise is None
@@ -177,8 +177,7 @@ def made_study(model: SplineModel) -> Study:
 def test_the_page_and_its_figures_show_everything(tmp_path):
     model, body = find_model("surround-car"), CONTOURS["car"].points
     made = made_study(model)
-    text = page("python -m testbed.studies.partial_view.page", made, "\n\nkept\n")
-    assert text.endswith(f"{NOTES}\n\nkept\n")
+    text = render(made)
     for word in (*KINDS, *COURSES, "behind", "rear only", "-0.25 ± 0.05"):
         assert word in text
     shown = overall(made.tracked)

@@ -1,4 +1,4 @@
-"""How contours are learned while one drives by: lone vehicles of each class, passed once in the next lane.
+"""How contours are learned in passing: lone vehicles of each class, passed once in the next lane.
 
 The ego comes from behind, passes on the left and leaves the vehicle behind, so that its rear, one side and its front
 are seen; see `testbed.studies.contours.page`.
@@ -44,7 +44,7 @@ class Passing:
         return ARTICULATED if self.kind == "articulated" else CONTOURS[self.kind].size
 
     def scenes(self) -> Iterator[Scene]:
-        """The truth at each look."""
+        """The truth in each frame."""
         closing = 2 * self.ahead / self.duration
         for k in range(round(self.duration / self.dt) + 1):
             t = k * self.dt
@@ -59,8 +59,8 @@ class Passing:
             yield scene._replace(bodies=bodies)
 
 
-class Seen(NamedTuple):
-    """What a tracker knew at K looks."""
+class PassedTrack(NamedTuple):
+    """The track of the vehicle that is passed, in K frames."""
 
     time: NDArray  # (K,) [s]
     contour: NDArray  # (K, C, 2) [m] in the frame of the track; NaN without one
@@ -69,11 +69,11 @@ class Seen(NamedTuple):
     position_error: NDArray  # (K,) [m]
     probability: NDArray  # (K, classes)
     truth: tuple[NDArray, ...]  # outlines of the bodies (C, 2) [m] in the frame of the vehicle
-    events: tuple[tuple[float, str], ...]  # time [s] and words of each change of the contour
+    events: tuple[tuple[float, str], ...]  # time [s] and reason of each change of the contour
 
 
-def drive(passing: Passing, tracker: str) -> Seen:
-    """Follow one vehicle; the reported track nearest to it counts."""
+def follow(passing: Passing, tracker: str) -> PassedTrack:
+    """Track one vehicle; the reported track nearest to it counts."""
     radar, rng = sensors.find(passing.radar), np.random.default_rng(passing.seed)
     filter = find(tracker)
     many = MultiObjectTracker(filter, radar.models)
@@ -83,19 +83,21 @@ def drive(passing: Passing, tracker: str) -> Seen:
         scan, _ = radar.scan(scene, rng)
         tracks, info = many.step(tracks, scan, passing.dt if k else 0.0)
         events += [(scene.time, event.reason) for event in info.events if event.contours is not None]
-        pose, shown = scene.objects.pose[0], tracks.reported.estimate
-        d = np.hypot(*(shown.pose[:, :2] - pose[:2]).T)
-        if len(d) == 0 or d.min() > 5.0 or shown.contour is None:
+        pose, reported = scene.objects.pose[0], tracks.reported.estimate
+        d = np.hypot(*(reported.pose[:, :2] - pose[:2]).T)
+        if len(d) == 0 or d.min() > 5.0 or reported.contour is None:
             rows.append((np.full((48, 2), np.nan), np.nan, np.nan, np.nan, np.full(names, np.nan)))
             continue
         i = int(d.argmin())
-        ring = to_frame(shown.pose[i], shown.contour[i])
+        ring = to_frame(reported.pose[i], reported.contour[i])
         shape = shape_iou(ring, [to_frame(pose, outline) for outline in scene.bodies.outline])
-        p = np.zeros(0) if shown.class_probability is None else shown.class_probability[i]
-        rows.append((ring, shape, shown.size[i, 0] - passing.size[0], d[i], p))
+        p = np.zeros(0) if reported.class_probability is None else reported.class_probability[i]
+        rows.append((ring, shape, reported.size[i, 0] - passing.size[0], d[i], p))
     rings, shapes, lengths, positions, classes = (np.array(column) for column in zip(*rows, strict=True))
     truth = tuple(to_frame(scene.objects.pose[0], outline) for outline in scene.bodies.outline)
-    return Seen(np.arange(len(rows)) * passing.dt, rings, shapes, lengths, positions, classes, truth, tuple(events))
+    return PassedTrack(
+        np.arange(len(rows)) * passing.dt, rings, shapes, lengths, positions, classes, truth, tuple(events)
+    )
 
 
 def shape_iou(ring: NDArray, outlines: Sequence[NDArray]) -> float:

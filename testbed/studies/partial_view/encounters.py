@@ -25,33 +25,33 @@ POSITION_STD, VELOCITY_STD, HEADING_STD = 0.5, 1.0, 0.05  # [m, m/s, rad] of the
 
 
 class Motion(NamedTuple):
-    """A vehicle at K looks."""
+    """A vehicle, or an ego, in K frames."""
 
     pose: NDArray  # (K, 3) [m, m, rad]
     velocity: NDArray  # (K, 2) [m/s]
     yaw_rate: NDArray  # (K,) [rad/s]
 
 
-class View(NamedTuple):
-    """From where a vehicle is seen."""
+class Encounter(NamedTuple):
+    """A vehicle and the egos that see it, each with the radar."""
 
-    name: str
+    view: str  # what they see of it
     vehicle: Motion
-    egos: tuple[Motion, ...]  # who carry the radar
+    egos: tuple[Motion, ...]
 
 
-class Drives(NamedTuple):
-    """R runs of a view with vehicles of one class."""
+class EncounterRuns(NamedTuple):
+    """R runs of an encounter with vehicles of one class."""
 
     vehicle: Motion
     size: NDArray  # (R, 2) [m]
     outline: NDArray  # (R, C, 2) in the unit frame
     scans: tuple[Scan, ...]  # K of them with the axis R
-    start: Estimate  # (R,) the prior at the first look
+    start: Estimate  # (R,) the prior in the first frame
 
 
-class Errors(NamedTuple):
-    """Errors of R runs at K looks."""
+class BodyErrors(NamedTuple):
+    """Errors of R runs in K frames, in the frame of the body."""
 
     along: NDArray  # (R, K) [m] of the centre, ahead is positive
     across: NDArray  # (R, K) [m] to the left is positive in a frame with y to the left of x
@@ -60,53 +60,55 @@ class Errors(NamedTuple):
     nees: NDArray  # (R, K) of the centre, 2 is ideal
 
 
-def straight(start: tuple[float, float, float], speed: float, looks: int) -> Motion:
+def straight(start: tuple[float, float, float], speed: float, frames: int) -> Motion:
     """At constant speed [m/s] from a pose (3,)."""
-    t = STEP * np.arange(looks)
-    velocity = speed * unit(np.full(looks, start[2]))
+    t = STEP * np.arange(frames)
+    velocity = speed * unit(np.full(frames, start[2]))
     xy = np.array(start[:2]) + t[:, None] * velocity
-    return Motion(np.column_stack([xy, np.full(looks, start[2])]), velocity, np.zeros(looks))
+    return Motion(np.column_stack([xy, np.full(frames, start[2])]), velocity, np.zeros(frames))
 
 
-def circle(centre: tuple[float, float], radius: float, speed: float, looks: int) -> Motion:
+def circle(centre: tuple[float, float], radius: float, speed: float, frames: int) -> Motion:
     """Counter-clockwise about a centre [m]."""
     rate = speed / radius
-    angle = rate * STEP * np.arange(looks)
+    angle = rate * STEP * np.arange(frames)
     xy = np.array(centre) + radius * unit(angle)
     heading = angle + np.pi / 2
-    return Motion(np.column_stack([xy, heading]), speed * unit(heading), np.full(looks, rate))
+    return Motion(np.column_stack([xy, heading]), speed * unit(heading), np.full(frames, rate))
 
 
-def views() -> tuple[View, ...]:
-    """From full to one-sided; speeds of a country road, and of a yard for the circle."""
+def encounters() -> tuple[Encounter, ...]:
+    """From a full to a one-sided view; speeds of a country road, and of a yard for the circle."""
     n = 80
     lead = straight((0.0, 0.0, 0.0), 15.0, n)
     around = ((18.0, 0.0, np.pi), (-18.0, 0.0, 0.0), (0.0, 14.0, -np.pi / 2), (0.0, -14.0, np.pi / 2))
     formation = tuple(Motion(lead.pose + np.array([x, y, a]), lead.velocity, lead.yaw_rate) for x, y, a in around)
     return (
-        View("all around", lead, formation),
-        View("circle", circle((22.0, 0.0), 8.0, 6.0, n), (straight((0.0, 0.0, 0.0), 0.0, n),)),
-        View("passing", lead, (straight((-24.0, -3.75, 0.0), 21.0, n),)),
-        View("oncoming", lead, (straight((150.0, 3.75, np.pi), 5.0, n),)),
-        View("behind", lead, (straight((-22.0, 0.5, 0.0), 15.0, n),)),
+        Encounter("all around", lead, formation),
+        Encounter("circle", circle((22.0, 0.0), 8.0, 6.0, n), (straight((0.0, 0.0, 0.0), 0.0, n),)),
+        Encounter("passing", lead, (straight((-24.0, -3.75, 0.0), 21.0, n),)),
+        Encounter("oncoming", lead, (straight((150.0, 3.75, np.pi), 5.0, n),)),
+        Encounter("behind", lead, (straight((-22.0, 0.5, 0.0), 15.0, n),)),
     )
 
 
-def drives(view: View, radar: Radar, kind: str, runs: int, rng: np.random.Generator) -> Drives:
-    """The same courses seen `runs` times, each time a vehicle of another size."""
+def simulate(encounter: Encounter, radar: Radar, kind: str, runs: int, rng: np.random.Generator) -> EncounterRuns:
+    """The same encounter `runs` times, each time with a vehicle of another size."""
     body = CONTOURS[kind]
     size = body.size * (1 + SPREAD * rng.standard_normal((runs, 2)))
     outline = np.broadcast_to(body.points, (runs, *body.points.shape))
     alone = replace(radar, sensors=tuple(replace(s, clutter=0.0) for s in radar.sensors))
-    scans = tuple(padded([look(view, k, alone, kind, s, rng) for s in size]) for k in range(len(view.vehicle.pose)))
-    return Drives(view.vehicle, size, outline, scans, drawn_prior(view.vehicle, body.size, runs, rng))
+    frames = range(len(encounter.vehicle.pose))
+    scans = tuple(padded([detections(encounter, k, alone, kind, s, rng) for s in size]) for k in frames)
+    start = drawn_prior(encounter.vehicle, body.size, runs, rng)
+    return EncounterRuns(encounter.vehicle, size, outline, scans, start)
 
 
-def look(view: View, k: int, radar: Radar, kind: str, size: NDArray, rng: np.random.Generator) -> Scan:
-    """Detections of the vehicle from all egos at look k."""
-    now = Motion(*(leaf[k] for leaf in view.vehicle))
+def detections(encounter: Encounter, k: int, radar: Radar, kind: str, size: NDArray, rng: np.random.Generator) -> Scan:
+    """Detections of the vehicle by the radars of all egos in frame k."""
+    now = Motion(*(leaf[k] for leaf in encounter.vehicle))
     scans = []
-    for ego in view.egos:
+    for ego in encounter.egos:
         scan, origin = radar.scan(scene_of(now, Motion(*(leaf[k] for leaf in ego)), kind, size), rng)
         scans.append(Scan(*[*(leaf[origin.object == 0] for leaf in scan[:-1]), scan.platform]))
     joined = (np.concatenate(leaves) for leaves in zip(*(scan[:-1] for scan in scans), strict=True))
@@ -114,9 +116,9 @@ def look(view: View, k: int, radar: Radar, kind: str, size: NDArray, rng: np.ran
 
 
 def scene_of(vehicle: Motion, ego: Motion, kind: str, size: NDArray) -> Scene:
-    """One vehicle and who looks at it."""
-    watcher = Ego(ego.pose, ego.velocity, float(ego.yaw_rate), EGO_SIZE, box_corners(ego.pose, EGO_SIZE))
-    scene = boxes_scene(vehicle.pose, size, vehicle.velocity, vehicle.yaw_rate, watcher, dt=STEP)
+    """One vehicle before one ego."""
+    observer = Ego(ego.pose, ego.velocity, float(ego.yaw_rate), EGO_SIZE, box_corners(ego.pose, EGO_SIZE))
+    scene = boxes_scene(vehicle.pose, size, vehicle.velocity, vehicle.yaw_rate, observer, dt=STEP)
     return scene._replace(bodies=scene.bodies._replace(outline=(CONTOURS[kind].place(vehicle.pose, size),)))
 
 
@@ -132,7 +134,7 @@ def padded(scans: list[Scan]) -> Scan:
 
 
 def drawn_prior(vehicle: Motion, size: NDArray, runs: int, rng: np.random.Generator) -> Estimate:
-    """Priors (R,) about the true pose and velocity at the first look; the size is that of the class."""
+    """Priors (R,) about the true pose and velocity in the first frame; the size is that of the class."""
     draw = rng.standard_normal((runs, 5))
     pose = vehicle.pose[0] + draw[:, :3] * (POSITION_STD, POSITION_STD, HEADING_STD)
     speed = np.linalg.norm(vehicle.velocity[0]) + VELOCITY_STD * draw[:, 3]
@@ -149,26 +151,26 @@ def drawn_prior(vehicle: Motion, size: NDArray, runs: int, rng: np.random.Genera
     )
 
 
-def follow(filter: Any, seen: Drives) -> Errors:
-    """Errors of a filter over all looks of all runs."""
-    state = filter.init(seen.start)
+def follow(filter: Any, runs: EncounterRuns) -> BodyErrors:
+    """Errors of a filter in all frames of all runs."""
+    state = filter.init(runs.start)
     rows: list[tuple[NDArray, ...]] = []
-    for k, scan in enumerate(seen.scans):
+    for k, scan in enumerate(runs.scans):
         state = filter.predict(state, STEP) if k else state
         state, _ = filter.update(state, scan)
-        rows.append(errors(filter.estimate(state), seen, k))
-    return Errors(*(np.stack(column, -1) for column in zip(*rows, strict=True)))
+        rows.append(errors(filter.estimate(state), runs, k))
+    return BodyErrors(*(np.stack(column, -1) for column in zip(*rows, strict=True)))
 
 
-def errors(found: Estimate, seen: Drives, k: int) -> tuple[NDArray, ...]:
-    """Errors (R,) at look k, in the order of `Errors`."""
-    true = np.broadcast_to(seen.vehicle.pose[k], found.pose.shape)
+def errors(found: Estimate, runs: EncounterRuns, k: int) -> tuple[NDArray, ...]:
+    """Errors (R,) in frame k, in the order of `BodyErrors`."""
+    true = np.broadcast_to(runs.vehicle.pose[k], found.pose.shape)
     d = found.pose[..., :2] - true[..., :2]
     body = (d[..., None, :] @ rotation(true[..., 2]))[..., 0, :]
     nees = (d * np.linalg.solve(found.cov[..., :2, :2], d[..., None])[..., 0]).sum(-1)
-    outline = to_world(true, seen.outline * seen.size[:, None])
+    outline = to_world(true, runs.outline * runs.size[:, None])
     drawn = box_corners(found.pose, found.size) if found.contour is None else found.contour
-    return body[..., 0], body[..., 1], found.size[..., 0] - seen.size[:, 0], contour_iou(drawn, outline), nees
+    return body[..., 0], body[..., 1], found.size[..., 0] - runs.size[:, 0], contour_iou(drawn, outline), nees
 
 
 class Figure(NamedTuple):
@@ -178,9 +180,9 @@ class Figure(NamedTuple):
     half: float
 
 
-def measure(e: Errors, since: int) -> dict[str, Figure]:
-    """Means from look `since` on: biases, root mean square of the length, IoU and NEES; intervals are over runs."""
-    late = Errors(*(leaf[:, since:] for leaf in e))
+def measure(e: BodyErrors, since: int) -> dict[str, Figure]:
+    """Means from frame `since` on: biases, root mean square of the length, IoU and NEES; intervals are over runs."""
+    late = BodyErrors(*(leaf[:, since:] for leaf in e))
     found = {
         "along": late.along,
         "across": late.across,

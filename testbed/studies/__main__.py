@@ -1,0 +1,38 @@
+"""`python -m testbed.studies NAME`: all pages of the documentation that commands write, and committed results."""
+
+from collections.abc import Callable, Mapping
+
+import typer
+
+from testbed.studies.closed_loop import page as closed_loop
+from testbed.studies.comparison import calibration, committed, publish
+from testbed.studies.comparison import page as comparison
+from testbed.studies.contours import page as contours
+from testbed.studies.htg_tables import page as htg_tables
+from testbed.studies.modes import page as modes
+from testbed.studies.partial_view import page as partial_view
+
+STUDIES: Mapping[str, Callable[..., None]] = {
+    "closed-loop": closed_loop.main,
+    "comparison": comparison.main,
+    "contours": contours.main,
+    "htg-tables": htg_tables.main,
+    "modes": modes.main,
+    "partial-view": partial_view.main,
+    # committed results that the page of the comparison shows
+    "publish": publish.main,
+    "verdicts": committed.main,
+    "calibration": calibration.main,
+}
+
+app = typer.Typer(
+    help="Pages of the documentation, docs/NAME.md each, and the results that they show.",
+    no_args_is_help=True,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    pretty_exceptions_enable=False,
+)
+for name, study in STUDIES.items():
+    app.command(name)(study)
+
+if __name__ == "__main__":
+    app()
