@@ -1,4 +1,7 @@
-"""The command line as a user meets it: in a process of its own, by its streams, its files and its exit status."""
+"""The command line as a user meets it, by its streams, its files and its exit status.
+
+What runs for long, and what ends otherwise than by itself, has a process of its own; the rest is called in this one.
+"""
 
 import json
 import os
@@ -124,12 +127,13 @@ def test_a_disk_that_fills_up_is_one_sentence_and_does_not_hang(tmp_path):
         (["calibrate", "--data", "nowhere"], ["nowhere", "objects.npz"]),
     ],
 )
-def test_a_wrong_command_line_is_one_sentence(tmp_path, args, parts):
+def test_a_wrong_command_line_is_one_sentence(tmp_path, monkeypatch, command, args, parts):
+    monkeypatch.chdir(tmp_path)
     (tmp_path / "FILE").touch()
-    done = call(*args, cwd=tmp_path)
-    assert done.returncode == 2
-    assert done.stdout == ""
-    (line,) = done.stderr.strip().splitlines()
+    done = command(*args)
+    assert done.status == 2
+    assert done.out == ""
+    (line,) = done.err.strip().splitlines()
     assert line.startswith("testbed: ")
     for part in parts:
         assert part in line
@@ -137,10 +141,10 @@ def test_a_wrong_command_line_is_one_sentence(tmp_path, args, parts):
 
 
 @pytest.mark.parametrize("what", [None, *tables.entries()])
-def test_catalogues_name_every_entry_within_80_columns(what):
-    done = call("list", *([what] if what else []))
-    assert done.returncode == 0
-    lines = done.stdout.splitlines()
+def test_catalogues_name_every_entry_within_80_columns(command, what):
+    done = command("list", *([what] if what else []))
+    assert done.status == 0
+    lines = done.out.splitlines()
     assert max(map(len, lines)) <= 80
     first_words = {line.split()[0] for line in lines if line.split()}
     for name, entries in tables.entries().items():
@@ -148,12 +152,12 @@ def test_catalogues_name_every_entry_within_80_columns(what):
         assert listed == (what in (None, name))
 
 
-@pytest.mark.parametrize("command", ["", "list", "run", "review", "bench", "learn-htg", "calibrate"])
-def test_help_has_an_example(command):
-    done = call(*command.split(), "--help")
-    assert done.returncode == 0
-    assert f"Example: testbed {command}" in done.stdout
-    assert max(map(len, done.stdout.splitlines())) <= 80
+@pytest.mark.parametrize("name", ["", "list", "run", "review", "bench", "learn-htg", "calibrate"])
+def test_help_has_an_example(command, name):
+    done = command(*name.split(), "--help")
+    assert done.status == 0
+    assert f"Example: testbed {name}" in done.out
+    assert max(map(len, done.out.splitlines())) <= 80
 
 
 def test_without_a_command_the_help_is_shown():

@@ -3,30 +3,13 @@
 import json
 import os
 import signal
-import sys
 from dataclasses import replace
 
 import pytest
 from rich.console import Console
 
-from testbed import cli
 from testbed.papers import catalogue
 from testbed.papers.verdict import CONFIRMED, REFUTED, Claim, Report, Row, Stopped, Verdict, cell
-
-
-@pytest.fixture
-def call(monkeypatch, capsys):
-    """`testbed reproduce ARGS` in this process: exit status, stdout, stderr."""
-    for name, value in {"COLUMNS": "80", "NO_COLOR": "1", "TERM": "dumb"}.items():
-        monkeypatch.setenv(name, value)
-
-    def run(*args):
-        monkeypatch.setattr(sys, "argv", ["testbed", "reproduce", *map(str, args)])
-        with pytest.raises(SystemExit) as ended:
-            cli.main()
-        return ended.value.code, *capsys.readouterr()
-
-    return run
 
 
 def made_up(name, outcomes, stop_after=None):
@@ -123,10 +106,10 @@ def test_a_figure_that_was_not_measured_is_a_dash():
         ([], ["paper", "testbed reproduce --help"]),
     ],
 )
-def test_a_wrong_command_line_is_one_sentence_before_the_work_begins(tmp_path, monkeypatch, call, args, parts):
+def test_a_wrong_command_line_is_one_sentence_before_the_work_begins(tmp_path, monkeypatch, command, args, parts):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "FILE").touch()
-    status, out, err = call(*args)
+    status, out, err = command("reproduce", *args)
     assert (status, out) == (2, "")
     (line,) = err.strip().splitlines()
     assert line.startswith("testbed: ")
@@ -135,8 +118,8 @@ def test_a_wrong_command_line_is_one_sentence_before_the_work_begins(tmp_path, m
     assert [p.name for p in tmp_path.iterdir()] == ["FILE"]
 
 
-def test_help_has_an_example_and_names_every_paper(call):
-    status, out, _ = call("--help")
+def test_help_has_an_example_and_names_every_paper(command):
+    status, out, _ = command("reproduce", "--help")
     assert status == 0
     assert "Example: testbed reproduce" in out
     assert max(map(len, out.splitlines())) <= 80
@@ -144,16 +127,16 @@ def test_help_has_an_example_and_names_every_paper(call):
         assert name in out
 
 
-def test_the_command_prints_tables_verdicts_and_paths(tmp_path, monkeypatch, call):
+def test_the_command_prints_tables_verdicts_and_paths(tmp_path, monkeypatch, command):
     monkeypatch.setattr(catalogue, "PAPERS", {"p": made_up("p", (CONFIRMED, REFUTED))})
-    status, out, err = call("p", "--runs", 2, "--out", tmp_path)
+    status, out, err = command("reproduce", "p", "--runs", 2, "--out", tmp_path)
     assert status == 1
     for part in ("p: case 2", "p: claims", REFUTED, f"results  {tmp_path / 'p.json'}"):
         assert part in out
     assert len(err.strip().splitlines()) == 1  # the bar does not flood a file
 
 
-def test_ctrl_c_in_a_real_reproduction_leaves_its_finished_rows(tmp_path, monkeypatch, call):
+def test_ctrl_c_in_a_real_reproduction_leaves_its_finished_rows(tmp_path, monkeypatch, command):
     """hoher2022's first case has no noise, hence one run: its rows come within seconds."""
     paper = catalogue.PAPERS["hoher2022"]
 
@@ -166,7 +149,7 @@ def test_ctrl_c_in_a_real_reproduction_leaves_its_finished_rows(tmp_path, monkey
         return paper.run(runs, out, tell, seed)
 
     monkeypatch.setattr(catalogue, "PAPERS", {"hoher2022": replace(paper, run=impatient)})
-    status, out, err = call("hoher2022", "--runs", 1, "--out", tmp_path)
+    status, out, err = command("reproduce", "hoher2022", "--runs", 1, "--out", tmp_path)
     assert status == 130, err
     assert "interrupted" in out
     written = json.loads((tmp_path / "hoher2022.json").read_text())

@@ -10,7 +10,6 @@ from xml.etree import ElementTree
 
 import pytest
 
-from testbed import cli
 from testbed.regress.command import COMMITTED
 
 TESTBED = [sys.executable, "-m", "testbed", "regress"]
@@ -26,19 +25,10 @@ def call(*args):
 
 
 @pytest.fixture
-def told(monkeypatch, capsys):
+def told(monkeypatch, command):
     """The same in this process and with one job, which is quick where all runs are there: status, stdout, stderr."""
-    for name in ("COLUMNS", "NO_COLOR", "TERM"):
-        monkeypatch.setenv(name, PLAIN[name])
-
-    def run(*args):
-        jobs = [] if "--jobs" in args else ["--jobs", "1"]
-        monkeypatch.setattr(sys, "argv", ["testbed", "regress", *map(str, args), *jobs])
-        with pytest.raises(SystemExit) as ended:
-            cli.main()
-        return ended.value.code, *capsys.readouterr()
-
-    return run
+    monkeypatch.setenv("COLUMNS", PLAIN["COLUMNS"])
+    return lambda *args: command("regress", *args, *([] if "--jobs" in args else ["--jobs", "1"]))
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,31 @@
+"""What tests of several commands share."""
+
+import sys
+from typing import NamedTuple
+
+import pytest
+
+from testbed import cli
+
+
+class Done(NamedTuple):
+    """What a command leaves on its streams."""
+
+    status: int
+    out: str
+    err: str
+
+
+@pytest.fixture
+def command(monkeypatch, capsys):
+    """`testbed ARGS` in this process, on a plain terminal of 80 columns."""
+
+    def call(*args):
+        monkeypatch.setattr(sys, "argv", ["testbed", *map(str, args)])
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        return Done(ended.value.code or 0, *capsys.readouterr())
+
+    for name, value in {"COLUMNS": "80", "NO_COLOR": "1", "TERM": "dumb"}.items():
+        monkeypatch.setenv(name, value)
+    return call
