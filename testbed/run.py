@@ -13,10 +13,10 @@ import gymnasium as gym
 from scenarios import find as find_scenario
 from sensors import find as find_radar
 from testbed.command_line.interruption import interruptible
-from testbed.evaluation.recorder import LEVELS, Recorder
 from testbed.evaluation.tracking import jsonable
 from testbed.files import make_directory
 from testbed.frame import Observer
+from testbed.log.record import LEVELS
 from testbed.planners import find as find_planner
 from trackers import find as find_tracker
 
@@ -96,7 +96,7 @@ def run(
 ) -> RunResult:
     """Drive one scenario to its end; progress(simulated, total) [s] is called once a decision.
 
-    Observers are called after every look of the radar, see `TrackedEnv.attach`.
+    Observers are called with a `Frame` after every scan, see `TrackedEnv.attach`.
 
     Ctrl-C or SIGTERM ends the run after the decision at hand: what was measured until then is written and returned.
 
@@ -110,7 +110,7 @@ def run(
         for observer in observers:
             tracked.attach(observer)
         env.reset(seed=config.seed)
-        recorder: Recorder = tracked.recorder
+        recorder = tracked.recorder
         total = float(env.unwrapped.config["duration"])  # type: ignore[attr-defined]
         start, cpu, done = perf_counter(), process_time(), False
         try:

@@ -1,7 +1,7 @@
-"""The senses of one vehicle: a radar looks at the scene whenever it is due, and every tracker gets the same look.
+"""Radar and trackers of one vehicle: the scene is scanned whenever a scan is due, and every tracker gets the same scan.
 
-Here truth ends: `Scene` goes in, `Tracks` come out. The tracker called "truth" is the exception, by its name: its
-tracks are the scene itself, for planners that shall be compared with one that knows everything.
+Of the truth nothing goes further: a `Scene` goes in, `Tracks` come out. The tracker called "truth" is the exception, by
+its name: its tracks are the scene itself, for comparisons with a planner that knows everything.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -17,7 +17,7 @@ import trackers
 from sensors.origin import Origin
 from sensors.scene import Scene
 from testbed.environment.belief import advance
-from testbed.frame import TRUTH, Observer
+from testbed.frame import TRUTH, Frame, Observer
 from trackers.estimate import Estimate, prior
 from trackers.multi.road import RoadMap
 from trackers.multi.tracker import MultiObjectTracker
@@ -34,10 +34,10 @@ class RadarLike(Protocol):
 
     @property
     def rate(self) -> float | None:
-        """Looks per second; None: one a simulated frame."""
+        """Scans per second; None: one every simulated frame."""
 
     def scan(self, scene: Scene, rng: np.random.Generator) -> tuple[Scan, Origin]:
-        """One look."""
+        """One scan, and where its detections come from."""
 
 
 class TrackerLike(Protocol):
@@ -47,7 +47,7 @@ class TrackerLike(Protocol):
         """No tracks."""
 
     def step(self, tracks: Tracks, scan: Scan, dt: float) -> tuple[Tracks, StepInfo]:
-        """Tracks after a look that came dt [s] after the one before."""
+        """Tracks after a scan that came dt [s] after the one before."""
 
 
 class Cost(NamedTuple):
@@ -139,15 +139,17 @@ def truth_info(scene: Scene, origin: Origin) -> StepInfo:
 
 
 class Perception:
-    """Radar, trackers and what they last said. A live thing: copies of the environment carry None in its place."""
+    """Radar, trackers and their last frame; a deep copy of the environment holds None in its place."""
+
+    frame: Frame  # of the last scan
 
     def __init__(self, radar: RadarLike, trackers: Mapping[str, TrackerLike | None]) -> None:
-        """A radar and named trackers, the first of which feeds the planner; None stands for the truth."""
+        """A radar and named trackers; the planner uses the first. None stands for the truth."""
         self.radar, self.trackers = radar, dict(trackers)
         self.observers: list[Observer] = []
         self.seconds = {"sense": 0.0, "track": 0.0}  # wall time spent on scene and radar, and on the trackers
         self.costs = {name: Cost() for name in self.trackers}
-        self.frame = -1  # simulated frames since the first look, -1 before
+        self.steps = 0  # simulated frames since the start
 
     def __deepcopy__(self, memo: dict) -> None:
         return None
@@ -161,59 +163,80 @@ class Perception:
             raise ValueError(f"trackers must have different names, got {', '.join(names)}; drop the repetition")
         return cls(mounted, {name: tracker_of(t, mounted) for name, t in zip(names, trackers, strict=True)})
 
-    def start(self, read: Callable[[], Scene], road: RoadMap, rng: np.random.Generator) -> None:
-        """Begin an episode on a mapped road with a look at its first scene."""
-        self.rng, self.frame = rng, 0
-        self._driven = {name: on_road(tracker, road) for name, tracker in self.trackers.items()}
-        self._tracks = {name: tracker.start() for name, tracker in self._driven.items() if tracker is not None}
-        self.look(read)
+    def start(
+        self,
+        read: Callable[[int], Scene],
+        road: RoadMap,
+        rng: np.random.Generator,
+        frequency: float | None = None,
+        action: str = "reset",
+    ) -> None:
+        """Begin an episode with a scan of its first scene; `notify` hands the frame out.
 
-    def due(self, frequency: float) -> bool:
-        """Count one simulated frame, of so many a second; true if there is a look in it."""
-        self.frame += 1
-        if self.radar.rate is None:
-            return True
-        looks = self.radar.rate / frequency  # a frame
-        return int(self.frame * looks + 1e-9) > int((self.frame - 1) * looks + 1e-9)
+        Args:
+            read: the scene now, given the number of simulated frames since the start; its `dt` is replaced.
+            road: for trackers that want a map and have none.
+            rng: of the radar.
+            frequency: simulated frames a second [1/s]; None: every frame has a scan, whatever the radar's rate.
+            action: in the first frame, where no planner has chosen one.
+        """
+        self._read, self._rng, self._frequency, self.steps = read, rng, frequency, 0
+        self._mapped = {name: on_road(tracker, road) for name, tracker in self.trackers.items()}
+        self._tracks = {name: tracker.start() for name, tracker in self._mapped.items() if tracker is not None}
+        self._scan(action, np.zeros((0, 2)))
 
-    def look(self, read: Callable[[], Scene]) -> None:
-        """Read a scene, scan it, and feed all trackers."""
-        start = perf_counter()
-        self.scene = read()
-        self.scan, self.origin = self.radar.scan(self.scene, self.rng)
-        sensed = perf_counter()
-        self.outputs = {name: self._timed_step(name, tracker) for name, tracker in self._driven.items()}
-        self.seconds["sense"] += sensed - start
-        self.seconds["track"] += perf_counter() - sensed
+    def step(self, action: str, plan: NDArray) -> None:
+        """One simulated frame has passed under the planner's action and plan (P, 2) [m]: scan if a scan is due."""
+        self.steps += 1
+        if self._due():
+            self._scan(action, plan)
+            self.notify()
 
-    def tell(self, action: str, plan: NDArray) -> None:
-        """Hand the last look to the observers, with the planner's action and plan (P, 2) [m]."""
+    def notify(self) -> None:
+        """Call all observers with the last frame."""
         for observer in self.observers:
-            observer(self.frame, self.scene.time, self.scene, self.scan, self.origin, self.outputs, action, plan)
+            observer(self.frame)
 
     def estimate(self, time: float) -> tuple[NDArray, Estimate]:
-        """Ids (T,) and estimates of the first tracker's reported tracks, moved on to a time [s] after the last look."""
+        """Ids (T,) and estimates of the first tracker's reported tracks, predicted to a time [s] after its scan."""
         reported = self.tracks.reported
-        return reported.id, advance(reported.estimate, time - self.scene.time)
+        return reported.id, advance(reported.estimate, time - self.frame.time)
 
     @property
     def knows_truth(self) -> bool:
-        """True if the planner is fed with the truth."""
+        """True if the planner gets the truth."""
         return next(iter(self.trackers.values())) is None
 
     @property
     def tracks(self) -> Tracks:
-        """What the first tracker carries."""
-        return next(iter(self.outputs.values()))[0]
+        """All tracks of the first tracker."""
+        return next(iter(self.frame.outputs.values()))[0]
 
-    def _timed_step(self, name: str, tracker: TrackerLike | None) -> tuple[Tracks, StepInfo]:
+    def _due(self) -> bool:
+        """Whether the simulated frame at hand has a scan."""
+        if self.radar.rate is None or self._frequency is None:
+            return True
+        scans = self.radar.rate / self._frequency  # a frame
+        return int(self.steps * scans + 1e-9) > int((self.steps - 1) * scans + 1e-9)
+
+    def _scan(self, action: str, plan: NDArray) -> None:
+        """Read the scene, scan it, and give the scan to all trackers."""
         start = perf_counter()
-        tracks, info = self._step(name, tracker)
+        scene = self._read(self.steps)
+        scene = scene._replace(dt=scene.time - self.frame.time if self.steps else 0.0)
+        scan, origin = self.radar.scan(scene, self._rng)
+        scanned = perf_counter()
+        outputs = {name: self._track(name, scene, scan, origin) for name in self._mapped}
+        self.frame = Frame(self.steps, scene, scan, origin, outputs, action, plan)
+        self.seconds["sense"] += scanned - start
+        self.seconds["track"] += perf_counter() - scanned
+
+    def _track(self, name: str, scene: Scene, scan: Scan, origin: Origin) -> tuple[Tracks, StepInfo]:
+        start, tracker = perf_counter(), self._mapped[name]
+        if tracker is None:
+            tracks, info = truth_tracks(scene), truth_info(scene, origin)
+        else:
+            tracks, info = tracker.step(self._tracks[name], scan, scene.dt)
+            self._tracks[name] = tracks
         self.costs[name] = self.costs[name].after(perf_counter() - start, info)
         return tracks, info
-
-    def _step(self, name: str, tracker: TrackerLike | None) -> tuple[Tracks, StepInfo]:
-        if tracker is None:
-            return truth_tracks(self.scene), truth_info(self.scene, self.origin)
-        self._tracks[name], info = tracker.step(self._tracks[name], self.scan, self.scene.dt)
-        return self._tracks[name], info

@@ -28,10 +28,10 @@ from sensors.scene import Scene
 from testbed.environment.belief import BeliefView, RoadSwap, attach_view, belief_road, mirror_road
 from testbed.environment.observation import without_frames
 from testbed.environment.perception import Cost, Perception, label
-from testbed.evaluation.recorder import LEVELS, Recorder, road_geometry, run_id
+from testbed.environment.recorder import Recorder, road_geometry
 from testbed.files import versions
 from testbed.frame import Observer
-from testbed.log.record import RunMeta
+from testbed.log.record import LEVELS, RunMeta, run_id
 from trackers.multi.road import RoadMap
 from trackers.multi.tracks import Tracks
 from trackers.scan import Scan
@@ -111,7 +111,7 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
         self.cruise_speed = SLOWEST_CRUISE  # [m/s] what a planner drives at where nothing is in the way
         self._action = "reset"
         self._radar = radar
-        self._live: Perception | None = Perception.mount(radar, (tracker, *also))
+        self._mounted: Perception | None = Perception.mount(radar, (tracker, *also))
         self._swap: RoadSwap | None = RoadSwap(env.unwrapped)
         self._view = BeliefView(env.unwrapped, self._belief_now)
         self._fence = protect_idm_constants()  # `intersection-*` writes into IDMVehicle at every reset
@@ -119,62 +119,63 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
         self._belief: tuple[int, Road] | None = None  # frame, road
         self.recorder: Recorder | None = None  # of the episode that goes on, when `out` is given
 
-    # What the senses say
+    # The last scan
 
     @property
     def truth(self) -> Scene:
-        """The scene of the last look; for metrics and logs only."""
-        return self._senses.scene
+        """The scene of the last scan; for metrics and logs only."""
+        return self._perception.frame.scene
 
     @property
     def scan(self) -> Scan:
-        """The last look."""
-        return self._senses.scan
+        """The last scan."""
+        return self._perception.frame.scan
 
     @property
     def origin(self) -> Origin:
-        """Where the detections of the last look came from; for metrics and logs only."""
-        return self._senses.origin
+        """Where the detections of the last scan came from; for metrics and logs only."""
+        return self._perception.frame.origin
 
     @property
     def tracks(self) -> Tracks:
-        """What the first tracker carries after the last look, unreported tracks included."""
-        return self._senses.tracks
+        """All tracks of the first tracker after the last scan, unreported ones included."""
+        return self._perception.tracks
 
     @property
     def all_tracks(self) -> dict[str, Tracks]:
-        """The same of every tracker, by name."""
-        return {name: tracks for name, (tracks, _) in self._senses.outputs.items()}
+        """The tracks of every tracker after the last scan, by name."""
+        return {name: tracks for name, (tracks, _) in self._perception.frame.outputs.items()}
 
     @property
     def observers(self) -> list[Observer]:
-        """What is called after every look."""
-        return self._senses.observers
+        """What is called after every scan."""
+        return self._perception.observers
 
     @property
     def seconds(self) -> dict[str, float]:
         """Wall time [s] so far: "sense" for scene and radar, "track" for all trackers."""
-        return self._senses.seconds
+        return self._perception.seconds
 
     @property
     def costs(self) -> dict[str, Cost]:
         """What each tracker has cost so far, by name."""
-        return self._senses.costs
+        return self._perception.costs
 
     def attach(self, observer: Observer) -> None:
-        """Call `observer(step, time, scene, scan, origin, outputs, action, plan)` after every look of the radar.
+        """Call `observer(frame)` after every scan with a `testbed.frame.Frame`, the first time at the next reset.
 
-        `step` counts simulated frames, `time` is in seconds; `outputs` maps the name of each tracker to
-        (Tracks, StepInfo); `action` is the planner's last choice in words and `plan` (P, 2) [m] what it put into
-        `env.plan`. Metrics and logs hang here. Frames without a look of a slow radar make no call.
+        A frame holds `step`, the count of simulated frames; `time` [s]; the true `scene`; the `scan` and the `origin`
+        of its detections; `outputs`, the (Tracks, StepInfo) of each tracker by name; the planner's last `action` in
+        words, and `plan` (P, 2) [m], what it put into `env.plan`. A simulated frame in which a slow radar does not scan
+        makes no call. What the observer returns is ignored; what it raises ends the step.
         """
-        self._senses.observers.append(observer)
+        self._perception.observers.append(observer)
 
     # The three verbs
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Start an episode; the first look comes before the first observation."""
-        if self._live is None or self._swap is None:
+        if self._mounted is None or self._swap is None:
             return self.env.reset(seed=seed, options=options)
         self._swap.show()
         self._episode = 0 if seed is not None else self._episode + 1
@@ -185,12 +186,12 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
         belief = self._belief_now()
         self._record()
         self._swap.hide(belief)
-        self._live.tell(self._action, self.plan)
+        self._mounted.notify()
         return observation, self._report(info)
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
         """Simulate until the planner's next turn."""
-        if self._live is None or self._swap is None:
+        if self._mounted is None or self._swap is None:
             return self.env.step(action)
         if not self._swap.hidden:
             raise gym.error.ResetNeeded("step was called before reset; call env.reset(seed=...) first")
@@ -227,9 +228,9 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
         self._stop_recording()
         if self.out is None:
             return
-        core, live = self._core, self._senses
+        core, perception = self._core, self._perception
         scenario = core.scenario.name if isinstance(core, ScenarioEnv) else core.spec.id
-        names, radar = tuple(live.trackers), label(self._radar)
+        names, radar = tuple(perception.trackers), label(self._radar)
         name = run_id(scenario, names, radar, self.planner, core.np_random_seed)
         keys = ("simulation_frequency", "policy_frequency", "duration")
         meta = RunMeta(
@@ -250,15 +251,15 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
             self.log,
             phases=getattr(core, "phases", ()),
             road=road_geometry(lane_shapes(core.road.network)),
-            sensors=live.radar.models,
+            sensors=perception.radar.models,
             focus=None if lively is None else self._reader.number(lively),
-            trackers=live.trackers,
+            trackers=perception.trackers,
         )
-        live.observers.append(self.recorder)
+        perception.observers.append(self.recorder)
 
     def _stop_recording(self) -> None:
         if self.recorder is not None:
-            self._senses.observers.remove(self.recorder)
+            self._perception.observers.remove(self.recorder)
             self.recorder.close()
             self.recorder = None
 
@@ -268,42 +269,37 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
         return self.unwrapped
 
     @property
-    def _senses(self) -> Perception:
-        if self._live is None:
+    def _perception(self) -> Perception:
+        if self._mounted is None:
             raise AttributeError("a copy of the environment has no radar and no tracker; ask the original")
-        return self._live
+        return self._mounted
 
     def _on_frame(self) -> None:
         """A simulated frame has passed."""
-        live = self._senses
-        frequency = self._core.config["simulation_frequency"]
-        if live.due(frequency):
-            time = live.frame / frequency
-            live.look(lambda: self._read(time, time - live.scene.time))
-            live.tell(self._action, self.plan)
+        self._perception.step(self._action, self.plan)
 
-    def _read(self, time: float, dt: float) -> Scene:
-        """The scene now, its clock being the count of frames: highway-env's own counter lags while a frame ends."""
-        return self._reader.read(self.unwrapped)._replace(time=time, dt=dt)
+    def _read(self, steps: int) -> Scene:
+        """The scene after so many simulated frames; highway-env counts a frame only after the road has stepped."""
+        return self._reader.read(self._core)._replace(time=steps / self._core.config["simulation_frequency"])
 
     def _belief_now(self) -> Road:
         """The belief road of the current frame, made once a frame."""
-        live = self._senses
+        perception = self._perception
         if self._belief is None:
             sensor, self._rng = self._streams()
             self._reader = SceneReader()
             shapes = lane_shapes(self._core.road.network)
             lanes: list[tuple[ArrayLike, float]] = [(lane.centre, lane.width) for lane in shapes]
-            live.start(lambda: self._read(0.0, 0.0), RoadMap.of(lanes), sensor)
-        if self._belief is None or self._belief[0] != live.frame:
-            self._belief = live.frame, self._believe(live)
+            perception.start(self._read, RoadMap.of(lanes), sensor, self._core.config["simulation_frequency"])
+        if self._belief is None or self._belief[0] != perception.steps:
+            self._belief = perception.steps, self._believe(perception)
         return self._belief[1]
 
-    def _believe(self, live: Perception) -> Road:
+    def _believe(self, perception: Perception) -> Road:
         core = self._core
-        if live.knows_truth:
+        if perception.knows_truth:
             return mirror_road(core.road, core.controlled_vehicles, self._rng)
-        ids, estimate = live.estimate(live.frame / core.config["simulation_frequency"])
+        ids, estimate = perception.estimate(perception.steps / core.config["simulation_frequency"])
         return belief_road(core.road, core.controlled_vehicles, ids, estimate, self._rng)
 
     def _streams(self) -> tuple[np.random.Generator, np.random.Generator]:
@@ -333,9 +329,8 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
             del core.define_spaces
 
     def _report(self, info: dict[str, Any]) -> dict[str, Any]:
-        """The environment's info, with how much the planner's tracker saw."""
-        live = self._senses
-        return {**info, "tracks": len(live.tracks.reported.id), "detections": int(live.scan.mask.sum())}
+        """The environment's info with the numbers of reported tracks of the first tracker, and of detections."""
+        return {**info, "tracks": len(self.tracks.reported.id), "detections": int(self.scan.mask.sum())}
 
 
 def scenario_env(

@@ -1,6 +1,5 @@
-"""Scores: estimates held against the truth, frame by frame.
+"""Scores: estimates compared with the truth, frame by frame.
 
-In: a `Frame` with the true scene, the detections' origin and each tracker's tracks. Out: errors, summaries and the
-rows of a run's results. The one place besides the studies where truth and estimate meet. May import `testbed.log` (the
-recorder feeds the log), shapely, `testbed.frame` and `testbed.files`; no simulator.
+In: true scenes, the origin of the detections, and tracks. Out: a `FrameScore` a frame, summaries, and the rows of a
+run's results. May import `testbed.frame` and shapely; no simulator and no log.
 """

@@ -18,6 +18,7 @@ from testbed.evaluation import histories
 from testbed.evaluation.histories import History
 from testbed.evaluation.metrics import gospa, mean, nees_bounds, rmse
 from testbed.evaluation.pair_errors import ERRORS, pair_distances, pair_errors
+from testbed.frame import FrameScore
 from trackers.batch import take
 from trackers.geometry import to_frame
 from trackers.multi.tracks import Tracks
@@ -28,15 +29,6 @@ PLAIN_SHARE, PLAIN_COUNT = 0.5, 3.0  # visible share and expected detections of 
 UNCOUNTED_KINDS = ("obstacle",)
 
 Row = dict[str, float | int | str]
-
-
-class FrameScore(NamedTuple):
-    """One tracker at one frame, as the log takes it."""
-
-    pairs: dict[int, int]  # object id -> id of the track assigned to it, uncounted objects included
-    errors: dict[int, dict[str, float]]  # object id -> each of ERRORS, for every pair
-    mean: dict[str, float]  # GOSPA and its parts, numbers of objects and tracks, mean magnitudes over counted pairs
-    counted: tuple[int, ...]  # ids of the objects that count at this frame
 
 
 class _Frame(NamedTuple):

@@ -1,10 +1,10 @@
-"""What one frame draws: a record of the simulation becomes rows of plain arrays, one row per entity, no rerun.
+"""What one frame draws: a `Frame` becomes rows of plain arrays, one row per entity, no rerun.
 
 A row maps component names (`Points2D:positions`, `radar:doppler`) to a number, or to an array whose first axis counts
 instances. Every array is a fresh copy, so the simulation may go on changing its own.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
 from types import MappingProxyType
 from typing import NamedTuple
@@ -14,11 +14,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from sensors.origin import KINDS
 from sensors.scene import Bodies, Ego, Objects, Scene
+from testbed.frame import Frame, FrameScore
 from testbed.log import palette, paths
 from testbed.log.modes import Modes, probabilities
-from testbed.log.record import RoadGeometry, SmoothedTracks, StepRecord, TrackerFrame
+from testbed.log.record import RoadGeometry, SmoothedTracks
 from trackers.geometry import box_corners, ellipse_points, to_world, unit
-from trackers.multi.tracks import Tracks
+from trackers.multi.tracks import StepInfo, Tracks
 from trackers.scan import SensorModel
 
 
@@ -99,11 +100,11 @@ def plan_rows(plan: NDArray) -> Rows:
     return {paths.EGO_PLAN: {"LineStrips2D:strips": Strips.of((plan,) if len(plan) > 1 else ())}}
 
 
-def detection_rows(record: StepRecord) -> Rows:
-    """Detections by kind with what the radar measured, where they came from and which track took them."""
-    keep = np.flatnonzero(record.scan.mask)
-    scan, origin = record.scan, record.origin
-    ids = np.append(record.scene.objects.id, -1).astype(np.int32)
+def detection_rows(frame: Frame, trackers: Iterable[str]) -> Rows:
+    """Detections by kind: what the radar measured, their origin, and to which track each tracker assigned them."""
+    scan, origin = frame.scan, frame.origin
+    keep = np.flatnonzero(scan.mask)
+    ids = np.append(frame.scene.objects.id, -1).astype(np.int32)
     object_id = ids[origin.object[keep]]
     sensor = np.broadcast_to(scan.sensor, scan.mask.shape)[keep].astype(np.int32)
     columns: dict[str, NDArray] = {
@@ -113,8 +114,8 @@ def detection_rows(record: StepRecord) -> Rows:
         "radar:object_color": palette.identity(object_id),
         "radar:sensor": sensor,
     }
-    for name, frame in record.frames.items():
-        owner = frame.info.owner[keep]
+    for name in trackers:
+        owner = frame.outputs[name][1].owner[keep]
         columns[f"radar:owner_{name}"] = owner.astype(np.int32)
         columns[f"radar:owner_color_{name}"] = palette.identity(owner)
     kind = origin.kind[keep]
@@ -124,12 +125,13 @@ def detection_rows(record: StepRecord) -> Rows:
     }
 
 
-def tracker_rows(name: str, frame: TrackerFrame, modes: Sequence[str] = (), classes: Sequence[str] = ()) -> Rows:
+def tracker_rows(
+    name: str, tracks: Tracks, info: StepInfo, modes: Sequence[str] = (), classes: Sequence[str] = ()
+) -> Rows:
     """Boxes or contours, 95 % ellipses of the centre, headings and ids of the reported tracks; the others thin.
 
     Behind the id stand the most likely of the motion models `modes` and the class, of `classes`, where it is likely.
     """
-    tracks = frame.tracks
     shown = tracks.existence > 0.5
     hidden = tracks.rows(~shown).estimate
     tracks = tracks.reported
@@ -149,19 +151,19 @@ def tracker_rows(name: str, frame: TrackerFrame, modes: Sequence[str] = (), clas
         paths.tracker(name, "heading"): _headings(estimate.pose, estimate.size[:, 0]),
         paths.tracker(name, "center"): {
             "Points2D:positions": np.array(estimate.pose[:, :2], np.float32),
-            "Points2D:labels": _labels(tracks, frame, modes, classes),
+            "Points2D:labels": _labels(tracks, info, modes, classes),
         },
     }
 
 
-def change_rows(name: str, frame: TrackerFrame) -> Rows:
+def change_rows(name: str, tracks: Tracks, info: StepInfo) -> Rows:
     """Contours that changed in this frame, as they were and as they are, where their tracks are now."""
-    contours = {event.track: event.contours for event in frame.info.events if event.contours is not None}
-    rows = [row for row, i in enumerate(frame.tracks.id.tolist()) if i in contours]
+    contours = {event.track: event.contours for event in info.events if event.contours is not None}
+    rows = [row for row, i in enumerate(tracks.id.tolist()) if i in contours]
     if not rows:
         return {}
-    number = frame.tracks.id[rows]
-    rings = to_world(frame.tracks.estimate.pose[rows, None], np.stack([contours[i] for i in number.tolist()]))
+    number = tracks.id[rows]
+    rings = to_world(tracks.estimate.pose[rows, None], np.stack([contours[i] for i in number.tolist()]))
     return {
         paths.tracker(name, layer): {
             "LineStrips2D:strips": Strips.of(rings[:, k], closed=True),
@@ -177,8 +179,8 @@ def no_change_rows(name: str) -> Rows:
     return {paths.tracker(name, layer): dict(nothing) for layer in paths.CHANGE_LAYERS}
 
 
-def _labels(tracks: Tracks, frame: TrackerFrame, modes: Sequence[str], classes: Sequence[str]) -> list[str]:
-    moves = {track: modes[int(p.argmax())] for track, p in probabilities(frame, modes).items()}
+def _labels(tracks: Tracks, info: StepInfo, modes: Sequence[str], classes: Sequence[str]) -> list[str]:
+    moves = {track: modes[int(p.argmax())] for track, p in probabilities(info, modes).items()}
     ids = tracks.id.tolist()
     known = dict.fromkeys(ids, "")
     p = tracks.estimate.class_probability
@@ -188,14 +190,14 @@ def _labels(tracks: Tracks, frame: TrackerFrame, modes: Sequence[str], classes: 
 
 
 def smoothed_extents(smoothed: SmoothedTracks) -> list[Row]:
-    """Boxes of the smoothed tracks at each look, with what else a reader may want of them."""
+    """Boxes of the smoothed tracks at each frame, with their ids and headings."""
     tracks = smoothed.tracks
-    look = np.concatenate([np.zeros(0, int), *(track.look for track in tracks)])
-    order = np.argsort(look, kind="stable")
-    number = np.repeat([track.id for track in tracks], [len(track.look) for track in tracks])[order]
+    frame = np.concatenate([np.zeros(0, int), *(track.frame for track in tracks)])
+    order = np.argsort(frame, kind="stable")
+    number = np.repeat([track.id for track in tracks], [len(track.frame) for track in tracks])[order]
     pose = np.concatenate([np.zeros((0, 3)), *(track.pose for track in tracks)])[order]
     size = np.concatenate([np.zeros((0, 2)), *(track.size for track in tracks)])[order]
-    at = np.searchsorted(look[order], np.arange(len(smoothed.step) + 1))
+    at = np.searchsorted(frame[order], np.arange(len(smoothed.step) + 1))
     return [
         {
             "LineStrips2D:strips": Strips.of(box_corners(pose[a:b], size[a:b]), closed=True),
@@ -207,38 +209,37 @@ def smoothed_extents(smoothed: SmoothedTracks) -> list[Row]:
 
 
 def smoothed_paths(smoothed: SmoothedTracks) -> Row:
-    """Where the centre of each smoothed track went, from the first look to the last."""
+    """Where the centre of each smoothed track went, from the first frame to the last."""
     return {
         "LineStrips2D:strips": Strips.of(tuple(track.pose[:, :2] for track in smoothed.tracks)),
         "track:id": np.array([track.id for track in smoothed.tracks], np.int32),
     }
 
 
-def metric_rows(name: str, frame: TrackerFrame) -> Rows:
+def metric_rows(name: str, score: FrameScore) -> Rows:
     """Metrics of the whole frame, one entity each."""
-    return {paths.metric(metric, name): scalar_row(value) for metric, value in frame.mean.items()}
+    return {paths.metric(metric, name): scalar_row(value) for metric, value in score.mean.items()}
 
 
-def object_rows(record: StepRecord, modes: Modes = MappingProxyType({})) -> Rows:
+def object_rows(frame: Frame, scores: Mapping[str, FrameScore], modes: Modes = MappingProxyType({})) -> Rows:
     """How the radar sees each object, and the errors of each tracker about it where it has a track.
 
     Where a tracker mixes the motion models `modes`, their probabilities stand beside the errors.
     """
-    ids = record.scene.objects.id
-    origin = record.origin
-    of_object = origin.object[record.scan.mask]
+    ids, origin = frame.scene.objects.id, frame.origin
+    of_object = origin.object[frame.scan.mask]
     got = np.bincount(of_object[of_object >= 0], minlength=len(ids))
     rows: Rows = {}
     for i, number in enumerate(ids):
         rows[paths.of_object(number, paths.SEEN)] = _numbers(
             "radar", {"detections": got[i], "expected": origin.expected[i], "visible": origin.visible[i]}
         )
-    for name, frame in record.frames.items():
+    for name, score in scores.items():
         names = modes.get(name, ())
-        known = probabilities(frame, names)
-        for number, errors in frame.errors.items():
+        known = probabilities(frame.outputs[name][1], names)
+        for number, errors in score.errors.items():
             row = _numbers("metrics", errors)
-            track = int(frame.pairs[number])
+            track = int(score.pairs[number])
             row["metrics:track_id"] = track
             p = known.get(track, np.full(len(names), np.nan))
             rows[paths.of_object(number, name)] = row | _numbers("mode", dict(zip(names, p, strict=True)))

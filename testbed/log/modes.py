@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 
 from numpy.typing import NDArray
 
-from testbed.log.record import TrackerFrame
 from trackers import TRACKERS
+from trackers.multi.tracks import StepInfo
 
 Modes = Mapping[str, tuple[str, ...]]  # tracker -> names of its motion models, none where it has one only
 
@@ -30,9 +30,9 @@ def modes_of(trackers: Sequence[str]) -> Modes:
     return {tracker: mode_names(tracker) for tracker in trackers}
 
 
-def probabilities(frame: TrackerFrame, names: Sequence[str]) -> dict[int, NDArray]:
-    """Track id -> probabilities (K,) of the named models; nothing at a look without any detection on a track."""
-    mode = frame.info.mode
+def probabilities(info: StepInfo, names: Sequence[str]) -> dict[int, NDArray]:
+    """Track id -> probabilities (K,) of the named models; nothing at a scan without any detection on a track."""
+    mode = info.mode
     if mode is None or not names or mode.shape[-1] != len(names):
         return {}
-    return dict(zip(frame.info.track.tolist(), mode, strict=True))
+    return dict(zip(info.track.tolist(), mode, strict=True))

@@ -1,55 +1,29 @@
-"""What one simulated frame hands to the log: plain data, no rerun."""
+"""What a log holds beside its frames: what identifies the run, the road, the smoothed tracks. No rerun."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from numpy.typing import NDArray
 
-from sensors.origin import Origin
-from sensors.scene import Scene
-from trackers.multi.tracks import StepInfo, Tracks
-from trackers.scan import Scan
-
-
-class TrackerFrame(NamedTuple):
-    """One tracker at one frame."""
-
-    tracks: Tracks
-    info: StepInfo
-    pairs: dict[int, int]  # object id -> id of the reported track assigned to it
-    errors: dict[int, dict[str, float]]  # object id -> metric name -> value, for the assigned pairs
-    mean: dict[str, float]  # metric name -> value of this frame (gospa, mean gwd over pairs, ...), NaN where undefined
+LEVELS = ("off", "metrics", "full")  # nothing; numbers and events; these with all geometry
 
 
 class SmoothedTrack(NamedTuple):
-    """One reported track as all its detections say that it was, at the K looks at which it was reported."""
+    """One track, smoothed over all its detections, at the K frames at which it was reported."""
 
     id: int
-    look: NDArray  # (K,) int, of `SmoothedTracks.step`
+    frame: NDArray  # (K,) int, index into `SmoothedTracks.step`
     pose: NDArray  # (K, 3) x, y [m], heading [rad]
     size: NDArray  # (K, 2) length, width [m]
 
 
 class SmoothedTracks(NamedTuple):
-    """The tracks of one tracker over L looks, smoothed."""
+    """The tracks of one tracker over F frames, smoothed."""
 
-    step: NDArray  # (L,) int
-    time: NDArray  # (L,) [s]
+    step: NDArray  # (F,) int
+    time: NDArray  # (F,) [s]
     tracks: tuple[SmoothedTrack, ...]
-    failed: tuple[int, ...] = ()  # ids of tracks that could not be smoothed: their covariances were none
-
-
-class StepRecord(NamedTuple):
-    """One frame of the simulation."""
-
-    step: int
-    time: float  # [s]
-    scene: Scene
-    scan: Scan
-    origin: Origin
-    frames: dict[str, TrackerFrame]  # tracker name -> frame, in the order of the command line
-    action: str  # what the planner last chose
-    plan: NDArray  # (P, 2) [m] where the planner means to go, world frame
-    events: tuple[tuple[str, str], ...] = ()  # (level INFO | WARN | ERROR, text)
+    failed: tuple[int, ...] = ()  # ids of tracks that could not be smoothed: a covariance was not definite
 
 
 class RunMeta(NamedTuple):
@@ -63,6 +37,11 @@ class RunMeta(NamedTuple):
     planner: str
     config: dict[str, str]  # what was varied, as text
     versions: dict[str, str]  # package -> version
+
+
+def run_id(scenario: str, trackers: Sequence[str], radar: str, planner: str, seed: int) -> str:
+    """Name of a run's files: the same settings give the same name, and replace each other."""
+    return "_".join([scenario, "+".join(trackers), radar, planner, f"seed{seed}"]).replace("/", "-")
 
 
 class RoadGeometry(NamedTuple):

@@ -1,31 +1,34 @@
-"""The review log of one run: takes plain records, keeps a block of them, writes it every few steps.
+"""The review log of one run: takes frames and their scores, keeps a block of them, writes it every few steps.
 
 A run that is killed loses at most the block that was not yet written. rerun is imported when the file is opened, so
 that a run without a log never pays for it.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from types import TracebackType
+from types import MappingProxyType, TracebackType
 from typing import TYPE_CHECKING, Literal, Self
 
 import numpy as np
 
+from sensors.scene import Objects
+from testbed.frame import Frame, FrameScore
 from testbed.log import layers, palette, paths
 from testbed.log.modes import class_names, modes_of
-from testbed.log.record import RoadGeometry, RunMeta, SmoothedTracks, StepRecord, TrackerFrame
+from testbed.log.record import RoadGeometry, RunMeta, SmoothedTracks
 from testbed.log.text import config_text, flat_properties, flat_summary, summary_text, unfinished_text
-from trackers.multi.tracks import Event
+from trackers.multi.tracks import Event, StepInfo, Tracks
 from trackers.scan import SensorModel
 
 if TYPE_CHECKING:
     from testbed.log.stream import Block, Stream
 
-Level = Literal["full", "metrics"]
 Value = str | int | float | bool
 Summary = Mapping[str, Value | Mapping[str, Value]]
+Scores = Mapping[str, FrameScore]  # by name of the tracker, in the order of the run
+LogEvents = Iterable[tuple[str, str]]  # severity, text
 
-LEVELS = ("DEBUG", "INFO", "WARN", "ERROR")
+SEVERITIES = ("DEBUG", "INFO", "WARN", "ERROR")
 CHANGE_SHOWN = 10**9  # [ns] a contour that has changed is drawn so long, where the track was
 
 
@@ -37,7 +40,7 @@ class NullLog:
     def static(self, road: RoadGeometry, sensors: tuple[SensorModel, ...]) -> None:
         """Ignore the road and the radars."""
 
-    def step(self, record: StepRecord) -> None:
+    def step(self, frame: Frame, scores: Scores, events: LogEvents = ()) -> None:
         """Ignore a frame."""
 
     def smoothed(self, name: str, smoothed: SmoothedTracks) -> None:
@@ -68,7 +71,13 @@ class RunLog(NullLog):
     """
 
     def __init__(
-        self, path: str | Path, meta: RunMeta, *, level: Level = "full", every: int = 15, focus: int | None = None
+        self,
+        path: str | Path,
+        meta: RunMeta,
+        *,
+        level: Literal["full", "metrics"] = "full",
+        every: int = 15,
+        focus: int | None = None,
     ) -> None:
         if level not in ("full", "metrics"):
             raise ValueError(f"level must be 'full' or 'metrics', got {level!r}; for no log use NullLog")
@@ -108,25 +117,29 @@ class RunLog(NullLog):
         self._road, self._sensors = road, tuple(sensors)
         self._middle = layers.strip_middle(road)
 
-    def step(self, record: StepRecord) -> None:
-        """Take one frame; arrays are copied."""
-        self._check(record)
-        self._step, self._time = record.step, round(record.time * 1e9)
+    def step(self, frame: Frame, scores: Scores, events: LogEvents = ()) -> None:
+        """Take one frame with the score of each tracker of the run; arrays are copied.
+
+        Raises:
+            ValueError: the log is closed, the step does not grow, or the scores are of other trackers.
+        """
+        self._check(frame, scores)
+        self._step, self._time = frame.step, round(frame.time * 1e9)
         if self._stream is None:
-            self._open(record)
+            self._open(frame, scores)
         if self._level == "full":
-            self._geometry(record)
-        self._numbers(record)
-        for name, frame in record.frames.items():
-            self._decisions(name, frame)
-        for level, text in record.events:
-            self.event(level, text)
+            self._geometry(frame)
+        self._numbers(frame, scores)
+        for name in self.meta.trackers:
+            self._decisions(name, *frame.outputs[name])
+        for severity, text in events:
+            self.event(severity, text)
         self._waiting += 1
         if self._waiting >= self._every:
             self._send()
 
     def smoothed(self, name: str, smoothed: SmoothedTracks) -> None:
-        """Write the smoothed tracks of one tracker at the times of their looks, which lie in the past."""
+        """Write the smoothed tracks of one tracker at the times of their frames, which lie in the past."""
         if self._level != "full" or self._stream is None or len(smoothed.step) == 0:
             return
         when = list(zip(smoothed.step.tolist(), np.rint(smoothed.time * 1e9).astype(int).tolist(), strict=True))
@@ -141,9 +154,9 @@ class RunLog(NullLog):
         )
 
     def event(self, level: str, text: str) -> None:
-        """Write a line at the time of the last step; level is one of `LEVELS`."""
-        if level not in LEVELS:
-            raise ValueError(f"event level must be one of {', '.join(LEVELS)}, got {level!r}")
+        """Write a line at the time of the last step; level is one of `SEVERITIES`."""
+        if level not in SEVERITIES:
+            raise ValueError(f"event level must be one of {', '.join(SEVERITIES)}, got {level!r}")
         if self._closed:
             raise ValueError(f"the log {self.path} is closed; no event can follow")
         self._put(paths.EVENTS, {"TextLog:text": [text], "TextLog:level": [level]})
@@ -157,7 +170,7 @@ class RunLog(NullLog):
             return
         flat = flat_summary(summary or {})
         if self._stream is None:
-            self._open(None)
+            self._open()
         assert self._stream is not None
         self._send()
         if summary is not None:
@@ -177,22 +190,20 @@ class RunLog(NullLog):
 
     # -- opening and sending ------------------------------------------------------------------------------------
 
-    def _check(self, record: StepRecord) -> None:
+    def _check(self, frame: Frame, scores: Scores) -> None:
         if self._closed:
             raise ValueError(f"the log {self.path} is closed; open a new RunLog for another run")
-        if record.step <= self._step:
-            raise ValueError(f"record.step must grow, got {record.step} after {self._step}; one RunLog holds one run")
-        if tuple(record.frames) != self.meta.trackers:
-            raise ValueError(
-                f"record.frames must have the trackers of the run {self.meta.trackers}, got {tuple(record.frames)}"
-            )
+        if frame.step <= self._step:
+            raise ValueError(f"frame.step must grow, got {frame.step} after {self._step}; one RunLog holds one run")
+        if tuple(scores) != self.meta.trackers:
+            raise ValueError(f"scores must have the trackers of the run {self.meta.trackers}, got {tuple(scores)}")
 
-    def _open(self, first: StepRecord | None) -> None:
+    def _open(self, first: Frame | None = None, scores: Scores = MappingProxyType({})) -> None:
         from testbed.log.blueprint import layout
         from testbed.log.stream import Stream
         from testbed.log.styles import styles
 
-        metrics = {name: tuple(frame.mean) for name, frame in first.frames.items()} if first else {}
+        metrics = {name: tuple(score.mean) for name, score in scores.items()}
         focus = _focus(self._focus, first) if first else None
         blueprint = layout(self.meta, metrics, focus, self._road, self._level == "full", self._modes)
         self._stream = Stream(self._file, self.meta.run_id, blueprint)
@@ -219,25 +230,26 @@ class RunLog(NullLog):
 
     # -- one frame ----------------------------------------------------------------------------------------------
 
-    def _geometry(self, record: StepRecord) -> None:
+    def _geometry(self, frame: Frame) -> None:
         rows = (
-            layers.scene_rows(record.scene, self._middle)
-            | layers.plan_rows(record.plan)
-            | layers.detection_rows(record)
+            layers.scene_rows(frame.scene, self._middle)
+            | layers.plan_rows(frame.plan)
+            | layers.detection_rows(frame, self.meta.trackers)
         )
-        for name, frame in record.frames.items():
-            rows |= layers.tracker_rows(name, frame, self._modes[name], self._classes[name])
-            rows |= self._changes(name, frame)
-        if self._walls is None or not np.array_equal(self._walls, record.scene.walls):
-            self._walls = np.array(record.scene.walls)
+        for name in self.meta.trackers:
+            tracks, info = frame.outputs[name]
+            rows |= layers.tracker_rows(name, tracks, info, self._modes[name], self._classes[name])
+            rows |= self._changes(name, tracks, info)
+        if self._walls is None or not np.array_equal(self._walls, frame.scene.walls):
+            self._walls = np.array(frame.scene.walls)
             rows |= layers.wall_rows(self._walls)
         for path, row in rows.items():
             self._put(path, row)
-        self._name_objects(record)
+        self._name_objects(frame.scene.objects)
 
-    def _changes(self, name: str, frame: TrackerFrame) -> layers.Rows:
-        """Contours that changed in this frame; after a while they go."""
-        if rows := layers.change_rows(name, frame):
+    def _changes(self, name: str, tracks: Tracks, info: StepInfo) -> layers.Rows:
+        """Contours that changed in this frame; they are removed after `CHANGE_SHOWN`."""
+        if rows := layers.change_rows(name, tracks, info):
             if name not in self._changed:
                 self._style_changes(name)
             self._changed[name] = self._time
@@ -255,19 +267,19 @@ class RunLog(NullLog):
         for path, data in change_styles(self.meta.trackers.index(name), name):
             self._stream.static(path, data)
 
-    def _numbers(self, record: StepRecord) -> None:
-        rows = layers.object_rows(record, self._modes)
+    def _numbers(self, frame: Frame, scores: Scores) -> None:
+        rows = layers.object_rows(frame, scores, self._modes)
         lost = {path: layers.gap_row(row) for path, row in self._tracked.items() if path not in rows}
         self._tracked = {path: row for path, row in rows.items() if "metrics:track_id" in row}
         rows |= lost
-        for name, frame in record.frames.items():
-            rows |= layers.metric_rows(name, frame)
-        speed = round(float(np.hypot(*record.scene.ego.velocity)), 6)  # else rounding fills the plot of a constant
+        for name, score in scores.items():
+            rows |= layers.metric_rows(name, score)
+        speed = round(float(np.hypot(*frame.scene.ego.velocity)), 6)  # else rounding fills the plot of a constant
         rows[paths.EGO_SPEED] = layers.scalar_row(speed)
-        if record.action != self._action:
-            self._action = record.action
-            self._color_actions(record.action)
-            rows[paths.EGO_ACTION] = {"StateChange:state": [record.action]}
+        if frame.action != self._action:
+            self._action = frame.action
+            self._color_actions(frame.action)
+            rows[paths.EGO_ACTION] = {"StateChange:state": [frame.action]}
         for path, row in rows.items():
             self._put(path, row)
 
@@ -281,19 +293,18 @@ class RunLog(NullLog):
             colors = np.array([palette.action(name) for name in self._actions], np.uint32)
             self._stream.static(paths.EGO_ACTION, rr.StateConfiguration(values=self._actions, colors=colors))
 
-    def _decisions(self, name: str, frame: TrackerFrame) -> None:
+    def _decisions(self, name: str, tracks: Tracks, info: StepInfo) -> None:
         confirmed = self._confirmed[name]
-        for event in frame.info.events:
+        for event in info.events:
             self.event(
                 _level(event, event.track in confirmed), f"{name}: track {event.track} {event.kind}, {event.reason}"
             )
-        confirmed |= set(frame.tracks.id[frame.tracks.confirmed].tolist())
+        confirmed |= set(tracks.id[tracks.confirmed].tolist())
 
-    def _name_objects(self, record: StepRecord) -> None:
+    def _name_objects(self, objects: Objects) -> None:
         """Give newly seen objects a name for hovering."""
         import rerun as rr
 
-        objects = record.scene.objects
         new = {int(i): kind for i, kind in zip(objects.id, objects.kind, strict=True) if i not in self._known}
         if new:
             self._known |= new
@@ -309,7 +320,7 @@ def _level(event: Event, confirmed: bool) -> str:
     return "DEBUG" if event.kind == "born" else "INFO"
 
 
-def _focus(asked: int | None, first: StepRecord) -> int | None:
+def _focus(asked: int | None, first: Frame) -> int | None:
     """The object asked for, else the one nearest to the ego, None where there is none."""
     objects = first.scene.objects
     if asked is not None and asked not in objects.id:

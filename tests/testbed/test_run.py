@@ -19,7 +19,7 @@ def record(config, seconds=1.0):
     """Poses of all objects and the scans of a run in which the ego idles."""
     env = make_env(config)
     poses, scans = [], []
-    env.attach(lambda step, time, scene, scan, *rest: (poses.append(scene.objects.pose), scans.append(scan)))
+    env.attach(lambda frame: (poses.append(frame.scene.objects.pose), scans.append(frame.scan)))
     env.reset(seed=config.seed)
     while env.truth.time < seconds:
         env.step(1)
@@ -87,9 +87,9 @@ def test_the_costs_of_the_trackers_are_the_time_spent_on_tracking(tmp_path):
     assert 0.8 * timing["track"] < spent < timing["track"]
 
 
-def test_observers_see_every_look(tmp_path):
+def test_observers_are_called_with_every_frame(tmp_path):
     times = []
-    done = run(short(tmp_path, log="off"), observers=[lambda step, time, *rest: times.append(time)])
+    done = run(short(tmp_path, log="off"), observers=[lambda frame: times.append(frame.time)])
     assert len(times) == done.result["trackers"]["rm-feldmann"]["scans"]
     assert times[0] == 0.0
 

@@ -13,8 +13,8 @@ from testbed.compare.runs.engine import Engine, perform
 from testbed.compare.runs.replay import REPLAY, write_log
 from testbed.compare.runs.results import Results
 from testbed.compare.runs.tasks import DONE, FAILED, FOUND, Drive, Outcome, obtain
-from testbed.evaluation.recorder import run_id
 from testbed.files import make_directory
+from testbed.log.record import run_id
 from testbed.run import RunConfig
 from testbed.run import run as run_live
 

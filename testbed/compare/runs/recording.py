@@ -22,10 +22,10 @@ from scenarios.stage import Phase
 from sensors.scene import Bodies, Ego, Objects, Scene
 from sensors.origin import Origin
 from testbed.files import atomic_file
+from testbed.environment.recorder import road_geometry
+from testbed.frame import TRUTH, Frame
 from testbed.log.record import RoadGeometry
-from testbed.frame import TRUTH
 from testbed.planners import find as find_planner
-from testbed.evaluation.recorder import road_geometry
 from trackers.multi.road import RoadMap
 from trackers.scan import Scan
 
@@ -37,8 +37,8 @@ DAMAGES = (  # what comes out of a damaged archive, depending on where it is dam
 )  # fmt: skip
 
 
-class Look(NamedTuple):
-    """One look of the radar: the truth, what was measured, and where that came from."""
+class RecordedFrame(NamedTuple):
+    """What a recording keeps of a `Frame`: nothing of trackers and planner."""
 
     scene: Scene
     scan: Scan
@@ -46,12 +46,12 @@ class Look(NamedTuple):
 
 
 class Recording(NamedTuple):
-    """All looks of one drive."""
+    """All frames of one drive that have a scan."""
 
     scenario: str
     seed: int
     radar: str
-    looks: tuple[Look, ...]
+    frames: tuple[RecordedFrame, ...]
     phases: tuple[Phase, ...]
     road: RoadMap
     drawn: RoadGeometry
@@ -59,12 +59,12 @@ class Recording(NamedTuple):
 
 
 def record(scenario: str, seed: int, radar: str, duration: float | None = None) -> Recording:
-    """Drive once and keep every look; the same arguments give the same looks."""
+    """Drive once and keep every frame; the same arguments give the same frames."""
     planner = find_planner(TRUTH)
-    looks: list[Look] = []
+    frames: list[RecordedFrame] = []
 
-    def keep(step: int, time: float, scene: Scene, scan: Scan, origin: Origin, *rest: object) -> None:
-        looks.append(Look(scene, scan, origin))
+    def keep(frame: Frame) -> None:
+        frames.append(RecordedFrame(frame.scene, frame.scan, frame.origin))
 
     start = perf_counter()
     config = {} if duration is None else {"duration": duration}
@@ -81,12 +81,12 @@ def record(scenario: str, seed: int, radar: str, duration: float | None = None) 
         sensing = tracked.seconds["sense"]
     seconds = {"simulation": perf_counter() - start - sensing, "sensing": sensing}
     road = RoadMap.of([(lane.centre, lane.width) for lane in shapes])
-    return Recording(scenario, seed, radar, tuple(looks), phases, road, road_geometry(shapes), seconds)
+    return Recording(scenario, seed, radar, tuple(frames), phases, road, road_geometry(shapes), seconds)
 
 
 def save(recording: Recording, path: Path) -> None:
     """Write the file; raises OSError, in one sentence, where it cannot be written."""
-    arrays = _looks_to_arrays(recording.looks) | {
+    arrays = _frames_to_arrays(recording.frames) | {
         "phase_names": np.array([p.name for p in recording.phases], np.str_),
         "phase_times": np.array([(p.start, p.end) for p in recording.phases]).reshape(-1, 2),
         "seconds": np.array([recording.seconds["simulation"], recording.seconds["sensing"]]),
@@ -109,7 +109,7 @@ def load(path: Path, scenario: str, seed: int, radar: str) -> Recording:
             scenario,
             seed,
             radar,
-            _looks_of_arrays(arrays),
+            _frames_of_arrays(arrays),
             tuple(
                 Phase(str(n), float(a), float(b))
                 for n, (a, b) in zip(arrays["phase_names"], arrays["phase_times"], strict=True)
@@ -131,8 +131,8 @@ def read_seconds(path: Path) -> dict[str, float]:
         raise ValueError(f"the recording {path} is damaged ({error}); delete it and it is made again") from None
 
 
-# Names of the series are those of the fields; every entry says how to get the array of a look.
-_SERIES: dict[str, Callable[[Look], Any]] = {
+# Names of the series are those of the fields; every entry says how to get the array of a frame.
+_SERIES: dict[str, Callable[[RecordedFrame], Any]] = {
     "time": lambda k: k.scene.time,
     "dt": lambda k: k.scene.dt,
     **{f"ego.{n}": lambda k, n=n: getattr(k.scene.ego, n) for n in Ego._fields},  # type: ignore[misc]
@@ -149,20 +149,20 @@ _SERIES: dict[str, Callable[[Look], Any]] = {
 }
 
 
-def _looks_to_arrays(looks: Sequence[Look]) -> Arrays:
+def _frames_to_arrays(frames: Sequence[RecordedFrame]) -> Arrays:
     arrays: Arrays = {}
     for name, get in _SERIES.items():
-        arrays |= _ragged(name, [np.asarray(get(look)) for look in looks])
+        arrays |= _ragged(name, [np.asarray(get(frame)) for frame in frames])
     return arrays
 
 
-def _looks_of_arrays(arrays: Arrays) -> tuple[Look, ...]:
+def _frames_of_arrays(arrays: Arrays) -> tuple[RecordedFrame, ...]:
     series = {name: _parts(arrays, name) for name in _SERIES}
 
     def fields(group: str, type_: Any, k: int, **more: Any) -> Any:
         return type_(**{n: series[f"{group}.{n}"][k] for n in type_._fields if n not in more}, **more)
 
-    looks = []
+    frames = []
     for k in range(len(series["time"])):
         ends = np.cumsum(series["bodies.corners"][k])
         outline = tuple(np.split(series["bodies.outline"][k], ends[:-1])) if len(ends) else ()
@@ -176,8 +176,8 @@ def _looks_of_arrays(arrays: Arrays) -> tuple[Look, ...]:
             bodies=fields("bodies", Bodies, k, outline=outline),
             walls=series["walls"][k],
         )
-        looks.append(Look(scene, fields("scan", Scan, k), fields("origin", Origin, k)))
-    return tuple(looks)
+        frames.append(RecordedFrame(scene, fields("scan", Scan, k), fields("origin", Origin, k)))
+    return tuple(frames)
 
 
 def _ragged(name: str, parts: Sequence[NDArray], none: NDArray | None = None) -> Arrays:

@@ -1,52 +1,50 @@
-"""A recorded drive given to trackers, as if it were live: the same looks, in the same order, to the same observers."""
+"""A recorded drive given to trackers as if it were live: the same scans in the same order, to the same observers."""
 
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from sensors.scene import Scene
 from sensors.origin import Origin
+from sensors.scene import Scene
 from testbed.compare.runs.recording import Recording
-from testbed.log.record import RunMeta
 from testbed.environment.perception import Perception, radar_of
-from testbed.frame import Observer
-from testbed.evaluation.recorder import Recorder, run_id
+from testbed.environment.recorder import Recorder
 from testbed.files import versions
+from testbed.frame import Observer
+from testbed.log.record import RunMeta, run_id
 from trackers.scan import Scan
 
-REPLAY = "replay"  # in place of the planner's name and choice: nobody chooses
+REPLAY = "replay"  # in place of the planner's name and of its action: a replay has no planner
 
 
-class Tape:
-    """The radar of a recording: it sees again what it saw."""
+class RecordedRadar:
+    """The radar of a recording: a scan of a recorded scene is the recorded one."""
 
     def __init__(self, recording: Recording) -> None:
         radar = radar_of(recording.radar)
         self.models, self.rate = radar.models, radar.rate
-        self._looks = {look.scene.time: look for look in recording.looks}
+        self._frames = {frame.scene.time: frame for frame in recording.frames}
 
     def scan(self, scene: Scene, rng: np.random.Generator) -> tuple[Scan, Origin]:
-        """The recorded look at this scene; the generator is left alone."""
-        look = self._looks[scene.time]
-        return look.scan, look.origin
+        """The recorded scan of this scene; the generator is not used."""
+        frame = self._frames[scene.time]
+        return frame.scan, frame.origin
 
 
 def replay(recording: Recording, trackers: Sequence[str], observers: Sequence[Observer]) -> Perception:
-    """Feed all looks to trackers, and what these say to the observers; returns the senses that did it.
+    """Give all recorded scans to trackers, and every frame to the observers.
 
-    `seconds` and `costs` of what is returned tell where the time went.
+    `step` of a frame is its index in the recording. Returns the perception that did it: its `seconds` and `costs` say
+    where the time went.
     """
-    senses = Perception.mount(Tape(recording), trackers)
-    senses.observers.extend(observers)
-    first, *rest = recording.looks
-    senses.start(lambda: first.scene, recording.road, np.random.default_rng(0))
-    senses.tell(REPLAY, np.zeros((0, 2)))
-    for look in rest:
-        senses.frame += 1
-        senses.look(lambda look=look: look.scene)  # type: ignore[misc]
-        senses.tell(REPLAY, np.zeros((0, 2)))
-    return senses
+    perception = Perception.mount(RecordedRadar(recording), trackers)
+    perception.observers.extend(observers)
+    perception.start(lambda step: recording.frames[step].scene, recording.road, np.random.default_rng(0), action=REPLAY)
+    perception.notify()
+    for _ in recording.frames[1:]:
+        perception.step(REPLAY, np.zeros((0, 2)))
+    return perception
 
 
 def write_log(recording: Recording, trackers: Sequence[str], out: Path) -> Path:

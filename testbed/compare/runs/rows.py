@@ -18,15 +18,12 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from scenarios.stage import Phase
-from sensors.scene import Scene
-from sensors.origin import Origin
 from testbed.compare.runs.config import Task
 from testbed.evaluation.tracking import Evaluator, jsonable
 from testbed.evaluation.metrics import CUTOFF
 from testbed.evaluation.pair_errors import ERRORS
 from testbed.files import atomic_file
-from testbed.frame import Outputs
-from trackers.scan import Scan
+from testbed.frame import Frame
 
 PAIR, MISSED, FALSE, EMPTY = "pair", "missed", "false", "empty"
 BETWEEN = "between"  # phase of a look that lies in none
@@ -93,11 +90,10 @@ class Rows:
         self.evaluator = Evaluator(task.tracker, phases)
         self._rows: list[tuple[Any, ...]] = []
 
-    def __call__(
-        self, step: int, time: float, scene: Scene, scan: Scan, origin: Origin, outputs: Outputs, *drive: object
-    ) -> None:
-        """Take in one look."""
-        tracks, info = outputs[self.task.tracker]
+    def __call__(self, frame: Frame) -> None:
+        """Add the rows of one frame."""
+        time, scene, origin = frame.time, frame.scene, frame.origin
+        tracks, info = frame.outputs[self.task.tracker]
         score = self.evaluator.step(time, scene, origin, tracks, info.owner)
         out = tracks.reported
         row_of = {track: k for k, track in enumerate(out.id.tolist())}

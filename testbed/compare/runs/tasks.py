@@ -15,7 +15,7 @@ from testbed.compare.runs.config import Settings, Task
 from testbed.compare.runs.replay import replay
 from testbed.compare.runs.rows import Rows, check_part, write
 from testbed.evaluation.tracking import jsonable
-from testbed.frame import TRUTH
+from testbed.frame import TRUTH, Frame
 from testbed.planners import find as find_planner
 
 ROWS, RECORDINGS = "rows", "recordings"  # folders of a comparison
@@ -106,9 +106,9 @@ def _replayed(task: Task, settings: Settings, out: Path) -> tuple[Rows, dict[str
     recording = obtain(Drive(task.scenario, task.seed), settings, out)
     loaded = perf_counter() - start
     rows = Rows(task, recording.phases)
-    senses = replay(recording, (task.tracker,), [rows])
-    seconds = {"loading": loaded, "tracking": senses.seconds["track"]}
-    return rows, {"seconds": seconds, "cost": jsonable(senses.costs[task.tracker].row()), "drive": None}
+    perception = replay(recording, (task.tracker,), [rows])
+    seconds = {"loading": loaded, "tracking": perception.seconds["track"]}
+    return rows, {"seconds": seconds, "cost": jsonable(perception.costs[task.tracker].row()), "drive": None}
 
 
 def _driven(task: Task, settings: Settings, out: Path) -> tuple[Rows, dict[str, Any]]:
@@ -125,12 +125,12 @@ def _driven(task: Task, settings: Settings, out: Path) -> tuple[Rows, dict[str, 
         rows: Rows | None = None
         scoring = 0.0
 
-        def observe(*look: Any) -> None:
+        def observe(frame: Frame) -> None:
             nonlocal rows, scoring
             before = perf_counter()
             rows = rows or Rows(task, tuple(tracked.unwrapped.phases))
-            drive.step(look[2])
-            rows(*look)
+            drive.step(frame.scene)
+            rows(frame)
             scoring += perf_counter() - before
 
         tracked.attach(observe)
@@ -140,7 +140,7 @@ def _driven(task: Task, settings: Settings, out: Path) -> tuple[Rows, dict[str, 
             _, _, terminated, truncated, _ = env.step(planner.drive(env).action)
             done = terminated or truncated
         spent, cost = tracked.seconds, tracked.costs[task.tracker].row()
-    assert rows is not None  # a reset has a look
+    assert rows is not None  # a reset has a frame
     sensing, tracking = spent["sense"], spent["track"]
     seconds = {"simulation": perf_counter() - start - sensing - tracking - scoring}
     seconds |= {"sensing": sensing, "tracking": tracking}

@@ -11,13 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sensors.origin import Origin
-from sensors.scene import Scene
 from testbed.compare.statistics.measures import EDGES, LABELS
 from testbed.evaluation.metrics import rmse
 from testbed.evaluation.tracking import Evaluator
-from testbed.frame import Outputs
-from trackers.scan import Scan
+from testbed.frame import Frame
 
 FEWEST = 30  # frames with a track that an average needs
 
@@ -46,13 +43,11 @@ class LengthErrors:
         self._evaluators = {name: Evaluator(name) for name in trackers}
         self._rows: dict[str, list[NDArray]] = {name: [np.zeros((0, 3))] for name in trackers}
 
-    def __call__(
-        self, step: int, time: float, scene: Scene, scan: Scan, origin: Origin, outputs: Outputs, *drive: object
-    ) -> None:
-        """Add one frame."""
-        objects = scene.objects
+    def __call__(self, frame: Frame) -> None:
+        """Keep the errors of one frame."""
+        objects, origin = frame.scene.objects, frame.origin
         for name, evaluator in self._evaluators.items():
-            score = evaluator.step(time, scene, origin, outputs[name][0])
+            score = evaluator.step(frame.time, frame.scene, origin, frame.outputs[name][0])
             counted = np.isin(objects.id, score.counted)
             error = [score.errors[i]["length"] if i in score.errors else np.nan for i in objects.id[counted].tolist()]
             self._rows[name].append(np.stack([origin.visible[counted], objects.size[counted, 0], error], -1))

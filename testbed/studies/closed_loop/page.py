@@ -18,8 +18,8 @@ from scenarios import SCENARIOS, find
 from testbed.command_line.tables import number
 from testbed.command_line.terminal import user_input
 from testbed.evaluation.metrics import CUTOFF, mean
-from testbed.evaluation.recorder import run_id
 from testbed.files import atomic_file
+from testbed.log.record import run_id
 from testbed.log.text import markdown_table
 from testbed.run import RunConfig, check, run
 from testbed.studies.closed_loop.figure import draw

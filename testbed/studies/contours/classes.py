@@ -6,14 +6,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sensors.origin import Origin
-from sensors.scene import Scene
 from testbed.evaluation.tracking import Evaluator
-from testbed.frame import Outputs
+from testbed.frame import Frame
 from testbed.log.text import markdown_table
 from trackers import find
 from trackers.protocols import Classifying
-from trackers.scan import Scan
 
 AGES = (0.5, 1.0, 2.0, 4.0, 8.0)  # [s]
 SURE = 0.9
@@ -38,14 +35,12 @@ class ClassProbe:
         self._evaluator = Evaluator(tracker)
         self._rows: dict[tuple[int, int, str], list[tuple[float, NDArray]]] = {}
 
-    def __call__(
-        self, step: int, time: float, scene: Scene, scan: Scan, origin: Origin, outputs: Outputs, *drive: object
-    ) -> None:
-        """Add one frame."""
-        tracks, _ = outputs[self.tracker]
+    def __call__(self, frame: Frame) -> None:
+        """Keep the class probabilities of one frame."""
+        scene, (tracks, _) = frame.scene, frame.outputs[self.tracker]
         probability = tracks.estimate.class_probability
         assert probability is not None
-        score = self._evaluator.step(time, scene, origin, tracks)
+        score = self._evaluator.step(frame.time, scene, frame.origin, tracks)
         kinds = dict(zip(scene.objects.id.tolist(), scene.objects.kind, strict=True))
         index = {number: i for i, number in enumerate(tracks.id.tolist())}
         for number, track in score.pairs.items():

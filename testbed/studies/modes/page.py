@@ -12,20 +12,16 @@ import typer
 from numpy.typing import NDArray
 
 from scenarios import find as find_scenario
-from sensors.origin import Origin
-from sensors.scene import Scene
 from testbed.command_line.terminal import user_input
 from testbed.compare.runs.recording import record
 from testbed.compare.runs.replay import replay
 from testbed.evaluation.tracking import Evaluator
-from testbed.frame import Outputs
+from testbed.frame import Frame
 from testbed.log.modes import mode_names, probabilities
-from testbed.log.record import TrackerFrame
 from testbed.log.text import markdown_table
 from testbed.studies.modes.figure import ModePanel, draw
 from testbed.studies.page import DOCS, Docs, Page, steps
 from trackers.geometry import dot, unit
-from trackers.scan import Scan
 
 ACCELERATION = 1.0  # [m/s^2] along the heading, above which a vehicle accelerates or brakes
 YAW_RATE = 0.05  # [rad/s] above which it turns
@@ -81,17 +77,15 @@ class ModeProbe:
         self._evaluator = Evaluator(tracker)
         self._rows: dict[int, list[NDArray]] = {}
 
-    def __call__(
-        self, step: int, time: float, scene: Scene, scan: Scan, origin: Origin, outputs: Outputs, *drive: object
-    ) -> None:
-        """Add one frame."""
-        tracks, info = outputs[self.tracker]
-        score = self._evaluator.step(time, scene, origin, tracks)
-        known = probabilities(TrackerFrame(tracks, info, score.pairs, score.errors, score.mean), self.names)
-        unknown, objects = np.full(len(self.names), np.nan), scene.objects
+    def __call__(self, frame: Frame) -> None:
+        """Keep the states and mode probabilities of one frame."""
+        tracks, info = frame.outputs[self.tracker]
+        score = self._evaluator.step(frame.time, frame.scene, frame.origin, tracks)
+        known = probabilities(info, self.names)
+        unknown, objects = np.full(len(self.names), np.nan), frame.scene.objects
         for i, number in enumerate(objects.id.tolist()):
             p = known.get(score.pairs.get(number, -1), unknown)
-            row = np.concatenate([[time, objects.pose[i, 2], *objects.velocity[i], objects.yaw_rate[i]], p])
+            row = np.concatenate([[frame.time, objects.pose[i, 2], *objects.velocity[i], objects.yaw_rate[i]], p])
             self._rows.setdefault(number, []).append(row)
 
     @property

@@ -166,7 +166,7 @@ def summary(recording: Recording, filter: Any) -> Row:
     """How a multi-object tracker on a filter does on a recording."""
     tracker = MultiObjectTracker(filter, sensors.find(RADAR).models, road=recording.road)
     tracks, evaluator = tracker.start(), Evaluator(recording.scenario)
-    for frame in recording.looks:
+    for frame in recording.frames:
         tracks, info = tracker.step(tracks, frame.scan, frame.scene.dt)
         evaluator.step(frame.scene.time, frame.scene, frame.origin, tracks, info.owner)
     return evaluator.summary()

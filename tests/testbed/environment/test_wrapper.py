@@ -19,6 +19,7 @@ from scenarios.constants import protect_idm_constants
 from testbed.environment.belief import TrackVehicle
 from testbed.environment.perception import label, on_road
 from testbed.environment.wrapper import TrackedEnv
+from testbed.frame import Frame
 from trackers import MultiObjectTracker, find
 from trackers.estimate import prior
 from trackers.multi.road import RoadMap
@@ -218,7 +219,7 @@ def test_a_rollout_on_a_copy_does_not_disturb_the_live_environment():
     np.testing.assert_array_equal(env.scan.polar, twin.scan.polar)
 
 
-def test_a_copy_has_no_senses():
+def test_a_copy_has_neither_radar_nor_tracker():
     env = TrackedEnv(make("highway-fast-v0"), tracker="truth")
     env.reset(seed=0)
     copied = deepcopy(env)
@@ -289,36 +290,37 @@ def test_every_episode_of_the_same_traffic_has_its_own_detections():
         np.testing.assert_array_equal(scan.polar, repeated.polar)
 
 
-# Looks and observers
+# Scans and observers
 
 
-def test_the_first_look_comes_at_reset_and_then_one_a_frame():
+def test_the_first_frame_comes_at_reset_and_then_every_simulated_one():
     env = TrackedEnv(make("highway-fast-v0", simulation_frequency=5), tracker="truth", also=["rm-feldmann"])
-    calls = []
-    env.attach(lambda *call: calls.append(call))
+    frames: list[Frame] = []
+    env.attach(frames.append)
     env.reset(seed=0)
-    assert [(step, time) for step, time, *_ in calls] == [(0, 0.0)]
+    assert [(frame.step, frame.time, frame.action, len(frame.plan)) for frame in frames] == [(0, 0.0, "reset", 0)]
+    assert frames[0].scene.dt == 0.0
     env.plan = np.ones((4, 2))
     env.step(3)
-    assert [step for step, *_ in calls] == list(range(6))
-    np.testing.assert_allclose([time for _, time, *_ in calls], np.arange(6) / 5)
-    _, time, scene, scan, origin, outputs, action, plan = calls[-1]
-    assert scene is env.truth
-    assert scene.time == time
-    assert scene.dt == pytest.approx(0.2)
-    assert scan is env.scan
-    assert len(origin.object) == scan.mask.shape[-1]
-    assert list(outputs) == ["truth", "rm-feldmann"] == list(env.all_tracks)
-    assert outputs["truth"][0] is env.tracks
-    assert (action, plan.shape) == ("FASTER", (4, 2))
+    assert [frame.step for frame in frames] == list(range(6))
+    np.testing.assert_allclose([frame.time for frame in frames], np.arange(6) / 5)
+    last = frames[-1]
+    assert last.scene is env.truth
+    assert last.scene.dt == pytest.approx(0.2)
+    assert last.scan is env.scan
+    assert last.origin is env.origin
+    assert len(last.origin.object) == last.scan.mask.shape[-1]
+    assert list(last.outputs) == ["truth", "rm-feldmann"] == list(env.all_tracks)
+    assert last.outputs["truth"][0] is env.tracks
+    assert (last.action, last.plan.shape) == ("FASTER", (4, 2))
 
 
-def test_a_slow_radar_looks_at_its_own_rate_and_tracks_move_on_in_between():
+def test_a_slow_radar_scans_at_its_own_rate_and_tracks_are_predicted_in_between():
     tracker = OneTrack([12.0, 0.0, 0.0], [3.0, 0.0])
     radar = {"name": "ideal", "rate": 4.0}
     env = TrackedEnv(make("highway-fast-v0", simulation_frequency=10), tracker=tracker, radar=radar)
     frames = []
-    env.attach(lambda step, *_: frames.append(step))
+    env.attach(lambda frame: frames.append(frame.step))
     env.reset(seed=0)
     for _ in range(2):
         env.step(1)

@@ -1,10 +1,13 @@
 """A deterministic little run for the tests of the log: traffic, detections and two trackers made by hand."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from sensors.origin import CLUTTER, CONTOUR, STATIC, VOLUME, Origin
 from sensors.scene import Ego, boxes_scene
-from testbed.log import RoadGeometry, RunMeta, StepRecord, TrackerFrame
+from testbed.frame import Frame, FrameScore
+from testbed.log import RoadGeometry, RunMeta
 from trackers.estimate import prior
 from trackers.geometry import box_corners, unit
 from trackers.multi.tracks import Event, StepInfo, Tracks
@@ -31,6 +34,14 @@ SENSORS = tuple(
         (2.0, -1.05, 30.0, 1.57),
     )
 )
+
+
+class Record(NamedTuple):
+    """What one call of `RunLog.step` takes."""
+
+    frame: Frame
+    scores: dict[str, FrameScore]
+    events: tuple[tuple[str, str], ...] = ()
 
 
 def road(length=1200.0, lanes=4):
@@ -94,7 +105,7 @@ def tracks_of(scene, rng, noise, lost=()):
     return Tracks(objects.id + 100, existence, np.full(n, 9), np.full(n, 2.0), reported, np.zeros(n), estimate, 100 + n)
 
 
-def frame_of(scene, origin, rng, noise, step):
+def output_of(scene, origin, rng, noise, step):
     lost = (2,) if 20 <= step < 40 else ()
     tracks = tracks_of(scene, rng, noise, lost)
     events = []
@@ -125,7 +136,7 @@ def frame_of(scene, origin, rng, noise, step):
     }
     extra = {"length": noise * rng.normal(), "gospa": 3 * noise + 2.0 * len(lost), "localisation": 3 * noise}
     extra |= {"missed": 2.0 * len(lost), "false": 0.0, "box_iou": 0.9 - noise, "objects": n, "tracks": len(reported)}
-    return TrackerFrame(tracks, info, pairs, errors, mean | extra)
+    return (tracks, info), FrameScore(pairs, errors, mean | extra)
 
 
 def action_at(t):
@@ -138,14 +149,16 @@ def records(steps, seed=0, objects=5, per_object=4, clutter=5):
     for step in range(steps):
         scene = scene_at(step, objects)
         scan, origin = scan_of(scene, rng, per_object, clutter)
-        frames = {
-            "rm-feldmann": frame_of(scene, origin, rng, 0.3, step),
-            "htg-map": frame_of(scene, origin, rng, 0.12, step),
+        made = {
+            "rm-feldmann": output_of(scene, origin, rng, 0.3, step),
+            "htg-map": output_of(scene, origin, rng, 0.12, step),
         }
         ahead = np.linspace(0, 90, 10)
         plan = scene.ego.pose[:2] + np.stack([ahead, 4.0 * np.tanh(ahead / 60) * (scene.time < 6)], -1)
         events = (("INFO", "veh_01 starts a lane change"),) if step == 30 else ()
-        yield StepRecord(step, scene.time, scene, scan, origin, frames, action_at(scene.time), plan, events)
+        outputs = {name: output for name, (output, _) in made.items()}
+        frame = Frame(step, scene, scan, origin, outputs, action_at(scene.time), plan)
+        yield Record(frame, {name: score for name, (_, score) in made.items()}, events)
 
 
 MIXING = META._replace(trackers=("rm-feldmann", "edra-imm"))  # the second tracker mixes cv, ca and ct
@@ -159,12 +172,13 @@ def mode_at(step, tracks):
 
 
 def mixing_records(steps, **options):
-    """The run of `records` with a second tracker that tells its motion models, but not before it had a track."""
+    """The run of `records` with a second tracker that mixes motion models, with probabilities after the first step."""
     for record in records(steps, **options):
-        first, second = record.frames.values()
-        mode = None if record.step == 0 else mode_at(record.step, second.info.track)
-        frames = dict(zip(MIXING.trackers, (first, second._replace(info=second.info._replace(mode=mode))), strict=True))
-        yield record._replace(frames=frames)
+        first, (tracks, info) = record.frame.outputs.values()
+        mode = None if record.frame.step == 0 else mode_at(record.frame.step, info.track)
+        outputs = dict(zip(MIXING.trackers, (first, (tracks, info._replace(mode=mode))), strict=True))
+        scores = dict(zip(MIXING.trackers, record.scores.values(), strict=True))
+        yield Record(record.frame._replace(outputs=outputs), scores, record.events)
 
 
 SUMMARY = {
@@ -185,6 +199,6 @@ def write(path, steps=30, **options):
     with RunLog(path, meta, **options) as log:
         log.static(road(), SENSORS)
         for record in run(steps, **made):
-            log.step(record)
+            log.step(*record)
         log.close(SUMMARY)
     return path

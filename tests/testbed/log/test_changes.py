@@ -16,10 +16,10 @@ BEFORE, AFTER = (paths.tracker(NAME, layer) for layer in paths.CHANGE_LAYERS)
 
 
 def with_change(record, track):
-    frame = record.frames[NAME]
+    tracks, info = record.frame.outputs[NAME]
     event = Event("adapted", track, "contour learned from 200 new detections", PAIR)
-    info = frame.info._replace(events=(*frame.info.events, event))
-    return record._replace(frames=record.frames | {NAME: frame._replace(info=info)})
+    outputs = record.frame.outputs | {NAME: (tracks, info._replace(events=(*info.events, event)))}
+    return record._replace(frame=record.frame._replace(outputs=outputs))
 
 
 def rows(path, entity):
@@ -31,14 +31,14 @@ def write(path, at, steps=45, track=101, level="full"):
         log.static(log_runs.road(), log_runs.SENSORS)
         records = list(log_runs.records(steps))
         for k, record in enumerate(records):
-            log.step(with_change(record, track) if k in at else record)
+            log.step(*(with_change(record, track) if k in at else record))
     return records
 
 
 def test_both_contours_are_drawn_at_the_pose_of_the_track_and_go_after_a_second(tmp_path):
     path = tmp_path / "run.rrd"
     records = write(path, (10,))
-    tracks = records[10].frames[NAME].tracks
+    tracks, _ = records[10].frame.outputs[NAME]
     pose = tracks.estimate.pose[tracks.id == 101][0]
     for entity, ring in ((BEFORE, PAIR[0]), (AFTER, PAIR[1])):
         first, last = rows(path, entity)
@@ -59,22 +59,21 @@ def test_without_a_change_nothing_is_written_for_it(tmp_path):
 def test_a_change_of_a_track_that_is_gone_and_the_level_metrics_draw_nothing(tmp_path):
     records = write(tmp_path / "gone.rrd", (10,), steps=12, track=999)
     assert BEFORE not in reader.entity_paths(tmp_path / "gone.rrd")
-    assert change_rows(NAME, records[10].frames[NAME]) == {}
+    assert change_rows(NAME, *records[10].frame.outputs[NAME]) == {}
     write(tmp_path / "numbers.rrd", (10,), steps=12, level="metrics")
     assert BEFORE not in reader.entity_paths(tmp_path / "numbers.rrd")
     assert any("adapted" in event.text for event in reader.events(tmp_path / "numbers.rrd"))
 
 
 def test_the_class_of_a_track_stands_behind_its_id_where_it_is_likely():
-    frame = next(iter(log_runs.records(1))).frames[NAME]
-    tracks = frame.tracks
+    tracks, info = next(log_runs.records(1)).frame.outputs[NAME]
     p = np.tile([0.5, 0.5], (len(tracks.id), 1))
     p[0] = [0.2, 0.8]
-    known = frame._replace(tracks=tracks._replace(estimate=tracks.estimate._replace(class_probability=p)))
-    labels = tracker_rows(NAME, known, classes=("car", "bus"))[paths.tracker(NAME, "center")]["Points2D:labels"]
+    known = tracks._replace(estimate=tracks.estimate._replace(class_probability=p))
+    labels = tracker_rows(NAME, known, info, classes=("car", "bus"))[paths.tracker(NAME, "center")]["Points2D:labels"]
     shown = tracks.reported.id.tolist()
     assert labels == [f"{i} bus" if i == tracks.id[0] else str(i) for i in shown]
-    assert tracker_rows(NAME, known)[paths.tracker(NAME, "center")]["Points2D:labels"] == [str(i) for i in shown]
+    assert tracker_rows(NAME, known, info)[paths.tracker(NAME, "center")]["Points2D:labels"] == [str(i) for i in shown]
 
 
 def test_models_of_contours_are_no_motion_models_and_classes_have_names():

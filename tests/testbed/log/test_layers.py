@@ -10,8 +10,8 @@ from trackers.scan import SensorModel
 
 
 @pytest.fixture
-def record():
-    return next(log_runs.records(1))
+def frame():
+    return next(log_runs.records(1)).frame
 
 
 def test_closed_outlines_end_where_they_began():
@@ -36,52 +36,53 @@ def test_dashes_of_a_straight_line():
     assert layers.dashes([[0, 0], [20, 0]]).tolist() == [[[0, 0], [3, 0]], [[9, 0], [12, 0]], [[18, 0], [20, 0]]]
 
 
-def test_confidence_ellipse_holds_95_percent(record):
+def test_confidence_ellipse_holds_95_percent(frame):
     rng = np.random.default_rng(0)
-    frame = record.frames["htg-map"]
-    ellipse = layers.tracker_rows("htg-map", frame)[paths.tracker("htg-map", "covariance")]["LineStrips2D:strips"]
-    radius = np.hypot(*(ellipse.xy[: ellipse.counts[0]] - frame.tracks.estimate.pose[0, :2]).T)
+    tracks, info = frame.outputs["htg-map"]
+    rows = layers.tracker_rows("htg-map", tracks, info)
+    ellipse = rows[paths.tracker("htg-map", "covariance")]["LineStrips2D:strips"]
+    radius = np.hypot(*(ellipse.xy[: ellipse.counts[0]] - tracks.estimate.pose[0, :2]).T)
     draws = np.hypot(*rng.normal(0, 0.5, (2, 20_000)))  # the prior has 0.5 m in x and y
     assert np.ptp(radius) < 1e-4
     assert abs((draws < radius[0]).mean() - 0.95) < 4 * np.sqrt(0.95 * 0.05 / 20_000)
 
 
-def test_tentative_tracks_are_kept_apart(record):
-    frame = record.frames["htg-map"]
-    tracks = frame.tracks._replace(existence=np.array([0.9, 0.2, 0.9, 0.5, 0.9]))
-    rows = layers.tracker_rows("htg-map", frame._replace(tracks=tracks))
+def test_tentative_tracks_are_kept_apart(frame):
+    tracks, info = frame.outputs["htg-map"]
+    tracks = tracks._replace(existence=np.array([0.9, 0.2, 0.9, 0.5, 0.9]))
+    rows = layers.tracker_rows("htg-map", tracks, info)
     assert rows[paths.tracker("htg-map", "extent")]["track:id"].tolist() == [100, 102, 104]
     assert len(rows[paths.tracker("htg-map", "tentative")]["LineStrips2D:strips"]) == 2
 
 
-def test_a_contour_is_drawn_where_the_method_has_one(record):
-    frame = record.frames["htg-map"]
+def test_a_contour_is_drawn_where_the_method_has_one(frame):
+    tracks, info = frame.outputs["htg-map"]
     contour = np.random.default_rng(0).normal(size=(5, 9, 2))
-    tracks = frame.tracks._replace(estimate=frame.tracks.estimate._replace(contour=contour))
-    rows = layers.tracker_rows("htg-map", frame._replace(tracks=tracks))
+    tracks = tracks._replace(estimate=tracks.estimate._replace(contour=contour))
+    rows = layers.tracker_rows("htg-map", tracks, info)
     strips = rows[paths.tracker("htg-map", "extent")]["LineStrips2D:strips"]
     assert strips.counts.tolist() == [10] * 5
     assert np.array_equal(strips.xy[:9], contour[0].astype(np.float32))
 
 
-def test_detections_know_object_ids_not_rows(record):
+def test_detections_know_object_ids_not_rows(frame):
     ids = np.array([40, 10, 30, 20, 50])
-    scene = record.scene._replace(objects=record.scene.objects._replace(id=ids))
-    rows = layers.detection_rows(record._replace(scene=scene))
+    scene = frame.scene._replace(objects=frame.scene.objects._replace(id=ids))
+    rows = layers.detection_rows(frame._replace(scene=scene), frame.outputs)
     seen = np.concatenate([rows[paths.detections(kind)]["radar:object_id"] for kind in ("contour", "volume")])
     assert sorted(set(seen.tolist())) == sorted(ids.tolist())
     assert set(rows[paths.detections("clutter")]["radar:object_id"].tolist()) == {-1}
 
 
-def test_the_view_keeps_to_the_middle_of_a_straight_road_and_follows_on_a_wide_one(record):
+def test_the_view_keeps_to_the_middle_of_a_straight_road_and_follows_on_a_wide_one(frame):
     wide = RoadGeometry(edges=(np.array([[0.0, -40.0], [0.0, 40.0]]),))
     assert layers.strip_middle(log_runs.road(lanes=4)) == 6.0
     assert layers.strip_middle(wide) is None
     assert layers.strip_middle(RoadGeometry()) is None
-    fixed = layers.scene_rows(record.scene, 6.0)[paths.FOLLOW]["Transform3D:translation"][0]
-    free = layers.scene_rows(record.scene, None)[paths.FOLLOW]["Transform3D:translation"][0]
+    fixed = layers.scene_rows(frame.scene, 6.0)[paths.FOLLOW]["Transform3D:translation"][0]
+    free = layers.scene_rows(frame.scene, None)[paths.FOLLOW]["Transform3D:translation"][0]
     assert fixed[1] == 6.0
-    assert free[1] == np.float32(record.scene.ego.pose[1])
+    assert free[1] == np.float32(frame.scene.ego.pose[1])
 
 
 def test_fields_of_view_stand_at_their_mounts():

@@ -1,4 +1,4 @@
-"""Motion models in the log: what a tracker says of them comes back, and logs of other trackers stay as they were."""
+"""Motion models in the log: the probabilities of a tracker can be read back, and logs of other trackers have none."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ def log(tmp_path_factory):
 
 
 def pages(meta, modes):
-    metrics = {name: tuple(frame.mean) for name, frame in next(log_runs.records(1)).frames.items()}
+    metrics = {name: tuple(score.mean) for name, score in next(log_runs.records(1)).scores.items()}
     metrics = dict(zip(meta.trackers, metrics.values(), strict=True))
     layout = blueprint.layout(meta, metrics, 2, log_runs.road(), True, modes)
     return [str(page.name) for page in layout.root_container.contents[1].contents[1].contents], layout
@@ -35,16 +35,16 @@ def test_trackers_that_mix_motion_models_have_names_for_them_and_others_none():
 
 
 @pytest.mark.parametrize("level", ["full", "metrics"])
-def test_probabilities_come_back_by_object_as_the_tracker_told_them(tmp_path, level):
+def test_probabilities_come_back_by_object_as_the_tracker_gave_them(tmp_path, level):
     path = log_runs.write(tmp_path / "run.rrd", steps=45, meta=MIXING, level=level)
-    told = np.stack([log_runs.mode_at(step, np.arange(100, 105)) for step in range(45)])
+    given = np.stack([log_runs.mode_at(step, np.arange(100, 105)) for step in range(45)])
     for number in (0, 1, 3):
         entity = paths.of_object(number, "edra-imm")
         for k, name in enumerate(NAMES):
             steps, values = reader.scalars(path, entity, f"mode:{name}")[entity]
             assert np.array_equal(steps, np.arange(45))
             assert np.isnan(values[0])
-            assert np.array_equal(values[1:], told[1:, number, k])
+            assert np.array_equal(values[1:], given[1:, number, k])
 
 
 def test_probabilities_end_with_a_gap_when_the_track_is_lost(log):
@@ -71,15 +71,16 @@ def test_a_tracker_with_one_model_leaves_the_log_as_it_was(log):
     assert not [c for c in components[paths.of_object(0, "rm-feldmann")] if c.startswith("mode:")]
     plain = next(log_runs.records(1))
     modes = modes_of(log_runs.META.trackers)
-    assert list(layers.object_rows(plain, modes)) == list(layers.object_rows(plain))
-    assert layers.object_rows(plain, modes) == layers.object_rows(plain)
+    without, named = (layers.object_rows(plain.frame, plain.scores, modes) for modes in ({}, modes))
+    assert list(named) == list(without)
+    assert named == without
 
 
 def test_names_that_do_not_fit_the_probabilities_are_not_written():
     *_, last = log_runs.mixing_records(3)
-    frame = last.frames["edra-imm"]
-    assert set(probabilities(frame, NAMES)) == {100, 101, 102, 103, 104}
-    assert probabilities(frame, ("cv", "ct")) == probabilities(frame, ()) == {}
+    _, info = last.frame.outputs["edra-imm"]
+    assert set(probabilities(info, NAMES)) == {100, 101, 102, 103, 104}
+    assert probabilities(info, ("cv", "ct")) == probabilities(info, ()) == {}
 
 
 def test_the_layout_has_a_page_of_motion_models_for_trackers_that_mix_some_only():

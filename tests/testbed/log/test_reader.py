@@ -38,9 +38,9 @@ def test_a_single_changed_value_is_found_and_located(log, tmp_path):
     with RunLog(tmp_path / "a.rrd", log_runs.META) as changed:
         changed.static(log_runs.road(), log_runs.SENSORS)
         for record in log_runs.records(32):
-            if record.step == 17:
-                record.scene.objects.pose[3, 1] += 1e-3
-            changed.step(record)
+            if record.frame.step == 17:
+                record.frame.scene.objects.pose[3, 1] += 1e-3
+            changed.step(*record)
         changed.close(log_runs.SUMMARY)
     before, after = reader.digests(log), reader.digests(tmp_path / "a.rrd")
     assert {key for key in before if before[key] != after[key]} == {f"/{paths.TRUTH_HEADING} Arrows2D:origins"}

@@ -14,7 +14,7 @@ from testbed.log.review import screenshot as picture
 from tests.testbed.log import log_runs
 
 META = log_runs.META
-METRICS = {name: tuple(frame.mean) for name, frame in next(log_runs.records(1)).frames.items()}
+METRICS = {name: tuple(score.mean) for name, score in next(log_runs.records(1)).scores.items()}
 
 
 @pytest.fixture(scope="module")
@@ -138,7 +138,7 @@ def test_the_hint_for_a_killed_run_repairs_it(tmp_path):
 
     log = RunLog(tmp_path / "a.rrd", META, every=1)
     for record in log_runs.records(3):
-        log.step(record)
+        log.step(*record)
     cut = tmp_path / "cut.rrd"
     cut.write_bytes((tmp_path / "a.rrd").read_bytes())
     log.close()

@@ -10,18 +10,18 @@ from tests.testbed.log import log_runs
 META = log_runs.META
 
 
-def straight(number, look):
-    look = np.asarray(look)
-    pose = np.stack([10.0 * number + look, np.zeros(len(look)), np.full(len(look), 0.1 * number)], -1)
-    return SmoothedTrack(number, look, pose, np.full((len(look), 2), [4.0, 2.0]))
+def straight(number, frame):
+    frame = np.asarray(frame)
+    pose = np.stack([10.0 * number + frame, np.zeros(len(frame)), np.full(len(frame), 0.1 * number)], -1)
+    return SmoothedTrack(number, frame, pose, np.full((len(frame), 2), [4.0, 2.0]))
 
 
-def two_tracks(looks=6):
-    when = np.arange(looks)
+def two_tracks(frames=6):
+    when = np.arange(frames)
     return SmoothedTracks(when, when * log_runs.DT, (straight(1, [0, 1, 4]), straight(2, [1, 2])))
 
 
-def test_each_look_has_the_boxes_of_its_tracks_and_a_look_without_any_has_none():
+def test_each_frame_has_the_boxes_of_its_tracks_and_a_frame_without_any_has_none():
     rows = smoothed_extents(two_tracks())
     assert [row["track:id"].tolist() for row in rows] == [[1], [1, 2], [2], [], [1], []]
     assert [len(row["LineStrips2D:strips"]) for row in rows] == [1, 2, 1, 0, 1, 0]
@@ -35,7 +35,7 @@ def test_paths_are_one_line_a_track():
     np.testing.assert_allclose(lines.xy[:, 0], [10, 11, 14, 21, 22])
 
 
-def test_no_track_at_all_clears_every_look():
+def test_no_track_at_all_clears_every_frame():
     rows = smoothed_extents(two_tracks()._replace(tracks=()))
     assert [len(row["LineStrips2D:strips"]) for row in rows] == [0] * 6
 
@@ -43,7 +43,7 @@ def test_no_track_at_all_clears_every_look():
 def test_rows_of_the_past_are_written_beside_those_of_the_run(tmp_path):
     log = RunLog(tmp_path / "run.rrd", META)
     for record in log_runs.records(6):
-        log.step(record)
+        log.step(*record)
     log.smoothed("htg-map", two_tracks())
     log.close({})
     assert reader.complete(tmp_path / "run.rrd")

@@ -30,7 +30,7 @@ def expected_paths(objects, metrics):
 
 def metric_names():
     first = next(log_runs.records(1))
-    return tuple(first.frames[TRACKERS[0]].mean)
+    return tuple(first.scores[TRACKERS[0]].mean)
 
 
 def test_every_path_is_written_and_nothing_else(log):
@@ -49,7 +49,7 @@ def test_metrics_come_back_as_they_went_in(log):
     for name in TRACKERS:
         steps, values = gwd[paths.metric("gwd", name)]
         assert np.array_equal(steps, np.arange(45))
-        assert np.array_equal(values, [r.frames[name].mean["gwd"] for r in records])
+        assert np.array_equal(values, [r.scores[name].mean["gwd"] for r in records])
 
 
 def test_errors_of_an_object_end_with_a_gap_when_its_track_is_lost(log):
@@ -70,7 +70,7 @@ def test_detections_of_all_kinds_carry_their_columns_and_padding_is_left_out(log
     for kind in KINDS:
         assert wanted <= components[paths.detections(kind)]
         drawn += instances(log, paths.detections(kind), "Points2D:positions")
-    assert drawn == sum(int(record.scan.mask.sum()) for record in log_runs.records(45))
+    assert drawn == sum(int(record.frame.scan.mask.sum()) for record in log_runs.records(45))
 
 
 def instances(path, entity, component):
@@ -106,12 +106,14 @@ def test_arrays_may_change_after_the_step(tmp_path):
     with RunLog(tmp_path / "spoilt.rrd", log_runs.META) as log:
         log.static(log_runs.road(), log_runs.SENSORS)
         for record in log_runs.records(10):
-            log.step(record)
-            for array in (record.scan.polar, record.scene.objects.pose, record.scene.ego.pose, record.plan):
+            log.step(*record)
+            frame = record.frame
+            for array in (frame.scan.polar, frame.scene.objects.pose, frame.scene.ego.pose, frame.plan):
                 array[...] = -1.0
-            for frame in record.frames.values():
-                frame.tracks.estimate.pose[...] = -1.0
-                frame.mean["gwd"] = -1.0
+            for tracks, _ in frame.outputs.values():
+                tracks.estimate.pose[...] = -1.0
+            for score in record.scores.values():
+                score.mean["gwd"] = -1.0
         log.close(log_runs.SUMMARY)
     assert reader.digests(tmp_path / "spoilt.rrd") == reader.digests(kept)
 
@@ -119,12 +121,12 @@ def test_arrays_may_change_after_the_step(tmp_path):
 def test_closing_twice_writes_once(tmp_path):
     log = RunLog(tmp_path / "a.rrd", log_runs.META)
     for record in log_runs.records(3):
-        log.step(record)
+        log.step(*record)
     log.close({"steps": 3})
     log.close({"steps": 99})
     assert reader.properties(tmp_path / "a.rrd")["summary"] == {"steps": 3}
     with pytest.raises(ValueError, match="is closed"):
-        log.step(next(log_runs.records(1)))
+        log.step(*next(log_runs.records(1)))
 
 
 def test_an_exception_leaves_a_complete_log_that_names_it(tmp_path):
@@ -133,7 +135,7 @@ def test_an_exception_leaves_a_complete_log_that_names_it(tmp_path):
     def interrupted():
         with RunLog(path, log_runs.META) as log:
             for record in log_runs.records(8):
-                log.step(record)
+                log.step(*record)
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
@@ -157,7 +159,7 @@ from tests.testbed.log import log_runs
 from testbed.log import RunLog
 log = RunLog(sys.argv[1], log_runs.META, every=10)
 for record in log_runs.records(37):
-    log.step(record)
+    log.step(*record)
 os.kill(os.getpid(), signal.SIGKILL)
 """
 
@@ -183,7 +185,7 @@ def test_a_path_that_cannot_be_written_is_one_sentence(tmp_path):
     (tmp_path / "file").write_text("in the way")
     log = RunLog(tmp_path / "file" / "a.rrd", log_runs.META)
     with pytest.raises(OSError, match=r"cannot write the log .*a\.rrd: .*; choose another output directory"):
-        log.step(next(log_runs.records(1)))
+        log.step(*next(log_runs.records(1)))
 
 
 def test_nothing_is_opened_before_the_first_step(tmp_path):
@@ -195,17 +197,17 @@ def test_nothing_is_opened_before_the_first_step(tmp_path):
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
-        (lambda r: r._replace(step=0), "record.step must grow, got 0 after 0"),
-        (lambda r: r._replace(frames={}), "record.frames must have the trackers of the run"),
+        (lambda r: r._replace(frame=r.frame._replace(step=0)), "frame.step must grow, got 0 after 0"),
+        (lambda r: r._replace(scores={}), "scores must have the trackers of the run"),
         (lambda r: r._replace(events=(("LOUD", "x"),)), "event level must be one of"),
     ],
 )
 def test_bad_records_are_refused(tmp_path, spoil, message):
     log = RunLog(tmp_path / "a.rrd", log_runs.META)
     first, second = log_runs.records(2)
-    log.step(first)
+    log.step(*first)
     with pytest.raises(ValueError, match=message):
-        log.step(spoil(second))
+        log.step(*spoil(second))
     log.close()
 
 
@@ -224,7 +226,7 @@ def test_bad_options_are_refused(tmp_path):
 def test_a_focus_that_is_not_there_is_refused(tmp_path):
     log = RunLog(tmp_path / "a.rrd", log_runs.META, focus=77)
     with pytest.raises(ValueError, match=r"focus must be an object of the first scene, \[0, 1, 2, 3, 4\], got 77"):
-        log.step(next(log_runs.records(1)))
+        log.step(*next(log_runs.records(1)))
 
 
 def test_empty_frames_are_logged(tmp_path):
@@ -239,7 +241,7 @@ def test_empty_frames_are_logged(tmp_path):
 def test_the_null_log_takes_everything(tmp_path):
     with NullLog() as log:
         log.static(log_runs.road(), log_runs.SENSORS)
-        log.step(next(log_runs.records(1)))
+        log.step(*next(log_runs.records(1)))
         log.event("INFO", "unheard")
         log.close(log_runs.SUMMARY)
 

@@ -15,7 +15,7 @@ from scenarios.stage import Phase
 from sensors.scene import Ego, boxes_scene
 from sensors.origin import Origin
 from testbed.compare.runs.config import Settings, Task
-from testbed.compare.runs.recording import Look, Recording, load, read_seconds, record, save
+from testbed.compare.runs.recording import RecordedFrame, Recording, load, read_seconds, record, save
 from testbed.compare.runs.replay import replay, write_log
 from testbed.compare.runs.rows import Rows
 from testbed.compare.runs.tasks import RECORDINGS, Drive, obtain, recording_path
@@ -72,7 +72,7 @@ def drive(request, tmp_path_factory):
 
 def test_a_file_gives_back_every_bit(drive):
     made, back, _ = drive
-    assert len(back.looks) == len(made.looks) > 10
+    assert len(back.frames) == len(made.frames) > 10
     assert differences(made._replace(seconds=()), back._replace(seconds=())) == []
     assert back.seconds == made.seconds
     assert all(spent > 0 for spent in back.seconds.values())
@@ -85,31 +85,31 @@ def test_seconds_are_read_alone(drive):
 
 def test_a_file_is_small_and_nothing_lies_beside_it(drive):
     made, _, path = drive
-    assert path.stat().st_size < 10_000 * len(made.looks)  # 2 to 6 kB a look
+    assert path.stat().st_size < 10_000 * len(made.frames)  # 2 to 6 kB a frame
     assert list(path.parent.iterdir()) == [path]
 
 
 def test_the_live_environment_shows_what_was_recorded_and_trackers_say_the_same(drive):
     _, back, _ = drive
-    looks, said, heard = [], [], []
+    frames, of_live, of_replay = [], [], []
 
-    def keep(step, time, scene, scan, origin, outputs, *rest):
-        looks.append(copy.deepcopy(Look(scene, scan, origin)))
-        said.append(copy.deepcopy([outputs[name] for name in TRACKERS]))
+    def keep(frame):
+        frames.append(copy.deepcopy(RecordedFrame(frame.scene, frame.scan, frame.origin)))
+        of_live.append(copy.deepcopy([frame.outputs[name] for name in TRACKERS]))
 
-    def listen(step, time, scene, scan, origin, outputs, *rest):
-        heard.append([outputs[name] for name in TRACKERS])
+    def listen(frame):
+        of_replay.append([frame.outputs[name] for name in TRACKERS])
 
     rows = [[Rows(Task(back.scenario, name, SEED), back.phases) for name in TRACKERS] for _ in range(2)]
     live(back.scenario, back.radar, [keep, *rows[0]])
-    senses = replay(back, TRACKERS, [listen, *rows[1]])
-    assert differences(tuple(looks), back.looks) == []
-    for a, b in zip(said, heard, strict=True):
+    perception = replay(back, TRACKERS, [listen, *rows[1]])
+    assert differences(tuple(frames), back.frames) == []
+    for a, b in zip(of_live, of_replay, strict=True):
         assert [differences(tuple(x), tuple(y)) for x, y in zip(a, b, strict=True)] == [[]] * len(TRACKERS)
     for a, b in zip(*rows, strict=True):
         assert a.table().equals(b.table(), check_metadata=True)
         assert a.summaries() == b.summaries()
-    assert senses.costs[TRACKERS[0]].scans == len(back.looks)
+    assert perception.costs[TRACKERS[0]].scans == len(back.frames)
 
 
 @pytest.fixture(scope="module")
@@ -119,60 +119,60 @@ def lane():
 
 
 def test_a_tracker_alone_says_what_it_says_among_others_and_the_recording_stays_as_it_is(lane):
-    before = copy.deepcopy(lane.looks)
+    before = copy.deepcopy(lane.frames)
     rows = [Rows(Task(lane.scenario, TRACKERS[1], SEED), lane.phases) for _ in range(2)]
     replay(lane, TRACKERS, rows[:1])
     replay(lane, TRACKERS[1:], rows[1:])
     assert rows[0].table().equals(rows[1].table())
-    assert differences(lane.looks, before) == []
+    assert differences(lane.frames, before) == []
 
 
 def test_the_same_seed_gives_the_same_drive_and_another_seed_another(lane):
     again, other = (record("xia2020-lane", seed, "front", 0.5) for seed in (SEED, SEED + 1))
-    assert differences(lane.looks, again.looks) == []
-    assert differences(lane.looks, other.looks)
+    assert differences(lane.frames, again.frames) == []
+    assert differences(lane.frames, other.frames)
 
 
-def blind(look):
-    """The same look without any detection."""
-    return look._replace(
-        scan=look.scan._replace(
+def blind(frame):
+    """The same frame without any detection."""
+    return frame._replace(
+        scan=frame.scan._replace(
             polar=np.zeros((0, 3)), mask=np.zeros(0, bool), pose=np.zeros((0, 3)), velocity=np.zeros((0, 2)),
             noise=np.zeros((0, 3)), sensor=np.zeros(0, int),
         ),
-        origin=Origin.empty(len(look.scene.objects.id)),
+        origin=Origin.empty(len(frame.scene.objects.id)),
     )  # fmt: skip
 
 
-def deserted(look):
-    """The same look at an empty road."""
-    scene = look.scene
+def deserted(frame):
+    """The same frame on an empty road."""
+    scene = frame.scene
     none = boxes_scene(np.zeros((0, 3)), np.zeros((0, 2)))
-    return blind(look)._replace(
+    return blind(frame)._replace(
         scene=scene._replace(objects=none.objects, bodies=none.bodies), origin=Origin.empty(0)
     )  # fmt: skip
 
 
 @pytest.mark.parametrize("empty", [blind, deserted])
 @pytest.mark.parametrize("which", [slice(0, 3), slice(4, 6), slice(None)])
-def test_empty_looks_come_back_and_are_tracked(lane, tmp_path, empty, which):
-    looks = list(lane.looks)
-    looks[which] = [empty(look) for look in looks[which]]
-    made = lane._replace(looks=tuple(looks))
+def test_empty_frames_come_back_and_are_tracked(lane, tmp_path, empty, which):
+    frames = list(lane.frames)
+    frames[which] = [empty(frame) for frame in frames[which]]
+    made = lane._replace(frames=tuple(frames))
     save(made, tmp_path / "drive.npz")
     back = load(tmp_path / "drive.npz", made.scenario, made.seed, made.radar)
-    assert differences(made.looks, back.looks) == []
+    assert differences(made.frames, back.frames) == []
     rows = Rows(Task(made.scenario, TRACKERS[0], SEED), made.phases)
     replay(back, TRACKERS[:1], [rows])
-    assert len(set(rows.table().column("time").to_pylist())) == len(looks)
+    assert len(set(rows.table().column("time").to_pylist())) == len(frames)
 
 
 @st.composite
 def worlds(draw):
-    """A few looks at scenes of any number of objects, with any number of detections, NaN and negative zeros."""
+    """A few frames with scenes of any number of objects, with any number of detections, NaN and negative zeros."""
     seed = draw(st.integers(0, 2**32 - 1))
     rng = np.random.default_rng(seed)
-    looks = []
+    frames = []
     for k, (objects, detections, shared) in enumerate(
         draw(st.lists(st.tuples(st.integers(0, 3), st.integers(0, 4), st.booleans()), min_size=1, max_size=4))
     ):
@@ -195,12 +195,12 @@ def worlds(draw):
             np.full((width, 3), np.nan), np.zeros(width, int), rng.normal(size=6),
         )  # fmt: skip
         whole = rng.integers(-1, 3, (4, detections))
-        looks.append(Look(scene, scan, Origin(*whole, rng.random(objects), rng.random(objects))))
+        frames.append(RecordedFrame(scene, scan, Origin(*whole, rng.random(objects), rng.random(objects))))
     lines = tuple(rng.normal(size=(draw(st.integers(2, 4)), 2)) for _ in range(draw(st.integers(0, 2))))
     road = RoadMap(rng.normal(size=(3, 2)), rng.normal(size=(3, 2)), np.ones(3))
     drawn = RoadGeometry(lines, (), lines, (2.0,) * len(lines))
     phases = tuple(Phase(name, k, k + 0.1) for k, name in enumerate(draw(st.lists(st.sampled_from("ab"), max_size=2))))
-    return Recording("made", seed, "front", tuple(looks), phases, road, drawn, {"simulation": 1.5, "sensing": 0.25})
+    return Recording("made", seed, "front", tuple(frames), phases, road, drawn, {"simulation": 1.5, "sensing": 0.25})
 
 
 @settings(max_examples=40, deadline=None)
@@ -236,7 +236,7 @@ def test_a_flipped_byte_is_harmless_or_told_in_one_sentence(lane_bytes, place, f
 @pytest.fixture(scope="module")
 def lane_bytes(lane, tmp_path_factory):
     folder = tmp_path_factory.mktemp("damaged")
-    made = lane._replace(looks=lane.looks[:4])
+    made = lane._replace(frames=lane.frames[:4])
     save(made, folder / "whole.npz")
     return made, (folder / "whole.npz").read_bytes(), folder
 
@@ -256,7 +256,7 @@ def test_a_damaged_recording_is_made_again(lane_bytes, damage, tmp_path):
     with pytest.raises(ValueError, match="is damaged"):
         load(path, *wanted, "front")
     obtain(wanted, Settings(radar="front", duration=0.2), tmp_path)
-    assert load(path, *wanted, "front").looks
+    assert load(path, *wanted, "front").frames
     assert os.listdir(tmp_path / RECORDINGS) == [path.name]
 
 
@@ -271,7 +271,7 @@ def test_a_recording_without_a_place_is_told_in_one_sentence(lane, tmp_path):
         save(lane, tmp_path / "missing" / "drive.npz")
 
 
-def test_the_log_of_a_replay_shows_all_looks_and_trackers(lane, tmp_path):
+def test_the_log_of_a_replay_shows_all_frames_and_trackers(lane, tmp_path):
     path = write_log(lane, TRACKERS, tmp_path)
     assert path == Path(tmp_path) / f"xia2020-lane_{'+'.join(TRACKERS)}_front_replay_seed{SEED}.rrd"
-    assert len(reader.steps(path)) == len(lane.looks)
+    assert len(reader.steps(path)) == len(lane.frames)

@@ -1,4 +1,4 @@
-"""Rows of a run: looks computed by hand, agreement with evaluator and trackers, and files that tell of damage."""
+"""Rows of a run: frames computed by hand, agreement with evaluator and trackers, and files that tell of damage."""
 
 import json
 import math
@@ -17,10 +17,12 @@ from testbed.compare.runs.config import Task
 from testbed.compare.runs.recording import record
 from testbed.compare.runs.replay import replay
 from testbed.compare.runs.rows import COLUMNS, NAMES, SCHEMA, Rows, check_part, read_meta, write
-from testbed.evaluation.tracking import Evaluator
 from testbed.evaluation.pair_errors import ERRORS
+from testbed.evaluation.tracking import Evaluator
+from testbed.frame import Frame
 from trackers.estimate import prior
 from trackers.multi.tracks import StepInfo, Tracks
+from trackers.scan import Scan
 
 TASK = Task("cut-in", "rm-koch", 4)
 CAR = (4.0, 2.0)
@@ -59,8 +61,9 @@ def origin_of(expected, real=()):
     return Origin.empty(len(expected))._replace(object=np.array(real, int), expected=expected, visible=seen)
 
 
-def look(rows, scene, origin, tracks, info):
-    rows(0, scene.time, scene, None, origin, {rows.task.tracker: (tracks, info)})
+def feed(rows, scene, origin, tracks, info):
+    scan = Scan.from_xy(np.zeros((len(origin.object), 2)))
+    rows(Frame(0, scene, scan, origin, {rows.task.tracker: (tracks, info)}, "IDLE", np.zeros((0, 2))))
 
 
 def entries(rows):
@@ -68,18 +71,18 @@ def entries(rows):
 
 
 @pytest.fixture
-def one_look():
+def one_frame():
     """Object 5 has track 3 half a metre off, object 7 has none, 8 counts as little as its track; track 6 is false."""
     rows = Rows(TASK, PHASES)
     scene = scene_at([(30, 40), (0, 50), (60, 0)], [5, 7, 8], kinds=("van", "car", "bus"))
     tracks = tracks_at([(60, 0), (30.3, 40.4), (-3, 4), (90, 90)], [2, 3, 6, 1], [0.9, 1.0, 0.6, 0.4])
     info = info_of([6, 9, 3, 2], [0, 5, 2, 4], [math.nan, 8.0, 1.5, 7.0], [3, 2, 3, 2, 2, 2])
-    look(rows, scene, origin_of([2, 0.6, 0.1], real=[0, 0, 0, 0, 0, 0]), tracks, info)
+    feed(rows, scene, origin_of([2, 0.6, 0.1], real=[0, 0, 0, 0, 0, 0]), tracks, info)
     return rows
 
 
-def test_a_pair_has_its_own_errors_and_the_innovation_of_its_track(one_look):
-    pair = entries(one_look)[0]
+def test_a_pair_has_its_own_errors_and_the_innovation_of_its_track(one_frame):
+    pair = entries(one_frame)[0]
     wanted = {
         "scenario": "cut-in", "tracker": "rm-koch", "seed": 4, "time": 0.5, "phase": "before", "status": "pair",
         "object": 5, "kind": "van", "track": 3, "range": 50.0, "visible": 0.75, "expected": 2.0, "detections": 2,
@@ -91,8 +94,8 @@ def test_a_pair_has_its_own_errors_and_the_innovation_of_its_track(one_look):
     assert set(wanted) == set(NAMES)
 
 
-def test_missed_and_false_have_half_a_cut_off_and_no_errors(one_look):
-    _, missed, false = entries(one_look)
+def test_missed_and_false_have_half_a_cut_off_and_no_errors(one_frame):
+    _, missed, false = entries(one_frame)
     empty = {*ERRORS}
     assert {k: v for k, v in missed.items() if v is not None} == {
         "scenario": "cut-in", "tracker": "rm-koch", "seed": 4, "time": 0.5, "phase": "before", "status": "missed",
@@ -105,17 +108,17 @@ def test_missed_and_false_have_half_a_cut_off_and_no_errors(one_look):
     assert all(missed[name] is None for name in empty | {"track", "detections", "nis", "length_std"})
 
 
-def test_neither_uncounted_objects_nor_unreported_tracks_have_rows(one_look):
-    found = entries(one_look)
+def test_neither_uncounted_objects_nor_unreported_tracks_have_rows(one_frame):
+    found = entries(one_frame)
     assert [row["status"] for row in found] == ["pair", "missed", "false"]
     assert {row["object"] for row in found} == {5, 7, None}  # 8 is not expected to be detected
     assert {row["track"] for row in found} == {3, None, 6}  # 2 is on it and costs nothing, 1 is not reported
 
 
-def test_a_look_without_anything_to_say_has_a_row():
+def test_a_frame_without_anything_to_say_has_a_row():
     rows = Rows(TASK, PHASES)
-    look(rows, scene_at([(60, 0)], [8]), origin_of([0.1]), tracks_at([(60, 0)], [2]), info_of([2], [1], [1.0]))
-    look(rows, scene_at([], [], 1.5), origin_of([]), tracks_at([], []), info_of([], [], []))
+    feed(rows, scene_at([(60, 0)], [8]), origin_of([0.1]), tracks_at([(60, 0)], [2]), info_of([2], [1], [1.0]))
+    feed(rows, scene_at([], [], 1.5), origin_of([]), tracks_at([], []), info_of([], [], []))
     found = entries(rows)
     assert [(r["time"], r["status"], r["phase"], r["gospa2"]) for r in found] == [
         (0.5, "empty", "before", 0.0),
@@ -124,22 +127,22 @@ def test_a_look_without_anything_to_say_has_a_row():
     assert all(row[name] is None for row in found for name in NAMES[6:] if name != "gospa2")
 
 
-def test_a_track_born_at_this_look_has_no_innovation_yet():
+def test_a_track_born_at_this_frame_has_no_innovation_yet():
     rows = Rows(TASK)
-    look(rows, scene_at([(20, 0)], [1]), origin_of([3]), tracks_at([(20, 0)], [4]), info_of([], [], []))
+    feed(rows, scene_at([(20, 0)], [1]), origin_of([3]), tracks_at([(20, 0)], [4]), info_of([], [], []))
     (pair,) = entries(rows)
     assert (pair["status"], pair["track"], pair["nis"], pair["detections"]) == ("pair", 4, None, None)
 
 
-def test_a_look_belongs_to_the_phase_that_it_begins_and_to_between_outside_of_all():
+def test_a_frame_belongs_to_the_phase_that_it_begins_and_to_between_outside_of_all():
     rows = Rows(TASK, PHASES)
     for time in (0.0, 0.999, 1.0, 2.0):
-        look(rows, scene_at([], [], time), origin_of([]), tracks_at([], []), info_of([], [], []))
+        feed(rows, scene_at([], [], time), origin_of([]), tracks_at([], []), info_of([], [], []))
     assert rows.table().column("phase").to_pylist() == ["before", "before", "onset", "between"]
     assert [(s["phase"], s["scans"]) for s in rows.summaries()] == [("all", 4), ("before", 2), ("onset", 1)]
 
 
-def test_a_run_without_a_look_is_an_empty_table():
+def test_a_run_without_a_frame_is_an_empty_table():
     table = Rows(TASK).table()
     assert table.num_rows == 0
     assert table.schema.equals(SCHEMA)
@@ -147,14 +150,14 @@ def test_a_run_without_a_look_is_an_empty_table():
 
 @settings(max_examples=40, deadline=None)
 @given(st.integers(0, 10**6), st.integers(0, 5), st.integers(0, 5))
-def test_rows_of_a_look_add_up_to_its_gospa(seed, objects, tracks):
+def test_rows_of_a_frame_add_up_to_its_gospa(seed, objects, tracks):
     rng = np.random.default_rng(seed)
     rows, evaluator = Rows(TASK, PHASES), Evaluator(TASK.tracker, PHASES)
     for k in range(3):
         scene = scene_at(rng.uniform(0, 15, (objects, 2)), range(objects), k / 2)
         origin = origin_of(rng.uniform(0, 1.2, objects))
         heard = tracks_at(rng.uniform(0, 15, (tracks, 2)), range(10, 10 + tracks), rng.uniform(0.3, 1, tracks))
-        look(rows, scene, origin, heard, info_of(range(10, 10 + tracks), [1] * tracks, rng.chisquare(2, tracks)))
+        feed(rows, scene, origin, heard, info_of(range(10, 10 + tracks), [1] * tracks, rng.chisquare(2, tracks)))
         score = evaluator.step(k / 2, scene, origin, heard)
         mine = [row for row in entries(rows) if row["time"] == k / 2]
         status = [row["status"] for row in mine]
@@ -166,26 +169,23 @@ def test_rows_of_a_look_add_up_to_its_gospa(seed, objects, tracks):
 
 @pytest.fixture(scope="module")
 def drive():
-    """A short drive with its rows, and what the tracker said at every look."""
+    """A short drive with its rows, and every frame of it."""
     recording = record(LANE.scenario, LANE.seed, "surround", 2.0)
-    rows, said = Rows(LANE, recording.phases), []
-    replay(
-        recording, (LANE.tracker,), [rows, lambda step, time, scene, scan, origin, outputs, *rest: said.append(
-            (time, scene, origin, *outputs[LANE.tracker])
-        )],
-    )  # fmt: skip
-    return rows, said
+    rows, frames = Rows(LANE, recording.phases), []
+    replay(recording, (LANE.tracker,), [rows, frames.append])
+    return rows, frames
 
 
-def test_every_look_of_a_drive_has_rows_that_agree_with_scene_tracks_and_step(drive):
-    rows, said = drive
+def test_every_frame_of_a_drive_has_rows_that_agree_with_scene_tracks_and_step(drive):
+    rows, frames = drive
     found = entries(rows)
-    assert sorted({row["time"] for row in found}) == [time for time, *_ in said]
+    assert sorted({row["time"] for row in found}) == [frame.time for frame in frames]
     assert {"pair", "missed"} <= {row["status"] for row in found}
-    moments = {time: rest for time, *rest in said}
+    frame_at = {frame.time: frame for frame in frames}
     for row in found:
         if row["status"] == "pair":
-            scene, origin, tracks, info = moments[row["time"]]
+            scene, origin = frame_at[row["time"]].scene, frame_at[row["time"]].origin
+            tracks, info = frame_at[row["time"]].outputs[LANE.tracker]
             n, k = scene.objects.id.tolist().index(row["object"]), tracks.id.tolist().index(row["track"])
             estimate = tracks.estimate
             off = estimate.pose[k, :2] - scene.objects.pose[n, :2]

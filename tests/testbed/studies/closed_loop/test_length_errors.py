@@ -6,10 +6,12 @@ import pytest
 from sensors.origin import Origin
 from sensors.scene import boxes_scene
 from testbed.compare.statistics.measures import LABELS
+from testbed.frame import Frame
 from testbed.studies.closed_loop.figure import draw
 from testbed.studies.closed_loop.length_errors import FEWEST, LengthErrors, LengthSamples, joined, profile
 from trackers.estimate import prior
 from trackers.multi.tracks import Tracks
+from trackers.scan import Scan
 
 
 def samples(visible, error, length=4.5):
@@ -60,7 +62,8 @@ def test_the_observer_takes_counted_vehicles_and_their_tracks():
     one = np.ones(1)
     tracks = Tracks(np.array([7]), one, one, one, one > 0, None, prior(pose[:1], size=np.array([[8.0, 2.5]])), 8)
     probe = LengthErrors(["a"])
-    probe(0, 0.0, scene, None, origin, {"a": (tracks, None)}, "IDLE", np.zeros((0, 2)))
+    scan = Scan.from_xy(np.zeros((0, 2)))
+    probe(Frame(0, scene, scan, origin, {"a": (tracks, None)}, "IDLE", np.zeros((0, 2))))
     found = probe.samples["a"]
     assert found.visible.tolist() == [0.5, 1.0]
     assert found.length.tolist() == [10.0, 4.5]

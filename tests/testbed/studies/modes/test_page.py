@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from sensors.origin import Origin
 from sensors.scene import boxes_scene
+from testbed.frame import Frame
 from testbed.studies.modes.figure import TRUE, draw
 from testbed.studies.modes.page import (
     MODES,
@@ -29,6 +30,7 @@ from testbed.studies.modes.page import (
 )
 from trackers.estimate import prior
 from trackers.multi.tracks import StepInfo, Tracks
+from trackers.scan import Scan
 
 DT = 0.1
 TIME = DT * np.arange(60)
@@ -130,10 +132,10 @@ def test_the_probe_takes_the_probabilities_of_the_track_of_each_vehicle():
     tracks = Tracks(np.array([7]), one, one, one, one > 0, None, prior(pose[1:], size=np.array([[4.5, 1.8]])), 8)
     mode = np.array([[0.2, 0.3, 0.5], [1.0, 0.0, 0.0]])
     info = StepInfo(np.zeros(0, int), np.array([7, 3]), one, one > 0, one, one, one, (), mode)
-    probe = ModeProbe("edra-imm")
+    probe, scan = ModeProbe("edra-imm"), Scan.from_xy(np.zeros((0, 2)))
     for step in range(3):
         scene = boxes_scene(pose, np.array([[4.5, 1.8]] * 2), np.array([[10.0, 0.0]] * 2), time=DT * step)
-        probe(step, DT * step, scene, None, origin, {"edra-imm": (tracks, info)}, "IDLE", np.zeros((0, 2)))
+        probe(Frame(step, scene, scan, origin, {"edra-imm": (tracks, info)}, "IDLE", np.zeros((0, 2))))
     assert np.isnan(probe.histories[0].probability).all()
     assert probe.histories[1].probability.tolist() == [[0.2, 0.3, 0.5]] * 3
 

@@ -8,28 +8,18 @@ from time import perf_counter
 from types import MappingProxyType
 from typing import Any
 
-from numpy.typing import NDArray
-
 from scenarios.lanes import LaneShape, is_dashed, is_drawn
-from sensors.origin import Origin
 from sensors.scene import Scene
+from testbed.environment.smoothing import StateHistory
 from testbed.evaluation.driving import DriveEvaluator
 from testbed.evaluation.histories import LOST_AFTER, TIME_ROUNDING
-from testbed.evaluation.smoothing import Memory
-from testbed.evaluation.tracking import Evaluator, FrameScore, jsonable
+from testbed.evaluation.tracking import Evaluator, jsonable
 from testbed.files import make_directory, make_room, write_json
-from testbed.frame import Outputs
-from testbed.log.record import RoadGeometry, RunMeta, StepRecord, TrackerFrame
+from testbed.frame import Frame, FrameScore
+from testbed.log.record import LEVELS, RoadGeometry, RunMeta
 from testbed.log.writer import NullLog, RunLog
 from trackers.multi.tracker import MultiObjectTracker
-from trackers.scan import Scan, SensorModel
-
-LEVELS = ("off", "metrics", "full")
-
-
-def run_id(scenario: str, trackers: Sequence[str], radar: str, planner: str, seed: int) -> str:
-    """Name of a run's files: the same settings give the same name, and replace each other."""
-    return "_".join([scenario, "+".join(trackers), radar, planner, f"seed{seed}"]).replace("/", "-")
+from trackers.scan import SensorModel
 
 
 class Recorder:
@@ -72,13 +62,13 @@ class Recorder:
             self.log = RunLog(path, meta, level="full" if level == "full" else "metrics", focus=focus)
             self.log.static(road or RoadGeometry(), sensors)
         kept = trackers.items() if level == "full" else ()
-        self._memory = {name: Memory(tracker) for name, tracker in kept if isinstance(tracker, MultiObjectTracker)}
+        self._past = {name: StateHistory(tracker) for name, tracker in kept if isinstance(tracker, MultiObjectTracker)}
         self.seconds: dict[str, float] = defaultdict(float)  # wall time spent on metrics and on the log
         self._crashed: set[int] = set()
         self._missing: dict[str, dict[int, float]] = {name: {} for name in meta.trackers}  # object id -> since when
         self._held: dict[str, dict[int, int]] = {name: {} for name in meta.trackers}  # object id -> last track
         self._result: dict[str, Any] | None = None
-        self._looks = 0
+        self._frames = 0
 
     def __deepcopy__(self, memo: dict) -> None:
         return None
@@ -88,38 +78,25 @@ class Recorder:
         """Where the results go."""
         return self.directory / f"{self.meta.run_id}.json"
 
-    def __call__(
-        self,
-        step: int,
-        time: float,
-        scene: Scene,
-        scan: Scan,
-        origin: Origin,
-        outputs: Outputs,
-        action: str,
-        plan: NDArray,
-    ) -> None:
-        """Take one look of the radar and what the trackers made of it."""
+    def __call__(self, frame: Frame) -> None:
+        """Score one frame and log it."""
         start = perf_counter()
-        self.drive.step(scene)
+        self.drive.step(frame.scene)
         scores = {}
         for name, evaluator in self.evaluators.items():
-            tracks, info = outputs[name]
-            scores[name] = evaluator.step(time, scene, origin, tracks, info.owner)
-        events = self._phase_events(scene) + self._crash_events(scene)
+            tracks, info = frame.outputs[name]
+            scores[name] = evaluator.step(frame.time, frame.scene, frame.origin, tracks, info.owner)
+        events = self._phase_events(frame.scene) + self._crash_events(frame.scene)
         for name, score in scores.items():
-            events += self._lost_events(name, time, score)
+            events += self._lost_events(name, frame.time, score)
         scored = perf_counter()
-        frames = {
-            name: TrackerFrame(*outputs[name], score.pairs, score.errors, score.mean) for name, score in scores.items()
-        }
         with self._writing_log():
-            self.log.step(StepRecord(step, time, scene, scan, origin, frames, action, plan, tuple(events)))
-            for name, memory in self._memory.items():
-                memory.keep(step, time, outputs[name][0])
-                if memory.full:
+            self.log.step(frame, scores, events)
+            for name, past in self._past.items():
+                past.keep(frame.step, frame.time, frame.outputs[name][0])
+                if past.full:
                     self._smooth(name)
-        self._looks += 1
+        self._frames += 1
         self.seconds["metrics"] += scored - start
         self.seconds["log"] += perf_counter() - scored
 
@@ -144,7 +121,7 @@ class Recorder:
         }
 
     def close(self, interrupted: bool = False, timing: Mapping[str, Any] | None = None) -> dict[str, Any]:
-        """Finish log and JSON, once; nothing is written of an episode without a single look.
+        """Finish log and JSON, once; nothing is written of an episode without a frame.
 
         Args:
             interrupted: the scenario was to go on.
@@ -152,7 +129,7 @@ class Recorder:
         """
         if self._result is None:
             self._result = self.result() | {"interrupted": interrupted, "timing": dict(timing or self.seconds)}
-            if self._looks:
+            if self._frames:
                 try:
                     self._close_log(interrupted)
                 finally:
@@ -165,14 +142,14 @@ class Recorder:
         summary: dict[str, Any] = {name: e.summary() for name, e in self.evaluators.items()}
         with self._writing_log():
             try:
-                for name in self._memory:
+                for name in self._past:
                     self._smooth(name)
             finally:  # whatever happens to the smoother, the log has its end
                 self.log.close({**{f"drive_{k}": v for k, v in self.drive.summary().items()}, **summary})
 
     def _smooth(self, name: str) -> None:
         """Add the smoothed tracks of one tracker to the log."""
-        smoothed = self._memory[name].smoothed()
+        smoothed = self._past[name].smoothed()
         self.log.smoothed(name, smoothed)
         for track in smoothed.failed:
             self.log.event("WARN", f"{name}: track {track} could not be smoothed, a covariance was not definite")

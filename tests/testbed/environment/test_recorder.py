@@ -9,11 +9,11 @@ import pytest
 import sensors
 import testbed  # noqa: F401  (registers the ids)
 import trackers
-from testbed.evaluation.recorder import Recorder, run_id
+from testbed.environment.recorder import Recorder
 from testbed.evaluation.tracking import Evaluator, jsonable
 from testbed.files import make_directory
 from testbed.log import reader
-from testbed.log.record import RunMeta
+from testbed.log.record import RunMeta, run_id
 from trackers import MultiObjectTracker
 
 QUICK = {"config": {"duration": 1.0}, "radar": "front"}
@@ -33,10 +33,10 @@ def test_the_json_holds_the_metrics_of_the_evaluator(tmp_path):
     env = gym.make("testbed/cut-in-v0", tracker="rm-feldmann", out=str(tmp_path), log="off", **QUICK)
     own: list[Evaluator] = []
 
-    def judge(step, time, scene, scan, origin, outputs, action, plan):
-        if step == 0:
+    def judge(frame):
+        if frame.step == 0:
             own.append(Evaluator("rm-feldmann", env.recorder.phases))
-        own[0].step(time, scene, origin, outputs["rm-feldmann"][0])
+        own[0].step(frame.time, frame.scene, frame.origin, frame.outputs["rm-feldmann"][0])
 
     env.attach(judge)
     drive(env)

@@ -1,12 +1,12 @@
-"""Smoothed tracks of a run: from the memory of a recorder to the log, and back out of the log."""
+"""Smoothed tracks of a run: from the history of a recorder to the log, and back out of the log."""
 
 import gymnasium as gym
 import numpy as np
 import pytest
 
 import testbed  # noqa: F401  (registers the ids)
-from testbed.evaluation import smoothing
-from testbed.evaluation.smoothing import Memory
+from testbed.environment import smoothing
+from testbed.environment.smoothing import StateHistory
 from testbed.log import paths, reader
 from trackers import MultiObjectTracker, RandomMatrix, SensorModel, prior
 from trackers.batch import stack, take
@@ -18,12 +18,12 @@ DT = 0.1
 TRACKER = MultiObjectTracker(RandomMatrix(), (SensorModel(),))
 
 
-def track_states(looks=20, seed=0):
-    """States (looks, 2) of two vehicles that drive ahead, at whose places noise is measured."""
+def track_states(frames=20, seed=0):
+    """States (frames, 2) of two vehicles that drive ahead, at whose places noise is measured."""
     rng, f = np.random.default_rng(seed), TRACKER.filter
     start = prior(np.array([[0.0, 0, 0], [30.0, 4, 0]]), velocity=(15.0, 0.0))
     states = [f.init(start)]
-    for _ in range(looks - 1):
+    for _ in range(frames - 1):
         state = f.predict(states[-1], DT)
         states.append(
             state._replace(m=state.m + 0.05 * rng.standard_normal((2, 5)) * [1, 1, 0.1, 1, 0.1], P=state.P / 2)
@@ -37,36 +37,36 @@ def tracks_of(state, reported=(True, True)):
     return Tracks(np.array([3, 7]), existence, one.astype(int), one, one > 0, state, TRACKER.filter.estimate(state), 8)
 
 
-def test_tracks_come_back_smoothed_at_the_looks_at_which_they_were_reported():
-    states, memory = track_states(), Memory(TRACKER)
+def test_tracks_come_back_smoothed_at_the_frames_at_which_they_were_reported():
+    states, history = track_states(), StateHistory(TRACKER)
     for k, state in enumerate(states):
-        memory.keep(2 * k, k * DT, tracks_of(state, (True, 5 <= k < 9 or k >= 12)))
-    got = memory.smoothed()
+        history.keep(2 * k, k * DT, tracks_of(state, (True, 5 <= k < 9 or k >= 12)))
+    got = history.smoothed()
     np.testing.assert_array_equal(got.step, 2 * np.arange(20))
     assert [track.id for track in got.tracks] == [3, 7]
-    np.testing.assert_array_equal(got.tracks[0].look, np.arange(20))
-    np.testing.assert_array_equal(got.tracks[1].look, [*range(5, 9), *range(12, 20)])
-    chain = take(stack(states), got.tracks[1].look)
+    np.testing.assert_array_equal(got.tracks[0].frame, np.arange(20))
+    np.testing.assert_array_equal(got.tracks[1].frame, [*range(5, 9), *range(12, 20)])
+    chain = take(stack(states), got.tracks[1].frame)
     other = smooth_track(TRACKER, type(chain)(*(leaf[:, 1] for leaf in chain)), [DT] * 3 + [4 * DT] + [DT] * 7)
     np.testing.assert_allclose(got.tracks[1].pose, TRACKER.filter.estimate(other).pose, atol=1e-9)
-    assert len(memory.smoothed().step) == 0  # what was told is forgotten
+    assert len(history.smoothed().step) == 0  # what was told is forgotten
 
 
-def test_a_memory_is_full_before_a_long_run_ends():
-    memory, (state,) = Memory(TRACKER), track_states(1)
-    for k in range(smoothing.LOOKS):
-        assert not memory.full
-        memory.keep(k, k * DT, tracks_of(state))
-    assert memory.full
+def test_a_history_is_full_before_a_long_run_ends():
+    history, (state,) = StateHistory(TRACKER), track_states(1)
+    for k in range(smoothing.FRAMES):
+        assert not history.full
+        history.keep(k, k * DT, tracks_of(state))
+    assert history.full
 
 
 def test_a_track_without_a_covariance_is_named_and_the_others_are_smoothed():
-    memory = Memory(TRACKER)
+    history = StateHistory(TRACKER)
     for k, state in enumerate(track_states()):
         P = state.P.copy()
         P[0] = np.nan
-        memory.keep(k, k * DT, tracks_of(state._replace(P=P)))
-    got = memory.smoothed()
+        history.keep(k, k * DT, tracks_of(state._replace(P=P)))
+    got = history.smoothed()
     assert got.failed == (3,)
     assert [track.id for track in got.tracks] == [7]
 
@@ -75,8 +75,9 @@ def run_log(tmp_path, interrupted=False, **settings):
     env = gym.make("testbed/cut-in-v0", out=str(tmp_path), config={"duration": 2.0}, radar="surround", **settings)
     seen = {}
 
-    def watch(step, time, scene, scan, origin, outputs, action, plan):
-        seen[step] = {name: (tracks.reported.id, tracks.reported.estimate) for name, (tracks, _) in outputs.items()}
+    def watch(frame):
+        reported = {name: tracks.reported for name, (tracks, _) in frame.outputs.items()}
+        seen[frame.step] = {name: (tracks.id, tracks.estimate) for name, tracks in reported.items()}
 
     env.attach(watch)
     env.reset(seed=1)
@@ -102,7 +103,7 @@ def boxes(log, name):
 
 
 @pytest.mark.parametrize("interrupted", [False, True])
-def test_the_log_of_a_run_has_a_smoothed_box_for_every_reported_track_at_every_look(tmp_path, interrupted):
+def test_the_log_of_a_run_has_a_smoothed_box_for_every_reported_track_at_every_frame(tmp_path, interrupted):
     log, seen = run_log(tmp_path, interrupted, tracker="rm-feldmann", also=["htg-map"])
     assert reader.complete(log)
     for name in ("rm-feldmann", "htg-map"):
@@ -118,7 +119,7 @@ def test_the_log_of_a_run_has_a_smoothed_box_for_every_reported_track_at_every_l
         last = found[max(found)]
         there, estimate = seen[max(found)][name]
         own = estimate.pose[[np.flatnonzero(there == i)[0] for i in last[0]], :2]
-        np.testing.assert_allclose(last[1], own, atol=1e-3)  # single precision; at the last look nothing is smoothed
+        np.testing.assert_allclose(last[1], own, atol=1e-3)  # single precision; at the last frame nothing is smoothed
         (way,) = [row for row in reader.rows(log, paths.smoothed(name, "path")) if row.get(paths.STEP) is not None]
         assert sorted(way["track:id"]) == sorted({i for ids, _, _ in found.values() for i in ids})
 
