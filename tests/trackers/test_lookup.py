@@ -12,8 +12,8 @@ def test_a_known_name_gives_its_entry():
 
 
 def test_a_misspelt_name_is_told_the_nearest_and_a_strange_one_all():
-    with pytest.raises(LookupError, match=r"^no scenario 'cut-on'; did you mean 'cut-out'\?$") as caught:
-        look_up("cut-on", PAGES, "scenario")
+    with pytest.raises(LookupError, match=r"^no scenario 'cut-ut'; did you mean 'cut-out'\?$") as caught:
+        look_up("cut-ut", PAGES, "scenario")
     assert caught.value.__suppress_context__  # the KeyError says nothing more
     with pytest.raises(LookupError, match=r"^no radar 'xyz'; known: cut-in, cut-out, merge$"):
         look_up("xyz", PAGES, "radar")
