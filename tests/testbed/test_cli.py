@@ -119,7 +119,7 @@ def test_a_disk_that_fills_up_is_one_sentence_and_does_not_hang(tmp_path):
         (["run"], ["scenario", "testbed run --help"]),
         (["run", "cut-in", "--sed", "1"], ["--sed", "testbed run --help"]),
         (["fly"], ["'fly'", "--help"]),
-        (["list", "sensors"], ["catalogue 'sensors'", "radars"]),
+        (["list", "sonar"], ["catalogue 'sonar'", "radars"]),
         (["list", "traker"], ["catalogue 'traker'", "did you mean 'trackers'"]),
         (["review", "nowhere.rrd"], ["nowhere.rrd", "testbed run"]),
         (["review", "FILE"], ["is not a review log", ".rrd"]),
