@@ -5,9 +5,10 @@ A condition holds, fails, or is not decided: a 95 % interval holds the bar.
 
 from collections.abc import Mapping
 
+from testbed.evaluation.intervals import PlusMinus
 from testbed.papers.verdict import CONFIRMED, REFUTED, Claim, Verdict
 from testbed.papers.xu2023.cases import VARIED
-from testbed.papers.xu2023.measures import UNITS, Interval, reductions
+from testbed.papers.xu2023.measures import UNITS, reductions
 from testbed.papers.xu2023.reference import COLUMNS, READINGS, TABLE_2
 from testbed.papers.xu2023.trials import Trace
 
@@ -57,12 +58,12 @@ def printed_reduction(before: str, after: str, column: str) -> float:
     return 100 * (1 - TABLE_2[after][k] / TABLE_2[before][k])
 
 
-def _reductions(traces: Traces, case: str, reading: str, before: str, after: str) -> dict[str, Interval]:
+def _reductions(traces: Traces, case: str, reading: str, before: str, after: str) -> dict[str, PlusMinus]:
     found = reductions(traces[case, f"{before}, {reading}"], traces[case, f"{after}, {reading}"])
     return {column: value for column, value in found.items() if column[:2] in MANEUVERS}
 
 
-def _pair(found: Mapping[str, Interval], stage: str) -> str:
+def _pair(found: Mapping[str, PlusMinus], stage: str) -> str:
     return " / ".join(f"{round(found[f'{stage} {u}'].value)} ± {found[f'{stage} {u}'].half:.0f}" for u in UNITS)
 
 

@@ -1,32 +1,18 @@
 """Measures of xu2023: RMSE over runs, averaged over a stage, with 95 % intervals over the runs.
 
-The paper averages the roots, not the squares. So a run pulls the figure of a stage by the mean over its steps of
-(s - v) / (2 sqrt(v)), s its squared error and v their mean (delta method); the interval is that of the mean pull. A
-reduction of one method's error by another compares both on the same runs.
+The paper averages the roots, not the squares. So the influence of a run on the figure of a stage is the mean over its
+steps of (s - v) / (2 sqrt(v)), s its squared error and v their mean over the runs (delta method); the interval is that
+of the mean influence, by Student's t. A reduction of one method's error by another compares both on the same runs.
 """
-
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from testbed.evaluation.intervals import PlusMinus, student_interval
 from testbed.papers.xu2023.trials import IOU_EVERY, STAGES, STEP, STEPS, Trace, maneuver
 
 UNITS = ("m", "m/s")
-NORMAL = 1.96  # standard deviations of a 95 % interval
 LEAST = 1e-12  # [m] error of a stage that is divided by
-
-
-class Interval(NamedTuple):
-    """A figure and half its 95 % interval, NaN from one run."""
-
-    value: float
-    half: float
-
-    @property
-    def positive(self) -> bool | None:
-        """Whether the figure is above zero; None where its interval holds zero."""
-        return None if abs(self.value) < self.half else self.value > 0
 
 
 def stage_mask(stage: str) -> NDArray:
@@ -40,32 +26,31 @@ def true_modes() -> NDArray:
     return np.array([maneuver(k)[2] for k in range(STEPS)])
 
 
-def pulls(squared: NDArray, stage: str) -> tuple[float, NDArray]:
-    """RMSE of a stage, and by how much each run (R,) pulls it; squared (steps, R)."""
+def influences(squared: NDArray, stage: str) -> tuple[float, NDArray]:
+    """RMSE of a stage, and the influence of each run (R,) on it; squared (steps, R)."""
     s = squared[stage_mask(stage)]
     root = np.sqrt(s.mean(1, keepdims=True))
     return float(root.mean()), ((s - root**2) / (2 * np.maximum(root, LEAST))).mean(0)
 
 
-def interval(value: float, pull: NDArray) -> Interval:
-    """95 % interval of a figure that runs pull by `pull` (R,), of mean 0."""
-    R = len(pull)
-    half = NORMAL * np.sqrt((pull**2).sum() / (R * (R - 1))) if R > 1 else np.nan
-    return Interval(value, float(half))
+def interval(value: float, influence: NDArray) -> PlusMinus:
+    """A figure on which runs have an influence (R,) of mean 0, with the interval of their mean."""
+    _, half = student_interval(influence)
+    return PlusMinus(value, float(half))
 
 
-def rmse(squared: NDArray, stage: str) -> Interval:
+def rmse(squared: NDArray, stage: str) -> PlusMinus:
     """RMSE over runs, averaged over the steps of a stage; squared (steps, R)."""
-    return interval(*pulls(squared, stage))
+    return interval(*influences(squared, stage))
 
 
-def reduction(before: NDArray, after: NDArray, stage: str) -> Interval:
+def reduction(before: NDArray, after: NDArray, stage: str) -> PlusMinus:
     """By how many percent the error `after` of a stage is smaller than that `before`; squared errors (steps, R)."""
-    (b, pull_b), (a, pull_a) = pulls(before, stage), pulls(after, stage)
-    return interval(100 * (1 - a / b), 100 * (a * pull_b / b - pull_a) / b)
+    (b, on_b), (a, on_a) = influences(before, stage), influences(after, stage)
+    return interval(100 * (1 - a / b), 100 * (a * on_b / b - on_a) / b)
 
 
-def reductions(before: Trace, after: Trace) -> dict[str, Interval]:
+def reductions(before: Trace, after: Trace) -> dict[str, PlusMinus]:
     """Reductions [%] of position and velocity errors in all stages."""
     return {
         f"{stage} {unit}": reduction(b, a, stage)

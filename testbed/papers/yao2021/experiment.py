@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from testbed.evaluation.intervals import student_interval
 from testbed.papers.verdict import Progress, Report, Row, Stopped
 from testbed.papers.yao2021.claims import verdicts
 from testbed.papers.yao2021.reference import COLUMNS, REFERENCE
@@ -47,12 +48,11 @@ def squares(e: Errors, kept: NDArray) -> dict[str, NDArray]:
 
 
 def measure(outcome: Outcome, stage: str, outline: NDArray) -> dict[str, float]:
-    """Figures of one stage, and half the widths of their 95 % intervals over the runs."""
+    """Figures of one stage, and half the widths of their 95 % intervals over the runs, by Student's t."""
     e, kept = outcome.stages[stage], outcome.kept
-    R = max(int(kept.sum()), 1)
     out: dict[str, float] = {}
     for name, v in squares(e, kept).items():
-        value, error = float(v.mean()), 1.96 * float(v.std()) / np.sqrt(R)
+        value, error = map(float, student_interval(v))
         root = name != "NEES"
         out[name] = float(np.sqrt(value)) if root else value
         out[f"{name} 95 %"] = error / (2 * max(out[name], 1e-12)) if root else error

@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student
 
+from testbed.evaluation.intervals import PlusMinus, student_limit
 from testbed.learn.detections import GROWN, Progress, TrainingDetections, read
 from testbed.log.text import markdown_table
 from testbed.studies.htg_tables.models import HTG_MODEL, RIVALS, VARIANTS, DensityModel, LogDensity
@@ -31,16 +31,6 @@ class HeldOut(NamedTuple):
     plain: NDArray  # (S,) of the density over the plane
     gated: NDArray  # (S,) of the density cut to the grown box and normalised there
     detections: NDArray  # (S,)
-
-
-class Gap(NamedTuple):
-    """Mean advantage of one model over another [nat] a detection."""
-
-    mean: float
-    half: float  # half of the 95 % interval
-
-    def __str__(self) -> str:
-        return f"{self.mean:+.3f} ± {self.half:.3f}"
 
 
 def folds(scan: NDArray, number: int) -> NDArray:
@@ -98,8 +88,8 @@ def inside_share(density: LogDensity) -> float:
     return float(np.exp(density(u)).sum()) * (2 * GROWN / GRID) ** 2
 
 
-def gap(row: HeldOut, base: HeldOut, gated: bool) -> Gap:
-    """Advantage of a row over the base.
+def gap(row: HeldOut, base: HeldOut, gated: bool) -> PlusMinus:
+    """Mean advantage [nat] a detection of a row over the base.
 
     Blocks of `BLOCK` consecutive scans count as independent, scans within one do not: the interval is that of a ratio
     of sums over blocks, with Student's quantile.
@@ -110,7 +100,12 @@ def gap(row: HeldOut, base: HeldOut, gated: bool) -> Gap:
     rest = np.add.reduceat(difference - mean * row.detections, first)  # (B,) sums to 0
     B = len(rest)
     spread = np.sqrt(B / (B - 1) * (rest**2).sum()) / row.detections.sum()
-    return Gap(float(mean), float(student.ppf(0.975, B - 1) * spread))
+    return PlusMinus(float(mean), float(student_limit(spread, B - 1)))
+
+
+def signed(found: PlusMinus) -> str:
+    """An advantage as people read it."""
+    return f"{'+' if found.value >= 0 else ''}{found.text(3)}"
 
 
 def table(rows: Sequence[HeldOut]) -> str:
@@ -120,7 +115,7 @@ def table(rows: Sequence[HeldOut]) -> str:
         cells = [row.model.name, str(row.model.parameters)]
         for gated in (True, False):
             mean = (row.gated if gated else row.plain).sum() / row.detections.sum()
-            cells += [f"{mean:.3f}", "" if row is rows[0] else str(gap(row, rows[0], gated))]
+            cells += [f"{mean:.3f}", "" if row is rows[0] else signed(gap(row, rows[0], gated))]
         body.append(tuple(cells))
     head = ("model, a bin", "parameters", "log p in the box", "minus HTG", "log p in the plane", "minus HTG")
     return markdown_table(head, body)
@@ -131,10 +126,10 @@ def verdicts(rows: Sequence[HeldOut]) -> list[str]:
     lines = []
     for row in rows[1:]:
         got = gap(row, rows[0], gated=True)
-        if abs(got.mean) <= got.half:
-            verdict = f"cannot be told apart ({got} nats)"
+        if got.positive is None:
+            verdict = f"cannot be told apart ({signed(got)} nats)"
         else:
-            verdict = f"{'better' if got.mean > 0 else 'worse'} by {abs(got.mean):.3f} ± {got.half:.3f} nats"
+            verdict = f"{'better' if got.positive else 'worse'} by {abs(got.value):.3f} ± {got.half:.3f} nats"
         lines.append(f"- {row.model.name} ({row.model.parameters}): {verdict}")
     return lines
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scenarios.contours import CONTOURS
 from sensors.radar import Radar
 from sensors.scene import Ego, Scene, boxes_scene
+from testbed.evaluation.intervals import PlusMinus, student_interval
 from testbed.evaluation.metrics import contour_iou
 from trackers.estimate import Estimate, prior
 from trackers.geometry import box_corners, rotation, to_world, unit
@@ -173,15 +174,8 @@ def errors(found: Estimate, runs: EncounterRuns, k: int) -> tuple[NDArray, ...]:
     return body[..., 0], body[..., 1], found.size[..., 0] - runs.size[:, 0], contour_iou(drawn, outline), nees
 
 
-class Figure(NamedTuple):
-    """A mean over runs and half the width of its 95 % interval."""
-
-    value: float
-    half: float
-
-
-def measure(e: BodyErrors, since: int) -> dict[str, Figure]:
-    """Means from frame `since` on: biases, root mean square of the length, IoU and NEES; intervals are over runs."""
+def measure(e: BodyErrors, since: int) -> dict[str, PlusMinus]:
+    """Means over the runs from frame `since` on: biases, root mean square of the length, IoU and NEES."""
     late = BodyErrors(*(leaf[:, since:] for leaf in e))
     found = {
         "along": late.along,
@@ -191,13 +185,14 @@ def measure(e: BodyErrors, since: int) -> dict[str, Figure]:
         "iou": late.iou,
         "nees": late.nees,
     }
-    out = {name: interval(value.mean(1)) for name, value in found.items()}
+    out = {name: over_runs(value.mean(1)) for name, value in found.items()}
     square = out["length rms"]
     root = float(np.sqrt(square.value))
-    out["length rms"] = Figure(root, square.half / (2 * max(root, 1e-9)))
+    out["length rms"] = PlusMinus(root, square.half / (2 * max(root, 1e-9)))
     return out
 
 
-def interval(value: NDArray) -> Figure:
-    """Of independent runs (R,)."""
-    return Figure(float(value.mean()), float(1.96 * value.std(ddof=1) / np.sqrt(len(value))))
+def over_runs(value: NDArray) -> PlusMinus:
+    """Mean of a figure (R,) over independent runs with its interval."""
+    mean, half = student_interval(value)
+    return PlusMinus(float(mean), float(half))

@@ -12,13 +12,14 @@ import sensors
 from scenarios.contours import CONTOURS
 from testbed.command_line.terminal import user_input
 from testbed.compare.runs.recording import Recording, record
+from testbed.evaluation.intervals import PlusMinus
 from testbed.evaluation.metrics import contour_iou
 from testbed.evaluation.tracking import Evaluator, Row
 from testbed.learn.detections import TrainingDetections, read
 from testbed.learn.spline import fit
 from testbed.log.text import markdown_table
 from testbed.studies.page import DOCS, Docs, Page, steps
-from testbed.studies.partial_view.encounters import STEP, Figure, encounters, follow, measure, simulate
+from testbed.studies.partial_view.encounters import STEP, encounters, follow, measure, simulate
 from testbed.studies.partial_view.figure import ContourPanel, draw_learned, draw_tracked
 from trackers import MultiObjectTracker, find
 from trackers.pmht import AdaptiveSpline, Learner
@@ -65,7 +66,7 @@ COLUMNS = (  # of a whole run with the multi-object tracker
     ("nees_velocity", "NEES velocity", 1),
 )
 NextStep = Callable[[str], None]  # called with what comes next
-Tracked = dict[tuple[str, str, str], dict[str, Figure]]  # class, view, variant
+Tracked = dict[tuple[str, str, str], dict[str, PlusMinus]]  # class, view, variant
 
 
 class Sided(NamedTuple):
@@ -172,15 +173,10 @@ def summary(recording: Recording, filter: Any) -> Row:
     return evaluator.summary()
 
 
-def cell(figure: Figure, digits: int = 2) -> str:
-    """A value with half the width of its interval."""
-    return f"{figure.value:.{digits}f} ± {figure.half:.{digits}f}"
-
-
 def tracked_table(found: Tracked, kind: str) -> str:
     """One row a view and variant."""
     body = [
-        (view, name, *(cell(figures[key], 1 if key == "nees" else 2) for key in MEASURES))
+        (view, name, *(figures[key].text(1 if key == "nees" else 2) for key in MEASURES))
         for (own, view, name), figures in found.items()
         if own == kind
     ]
@@ -247,7 +243,7 @@ outline of a car; the length of the contour is in lengths of the vehicle.
 is drawn about the truth (0.5 m, 1 m/s, 0.05 rad); its size is the mean of the class, and true sizes scatter by 7 %
 about it. "All around" has four cars with radars about the vehicle, which is the paper's full view; on the "circle" it
 turns before a standing ego, and shows all sides, one after the other. "Passing", "oncoming" and "behind" are drives on
-a road. ± is a 95 % interval over the runs. Ahead and left count as positive; a NEES of 2 is ideal.
+a road. ± is half a 95 % interval over the runs, by Student's t. Ahead and left count as positive; a NEES of 2 is ideal.
 
 The filter and what it was learned from can each have weights or not: "rays" and "none" have the same in both. Those
 that are "adapted" learn class and contour during the run as `pmht-spline-adaptive` does, with weights in the comparison

@@ -8,13 +8,15 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.stats import t as student
 
+from testbed.evaluation.intervals import PlusMinus
 from testbed.papers.catalogue import PAPERS
 from testbed.papers.verdict import CONFIRMED, REFUTED, Claim, Stopped
 from testbed.papers.xu2023 import experiment as xu2023
 from testbed.papers.xu2023.cases import METHODS, NEAR, READINGS, TRIALS, VARIED, Trial, Variant, unprinted
 from testbed.papers.xu2023.claims import decide, every, group, verdicts
-from testbed.papers.xu2023.measures import Interval, measure, reduction, rmse, stage_mask, true_modes
+from testbed.papers.xu2023.measures import measure, reduction, rmse, stage_mask, true_modes
 from testbed.papers.xu2023.reference import CARD, COLUMNS, TABLE_2
 from testbed.papers.xu2023.trials import (
     CAR,
@@ -138,8 +140,8 @@ def test_stages_cover_all_steps_once_and_the_measures_are_averages_over_them():
     squared[masks[1]] = [1.0, 1, 9, 9]
     assert rmse(squared, "CA").value == pytest.approx(np.sqrt(5))
     assert rmse(squared, "CV").value == 0
-    pull = np.array([-4, -4, 4, 4]) / (2 * np.sqrt(5))
-    assert rmse(squared, "CA").half == pytest.approx(1.96 * np.std(pull, ddof=1) / 2)
+    influence = np.array([-4, -4, 4, 4]) / (2 * np.sqrt(5))
+    assert rmse(squared, "CA").half == pytest.approx(student.ppf(0.975, 3) * np.std(influence, ddof=1) / 2)
     assert np.isnan(rmse(squared[:, :1], "CA").half)
     row = measure(constant((1, 2, 3, 4, 5, 6), share=0.8))
     assert [row[c] for c in COLUMNS] == pytest.approx([1, 2, 3, 4, 5, 6])
@@ -171,7 +173,7 @@ def test_a_method_that_is_better_by_a_factor_in_every_run_has_a_certain_reductio
 
 
 def test_an_interval_that_holds_zero_decides_nothing():
-    assert [Interval(v, 1.0).positive for v in (2.0, 0.5, -0.5, -2.0)] == [True, None, None, False]
+    assert [PlusMinus(v, 1.0).positive for v in (2.0, 0.5, -0.5, -2.0)] == [True, None, None, False]
     assert [every([True, *rest]) for rest in ([True], [None], [None, False])] == [True, None, False]
     claim = Claim("c", "s")
     assert decide(claim, {"a": True, "b": True}, "").outcome == CONFIRMED

@@ -88,7 +88,7 @@ def test_an_interval_takes_neighbouring_scans_for_one_draw():
     draws = rng.normal(0.1, 1.0, 40)
     base, row = held_out("base", np.zeros(400)), held_out("row", np.repeat(draws, 10))
     got = gap(row, base, gated=True)
-    assert got.mean == pytest.approx(draws.mean())
+    assert got.value == pytest.approx(draws.mean())
     assert got.half == pytest.approx(student.ppf(0.975, 39) * draws.std(ddof=1) / np.sqrt(40))
 
 
@@ -97,7 +97,7 @@ def test_a_verdict_needs_an_interval_without_zero(advantage, words):
     noise = np.random.default_rng(12).normal(0, 0.3, 200)
     rows = [held_out("base", np.zeros(200)), held_out("row", noise - noise.mean() + advantage)]
     assert words in verdicts(rows)[0]
-    np.testing.assert_allclose(gap(rows[1], rows[0], True).mean, advantage, atol=1e-12)
+    np.testing.assert_allclose(gap(rows[1], rows[0], True).value, advantage, atol=1e-12)
 
 
 def test_the_committed_page_lists_the_shipped_tables_as_they_are():

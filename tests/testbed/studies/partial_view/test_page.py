@@ -7,20 +7,20 @@ from hypothesis import strategies as st
 
 import sensors
 from scenarios.contours import CONTOURS
+from testbed.evaluation.intervals import PlusMinus
 from testbed.learn.detections import TrainingDetections
 from testbed.studies.partial_view.encounters import (
     STEP,
     BodyErrors,
     Encounter,
     EncounterRuns,
-    Figure,
     Motion,
     circle,
     encounters,
     errors,
     follow,
-    interval,
     measure,
+    over_runs,
     simulate,
     straight,
 )
@@ -33,7 +33,6 @@ from testbed.studies.partial_view.page import (
     SIDES,
     Sided,
     Study,
-    cell,
     drawn_length,
     overall,
     overlap,
@@ -108,18 +107,18 @@ def test_errors_are_along_and_across_the_body(heading, along, across):
     assert 0 <= e.iou[0, 0] <= 4.7 / 5.0 + 1e-9
 
 
-def test_an_interval_is_that_of_a_mean():
-    found = interval(np.array([1.0, 2.0, 3.0, 4.0]))
+def test_an_interval_of_few_runs_is_student_s():
+    found = over_runs(np.array([1.0, 2.0, 3.0, 4.0]))
     assert found.value == 2.5
-    assert found.half == pytest.approx(1.96 * np.sqrt(5 / 3) / 2)
-    assert cell(found) == "2.50 ± 1.27"
+    assert found.half == pytest.approx(3.1824463 * np.sqrt(5 / 3) / 2)  # quantile of 3 degrees of freedom, by table
+    assert found.text(2) == "2.50 ± 2.05"
 
 
 def test_measures_take_the_root_of_mean_squares_and_leave_the_first_frames_out():
     late = np.array([[9.0, 3.0, -3.0], [9.0, 3.0, -3.0]])
     found = measure(BodyErrors(late, late, late, late, late), 1)
     assert found["length"].value == 0.0
-    assert found["length rms"] == Figure(3.0, 0.0)
+    assert found["length rms"] == PlusMinus(3.0, 0.0)
 
 
 def test_with_visibility_a_vehicle_seen_from_behind_keeps_its_place():
@@ -167,7 +166,7 @@ def test_every_choice_of_sides_is_of_the_aspects_it_says():
 def made_study(model: SplineModel) -> Study:
     """A study with figures made up."""
     learned = Learned(None, 0.1, np.zeros(1), np.ones(24))
-    figures = dict.fromkeys(MEASURES, Figure(-0.25, 0.05))
+    figures = dict.fromkeys(MEASURES, PlusMinus(-0.25, 0.05))
     sided = [Sided("rear only", v, model, learned, np.zeros((5, 2))) for v in ("rays", "none")]
     single = {(kind, view, v): figures for kind in KINDS for view in ("behind", "passing") for v in ("rays", "none")}
     whole = {(name, "pmht-spline"): [{key: 1.25 for key, _, _ in COLUMNS}] for name in COURSES}
