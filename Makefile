@@ -7,7 +7,7 @@ STAMP := $(VENV)/.installed
 .PHONY: demo test lint types unit bench regress reproduce comparison comparison-page learning-docs family modes partial-view contours clean
 
 demo: $(STAMP)
-	$(BIN)/testbed run cut-in --tracker rm-feldmann --radar surround --seed 0 --out runs
+	$(BIN)/testbed run cut-in --radar surround --seed 0 --out runs
 
 test: lint types unit
 

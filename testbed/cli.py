@@ -63,9 +63,10 @@ def run(
     from scenarios import find
     from testbed.run import RunConfig, check
     from testbed.run import run as run_once
+    from trackers import DEFAULT
 
     with user_input():
-        config = RunConfig(scenario, tuple(tracker or ("rm-feldmann",)), radar, planner, seed, duration, str(out), log)
+        config = RunConfig(scenario, tuple(tracker or (DEFAULT,)), radar, planner, seed, duration, str(out), log)
         check(config)
     with user_input((OSError,)), progress_bar("{task.completed:.1f} / {task.total:.1f} s") as bar:
         task = bar.add_task(f"{scenario}, seed {seed}", total=duration or find(scenario).duration)

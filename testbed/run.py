@@ -18,6 +18,7 @@ from testbed.files import make_directory
 from testbed.frame import Observer
 from testbed.log.record import LEVELS
 from testbed.planners import find as find_planner
+from trackers import DEFAULT
 from trackers import find as find_tracker
 
 
@@ -26,7 +27,7 @@ class RunConfig:
     """What `testbed run` varies; names as in the catalogues."""
 
     scenario: str
-    trackers: tuple[str, ...] = ("rm-feldmann",)  # the first drives the planner, all see the same detections
+    trackers: tuple[str, ...] = (DEFAULT,)  # the planner uses the first; all get the same detections
     radar: str = "surround"
     planner: str = "idm"
     seed: int = 0

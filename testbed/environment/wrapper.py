@@ -32,11 +32,12 @@ from testbed.environment.recorder import Recorder, road_geometry
 from testbed.files import versions
 from testbed.frame import Observer
 from testbed.log.record import LEVELS, RunMeta, run_id
+from trackers import DEFAULT
 from trackers.multi.road import RoadMap
 from trackers.multi.tracks import Tracks
 from trackers.scan import Scan
 
-TRACKER, RADAR = "rm-feldmann", "surround"  # what is mounted unless told otherwise
+RADAR = "surround"  # mounted where no radar is named
 SLOWEST_CRUISE = 8.0  # [m/s] otherwise the speed at which the episode began
 SENSOR_STREAM, BELIEF_STREAM = 1, 2  # spawn keys beside the traffic's own stream
 
@@ -79,7 +80,7 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
     def __init__(
         self,
         env: gym.Env,
-        tracker: Any = TRACKER,
+        tracker: Any = DEFAULT,
         radar: Any = RADAR,
         also: Sequence[Any] = (),
         out: str | None = None,
@@ -335,7 +336,7 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
 
 def scenario_env(
     scenario: str,
-    tracker: Any = TRACKER,
+    tracker: Any = DEFAULT,
     radar: Any = RADAR,
     also: Sequence[Any] = (),
     out: str | None = None,

@@ -17,6 +17,7 @@ from rich.console import Console
 from scenarios import SCENARIOS
 from testbed.command_line import tables
 from testbed.log import reader
+from trackers import DEFAULT
 
 TESTBED = [sys.executable, "-m", "testbed"]
 PLAIN = {**os.environ, "COLUMNS": "80", "NO_COLOR": "1", "TERM": "dumb"}
@@ -54,7 +55,7 @@ def has_frames(log):
 def test_a_run_prints_its_tables_and_where_its_files_are(tmp_path):
     done = call("run", "cut-in", "--radar", "front", "--duration", 1, "--seed", 3, "--out", tmp_path)
     assert done.returncode == 0, done.stderr
-    name = "cut-in_rm-feldmann_front_idm_seed3"
+    name = f"cut-in_{DEFAULT}_front_idm_seed3"
     for line in ("GOSPA [m]", "position RMSE [m]", "hardest braking [m/s^2]"):
         assert line in done.stdout
     assert f"testbed review {tmp_path / name}.rrd" in done.stdout
@@ -76,7 +77,7 @@ def test_a_signal_leaves_a_whole_log_and_partial_results(tmp_path, number, statu
     assert found["interrupted"]
     assert 0 < found["drive"]["elapsed"] < 600
     assert reader.complete(log)
-    assert len(reader.steps(log)) == found["trackers"]["rm-feldmann"]["scans"]
+    assert len(reader.steps(log)) == found["trackers"][DEFAULT]["scans"]
 
 
 def test_a_killed_run_leaves_a_readable_log_and_no_results(tmp_path):

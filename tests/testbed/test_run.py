@@ -2,17 +2,26 @@
 
 import json
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
 from testbed.environment.perception import Cost
+from testbed.environment.wrapper import TrackedEnv
 from testbed.log import reader
 from testbed.run import RunConfig, check, make_env, run
+from trackers import DEFAULT
 from trackers.multi.tracks import StepInfo
 
 
-def short(out, **settings):
-    return RunConfig("cut-in", duration=2.0, out=str(out), **settings)
+def short(out, trackers=("rm-feldmann",), **settings):
+    return RunConfig("cut-in", trackers, duration=2.0, out=str(out), **settings)
+
+
+def test_runs_and_environments_use_the_default_tracker_where_none_is_named():
+    assert RunConfig("cut-in").trackers == (DEFAULT,)
+    assert list(gym.make("testbed/cut-in-v0").costs) == [DEFAULT]
+    assert list(TrackedEnv(gym.make("highway-v0")).costs) == [DEFAULT]
 
 
 def record(config, seconds=1.0):

@@ -14,7 +14,7 @@ from testbed.evaluation.tracking import Evaluator, jsonable
 from testbed.files import make_directory
 from testbed.log import reader
 from testbed.log.record import RunMeta, run_id
-from trackers import MultiObjectTracker
+from trackers import DEFAULT, MultiObjectTracker
 
 QUICK = {"config": {"duration": 1.0}, "radar": "front"}
 
@@ -54,7 +54,7 @@ def test_each_episode_has_its_files_and_nothing_is_written_before_reset(tmp_path
     env = gym.make("testbed/cut-in-v0", out=str(out), **QUICK)
     assert not out.exists()
     drive(env, seed=5)
-    first = "cut-in_rm-feldmann_front_idm_seed5"
+    first = f"cut-in_{DEFAULT}_front_idm_seed5"
     assert {p.name for p in out.iterdir()} == {f"{first}.rrd"}
     env.reset()
     assert {p.name for p in out.iterdir()} == {f"{first}.rrd", f"{first}.json", f"{first}-episode1.rrd"}
@@ -116,7 +116,7 @@ def test_an_object_is_logged_as_lost_one_second_after_its_last_track(tmp_path):
 
 
 def test_results_of_an_older_run_do_not_survive_beside_a_new_log(tmp_path):
-    old = tmp_path / "cut-in_rm-feldmann_front_idm_seed0.json"
+    old = tmp_path / f"cut-in_{DEFAULT}_front_idm_seed0.json"
     old.write_text("{}")
     env = gym.make("testbed/cut-in-v0", out=str(tmp_path), **QUICK)
     env.reset(seed=0)
@@ -146,7 +146,7 @@ def test_an_unknown_level_is_one_sentence(tmp_path):
 def test_the_object_in_focus_reaches_the_log(tmp_path):
     """A log refuses a focus that is not there; so one that nobody passed on would be noticed here."""
     env = gym.make("testbed/cut-in-v0", **QUICK)
-    meta = RunMeta("a", "cut-in", 0, "front", ("rm-feldmann",), "idm", {}, {})
+    meta = RunMeta("a", "cut-in", 0, "front", (DEFAULT,), "idm", {}, {})
     env.attach(Recorder(meta, tmp_path, focus=999))
     with pytest.raises(ValueError, match=r"focus must be an object of the first scene, .* got 999"):
         env.reset(seed=0)
@@ -167,7 +167,7 @@ def test_checking_a_directory_leaves_nothing_in_it(tmp_path):
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full on this system")
 def test_a_full_disk_is_one_sentence(tmp_path):
-    (tmp_path / "cut-in_rm-feldmann_front_idm_seed0.rrd").symlink_to("/dev/full")
+    (tmp_path / f"cut-in_{DEFAULT}_front_idm_seed0.rrd").symlink_to("/dev/full")
     env = gym.make("testbed/cut-in-v0", out=str(tmp_path), **QUICK)
 
     def episode():
@@ -181,6 +181,6 @@ def test_a_full_disk_is_one_sentence(tmp_path):
 def test_results_that_cannot_be_written_are_one_sentence(tmp_path):
     env = gym.make("testbed/cut-in-v0", out=str(tmp_path), **QUICK)
     drive(env)
-    (tmp_path / "cut-in_rm-feldmann_front_idm_seed0.json").mkdir()
+    (tmp_path / f"cut-in_{DEFAULT}_front_idm_seed0.json").mkdir()
     with pytest.raises(OSError, match=r"cannot write .*json: Is a directory; choose another directory"):
         env.close()

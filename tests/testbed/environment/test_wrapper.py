@@ -20,7 +20,7 @@ from testbed.environment.belief import TrackVehicle
 from testbed.environment.perception import label, on_road
 from testbed.environment.wrapper import TrackedEnv
 from testbed.frame import Frame
-from trackers import MultiObjectTracker, find
+from trackers import DEFAULT, MultiObjectTracker, find
 from trackers.estimate import prior
 from trackers.multi.road import RoadMap
 from trackers.multi.tracks import StepInfo, Tracks
@@ -392,7 +392,7 @@ def test_wrong_arguments_are_named():
     with pytest.raises(LookupError, match="surround"):
         TrackedEnv(env, radar="suround")
     with pytest.raises(ValueError, match="different names"):
-        TrackedEnv(env, also=["rm-feldmann"])
+        TrackedEnv(env, also=[DEFAULT])
     with pytest.raises(ValueError, match="'name'"):
         TrackedEnv(env, tracker={"sigma": 0.3})
     with pytest.raises(TypeError, match="highway-env"):
