@@ -1,7 +1,8 @@
-"""The figures that card multi_object section 9 sets, and its cases of section 8 over several seeds.
+"""Bars for the multi-object tracker on five kinds of traffic, and its cases over several seeds.
 
-The worlds are ours, built after the card's description, with the catalogue's radars: denser ahead (80 detections at
-15 m where the card's radar has 26), and with displaced returns. Figures are means over `SEEDS`.
+Bars were set by the prototype (docs/methods/multi-object-tracking.md) on worlds of the same kind. The radars here are
+the catalogue's: denser ahead (80 detections at 15 m, 26 there), and with displaced returns. Figures are means over
+`SEEDS`.
 """
 
 from collections.abc import Callable
@@ -123,13 +124,13 @@ def test_no_two_vehicles_of_the_traffic_ever_touch(kind, seed):
         assert (np.maximum(apart, aside) + 99 * np.eye(len(s)) > 0.5).all()
 
 
-# Section 9
+# Figures of traffic
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "low", "high"), [("rm-surface", 6.0, 8.0), ("rm-feldmann", 7.5, 9.7)])
 def test_gospa_of_five_kinds_of_traffic(name, low, high):
-    """8.0 is the card's bar for a random matrix: rm-surface passes, 7.44; rm-feldmann does not, 8.83.
+    """8.0 is the bar for a random matrix: rm-surface passes, 7.44; rm-feldmann does not, 8.83.
 
     The plain filter holds the side that is seen for the centre: 0.5 m in GWD, and trucks beyond the cut-off.
     """
@@ -138,12 +139,12 @@ def test_gospa_of_five_kinds_of_traffic(name, low, high):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("key", "bar"), [
-    ("lost", 1.5), ("birth_delay", 0.4), ("rmse_heading_deg", 2.0),  # the card's, which asks for its own filter
-    ("missed_percent", 8.4), ("false_per_scan", 1.8), ("switches", 5.3),  # the card's 5.5, 0.5, 3.5
-    ("gwd", 1.6), ("abs_length", 1.6), ("rmse_velocity", 0.7),  # the card's 1.05 m, 0.85 m, 0.15 m/s
+    ("lost", 1.5), ("birth_delay", 0.4), ("rmse_heading_deg", 2.0),  # of the prototype with an HTG filter
+    ("missed_percent", 8.4), ("false_per_scan", 1.8), ("switches", 5.3),  # the prototype's 5.5, 0.5, 3.5
+    ("gwd", 1.6), ("abs_length", 1.6), ("rmse_velocity", 0.7),  # the prototype's 1.05 m, 0.85 m, 0.15 m/s
 ])  # fmt: skip
 def test_the_parts_of_the_errors(key, bar):
-    """The card's bars where rm-surface passes them, else what was measured and 30 %: size is what it does not see."""
+    """The prototype's bars where rm-surface passes them, else what was measured and 30 %: it does not see the size."""
     assert values(traffic("rm-surface"), key).mean() <= bar
 
 
@@ -158,9 +159,9 @@ def test_the_surface_offset_is_worth_having():
     (without_exclusion, 0.4), (without_doppler, 0.3), (without_static_rule, 1.5),
 ])  # fmt: skip
 def test_what_matters_worsens_gospa_when_it_is_switched_off(change, least):
-    """Paired on the same detections; measured 0.80, 0.69, 7.2 m; least: about half, the card's for the rails.
+    """Paired on the same detections; measured 0.80, 0.69, 7.2 m; least: about half, the prototype's for the rails.
 
-    The card's 1.5, 1 and 1.5 m are on top of 5.1 m; on top of 7.4 m the same square weighs less in the root.
+    The prototype's 1.5, 1 and 1.5 m are on top of 5.1 m; on top of 7.4 m the same square weighs less in the root.
     """
     loss = values(traffic("rm-surface", change), "gospa") - values(traffic("rm-surface"), "gospa")
     assert loss.mean() >= least
@@ -172,7 +173,7 @@ def test_an_empty_road_stays_empty_in_nine_of_ten_seeds():
     assert sum(n == 0 for n in empty_roads()) >= 9
 
 
-# Section 8
+# Cases
 
 
 @pytest.mark.slow

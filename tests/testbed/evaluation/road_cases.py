@@ -1,4 +1,4 @@
-"""The worlds of card multi_object: the cases of section 8 and the five kinds of traffic of section 4."""
+"""Worlds for the multi-object tracker: single cases, and five kinds of traffic."""
 
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,8 @@
 """A small world without a simulator: boxes on a road with guard rails, in prescribed motion, seen by seven radars.
 
-The world of card multi_object section 4. Road coordinates: s [m] along the ego's lane, d [m] across it, both turned as
-highway-env draws: y points down, so lane +1 is the one to the right of the ego's.
+The kind of world in which the tracker was designed, docs/methods/multi-object-tracking.md. Road coordinates: s [m]
+along the ego's lane, d [m] across it, both turned as highway-env draws: y points down, so lane +1 is the one to the
+right of the ego's.
 """
 
 from collections.abc import Callable
@@ -31,7 +32,7 @@ CAR, TRUCK = (4.6, 1.86), (12.0, 2.5)
 
 SEVEN = Radar(
     "seven",
-    "the seven radars of card multi_object section 4: those of `surround` and a high-resolution one ahead",
+    "those of `surround` and a high-resolution one ahead",
     (*RADARS["surround"].sensors, *RADARS["imaging"].sensors),
 )
 

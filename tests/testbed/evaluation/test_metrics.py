@@ -39,7 +39,7 @@ def random_boxes(seed, *shape):
 # Gaussian Wasserstein distance
 
 
-def test_the_squared_distance_is_the_number_of_the_card():
+def test_the_squared_distance_of_two_turned_boxes_is_the_known_number():
     X, Y = extent_matrix(0.0, CAR), extent_matrix(0.2, np.array([4.2, 2.0]))
     assert gaussian_wasserstein(np.zeros(2), X, np.array([0.3, 0.4]), Y) == pytest.approx(0.4317102540, abs=1e-9)
 

@@ -1,9 +1,9 @@
-"""The sixteen cases of card multi_object section 8, a seed each and a few seconds; many seeds: tests/reproduction.
+"""Sixteen cases of traffic for the multi-object tracker, a seed each and a few seconds; many seeds: tests/reproduction.
 
-The card's figures are those of a filter that knows where on a body a radar sees something. A random matrix does not:
-it takes the mean of a one-sided scan for the centre and the spread for the size. So what every filter must do is
-asserted as the card says (one id, no swap, nothing born from rails or clutter), and the errors of the random matrix
-are held near what was measured, from both sides: much better is as much news as much worse.
+The tracker was designed on a prototype (docs/methods/multi-object-tracking.md) over a filter that knows where on a body
+a radar detects something. A random matrix does not: it takes the mean of a one-sided scan for the centre and the spread
+for the size. So what every filter must do is asserted (one id, no swap, nothing born from rails or clutter), and the
+errors of the random matrix are held near what was measured, from both sides: much better must be explained too.
 """
 
 from functools import cache
@@ -64,8 +64,8 @@ def leaves(value: Any) -> list[NDArray]:
     return [a for v in value for a in leaves(v)] if isinstance(value, tuple) else [np.asarray(value)]
 
 
-# GOSPA [m] measured with seed 0, in the order of MEASURED. The card's own filter: 3.7, 1.4, 3.4, .49, .36, .47, .54,
-# .93, -, 7.6, 6.7; where a truck is seen from behind its unknown length counts as missed and as false (pitfall 8).
+# GOSPA [m] measured with seed 0, in the order of MEASURED. The prototype's filter: 3.7, 1.4, 3.4, .49, .36, .47, .54,
+# .93, -, 7.6, 6.7; where a truck is seen from behind its unknown length counts as missed and as false.
 GOSPA = {
     "abreast": (6.12, 5.27, 5.01),
     "truck and car": (3.99, 2.05, 0.62),
@@ -93,7 +93,7 @@ def test_gospa_stays_near_what_was_measured(case, name):
 @pytest.mark.parametrize("name", FILTERS)
 class TestCase:
     def test_01_two_trucks_abreast_are_never_without_a_track_nor_swapped(self, name):
-        """Not solved, in the card and here: two tracks are demanded, up to four come; but none changes its truck."""
+        """Not solved, nor in the prototype: two tracks are demanded, up to four come; but none changes its truck."""
         outcome = run("abreast", name)
         assert outcome.table["uncovered_gap"] <= 0.2
         assert outcome.table["jumps"] == 0
@@ -162,14 +162,14 @@ class TestCase:
         assert max(step.origin.expected[1:].max() for step in outcome.steps) == 0
 
     def test_11_a_passing_truck_has_one_id_once_its_side_is_seen(self, name):
-        """Weak in the card (birth to acceptance 1.7 s); here 0.7 s with one id."""
+        """Weak in the prototype (birth to acceptance 1.7 s); here 0.7 s with one id."""
         outcome = run("passing truck", name)
         assert len(outcome.ids(0)) == 1
         assert outcome.table["birth_delay"] <= 1.7
         assert outcome.false().mean() <= 0.75  # measured 0.55 and 0.08
 
     def test_12_nothing_dies_while_all_stand_and_its_track_stays(self, name):
-        """Weak in the card and here: bumper to bumper, random matrices join while rolling up. Then all is still."""
+        """Weak, as in the prototype: bumper to bumper, random matrices join while rolling up. Then all is still."""
         outcome = run("jam", name)
         late = [step for step in outcome.steps if step.time >= 7.5]
         assert np.abs(late[0].scene.objects.velocity).max() == 0
@@ -178,7 +178,7 @@ class TestCase:
         assert len(always) >= 5
         assert all(len({h[i] for h in held}) == 1 for i in always)
         assert set(held[0]) == always
-        assert outcome.false(7.5).mean() <= 2.6  # 0.3 demanded, 1.8 in the card on a fresh seed, 1.0 and 2.0 here
+        assert outcome.false(7.5).mean() <= 2.6  # 0.3 demanded, 1.8 in the prototype on a fresh seed, 1.0 and 2.0 here
 
     def test_13_rails_stand_still_for_an_ego_that_turns(self, name):
         outcome = run("turn", name)
