@@ -8,7 +8,7 @@ import pytest
 from scenarios import SCENARIOS, Scenario, find
 from scenarios.contours import CONTOURS
 
-NAMES = {
+PROMISED = {  # new ones need not be named here
     "following", "hard-brake", "cut-in", "cut-out", "lane-change", "double-lane-change", "overtake", "merge", "exit",
     "dense-traffic", "truck-convoy", "truck-cut-in", "slow-tractor", "articulated-turn", "oncoming", "roundabout",
     "u-turn", "s-curve", "stop-and-go", "six-radar-highway", "xia2020-lane", "xia2020-right-turn", "xia2020-s-curve",
@@ -21,8 +21,8 @@ def snapshot(world):
     return [(*v.position, v.heading, v.speed, v.LENGTH, v.WIDTH) for v in world.road.vehicles]
 
 
-def test_the_catalogue_is_complete_and_keyed_by_name():
-    assert set(SCENARIOS) == NAMES
+def test_no_promised_scenario_is_missing_and_all_are_keyed_by_name():
+    assert set(SCENARIOS) >= PROMISED
     assert all(SCENARIOS[name].name == name for name in SCENARIOS)
 
 
