@@ -85,9 +85,9 @@ def box_corners(pose: NDArray, size: NDArray) -> NDArray:
 
 
 def extent_matrix(heading: ArrayLike, size: NDArray) -> NDArray:
-    """Extent matrices (..., 2, 2) [m^2] of boxes: M diag(l^2/4, w^2/4) M^T, card htg_rm section 1."""
+    """Extent matrices (..., 2, 2) [m^2] of boxes: M diag(l^2/4, w^2/4) M^T, docs/methods/random-matrices.md."""
     M = rotation(heading)
-    return M @ ((size**2 / 4)[..., None] * M.mT)
+    return M @ ((size**2 / 4)[..., None] * M.mT)  # (RM.3)
 
 
 def ellipse_points(centre: NDArray, X: NDArray, count: int = 25) -> NDArray:

@@ -1,4 +1,4 @@
-"""Hoher et al. (2022) as reported: our figures against the card's bars, and the verdict on every claim."""
+"""Hoher et al. (2022) as reported: our figures against reference figures, and the verdict on every claim."""
 
 import json
 
@@ -12,7 +12,11 @@ from testbed.papers.hoher2022.runs import MEASURES
 from testbed.papers.hoher2022.uturn import FIRST, SECOND, SHAPES, lidar_scans, truth
 
 RUNS = 20
-SMOOTH = ("RM", "C33", "G")  # the rest accepts and rejects on a grid of rays, or has weights the card does not tell
+SMOOTH = (
+    "RM",
+    "C33",
+    "G",
+)  # the rest accepts and rejects on a grid of rays, or has weights that the reference does not state
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +26,7 @@ def reproduction(tmp_path_factory):
 
 
 def tolerance(case, method, column, reference):
-    """Card rm_vmm, section 8: bars of single deterministic runs, twice that on the grid; shares of 100 runs.
+    """Bars of the reference: single deterministic runs, twice that on the grid; shares of 100 runs.
 
     Twenty runs instead of a hundred widen the standard errors of the mean, below 0.01 and 0.04 m, by 2.2.
     """
@@ -35,12 +39,12 @@ def tolerance(case, method, column, reference):
 
 
 @pytest.mark.slow
-def test_the_figures_of_the_card_are_met(reproduction):
+def test_the_reference_figures_are_met(reproduction):
     report, _ = reproduction
     off = []
     for row in report.rows:
         if row.method == "C naive" or row.case.startswith("drift"):
-            continue  # the card: "only clearly worse"; and the norm of a matrix step depends on the frame
+            continue  # the reference: "only clearly worse"; and the norm of a matrix step depends on the frame
         for column, reference in row.reference.items():
             error = abs(row.measured[column] - reference)
             if error > tolerance(row.case, row.method, column, reference):
@@ -60,7 +64,7 @@ def test_a_learned_tilt_has_the_cards_error(reproduction):
 
 
 @pytest.mark.slow
-def test_the_verdicts_are_those_of_the_card(reproduction):
+def test_the_verdicts_are_those_of_the_reference(reproduction):
     outcome = {v.claim.text[:24]: v.outcome for v in reproduction[0].verdicts}
     assert outcome["The adaptation gives a m"] == "confirmed"
     assert outcome["The algorithm as printed"].startswith("confirmed under")  # not on the ellipse at 0.5 m
@@ -123,7 +127,7 @@ def test_every_reference_belongs_to_a_row():
 
 
 def test_one_noise_free_case_meets_the_preferred_bars():
-    """The rows that do not depend on a grid of rays, card table 8.1; the quick twin of the slow test."""
+    """The rows that do not depend on a grid of rays, on the first path; the quick twin of the slow test."""
     names = ("RM corrected, 1 sigma", "C33 I=2", "G I=1")
     wanted = experiment(1, 0, wanted=lambda case, name: case.name == "rectangle, sigma 0.0" and name in names)
     for row in wanted.rows:

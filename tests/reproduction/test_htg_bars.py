@@ -1,4 +1,4 @@
-"""The statistical bars of card htg_rm, sections 2, 4 and 10, each with 100 runs on the leading axis."""
+"""Statistical bars of the truncated Gaussians, from an independent implementation; 100 runs on the leading axis."""
 
 from functools import cache
 
@@ -50,11 +50,11 @@ def partial(course: str, method: str, hertz: float = 2.0, seed: int = 0) -> Erro
     ("generator", "method", "gwd2", "tolerance"),
     [("band", RM, 1.70, 0.05), ("vrm", RM, 3.22, 0.05), ("band", RM_MATCHED, 0.274, 0.06)],
 )
-def test_the_random_matrix_in_full_view_is_where_the_card_has_it(generator, method, gwd2, tolerance):
+def test_the_random_matrix_in_full_view_has_the_reference_figures(generator, method, gwd2, tolerance):
     assert full(generator, method).gwd2.mean() == pytest.approx(gwd2, rel=tolerance)
 
 
-def test_the_random_matrix_in_partial_view_is_where_the_card_has_it():
+def test_the_random_matrix_in_partial_view_has_the_reference_figures():
     assert partial("following", RM).gwd2.mean() == pytest.approx(3.08, rel=0.05)
 
 
@@ -64,7 +64,7 @@ def test_the_papers_methods_in_full_view(method, bar):
 
 
 def test_the_literal_update_is_overconfident():
-    """The negative twin of the bar for its repair, the finding of the card: with N in place of n, tracks drift away."""
+    """The negative twin of the bar for its repair, (HTG.20): with N in place of n, tracks drift away."""
     result = full("band", LEARNED)
     assert result.gwd2.mean() > 1.0
     assert result.nees.mean() > 50
@@ -97,7 +97,7 @@ def test_the_calibrated_map_in_partial_view_at_13_hz(course, bar):
 
 @pytest.mark.parametrize("course", BY_NAME)
 def test_metric_ends_and_calibration_make_the_map_honest(course):
-    """Against the card's plain version on fresh runs: less error, less bias, a NEES near its 2 degrees."""
+    """Against the version without calibration on fresh runs: less error, less bias, a NEES near its 2 degrees."""
     plain, best = (partial(course, method, seed=3) for method in (MAP, BEST))
     print(course, "plain", plain.summary(), "best", best.summary())
     assert best.gwd2.mean() < 0.9 * plain.gwd2.mean()
@@ -107,7 +107,7 @@ def test_metric_ends_and_calibration_make_the_map_honest(course):
 
 
 def static_check(filter, draw, runs=200, steps=150, seed=4):
-    """Mean length and width over the last half, card sections 2 and 4: a fixed car, other states known."""
+    """Mean length and width over the last half: a fixed car, other states known."""
     rng = np.random.default_rng(seed)
     X = extent_matrix(0.5, SIZE)
     P = np.tile(np.diag([0.2**2, 0.2**2, 1e-12, 1e-12, 1e-12]), (runs, 1, 1))

@@ -1,6 +1,6 @@
 """xia2020 as `testbed reproduce` runs it: the order of the methods, and the verdicts that are not in doubt.
 
-The card's bars are in test_htg_bars.py.
+The bars of the filters by themselves are in test_htg_bars.py.
 """
 
 import json

@@ -1,8 +1,9 @@
-"""How a contour ellipse is moved until its virtual detections look like the real ones; card rm_vmm, section 5.
+"""Rules by which a contour is moved until its virtual detections have the statistics of the real ones.
 
 theta (..., D) are the parameters that are adapted, eps = y - y~(theta) (..., D) the difference between the statistics
 of the real and of the virtual detections. A rule proposes a step M eps; `descend` takes it when the difference does not
 grow and halves the gain when it does. A rejected step leaves theta AND eps as they were.
+Equations: docs/methods/virtual-measurements.md, where M is G.
 """
 
 from collections.abc import Callable
@@ -16,15 +17,15 @@ from numpy.typing import NDArray
 Difference = Callable[[NDArray], tuple[NDArray, NDArray]]
 
 
-class Belief(NamedTuple):
-    """How well parameters and statistics are known, for the rule that weighs them."""
+class Variances(NamedTuple):
+    """Variances of parameters and statistics, for the rules that weigh them."""
 
     theta_var: NDArray  # (..., D) of theta before the scan
     y_var: NDArray  # (..., D) of y as a statistic of so many detections
 
 
 class Rule(Protocol):
-    """Where to step."""
+    """Chooses the steps."""
 
     @property
     def gain(self) -> float:
@@ -34,7 +35,7 @@ class Rule(Protocol):
     def iterations(self) -> int:
         """Number of steps, rejected ones included."""
 
-    def step(self, theta: NDArray, difference: Difference, belief: Belief) -> tuple[NDArray, NDArray]:
+    def step(self, theta: NDArray, difference: Difference, variances: Variances) -> tuple[NDArray, NDArray]:
         """The matrix M of the step M eps, and the sensitivity J = dy~/dtheta, both (..., D, D)."""
 
 
@@ -42,18 +43,17 @@ class Rule(Protocol):
 class Lms:
     """Least mean squares as in the paper: step along the difference itself, as if y~ were theta.
 
-    Stable only where dy~/dtheta has eigenvalues of positive real part: with body moments, not with eigenvalues.
+    Stable only where dy~/dtheta has eigenvalues of positive real part.
     """
 
     gain: float = 0.1
     iterations: int = 2
-    shape_gain: float = 1.0  # extra gain on the components after the centre
 
-    def step(self, theta: NDArray, difference: Difference, belief: Belief) -> tuple[NDArray, NDArray]:
-        """The identity, with the extra gain; the sensitivity is taken for the identity too."""
+    def step(self, theta: NDArray, difference: Difference, variances: Variances) -> tuple[NDArray, NDArray]:
+        """The identity (VM.18), and the identity for the sensitivity."""
         D = theta.shape[-1]
         one = np.broadcast_to(np.eye(D), (*theta.shape, D))
-        return one * np.where(np.arange(D) < 2, 1.0, self.shape_gain)[:, None], one
+        return one, one
 
 
 @dataclass(frozen=True)
@@ -65,18 +65,18 @@ class GaussNewton:
     damping: float = 0.1
     delta: float = 0.02  # [m] of the central differences
 
-    def step(self, theta: NDArray, difference: Difference, belief: Belief) -> tuple[NDArray, NDArray]:
+    def step(self, theta: NDArray, difference: Difference, variances: Variances) -> tuple[NDArray, NDArray]:
         """(J^T J + damping I)^-1 J^T and J."""
         J = jacobian(theta, difference, self.delta)
-        return np.linalg.solve(J.mT @ J + self.damping * np.eye(theta.shape[-1]), J.mT), J
+        return np.linalg.solve(J.mT @ J + self.damping * np.eye(theta.shape[-1]), J.mT), J  # (VM.14)
 
 
 @dataclass(frozen=True)
 class Bayes:
-    """One Gauss-Newton step of the maximum a posteriori estimate: the gain follows from what is known already.
+    """One Gauss-Newton step of the maximum a posteriori estimate: the gain follows from the variances.
 
-    Ours, after the report's third proposal, a Bayesian extent: few detections move the contour little, and what they
-    do not show stays as the prior has it.
+    Ours, after the report's third proposal, a Bayesian extent: few detections move the contour little, and a parameter
+    that they do not inform about stays as it was.
     """
 
     gain: float = 1.0
@@ -84,12 +84,12 @@ class Bayes:
     delta: float = 0.02  # [m] of the central differences
     model_std: float = 0.3  # [m] of the virtual statistics: real bodies are no ellipses and no boxes
 
-    def step(self, theta: NDArray, difference: Difference, belief: Belief) -> tuple[NDArray, NDArray]:
-        """P J^T (J P J^T + R)^-1 and J, with the variances of the belief on the diagonals of P and R."""
+    def step(self, theta: NDArray, difference: Difference, variances: Variances) -> tuple[NDArray, NDArray]:
+        """P J^T (J P J^T + R)^-1 and J, with the variances on the diagonals of P and R."""
         J = jacobian(theta, difference, self.delta)
-        PJ = belief.theta_var[..., :, None] * J.mT
-        R = (belief.y_var + self.model_std**2)[..., None] * np.eye(theta.shape[-1])
-        return np.linalg.solve((J @ PJ + R).mT, PJ.mT).mT, J
+        PJ = variances.theta_var[..., :, None] * J.mT
+        R = (variances.y_var + self.model_std**2)[..., None] * np.eye(theta.shape[-1])  # (VM.15)
+        return np.linalg.solve((J @ PJ + R).mT, PJ.mT).mT, J  # (VM.15)
 
 
 def jacobian(theta: NDArray, difference: Difference, delta: float) -> NDArray:
@@ -97,34 +97,34 @@ def jacobian(theta: NDArray, difference: Difference, delta: float) -> NDArray:
     D = theta.shape[-1]
     shift = delta * np.concatenate([np.eye(D), -np.eye(D)])
     eps, valid = difference(theta[..., None, :] + shift)
-    J = (eps[..., D:, :] - eps[..., :D, :]).mT / (2 * delta)  # eps falls where y~ grows
+    J = (eps[..., D:, :] - eps[..., :D, :]).mT / (2 * delta)  # (VM.13); eps falls where y~ grows
     return np.where(np.asarray(valid.all(-1))[..., None, None], J, 0.0)
 
 
 class Descent(NamedTuple):
-    """Where the steps led."""
+    """The parameters after the steps."""
 
     theta: NDArray  # (..., D)
-    eps: NDArray  # (..., D) difference that is left
-    kept: NDArray  # (..., D) share of the old error of each parameter that is left, 1 where no step was taken
+    eps: NDArray  # (..., D) the remaining difference
+    kept: NDArray  # (..., D) share of the error of each parameter that remains, 1 where no step was taken
 
 
-def descend(rule: Rule, theta: NDArray, difference: Difference, active: NDArray, belief: Belief) -> Descent:
+def descend(rule: Rule, theta: NDArray, difference: Difference, active: NDArray, variances: Variances) -> Descent:
     """Apply a rule to theta (..., D) where active (...); rows are independent of each other."""
     eps, valid = _at(theta, difference)
     K = np.full(theta.shape[:-1], rule.gain)
     kept = np.ones_like(theta)
     active = active & valid
     for _ in range(rule.iterations):
-        M, J = rule.step(theta, difference, belief)
-        trial = theta + K[..., None] * (M @ eps[..., None])[..., 0]
+        M, J = rule.step(theta, difference, variances)
+        trial = theta + K[..., None] * (M @ eps[..., None])[..., 0]  # (VM.11)
         eps_trial, valid = _at(trial, difference)
-        better = active & valid & ((eps_trial**2).sum(-1) <= (eps**2).sum(-1))
+        better = active & valid & ((eps_trial**2).sum(-1) <= (eps**2).sum(-1))  # (VM.12)
         accept = better[..., None]
         pull = K[..., None] * np.diagonal(M @ J, axis1=-2, axis2=-1)
-        kept = np.where(accept, kept * np.clip(1 - pull, 0.0, 1.0), kept)
+        kept = np.where(accept, kept * np.clip(1 - pull, 0.0, 1.0), kept)  # (VM.16b)
         theta, eps = np.where(accept, trial, theta), np.where(accept, eps_trial, eps)
-        K = np.where(better, K, K / 2)
+        K = np.where(better, K, K / 2)  # (VM.12)
     return Descent(theta, eps, kept)
 
 

@@ -1,6 +1,7 @@
 """Rays against boxes: nearest hits and sectors, with the arguments of `trackers.random_matrix.ellipse`.
 
 A box is a centre c (..., 2) [m] and a root L (..., 2, 2) [m] whose columns are its half axes: c + L [-1, 1]^2.
+Equations: docs/methods/virtual-measurements.md.
 """
 
 import numpy as np
@@ -18,8 +19,8 @@ def box_hits(sensor: NDArray, bearing: NDArray, centre: NDArray, L: NDArray) -> 
     b = solve_root(L[..., None, :, :], unit(bearing))
     b = np.where(np.abs(b) < 1e-12, 1e-12, b)  # parallel to a side: enters that slab far away, on one side or the other
     first, last = (-1 - o) / b, (1 - o) / b
-    enter, leave = np.minimum(first, last).max(-1), np.maximum(first, last).min(-1)
-    t = np.where(enter > 0, enter, leave)
+    enter, leave = np.minimum(first, last).max(-1), np.maximum(first, last).min(-1)  # (VM.5)
+    t = np.where(enter > 0, enter, leave)  # (VM.5)
     return np.where((enter <= leave) & (leave > 0), t, np.inf)
 
 
@@ -29,7 +30,7 @@ def box_sector(sensor: NDArray, centre: NDArray, L: NDArray) -> tuple[NDArray, N
     inside = (np.abs(solve_root(L, sensor - centre)) <= 1).all(-1)
     d = (centre - sensor)[..., None, :] + CORNERS @ L.mT
     turn = wrap_angle(np.arctan2(d[..., 1], d[..., 0]) - middle[..., None])
-    return middle, np.where(inside, -np.pi, turn.min(-1)), np.where(inside, np.pi, turn.max(-1))
+    return middle, np.where(inside, -np.pi, turn.min(-1)), np.where(inside, np.pi, turn.max(-1))  # (VM.6)
 
 
 def box_outline(centre: NDArray, L: NDArray, count: int = 25) -> NDArray:

@@ -1,7 +1,8 @@
-"""Rays against ellipses: nearest hits, tangent sectors and fans of rays; card rm_vmm, section 4.
+"""Rays against ellipses: nearest hits, tangent sectors and fans of rays.
 
 An ellipse is a centre c (..., 2) [m] and a root L (..., 2, 2) [m] of its matrix, A = L L^T with det L > 0; its outline
 is c + L u over all unit vectors u. In the coordinates q = L^-1 (z - c) every ellipse is the unit circle.
+Equations: docs/methods/virtual-measurements.md.
 """
 
 import numpy as np
@@ -12,12 +13,12 @@ from trackers.geometry import rotation, unit, wrap_angle
 
 def root_of(size: NDArray, tilt: NDArray) -> NDArray:
     """Root L (..., 2, 2) [m] of ellipses with full length and width size (..., 2) [m] along tilt (...) [rad]."""
-    return rotation(tilt) * (size / 2)[..., None, :]
+    return rotation(tilt) * (size / 2)[..., None, :]  # (VM.1)
 
 
 def outline(centre: NDArray, L: NDArray, count: int = 25) -> NDArray:
     """Closed outlines (..., count, 2) [m] that begin at c + L e_x, the front end where L comes from `root_of`."""
-    return centre[..., None, :] + unit(np.linspace(0, 2 * np.pi, count)) @ L.mT
+    return centre[..., None, :] + unit(np.linspace(0, 2 * np.pi, count)) @ L.mT  # (VM.1)
 
 
 def solve_root(L: NDArray, d: NDArray) -> NDArray:
@@ -40,14 +41,14 @@ def near_hits(sensor: NDArray, bearing: NDArray, centre: NDArray, L: NDArray) ->
     inside = qc < 0
     forward = -qb + root
     # Outside, the quotient keeps the digits that the difference -qb - root loses at grazing incidence.
-    t = np.where(inside, forward / qa, qc / np.where(forward > 0, forward, 1.0))
+    t = np.where(inside, forward / qa, qc / np.where(forward > 0, forward, 1.0))  # (VM.2)
     return np.where((disc >= 0) & (inside | (qb < 0)), t, np.inf)
 
 
 def tangent_sector(sensor: NDArray, centre: NDArray, L: NDArray) -> tuple[NDArray, NDArray, NDArray]:
     """Bearing of the centre (...), and the two tangents relative to it, right (...) <= 0 <= left (...) [rad].
 
-    A sensor inside the ellipse sees all around: -pi and pi.
+    From inside the ellipse they are -pi and pi.
     """
     middle = np.arctan2(centre[..., 1] - sensor[..., 1], centre[..., 0] - sensor[..., 0])
     q = solve_root(L, centre - sensor)
@@ -58,21 +59,11 @@ def tangent_sector(sensor: NDArray, centre: NDArray, L: NDArray) -> tuple[NDArra
     sides = []
     for sign in (-1.0, 1.0):
         d = (L @ unit(psi + sign * alpha)[..., None])[..., 0]
-        sides.append(np.where(inside, sign * np.pi, wrap_angle(np.arctan2(d[..., 1], d[..., 0]) - middle)))
+        sides.append(np.where(inside, sign * np.pi, wrap_angle(np.arctan2(d[..., 1], d[..., 0]) - middle)))  # (VM.3)
     return middle, sides[0], sides[1]
 
 
 def sector_fan(middle: NDArray, right: NDArray, left: NDArray, rays: int) -> NDArray:
     """Bearings (..., rays) [rad] at the midpoints of equal parts of the sector: smooth in the ellipse."""
     share = (np.arange(rays) + 0.5) / rays
-    return middle[..., None] + right[..., None] + (left - right)[..., None] * share
-
-
-def grid_fan(middle: NDArray, right: NDArray, left: NDArray, pitch: float) -> tuple[NDArray, NDArray]:
-    """Bearings (..., B) [rad] of the fixed grid j * pitch that fall into the sector, and their mask (..., B)."""
-    first = np.ceil((middle + right) / pitch)
-    count = np.floor((middle + left) / pitch) - first + 1
-    whole = round(2 * np.pi / pitch)
-    count = np.minimum(count, whole)  # both ends of a full circle are the same ray
-    index = np.arange(int(max(count.max(initial=0), 1)))
-    return (first[..., None] + index) * pitch, index < count[..., None]
+    return middle[..., None] + right[..., None] + (left - right)[..., None] * share  # (VM.4)

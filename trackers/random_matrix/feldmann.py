@@ -1,6 +1,6 @@
 """Random-matrix filters: the extent is a symmetric positive definite matrix with an inverse Wishart density.
 
-Symbols and equations: card htg_rm, section 2, after Xia et al. (2020), eq. (13)-(15), and Feldmann et al. (2011).
+Equations: docs/methods/random-matrices.md; sources: Feldmann et al. (2011), and Xia et al. (2020), eq. (12)-(15).
 """
 
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ NU_MIN = 8.5  # the variance of the extent exists for nu > 8 only
 
 
 class RMState(NamedTuple):
-    """p(x) p(X) = N(x; m, P) IW(X; nu, V), eq. (12)."""
+    """p(x) p(X) = N(x; m, P) IW(X; nu, V), (RM.1)."""
 
     m: NDArray  # (..., 5) px, py [m], phi [rad], v [m/s], omega [rad/s]
     P: NDArray  # (..., 5, 5)
@@ -33,10 +33,10 @@ class RMState(NamedTuple):
 def moments(z: NDArray, mask: NDArray) -> tuple[NDArray, NDArray, NDArray]:
     """Count (...), mean (..., 2) and spread (..., 2, 2), a sum, of the detections z (..., M, 2) under the mask."""
     z = np.where(mask[..., None], z, 0.0)
-    n = mask.sum(-1)
-    z_bar = z.sum(-2) / np.maximum(n, 1)[..., None]
+    n = mask.sum(-1)  # (RM.10)
+    z_bar = z.sum(-2) / np.maximum(n, 1)[..., None]  # (RM.10)
     d = np.where(mask[..., None], z - z_bar[..., None, :], 0.0)
-    return n, z_bar, d.mT @ d
+    return n, z_bar, d.mT @ d  # (RM.10)
 
 
 def masked_mean(value: NDArray, mask: NDArray, axes: int) -> NDArray:
@@ -51,16 +51,15 @@ def masked_mean(value: NDArray, mask: NDArray, axes: int) -> NDArray:
 class RandomMatrix:
     """Random-matrix filter of Feldmann et al. (2011) on the coordinated-turn state.
 
-    Two terms go beyond the paper and vanish at their defaults or without data: range rates, which correct heading,
-    speed and yaw rate (card multi_object, step 7), and `surface`, which puts the mean of a one-sided scan where it
-    belongs.
+    Two terms go beyond the paper. Range rates, where they are measured, correct heading, speed and yaw rate;
+    `surface`, 0 by default, takes the offset of a one-sided scan out of the mean of the detections.
     """
 
     accel_std: float = 1.5  # [m/s^2] process noise along the heading
     yaw_accel_std: float = 0.1  # [rad/s^2]
-    tau: float = 5.0  # [s] memory of the extent
+    tau: float = 5.0  # [s] time constant with which the extent is forgotten
     rho: float = 0.25  # spread / extent; 1/4 for a uniform ellipse
-    sigma: float = 0.2  # [m] sensor noise of detections that do not tell theirs
+    sigma: float = 0.2  # [m] sensor noise of detections whose scan does not state it
     surface: float = 0.0  # where the mean of the detections lies: 0 at the centre, 1 on the visible outline
     rate_std: float = 0.5  # [m/s] range rate, scattering on the body included; larger than the radar's own
     rate_weight: float = 0.3  # information of a range rate, because those of one vehicle are not independent
@@ -70,13 +69,13 @@ class RandomMatrix:
         """State from a prior; raises ValueError for a prior that is not finite, positive, definite."""
         check_estimate(estimate)
         heading = estimate.pose[..., 2]
-        v, P4 = polar_moments(estimate.velocity, estimate.cov, heading, estimate.heading_std)
+        v, P4 = polar_moments(estimate.velocity, estimate.cov, heading, estimate.heading_std)  # (RM.5)
         m = np.concatenate([estimate.pose, v[..., None], estimate.yaw_rate[..., None]], -1)
         P = np.zeros((*m.shape, 5))
         P[..., :4, :4] = P4
         P[..., 4, 4] = estimate.yaw_rate_std**2
         nu = degrees_of_freedom(estimate.size, estimate.size_std)
-        return RMState(m, P, nu, (nu - 6)[..., None, None] * extent_matrix(heading, estimate.size))
+        return RMState(m, P, nu, (nu - 6)[..., None, None] * extent_matrix(heading, estimate.size))  # (RM.4)
 
     def predict(self, state: RMState, dt: float) -> RMState:
         """Time update over dt [s] >= 0, coordinated turn."""
@@ -87,10 +86,10 @@ class RandomMatrix:
         decay = np.exp(-dt / self.tau)
         E = rotation(m[..., OMEGA] * dt)
         return RMState(
-            m=m_new,  # (14a)
-            P=G @ P @ G.mT + turn_noise(m[..., PHI], dt, self.accel_std, self.yaw_accel_std),  # (14b)
-            nu=6 + decay * (nu - 6),  # (14c)
-            V=decay * E @ V @ E.mT,  # (14d)
+            m=m_new,  # (RM.9a)
+            P=G @ P @ G.mT + turn_noise(m[..., PHI], dt, self.accel_std, self.yaw_accel_std),  # (RM.9b)
+            nu=6 + decay * (nu - 6),  # (RM.9c)
+            V=decay * E @ V @ E.mT,  # (RM.9d)
         )
 
     def update(self, state: RMState, scan: Scan) -> tuple[RMState, UpdateInfo]:
@@ -100,27 +99,27 @@ class RandomMatrix:
         xy = scan.xy
         n, z_bar, Z = moments(xy, scan.mask)
         if self.surface:
-            z_bar = z_bar - self.surface * self._offset(state, scan)
-        X_hat = V / (nu - 6)[..., None, None]
+            z_bar = z_bar - self.surface * self._offset(state, scan)  # (RM.11)
+        X_hat = V / (nu - 6)[..., None, None]  # (RM.1)
         R = masked_mean(scan.position_noise(self.sigma), scan.mask, axes=2)
-        Y = self.rho * X_hat + R + np.where(n > 0, 0.0, 1.0)[..., None, None] * I2  # regular without detections
-        eps = z_bar - m[..., :2]
-        S = P[..., :2, :2] + Y / np.maximum(n, 1)[..., None, None]
-        K = P[..., :2] @ inverse(S)
+        Y = self.rho * X_hat + R + np.where(n > 0, 0.0, 1.0)[..., None, None] * I2  # (RM.12); regular for n = 0
+        eps = z_bar - m[..., :2]  # (RM.12)
+        S = P[..., :2, :2] + Y / np.maximum(n, 1)[..., None, None]  # (RM.12)
+        K = P[..., :2] @ inverse(S)  # (RM.12)
         root = sqrtm(X_hat)
-        A = root @ inverse_sqrtm(S)
-        B = root @ inverse_sqrtm(Y)
+        A = root @ inverse_sqrtm(S)  # (RM.13d)
+        B = root @ inverse_sqrtm(Y)  # (RM.13d)
         m_new, P_new = self.range_rates(
-            m + (K @ eps[..., None])[..., 0],  # (15a)
-            symmetrize(P - K @ P[..., :2, :]),  # (15b)
+            m + (K @ eps[..., None])[..., 0],  # (RM.13a)
+            symmetrize(P - K @ P[..., :2, :]),  # (RM.13b)
             scan,
             xy,
         )
         new = RMState(
             m=m_new,
             P=P_new,
-            nu=nu + n,  # (15c)
-            V=symmetrize(V + A @ outer(eps) @ A.mT + B @ Z @ B.mT),  # (15d), Z is a sum over the detections
+            nu=nu + n,  # (RM.13c)
+            V=symmetrize(V + A @ outer(eps) @ A.mT + B @ Z @ B.mT),  # (RM.13d)
         )
         return select(n > 0, new, state), UpdateInfo(n, eps, S)
 
@@ -130,13 +129,13 @@ class RandomMatrix:
         pose = m[..., :3].copy()
         pose[..., PHI] = wrap_angle(m[..., PHI])
         size = self._size(state)
-        log_std = np.sqrt(1 / (2 * (np.maximum(nu, NU_MIN) - 8)))
+        log_std = np.sqrt(1 / (2 * (np.maximum(nu, NU_MIN) - 8)))  # (RM.17)
         return Estimate(
             pose=pose,
             velocity=m[..., SPEED, None] * unit(m[..., PHI]),
             yaw_rate=m[..., OMEGA].copy(),
             size=size,
-            cov=cartesian_covariance(m, P),
+            cov=cartesian_covariance(m, P),  # (RM.18)
             size_std=size * log_std[..., None],
             heading_std=np.sqrt(P[..., PHI, PHI]),
             yaw_rate_std=np.sqrt(P[..., OMEGA, OMEGA]),
@@ -145,12 +144,12 @@ class RandomMatrix:
     def resize(self, state: RMState, size: NDArray, size_std: NDArray) -> RMState:
         """State with another size (..., 2) [m] of standard deviation size_std (..., 2) [m]."""
         nu = degrees_of_freedom(size, size_std)
-        return state._replace(nu=nu, V=(nu - 6)[..., None, None] * extent_matrix(state.m[..., PHI], size))
+        return state._replace(nu=nu, V=(nu - 6)[..., None, None] * extent_matrix(state.m[..., PHI], size))  # (RM.4)
 
     def _size(self, state: RMState) -> NDArray:
         M = rotation(state.m[..., PHI])
         D = M.mT @ state.V @ M / (state.nu - 6)[..., None, None]
-        return 2 * np.sqrt(D.diagonal(axis1=-2, axis2=-1))
+        return 2 * np.sqrt(D.diagonal(axis1=-2, axis2=-1))  # (RM.17)
 
     def _offset(self, state: RMState, scan: Scan) -> NDArray:
         """Mean of the visible outline relative to the centre, (..., 2) [m]; zero without a detection."""
@@ -160,7 +159,7 @@ class RandomMatrix:
         return np.where((n > 0)[..., None], offset, 0.0)
 
     def range_rates(self, m: NDArray, P: NDArray, scan: Scan, xy: NDArray) -> tuple[NDArray, NDArray]:
-        """Correct phi, v, omega by ground range rates g = u . (v e_phi + omega J (z - c)), card multi_object step 7."""
+        """Mean and covariance with phi, v, omega corrected by the ground range rates of the scan, (RM.14)-(RM.16)."""
         g = scan.ground_rate
         use = scan.mask & np.isfinite(g)
         if not use.any():
@@ -169,23 +168,20 @@ class RandomMatrix:
         u = scan.sight
         e = unit(phi)
         h = np.empty((*g.shape, 3))
-        h[..., 0], h[..., 1], h[..., 2] = v * cross(e, u), dot(u, e), cross(xy - m[..., None, :2], u)
-        residual = g - v * h[..., 1] - omega * h[..., 2]
+        h[..., 0], h[..., 1], h[..., 2] = v * cross(e, u), dot(u, e), cross(xy - m[..., None, :2], u)  # (RM.15)
+        residual = g - v * h[..., 1] - omega * h[..., 2]  # (RM.15)
         residual = np.where(use, np.clip(residual, -self.rate_clip, self.rate_clip), 0.0)
         h = np.where(use[..., None], h, 0.0)
         information = self.rate_weight / self.rate_std**2
         J = np.zeros(P.shape)
-        J[..., 2:, 2:] = information * (h.mT @ h)
+        J[..., 2:, 2:] = information * (h.mT @ h)  # (RM.16a)
         score = np.zeros(m.shape)
         score[..., 2:] = information * (h * residual[..., None]).sum(-2)
-        P_new = symmetrize(np.linalg.solve(I5 + P @ J, P))  # (P^-1 + J)^-1 without the inverse of P
-        return m + (P_new @ score[..., None])[..., 0], P_new
+        P_new = symmetrize(np.linalg.solve(I5 + P @ J, P))  # (RM.16a)
+        return m + (P_new @ score[..., None])[..., 0], P_new  # (RM.16b)
 
 
 def degrees_of_freedom(size: NDArray, size_std: NDArray) -> NDArray:
-    """Nu (...) at which the inverse Wishart has the mean relative size variance of (..., 2) boxes.
-
-    Var X_ii / X_ii^2 = 2 / (nu - 8) in this parametrisation, and the length goes with the root of X_ii.
-    """
+    """Nu (...) for the mean relative size variance of boxes with size and size_std (..., 2) [m]."""
     relative = ((size_std / size) ** 2).mean(-1)
-    return 8 + 1 / (2 * np.maximum(relative, 1e-6))
+    return 8 + 1 / (2 * np.maximum(relative, 1e-6))  # (RM.4)

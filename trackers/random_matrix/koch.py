@@ -1,8 +1,8 @@
 """Koch's random matrix with Singer's motion model: centre and extent share one covariance.
 
-Symbols and equations: card rm_vmm, sections 1 to 3, after Koch (2008) and Singer (1970). The covariance of the
-kinematic state is the Kronecker product P (x) X^ with the extent X^ = X / (nu - 3): uncertainty has the shape of the
-object, and X^ is the spread of its detections, sensor noise included.
+The covariance of the kinematic state is the Kronecker product P (x) X^ with the extent X^ = X / (nu - 3): uncertainty
+has the shape of the object, and X^ is the spread of its detections, sensor noise included.
+Equations: docs/methods/random-matrices.md; sources: Koch (2008), Singer (1970), Hoher et al. (2022).
 """
 
 from dataclasses import dataclass
@@ -14,47 +14,41 @@ from numpy.typing import NDArray
 from trackers.batch import select
 from trackers.estimate import Estimate, check_estimate
 from trackers.geometry import extent_matrix, perpendicular, rotation, unit, wrap_angle
-from trackers.linalg import I2, inverse, outer, symmetrize
+from trackers.linalg import inverse, outer, symmetrize
 from trackers.protocols import UpdateInfo
 from trackers.random_matrix.feldmann import moments
 from trackers.scan import Scan, check_scan
 
 NU_LEAST = 3.5  # the mean of the extent exists above 3
 NU_SPREAD = 5.5  # its variance above 5
-ROUNDING = 1e-9  # [m^2] keeps the scale matrix regular when all detections fall on one point for ever
+ROUNDING = 1e-9  # [m^2] keeps the scale matrix regular when all detections of many scans fall on one point
 
 
 class KochState(NamedTuple):
-    """p(x | X) p(X) = N(x; m, P (x) X) IW(X; nu, scale X)."""
+    """p(x | X) p(X) = N(x; m, P (x) X) IW(X; nu, scale X), (RM.20)."""
 
     x: NDArray  # (..., 6) px, py [m], vx, vy [m/s], ax, ay [m/s^2]
     P: NDArray  # (..., 3, 3) covariance factor of position, velocity, acceleration; times X^ [m^2]
     nu: NDArray  # (...) degrees of freedom, > 3
     X: NDArray  # (..., 2, 2) scale matrix [m^2], mean extent X / (nu - 3)
-    heading: NDArray  # (...) [rad] of the velocity; the last one known while the object stands
+    heading: NDArray  # (...) [rad] of the velocity; at standstill the last one known
 
     @property
     def extent(self) -> NDArray:
         """Mean extent X^ (..., 2, 2) [m^2]."""
-        return self.X / (self.nu - 3)[..., None, None]
+        return self.X / (self.nu - 3)[..., None, None]  # (RM.20)
 
 
 @dataclass(frozen=True)
 class Koch:
-    """Random matrix of Koch (2008) with the innovation covariance that follows from its model.
+    """Random matrix of Koch (2008) with the innovation covariance that follows from its model; range rates are ours."""
 
-    `printed` takes the form of the project report instead, S = H P H^T + sigma^2 / n, in which P is an ordinary
-    covariance; var_a is then an ordinary variance too (0.01 in the report). Range rates go beyond the paper.
-    """
-
-    theta: float = 0.5  # [s] memory of the acceleration
-    tau: float = 0.5  # [s] memory of the extent; the paper has one constant for both
+    theta: float = 0.5  # [s] time constant of the acceleration
+    tau: float = 0.5  # [s] time constant with which the extent is forgotten; the paper has one constant for both
     var_a: float = 10.0  # [1/s^4] variance of the acceleration, in units of the extent
     sigmas: float = 2.0  # half axes of the body over the spread of its detections: 2 for a uniform ellipse
-    printed: bool = False
-    sigma: float = 0.5  # [m] sensor noise of the printed form; the other has it in the extent
     least_speed: float = 0.5  # [m/s] below, the heading is held
-    turn_speed: float = 2.0  # [m/s] yaw rates are worked out with at least this speed
+    turn_speed: float = 2.0  # [m/s] least speed that a yaw rate is computed with
     rate_std: float = 0.5  # [m/s] range rate, scattering on the body included
     rate_weight: float = 0.0  # information of a range rate; 0: not used, as in the paper
     rate_clip: float = 1.5  # [m/s] larger residuals count as this
@@ -68,8 +62,8 @@ class Koch:
         X_hat = extent_matrix(heading, estimate.size / self.sigmas)
         P = np.zeros((*nu.shape, 3, 3))
         P[..., :2, :2] = self._factor(estimate.cov, X_hat)
-        P[..., 2, 2] = self.var_a
-        return KochState(x, P, nu, (nu - 3)[..., None, None] * X_hat, heading.copy())
+        P[..., 2, 2] = self.var_a  # (RM.21)
+        return KochState(x, P, nu, (nu - 3)[..., None, None] * X_hat, heading.copy())  # (RM.21)
 
     def predict(self, state: KochState, dt: float) -> KochState:
         """Time update over dt [s] >= 0, Singer's model."""
@@ -79,13 +73,13 @@ class Koch:
         F, D = singer(dt, self.theta)
         moved = x @ np.kron(F, np.eye(2)).T
         fast = (self._speed(x) > self.least_speed) & (self._speed(moved) > self.least_speed)
-        # e nu alone falls below 3 after two steps without detections and makes the extent negative.
-        nu_new = np.minimum(nu, np.maximum(np.exp(-dt / self.tau) * nu, NU_LEAST))
+        # Without the limits nu falls below 3 after two steps without detections, and the extent turns negative.
+        nu_new = np.minimum(nu, np.maximum(np.exp(-dt / self.tau) * nu, NU_LEAST))  # (RM.23c)
         return KochState(
-            x=moved,
-            P=F @ P @ F.T + self.var_a * D,
+            x=moved,  # (RM.23a)
+            P=F @ P @ F.T + self.var_a * D,  # (RM.23b)
             nu=nu_new,
-            X=X * ((nu_new - 3) / (nu - 3))[..., None, None],  # keeps the mean extent
+            X=X * ((nu_new - 3) / (nu - 3))[..., None, None],  # (RM.23d)
             heading=heading + np.where(fast, wrap_angle(course(moved) - course(x)), 0.0),
         )
 
@@ -95,34 +89,31 @@ class Koch:
         return self.correct(state, scan, np.zeros(2))
 
     def correct(self, state: KochState, scan: Scan, offset: NDArray) -> tuple[KochState, UpdateInfo]:
-        """Measurement update by the mean of the detections, known to lie at offset (..., 2) [m] from the state's."""
+        """Measurement update by detections whose mean lies at offset (..., 2) [m] from the state's position."""
         x, P, nu, X, heading = state
         xy = scan.xy
         n, z_bar, Z = moments(xy, scan.mask)
-        noise = self.sigma**2 if self.printed else 1.0  # printed: the mean's noise is an area beside a pure factor
-        S = np.maximum(P[..., 0, 0] + noise / np.maximum(n, 1), 1e-12)  # regular at sigma = 0
-        W = P[..., 0] / S[..., None]
-        eps = z_bar - offset - x[..., :2]
+        S = self.innovation_factor(P, n)
+        W = P[..., 0] / S[..., None]  # (RM.24)
+        eps = z_bar - offset - x[..., :2]  # (RM.24)
         shift = (W[..., :, None] * eps[..., None, :]).reshape(*eps.shape[:-1], 6)
-        unit_of_P = np.eye(2) if self.printed else state.extent
-        x_new, P_new = self._range_rates(
-            x + shift, symmetrize(P - outer(W) * S[..., None, None]), state.extent, scan, xy, z_bar
-        )
+        P_new = symmetrize(P - outer(W) * S[..., None, None])  # (RM.25b)
+        x_new, P_new = self._range_rates(x + shift, P_new, state.extent, scan, xy, z_bar)  # (RM.25a), (RM.26)
         new = KochState(
             x=x_new,
             P=P_new,
-            nu=nu + n,
-            X=symmetrize(X + outer(eps) / S[..., None, None] + Z + ROUNDING * np.eye(2)),  # Z is a sum
+            nu=nu + n,  # (RM.25c)
+            X=symmetrize(X + outer(eps) / S[..., None, None] + Z + ROUNDING * np.eye(2)),  # (RM.25d)
             heading=np.where(self._speed(x_new) > self.least_speed, course(x_new), heading),
         )
-        return select(n > 0, new, state), UpdateInfo(n, eps, S[..., None, None] * unit_of_P)
+        return select(n > 0, new, state), UpdateInfo(n, eps, S[..., None, None] * self.shape(state.extent))
 
     def estimate(self, state: KochState) -> Estimate:
         """Box along the heading; half length and width are `sigmas` roots of the extent's diagonal there."""
         M = rotation(state.heading)
         D = M.mT @ state.extent @ M
-        size = 2 * self.sigmas * np.sqrt(np.stack([D[..., 0, 0], D[..., 1, 1]], -1))
-        relative = np.sqrt(1 / (2 * (np.maximum(state.nu, NU_SPREAD) - 5)))
+        size = 2 * self.sigmas * np.sqrt(np.stack([D[..., 0, 0], D[..., 1, 1]], -1))  # (RM.27)
+        relative = np.sqrt(1 / (2 * (np.maximum(state.nu, NU_SPREAD) - 5)))  # (RM.27)
         return self.describe(state, state.x[..., :2], state.heading, size, size * relative[..., None])
 
     def resize(self, state: KochState, size: NDArray, size_std: NDArray) -> KochState:
@@ -132,9 +123,17 @@ class Koch:
         """
         nu = degrees_of_freedom(size, size_std)
         X_hat = extent_matrix(state.heading, size / self.sigmas)
-        ratio = np.trace(state.extent, axis1=-2, axis2=-1) / np.trace(X_hat, axis1=-2, axis2=-1)
-        P = state.P if self.printed else state.P * ratio[..., None, None]
-        return state._replace(P=P, nu=nu, X=(nu - 3)[..., None, None] * X_hat)
+        before, after = self.shape(state.extent), self.shape(X_hat)
+        ratio = np.trace(before, axis1=-2, axis2=-1) / np.trace(after, axis1=-2, axis2=-1)
+        return state._replace(P=state.P * ratio[..., None, None], nu=nu, X=(nu - 3)[..., None, None] * X_hat)
+
+    def innovation_factor(self, P: NDArray, n: NDArray) -> NDArray:
+        """S (...), the factor of the innovation covariance, from the factor P (..., 3, 3) and the count n (...)."""
+        return P[..., 0, 0] + 1 / np.maximum(n, 1)  # (RM.24)
+
+    def shape(self, X_hat: NDArray) -> NDArray:
+        """The matrix (..., 2, 2) [m^2] that P is a factor of: the extent."""
+        return X_hat
 
     def describe(
         self, state: KochState, centre: NDArray, heading: NDArray, size: NDArray, size_std: NDArray
@@ -153,8 +152,8 @@ class Koch:
             size=size,
             cov=symmetrize(C[..., :4, :4]) + ROUNDING * np.eye(4),
             size_std=size_std,
-            heading_std=np.arctan2(sideways, np.maximum(speed, self.least_speed)),
-            yaw_rate_std=wobble / np.maximum(speed, self.turn_speed),
+            heading_std=np.arctan2(sideways, np.maximum(speed, self.least_speed)),  # (RM.28)
+            yaw_rate_std=wobble / np.maximum(speed, self.turn_speed),  # (RM.28)
         )
 
     def covariance(self, state: KochState) -> NDArray:
@@ -163,30 +162,30 @@ class Koch:
 
     def _yaw_rate(self, v: NDArray, a: NDArray) -> NDArray:
         speed2 = (v * v).sum(-1)
-        turn = (perpendicular(v) * a).sum(-1) / np.maximum(speed2, self.turn_speed**2)
+        turn = (perpendicular(v) * a).sum(-1) / np.maximum(speed2, self.turn_speed**2)  # (RM.28)
         return np.where(speed2 > self.least_speed**2, turn, 0.0)
 
     def _speed(self, x: NDArray) -> NDArray:
         return np.hypot(x[..., 2], x[..., 3])
 
     def _covariance(self, P: NDArray, X_hat: NDArray) -> NDArray:
-        """Covariance (..., 6, 6) of the kinematic state, P (x) X^; the printed form has P (x) I."""
-        B = np.broadcast_to(I2, X_hat.shape) if self.printed else X_hat
-        return (P[..., :, None, :, None] * B[..., None, :, None, :]).reshape(*P.shape[:-2], 6, 6)
+        """Covariance (..., 6, 6) of the kinematic state, P (x) X^."""
+        B = self.shape(X_hat)
+        return (P[..., :, None, :, None] * B[..., None, :, None, :]).reshape(*P.shape[:-2], 6, 6)  # (RM.20)
 
     def _factor(self, C: NDArray, X_hat: NDArray) -> NDArray:
-        """Factor P (..., s, s) of a covariance (..., 2 s, 2 s): P_ij = tr(X^^-1 C_ij) / 2, exact for P (x) X^."""
+        """Factor P (..., s, s) of a covariance C (..., 2 s, 2 s), exact where C is P (x) X^."""
         s = C.shape[-1] // 2
-        B = np.broadcast_to(I2, X_hat.shape) if self.printed else inverse(X_hat)
+        B = inverse(self.shape(X_hat))
         blocks = C.reshape(*C.shape[:-2], s, 2, s, 2)
-        return symmetrize((B[..., None, :, None, :] * blocks).sum((-3, -1)) / 2)
+        return symmetrize((B[..., None, :, None, :] * blocks).sum((-3, -1)) / 2)  # (RM.21)
 
     def _range_rates(
         self, x: NDArray, P: NDArray, X_hat: NDArray, scan: Scan, xy: NDArray, centre: NDArray
     ) -> tuple[NDArray, NDArray]:
-        """Correct the velocity by ground range rates g = u . (v + omega J (z - centre)).
+        """State and factor after the velocity is corrected by the ground range rates of the scan, (RM.26).
 
-        One line of sight does not keep the covariance a Kronecker product; the nearest factor is taken.
+        After a correction along one line of sight the covariance is no Kronecker product; its nearest factor is taken.
         """
         g = scan.ground_rate
         use = scan.mask & np.isfinite(g)
@@ -202,15 +201,15 @@ class Koch:
         J, score = np.zeros_like(C), np.zeros_like(x)
         J[..., 2:4, 2:4] = information * (u.mT @ u)
         score[..., 2:4] = information * (u * residual[..., None]).sum(-2)
-        C_new = symmetrize(np.linalg.solve(np.eye(6) + C @ J, C))  # (C^-1 + J)^-1 without the inverse of C
+        C_new = symmetrize(np.linalg.solve(np.eye(6) + C @ J, C))  # (RM.26)
         return x + (C_new @ score[..., None])[..., 0], self._factor(C_new, X_hat)
 
 
 def singer(dt: float, theta: float) -> tuple[NDArray, NDArray]:
     """Transition F and noise shape D, both (3, 3), over dt [s]; the approximation that the paper uses."""
     e = np.exp(-dt / theta)
-    F = np.array([[1, dt, dt**2 / 2], [0, 1, dt], [0, 0, e]])
-    return F, (1 - e**2) * np.diag([0.0, 0.0, 1.0])
+    F = np.array([[1, dt, dt**2 / 2], [0, 1, dt], [0, 0, e]])  # (RM.22)
+    return F, (1 - e**2) * np.diag([0.0, 0.0, 1.0])  # (RM.22)
 
 
 def course(x: NDArray) -> NDArray:
@@ -219,9 +218,6 @@ def course(x: NDArray) -> NDArray:
 
 
 def degrees_of_freedom(size: NDArray, size_std: NDArray) -> NDArray:
-    """Nu (...) at which the inverse Wishart has the mean relative size variance of (..., 2) boxes.
-
-    Var X_ii / X_ii^2 = 2 / (nu - 5) in this parametrisation, and the length goes with the root of X_ii.
-    """
+    """Nu (...) for the mean relative size variance of boxes with size and size_std (..., 2) [m]."""
     relative = ((size_std / size) ** 2).mean(-1)
-    return 5 + 1 / (2 * np.maximum(relative, 1e-6))
+    return 5 + 1 / (2 * np.maximum(relative, 1e-6))  # (RM.21)

@@ -13,13 +13,15 @@ import numpy as np
 
 from sensors import RADARS, Radar
 from testbed.papers.hoher2022.claims import verdicts
+from testbed.papers.hoher2022.direct_fit import DirectFit
+from testbed.papers.hoher2022.printed import PrintedKoch
 from testbed.papers.hoher2022.reference import REFERENCE
 from testbed.papers.hoher2022.runs import LEGEND, MEASURES, SETTLED, Errors, Method, Trace, errors, measure, track
 from testbed.papers.hoher2022.uturn import FIRST, SECOND, Truth, UTurn, lidar_scans, radar_scans, truth
+from testbed.papers.hoher2022.variants import ReportVariant, ShapeLms
 from testbed.papers.verdict import Progress, Report, Row, Stopped
 from trackers import Scan
 from trackers.random_matrix.adaptation import Bayes, Lms
-from trackers.random_matrix.direct_fit import DirectFit
 from trackers.random_matrix.koch import Koch
 from trackers.random_matrix.virtual_measurements import VirtualMeasurements
 
@@ -33,11 +35,11 @@ RADAR_BLUR = 0.3  # [m] sensor noise that the random matrix of the radar case st
 
 def methods(sigma: float) -> dict[str, Method]:
     """Every algorithm of the card at a sensor noise sigma [m], by its name in the tables."""
-    printed = Koch(printed=True, var_a=0.01, sigma=0.5 if sigma == 0 else sigma)
-    report = VirtualMeasurements(printed, Lms(), "eigenvalues", sigma=sigma, pitch=FINE)
+    printed = PrintedKoch(sigma=0.5 if sigma == 0 else sigma)
+    report = ReportVariant(printed, Lms(), sigma=sigma, moments="eigenvalues", pitch=FINE)
     B = replace(report, koch=Koch())
     C = replace(B, moments="body")
-    G = VirtualMeasurements(sigma=sigma)
+    G = ReportVariant(sigma=sigma)
     table = [
         Method("RM printed, 1 sigma", printed),
         Method("RM corrected, 1 sigma", Koch()),
@@ -52,7 +54,7 @@ def methods(sigma: float) -> dict[str, Method]:
         Method("G offset", replace(G, feedback_from=10)),
         Method("C offset", replace(C, feedback_from=10)),
         Method("C naive", C, naive=True),
-        Method("direct I=2", replace(G, rule=DirectFit())),
+        Method("direct I=2", replace(G, direct=DirectFit())),
         Method("B without sigma^2", replace(B, blur=False)),
     ]
     for name, tilt, gain, n in (
@@ -61,7 +63,7 @@ def methods(sigma: float) -> dict[str, Method]:
         ("abc I=10", "abc", 1.0, 10),
         ("abc gain 10 I=10", "abc", 10.0, 10),
     ):
-        table.append(Method(name, replace(C, tilt=tilt, rule=Lms(iterations=n, shape_gain=gain))))
+        table.append(Method(name, replace(C, tilt=tilt, rule=ShapeLms(iterations=n, shape_gain=gain))))
     ours = VirtualMeasurements(rule=Bayes(), body="box", surface=0.9, unbiased=True, sigma=sigma)
     table.append(Method("box, Bayes (ours)", ours))
     return {m.name: m for m in table}

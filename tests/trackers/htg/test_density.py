@@ -1,4 +1,4 @@
-"""The density against its card, quadrature, samples and its own limits; tables there and back."""
+"""The density against reference vectors, quadrature, samples and its own limits; tables there and back."""
 
 import json
 
@@ -36,24 +36,24 @@ def random_density(seed):
     return HTG(rng.uniform(0.05, 0.6, ()), bounds, rng.uniform(-0.8, 0.8, ()), rng.uniform(0.005, 0.2, 2))
 
 
-def test_mass_and_density_give_the_vectors_of_the_card():
+def test_mass_and_density_give_the_reference_vector():
     np.testing.assert_allclose(np.exp(log_mass(PUBLISHED)), 0.2409183502, atol=1e-10)
     expected = [-6.6421109484, -1.5646072436, -1.4950632763, -3.4420001874, -2.5973121652]
     np.testing.assert_allclose(log_density(POINTS, PUBLISHED), expected, atol=1e-9)
 
 
-def test_density_with_open_sides_gives_the_vectors_of_the_card():
+def test_density_with_open_sides_gives_the_reference_vector():
     np.testing.assert_allclose(np.exp(log_mass(OPEN)), 0.1311305432, atol=1e-10)
     expected = [-10.0824942238, -2.2797963997, -1.4785270147]
     np.testing.assert_allclose(log_density(POINTS[[0, 3, 4]], OPEN), expected, atol=1e-9)
 
 
-def test_score_gives_the_vectors_of_the_card():
+def test_score_gives_the_reference_vector():
     expected = [(4.4575540125, 6.1806515083), (5.1663141711, -1.5906223020)]
     np.testing.assert_allclose(score(POINTS[[0, 4]], PUBLISHED), expected, atol=1e-9)
 
 
-def test_complement_and_moments_give_the_vectors_of_the_card():
+def test_complement_and_moments_give_the_reference_vector():
     zc, Cc = complement(PUBLISHED)
     np.testing.assert_allclose(zc, (-0.0070877254, -0.0132923338), atol=1e-9)
     np.testing.assert_allclose(Cc[[0, 0, 1], [0, 1, 1]], (0.1388286031, -0.0007839756, 0.1388988886), atol=1e-9)
@@ -66,7 +66,7 @@ def test_complement_and_moments_give_the_vectors_of_the_card():
 
 
 def plain_log_density(u, p):
-    """Corrected eq. (9) as the card writes it: log-cdfs and logaddexp, one point after the other."""
+    """(HTG.5) in its plain form: log-cdfs and logaddexp, one point after the other."""
     c, s = np.cos(p.theta), np.sin(p.theta)
     a, b = p.bounds[:2], p.bounds[2:]
     root = np.sqrt(p.rho)
@@ -198,7 +198,7 @@ def test_sampling_ends_when_nearly_all_the_mass_is_cut_out():
     assert (np.abs(u).max(-1) > 1.4).all()
 
 
-def test_expected_information_is_that_of_the_card():
+def test_expected_information_has_the_reference_values():
     F = score_moments(PUBLISHED)
     np.testing.assert_allclose(np.diag(F), [7.81, 7.82, 2.58, 2.59, 5.32, 5.36], rtol=0.01)
     np.testing.assert_allclose([F[2, 3], F[4, 5]], [2.31, 1.31], rtol=0.01)
@@ -215,7 +215,7 @@ def test_more_noise_means_less_information():
     assert (np.diff(F[:, 0, 0]) < 0).all()
 
 
-def test_aspect_angle_is_that_of_the_card():
+def test_aspect_angle_has_the_reference_value():
     aspect = aspect_angle(np.array([10.0, 5.0]), np.array(0.3), np.array([1.0, -2.0]))
     np.testing.assert_allclose(aspect, -0.3610431689, atol=1e-9)
 

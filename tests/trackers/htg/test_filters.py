@@ -1,4 +1,4 @@
-"""The four filters of the family: vectors of their card, limits, gradients, several sensors, closed tracks."""
+"""The four filters of the family: reference vectors, limits, gradients, several sensors, closed tracks."""
 
 from dataclasses import replace
 
@@ -30,12 +30,12 @@ def card_covariance():
     return P
 
 
-def card_state():
-    """S0 of card htg_rm, section 10."""
+def reference_state():
+    """The prior of the reference vectors, which come from an independent implementation."""
     return RMState(M5, card_covariance(), np.array(26.0), 20 * extent_matrix(0.3, np.array([4.6, 1.9])))
 
 
-def card_map_state():
+def reference_map_state():
     P = np.diag([1.0] * 5 + [0.01, 0.01])
     P[:5, :5] = card_covariance()
     return MotionSizeState(np.concatenate([M5, np.log([4.6, 1.9])]), P)
@@ -78,20 +78,20 @@ def test_an_outline_off_the_learned_one_blurs_the_centre_in_body_axes_and_nothin
     np.testing.assert_array_equal(sure.log_spatial(lone, scan, *pair), blurred.log_spatial(lone, scan, *pair))
 
 
-def test_literal_learned_update_gives_the_vector_of_the_card():
-    state, _ = HTGLearned(TABLE).update(card_state(), Scan.from_xy(DETECTIONS))
+def test_literal_learned_update_gives_the_reference_vector():
+    state, _ = HTGLearned(TABLE).update(reference_state(), Scan.from_xy(DETECTIONS))
     np.testing.assert_allclose(state.m, [0.2510349620, 0.0389281627, 0.3031142530, 10.1004139848, 0.1], atol=1e-9)
     np.testing.assert_allclose(state.nu, 46.7539193054, rtol=1e-10)
     np.testing.assert_allclose(state.V[[0, 0, 1], [0, 1, 1]], [191.4555919, 49.0260861, 54.0871263], rtol=1e-8)
-    # P[3, 3] is .9669466552 on the card: two digits against its own equations, 1 - .1^2 / S_xx = .9667466555, as the
+    # P[3, 3] is .9669466552 in the reference: two digits off its own equations, 1 - .1^2 / S_xx = .9667466555, as the
     # same entry of its random-matrix vector; test_random_matrix holds those equations against a loop.
     diagonal = [0.0421665967, 0.0124746038, 0.0084798375, 0.9667466555, 0.01]
     np.testing.assert_allclose(np.diag(state.P), diagonal, atol=1e-9)
 
 
-def test_map_update_converges_to_the_vector_of_the_card():
+def test_map_update_converges_to_the_reference_vector():
     f = HTGMap(TABLE, sigma=0.0, metric=False, two_starts=False, rounds=80, flat=0.0)
-    state, info = f.update(card_map_state(), Scan.from_xy(DETECTIONS))
+    state, info = f.update(reference_map_state(), Scan.from_xy(DETECTIONS))
     expected = [0.1034283, 0.1287233, 0.2908956, 10.0413713, 0.1, 1.5335525, 0.6466472]
     np.testing.assert_allclose(state.m, expected, atol=1e-6)
     diagonal = [0.08345, 0.02666, 0.00581, 0.97335, 0.01, 0.00793, 0.00796]
@@ -102,8 +102,8 @@ def test_map_update_converges_to_the_vector_of_the_card():
 def test_map_update_stops_near_enough_to_its_end():
     """With its own number of rounds the state is within a twentieth of a standard deviation of the maximum."""
     scan = Scan.from_xy(DETECTIONS)
-    end, _ = HTGMap(TABLE, sigma=0.0, metric=False, rounds=80, flat=0.0).update(card_map_state(), scan)
-    soon, _ = HTGMap(TABLE, sigma=0.0, metric=False).update(card_map_state(), scan)
+    end, _ = HTGMap(TABLE, sigma=0.0, metric=False, rounds=80, flat=0.0).update(reference_map_state(), scan)
+    soon, _ = HTGMap(TABLE, sigma=0.0, metric=False).update(reference_map_state(), scan)
     assert (np.abs(soon.m - end.m) < 0.05 * np.sqrt(np.diag(end.P))).all()
 
 
@@ -123,7 +123,7 @@ def framed_table():
 def two_sensors(table, seed=0):
     """Objective of two objects, each seen by two sensors with range rates, some of them missing."""
     rng = np.random.default_rng(seed)
-    m = card_map_state().m + np.array([[0.0] * 7, [9, 4, 1, 2, 0, 0.2, 0.1]])
+    m = reference_map_state().m + np.array([[0.0] * 7, [9, 4, 1, 2, 0, 0.2, 0.1]])
     mask = rng.random((2, 6)) < 0.8
     pose = np.where(np.arange(6)[:, None] < 3, [-30.0, 2.0, 0.0], [5.0, -20.0, 1.0])
     xy = m[:, None, :2] + rng.normal(0, 1, (2, 6, 2))
@@ -131,7 +131,7 @@ def two_sensors(table, seed=0):
     polar[..., 2] = np.where(rng.random((2, 6)) < 0.3, np.nan, rng.normal(0, 8, (2, 6)))
     scan = Scan(polar, mask, pose, np.zeros((1, 2)), np.array([[0.1, 0.01, 0.1]]))
     _, points = flatten(scan, 0.2)
-    precision = np.linalg.inv(np.stack([card_map_state().P] * 2))
+    precision = np.linalg.inv(np.stack([reference_map_state().P] * 2))
     return Objective(points, shape_of(table, m, points), m, precision, 0.5, 1.5)
 
 
@@ -152,7 +152,7 @@ def test_gradient_is_the_slope_of_the_log_posterior(table):
 def test_information_is_the_mean_square_of_the_scores(table):
     """Against scores of samples from the density itself, in every state that a place depends on."""
     rng, n = np.random.default_rng(1), 20_000
-    m = card_map_state().m
+    m = reference_map_state().m
     where = np.array([-30.0, 2.0, 0.0])
     probe = flatten(Scan.from_xy([[0.0, 0.0]], pose=where, noise=(1e-6, 1e-9, 1.0)), 0.0)[1]
     index = shape_of(table, m[None], probe).bin[0]
@@ -196,8 +196,8 @@ def test_hole_without_content_is_the_plain_random_matrix():
     """A hole of width zero cuts nothing out: htg-rm-learned is the random matrix with that rho and noise."""
     p = HTG(np.array(0.3), np.zeros(4), np.array(0.0), np.full(2, 1e-12))
     f = HTGLearned(single(p, *moments(p)), sigma=0.2, iterations=3)
-    got, _ = f.update(card_state(), Scan.from_xy(DETECTIONS))
-    expected, _ = RandomMatrix(rho=0.3, sigma=0.2).update(card_state(), Scan.from_xy(DETECTIONS))
+    got, _ = f.update(reference_state(), Scan.from_xy(DETECTIONS))
+    expected, _ = RandomMatrix(rho=0.3, sigma=0.2).update(reference_state(), Scan.from_xy(DETECTIONS))
     for a, b in zip(got, expected, strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-8)
 
@@ -206,9 +206,9 @@ def test_online_with_all_sides_open_keeps_the_random_matrix():
     """A bound of 0 on all sides is no hole: detections in the middle make the random matrix with the same rho."""
     xy = 0.1 * np.array(DETECTIONS)
     f = HTGOnline(RandomMatrix(rho=0.25), iterations=3, full_view=True, n_count=False)
-    got, _ = f.update(OnlineState(card_state(), np.zeros(4)), Scan.from_xy(xy))
+    got, _ = f.update(OnlineState(reference_state(), np.zeros(4)), Scan.from_xy(xy))
     assert (got.bounds == 0).all()
-    expected, _ = RandomMatrix(rho=0.25).update(card_state(), Scan.from_xy(xy))
+    expected, _ = RandomMatrix(rho=0.25).update(reference_state(), Scan.from_xy(xy))
     for a, b in zip(got.rm, expected, strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-8)
 

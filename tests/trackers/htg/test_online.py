@@ -1,4 +1,4 @@
-"""htg-rm: the sides of its hole against plain loops, the card's vectors, and what must not matter."""
+"""htg-rm: the sides of its hole against plain loops, a reference vector, and what must not matter."""
 
 from dataclasses import replace
 
@@ -19,8 +19,8 @@ from trackers.random_matrix.feldmann import RMState
 DETECTIONS = [(1.8, 1.0), (-1.5, -0.9), (2.2, 0.2), (-0.3, 1.1), (0.6, -0.6)]
 
 
-def card_state():
-    """S0 of card htg_rm, section 10."""
+def reference_state():
+    """The prior of the reference vectors, which come from an independent implementation."""
     P = np.diag([0.25, 0.25, 0.01, 1.0, 0.01])
     P[0, 3] = P[3, 0] = 0.1
     P[1, 2] = P[2, 1] = 0.02
@@ -43,7 +43,7 @@ def hazard(x):
 
 
 def best_bound(mu, g, sg, s, cap):
-    """Card, section 4a, to the letter: the root of the likelihood equation, or the end that it climbs to."""
+    """(HTG.23) by bisection: the root of the likelihood equation, or the end that it climbs to."""
 
     def slope(b):
         return g.sum() * hazard(b / s) / s - (g * hazard((b - mu) / sg)).sum() / sg
@@ -54,7 +54,7 @@ def best_bound(mu, g, sg, s, cap):
 
 
 def bounds_by_loops(f, z, centre, A, R, sensor, bounds):
-    """Card, section 4a, for one object: detections z (M, 2), bounds (4,)."""
+    """(HTG.22) and (HTG.23) for one object: detections z (M, 2), bounds (4,)."""
     rho, s, into = f.rm.rho, np.sqrt(f.rm.rho), np.linalg.inv(A)
     r = np.diag(into @ R @ into.T)
     k, bounds = rho / (rho + r), bounds.copy()
@@ -94,7 +94,7 @@ def frame(X, phi):
 
 
 def update_by_loops(f, state, z, R, sensor):
-    """Card, sections 4 and 4a, and the count of section 7, for one object without range rates."""
+    """(HTG.16) to (HTG.25) for one object without range rates."""
     m0, P0, nu0, V0 = state.rm
     bounds, n, s = state.bounds, len(z), np.sqrt(f.rm.rho)
     z_bar, Z = z.mean(0), (z - z.mean(0)).T @ (z - z.mean(0))
@@ -141,9 +141,9 @@ def test_the_update_is_that_of_plain_loops(seed, full_view):
             np.testing.assert_allclose(got[t], want, rtol=1e-6, atol=1e-6)
 
 
-def test_online_update_gives_the_vector_of_the_card():
+def test_online_update_gives_the_reference_vector():
     f = HTGOnline(RandomMatrix(rho=0.25), iterations=5, n_count=False, full_view=True, cap=2.5)
-    state, _ = f.update(OnlineState(card_state(), np.full(4, 0.7)), Scan.from_xy(DETECTIONS))
+    state, _ = f.update(OnlineState(reference_state(), np.full(4, 0.7)), Scan.from_xy(DETECTIONS))
     np.testing.assert_allclose(state.rm.m, [0.19271287, 0.18303033, 0.31464243, 10.07708515, 0.1], atol=1e-7)
     np.testing.assert_allclose(state.rm.nu, 48.89772382, atol=1e-6)
     np.testing.assert_allclose(state.bounds, [0.79890850, 0.69398944, 0.75005156, 0.96065047], atol=1e-6)
@@ -160,7 +160,7 @@ def front(t, sg, s):
 
 @pytest.mark.parametrize(("t", "b"), [((0.9, 0.95, 0.7, 1.1), 0.7468971395), ((0.3, 0.2, 0.1, 0.15), 0.0)])
 @pytest.mark.parametrize("start", [0.0, 0.7, 1.25])
-def test_one_sided_bound_is_that_of_the_card(t, b, start):
+def test_one_sided_bound_has_the_reference_value(t, b, start):
     k = 0.25 / 0.27
     sides = front(k * np.array(t), np.sqrt(k * 0.02), 0.5)
     got = fit(sides, np.full((4, 1), start), 1.25, 1, 0.3)

@@ -1,4 +1,4 @@
-"""The random matrix against its card's vectors, the laws of every filter, and statistics with a negative twin."""
+"""The random matrix against reference vectors, the laws of every filter, and statistics with a negative twin."""
 
 import numpy as np
 import pytest
@@ -16,8 +16,8 @@ FILTERS = tuple(TRACKERS)
 DETECTIONS = [(1.8, 1.0), (-1.5, -0.9), (2.2, 0.2), (-0.3, 1.1), (0.6, -0.6)]
 
 
-def card_state():
-    """S0 of card htg_rm, section 10."""
+def reference_state():
+    """The prior of the reference vectors, which come from an independent implementation."""
     P = np.diag([0.25, 0.25, 0.01, 1.0, 0.01])
     P[0, 3] = P[3, 0] = 0.1
     P[1, 2] = P[2, 1] = 0.02
@@ -25,18 +25,18 @@ def card_state():
     return RMState(np.array([0.0, 0.0, 0.3, 10.0, 0.1]), P, np.array(26.0), V)
 
 
-def test_prediction_gives_the_vector_of_the_card():
-    state = RandomMatrix(tau=10).predict(card_state(), 0.5)
+def test_prediction_gives_the_reference_vector():
+    state = RandomMatrix(tau=10).predict(reference_state(), 0.5)
     np.testing.assert_allclose(state.m, [4.737760079, 1.596377628, 0.35, 10, 0.1], rtol=1e-9)
     np.testing.assert_allclose(state.nu, 25.02458849, rtol=1e-9)
     np.testing.assert_allclose(state.V, [[90.82571688, 26.88654822], [26.88654822, 26.98404735]], rtol=1e-8)
     np.testing.assert_allclose(np.diag(state.P), [0.62846163, 0.70647890, 0.01265625, 1.5625, 0.0125], rtol=1e-7)
 
 
-def test_update_gives_the_vector_of_the_card():
-    # Two digits of the card differ from its own equations (m[1] .0723745065 for ...4505, P[3, 3] .9796515114 for
+def test_update_gives_the_reference_vector():
+    # Two digits of the reference differ from its own equations (m[1] .0723745065 for ...4505, P[3, 3] .9796515114 for
     # ...6115), hence 2e-7; the loop below is held to 1e-9.
-    state, info = RandomMatrix().update(card_state(), Scan.from_xy(DETECTIONS))
+    state, info = RandomMatrix().update(reference_state(), Scan.from_xy(DETECTIONS))
     np.testing.assert_allclose(state.m, [0.2692357866, 0.0723745065, 0.3057899560, 10.1076943147, 0.1], atol=2e-7)
     np.testing.assert_allclose(
         np.diag(state.P), [0.122822572, 0.0513746361, 0.0087287977, 0.9796515114, 0.01], atol=2e-7
@@ -47,8 +47,8 @@ def test_update_gives_the_vector_of_the_card():
 
 
 def test_update_equals_a_loop_over_detections():
-    """Section 2 of the card, written out for one object."""
-    f, s = RandomMatrix(rho=0.4, sigma=0.3), card_state()
+    """(RM.12) and (RM.13), written out for one object."""
+    f, s = RandomMatrix(rho=0.4, sigma=0.3), reference_state()
     state, _ = f.update(s, Scan.from_xy(DETECTIONS))
     n, z_bar = 5, sum(np.array(z) for z in DETECTIONS) / 5
     Sig = sum(np.outer(z - z_bar, z - z_bar) for z in np.array(DETECTIONS))
@@ -66,7 +66,7 @@ def test_update_equals_a_loop_over_detections():
 
 
 def static_check(filter, runs=200, steps=150, seed=4):
-    """Mean length and width over the last half, card section 2: a fixed car, detections from its ellipse."""
+    """Mean length and width over the last half: a fixed car, detections from its ellipse."""
     rng = np.random.default_rng(seed)
     X = extent_matrix(0.5, np.array([4.7, 1.8]))
     root = np.linalg.cholesky(X / 4 + 0.2**2 * np.eye(2))
@@ -92,7 +92,7 @@ def test_extent_is_unbiased_on_ellipse_data():
 
 
 def test_a_scale_without_rho_is_caught():
-    """The card: with Y = X + R the static check gives 2.35 x 0.90."""
+    """With Y = X + R an independent implementation gives 2.35 x 0.90."""
     np.testing.assert_allclose(static_check(RandomMatrix(rho=1.0)), [2.35, 0.90], rtol=0.02)
 
 

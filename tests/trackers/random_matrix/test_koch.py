@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from testbed.papers.hoher2022.printed import PrintedKoch
 from trackers import Scan, prior
 from trackers.geometry import rotation
 from trackers.random_matrix.koch import NU_LEAST, Koch, KochState, degrees_of_freedom, singer
@@ -54,7 +55,7 @@ def test_the_update_is_bayes_rule(seed):
 
 def test_the_printed_innovation_is_not():
     """Erratum of lines 8 and 12: sigma^2 / n beside a pure factor."""
-    assert bayes_spread(Koch(printed=True, sigma=0.1)) > 10
+    assert bayes_spread(PrintedKoch(sigma=0.1)) > 10
 
 
 def test_prediction_keeps_the_mean_extent_and_the_degrees_of_freedom_above_three():
@@ -67,7 +68,7 @@ def test_prediction_keeps_the_mean_extent_and_the_degrees_of_freedom_above_three
 
 
 def test_two_steps_without_detections_would_make_the_unguarded_extent_negative():
-    """The card's figures: nu 4 -> 3.27 -> 2.68, below the 3 that the mean needs."""
+    """Nu 4 -> 3.27 -> 2.68, below the 3 that the mean needs."""
     nu = 4 * np.exp(-0.1 / 0.5) ** np.arange(3)
     assert_allclose(nu, [4, 3.27, 2.68], atol=0.01)
     state = random_state(np.random.default_rng(2))._replace(nu=np.array(4.0))
@@ -104,11 +105,11 @@ def test_the_innovation_of_the_corrected_form_does_not_depend_on_the_unit_of_len
         return large / 1e4 / small
 
     assert_allclose(ratio(Koch()), np.ones((2, 2)), rtol=1e-6)
-    free = Koch(printed=True, sigma=100 * 0.5).update(s._replace(x=100 * s.x, X=1e4 * s.X), Scan.from_xy(100 * z))[0]
-    assert np.abs(free.X / 1e4 / Koch(printed=True, sigma=0.5).update(s, Scan.from_xy(z))[0].X - 1).max() > 0.1
+    free = PrintedKoch(sigma=100 * 0.5).update(s._replace(x=100 * s.x, X=1e4 * s.X), Scan.from_xy(100 * z))[0]
+    assert np.abs(free.X / 1e4 / PrintedKoch(sigma=0.5).update(s, Scan.from_xy(z))[0].X - 1).max() > 0.1
 
 
-def test_singers_model_matches_the_card():
+def test_singers_model_has_the_reference_values():
     F, D = singer(0.1, 0.5)
     assert_allclose(F[0], [1, 0.1, 0.005])
     assert_allclose(F[2, 2], np.exp(-0.2))

@@ -1,8 +1,8 @@
-"""The contour ellipse fitted to the detections themselves, without virtual ones; card rm_vmm, section 6 (2).
+"""The contour ellipse fitted to the detections themselves, without virtual ones: the report's improvement 2.
 
-Distances to the outline alone do not hold an ellipse: its length cannot be seen from one side, and its far side can
-lock on to the detections. So each detection is compared with the near hit of its own bearing, and two more rows hold
-the ellipse's tangents against the outermost bearings.
+Distances to the outline alone do not determine an ellipse: its length is not observable from one side, and its far side
+can lock on to the detections. So each detection is compared with the near hit of its own bearing, and two more rows
+compare the ellipse's tangents with the outermost bearings. Equations: docs/methods/virtual-measurements.md.
 """
 
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ class DirectFit:
     iterations: int = 2
     damping: float = 0.1
     tangent_weight: float = 0.5
-    pitch: float = float(np.radians(1.0))  # [rad] of the sensor's rays; the outermost one misses by half of it
+    pitch: float = float(np.radians(1.0))  # [rad] between rays of the sensor; the outermost hit is half of it inside
     within: float = 0.97  # share of the half sector that a bearing is clipped to
 
     def fit(self, theta: NDArray, sensor: NDArray, xy: NDArray, mask: NDArray, active: NDArray) -> Descent:
@@ -33,7 +33,7 @@ class DirectFit:
         for _ in range(self.iterations):
             e, J = self._rows(theta, sensor, xy, mask)
             M = np.linalg.solve(J.mT @ J + self.damping * np.eye(4), J.mT)
-            trial = theta - self.gain * (M @ e[..., None])[..., 0]
+            trial = theta - self.gain * (M @ e[..., None])[..., 0]  # (VM.25)
             accept = (active & (trial[..., 2:] > 0.02).all(-1) & np.isfinite(trial).all(-1))[..., None]
             pull = self.gain * np.diagonal(M @ J, axis1=-2, axis2=-1)
             kept = np.where(accept, kept * np.clip(1 - pull, 0.0, 1.0), kept)
@@ -54,8 +54,8 @@ class DirectFit:
         high = np.where(mask, bearing, -np.inf).max(-1, initial=-np.inf) + self.pitch / 2
         rows = [(e, J)]
         for side, measured, sign in ((right, low, -1.0), (left, high, 1.0)):
-            seen = np.where(np.isfinite(measured), measured, side)  # without a detection nothing pulls
-            rows.append(self._tangent(centre, half, sensor, middle, side, seen, sign))
+            outermost = np.where(np.isfinite(measured), measured, side)  # no residual without a detection
+            rows.append(self._tangent(centre, half, sensor, middle, side, outermost, sign))
         return np.concatenate([r[0] for r in rows], -1), np.concatenate([r[1] for r in rows], -2)
 
     def _near_side(
@@ -72,8 +72,8 @@ class DirectFit:
         gradient = body / half**2
         slope = np.sqrt((gradient**2).sum(-1, keepdims=True))
         normal = gradient / slope
-        e = ((xy - hit) * normal).sum(-1)
-        growth = -(body**2) / half**3 / slope / 2  # per full length and width
+        e = ((xy - hit) * normal).sum(-1)  # (VM.23)
+        growth = -(body**2) / half**3 / slope / 2  # (VM.23), per full length and width
         return e, np.concatenate([-normal, growth], -1)
 
     def _tangent(
@@ -84,7 +84,7 @@ class DirectFit:
         distance = np.hypot(*np.moveaxis(centre - sensor, -1, 0))
         normal = sign * perpendicular(unit(middle + side))  # outward, where the tangent touches
         support = np.sqrt((half**2 * normal**2).sum(-1, keepdims=True))
-        grow = half * normal**2 / support / 2  # per full length and width
+        grow = half * normal**2 / support / 2  # (VM.24), per full length and width
         moved = np.concatenate([normal, grow], -1)
-        e = distance * (side - measured)
+        e = distance * (side - measured)  # (VM.24)
         return self.tangent_weight * e[..., None], self.tangent_weight * sign * moved[..., None, :]
