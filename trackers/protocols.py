@@ -1,4 +1,4 @@
-"""What a single-object filter is: four verbs, and more that it may offer to the multi-object tracker."""
+"""The protocol of a single-object filter, four methods, and those of what it may offer beyond them."""
 
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
@@ -10,7 +10,7 @@ from trackers.scan import Scan
 
 
 class UpdateInfo(NamedTuple):
-    """What every update tells: the innovation of the centroid."""
+    """The information of every update: the innovation of the centroid."""
 
     n: NDArray  # (...) detections used
     eps: NDArray  # (..., 2) [m] innovation
@@ -20,11 +20,11 @@ class UpdateInfo(NamedTuple):
     def nis(self) -> NDArray:
         """Normalised innovation squared (...), NaN without a detection."""
         d = np.linalg.solve(self.S, self.eps[..., None])[..., 0]
-        return np.where(self.n > 0, (self.eps * d).sum(-1), np.nan)
+        return np.where(self.n > 0, (self.eps * d).sum(-1), np.nan)  # (MET.13)
 
 
 class Note(NamedTuple):
-    """What a filter did with some of its objects that a reader of the run wants to know: `notes` of its information."""
+    """An event of a filter for some of its objects, to be logged: `notes` of its update information."""
 
     kind: str  # one word
     reason: str  # one readable clause
@@ -45,12 +45,12 @@ class Filter(Protocol):
         """Measurement update; without a detection the state is returned as it came."""
 
     def estimate(self, state: Any) -> Estimate:
-        """What the state says about the object."""
+        """Estimate of the object from the state."""
 
 
 @runtime_checkable
 class Resizable(Protocol):
-    """A filter that takes another belief about the size and keeps everything else."""
+    """A filter whose size can be replaced, everything else kept."""
 
     def resize(self, state: Any, size: NDArray, size_std: NDArray) -> Any:
         """State with size (..., 2) [m] of standard deviation size_std (..., 2) [m]."""
@@ -58,10 +58,10 @@ class Resizable(Protocol):
 
 @runtime_checkable
 class Restartable(Protocol):
-    """A filter that knows more of an object than an estimate says, such as a learned contour."""
+    """A filter whose state holds more of an object than an estimate does, such as a learned contour."""
 
     def restart(self, state: Any, estimate: Estimate) -> Any:
-        """State that starts again from an estimate but keeps what an estimate does not say."""
+        """State that starts again from an estimate, keeping what an estimate does not hold."""
 
 
 @runtime_checkable

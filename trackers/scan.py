@@ -1,4 +1,7 @@
-"""What comes in: one look of all radars of one vehicle, and what their data sheets say."""
+"""The input of every tracker: one scan of all radars of one vehicle, and the data sheets of those radars.
+
+Equations: docs/methods/multi-object-tracking.md, section 1, and docs/methods/radar.md.
+"""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -10,9 +13,9 @@ from trackers.geometry import compose, point_velocity, rotation, unit
 
 
 class Scan(NamedTuple):
-    """One look: all that a tracker may know. Padding (mask false) may hold anything, even NaN.
+    """M detections at one instant: all that a tracker may know. Padding (mask false) may hold anything, even NaN.
 
-    Quantities of the sensor that made a detection have its axis M, or 1 where a single sensor made them all.
+    Fields about the sensor of a detection have the axis M, or 1 where a single sensor made all detections.
     """
 
     polar: NDArray  # (..., M, 3) range [m], azimuth in the sensor frame [rad], range rate [m/s]; NaN: not measured
@@ -53,12 +56,12 @@ class Scan(NamedTuple):
     @property
     def xy(self) -> NDArray:
         """Detections in the tracking frame, (..., M, 2) [m]."""
-        return self.pose[..., :2] + self.polar[..., :1] * self.sight
+        return self.pose[..., :2] + self.polar[..., :1] * self.sight  # (MOT.1)
 
     @property
     def ground_rate(self) -> NDArray:
         """Range rate over ground (..., M) [m/s]: 0 for all that stands still, NaN where not measured."""
-        return self.polar[..., 2] + (self.sight * self.velocity).sum(-1)
+        return self.polar[..., 2] + (self.sight * self.velocity).sum(-1)  # (MOT.2)
 
     def position_noise(self, default: float = np.nan) -> NDArray:
         """Covariance (..., M, 2, 2) [m^2] of each detection; `default` [m] where the noise is not known."""
@@ -68,7 +71,7 @@ class Scan(NamedTuple):
         across = r * self.noise[..., 1]
         std = np.stack([along, across], -1)
         std = np.where(np.isnan(std), default, std)
-        return (R * std[..., None, :] ** 2) @ R.mT
+        return (R * std[..., None, :] ** 2) @ R.mT  # (MOT.3)
 
 
 def check_scan(scan: Scan) -> None:
@@ -96,7 +99,7 @@ def check_scan(scan: Scan) -> None:
 
 @dataclass(frozen=True)
 class SensorModel:
-    """The data sheet of one mounted radar: what a tracker may know of it. Angles in rad, lengths in m."""
+    """The data sheet of one mounted radar, which a tracker may know. Angles in rad, lengths in m."""
 
     mount: tuple[float, float, float] = (0.0, 0.0, 0.0)  # x, y, heading in the frame of the vehicle's centre
     max_range: float = 100.0  # [m]
@@ -117,10 +120,10 @@ class SensorModel:
     def velocity(self, platform: NDArray) -> NDArray:
         """World velocity (..., 2) [m/s] of the sensor: platform velocity plus yaw rate times lever arm."""
         lever = (rotation(platform[..., 2]) @ np.asarray(self.mount[:2])[:, None])[..., 0]
-        return point_velocity(platform[..., 3:5], platform[..., 5], lever)
+        return point_velocity(platform[..., 3:5], platform[..., 5], lever)  # (RAD.1)
 
     def expected_count(self, distance: ArrayLike, outline: ArrayLike) -> NDArray:
         """Expected detections (...) of an object with `outline` [m] visible at `distance` [m]."""
         falloff = (15.0 / np.maximum(distance, 1.0)) ** self.count_falloff
         count = self.count_at_15m * falloff * np.sqrt(np.maximum(outline, 0.0) / 3.0)
-        return np.minimum(count, self.count_max)
+        return np.minimum(count, self.count_max)  # (RAD.9), (RAD.10)
