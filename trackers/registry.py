@@ -25,10 +25,10 @@ class Entry:
 
     name: str
     filter: Any  # a Filter
-    source: str  # paper
+    source: str  # paper, and the page of its method
 
 
-KOCH = Koch(rate_weight=0.3)  # as much as the other filters make of range rates
+KOCH = Koch(rate_weight=0.3)  # the weight of the other filters
 VMM = VirtualMeasurements(KOCH, GaussNewton(gain=0.1, damping=0.3))  # few detections a scan: small steps
 SPLINE = SplinePmht(
     "surround-car+surround-truck",
@@ -45,21 +45,33 @@ TRACKERS: Mapping[str, Entry] = MappingProxyType(
         for e in (
             Entry("rm-feldmann", RandomMatrix(), "Feldmann et al. (2011), as in Xia et al. (2020), eq. (13)-(15)"),
             Entry("rm-feldmann-matched", RandomMatrix(rho=0.55), "the same, rho matched to detections on the outline"),
-            Entry("rm-surface", RandomMatrix(surface=0.85), "ours: rm-feldmann, centred behind the side that is seen"),
-            Entry("rm-koch", KOCH, "Koch (2008), innovation corrected, with range rates; card rm_vmm, section 3"),
-            Entry("rm-vmm", VMM, "Hoher et al. (2022) on rm-koch, Gauss-Newton; card rm_vmm, sections 4 to 6"),
-            Entry("htg-rm", HTGOnline(rounds=1), "online truncation bounds, partial view; card htg_rm, section 4a"),
+            Entry("rm-surface", RandomMatrix(surface=0.85), "ours: rm-feldmann, centred behind the visible side"),
+            Entry(
+                "rm-koch", KOCH, "Koch (2008), innovation corrected, with range rates; docs/methods/random-matrices.md"
+            ),
+            Entry("rm-vmm", VMM, "Hoher et al. (2022) on rm-koch, Gauss-Newton; docs/methods/virtual-measurements.md"),
+            Entry(
+                "htg-rm",
+                HTGOnline(rounds=1),
+                "Xia et al. (2020), bounds from each scan; docs/methods/hierarchical-truncated-gaussians.md",
+            ),
             Entry("htg-rm-learned", HTGLearned(), "Xia et al. (2020), literal update on learned tables"),
             Entry(
                 "htg-rm-learned-n",
                 HTGLearned("surround-car+surround-truck", n_count=True, iterations=20),
-                "the same, repaired: converged, information of the true detections; card htg_rm, section 7",
+                "the same, repaired: converged, and counting detections only, not pseudo-measurements",
             ),
-            Entry("htg-mm", HTGMoment(), "moment-matched update on learned tables; card htg_rm, section 7"),
+            Entry("htg-mm", HTGMoment(), "ours: moment-matched update on learned tables"),
             Entry(
-                "htg-map", HTGMap(shape_std=(0.1, 0.15)), "ours: MAP update by Fisher scoring; card htg_rm, section 7"
+                "htg-map",
+                HTGMap(shape_std=(0.1, 0.15)),
+                "ours: maximum a posteriori update on learned tables, by Fisher scoring",
             ),
-            Entry("dra", DRA, "data-region association of Xu et al. (2023), one motion model; card dra_imm"),
+            Entry(
+                "dra",
+                DRA,
+                "data-region association of Xu et al. (2023), one motion model; docs/methods/data-regions.md",
+            ),
             Entry("dra-imm", DRA_IMM, "the same with interacting motion models"),
             Entry(
                 "edra-imm",
@@ -69,7 +81,7 @@ TRACKERS: Mapping[str, Entry] = MappingProxyType(
             Entry(
                 "pmht-spline",
                 SPLINE,
-                "Yao et al. (2021): ellipses on a B-spline, weighed by what the sensor sees; card bspline_pmht",
+                "Yao et al. (2021): ellipses on a B-spline, weighed by visibility; docs/methods/spline-pmht.md",
             ),
             Entry(
                 "pmht-spline-adaptive",
