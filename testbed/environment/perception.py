@@ -217,7 +217,7 @@ class Perception:
         if self.radar.rate is None or self._frequency is None:
             return True
         scans = self.radar.rate / self._frequency  # a frame
-        return int(self.steps * scans + 1e-9) > int((self.steps - 1) * scans + 1e-9)
+        return int(self.steps * scans + 1e-9) > int((self.steps - 1) * scans + 1e-9)  # (RAD.24)
 
     def _scan(self, action: str, plan: NDArray) -> None:
         """Read the scene, scan it, and give the scan to all trackers."""

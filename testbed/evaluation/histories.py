@@ -29,10 +29,10 @@ class History(NamedTuple):
         return self.counted & (self.track >= 0)
 
 
-def intervals(time: NDArray, where: NDArray) -> NDArray:
-    """Start and end (S, 2) [s] of each run of scans under `where` (F,); a run ends with the first scan after it.
+def periods(time: NDArray, where: NDArray) -> NDArray:
+    """Start and end (S, 2) [s] of each period of scans under `where` (F,); a period ends with the first scan after it.
 
-    >>> intervals(np.array([0.0, 1.0, 2.0, 3.0]), np.array([False, True, True, False])).tolist()
+    >>> periods(np.array([0.0, 1.0, 2.0, 3.0]), np.array([False, True, True, False])).tolist()
     [[1.0, 3.0]]
     """
     edge = np.diff(np.concatenate([[False], where, [False]]).astype(int))
@@ -41,8 +41,8 @@ def intervals(time: NDArray, where: NDArray) -> NDArray:
 
 
 def longest(time: NDArray, where: NDArray) -> float:
-    """Length [s] of the longest run of scans under `where` (F,), 0 without one."""
-    return float(np.max(intervals(time, where) @ np.array([-1.0, 1.0]), initial=0.0))
+    """Length [s] of the longest period of scans under `where` (F,), 0 without one."""
+    return float(np.max(periods(time, where) @ np.array([-1.0, 1.0]), initial=0.0))
 
 
 def switches(history: History) -> NDArray:
@@ -55,7 +55,7 @@ def switches(history: History) -> NDArray:
 def losses(history: History) -> NDArray:
     """Times [s] at which a once tracked, counted object had been without a track for `LOST_AFTER`."""
     once = np.logical_or.accumulate(history.held)
-    gaps = intervals(history.time, once & history.counted & (history.track < 0))
+    gaps = periods(history.time, once & history.counted & (history.track < 0))
     long = gaps[:, 1] - gaps[:, 0] >= LOST_AFTER - TIME_ROUNDING  # (MET.15)
     return gaps[long, 0] + LOST_AFTER
 

@@ -20,7 +20,7 @@ def history(track, counted=None, plain=None, covered=None, dt=1.0):
 def test_a_spell_lasts_until_the_first_scan_after_it():
     time = np.array([0.0, 0.5, 1.0, 2.0, 4.0])
     where = np.array([True, False, False, True, True])
-    assert histories.intervals(time, where).tolist() == [[0.0, 0.5], [2.0, 4.0]]
+    assert histories.periods(time, where).tolist() == [[0.0, 0.5], [2.0, 4.0]]
     assert histories.longest(time, where) == 2.0
     assert histories.longest(time, np.zeros(5, bool)) == 0.0
 
