@@ -166,10 +166,10 @@ def learn_spline(
     Example: [bold]testbed learn-spline sampler:surround:car --out car.json[/bold]
     """
     from testbed.learn.spline import SplineConfig, learn, report
-    from trackers.pmht.offline import Offline
+    from trackers.pmht.offline import OfflineLearning
 
     with user_input():
-        options = Offline(ellipses, points, visibility=visibility, mirrored=not no_mirror)
+        options = OfflineLearning(ellipses, points, visibility=visibility, mirrored=not no_mirror)
         config = SplineConfig(data, count, seed, options)
     learned = _learned(partial(learn, config, out))
     for part in report(learned):

@@ -72,10 +72,10 @@ class Classifying(Protocol):
     def classes(self) -> tuple[str, ...]:
         """Names of the classes."""
 
-    def attend(self, state: Any, where: NDArray) -> Any:
+    def learn_where(self, state: Any, where: NDArray) -> Any:
         """State that takes the next update as a look at whole objects where (...) is true, and learns of no others."""
 
-    def usual_size(self, state: Any) -> tuple[NDArray, NDArray]:
+    def class_size(self, state: Any) -> tuple[NDArray, NDArray]:
         """Size (..., 2) [m] that is usual for the classes and std (..., 2) of its logarithms; NaN while unknown."""
 
 

@@ -18,7 +18,7 @@ from testbed.files import write_json
 from testbed.learn.detections import CLASSES, sample
 from testbed.learn.spline import fit
 from trackers.pmht import classes, model
-from trackers.pmht.offline import Offline
+from trackers.pmht.offline import OfflineLearning
 
 ARTICULATED = (16.5, 2.55)  # [m] tractor unit and trailer
 
@@ -27,7 +27,7 @@ def learn(name: str, count: int, radar: str = "surround") -> model.SplineModel:
     """The model of a class from so many detections of all its sizes; its own size is the mean of the class."""
     detections = sample(sensors.find(radar), name, count, np.random.default_rng(0), table=CLASSES)
     length, width = ARTICULATED if name == "articulated" else CONTOURS[name].size.tolist()
-    return replace(fit(detections, Offline(), name)[0], size=(length, width))
+    return replace(fit(detections, OfflineLearning(), name)[0], size=(length, width))
 
 
 def main(

@@ -19,7 +19,7 @@ from testbed.learn.detections import Progress, TrainingDetections, check_sampler
 from testbed.learn.htg import PACKAGES, check_out
 from trackers.pmht import model as models
 from trackers.pmht.model import SplineModel
-from trackers.pmht.offline import Data, Learned, Offline
+from trackers.pmht.offline import LabelledDetections, LearnedContour, OfflineLearning
 
 FEW = 20  # detections of an ellipse, below which its place is hardly known
 
@@ -31,7 +31,7 @@ class SplineConfig:
     data: str  # see `testbed.learn.detections`
     count: int = 20000  # detections of the sampler
     seed: int = 0  # of the sampler
-    options: Offline = field(default_factory=Offline)
+    options: OfflineLearning = field(default_factory=OfflineLearning)
 
     def __post_init__(self) -> None:
         check_sampler(self.count, self.seed)
@@ -55,7 +55,7 @@ class LearnedModel(NamedTuple):
     """A learned model, what it was learned from, and where it was written."""
 
     model: SplineModel
-    learned: Learned
+    learned: LearnedContour
     detections: TrainingDetections
     path: Path
 
@@ -79,18 +79,23 @@ def learn(config: SplineConfig, out: str | Path, progress: Progress = lambda don
 
 
 def fit(
-    detections: TrainingDetections, options: Offline, name: str = "unnamed", progress: Progress = lambda *_: None
-) -> tuple[SplineModel, Learned]:
+    detections: TrainingDetections,
+    options: OfflineLearning,
+    name: str = "unnamed",
+    progress: Progress = lambda *_: None,
+) -> tuple[SplineModel, LearnedContour]:
     """The model of some detections."""
     size = np.array([4.6, 1.86]) if detections.size is None else detections.size.mean(0)
     noise = np.zeros((len(detections.u), 2, 2)) if detections.noise is None else detections.noise / 4
-    data = Data(detections.u / 2, noise, np.pi - detections.aspect)  # their unit box is [-1, 1]^2
+    data = LabelledDetections(detections.u / 2, noise, np.pi - detections.aspect)  # their unit box is [-1, 1]^2
     learned = options.run(data, size, lambda done, total: progress(done, total, f"fitting {name}"))
     length, width = (round(float(x), 3) for x in size)
     return SplineModel.of(name, *learned.contour, (length, width), round(learned.interior, 4)), learned
 
 
-def provenance(config: SplineConfig, detections: TrainingDetections, learned: Learned, out: Path) -> dict[str, Any]:
+def provenance(
+    config: SplineConfig, detections: TrainingDetections, learned: LearnedContour, out: Path
+) -> dict[str, Any]:
     """Where the numbers of a model come from, as flat JSON."""
     return {
         "command": config.command(out),

@@ -15,7 +15,7 @@ from trackers.dra.constraints import heading, rectangle
 from trackers.dra.flat_scan import FlatScan, flatten
 from trackers.dra.measurement import LinearisedRegions, RegionResiduals, linearise_regions, residuals
 from trackers.dra.parameters import MODELS, Parameters
-from trackers.dra.posterior import RegionPosterior, UpdateForm, softmax
+from trackers.dra.posterior import RegionPosterior, RegionUpdate, softmax
 from trackers.dra.regions import gates, region_moments
 from trackers.dra.sequential import sequential
 from trackers.dra.soft import soft
@@ -51,7 +51,7 @@ class DataRegion:
 
     models: tuple[str, ...] = MODELS
     prior: str = "rays"  # of the regions, or "uniform" as in DRA
-    form: str | UpdateForm = "sequential"  # moment matching after each detection; "soft", or one's own
+    form: str | RegionUpdate = "sequential"  # moment matching after each detection; "soft", or one's own
     parameters: str | Parameters = "recommended"  # or another of PARAMETERS, or one's own
     passes: int = 3  # of the soft form
     sigma_range: float = 0.1  # [m] noise where a scan does not state it, as the two below
@@ -66,7 +66,7 @@ class DataRegion:
         if self.prior not in PRIORS:
             raise ValueError(f"prior must be one of {', '.join(PRIORS)}, got {self.prior!r}")
         if isinstance(self.form, str) and self.form not in FORMS:
-            raise ValueError(f"form must be one of {', '.join(FORMS)} or an UpdateForm, got {self.form!r}")
+            raise ValueError(f"form must be one of {', '.join(FORMS)} or an RegionUpdate, got {self.form!r}")
         if self.passes < 1:
             raise ValueError(f"passes must be at least 1, got {self.passes}")
         chain(len(self.models), self.numbers.stay, 1.0)

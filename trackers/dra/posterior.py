@@ -23,7 +23,7 @@ class RegionPosterior(NamedTuple):
     log_c1: NDArray  # (B, K) log likelihood of all detections
 
 
-class UpdateForm(Protocol):
+class RegionUpdate(Protocol):
     """A form of the update that is not built in, such as `testbed.papers.xu2023.enumeration.Enumeration`."""
 
     def posterior(self, regions: LinearisedRegions, residuals: RegionResiduals, flat: FlatScan) -> RegionPosterior:

@@ -137,7 +137,7 @@ class MultiObjectTracker:
     def _predict(self, tracks: Tracks, dt: float) -> Tracks:
         state = self.filter.predict(tracks.state, dt)
         estimate = self.filter.estimate(state)
-        usual = None if self.classifying is None else self.classifying.usual_size(state)
+        usual = None if self.classifying is None else self.classifying.class_size(state)
         size, size_std = self.sizes.relax(estimate.size, estimate.size_std, dt, usual)
         state = self._resize(state, size, size_std)
         return tracks._replace(state=state, estimate=self.filter.estimate(state), age=tracks.age + dt)
@@ -167,7 +167,7 @@ class MultiObjectTracker:
         if n.any():
             share = gather(z, shares(claims.owner, T, self.most_detections))
             if self.classifying is not None:
-                state = self.classifying.attend(state, view.complete > self.complete_above)
+                state = self.classifying.learn_where(state, view.complete > self.complete_above)
             state, info = self.filter.update(state, share)
             nis, mode, notes = info.nis, getattr(info, "mode", None), getattr(info, "notes", ())
         updated = tracks._replace(

@@ -1,16 +1,16 @@
 """pmht-spline-adaptive: pmht-spline that learns class and contour of each object from its detections, on the way.
 
-Symbols and equations: card bspline_pmht, sections 7 and 8, after Yao et al. (2021), whose adaptation is one batch with
-a view from all sides. Ours goes on while the loop runs and sees one to three sides.
+Equations: docs/methods/spline-pmht.md and docs/methods/smoothing.md, after Yao et al. (2021), whose adaptation is one
+batch with a view from all sides. Ours goes on while the filter runs and sees one to three sides.
 
-The rule. Each object keeps its last looks. When they span `span` seconds and hold `least` detections, or the window is
-full, its turn may come: the smoothed states (12) take the motion out of the detections (14), which join a pool of the
-newest ones of each of the directions that it was seen from. With the next look the pool is compared with the catalogue
-of classes. Looks at a part of an object, cut off by the edge of a field of view or hidden by others, count for neither:
-half a car looks like a motorcycle. Once `Learner.enough` of its detections are new, looks with a few steps of
-expectation maximisation each follow, and in the last the filter takes the new contour over. No more than `at_once`
-objects have a turn in one look, first those that have begun, then those that have waited longest; so the cost of a look
-is bounded, whatever the number of objects.
+Each object keeps its last scans. When they span `span` seconds and hold `least` detections, or the window is full, its
+turn may come: smoothed states take the motion out of the detections, which join a pool of the newest ones for each
+direction that the object was seen from. In the next update the pool is compared with the catalogue of classes. Once
+`Learner.enough` of its detections are new, updates with a few steps of expectation maximisation follow, and in the last
+one the filter takes the new contour. Detections of a scan that shows a part of an object, cut off by the edge of a
+field of view or hidden by others, are not kept: half a car looks like a motorcycle. At most `at_once` objects have a
+turn in one update, first those that have begun, then those that have waited longest, so the cost of an update is
+bounded for any number of objects.
 """
 
 from dataclasses import dataclass
@@ -28,29 +28,29 @@ from trackers.pmht.adaptive_state import AdaptiveState, forgotten, index, plain
 from trackers.pmht.filter import TRUCK_ABOVE, SplinePmht
 from trackers.pmht.info import SplineInfo
 from trackers.pmht.learner import Learner
-from trackers.pmht.learning import Contour
+from trackers.pmht.learning import SplineContour
 from trackers.pmht.motion import predicted
 from trackers.pmht.state import LENGTH, moments_of, resized
 from trackers.protocols import Note
 from trackers.scan import Scan
 
-TOLD = 0.2  # [m] by which a comparison with the classes moves an outline, above which it is told
+NOTED_ABOVE = 0.2  # [m] that a comparison with the classes has to move an outline to be noted
 
 
 @dataclass(frozen=True)
 class AdaptiveSpline:
-    """A `SplinePmht` with a class and a contour of its own for every object."""
+    """A `SplinePmht` that learns class and contour of every object."""
 
     learner: Learner
-    window: int = 32  # looks that are kept
-    kept: int = 16  # detections of a look that are kept
-    span: float = 0.5  # [s] of looks before a turn
-    least: int = 25  # detections in them; or the window is full
-    at_once: int = 1  # objects that have a turn in one look
-    bins: int = 8  # directions to an object
-    room: int = 40  # detections of each
-    hysteresis: float = 0.3  # [m] of the length at which objects of unknown class change the contour they started from
-    out_of_class: float = 3.0  # standard deviations of log length, beyond which a restart makes the class unknown
+    window: int = 32  # scans that are kept
+    kept: int = 16  # detections of a scan that are kept
+    span: float = 0.5  # [s] of scans before a turn
+    least: int = 25  # detections before a turn, unless the window is full
+    at_once: int = 1  # objects that have a turn in one update
+    bins: int = 8  # directions that an object is seen from
+    room: int = 40  # detections kept of each direction
+    hysteresis: float = 0.3  # [m] about the length that divides the two contours of objects of unknown class
+    out_of_class: float = 3.0  # standard deviations of log length beyond which a restart forgets the class
 
     def __post_init__(self) -> None:
         if min(self.window, self.kept, self.at_once, self.bins, self.room) < 1:
@@ -66,17 +66,17 @@ class AdaptiveSpline:
 
     @property
     def spline(self) -> SplinePmht:
-        """The filter that follows the objects."""
+        """The filter that tracks the objects."""
         return self.learner.spline
 
     @property
     def angles(self) -> tuple[int, ...]:
-        """As of `SplinePmht`."""
+        """Components of m that are angles, as of `SplinePmht`."""
         return self.spline.angles
 
     @property
     def classes(self) -> tuple[str, ...]:
-        """What `Estimate.class_probability` is about."""
+        """Names of the classes of `Estimate.class_probability`."""
         return self.learner.catalogue.names
 
     # -- the verbs --------------------------------------------------------------------------------------------------
@@ -86,18 +86,18 @@ class AdaptiveSpline:
         check_estimate(estimate)
         m, P = moments_of(estimate)
         kind = self.learner.by_length(m[..., LENGTH])
-        p, Sigma, sight = (a[kind] for a in self.learner.offline)
+        p, Sigma, visible = (a[kind] for a in self.learner.offline)
         lead, zero = m.shape[:-1], np.zeros(m.shape[:-1], int)
         return AdaptiveState(
-            *(m, P, p, Sigma, sight, kind),
+            *(m, P, p, Sigma, visible, kind),
             cross=P,
             window=windows.empty(lead, self.window, self.kept),
             pool=pools.empty(lead, self.bins, self.room),
-            draft=Contour(p, Sigma),
+            draft=SplineContour(p, Sigma),
             stage=zero,
             fresh=zero,
             probability=self.learner.catalogue.by_size(estimate.size, estimate.size_std),
-            whole=np.ones(lead, bool),
+            complete=np.ones(lead, bool),
         )
 
     def predict(self, state: AdaptiveState, dt: float) -> AdaptiveState:
@@ -107,7 +107,7 @@ class AdaptiveSpline:
         if dt == 0:
             return state
         moved = predicted(state.m, state.P, self.spline.walk, dt)
-        cross = state.cross @ np.linalg.solve(state.P, moved.D)
+        cross = state.cross @ np.linalg.solve(state.P, moved.D)  # (SM.9)
         window = state.window._replace(time=state.window.time + dt)
         return state._replace(m=moved.mean, P=moved.cov, cross=cross, window=window)
 
@@ -117,21 +117,21 @@ class AdaptiveSpline:
         some = info.n > 0
         if not some.any():
             return state, info
-        seen = self.spline.relative(state.m, scan, scan.xy)
-        seen = seen._replace(mask=seen.mask & state.whole[..., None])
-        gain = np.linalg.solve(state.P, state.cross.mT).mT
-        window = windows.cleared(state.window, info.lost & some)  # the past does not lead there
-        window = windows.record(window, own.m, state.m, gain, seen, scan.pose[..., :2], some)
+        detections = self.spline.relative(state.m, scan, scan.xy)
+        detections = detections._replace(mask=detections.mask & state.complete[..., None])
+        gain = np.linalg.solve(state.P, state.cross.mT).mT  # (SM.9)
+        window = windows.cleared(state.window, info.lost & some)  # a jump is no motion that could be smoothed over
+        window = windows.record(window, own.m, state.m, gain, detections, scan.pose[..., :2], some)
         cross = np.where(some[..., None, None], own.P, state.cross)
         new, notes = self._learn(state._replace(m=own.m, P=own.P, cross=cross, window=window), some)
         return new, info._replace(notes=(*info.notes, *notes))
 
     def estimate(self, state: AdaptiveState) -> Estimate:
-        """Box along the heading, the contour as it is known now, and how probable each class is."""
+        """Box along the heading, the contour learned so far, and the probabilities of the classes."""
         return self.spline.estimate(plain(state))._replace(class_probability=state.probability.copy())
 
     def resize(self, state: AdaptiveState, size: NDArray, size_std: NDArray) -> AdaptiveState:
-        """State with another size (..., 2) [m]; one that is now of the other model starts from its contour."""
+        """State with another size (..., 2) [m] and std; an object of unknown class may change its contour by length."""
         m, P = resized(state.m, state.P, size, size_std)
         shrunk = np.ones(m.shape)
         before = state.P.diagonal(axis1=-2, axis2=-1)[..., LENGTH:]
@@ -139,22 +139,22 @@ class AdaptiveSpline:
         return self._of_its_length(state._replace(m=m, P=P, cross=state.cross * shrunk[..., None, :]))
 
     def restart(self, state: AdaptiveState, estimate: Estimate) -> AdaptiveState:
-        """State that starts again from an estimate; what a class and a contour were learned from goes.
+        """State that starts again from an estimate and forgets its detections.
 
-        The contour that was learned stays, unless the new length is none of its class.
+        Class and contour stay, unless the new length does not fit the class.
         """
         fresh = self.init(estimate)
         new = forgotten(state._replace(m=fresh.m, P=fresh.P, cross=fresh.P), np.ones(state.stage.shape, bool))
-        usual, std = self.usual_size(state)
-        d = np.abs(np.log(estimate.size / usual) / std)[..., 0]
+        size, std = self.class_size(state)
+        d = np.abs(np.log(estimate.size / size) / std)[..., 0]
         return self._of_its_length(select(d > self.out_of_class, fresh, new))
 
-    def attend(self, state: AdaptiveState, where: NDArray) -> AdaptiveState:
-        """State that learns from the next update where (...) is true; without this verb it learns from every one."""
-        return state._replace(whole=where)
+    def learn_where(self, state: AdaptiveState, where: NDArray) -> AdaptiveState:
+        """State that learns from the next update only where (...) is true; it learns from every one by default."""
+        return state._replace(complete=where)
 
-    def usual_size(self, state: AdaptiveState) -> tuple[NDArray, NDArray]:
-        """Size (..., 2) [m] that is usual for the classes of objects and std of its logarithms; NaN if unknown."""
+    def class_size(self, state: AdaptiveState) -> tuple[NDArray, NDArray]:
+        """Mean size (..., 2) [m] of the classes of the objects and std of its logarithms; NaN where not known."""
         which = state.kind - len(self.spline.models)
         known = (which >= 0)[..., None]
         catalogue = self.learner.catalogue
@@ -165,7 +165,7 @@ class AdaptiveSpline:
         return self.spline.log_spatial(plain(state), scan, track, detection)
 
     def _of_its_length(self, state: AdaptiveState) -> AdaptiveState:
-        """Objects of unknown class that have become long, or short, start again from the other contour."""
+        """The state where objects of unknown class that became long, or short, start again from the other contour."""
         if len(self.spline.models) == 1:
             return state
         edge = TRUCK_ABOVE + np.where(state.kind == 0, self.hysteresis, -self.hysteresis)
@@ -177,9 +177,9 @@ class AdaptiveSpline:
     # -- turns ------------------------------------------------------------------------------------------------------
 
     def _learn(self, state: AdaptiveState, some: NDArray) -> tuple[AdaptiveState, tuple[Note, ...]]:
-        """Turns of those that are next, of the objects that have a detection."""
+        """One stage for the objects whose turn it is, among those with a detection, and notes of what changed."""
         window, lead = state.window, state.stage.shape
-        full = window.looks >= self.window
+        full = window.scans >= self.window
         ready = (window.time >= self.span) & (window.detections >= np.where(full, 1, self.least))
         waited = np.where(state.stage > 0, np.inf, np.where(ready, window.time, -1.0))
         rank = np.where(some, waited, -1.0).ravel()
@@ -201,18 +201,18 @@ class AdaptiveSpline:
             after = learn(before)
             state = put(state, at, after)
             if kind:
-                notes += self._told(kind, before, after, rows, lead)
+                notes += self._notes(kind, before, after, rows, lead)
         return state, tuple(notes)
 
-    def _told(
+    def _notes(
         self, kind: str, before: AdaptiveState, after: AdaptiveState, rows: NDArray, lead: tuple[int, ...]
     ) -> list[Note]:
-        """A note for each of the objects rows (A,) whose contour or place has changed: contours in its frame of now."""
+        """A note for each of the objects rows (A,) whose contour or place changed; both contours in its new frame."""
         rings = [self.learner.outlines_of(s) for s in (before, after)]
         rings[0] = to_frame(after.m[:, : PHI + 1], to_world(before.m[:, : PHI + 1], rings[0]))
         pairs = np.stack(rings, -3)
         notes = []
-        jumped = np.abs(rings[1] - rings[0]).max((-1, -2)) > TOLD
+        jumped = np.abs(rings[1] - rings[0]).max((-1, -2)) > NOTED_ABOVE
         for a in np.flatnonzero(jumped | (before.p != after.p).any((-1, -2))):
             where, contours = np.zeros(lead, bool), np.zeros((*lead, *pairs.shape[1:]))
             at = np.unravel_index(rows[a], lead)
@@ -223,7 +223,7 @@ class AdaptiveSpline:
         return notes
 
     def _reason(self, kind: str, before: AdaptiveState, after: AdaptiveState) -> str:
-        """Why the contour of one object has changed."""
+        """Why the contour of one object changed."""
         if kind == "adapted":
             sides = pools.ends_seen(before.pool, before.m, self.learner.seen_from).sum()
             count = before.pool.all.mask.sum()

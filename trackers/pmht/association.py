@@ -1,7 +1,8 @@
-"""Which ellipse made which detection: probabilities, and one synthetic detection an ellipse; card bspline_pmht, 5.
+"""Which ellipse made which detection: probabilities, and one synthetic detection an ellipse.
 
-Arrays over detections and ellipses are (..., M, L); positions are relative to the object's centre, because expanded
-squares lose digits far from the origin. Covariances are columns xx, xy, yy, see `symmetric.py`.
+Equations: docs/methods/spline-pmht.md. Arrays over detections and ellipses are (..., M, L); positions are relative to
+the object's centre, because expanded squares lose digits far from the origin. Covariances are columns xx, xy, yy, see
+`symmetric.py`.
 """
 
 from typing import NamedTuple
@@ -13,26 +14,26 @@ LOG_2PI = float(np.log(2 * np.pi))
 LEAST_WEIGHT = 1e-9  # of an ellipse, below which it has no detection
 
 
-class Seen(NamedTuple):
-    """Detections of objects, relative to a point of each."""
+class RelativeDetections(NamedTuple):
+    """Detections of objects, each relative to a point of its object."""
 
     z: NDArray  # (..., 2, M) [m], 0 for padding
     R: NDArray  # (..., 3, M or 1) noise [m^2], the identity for padding
     mask: NDArray  # (..., M)
 
 
-class Synthetic(NamedTuple):
-    """What the detections say about each ellipse."""
+class SyntheticDetections(NamedTuple):
+    """One detection for each ellipse, made of those that it got a share of."""
 
     M: NDArray  # (..., L) sum of the weights
     z: NDArray  # (..., 2, L) [m] mean; without a detection anything
     R: NDArray  # (..., 3, L or 1) mean noise [m^2]
 
 
-def log_density(seen: Seen, c: NDArray, C: NDArray) -> NDArray:
+def log_density(detections: RelativeDetections, c: NDArray, C: NDArray) -> NDArray:
     """Log N(z_i; c_l, C_l + R_i) (..., M, L) for centres c (..., 2, L) [m] and covariances C (..., 3, L) [m^2]."""
-    d = seen.z[..., None] - c[..., None, :]
-    S = C[..., None, :] + seen.R[..., None]
+    d = detections.z[..., None] - c[..., None, :]
+    S = C[..., None, :] + detections.R[..., None]
     dx, dy, xx, xy, yy = d[..., 0, :, :], d[..., 1, :, :], S[..., 0, :, :], S[..., 1, :, :], S[..., 2, :, :]
     det = xx * yy - xy * xy
     S = S / (-2 * det)[..., None, :, :]
@@ -45,7 +46,7 @@ def log_density(seen: Seen, c: NDArray, C: NDArray) -> NDArray:
     dy *= dy
     dy *= S[..., 0, :, :]
     value += dy
-    value += log_norm
+    value += log_norm  # (PMHT.10), log N
     return value
 
 
@@ -56,21 +57,23 @@ def responsibilities(log_joint: NDArray, mask: NDArray, rest: NDArray | float) -
     top = np.maximum(log_joint.max(-1, keepdims=True), log_rest)
     w = log_joint - top
     np.exp(w, out=w)
-    w *= mask[..., None] / (w.sum(-1, keepdims=True) + np.exp(log_rest - top))
+    w *= mask[..., None] / (w.sum(-1, keepdims=True) + np.exp(log_rest - top))  # (PMHT.10)
     return w
 
 
-def synthesise(w: NDArray, seen: Seen) -> Synthetic:
-    """Synthetic detections from the weights (..., M, L)."""
-    M = w.sum(-2)
-    share = w / np.maximum(M, LEAST_WEIGHT)[..., None, :]
-    return Synthetic(M, seen.z @ share, seen.R @ share if seen.R.shape[-1] == share.shape[-2] else seen.R)
+def synthesise(w: NDArray, detections: RelativeDetections) -> SyntheticDetections:
+    """SyntheticDetections detections from the weights (..., M, L)."""
+    M = w.sum(-2)  # (PMHT.11)
+    share = w / np.maximum(M, LEAST_WEIGHT)[..., None, :]  # (PMHT.11)
+    each = detections.R.shape[-1] == share.shape[-2]  # each detection has its own noise
+    return SyntheticDetections(M, detections.z @ share, detections.R @ share if each else detections.R)  # (PMHT.11)
 
 
 def outlier_density(clutter: float, expected: float) -> float:
-    """Density eps [1/m^2] of the responsibilities, from false alarms clutter [1/m^2] and detections expected a scan.
+    """Density eps [1/m^2] of (PMHT.10), from false alarms clutter [1/m^2] and expected detections of the object a scan.
 
-    A detection is of ellipse l with N_obj pi_l N_il, of the clutter with its intensity; eps is the ratio (card, C5).
+    Ellipse l makes detections with intensity `expected` pi_l N_il, clutter with its own; eps is the clutter's over
+    `expected`. Raises ValueError for a negative density or no expected detection.
     """
     if not (clutter >= 0 and expected > 0):
         raise ValueError(f"clutter must be >= 0 and expected > 0, got {clutter} and {expected}; per m^2 and per scan")

@@ -1,12 +1,13 @@
 """Which class of contour an object has: the likelihood of its detections under a catalogue of learned contours.
 
-Each class is a hypothesis about the whole body. Its contour is placed at its own usual size, so that the end which was
-seen lies where the track has it, and then fitted to the pooled detections: position along and across, length and width,
-each tied to what is usual for the class. The fit is the PMHT of the filter itself, in its own frame and without
-motion. The class that explains the detections best where it would give any is the most probable one.
+Equations: docs/methods/spline-pmht.md. Each class is a hypothesis about the complete body. Its contour is placed at the
+mean size of the class, so that the end which was seen lies where the track has it, and then fitted to the pooled
+detections: position along and across, length and width, each with a prior of the class. The fit is the PMHT of the
+filter itself, in the frame of the body and without motion. The probability of a class is the likelihood of its fit
+times the share of the class in traffic.
 
-Detections of one body are not independent: they share the error of the pose, and those of the next look come from the
-same points. So each counts for a part of one.
+Detections of one body are not independent: they share the error of the pose, and those of the next scan come from the
+same points. So each counts for less than one detection.
 """
 
 from dataclasses import dataclass
@@ -17,9 +18,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.pmht.association import Seen, log_density, responsibilities, synthesise
+from trackers.pmht.association import RelativeDetections, log_density, responsibilities, synthesise
 from trackers.pmht.ellipses import BOX_COLUMN
-from trackers.pmht.filter import shown
+from trackers.pmht.filter import typical_visibility
 from trackers.pmht.model import SHIPPED, SplineModel, load
 from trackers.pmht.symmetric import columns, determinant, squares
 from trackers.pmht.visibility import directions, weights
@@ -28,10 +29,10 @@ FOLDER = SHIPPED / "classes"
 NAMES = ("car", "van", "truck", "bus", "articulated", "tractor", "motorcycle")
 
 
-class Fits(NamedTuple):
-    """Each class fitted to T objects."""
+class ClassFits(NamedTuple):
+    """Each of C classes fitted to T objects."""
 
-    evidence: NDArray  # (T, C) log likelihood at the fit, less what place and size are tied with, and log share
+    evidence: NDArray  # (T, C) log likelihood, log prior of place and size, and log share of the class, at the fit
     offset: NDArray  # (T, C, 2) [m] of the centre, in the frame of the body
     size: NDArray  # (T, C, 2) [m]
     size_std: NDArray  # (T, C, 2) [m]
@@ -43,16 +44,16 @@ class Catalogue:
 
     names: tuple[str, ...] = NAMES
     shares: tuple[float, ...] = (0.6, 0.12, 0.1, 0.05, 0.06, 0.02, 0.05)  # of the classes in traffic
-    folder: str | None = None  # of the models, NAME.json each; those that are shipped without it
-    counts: float = 0.3  # of one independent detection, that each counts for
-    length_std: float = 0.12  # of the logarithms, within a class
+    folder: str | None = None  # with a NAME.json for each class; None: those that come with the package
+    counts: float = 0.3  # independent detections that each detection counts for, (PMHT.35)
+    length_std: float = 0.12  # of the logarithm of the length within a class
     width_std: float = 0.05
     place_std: float = 0.6  # [m] of the seen end about where the track has it
     blur: float = 0.03  # [m] error of the pose that the detections were decoupled with
     outliers: float = 1e-5  # [1/m^2] density of what no contour explains
     iterations: int = 3
-    unseen: float = 0.1  # see `filter.SplinePmht`, as the next
-    grazing: float = 0.5
+    unseen: float = 0.1  # (PMHT.22)
+    grazing: float = 0.5  # (PMHT.21)
 
     def __post_init__(self) -> None:
         if len(self.shares) != len(self.names) or min(self.shares) <= 0:
@@ -90,42 +91,43 @@ class Catalogue:
 
     @cached_property
     def size(self) -> NDArray:
-        """Usual length and width (C, 2) [m]."""
+        """Mean length and width (C, 2) [m] of the classes."""
         return np.array([model.size for model in self.models])
 
     @cached_property
-    def sight(self) -> NDArray:
-        """What is seen (C, A, L) of each contour at its typical size."""
-        return np.stack([shown(model, self.grazing) for model in self.models])
+    def visible(self) -> NDArray:
+        """Visibility tables (C, A, L) of the contours at their typical sizes."""
+        return np.stack([typical_visibility(model, self.grazing) for model in self.models])
 
     @property
     def size_std(self) -> NDArray:
         """Standard deviations (2,) of log length and log width within a class."""
         return np.array([self.length_std, self.width_std])
 
-    def fit(self, seen: Seen, sensor: NDArray, size: NDArray, ends: NDArray) -> Fits:
+    def fit(self, detections: RelativeDetections, sensor: NDArray, size: NDArray, ends: NDArray) -> ClassFits:
         """The classes fitted to the detections of T objects.
 
         Args:
-            seen: detections (T, 2, D) [m] in the frame of the body.
-            sensor: (T, D, 2) [m] where each was seen from, in that frame.
+            detections: (T, 2, D) [m] in the frame of the body.
+            sensor: (T, D, 2) [m] places of their sensors in that frame.
             size: (T, 2) [m] of the tracks.
             ends: (T, 2, 2) bool, which ends were seen: rear and front, right and left.
 
         """
-        z = Seen(seen.z[:, None], seen.R[:, None] + self.blur**2 * np.array([[1.0], [0.0], [1.0]]), seen.mask[:, None])
-        usual = np.broadcast_to(self.size, (len(size), *self.size.shape))  # (T, C, 2)
-        beyond = (usual - size[:, None]) / 2
+        noise = detections.R[:, None] + self.blur**2 * np.array([[1.0], [0.0], [1.0]])
+        z = RelativeDetections(detections.z[:, None], noise, detections.mask[:, None])
+        class_size = np.broadcast_to(self.size, (len(size), *self.size.shape))  # (T, C, 2)
+        beyond = (class_size - size[:, None]) / 2
         one = ends[..., 0].astype(int) - ends[..., 1]  # 1 where the low end alone was seen
-        start = one[:, None] * beyond
+        start = one[:, None] * beyond  # (PMHT.34), prior mean of o
         loose = np.where(one[:, None] == 0, beyond, 0.0)
-        prior = np.stack([start, usual], -1)  # (T, C, 2, 2): axis, offset and size
-        std = np.stack([np.hypot(self.place_std, loose), usual * self.size_std], -1)
+        prior = np.stack([start, class_size], -1)  # (T, C, 2, 2): axis, offset and size
+        std = np.stack([np.hypot(self.place_std, loose), class_size * self.size_std], -1)
         theta = prior
         c = self.mu * theta[..., 1, None] + theta[..., 0, None]
-        toward = directions(c, np.zeros(usual.shape[:-1]), sensor[:, None])
-        sight = np.broadcast_to(self.sight, (len(size), *self.sight.shape))
-        pi = np.maximum(weights(sight, toward, self.unseen), 1e-12)  # (T, C, D, L)
+        toward = directions(c, np.zeros(class_size.shape[:-1]), sensor[:, None])
+        visible = np.broadcast_to(self.visible, (len(size), *self.visible.shape))
+        pi = np.maximum(weights(visible, toward, self.unseen), 1e-12)  # (T, C, D, L), (PMHT.22)
         for _ in range(self.iterations):
             on, rest = self._densities(z, theta, pi)
             w = responsibilities(on, z.mask, rest)
@@ -134,13 +136,12 @@ class Catalogue:
         share = np.array([model.interior for model in self.models])[:, None, None]
         each = np.log((1 - share) * (np.exp(on).sum(-1, keepdims=True) + rest))[..., 0]
         deviation = (theta - prior) / std
-        evidence = (
-            np.log(self.shares) + self.counts * np.where(z.mask, each, 0.0).sum(-1) - 0.5 * (deviation**2).sum((-1, -2))
-        )
-        return Fits(evidence, theta[..., 0], theta[..., 1], np.sqrt(var[..., 1]))
+        fit = self.counts * np.where(z.mask, each, 0.0).sum(-1)
+        evidence = np.log(self.shares) + fit - 0.5 * (deviation**2).sum((-1, -2))  # (PMHT.35)
+        return ClassFits(evidence, theta[..., 0], theta[..., 1], np.sqrt(var[..., 1]))
 
-    def _densities(self, z: Seen, theta: NDArray, pi: NDArray) -> tuple[NDArray, NDArray]:
-        """Log of pi_l N_il (T, C, D, L), and the density (T, C, D, 1) [1/m^2] of all else beside them."""
+    def _densities(self, z: RelativeDetections, theta: NDArray, pi: NDArray) -> tuple[NDArray, NDArray]:
+        """Log of pi_l N_il (T, C, D, L), and the density (T, C, D, 1) [1/m^2] of inside and outliers beside them."""
         s, o = theta[..., 1], theta[..., 0]
         scale = squares(s)
         on = log_density(z, self.mu * s[..., None] + o[..., None], self.Sigma * scale)
@@ -148,8 +149,10 @@ class Catalogue:
         share = np.array([model.interior for model in self.models])[:, None, None]
         return on + np.log(pi), share / (1 - share) * within + self.outliers
 
-    def _solved(self, z: Seen, theta: NDArray, w: NDArray, prior: NDArray, std: NDArray) -> tuple[NDArray, NDArray]:
-        """Offset and size (T, C, 2, 2) that go best with the weights w (T, C, D, L), and their variances."""
+    def _solved(
+        self, z: RelativeDetections, theta: NDArray, w: NDArray, prior: NDArray, std: NDArray
+    ) -> tuple[NDArray, NDArray]:
+        """Offset and size (T, C, 2, 2) by axis given the weights w (T, C, D, L), and their variances, (PMHT.34)."""
         synthetic = synthesise(w, z)
         V = self.Sigma * squares(theta[..., 1]) + synthetic.R
         part = self.counts * synthetic.M / determinant(V)
@@ -164,7 +167,7 @@ class Catalogue:
                 H[..., 2 * a : 2 * a + 2, 2 * b : 2 * b + 2] += JW @ J[:, b].mT
                 h[..., 2 * a : 2 * a + 2] += (JW @ synthetic.z[..., b, :, None])[..., 0]
         cov = np.linalg.inv(H)
-        new = (cov @ h[..., None])[..., 0].reshape(theta.shape)
+        new = (cov @ h[..., None])[..., 0].reshape(theta.shape)  # (PMHT.34)
         new[..., 1] = np.maximum(new[..., 1], 0.5 * prior[..., 1])
         return new, cov.diagonal(axis1=-2, axis2=-1).reshape(theta.shape)
 
@@ -174,7 +177,7 @@ class Catalogue:
         return p / p.sum(-1, keepdims=True)
 
     def by_size(self, size: NDArray, size_std: NDArray) -> NDArray:
-        """Probabilities (..., C) of objects of which the size (..., 2) [m] and its std (..., 2) [m] are known."""
+        """Probabilities (..., C) of objects by their size (..., 2) [m] and its std (..., 2) [m] alone."""
         var = self.size_std**2 + ((size_std / size) ** 2)[..., None, :]
         d = np.log(size)[..., None, :] - np.log(self.size)
-        return self.probability(np.log(self.shares) - 0.5 * (d**2 / var + np.log(var)).sum(-1))
+        return self.probability(np.log(self.shares) - 0.5 * (d**2 / var + np.log(var)).sum(-1))  # (PMHT.36)

@@ -1,4 +1,7 @@
-"""The ellipses of objects in the plane, and what comes from inside them."""
+"""The ellipses of objects in the plane, and detections from inside the body.
+
+Equations: docs/methods/spline-pmht.md.
+"""
 
 from typing import NamedTuple
 
@@ -8,7 +11,7 @@ from numpy.typing import NDArray
 from trackers.geometry import rotation
 from trackers.linalg import I2
 from trackers.motion import PHI
-from trackers.pmht.association import Seen, log_density
+from trackers.pmht.association import RelativeDetections, log_density
 from trackers.pmht.state import LENGTH, SplineState
 from trackers.pmht.symmetric import columns, congruence
 
@@ -16,15 +19,15 @@ BOX = I2 / 12  # covariance of points even over the unit box
 BOX_COLUMN = columns(BOX[None])  # (3, 1)
 
 
-class Shape(NamedTuple):
-    """The contour of objects in the unit frame."""
+class UnitEllipses(NamedTuple):
+    """The ellipses of objects in the unit frame, and a box that detections come from anywhere in."""
 
     mu: NDArray  # (..., 2, L) centres of the ellipses
     Sigma: NDArray  # (..., 3, L + 1) their covariances, and that of the box
 
 
-class Placed(NamedTuple):
-    """The ellipses of an object in the plane, relative to some point; the box as one more ellipse."""
+class PlacedEllipses(NamedTuple):
+    """The same in the plane, relative to some point."""
 
     c: NDArray  # (..., 2, L) [m]
     E: NDArray  # (..., 3, L) [m^2]
@@ -32,23 +35,23 @@ class Placed(NamedTuple):
     box: NDArray  # (..., 3, 1) [m^2]
 
 
-def shape_of(N: NDArray, state: SplineState) -> Shape:
-    """The shapes of states; N (L, n_c) are the weights of the control points."""
+def unit_ellipses(N: NDArray, state: SplineState) -> UnitEllipses:
+    """The ellipses of states; N (L, n_c) are the weights of the control points, (PMHT.3)."""
     lead = state.Sigma.shape[:-3]
     box = np.broadcast_to(BOX_COLUMN, (*lead, 3, 1))
-    return Shape((N @ state.p).mT, np.concatenate([columns(state.Sigma), box], -1))
+    return UnitEllipses((N @ state.p).mT, np.concatenate([columns(state.Sigma), box], -1))
 
 
-def place(shape: Shape, m: NDArray, origin: NDArray) -> Placed:
-    """The ellipses of the states m (..., 7), relative to origin (..., 2) [m]."""
-    A = rotation(m[..., PHI]) * m[..., None, LENGTH:]
+def place(ellipses: UnitEllipses, m: NDArray, origin: NDArray) -> PlacedEllipses:
+    """The ellipses at the states m (..., 7), relative to origin (..., 2) [m]."""
+    A = rotation(m[..., PHI]) * m[..., None, LENGTH:]  # (PMHT.3)
     centre = (m[..., :2] - origin)[..., None]
-    E = congruence(A) @ shape.Sigma
-    return Placed(A @ shape.mu + centre, E[..., :-1], centre, E[..., -1:])
+    E = congruence(A) @ ellipses.Sigma  # (PMHT.8)
+    return PlacedEllipses(A @ ellipses.mu + centre, E[..., :-1], centre, E[..., -1:])  # (PMHT.8)
 
 
-def inside(placed: Placed, seen: Seen, share: float) -> NDArray:
-    """Density (..., M, 1) [1/m^2] of the share of detections from anywhere inside, over that of the others."""
+def interior_density(placed: PlacedEllipses, detections: RelativeDetections, share: float) -> NDArray:
+    """Density f (..., M, 1) [1/m^2] of detections from anywhere inside, a `share` of them, beside the ellipses'."""
     if not share:
         return np.zeros((1, 1))
-    return share / (1 - share) * np.exp(log_density(seen, placed.centre, placed.box))
+    return share / (1 - share) * np.exp(log_density(detections, placed.centre, placed.box))  # (PMHT.9)

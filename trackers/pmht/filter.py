@@ -1,7 +1,7 @@
 """pmht-spline: the coordinated-turn UKF on ellipses chained by a B-spline, with PMHT association.
 
-Symbols and equations: card bspline_pmht, after Yao et al. (2021). Detections of one scan are shared out among the
-ellipses by their probabilities; the synthetic detection of each ellipse then corrects pose, motion and size at once.
+Equations: docs/methods/spline-pmht.md, symbols after Yao et al. (2021). Detections of one scan are shared out among the
+ellipses by their probabilities; the synthetic detection of each ellipse then corrects pose, motion and size together.
 """
 
 from dataclasses import dataclass, field
@@ -15,51 +15,52 @@ from trackers.estimate import Estimate, check_estimate
 from trackers.geometry import rotation
 from trackers.linalg import outer
 from trackers.motion import PHI
-from trackers.pmht import joint, sequential
-from trackers.pmht.association import Seen, log_density, responsibilities, synthesise
-from trackers.pmht.ellipses import Shape, inside, place, shape_of
+from trackers.pmht import joint
+from trackers.pmht.association import RelativeDetections, log_density, responsibilities, synthesise
+from trackers.pmht.ellipses import UnitEllipses, interior_density, place, unit_ellipses
 from trackers.pmht.info import SplineInfo, innovation, nothing
-from trackers.pmht.joint import look
+from trackers.pmht.joint import EllipseUpdate, predict_ellipses
 from trackers.pmht.model import DEGREE, SplineModel, outlines, resolve
 from trackers.pmht.motion import Walk, predicted
 from trackers.pmht.rates import RangeRates
 from trackers.pmht.spline import chain
 from trackers.pmht.state import LEAST_SIZE, LENGTH, SplineState, estimate_of, moments_of, resized
 from trackers.pmht.symmetric import columns, polar_noise
-from trackers.pmht.visibility import directions, sight_table, weights
+from trackers.pmht.visibility import directions, visibility_table, weights
 from trackers.scan import Scan, check_scan
 
 VISIBILITIES = ("rays", "none")
-FORMS = ("joint", "sequential")
+FORMS = ("joint",)
 LEAST_DENSITY = 1e-300
 IDENTITY = np.array([[1.0], [0.0], [1.0]])  # as columns
-TRUCK_ABOVE = 6.5  # [m] where a filter of two models takes the second
+TRUCK_ABOVE = 6.5  # [m] length above which a filter of two models takes the second
 
 
 @dataclass(frozen=True)
 class SplinePmht:
-    """Defaults are the card's, for its experiment, but for visibility and range rates; see `trackers.registry`."""
+    """Defaults suit the experiment of Yao et al. (2021); those for radar on the road are in `trackers.registry`."""
 
     model: str | SplineModel | tuple[SplineModel, ...]
-    visibility: str = "rays"  # weights of the ellipses by what each sensor can see, or "none": equal, the paper's
-    form: str = "joint"  # or "sequential", the paper's, several times slower
+    visibility: str = "rays"  # weights of the ellipses by what each sensor can see, or "none": equal, as in the paper
+    form: str | EllipseUpdate = "joint"  # all ellipses at once, or one's own
     iterations: int = 3  # of association and update
     walk: Walk = field(default_factory=Walk)
     rates: RangeRates = field(default_factory=RangeRates)
-    sigma: float = 0.2  # [m] noise of detections that do not tell theirs
-    widened: float = 1.0  # times Sigma_l in the association; the paper prints 4, which is the less accurate [C3]
+    sigma: float = 0.2  # [m] noise where a scan does not state it
+    widened: float = 1.0  # factor of Sigma_l in the association, (PMHT.8); the paper prints 4, which is less accurate
     eps: float = 1e-8  # [1/m^2] density of what is not of the object, see `association.outlier_density`
-    unseen: float = 0.02  # share of the detections of ellipses that are out of sight: no contour is exact
-    grazing: float = 0.5  # see `visibility.sight_table`
-    lost_below: float = 0.5  # explained share of a scan that tells a lost association
-    inflation: float = 9.0  # of the ellipses, in the scan that a lost object is found with
-    outward: float = 0.0  # the drawn contour lies so many standard deviations of the ellipses outside their curve
-    position_std: tuple[float, float] = (0.0, 0.0)  # of length and width: how far the outline lies off the model's
+    unseen: float = 0.02  # share of detections from ellipses out of sight, because no contour is exact, (PMHT.22)
+    grazing: float = 0.5  # (PMHT.21)
+    lost_below: float = 0.5  # explained share of a scan below which the association is lost, (PMHT.17)
+    inflation: float = 9.0  # factor of the ellipses' covariances in the scan after that, (PMHT.18)
+    outward: float = 0.0  # standard deviations of the ellipses that the drawn contour lies outside the curve
+    position_std: tuple[float, float] = (0.0, 0.0)  # shares of length and width added to the std of the place
 
     def __post_init__(self) -> None:
-        for name, known in (("visibility", VISIBILITIES), ("form", FORMS)):
-            if getattr(self, name) not in known:
-                raise ValueError(f"{name} must be one of {', '.join(known)}, got {getattr(self, name)!r}")
+        if self.visibility not in VISIBILITIES:
+            raise ValueError(f"visibility must be one of {', '.join(VISIBILITIES)}, got {self.visibility!r}")
+        if isinstance(self.form, str) and self.form not in FORMS:
+            raise ValueError(f"form must be {', '.join(FORMS)} or an EllipseUpdate, got {self.form!r}")
         if self.iterations < 1:
             raise ValueError(f"iterations must be at least 1, got {self.iterations}")
         if not (self.eps >= 0 and self.inflation > 1 and 0 <= self.lost_below <= 1 and 0 <= self.unseen <= 1):
@@ -80,7 +81,7 @@ class SplinePmht:
 
     @cached_property
     def interior(self) -> float:
-        """Share of the detections that come from anywhere inside."""
+        """Share of the detections that come from anywhere inside, (PMHT.9)."""
         return float(np.mean([model.interior for model in self.models]))
 
     @cached_property
@@ -108,30 +109,30 @@ class SplinePmht:
         if not n.any():
             return state, nothing(n)
         xy = scan.xy
-        seen = self.relative(state.m, scan, xy)
+        detections = self.relative(state.m, scan, xy)
         sensor = scan.pose[..., :2] - state.m[..., None, :2]
-        shape = shape_of(self.N, state)
-        m, P, view = state.m, state.P, look(state.m, state.P, shape.mu)
-        w, E, share = self._associate(state, shape, m, seen, sensor, view.C)
-        info = innovation(view, w, E, seen, share, (share < self.lost_below) & (n > 0))
+        ellipses = unit_ellipses(self.N, state)
+        m, P, expected = state.m, state.P, predict_ellipses(state.m, state.P, ellipses.mu)
+        w, E, share = self._associate(state, ellipses, m, detections, sensor, expected.C)
+        info = innovation(expected, w, E, detections, share, (share < self.lost_below) & (n > 0))
         wider: NDArray | float = 1.0
-        if info.lost.any():  # the object is where its detections are, and nothing else is known of where that is
+        if info.lost.any():  # (PMHT.18): the object is taken to be where its detections are
             wider = np.where(info.lost, self.inflation, 1.0)[..., None, None]
-            jump = np.where(info.lost[..., None], self._displacement(state, shape, seen, sensor), 0.0)
+            jump = np.where(info.lost[..., None], self._displacement(state, ellipses, detections, sensor), 0.0)
             m, P = m.copy(), P.copy()
-            m[..., :2] += jump
-            P[..., :2, :2] += outer(jump)
-            w, E, _ = self._associate(state, shape, m, seen, sensor, view.C, wider)
-            view = look(state.m, P, shape.mu)
+            m[..., :2] += jump  # (PMHT.18)
+            P[..., :2, :2] += outer(jump)  # (PMHT.18)
+            w, E, _ = self._associate(state, ellipses, m, detections, sensor, expected.C, wider)
+            expected = predict_ellipses(state.m, P, ellipses.mu)
         prior = P
         for k in range(self.iterations):
             if k > 0:
-                w, E, _ = self._associate(state, shape, m, seen, sensor, wider=wider)
-            z = synthesise(w, seen)
-            if self.form == "joint":
-                m, P = joint.update(state.m, view, E, z)
+                w, E, _ = self._associate(state, ellipses, m, detections, sensor, wider=wider)
+            z = synthesise(w, detections)
+            if isinstance(self.form, str):
+                m, P = joint.update(state.m, expected, E, z)
             else:
-                m, P = sequential.update(state.m, prior, shape.mu, E, z)
+                m, P = self.form.update(state.m, prior, ellipses.mu, E, z)
             np.maximum(m[..., LENGTH:], LEAST_SIZE, out=m[..., LENGTH:])
         m, P = self.rates.correct(m, P, scan, xy)
         new = state._replace(m=m, P=P)
@@ -140,55 +141,58 @@ class SplinePmht:
     def _associate(
         self,
         state: SplineState,
-        shape: Shape,
+        ellipses: UnitEllipses,
         m: NDArray,
-        seen: Seen,
+        detections: RelativeDetections,
         sensor: NDArray,
         spare: NDArray | None = None,
         wider: NDArray | float = 1.0,
     ) -> tuple[NDArray, NDArray, NDArray]:
-        """Weights (..., M, L) at the iterate m, the covariances that go with them, explained share (...) of the scan.
+        """Weights (..., M, L) at the iterate m, covariances E (..., 3, L), explained share (...) of the scan.
 
-        `spare` (..., 3, L) [m^2] is what the uncertainty of the state adds, the first time [C4].
+        `spare` (..., 3, L) [m^2] is what the uncertainty of the state adds, in the first iteration only; `wider` is a
+        factor of the ellipses' covariances.
         """
-        placed = place(shape, m, state.m[..., :2])
-        E = placed.E * wider
+        placed = place(ellipses, m, state.m[..., :2])
+        E = placed.E * wider  # (PMHT.18)
         C = self.widened * E
-        log_joint = log_density(seen, placed.c, C if spare is None else C + spare)
-        log_joint += self.log_weights(state.sight, placed.c, m[..., PHI], sensor)
-        within = inside(placed, seen, self.interior)
-        w = responsibilities(log_joint, seen.mask, self.eps + within)
+        log_joint = log_density(detections, placed.c, C if spare is None else C + spare)  # (PMHT.8)
+        log_joint += self.log_weights(state.visible, placed.c, m[..., PHI], sensor)
+        within = interior_density(placed, detections, self.interior)
+        w = responsibilities(log_joint, detections.mask, self.eps + within)  # (PMHT.10)
         own = w.sum((-1, -2))
         if self.interior:
             share_within = (within / (within + max(self.eps, LEAST_DENSITY)))[..., 0]
-            own = own + ((seen.mask - w.sum(-1)) * share_within).sum(-1)
-        return w, E, own / np.maximum(seen.mask.sum(-1), 1)
+            own = own + ((detections.mask - w.sum(-1)) * share_within).sum(-1)
+        return w, E, own / np.maximum(detections.mask.sum(-1), 1)  # (PMHT.17)
 
-    def _displacement(self, state: SplineState, shape: Shape, seen: Seen, sensor: NDArray) -> NDArray:
-        """Mean of the detections less that which the sensors should see, (..., 2) [m]."""
-        placed = place(shape, state.m, state.m[..., :2])
-        pi = np.exp(self.log_weights(state.sight, placed.c, state.m[..., PHI], sensor))
-        each = (seen.mask / np.maximum(seen.mask.sum(-1, keepdims=True), 1))[..., None]  # (..., M, 1)
-        return (seen.z @ each)[..., 0] - (placed.c @ (pi * each).sum(-2)[..., None])[..., 0]
+    def _displacement(
+        self, state: SplineState, ellipses: UnitEllipses, detections: RelativeDetections, sensor: NDArray
+    ) -> NDArray:
+        """Mean of the detections less that of the ellipses which their sensors can see, (..., 2) [m]."""
+        placed = place(ellipses, state.m, state.m[..., :2])
+        pi = np.exp(self.log_weights(state.visible, placed.c, state.m[..., PHI], sensor))
+        each = (detections.mask / np.maximum(detections.mask.sum(-1, keepdims=True), 1))[..., None]  # (..., M, 1)
+        return (detections.z @ each)[..., 0] - (placed.c @ (pi * each).sum(-2)[..., None])[..., 0]  # (PMHT.18)
 
-    def log_weights(self, sight: NDArray, c: NDArray, phi: NDArray, sensor: NDArray) -> NDArray:
-        """Log prior (..., M or 1, L) of the ellipses at c (..., 2, L) [m] as sensors (..., M or 1, 2) [m] see them."""
+    def log_weights(self, visible: NDArray, c: NDArray, phi: NDArray, sensor: NDArray) -> NDArray:
+        """Log prior (..., M or 1, L) of the ellipses at c (..., 2, L) [m] for sensors at (..., M or 1, 2) [m]."""
         if self.visibility == "none":
             return np.full((1, c.shape[-1]), -np.log(c.shape[-1]))
-        return np.log(weights(sight, directions(c, phi, sensor), self.unseen))
+        return np.log(weights(visible, directions(c, phi, sensor), self.unseen))  # (PMHT.22)
 
-    def relative(self, m: NDArray, scan: Scan, xy: NDArray) -> Seen:
+    def relative(self, m: NDArray, scan: Scan, xy: NDArray) -> RelativeDetections:
         """Detections relative to the centres of m (..., 7)."""
         mask, noise = scan.mask, scan.noise
         z = (xy - m[..., None, :2]).mT
         z = z if mask.all() else np.where(mask[..., None, :], z, 0.0)
         if np.isnan(noise[..., :2]).all():
-            return Seen(z, self.sigma**2 * IDENTITY, mask)
+            return RelativeDetections(z, self.sigma**2 * IDENTITY, mask)
         along = np.where(np.isnan(noise[..., 0]), self.sigma, noise[..., 0]) ** 2
         across = np.where(np.isnan(noise[..., 1]), self.sigma, scan.polar[..., 0] * noise[..., 1]) ** 2
         R = polar_noise(along, across, scan.sight)
         R = R if mask.all() else np.where(mask[..., None, :], R, IDENTITY)
-        return Seen(z, R, mask)
+        return RelativeDetections(z, R, mask)
 
     def resize(self, state: SplineState, size: NDArray, size_std: NDArray) -> SplineState:
         """State with another size (..., 2) [m] of standard deviation size_std (..., 2) [m]."""
@@ -206,14 +210,14 @@ class SplinePmht:
             **{name: spread_rows(getattr(scan, name), detection) for name in ("pose", "velocity", "noise")},
         )
         m = rows.m
-        seen = self.relative(m, pairs, pairs.xy)
-        placed = place(shape_of(self.N, rows), m, m[..., :2])
+        detections = self.relative(m, pairs, pairs.xy)
+        placed = place(unit_ellipses(self.N, rows), m, m[..., :2])
         where = columns(rows.P[..., None, :2, :2])
         placed = placed._replace(E=placed.E + where, box=placed.box + where)
-        log_pi = self.log_weights(rows.sight, placed.c, m[..., PHI], pairs.pose[..., :2] - m[..., None, :2])
-        density = np.exp(log_density(seen, placed.c, placed.E) + log_pi).sum(-1)[..., 0]
-        density = density + inside(placed, seen, self.interior)[..., 0, 0]
-        return np.log(np.maximum((1 - self.interior) * density, LEAST_DENSITY))
+        log_pi = self.log_weights(rows.visible, placed.c, m[..., PHI], pairs.pose[..., :2] - m[..., None, :2])
+        density = np.exp(log_density(detections, placed.c, placed.E) + log_pi).sum(-1)[..., 0]
+        density = density + interior_density(placed, detections, self.interior)[..., 0, 0]  # (PMHT.20)
+        return np.log(np.maximum((1 - self.interior) * density, LEAST_DENSITY))  # (PMHT.20)
 
     def estimate(self, state: SplineState) -> Estimate:
         """Box along the heading, and the curve through the middle of the detections or outside it, see `outward`."""
@@ -225,17 +229,17 @@ class SplinePmht:
         return found
 
     def _contours(self, length: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-        """Contour and sight of objects of length (...) [m]."""
+        """Control points, covariances and visibility of objects of length (...) [m]."""
         which = (length > TRUCK_ABOVE).astype(int) if len(self.models) > 1 else np.zeros(length.shape, int)
-        sights = np.stack([shown(model, self.grazing) for model in self.models])
+        visible = np.stack([typical_visibility(model, self.grazing) for model in self.models])
         p, Sigma = np.stack([m.p for m in self.models]), np.stack([m.Sigma for m in self.models])
-        return p[which], Sigma[which], sights[which]
+        return p[which], Sigma[which], visible[which]
 
 
 @lru_cache(maxsize=64)
-def shown(model: SplineModel, grazing: float) -> NDArray:
-    """The sight table (A, L) of a model at its typical size."""
-    return sight_table(model.p, np.array(model.size), len(model.spread), DEGREE, grazing)
+def typical_visibility(model: SplineModel, grazing: float) -> NDArray:
+    """The visibility table (A, L) of a model at its typical size."""
+    return visibility_table(model.p, np.array(model.size), len(model.spread), DEGREE, grazing)
 
 
 def spread_rows(field: NDArray, index: NDArray) -> NDArray:

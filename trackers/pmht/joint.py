@@ -1,11 +1,11 @@
-"""The state update with all ellipses at once, in information form; card bspline_pmht, section 6.
+"""The state update with all ellipses at once, in information form.
 
-Augmented unscented transform of [x; xi_l] in closed form: because x and xi_l are independent and a detection is linear
-in xi_l, the points that move xi_l contribute exactly A Sigma_l A^T. All is in whitened coordinates u, x = m + T u with
-T T^T = P, so that no covariance of the state is inverted.
+Equations: docs/methods/spline-pmht.md. Augmented unscented transform of [x; xi_l] in closed form: x and xi_l are
+independent and a detection is linear in xi_l, so the points that move xi_l contribute exactly A Sigma_l A^T. Everything
+is in whitened coordinates u, x = m + T u with T T^T = P, so that no covariance of the state is inverted.
 """
 
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from trackers.geometry import rotation
 from trackers.linalg import symmetrize
 from trackers.motion import PHI
-from trackers.pmht.association import LEAST_WEIGHT, Synthetic
-from trackers.pmht.state import LENGTH, N, arms
+from trackers.pmht.association import LEAST_WEIGHT, SyntheticDetections
+from trackers.pmht.state import LENGTH, N, rotating_root
 from trackers.pmht.symmetric import determinant
 from trackers.unscented import STANDARD
 
@@ -23,21 +23,33 @@ I7 = np.eye(N)
 REACH = float(np.sqrt(STANDARD.reach(AUGMENTED)))
 WEIGHTS_MEAN, WEIGHTS_COV = STANDARD.weights(AUGMENTED)
 WEIGHTS = np.full((2 * N + 1, 1), WEIGHTS_COV[1])
-WEIGHTS[0] = WEIGHTS_COV[0] + 4 * WEIGHTS_COV[1]  # the four points that move xi_l leave the state where it is
+WEIGHTS[0] = WEIGHTS_COV[0] + 4 * WEIGHTS_COV[1]  # (PMHT.12): the four points that move xi_l leave the state at m
 
 
-class Look(NamedTuple):
-    """The centres of the ellipses as the belief m, P about the state has them."""
+class PredictedEllipses(NamedTuple):
+    """The centres of the ellipses under a Gaussian N(m, P) of the state."""
 
     T: NDArray  # (..., 7, 7) root of P
     c: NDArray  # (..., 2, L) [m] expected centres relative to that of m
     h: NDArray  # (..., 7, 2, L) [m] their slopes in u
-    C: NDArray  # (..., 3, L) [m^2] covariances, H P H^T to first order
+    C: NDArray  # (..., 3, L) [m^2] covariances C^x_l
 
 
-def look(m: NDArray, P: NDArray, mu: NDArray) -> Look:
+class EllipseUpdate(Protocol):
+    """A form of the update that is not built in, such as `testbed.papers.yao2021.sequential.OneByOne`."""
+
+    def update(
+        self, m: NDArray, P: NDArray, mu: NDArray, E: NDArray, z: SyntheticDetections
+    ) -> tuple[NDArray, NDArray]:
+        """Moments (..., 7), (..., 7, 7) from the prediction N(m, P) and the synthetic detections z.
+
+        z is relative to the centre of m; mu (..., 2, L) in the unit frame; E (..., 3, L) [m^2] as in `update`.
+        """
+
+
+def predict_ellipses(m: NDArray, P: NDArray, mu: NDArray) -> PredictedEllipses:
     """Moments of A mu_l + centre for ellipses mu (..., 2, L) in the unit frame, m (..., 7), P (..., 7, 7)."""
-    T = arms(P)
+    T = rotating_root(P)
     d = np.zeros((*m.shape[:-1], 2 * N + 1, N))
     d[..., 1 : N + 1, :] = REACH * T.mT
     d[..., N + 1 :, :] = -d[..., 1 : N + 1, :]
@@ -45,29 +57,31 @@ def look(m: NDArray, P: NDArray, mu: NDArray) -> Look:
     rows = A.reshape(*m.shape[:-1], 2 * (2 * N + 1), 2) @ mu
     y = rows.reshape(*m.shape[:-1], 2 * N + 1, 2, mu.shape[-1]) + d[..., :2, None]  # (..., 15, 2, L)
     first = y[..., 0, :, :]
-    c = first + WEIGHTS_MEAN[1] * (y.sum(-3) - (2 * N + 1) * first)
+    c = first + WEIGHTS_MEAN[1] * (y.sum(-3) - (2 * N + 1) * first)  # (PMHT.12)
     e = y - c[..., None, :, :]
     ex, ey = e[..., 0, :], e[..., 1, :]
     wx = WEIGHTS * ex
-    C = np.stack([(wx * ex).sum(-2), (wx * ey).sum(-2), (WEIGHTS * ey * ey).sum(-2)], -2)
-    return Look(T, c, (y[..., 1 : N + 1, :, :] - y[..., N + 1 :, :, :]) / (2 * REACH), C)
+    C = np.stack([(wx * ex).sum(-2), (wx * ey).sum(-2), (WEIGHTS * ey * ey).sum(-2)], -2)  # (PMHT.12)
+    h = (y[..., 1 : N + 1, :, :] - y[..., N + 1 :, :, :]) / (2 * REACH)  # (PMHT.13)
+    return PredictedEllipses(T, c, h, C)
 
 
-def update(m: NDArray, look: Look, E: NDArray, z: Synthetic) -> tuple[NDArray, NDArray]:
+def update(m: NDArray, expected: PredictedEllipses, E: NDArray, z: SyntheticDetections) -> tuple[NDArray, NDArray]:
     """Moments (..., 7), (..., 7, 7) after the synthetic detections z, relative to the centre of m.
 
     E (..., 3, L) [m^2] are the covariances A Sigma_l A^T of the detections of each ellipse.
     """
-    h, g = look.h, np.empty(look.h.shape)
+    h, g = expected.h, np.empty(expected.h.shape)
     hx, hy = h[..., 0, :], h[..., 1, :]
-    V = (E + z.R) / np.maximum(z.M, LEAST_WEIGHT)[..., None, :]
+    V = (E + z.R) / np.maximum(z.M, LEAST_WEIGHT)[..., None, :]  # (PMHT.14)
     bent = np.stack([(hx * hx).sum(-2), (hx * hy).sum(-2), (hy * hy).sum(-2)], -2)
-    W = look.C - bent + V  # what the slopes leave of the covariance, and the noise
+    W = expected.C - bent + V  # (PMHT.14)
     W = W * ((z.M > LEAST_WEIGHT) / determinant(W))[..., None, :]
     xx, xy, yy = W[..., None, 0, :], W[..., None, 1, :], W[..., None, 2, :]
     g[..., 0, :], g[..., 1, :] = yy * hx - xy * hy, xx * hy - xy * hx  # W^-1 h
     flat = (*h.shape[:-2], 2 * h.shape[-1])
     h, g = h.reshape(flat), g.reshape(flat)
-    r = (z.z - look.c).reshape(*flat[:-2], flat[-1], 1)
+    r = (z.z - expected.c).reshape(*flat[:-2], flat[-1], 1)
     inverse = np.linalg.inv(I7 + symmetrize(h @ g.mT))
-    return m + (look.T @ (inverse @ (g @ r)))[..., 0], symmetrize(look.T @ inverse @ look.T.mT)
+    m = m + (expected.T @ (inverse @ (g @ r)))[..., 0]  # (PMHT.15b)
+    return m, symmetrize(expected.T @ inverse @ expected.T.mT)  # (PMHT.15a)

@@ -1,14 +1,14 @@
-"""How the class and the contour of an object are learned from its own detections; card bspline_pmht, sections 7 and 8.
+"""How the class and the contour of an object are learned from its own detections.
 
-All functions take and give A objects as rows. Learning goes through stages, one a look: an object waits (0) until its
-window is decoupled into its pool; then it is compared with the classes (1); where enough detections in the pool are
-new, looks with a few steps of expectation maximisation follow (2 ... turns), and in the last the filter takes the new
-contour over.
+Equations: docs/methods/spline-pmht.md. All functions take and return A objects as rows. Learning has stages, one for
+each update of the filter: an object waits (0) until its window is decoupled into its pool; then it is compared with the
+classes (1); where enough detections in the pool are new, updates with a few steps of expectation maximisation follow
+(2 ... turns), and after the last one the filter takes the new contour (turns + 1).
 
-Vehicles are symmetric, so what is seen of one side is known of the other. What was not seen stays: the ellipses weigh
-by what the sensor of each detection could see, and the stiffness holds the others at the catalogue's place. The frame
-of the contour moves in those directions only in which its offset can be told, see `adaptation.partial_shift`. A contour
-with loops is not taken over.
+Vehicles are taken for symmetric, so what is seen of one side is known of the other. Sides that were not seen stay: the
+ellipses weigh by what the sensor of each detection could see, and the stiffness holds the others where the catalogue
+has them. The frame of the contour moves only along axes on which its place is known, see `adaptation.partial_shift`. A
+contour that crosses itself is discarded.
 """
 
 from dataclasses import dataclass, field
@@ -24,17 +24,17 @@ from trackers.pmht import pool as pools
 from trackers.pmht import window as windows
 from trackers.pmht.adaptation import partial_shift, shifted
 from trackers.pmht.adaptive_state import AdaptiveState
-from trackers.pmht.association import Seen
+from trackers.pmht.association import RelativeDetections
 from trackers.pmht.classes import Catalogue
-from trackers.pmht.filter import TRUCK_ABOVE, SplinePmht, shown
-from trackers.pmht.learning import Contour
+from trackers.pmht.filter import TRUCK_ABOVE, SplinePmht, typical_visibility
+from trackers.pmht.learning import SplineContour
 from trackers.pmht.model import DEGREE, outlines
-from trackers.pmht.refine import Refine, sound
+from trackers.pmht.refine import Refine, is_simple
 from trackers.pmht.state import LENGTH, resized
 from trackers.pmht.symmetric import squares
-from trackers.pmht.visibility import sight_table
+from trackers.pmht.visibility import visibility_table
 
-COARSE = 2  # points on the arc of an ellipse for the sight of a contour that is learned in the loop
+COARSE = 2  # points on the arc of an ellipse for the visibility of a contour that is learned on the way
 NO_NOISE = np.array([1.0, 0.0, 1.0])  # of padding: the identity as columns
 
 
@@ -46,10 +46,10 @@ class Learner:
     refine: Refine = field(default_factory=Refine)
     catalogue: Catalogue = field(default_factory=Catalogue)
     enough: int = 150  # new detections before a contour is learned
-    turns: int = 7  # looks that a class and a contour are learned in, before the one in which it is taken over
-    seen_from: int = 20  # detections from beyond an end that make it a seen one
+    turns: int = 7  # updates in which class and contour are learned, before the one in which the filter takes it
+    seen_from: int = 20  # detections from beyond an end for it to count as seen
     compared: int = 80  # detections at most that are compared with the classes
-    sure: float = 0.9  # probability of a class that makes its contour the one to start from
+    sure: float = 0.9  # probability of a class above which the object takes its contour
 
     def __post_init__(self) -> None:
         if not (min(self.enough, self.turns - 1, self.seen_from, self.compared) >= 1 and 0.5 < self.sure <= 1):
@@ -60,7 +60,7 @@ class Learner:
 
     @cached_property
     def offline(self) -> tuple[NDArray, NDArray, NDArray]:
-        """Control points, covariances and sights of the contours to start from: the filter's, then one a class."""
+        """Control points, covariances and visibility of the contours to start from: the filter's, then one a class."""
         models, grazing = (*self.spline.models, *self.catalogue.models), self.spline.grazing
         if len({(len(model.spread), len(model.points)) for model in models}) > 1:
             raise ValueError(
@@ -71,11 +71,11 @@ class Learner:
         return (
             np.stack([model.p for model in models]),
             np.stack([model.Sigma for model in models]),
-            np.stack([shown(model, grazing) for model in models]),
+            np.stack([typical_visibility(model, grazing) for model in models]),
         )
 
     def gathered(self, state: AdaptiveState) -> AdaptiveState:
-        """The windows go into the pools, and a comparison is next."""
+        """Stage 0: the detections of the windows go into the pools, and a comparison is next."""
         pool, count = pools.added(state.pool, windows.decouple(state.window))
         return state._replace(
             window=windows.cleared(state.window, np.ones(state.stage.shape, bool)),
@@ -87,7 +87,7 @@ class Learner:
     # -- classes ----------------------------------------------------------------------------------------------------
 
     def compared_with_classes(self, state: AdaptiveState) -> AdaptiveState:
-        """Class, size and place that the catalogue makes of the pool; where it is sure, its contour is taken over."""
+        """Stage 1: class, size and place from comparing the pool with the catalogue; if it is sure, its contour too."""
         fits = self.catalogue.fit(*self._compared(state))
         p = self.catalogue.probability(fits.evidence)
         best = p.argmax(-1)
@@ -104,13 +104,13 @@ class Learner:
             P=P,
             window=windows.cleared(state.window, np.ones(len(m), bool)),
             pool=pools.moved(state.pool, o, state.m[:, LENGTH:], size),
-            draft=Contour(now.p, now.Sigma),
+            draft=SplineContour(now.p, now.Sigma),
             stage=np.where(state.fresh >= self.enough, 2, 0),
             probability=p,
         )
 
-    def _compared(self, state: AdaptiveState) -> tuple[Seen, NDArray, NDArray, NDArray]:
-        """What is compared with the classes, see `Catalogue.fit`: detections of the pool, spread over all of it."""
+    def _compared(self, state: AdaptiveState) -> tuple[RelativeDetections, NDArray, NDArray, NDArray]:
+        """Arguments of `Catalogue.fit`: at most `compared` detections, spread evenly over the pool."""
         data, size = state.pool.all, state.m[:, LENGTH:]
         n = data.mask.sum(-1, keepdims=True)
         rank = np.arange(min(data.mask.shape[1], self.compared))
@@ -122,10 +122,10 @@ class Learner:
         R = np.where(mask[..., None], R * squares(size).mT, NO_NOISE)
         z = np.where(mask[..., None], z * size[:, None], 0.0)
         ends = pools.ends_seen(state.pool, state.m, self.seen_from)
-        return Seen(z.mT, R.mT, mask), sensor, size, ends
+        return RelativeDetections(z.mT, R.mT, mask), sensor, size, ends
 
     def _of_class(self, state: AdaptiveState, p: NDArray) -> AdaptiveState:
-        """Objects of a class that is sure now have its contour; those whose class is not any more, one by length."""
+        """Objects of a class that is sure take its contour; those whose class is doubtful now, one by length."""
         first = len(self.spline.models)
         own = np.take_along_axis(p, np.maximum(state.kind - first, 0)[:, None], -1)[:, 0]
         doubtful = (state.kind >= first) & (own < 1 - self.sure)
@@ -133,9 +133,9 @@ class Learner:
         return self.of_kind(state, np.where(p.max(-1) > self.sure, first + p.argmax(-1), kind))
 
     def of_kind(self, state: AdaptiveState, kind: NDArray) -> AdaptiveState:
-        """Objects of another kind (...) than before start again from its contour."""
-        p, Sigma, sight = (a[kind] for a in self.offline)
-        return select(kind != state.kind, state._replace(p=p, Sigma=Sigma, sight=sight, kind=kind), state)
+        """Objects whose kind (...) has changed start again from the contour of the new one."""
+        p, Sigma, visible = (a[kind] for a in self.offline)
+        return select(kind != state.kind, state._replace(p=p, Sigma=Sigma, visible=visible, kind=kind), state)
 
     def by_length(self, length: NDArray) -> NDArray:
         """Kind (...) int of objects of length (...) [m] whose class is not known."""
@@ -144,19 +144,19 @@ class Learner:
     # -- contours ---------------------------------------------------------------------------------------------------
 
     def stepped(self, state: AdaptiveState) -> AdaptiveState:
-        """Some iterations."""
-        data, off = state.pool.all, Contour(*(a[state.kind] for a in self.offline[:2]))
+        """Stages 2 to `turns`: some iterations of the expectation maximisation."""
+        data, off = state.pool.all, SplineContour(*(a[state.kind] for a in self.offline[:2]))
         L = state.Sigma.shape[-3]
         log_pi: NDArray | float = -np.log(L)
         if self.spline.visibility == "rays":
-            log_pi = self.refine.log_weights(state.sight, state.p, L, state.m[..., LENGTH:], data.sensor)
+            log_pi = self.refine.log_weights(state.visible, state.p, L, state.m[..., LENGTH:], data.sensor)
         draft = self.refine.run(state.draft, off, data, log_pi, self.spline.interior)
         return state._replace(draft=draft, stage=state.stage + 1)
 
     def adopted(self, state: AdaptiveState) -> AdaptiveState:
-        """The contours that were learned take the place of those that they had; none with loops does."""
+        """Stage `turns` + 1: the filter takes the contours that were learned, unless they cross themselves."""
         o = self.offset(state)
-        p, window = state.draft.p - o[..., None, :], state.window
+        p, window = state.draft.p - o[..., None, :], state.window  # (PMHT.31)
         moved = window._replace(m=shifted(window.m, o[..., None, :]), m_pred=shifted(window.m_pred, o[..., None, :]))
         L = state.Sigma.shape[-3]
         done = state._replace(stage=np.zeros_like(state.stage), fresh=np.zeros_like(state.fresh))
@@ -164,16 +164,16 @@ class Learner:
             m=shifted(state.m, o),
             p=p,
             Sigma=state.draft.Sigma,
-            sight=sight_table(p, state.m[..., LENGTH:], L, DEGREE, self.spline.grazing, COARSE),
+            visible=visibility_table(p, state.m[..., LENGTH:], L, DEGREE, self.spline.grazing, COARSE),
             window=moved,
             pool=pools.moved(state.pool, o * state.m[..., LENGTH:], state.m[..., LENGTH:], state.m[..., LENGTH:]),
         )
-        return select(sound(state.draft.p), new, done)
+        return select(is_simple(state.draft.p), new, done)
 
     def offset(self, state: AdaptiveState) -> NDArray:
-        """By how much (A, 2) the frame moves with the draft, in the unit frame."""
+        """Shift (A, 2) of the frame that goes with the draft, in the unit frame."""
         ends = pools.ends_seen(state.pool, state.m, self.seen_from)
-        if self.spline.visibility == "none":  # a sensor that sees all sides
+        if self.spline.visibility == "none":  # the sensors see all sides
             ends = np.ones_like(ends)
         if self.refine.symmetric:  # the middle is known from either side
             ends[..., 1, :] = True

@@ -1,6 +1,7 @@
-"""A contour as ellipses on a closed B-spline, learned once and stored as JSON; card bspline_pmht, section 2.
+"""A contour as ellipses on a closed B-spline, learned once and stored as JSON.
 
-In the unit frame, in which a vehicle is a box [-1/2, 1/2]^2 with x ahead and y to the left.
+Equations: docs/methods/spline-pmht.md. In the unit frame, in which a vehicle is a box [-1/2, 1/2]^2 with x ahead and y
+to the left.
 """
 
 import json
@@ -65,7 +66,7 @@ class SplineModel:
     @property
     def mu(self) -> NDArray:
         """Centres (L, 2) of the ellipses."""
-        return chain(len(self.spread), len(self.points), DEGREE) @ self.p
+        return chain(len(self.spread), len(self.points), DEGREE) @ self.p  # (PMHT.3)
 
 
 @lru_cache(maxsize=8)
@@ -75,7 +76,7 @@ def outline_basis(n_c: int, count: int = OUTLINE) -> NDArray:
 
 
 def curve(p: NDArray, count: int = OUTLINE) -> NDArray:
-    """Points (..., count, 2) on the curves of the control points p (..., n_c, 2)."""
+    """Points (..., count, 2) on the curves of the control points p (..., n_c, 2), (PMHT.1)."""
     return outline_basis(p.shape[-2], count) @ p
 
 
@@ -89,7 +90,7 @@ def outlines(p: NDArray, Sigma: NDArray, outward: float) -> NDArray:
     n = np.stack([t[..., 1], -t[..., 0]], -1) / np.maximum(np.sqrt(dot(t, t)), 1e-12)[..., None]
     at = Sigma[..., np.round(np.arange(C) * (L / C)).astype(int) % L, :, :]
     depth = np.sqrt((n[..., None, :] @ at @ n[..., None])[..., 0])
-    return ring + outward * depth * n
+    return ring + outward * depth * n  # (PMHT.4)
 
 
 def as_json(model: SplineModel, provenance: Mapping[str, Any] | None = None) -> dict[str, Any]:
@@ -106,7 +107,7 @@ def as_json(model: SplineModel, provenance: Mapping[str, Any] | None = None) -> 
 
 
 def load(path: Path) -> SplineModel:
-    """The model in a JSON file; raises ValueError, in one sentence, for a file that holds none."""
+    """The model in a JSON file; raises ValueError for a file that holds none."""
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
         if data["format"] != FORMAT:

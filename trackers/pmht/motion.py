@@ -1,4 +1,7 @@
-"""Coordinated turn of the whole state by the unscented transform; card bspline_pmht, sections 3 and 4."""
+"""Coordinated turn of the state by the unscented transform.
+
+Equations: docs/methods/spline-pmht.md.
+"""
 
 from dataclasses import dataclass
 
@@ -6,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.motion import OMEGA, PHI, PX, PY, SPEED
-from trackers.pmht.state import LENGTH, WIDTH, N, arms
+from trackers.pmht.state import LENGTH, WIDTH, N, rotating_root
 from trackers.unscented import STANDARD, Transformed, moments
 
 
 @dataclass(frozen=True)
 class Walk:
-    """Random walks of what a vehicle does not keep; densities, so that two half steps are one step.
+    """Process noise: random walks of speed, yaw rate and size, as densities, so that two half steps are one step.
 
     The defaults are the paper's numbers, which it gives for steps of 1 s.
     """
@@ -29,26 +32,26 @@ class Walk:
     def covariance(self, dt: float) -> NDArray:
         """Q (7, 7) over dt [s]."""
         Q = np.zeros((N, N))
-        Q[SPEED, SPEED], Q[OMEGA, OMEGA] = self.speed**2 * dt, self.yaw_rate**2 * dt
-        Q[LENGTH, LENGTH] = Q[WIDTH, WIDTH] = self.size**2 * dt
+        Q[SPEED, SPEED], Q[OMEGA, OMEGA] = self.speed**2 * dt, self.yaw_rate**2 * dt  # (PMHT.6)
+        Q[LENGTH, LENGTH] = Q[WIDTH, WIDTH] = self.size**2 * dt  # (PMHT.6)
         return Q
 
 
 def turned(X: NDArray, dt: float) -> NDArray:
     """States X (..., 7) after dt [s] at constant speed and yaw rate."""
     h = X[..., OMEGA] * (dt / 2)
-    s = X[..., SPEED] * dt * np.sinc(h / np.pi)
+    s = X[..., SPEED] * dt * np.sinc(h / np.pi)  # (PMHT.5)
     Y = X.copy()
-    Y[..., PX] += s * np.cos(X[..., PHI] + h)
-    Y[..., PY] += s * np.sin(X[..., PHI] + h)
-    Y[..., PHI] += 2 * h
+    Y[..., PX] += s * np.cos(X[..., PHI] + h)  # (PMHT.5)
+    Y[..., PY] += s * np.sin(X[..., PHI] + h)  # (PMHT.5)
+    Y[..., PHI] += 2 * h  # (PMHT.5)
     return Y
 
 
 def predicted(m: NDArray, P: NDArray, walk: Walk, dt: float) -> Transformed:
-    """Moments after dt [s], process noise included (the seed's (10) has none), and the cross covariance (11)."""
-    reach = np.sqrt(STANDARD.reach(N)) * arms(P).mT
+    """Moments after dt [s] with process noise, and the cross covariance of the states before and after, (SM.3)."""
+    reach = np.sqrt(STANDARD.reach(N)) * rotating_root(P).mT
     centre = m[..., None, :]
     X = np.concatenate([centre, centre + reach, centre - reach], -2)
     moved = moments(X, turned(X, dt))
-    return moved._replace(cov=moved.cov + walk.covariance(dt))
+    return moved._replace(cov=moved.cov + walk.covariance(dt))  # (PMHT.6), with the noise that the paper leaves out

@@ -1,6 +1,6 @@
 """Learning a contour from detections of vehicles whose boxes are known, seen from one side at a time.
 
-The expectation maximisation of card bspline_pmht, section 8, with three things more: the ellipses weigh by what the
+Equations: docs/methods/spline-pmht.md. Beyond the expectation maximisation of the paper, the ellipses weigh by what the
 sensor of each detection can see, known noise is taken out of the covariances, and detections from inside the body have
 a component of their own, or they would draw the ellipses inwards.
 """
@@ -15,34 +15,34 @@ from numpy.typing import NDArray
 from trackers.linalg import inverse, outer
 from trackers.pmht.association import LOG_2PI
 from trackers.pmht.ellipses import BOX
-from trackers.pmht.learning import Contour, Fit, Statistics, centres, rectangle_start
+from trackers.pmht.learning import ContourEM, EllipseStatistics, SplineContour, centres, rectangle_start
 from trackers.pmht.model import DEGREE
 from trackers.pmht.spline import chain
-from trackers.pmht.visibility import sight_table, weights
+from trackers.pmht.visibility import visibility_table, weights
 
-PART = 4000  # detections at once
+PART = 4000  # detections worked on together
 
 
-class Data(NamedTuple):
-    """N detections in the unit frame."""
+class LabelledDetections(NamedTuple):
+    """N detections of vehicles whose boxes are known, in the unit frame."""
 
     z: NDArray  # (N, 2)
     noise: NDArray  # (N, 2, 2) known covariance; zero where it is part of what is learned
     direction: NDArray  # (N,) [rad] of the sensor from the vehicle, in its frame
 
 
-class Learned(NamedTuple):
-    """The result, and how it was reached."""
+class LearnedContour(NamedTuple):
+    """The contour, and the course of its learning."""
 
-    contour: Contour
+    contour: SplineContour
     interior: float  # share of the detections from anywhere inside
     log_likelihood: NDArray  # (iterations,) [nat] mean over the detections, in the unit frame
     counts: NDArray  # (L,) detections of each ellipse
 
 
 @dataclass(frozen=True)
-class Offline:
-    """How a contour is learned."""
+class OfflineLearning:
+    """How a contour is learned offline."""
 
     ellipses: int = 24
     points: int = 12
@@ -51,9 +51,9 @@ class Offline:
     visibility: str = "rays"  # or "none": equal weights
     interior: float = 0.2  # first guess of the share; 0 leaves it out
     mirrored: bool = True  # also learn from mirror images: vehicles are symmetric
-    unseen: float = 0.02  # see `filter.SplinePmht`, as the next
-    grazing: float = 0.5
-    stiffness: float = 1e-4  # lambda for each detection, ties sides without detections to the start
+    unseen: float = 0.02  # (PMHT.22)
+    grazing: float = 0.5  # (PMHT.21)
+    stiffness: float = 1e-4  # lambda of (PMHT.27) for each detection; holds sides without detections at the start
 
     def __post_init__(self) -> None:
         if self.visibility not in ("rays", "none"):
@@ -65,39 +65,41 @@ class Offline:
             )
 
     def run(
-        self, data: Data, size: NDArray, progress: Callable[[int, int], None] = lambda done, total: None
-    ) -> Learned:
+        self, data: LabelledDetections, size: NDArray, progress: Callable[[int, int], None] = lambda done, total: None
+    ) -> LearnedContour:
         """The contour of some detections of vehicles of typical size (2,) [m]."""
         if self.mirrored:
             data = with_mirror(data)
         start = now = rectangle_start(self.ellipses, self.points)
-        interior, history, fit = self.interior, [-np.inf], Fit(eps=0.0)
+        interior, history, fit = self.interior, [-np.inf], ContourEM(eps=0.0)
         stiffness = np.asarray(self.stiffness * len(data.z))
         for k in range(self.iterations):
             s, inside, value = self.expect(data, now, interior, size)
             now = fit.maximise(now, s, stiffness, start.p)
-            interior = inside / len(data.z)
+            interior = inside / len(data.z)  # (PMHT.28)
             history.append(value)
             progress(k + 1, self.iterations)
             if value - history[-2] < self.tolerance and k > 10:
                 break
-        return Learned(now, float(interior), np.array(history[1:]), s.M)
+        return LearnedContour(now, float(interior), np.array(history[1:]), s.M)
 
-    def expect(self, data: Data, now: Contour, interior: float, size: NDArray) -> tuple[Statistics, float, float]:
-        """Statistics, detections from inside, and mean log-likelihood."""
-        table = sight_table(now.p, size, self.ellipses, DEGREE, self.grazing)
+    def expect(
+        self, data: LabelledDetections, now: SplineContour, interior: float, size: NDArray
+    ) -> tuple[EllipseStatistics, float, float]:
+        """Sums over the detections, the number from inside, and the mean log likelihood."""
+        table = visibility_table(now.p, size, self.ellipses, DEGREE, self.grazing)
         M, first, second = np.zeros(self.ellipses), np.zeros((self.ellipses, 2)), np.zeros((self.ellipses, 2, 2))
         inside = total = 0.0
         for at in range(0, len(data.z), PART):
-            part = Data(*(a[at : at + PART] for a in data))
+            part = LabelledDetections(*(a[at : at + PART] for a in data))
             log_pi = self._log_weights(table, part.direction)
             w, x, spread, w_in, value = expected(part, now, log_pi, interior)
-            M += w.sum(0)
+            M += w.sum(0)  # (PMHT.25)
             first += np.einsum("nl,nli->li", w, x)
             second += np.einsum("nl,nlij->lij", w, spread + outer(x))
             inside, total = inside + float(w_in.sum()), total + float(value.sum())
-        zb = first / np.maximum(M, 1e-9)[:, None]
-        return Statistics(M, zb, second - M[:, None, None] * outer(zb)), inside, total / len(data.z)
+        zb = first / np.maximum(M, 1e-9)[:, None]  # (PMHT.25)
+        return EllipseStatistics(M, zb, second - M[:, None, None] * outer(zb)), inside, total / len(data.z)
 
     def _log_weights(self, table: NDArray, direction: NDArray) -> NDArray:
         if self.visibility == "none":
@@ -107,11 +109,11 @@ class Offline:
 
 
 def expected(
-    data: Data, now: Contour, log_pi: NDArray, interior: float
+    data: LabelledDetections, now: SplineContour, log_pi: NDArray, interior: float
 ) -> tuple[NDArray, NDArray, NDArray, NDArray, NDArray]:
     """Weights (N, L), means (N, L, 2) and covariances (N, L, 2, 2) of the points without noise, given each ellipse.
 
-    And the weights (N,) of the inside, and the log-likelihoods (N,).
+    Also the weights (N,) of the inside and the log likelihoods (N,). log_pi (N or 1, L) are those of the ellipses.
     """
     mu = centres(now.p, now.Sigma.shape[-3])
     d = data.z[:, None] - mu
@@ -127,14 +129,14 @@ def expected(
     top = all_.max(-1, keepdims=True)
     e = np.exp(all_ - top)
     total = e.sum(-1, keepdims=True)
-    w = e / total
-    x = mu + (now.Sigma @ pull[..., None])[..., 0]
-    spread = now.Sigma - now.Sigma @ information @ now.Sigma
+    w = e / total  # (PMHT.23)
+    x = mu + (now.Sigma @ pull[..., None])[..., 0]  # (PMHT.24)
+    spread = now.Sigma - now.Sigma @ information @ now.Sigma  # (PMHT.24)
     return w[:, :-1], x, spread, w[:, -1], (top + np.log(total))[:, 0]
 
 
-def with_mirror(data: Data) -> Data:
+def with_mirror(data: LabelledDetections) -> LabelledDetections:
     """The detections and their mirror images, left for right."""
     flip = np.array([1.0, -1.0])
-    mirror = Data(data.z * flip, data.noise * flip[:, None] * flip, -data.direction)
-    return Data(*(np.concatenate([a, b]) for a, b in zip(data, mirror, strict=True)))
+    mirror = LabelledDetections(data.z * flip, data.noise * flip[:, None] * flip, -data.direction)
+    return LabelledDetections(*(np.concatenate([a, b]) for a, b in zip(data, mirror, strict=True)))

@@ -1,6 +1,7 @@
-"""Decoupled detections of an object, so many for each direction that it was seen from, the newest ones.
+"""The newest decoupled detections of an object, so many for each direction that it was seen from.
 
-Bounded, and no side crowds out another: what was learned of a side that is out of sight now is kept.
+The number is bounded, and detections of one side never displace those of another: a side that is out of view now keeps
+what was seen of it.
 """
 
 from typing import NamedTuple
@@ -12,20 +13,20 @@ from trackers.pmht.state import LENGTH
 from trackers.pmht.symmetric import squares
 from trackers.pmht.window import Decoupled
 
-REACH = 0.8  # of the unit box, half: what lies further out is of something else
+REACH = 0.8  # largest coordinate in the unit frame, where the box ends at 0.5; beyond, it is another object's
 
 
 class Pool(NamedTuple):
-    """B aspect bins with room for S detections each; `came` counts all that ever did."""
+    """B aspect bins with room for S detections each."""
 
     z: NDArray  # (..., B, S, 2) in the unit frame
     R: NDArray  # (..., B, S, 3)
     sensor: NDArray  # (..., B, S, 2) [m]
-    came: NDArray  # (..., B) int
+    came: NDArray  # (..., B) int, all that ever came into the bin
 
     @property
     def all(self) -> Decoupled:
-        """Everything (T, D) in those of T objects, D <= B S."""
+        """All detections (T, D) of T objects, D <= B S."""
         T, B, S = self.z.shape[:-1]
         mask = np.arange(S) < self.came[..., None]
         used = mask.any(0).ravel()
@@ -33,13 +34,13 @@ class Pool(NamedTuple):
 
 
 def empty(lead: tuple[int, ...], B: int, S: int) -> Pool:
-    """Nothing yet."""
+    """Pools without a detection."""
     z, R, sensor = (np.zeros((*lead, B, S, k)) for k in (2, 3, 2))
     return Pool(z, R, sensor, np.zeros((*lead, B), int))
 
 
 def added(pool: Pool, new: Decoupled) -> tuple[Pool, NDArray]:
-    """The pool of T objects with more detections, and how many were added (T,)."""
+    """The pools of T objects with more detections, and how many were added (T,)."""
     T, B, S = pool.z.shape[:-1]
     fit = new.mask & (np.abs(new.z) < REACH).all(-1)
     angle = np.arctan2(new.sensor[..., 1], new.sensor[..., 0])
@@ -55,7 +56,7 @@ def added(pool: Pool, new: Decoupled) -> tuple[Pool, NDArray]:
 
 
 def moved(pool: Pool, o: NDArray, before: NDArray, after: NDArray) -> Pool:
-    """The pool in the frame with its origin o (..., 2) [m] further, for sizes before and after (..., 2) [m]."""
+    """The pool in a frame moved by o (..., 2) [m] in body axes, for sizes before and after (..., 2) [m]."""
     shift = o[..., None, None, :]
     z = (pool.z * before[..., None, None, :] - shift) / after[..., None, None, :]
     R = pool.R * (squares(before) / squares(after)).mT[..., None, :, :]
@@ -63,7 +64,7 @@ def moved(pool: Pool, o: NDArray, before: NDArray, after: NDArray) -> Pool:
 
 
 def ends_seen(pool: Pool, m: NDArray, least: int) -> NDArray:
-    """Which ends (..., 2, 2) of the body were seen by at least so many detections: rear and front, right and left."""
+    """Ends (..., 2, 2) of the body that `least` detections or more came from beyond: rear, front; right, left."""
     all_ = pool.all
     half = m[..., None, LENGTH:] / 2
     beyond = np.stack([all_.sensor < -half, all_.sensor > half], -1) & all_.mask[..., None, None]

@@ -1,6 +1,7 @@
-"""What the filters on a spline carry: x = [px, py, phi, v, omega, l, w] and the contour of each object.
+"""State of the filters on a spline: x = [px, py, phi, v, omega, l, w] and the contour of each object.
 
-Order of the state as in `trackers.motion`; card bspline_pmht, section 1, has v before psi, which changes nothing.
+Equations: docs/methods/spline-pmht.md. Components in the order of `trackers.motion`; the paper has the speed before the
+heading.
 """
 
 from typing import NamedTuple
@@ -25,15 +26,15 @@ class SplineState(NamedTuple):
     P: NDArray  # (..., 7, 7)
     p: NDArray  # (..., n_c, 2) control points
     Sigma: NDArray  # (..., L, 2, 2)
-    sight: NDArray  # (..., A, L) share of the detections from each of A directions, see visibility.py
+    visible: NDArray  # (..., A, L) share of each ellipse in the lit outline from A directions, see `visibility.py`
 
 
-def arms(P: NDArray) -> NDArray:
-    """A root (..., 7, 7) of P, P = arms arms^T, whose columns turn with the world.
+def rotating_root(P: NDArray) -> NDArray:
+    """Root T (..., 7, 7) of P = T T^T whose columns turn with the world.
 
-    Position enters all models additively, so the order of x and y does not matter once they come last.
+    The position enters all models additively, so the order of x and y does not matter once they come last.
     """
-    return root(P[..., ::-1, ::-1])[..., ::-1, :]
+    return root(P[..., ::-1, ::-1])[..., ::-1, :]  # (PMHT.7)
 
 
 def moments_of(estimate: Estimate) -> tuple[NDArray, NDArray]:
@@ -49,7 +50,7 @@ def moments_of(estimate: Estimate) -> tuple[NDArray, NDArray]:
 
 
 def estimate_of(m: NDArray, P: NDArray, outline: NDArray) -> Estimate:
-    """The state as a box with an outline (..., C, 2) in the unit frame."""
+    """Box along the heading from m (..., 7), P (..., 7, 7), with an outline (..., C, 2) in the unit frame."""
     pose = np.concatenate([m[..., :2], wrap_angle(m[..., PHI, None])], -1)
     size = m[..., LENGTH:].copy()
     variance = P.diagonal(axis1=-2, axis2=-1)

@@ -1,10 +1,11 @@
 """Which part of a contour a sensor sees: prior weights of the ellipses, for each detection from its own sensor.
 
-The paper's weights are all equal: its sensor sees every side at once. Ours sees one to three, and a model that does not
-know it explains a one-sided scan by ellipses of all sides, and learning drags those that are not seen onto those that
-are. Here rays from far away, in each of A directions, say which share of the arc of each ellipse is lit; between the
-directions shares are interpolated, so that nothing jumps when a side comes into sight. Directions are looked up for
-each ellipse by itself: from a sensor beside a long vehicle, its front and its rear are seen under different angles.
+Equations: docs/methods/spline-pmht.md. The paper's weights are all equal, because its sensor sees every side at once.
+Ours sees one to three sides; with equal weights the filter would explain a one-sided scan by ellipses of all sides, and
+learning would move ellipses that nobody saw onto the sides that were seen. Here rays from far away, in each of A
+directions, say which share of the outline's lit arc lies at each ellipse. Shares are interpolated between the
+directions, so that nothing jumps when a side comes into view, and each ellipse has its own direction: seen from beside
+a long vehicle, its front and its rear lie at different angles.
 """
 
 from functools import lru_cache
@@ -17,6 +18,7 @@ from trackers.pmht.spline import basis, slope_basis
 
 DIRECTIONS = 36
 POINTS = 4  # on the arc of an ellipse
+CLEAR = 0.05  # [m] an edge hides points that lie farther than this behind it
 
 
 @lru_cache(maxsize=8)
@@ -26,14 +28,14 @@ def arc_bases(L: int, n_c: int, degree: int, points: int = POINTS) -> tuple[NDAr
     return basis(r, n_c, degree), slope_basis(r, n_c, degree)
 
 
-def sight_table(
+def visibility_table(
     p: NDArray, size: NDArray, L: int, degree: int = 3, grazing: float = 0.5, points: int = POINTS
 ) -> NDArray:
     """Share (..., A, L) of the outline's arc that is lit from each direction and lies at each ellipse.
 
     Rows of directions 2 pi a / A, counter-clockwise from ahead, sum to 1. p (..., n_c, 2) control points, size (..., 2)
-    [m]. An arc counts with its length times cos(angle of incidence)^(1 - grazing): 0 spreads the detections evenly
-    over the projected outline, 1 over its true length. The cost grows with the square of `points` on each arc.
+    [m]. An arc counts with its length times cos(angle of incidence)^(1 - grazing): `grazing` 0 spreads detections
+    evenly over the projected outline, 1 over its true length. The cost grows with the square of `points` on each arc.
     """
     at, tangents = arc_bases(L, p.shape[-2], degree, points)
     q = (at @ p) * size[..., None, :]  # (..., Q, 2)
@@ -43,13 +45,13 @@ def sight_table(
     turn = np.sign(cross(q, np.roll(q, -1, -2)).sum(-1))[..., None, None]  # 1 where the curve is counter-clockwise
     incidence = turn * cross(toward[:, None], t[..., None, :, :]) / np.maximum(length, 1e-12)[..., None, :]
     lit = ~hidden(q, toward) & (incidence > 0)
-    arc = np.where(lit, length[..., None, :] * np.maximum(incidence, 1e-12) ** (1 - grazing), 0.0)  # (..., A, Q)
+    arc = np.where(lit, length[..., None, :] * np.maximum(incidence, 1e-12) ** (1 - grazing), 0.0)  # (PMHT.21)
     share = arc.reshape(*arc.shape[:-1], L, points).sum(-1)
-    return share / np.maximum(share.sum(-1, keepdims=True), 1e-12)
+    return share / np.maximum(share.sum(-1, keepdims=True), 1e-12)  # (PMHT.21)
 
 
 def hidden(q: NDArray, toward: NDArray) -> NDArray:
-    """Whether the polygon q (..., Q, 2) hides its own corners (..., A, Q) from far away in directions toward (A, 2)."""
+    """Which corners (..., A, Q) the polygon q (..., Q, 2) itself hides from sensors far away at unit vectors (A, 2)."""
     side = cross(toward[:, None], q[..., None, :, :])  # (..., A, Q) across the line of sight
     depth = dot(toward[:, None], q[..., None, :, :])  # towards the sensor
     side_b, depth_b = np.roll(side, -1, -1), np.roll(depth, -1, -1)
@@ -60,21 +62,18 @@ def hidden(q: NDArray, toward: NDArray) -> NDArray:
     return (crosses & (ahead > CLEAR)).any(-1)
 
 
-CLEAR = 0.05  # [m] an edge that hides a point lies so much before it
+def weights(table: NDArray, direction: NDArray, unseen: float) -> NDArray:
+    """Weights (..., M, L) of the ellipses for directions (..., M, L) [rad] to the sensor in the body frame.
 
-
-def weights(sight: NDArray, direction: NDArray, unseen: float) -> NDArray:
-    """Weights (..., M, L) of the ellipses from directions (..., M, L) [rad] in the body frame, each its own.
-
-    sight (..., A, L); the share `unseen` is spread over all of them. Rows sum to 1.
+    table (..., A, L) of `visibility_table`; the share `unseen` is spread over all ellipses. Rows sum to 1.
     """
-    A, L = sight.shape[-2:]
+    A, L = table.shape[-2:]
     at = (direction % (2 * np.pi)) * (A / (2 * np.pi))
     low = np.floor(at).astype(int)
     part = at - low
     low, high = low % A, (low + 1) % A
-    lead = sight.shape[:-2]
-    flat = sight.reshape(*lead, A * L)
+    lead = table.shape[:-2]
+    flat = table.reshape(*lead, A * L)
     column = np.arange(L)
 
     def at_row(row: NDArray) -> NDArray:
@@ -83,7 +82,7 @@ def weights(sight: NDArray, direction: NDArray, unseen: float) -> NDArray:
 
     share = (1 - part) * at_row(low) + part * at_row(high)
     share = share / np.maximum(share.sum(-1, keepdims=True), 1e-12)
-    return (1 - unseen) * share + unseen / L
+    return (1 - unseen) * share + unseen / L  # (PMHT.22)
 
 
 def directions(c: NDArray, phi: NDArray, sensor: NDArray) -> NDArray:

@@ -13,12 +13,14 @@ from numpy.typing import NDArray
 
 from scenarios.contours import mirrored
 from testbed.evaluation.metrics import areas, region_iou
+from testbed.papers.yao2021.sequential import OneByOne
 from trackers.geometry import rotation, to_world, wrap_angle
 from trackers.linalg import quadratic
 from trackers.motion import OMEGA, PHI, SPEED
 from trackers.pmht.adaptation import decoupled, frame_shift, shifted
 from trackers.pmht.filter import SplinePmht
-from trackers.pmht.learning import Contour, Fit
+from trackers.pmht.joint import EllipseUpdate
+from trackers.pmht.learning import ContourEM, SplineContour
 from trackers.pmht.model import SplineModel, curve
 from trackers.pmht.motion import predicted, turned
 from trackers.pmht.rates import RangeRates
@@ -101,7 +103,7 @@ class Trace(NamedTuple):
     D: NDArray
 
 
-def begin(filter: SplinePmht, runs: int, contour: Contour | None = None) -> SplineState:
+def begin(filter: SplinePmht, runs: int, contour: SplineContour | None = None) -> SplineState:
     """The card's prior, with a contour of its own for each run or the filter's model."""
     model = filter.models[0]
     m, P = np.tile(PRIOR, (runs, 1)), np.tile(np.diag(PRIOR_VAR), (runs, 1, 1))
@@ -127,7 +129,7 @@ class Method:
     """One way to track and to adapt."""
 
     name: str
-    form: str = "joint"
+    form: str | EllipseUpdate = "joint"
     widened: float = 1.0  # times Sigma_l in the association
     shift: bool = True  # move the frame to the middle of the adapted contour
     passes: int = 2
@@ -138,7 +140,7 @@ class Method:
         return SplinePmht(model, "none", self.form, rates=RangeRates(weight=0.0), sigma=NOISE, widened=self.widened)
 
 
-A = Method("A", "sequential", shift=False, passes=1, stiffness=0.0)
+A = Method("A", OneByOne(), shift=False, passes=1, stiffness=0.0)
 B = Method("B")
 
 
@@ -147,14 +149,14 @@ class Adapted(NamedTuple):
 
     state: SplineState
     smoothed: Trace  # of the offline model
-    contour: Contour
+    contour: SplineContour
     z: NDArray  # (R, K M, 2) decoupled detections
     mask: NDArray  # (R, K M)
 
 
 def adapt(method: Method, filter: SplinePmht, drive: Drive, state: SplineState, trace: Trace) -> Adapted:
     """Learn each run's contour from its scans 0 to T - 1; state and trace are those of the offline model there."""
-    off = contour = Contour(state.p, state.Sigma)
+    off = contour = SplineContour(state.p, state.Sigma)
     L = off.Sigma.shape[-3]
     first = trace
     for k in range(method.passes):
@@ -164,7 +166,7 @@ def adapt(method: Method, filter: SplinePmht, drive: Drive, state: SplineState, 
         first = trace._replace(m=ms, P=Ps) if k == 0 else first
         z, mask = pooled(decoupled(ms, drive.xy[:ADAPT_AT]), drive.mask[:ADAPT_AT])
         stiffness = method.stiffness * mask.sum(-1)
-        contour = Fit().run(contour, z, mask, np.full((1, L), -np.log(L)), stiffness, off.p)
+        contour = ContourEM().run(contour, z, mask, np.full((1, L), -np.log(L)), stiffness, off.p)
         if method.shift:
             o = frame_shift(contour.p)
             contour = contour._replace(p=contour.p - o[..., None, :])
@@ -231,7 +233,7 @@ def play(method: Method, model: SplineModel, drive: Drive, progress: Callable[[f
 EARLY = ("before", "smoothed")
 
 
-def overlap(contour: Contour, outline: NDArray, inset: float = 0.1) -> NDArray:
+def overlap(contour: SplineContour, outline: NDArray, inset: float = 0.1) -> NDArray:
     """Intersection over union (R,) of the curves with an outline (C, 2) [m] shrunk by `inset` [m]."""
     ring = areas(curve(contour.p, 400) * SIZE)
     return region_iou(ring, shapely.Polygon(outline).buffer(-inset, join_style="mitre"))

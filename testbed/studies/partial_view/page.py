@@ -25,7 +25,7 @@ from trackers import MultiObjectTracker, find
 from trackers.pmht import AdaptiveSpline, Learner
 from trackers.pmht.classes import Catalogue
 from trackers.pmht.model import SplineModel, outlines
-from trackers.pmht.offline import Learned, Offline
+from trackers.pmht.offline import LearnedContour, OfflineLearning
 
 RADAR = "surround"
 KINDS = ("car", "truck", "tractor")
@@ -75,7 +75,7 @@ class Sided(NamedTuple):
     sides: str
     visibility: str
     model: SplineModel
-    learned: Learned
+    learned: LearnedContour
     z: NDArray  # (N, 2) what it was learned from, in the unit frame
 
 
@@ -85,7 +85,7 @@ def learned_models(visibility: str, next_step: NextStep) -> tuple[SplineModel, .
     for kind in ("car", "truck"):
         next_step(f"learn {kind}, {visibility}")
         detections = read(f"sampler:{RADAR}:{kind}", DETECTIONS, 1)
-        found.append(fit(detections, Offline(visibility=visibility, iterations=40), f"{kind}-{visibility}")[0])
+        found.append(fit(detections, OfflineLearning(visibility=visibility, iterations=40), f"{kind}-{visibility}")[0])
     return tuple(found)
 
 
@@ -128,7 +128,7 @@ def from_sides(next_step: NextStep) -> list[Sided]:
         part = rows(detections, np.flatnonzero(chosen(detections.aspect))[:DETECTIONS])
         for visibility in ("rays", "none"):
             next_step(f"learn from {name}, {visibility}")
-            options = Offline(visibility=visibility, mirrored=False, iterations=40)
+            options = OfflineLearning(visibility=visibility, mirrored=False, iterations=40)
             found.append(Sided(name, visibility, *fit(part, options, name), part.u / 2))
     return found
 

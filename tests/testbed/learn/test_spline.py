@@ -10,9 +10,9 @@ from testbed.cli import app
 from testbed.learn.spline import SplineConfig, learn, report
 from trackers import find
 from trackers.pmht.model import curve, load
-from trackers.pmht.offline import Offline
+from trackers.pmht.offline import OfflineLearning
 
-QUICK = Offline(iterations=15)
+QUICK = OfflineLearning(iterations=15)
 
 
 def test_our_radar_on_lone_cars_gives_a_car(tmp_path):
@@ -47,7 +47,7 @@ def own_file(path, rng, aspects):
 
 def test_a_file_of_one_s_own_is_learned_and_unseen_ellipses_are_named(tmp_path):
     own_file(tmp_path / "own.npz", np.random.default_rng(0), [0.0, 0.05, np.pi / 2, 1.6])
-    config = SplineConfig(str(tmp_path / "own.npz"), options=Offline(iterations=15, mirrored=False))
+    config = SplineConfig(str(tmp_path / "own.npz"), options=OfflineLearning(iterations=15, mirrored=False))
     learned = learn(config, tmp_path / "own.json")
     assert learned.model.size == (4.5, 1.8)
     assert any("caution" in str(line) for line in report(learned))

@@ -10,16 +10,16 @@ from testbed.papers.yao2021.trials import CONTOURS, PRIOR, PRIOR_VAR, drive
 from trackers import Scan, find, prior
 from trackers.batch import concatenate, take
 from trackers.geometry import rotation, to_world, unit
-from trackers.multi.tracker import told
+from trackers.multi.tracker import events_of
 from trackers.pmht import AdaptiveSpline, Learner, RangeRates, SplinePmht, Walk
-from trackers.pmht.association import Seen
+from trackers.pmht.association import RelativeDetections
 from trackers.pmht.classes import Catalogue
-from trackers.pmht.learning import Contour, centres
+from trackers.pmht.learning import SplineContour, centres
 from trackers.pmht.model import curve
 from trackers.pmht.model import find as find_model
 from trackers.pmht.pool import added, empty
-from trackers.pmht.refine import Refine, sound
-from trackers.pmht.visibility import sight_table
+from trackers.pmht.refine import Refine, is_simple
+from trackers.pmht.visibility import visibility_table
 from trackers.pmht.window import Decoupled, smoothed, thinned
 from trackers.smoother import smooth_moments
 
@@ -36,7 +36,7 @@ def leaves(state):
         yield from leaves(leaf) if isinstance(leaf, tuple) else (leaf,)
 
 
-def looks(rng, count, cars=1, sensor=(-20.0, 6.0), size=SIZE, n=10):
+def drawn_scans(rng, count, cars=1, sensor=(-20.0, 6.0), size=SIZE, n=10):
     """Scans of the rear and the left of cars that drive ahead, side by side."""
     for k in range(count):
         x, y = 10.0 * DT * k, 8.0 * np.arange(cars)
@@ -54,24 +54,24 @@ def run(filter, rng, count, cars=1, each=None, **kw):
     y = 8.0 * np.arange(cars)
     pose = np.stack([np.zeros(cars), y, np.zeros(cars)], -1)
     state = filter.init(prior(pose, velocity=(10.0, 0.0), size=SIZE))
-    told_of = []
-    for k, scan in enumerate(looks(rng, count, cars, **kw)):
+    notes = []
+    for k, scan in enumerate(drawn_scans(rng, count, cars, **kw)):
         state = filter.predict(state, DT) if k else state
         state, info = filter.update(state, scan)
-        told_of += [(k, note) for note in info.notes]
+        notes += [(k, note) for note in info.notes]
         if each:
             each(k, state, info)
-    return state, told_of
+    return state, notes
 
 
-def test_contours_change_by_the_rule_and_every_change_is_told_with_both_contours():
+def test_contours_change_by_the_rule_and_every_change_is_noted_with_both_contours():
     state, notes = run(QUICK, np.random.default_rng(0), 40)
     assert len(notes) >= 2
     first, note = notes[0]
     assert first >= 0.3 / DT
-    assert {told_of.kind for _, told_of in notes} <= {"adapted", "classified"}
-    assert "adapted" in [told_of.kind for _, told_of in notes]
-    (event,) = told(note, np.array([7]))
+    assert {note.kind for _, note in notes} <= {"adapted", "classified"}
+    assert "adapted" in [note.kind for _, note in notes]
+    (event,) = events_of(note, np.array([7]))
     assert event.track == 7
     assert event.contours.shape == (2, 48, 2)
     assert np.abs(event.contours[1] - event.contours[0]).max() > 0.01
@@ -106,7 +106,7 @@ def test_a_batch_learns_as_each_object_alone_where_all_may_learn_at_once():
     filter = AdaptiveSpline(Learner(SPLINE, enough=30, turns=3), window=6, span=0.3, least=20, at_once=3)
     together, notes = run(filter, np.random.default_rng(3), 16, cars=3)
     assert notes
-    scans = list(looks(np.random.default_rng(3), 16, 3))
+    scans = list(drawn_scans(np.random.default_rng(3), 16, 3))
     start = prior(np.stack([np.zeros(3), 8.0 * np.arange(3), np.zeros(3)], -1), velocity=(10.0, 0.0), size=SIZE)
     for i in range(3):
         one = filter.init(take(start, i))
@@ -118,7 +118,7 @@ def test_a_batch_learns_as_each_object_alone_where_all_may_learn_at_once():
 
 
 def test_an_update_leaves_its_argument_as_it_was():
-    scans = list(looks(np.random.default_rng(4), 30, 2))
+    scans = list(drawn_scans(np.random.default_rng(4), 30, 2))
     state = QUICK.init(prior(np.array([[0.0, 0, 0], [0, 8.0, 0]]), velocity=(10.0, 0.0), size=SIZE))
     for scan in scans:
         state = QUICK.predict(state, DT)
@@ -135,16 +135,16 @@ def test_buffers_do_not_grow_and_rows_may_come_and_go():
     assert [leaf.shape[1:] for leaf in leaves(state)] == [leaf.shape[1:] for leaf in leaves(fresh)]
     joined = concatenate([take(state, np.array([True, False])), fresh])
     assert joined.m.shape == (2, 7)
-    assert joined.window.looks[1] == 0
+    assert joined.window.scans[1] == 0
     assert joined.pool.came[1].sum() == 0
 
 
-def test_a_restart_keeps_the_contour_and_forgets_the_looks():
+def test_a_restart_keeps_the_contour_and_forgets_the_scans():
     state, notes = run(QUICK, np.random.default_rng(6), 30)
     again = QUICK.restart(state, QUICK.estimate(state)._replace(contour=None))
     assert notes
     np.testing.assert_array_equal(again.p, state.p)
-    assert again.window.looks.sum() == again.pool.came.sum() == again.fresh.sum() == again.stage.sum() == 0
+    assert again.window.scans.sum() == again.pool.came.sum() == again.fresh.sum() == again.stage.sum() == 0
     longer = QUICK.resize(state, np.array([[9.0, 2.5]]), np.array([[0.5, 0.1]]))
     np.testing.assert_array_equal(longer.p[0], SPLINE.models[1].p)
     assert longer.pool.came.sum() == 0
@@ -153,7 +153,7 @@ def test_a_restart_keeps_the_contour_and_forgets_the_looks():
 def test_the_gains_of_the_window_smooth_as_the_smoother_does():
     filter = AdaptiveSpline(Learner(SPLINE), window=8, span=10.0)
     state, kept = filter.init(prior(np.zeros(3), velocity=(10.0, 0.0), size=SIZE)), []
-    for k, scan in enumerate(looks(np.random.default_rng(7), 8)):
+    for k, scan in enumerate(drawn_scans(np.random.default_rng(7), 8)):
         scan = scan._replace(polar=scan.polar[0], mask=scan.mask[0], pose=scan.pose[0])
         before = filter.predict(state, DT) if k else state
         state, _ = filter.update(before, scan)
@@ -173,9 +173,9 @@ def one_sided(rng, count):
 
 def learned(data, refine, rays=True):
     model = find_model("surround-car")
-    off = Contour(model.p[None], model.Sigma[None])
-    sight = sight_table(model.p, SIZE, 24)[None]
-    log_pi = refine.log_weights(sight, off.p, 24, SIZE[None], data.sensor) if rays else -np.log(24)
+    off = SplineContour(model.p[None], model.Sigma[None])
+    table = visibility_table(model.p, SIZE, 24)[None]
+    log_pi = refine.log_weights(table, off.p, 24, SIZE[None], data.sensor) if rays else -np.log(24)
     now = off
     for _ in range(30):
         now = refine.run(now, off, data, log_pi, 0.1)
@@ -201,8 +201,8 @@ def test_the_other_side_is_the_mirror_image_and_a_contour_turns_one_way():
     _, now = learned(one_sided(np.random.default_rng(3), 300), Refine())
     mu = centres(now.p, 24)[0]
     np.testing.assert_allclose(mu[-np.arange(24) % 24] * [1.0, -1.0], mu, atol=5e-3)
-    assert sound(now.p).all()
-    assert not sound(now.p[:, ::-1]).any()  # clockwise
+    assert is_simple(now.p).all()
+    assert not is_simple(now.p[:, ::-1]).any()  # clockwise
 
 
 def test_the_known_noise_is_taken_out_of_the_spread():
@@ -252,17 +252,17 @@ def detections_of(name, rng, angles, count, shift=(0.0, 0.0)):
     """Detections that a vehicle of the catalogue gives, its centre off by shift [m]: as `Catalogue.fit` takes them."""
     model = CATALOGUE.models[CATALOGUE.names.index(name)]
     size = np.array(model.size)
-    sight = sight_table(model.p, size, 24)
+    table = visibility_table(model.p, size, 24)
     z, sensor = [], []
     for angle in angles:
-        share = sight[round(angle / (2 * np.pi) * 36) % 36]
+        share = table[round(angle / (2 * np.pi) * 36) % 36]
         ellipse = rng.choice(24, count, p=share / share.sum())
         root = np.linalg.cholesky(model.Sigma[ellipse])
         z.append((model.mu[ellipse] + (root @ rng.standard_normal((count, 2, 1)))[..., 0]) * size + shift)
         sensor.append(np.tile(25 * unit(angle), (count, 1)))
     z, sensor = np.concatenate(z), np.concatenate(sensor)
     R = np.tile([[1e-4], [0.0], [1e-4]], (1, 1, len(z)))
-    return Seen(z.T[None], R, np.ones((1, len(z)), bool)), sensor[None], size
+    return RelativeDetections(z.T[None], R, np.ones((1, len(z)), bool)), sensor[None], size
 
 
 @pytest.mark.parametrize("name", CATALOGUE.names)
@@ -295,7 +295,7 @@ def test_objects_fit_in_a_batch_as_alone():
     cases = [detections_of(name, rng, [2.5, 2.8], 10) for name in ("car", "bus")]
     ends = np.array([[[True, False], [False, True]]])
     alone = [CATALOGUE.fit(seen, sensor, size[None], ends) for seen, sensor, size in cases]
-    seen = Seen(*(np.concatenate(leaves) for leaves in zip(*(case[0] for case in cases), strict=True)))
+    seen = RelativeDetections(*(np.concatenate(leaves) for leaves in zip(*(case[0] for case in cases), strict=True)))
     sensor, size = np.concatenate([case[1] for case in cases]), np.stack([case[2] for case in cases])
     together = CATALOGUE.fit(seen, sensor, size, np.tile(ends, (2, 1, 1)))
     for i, one in enumerate(alone):
@@ -312,13 +312,13 @@ def test_a_sure_class_gives_size_and_contour_and_what_the_size_is_drawn_to():
     body = Decoupled(seen.z.mT / car, seen.R.mT / [car[0] ** 2, car.prod(), car[1] ** 2], sensor, seen.mask)
     pool, count = added(state.pool, body)
     assert count > 100
-    assert np.isnan(filter.usual_size(state)[0]).all()
+    assert np.isnan(filter.class_size(state)[0]).all()
     known = filter.learner.compared_with_classes(state._replace(pool=pool))
     which = catalogue.names.index("tractor")
     assert known.probability.argmax() == which
     assert known.kind == len(filter.spline.models) + which
     np.testing.assert_array_equal(known.p[0], catalogue.models[which].p)
-    np.testing.assert_allclose(filter.usual_size(known)[0], [size])
+    np.testing.assert_allclose(filter.class_size(known)[0], [size])
     np.testing.assert_allclose(known.m[0, 5:], size, rtol=0.1)
     assert known.m[0, 0] - known.m[0, 5] / 2 == pytest.approx(0.2 - size[0] / 2, abs=0.2)
     there = np.arange(pool.z.shape[2]) < pool.came[..., None]
@@ -334,7 +334,7 @@ def test_a_sure_class_gives_size_and_contour_and_what_the_size_is_drawn_to():
     assert longer.kind == known.kind
     other = filter.restart(known, filter.estimate(known)._replace(size=np.array([[9.0, 2.5]])))
     assert other.kind == 1
-    assert np.isnan(filter.usual_size(other)[0]).all()
+    assert np.isnan(filter.class_size(other)[0]).all()
 
 
 def test_classes_have_names_and_probabilities():
@@ -357,11 +357,11 @@ def test_bad_numbers_are_named(name):
         Refine(stiffness=0.0)
 
 
-def test_nothing_is_learned_from_looks_at_a_part_of_an_object():
-    scans = list(looks(np.random.default_rng(13), 40, 2))
+def test_nothing_is_learned_from_a_part_of_an_object():
+    scans = list(drawn_scans(np.random.default_rng(13), 40, 2))
     state = QUICK.init(prior(np.array([[0.0, 0, 0], [0, 8.0, 0]]), velocity=(10.0, 0.0), size=SIZE))
     for scan in scans:
-        state = QUICK.attend(QUICK.predict(state, DT), np.array([True, False]))
+        state = QUICK.learn_where(QUICK.predict(state, DT), np.array([True, False]))
         state, info = QUICK.update(state, scan)
         assert not any(note.where[1] for note in info.notes)
     assert state.pool.came.sum(-1).tolist() == [state.pool.came[0].sum(), 0]
@@ -379,7 +379,7 @@ def without(scan, k):
 def test_an_object_without_a_detection_stays_as_it_is_while_others_learn():
     state = QUICK.init(prior(np.array([[0.0, 0, 0], [0, 8.0, 0]]), velocity=(10.0, 0.0), size=SIZE))
     both = AdaptiveSpline(Learner(SPLINE, enough=30, turns=3), window=6, span=0.3, least=20, at_once=2)
-    for k, scan in enumerate(looks(np.random.default_rng(15), 30, 2)):
+    for k, scan in enumerate(drawn_scans(np.random.default_rng(15), 30, 2)):
         before = both.predict(state, DT)
         state, _ = both.update(before, without(scan, 1) if k >= 6 else scan)
         if k >= 6:
@@ -407,11 +407,11 @@ def test_turning_the_world_thins_out_the_same_detections():
     rng = np.random.default_rng(17)
     z, turn = rng.standard_normal((30, 2)), rotation(2.5)
     mask = np.ones(30, bool)
-    a, b = (Seen(points.T, np.ones((3, 1)), mask) for points in (z, z @ turn.T))
+    a, b = (RelativeDetections(points.T, np.ones((3, 1)), mask) for points in (z, z @ turn.T))
     assert sorted(thinned(a, 16, np.array(0.3))) == sorted(thinned(b, 16, np.array(2.8)))
 
 
-def test_a_class_that_is_not_sure_any_more_is_told_as_such():
+def test_a_class_that_is_not_sure_any_more_is_noted_as_such():
     filter = find("pmht-spline-adaptive")
     state = filter.init(prior(np.zeros((1, 3)), size=(2.2, 0.8)))
     known = filter.learner.of_kind(state, np.array([len(filter.spline.models) + filter.classes.index("motorcycle")]))

@@ -1,4 +1,4 @@
-"""UKF-PMHT on a spline: the card's transforms and updates against plain loops, laws, limits, lost associations."""
+"""UKF-PMHT on a spline: transforms and updates against plain loops, laws, limits, lost associations."""
 
 from dataclasses import replace
 
@@ -10,13 +10,12 @@ from hypothesis import strategies as st
 from trackers import Scan, prior
 from trackers.geometry import rotation, to_world, unit
 from trackers.pmht import RangeRates, SplinePmht, SplineState, Walk
-from trackers.pmht.association import Synthetic, outlier_density
-from trackers.pmht.joint import look
+from trackers.pmht.association import SyntheticDetections, outlier_density
+from trackers.pmht.joint import predict_ellipses
 from trackers.pmht.joint import update as joint_update
 from trackers.pmht.model import find
 from trackers.pmht.motion import predicted, turned
-from trackers.pmht.sequential import update as sequential_update
-from trackers.pmht.state import arms
+from trackers.pmht.state import rotating_root
 from trackers.pmht.symmetric import columns, congruence, matrices
 from trackers.unscented import STANDARD, sigma_points
 
@@ -47,7 +46,7 @@ def literal_moments(m, P, l):
     A9 = np.zeros((9, 9))
     A9[:7, :7], A9[7:, 7:] = P, MODEL.Sigma[l]
     T = np.zeros((9, 9))
-    T[:7, :7], T[7:, 7:] = arms(P), np.linalg.cholesky(MODEL.Sigma[l])
+    T[:7, :7], T[7:, 7:] = rotating_root(P), np.linalg.cholesky(MODEL.Sigma[l])
     m9, reach = np.concatenate([m, MODEL.mu[l]]), np.sqrt(STANDARD.reach(9))
     X = np.concatenate([[m9], m9 + reach * T.T, m9 - reach * T.T])
     y = np.array([x[:2] + rotation(x[2]) @ (x[5:7] * x[7:]) for x in X])
@@ -58,15 +57,15 @@ def literal_moments(m, P, l):
 
 def test_the_closed_form_is_the_literal_augmented_transform():
     s = state_at(np.random.default_rng(0))
-    view = look(s.m, s.P, MODEL.mu.T)
+    expected = predict_ellipses(s.m, s.P, MODEL.mu.T)
     E = congruence(rotation(s.m[2]) * s.m[5:]) @ columns(MODEL.Sigma)
     for l in range(24):
         z, C, D, _ = literal_moments(s.m, s.P, l)
-        np.testing.assert_allclose(view.c[:, l] + s.m[:2], z, atol=1e-12)
-        got = matrices(view.C)[l]
+        np.testing.assert_allclose(expected.c[:, l] + s.m[:2], z, atol=1e-12)
+        got = matrices(expected.C)[l]
         A = rotation(s.m[2]) * s.m[5:]
         np.testing.assert_allclose(got + A @ MODEL.Sigma[l] @ A.T, C, atol=1e-12)
-        np.testing.assert_allclose(view.T @ view.h[..., l], D, atol=1e-12)
+        np.testing.assert_allclose(expected.T @ expected.h[..., l], D, atol=1e-12)
         np.testing.assert_allclose(matrices(E)[l], A @ MODEL.Sigma[l] @ A.T, rtol=1e-12)
 
 
@@ -74,14 +73,14 @@ def made_synthetic(rng, m):
     centre = MODEL.mu @ (rotation(m[2]) * m[5:]).T + 0.1 * rng.standard_normal((24, 2))
     M = rng.uniform(0, 2, 24)
     M[3] = 0.0
-    return Synthetic(M, centre.T, np.tile([[0.0025], [0.0], [0.0025]], 24))
+    return SyntheticDetections(M, centre.T, np.tile([[0.0025], [0.0], [0.0025]], 24))
 
 
-def test_the_joint_update_is_the_information_form_of_the_card():
+def test_the_joint_update_is_the_information_form_of_plain_matrices():
     rng = np.random.default_rng(1)
     s = state_at(rng)
     z = made_synthetic(rng, s.m)
-    view, E = look(s.m, s.P, MODEL.mu.T), congruence(rotation(s.m[2]) * s.m[5:]) @ columns(MODEL.Sigma)
+    expected, E = predict_ellipses(s.m, s.P, MODEL.mu.T), congruence(rotation(s.m[2]) * s.m[5:]) @ columns(MODEL.Sigma)
     J, score = np.linalg.inv(s.P), np.zeros(7)
     for l in range(24):
         if z.M[l] == 0:
@@ -94,29 +93,9 @@ def test_the_joint_update_is_the_information_form_of_the_card():
         W = C - H @ D + V
         J += H.T @ np.linalg.solve(W, H)
         score += H.T @ np.linalg.solve(W, z.z[:, l] - (zp - s.m[:2]))
-    m, P = joint_update(s.m, view, E, z)
+    m, P = joint_update(s.m, expected, E, z)
     np.testing.assert_allclose(P, np.linalg.inv(J), rtol=1e-8, atol=1e-12)
     np.testing.assert_allclose(m, s.m + np.linalg.solve(J, score), rtol=1e-9, atol=1e-10)
-
-
-def test_the_sequential_update_is_a_loop_of_kalman_updates():
-    rng = np.random.default_rng(2)
-    s = state_at(rng)
-    z = made_synthetic(rng, s.m)
-    E = congruence(rotation(s.m[2]) * s.m[5:]) @ columns(MODEL.Sigma)
-    m, P = s.m, s.P
-    A = rotation(s.m[2]) * s.m[5:]
-    for l in range(24):
-        if z.M[l] == 0:
-            continue
-        zp, C, D, _ = literal_moments(m, P, l)
-        now = rotation(m[2]) * m[5:]
-        S = C - now @ MODEL.Sigma[l] @ now.T + (A @ MODEL.Sigma[l] @ A.T + 0.0025 * np.eye(2)) / z.M[l]
-        K = D @ np.linalg.inv(S)
-        m, P = m + K @ (z.z[:, l] + s.m[:2] - zp), P - K @ S @ K.T
-    got_m, got_P = sequential_update(s.m, s.P, MODEL.mu.T, E, z)
-    np.testing.assert_allclose(got_m, m, rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(got_P, P, atol=1e-10)
 
 
 def test_prediction_is_the_plain_transform_and_without_a_turn_it_is_straight():
@@ -141,7 +120,7 @@ def test_no_time_changes_nothing_and_noise_is_a_density():
     np.testing.assert_allclose(2 * Walk().covariance(0.5), Walk().covariance(1.0), rtol=1e-12)
 
 
-@pytest.mark.parametrize("f", [PAPER, replace(PAPER, form="sequential"), CAR, replace(CAR, visibility="none")])
+@pytest.mark.parametrize("f", [PAPER, CAR, replace(CAR, visibility="none")])
 @settings(max_examples=8, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_order_padding_and_batches_do_not_matter(f, seed):
@@ -196,10 +175,9 @@ def test_an_empty_scan_changes_nothing():
     assert info.notes == ()
 
 
-@pytest.mark.parametrize("form", ["joint", "sequential"])
-def test_detections_all_around_correct_every_state_that_they_show(form):
+def test_detections_all_around_correct_every_state_that_they_show():
     rng = np.random.default_rng(6)
-    f = replace(PAPER, form=form, iterations=12)
+    f = replace(PAPER, iterations=12)
     pose = np.array([10.0, 5.0, 0.4])
     scan = outline_scan(rng, pose, 400, noise=0.05)
     start = prior(
@@ -212,7 +190,7 @@ def test_detections_all_around_correct_every_state_that_they_show(form):
     assert (estimate.size_std < [0.3, 0.15]).all()
 
 
-def test_a_lost_association_is_told_and_recovered_at_once():
+def test_a_lost_association_is_noted_and_recovered_at_once():
     rng = np.random.default_rng(7)
     pose = np.array([30.0, 5.0, 0.4])
     scan = outline_scan(rng, pose, 40)
@@ -231,8 +209,7 @@ def test_a_lost_association_is_told_and_recovered_at_once():
     assert again.share > 0.9
 
 
-def test_clutter_is_left_out_when_its_density_is_told():
-    """Card, C5: eps is the density of false alarms over the detections expected."""
+def test_clutter_is_left_out_when_its_density_is_known():
     rng = np.random.default_rng(8)
     pose, wrong = np.array([30.0, 5.0, 0.4]), {0.0: [], 0.05: []}
     for _ in range(60):
@@ -295,7 +272,7 @@ def test_the_density_over_the_body_is_that_of_the_update_and_integrates_to_one()
     ("change", "text"),
     [
         ({"visibility": "some"}, "visibility must be one of rays, none"),
-        ({"form": "both"}, "form must be one of"),
+        ({"form": "both"}, "form must be joint or an EllipseUpdate"),
         ({"iterations": 0}, "iterations must be at least 1"),
         ({"inflation": 1.0}, "inflation > 1"),
     ],

@@ -1,4 +1,4 @@
-"""Learning contours: the card's equations at their maximum, and the sides that nobody saw."""
+"""Learning contours: the equations at their maximum, and the sides that nobody saw."""
 
 from dataclasses import replace
 
@@ -10,9 +10,9 @@ from trackers.linalg import inverse
 from trackers.pmht.adaptation import decoupled, frame_shift, partial_shift, shifted
 from trackers.pmht.association import responsibilities
 from trackers.pmht.learning import (
-    Contour,
-    Fit,
-    Statistics,
+    ContourEM,
+    EllipseStatistics,
+    SplineContour,
     centres,
     control_points,
     features,
@@ -21,8 +21,8 @@ from trackers.pmht.learning import (
     statistics,
 )  # fmt: skip
 from trackers.pmht.model import curve, find
-from trackers.pmht.offline import Data, Offline
-from trackers.pmht.visibility import sight_table, weights
+from trackers.pmht.offline import LabelledDetections, OfflineLearning
+from trackers.pmht.visibility import visibility_table, weights
 
 START = rectangle_start()
 SIZE = np.array([5.0, 2.0])
@@ -39,7 +39,7 @@ def box_points(rng, count, sides=4, lead=()):
 
 
 def objective(p, Sigma, s, stiffness, off):
-    """J of the card, section 8, written out."""
+    """The objective (PMHT.26) written out."""
     value = -stiffness * ((p - off) ** 2).sum()
     for l, mu in enumerate(centres(p, 24)):
         d, inv = s.zb[l] - mu, np.linalg.inv(Sigma[l])
@@ -72,7 +72,7 @@ def test_the_control_points_are_where_the_objective_is_flat(stiffness):
 def test_the_covariances_are_where_the_objective_is_flat():
     """(21) with the divisor M_l; the printed M_l + 1 belongs to another model [C8]."""
     s = made_statistics()
-    new = replace(Fit(), floor=0.0, keep_below=0.0).maximise(START, s, 10.0, START.p)
+    new = replace(ContourEM(), floor=0.0, keep_below=0.0).maximise(START, s, 10.0, START.p)
 
     def slope(Sigma, E):
         ends = (objective(new.p, Sigma + side * 1e-7 * E, s, 10.0, START.p) for side in (1, -1))
@@ -99,7 +99,7 @@ def log_likelihood(z, contour):
 def test_the_likelihood_never_falls():
     z, _ = box_points(np.random.default_rng(1), 800)
     now, last = START, -np.inf
-    one = Fit(iterations=1, eps=0.0, floor=0.0, keep_below=0.0)
+    one = ContourEM(iterations=1, eps=0.0, floor=0.0, keep_below=0.0)
     for _ in range(25):
         value = log_likelihood(z, now)
         assert value >= last - 1e-10
@@ -109,11 +109,11 @@ def test_the_likelihood_never_falls():
 def test_with_four_times_the_covariance_as_printed_the_likelihood_falls():
     """(15) as printed with (21): the negative twin of the test above [C3]."""
     z, _ = box_points(np.random.default_rng(1), 800)
-    now, F = Fit(iterations=10).run(START, z, np.ones(800, bool), EQUAL, 0.0, START.p), features(z)
+    now, F = ContourEM(iterations=10).run(START, z, np.ones(800, bool), EQUAL, 0.0, START.p), features(z)
     before = log_likelihood(z, now)
     for _ in range(25):
         w = responsibilities(log_densities(F, now._replace(Sigma=4 * now.Sigma)) + EQUAL, np.ones(800, bool), 1e-3)
-        now = Fit().maximise(now, statistics(F, w), 0.0, START.p)
+        now = ContourEM().maximise(now, statistics(F, w), 0.0, START.p)
     assert log_likelihood(z, now) < before - 0.1
 
 
@@ -121,9 +121,11 @@ def test_batches_and_padding_do_not_matter():
     rng = np.random.default_rng(2)
     z, _ = box_points(rng, 300, lead=(3,))
     mask = rng.random((3, 300)) < 0.8
-    many = Fit().run(START, np.where(mask[..., None], z, np.nan), mask, EQUAL, np.array([0.0, 0.0, 0.0]) + 5, START.p)
+    many = ContourEM().run(
+        START, np.where(mask[..., None], z, np.nan), mask, EQUAL, np.array([0.0, 0.0, 0.0]) + 5, START.p
+    )
     for i in range(3):
-        one = Fit().run(START, z[i][mask[i]], np.ones(mask[i].sum(), bool), EQUAL, 5.0, START.p)
+        one = ContourEM().run(START, z[i][mask[i]], np.ones(mask[i].sum(), bool), EQUAL, 5.0, START.p)
         np.testing.assert_allclose(many.p[i], one.p, atol=1e-8)
         np.testing.assert_allclose(many.Sigma[i], one.Sigma, atol=1e-8)
 
@@ -157,7 +159,7 @@ def one_sided(rng, count):
     z, side = box_points(rng, 4 * count)
     keep = np.isin(side, (1, 2))
     direction = np.where(side == 1, np.pi / 2, np.pi)
-    return Data(z[keep], np.zeros((keep.sum(), 2, 2)), direction[keep])
+    return LabelledDetections(z[keep], np.zeros((keep.sum(), 2, 2)), direction[keep])
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
@@ -165,14 +167,14 @@ def test_sides_that_are_not_seen_stay_where_they_were_only_with_visibility(seed)
     """The problem that the paper leaves open: learning drags unseen ellipses onto the sides that are seen."""
     data = one_sided(np.random.default_rng(seed), 1000)
     model = find("yao2021")
-    off = Contour(model.p, model.Sigma)
+    off = SplineContour(model.p, model.Sigma)
     seen_from = np.broadcast_to(data.direction[:, None], (len(data.z), 24))
-    log_pi = {"rays": np.log(weights(sight_table(off.p, SIZE, 24), seen_from, 0.002)), "none": EQUAL}
+    log_pi = {"rays": np.log(weights(visibility_table(off.p, SIZE, 24), seen_from, 0.002)), "none": EQUAL}
     mu = centres(off.p, 24)
     unseen = (mu[:, 1] < 0) & (mu[:, 0] > -0.35)
     moved = {}
     for name, weight in log_pi.items():
-        new = Fit().run(off, data.z, np.ones(len(data.z), bool), weight, 100.0, off.p)
+        new = ContourEM().run(off, data.z, np.ones(len(data.z), bool), weight, 100.0, off.p)
         moved[name] = np.linalg.norm(centres(new.p, 24) - mu, axis=-1)[unseen].max()
     assert moved["rays"] < 0.3
     assert moved["none"] > 1.5 * moved["rays"]
@@ -186,27 +188,27 @@ def test_known_noise_and_the_inside_are_taken_out():
     z = z + 0.05 * rng.standard_normal(z.shape)
     volume = rng.random(len(z)) < 0.2
     z = np.where(volume[:, None], rng.uniform(-0.5, 0.5, z.shape), z)
-    learned = Offline(mirrored=False, iterations=60).run(Data(z, noise, direction), SIZE)
+    learned = OfflineLearning(mirrored=False, iterations=60).run(LabelledDetections(z, noise, direction), SIZE)
     across = np.sqrt(learned.contour.Sigma[:, 1, 1])[5:8]  # of the left side
     assert across.max() < 0.035  # of a half-normal depth of 0.03: 0.018
     assert learned.interior == pytest.approx(0.15, abs=0.08)
-    blind = Offline(mirrored=False, iterations=60).run(Data(z, 0 * noise, direction), SIZE)
+    blind = OfflineLearning(mirrored=False, iterations=60).run(LabelledDetections(z, 0 * noise, direction), SIZE)
     assert np.sqrt(blind.contour.Sigma[:, 1, 1])[5:8].min() > 0.035
     assert np.diff(learned.log_likelihood).min() > -2e-3
 
 
 def test_mirror_images_make_the_contour_symmetric():
     data = one_sided(np.random.default_rng(7), 800)
-    ring = curve(Offline(interior=0.0, iterations=30).run(data, SIZE).contour.p)
+    ring = curve(OfflineLearning(interior=0.0, iterations=30).run(data, SIZE).contour.p)
     assert ring[:, 1].max() == pytest.approx(-ring[:, 1].min(), abs=0.02)
 
 
 def test_few_detections_leave_an_ellipse_its_spread():
-    s = Statistics(np.zeros(24), np.zeros((24, 2)), np.zeros((24, 2, 2)))
-    new = Fit().maximise(START, s, 1.0, START.p)
+    s = EllipseStatistics(np.zeros(24), np.zeros((24, 2)), np.zeros((24, 2, 2)))
+    new = ContourEM().maximise(START, s, 1.0, START.p)
     np.testing.assert_allclose(new.Sigma, START.Sigma)
     np.testing.assert_allclose(new.p, START.p, atol=1e-12)
-    assert isinstance(new, Contour)
+    assert isinstance(new, SplineContour)
 
 
 def test_without_a_full_view_the_side_that_was_seen_keeps_its_place():

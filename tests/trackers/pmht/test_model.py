@@ -15,7 +15,7 @@ from trackers.pmht import model as models
 from trackers.pmht.learning import rectangle_start
 from trackers.pmht.model import as_json, curve, find, outlines, resolve
 from trackers.pmht.spline import basis, chain, slope_basis
-from trackers.pmht.visibility import DIRECTIONS, directions, sight_table, weights
+from trackers.pmht.visibility import DIRECTIONS, directions, visibility_table, weights
 
 BOX = rectangle_start()
 SIZE = np.array([5.0, 2.0])
@@ -82,7 +82,7 @@ def test_the_drawn_outline_lies_outside_the_curve_by_the_spread_of_the_ellipses(
 
 
 def test_from_ahead_the_front_is_seen_and_from_aside_the_side():
-    table = sight_table(BOX.p, SIZE, 24)
+    table = visibility_table(BOX.p, SIZE, 24)
     mu = chain(24, 12) @ BOX.p * SIZE
     assert table.shape == (DIRECTIONS, 24)
     np.testing.assert_allclose(table.sum(-1), 1, atol=1e-12)
@@ -92,7 +92,7 @@ def test_from_ahead_the_front_is_seen_and_from_aside_the_side():
 
 
 def test_sight_of_a_symmetric_body_is_symmetric():
-    table = sight_table(BOX.p, SIZE, 24)
+    table = visibility_table(BOX.p, SIZE, 24)
     mirror = -np.arange(24) % 24  # ellipses run from ahead, counter-clockwise
     np.testing.assert_allclose(table[-np.arange(DIRECTIONS) % DIRECTIONS][:, mirror], table, atol=1e-9)
 
@@ -107,7 +107,7 @@ def test_a_wheel_hides_the_bonnet_behind_it():
     want = np.stack([np.interp(r * at[-1], at, corners[:, i]) for i in range(2)], -1) / SIZE
     p = np.linalg.lstsq(chain(24, 24), want, rcond=None)[0]
     mu = chain(24, 24) @ p * SIZE
-    table = sight_table(p, SIZE, 24)
+    table = visibility_table(p, SIZE, 24)
     bonnet = (mu[:, 0] > -0.3) & (mu[:, 0] < 0.6) & (mu[:, 1] > 0)
     behind = round(DIRECTIONS * 160 / 360)  # from behind, a little to the left
     assert bonnet.any()
@@ -119,7 +119,7 @@ def test_a_wheel_hides_the_bonnet_behind_it():
 @given(seed=st.integers(0, 2**32 - 1))
 def test_weights_sum_to_one_and_change_without_a_jump(seed):
     rng = np.random.default_rng(seed)
-    table = sight_table(BOX.p, SIZE, 24)
+    table = visibility_table(BOX.p, SIZE, 24)
     at = rng.uniform(-10, 10, (5, 24))
     w, near = weights(table, at, 0.02), weights(table, at + 1e-6, 0.02)
     np.testing.assert_allclose(w.sum(-1), 1, atol=1e-12)

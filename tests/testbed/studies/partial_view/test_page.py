@@ -45,7 +45,7 @@ from trackers.estimate import prior
 from trackers.geometry import rotation, to_frame
 from trackers.pmht.model import SplineModel
 from trackers.pmht.model import find as find_model
-from trackers.pmht.offline import Learned
+from trackers.pmht.offline import LearnedContour
 
 RADAR = sensors.find("surround")
 BY_VIEW = {encounter.view: encounter for encounter in encounters()}
@@ -165,7 +165,7 @@ def test_every_choice_of_sides_is_of_the_aspects_it_says():
 
 def made_study(model: SplineModel) -> Study:
     """A study with figures made up."""
-    learned = Learned(None, 0.1, np.zeros(1), np.ones(24))
+    learned = LearnedContour(None, 0.1, np.zeros(1), np.ones(24))
     figures = dict.fromkeys(MEASURES, PlusMinus(-0.25, 0.05))
     sided = [Sided("rear only", v, model, learned, np.zeros((5, 2))) for v in ("rays", "none")]
     single = {(kind, view, v): figures for kind in KINDS for view in ("behind", "passing") for v in ("rays", "none")}
