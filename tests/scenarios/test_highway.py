@@ -7,6 +7,7 @@ from scenarios.bodies import parts, rear_extent
 from scenarios.highway import ScenarioEnv, build_config
 from scenarios.stage import balanced_target, steady_gap
 from scenarios.vehicles import SizedIDM
+from tests.scenarios.episodes import world_only
 
 IDLE, FASTER, SLOWER = 1, 3, 4
 every_scenario = pytest.mark.parametrize("name", SCENARIOS)
@@ -34,7 +35,7 @@ def idm_action(env, cruise):
 
 def drive(name, seed):
     """Run an episode with the cautious driver; the env at its end and whether it was truncated."""
-    env = ScenarioEnv(name)
+    env = world_only(name)
     env.reset(seed=seed)
     cruise = 1.1 * env.vehicle.speed
     terminated = truncated = False
@@ -65,7 +66,7 @@ def test_nobody_crashes_under_other_seeds(name, seed):
 
 
 def test_a_reckless_driver_does_crash():
-    env = ScenarioEnv("hard-brake")
+    env = world_only("hard-brake")
     env.reset(seed=0)
     while not env.step(FASTER)[2]:
         assert env.steps < 300
@@ -90,7 +91,7 @@ def test_the_same_seed_gives_the_same_episode(name):
 
 def test_the_platoons_start_without_hard_braking():
     for name in SCENARIOS:
-        env = ScenarioEnv(name)
+        env = world_only(name)
         env.reset(seed=1)
         env.step(IDLE)
         drivers = [v for v in env.road.vehicles if isinstance(v, SizedIDM)]

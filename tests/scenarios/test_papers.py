@@ -1,23 +1,26 @@
 """The papers' courses on a road, against those of the reproduced experiments."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
 from scenarios.adapter import SceneReader
-from scenarios.highway import ScenarioEnv
 from scenarios.registry import find
 from sensors import find as find_radar
 from testbed.papers.xia2020.generators import FOLLOWING, RIGHT_TURN, S_CURVE, drive
+from tests.scenarios.episodes import world_only
 from trackers.geometry import to_frame, wrap_angle
 
 IDLE = 1
 COURSES = {"xia2020-lane": FOLLOWING, "xia2020-right-turn": RIGHT_TURN, "xia2020-s-curve": S_CURVE}
 
 
-def ride(name, seed=0):
-    """Times (F,) and scenes of an episode in which the ego keeps lane and speed."""
-    env = ScenarioEnv(name)
-    env.reset(seed=seed)
+@cache
+def ride(name):
+    """Scenes of an episode in which the ego keeps lane and speed."""
+    env = world_only(name)
+    env.reset(seed=0)
     reader, scenes = SceneReader(), []
     scenes.append(reader.read(env))
     truncated = False
@@ -25,7 +28,7 @@ def ride(name, seed=0):
         _, _, terminated, truncated, _ = env.step(IDLE)
         assert not terminated
         scenes.append(reader.read(env))
-    return scenes
+    return tuple(scenes)
 
 
 def relative(ego, pose):
