@@ -1,0 +1,35 @@
+"""docs/examples: every program runs, is short, and is named in the index."""
+
+import re
+import runpy
+from pathlib import Path
+
+import pytest
+
+DOCS = Path(__file__).parents[2] / "docs"
+SHOWS = {  # what each program prints, at least once
+    "first_env": r"track +-?[\d.]+ m ahead, .* m long",
+    "own_planner": r"8\.0 s +[\d.]+ m/s +gap .* m\nno collision",
+    "own_filter": r"Kalman: GOSPA [\d.]+ m, position RMSE [\d.]+ m",
+    "own_radar": r"double: \d+ detections a scan, [\d.]+ tracks of \d+ vehicles",
+    "own_scenario": r"van +at .* m: nearest track off by \d\.\d m",
+    "compare_trackers": r"GOSPA \[m\] .* difference -[\d.]+ \+- [\d.]+",
+    "read_log": r"GOSPA +[\d.]+ m in step 0, [\d.]+ m in step \d+\nevent",
+}
+
+
+def test_every_program_is_tried():
+    assert {file.stem for file in DOCS.glob("examples/*.py")} == set(SHOWS)
+
+
+@pytest.mark.parametrize("name", SHOWS)
+def test_the_program_runs_and_shows_something(name, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)  # where it may leave a folder `runs`
+    runpy.run_path(str(DOCS / "examples" / f"{name}.py"), run_name="__main__")
+    assert re.search(SHOWS[name], capsys.readouterr().out)
+
+
+@pytest.mark.parametrize("name", SHOWS)
+def test_the_program_is_short_and_in_the_index(name):
+    assert len((DOCS / "examples" / f"{name}.py").read_text().splitlines()) <= 60
+    assert f"(examples/{name}.py)" in (DOCS / "index.md").read_text()
