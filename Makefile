@@ -1,12 +1,17 @@
-# Two commands matter: `make demo` and `make test`. Both set everything up first.
+# Two commands matter: `make demo` and `make test`. Both set everything up first, once: .venv and the pinned packages.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+DOCS_STAMP := $(VENV)/.installed-docs
+PIP := $(BIN)/python -m pip install --disable-pip-version-check --constraint constraints.txt
+SITE := build/docs
 
-.PHONY: demo test lint types unit bench regress reproduce comparison comparison-page learning-docs family modes partial-view contours clean
+.PHONY: demo test lint types unit generated docs bench regress reproduce comparison comparison-page learning-docs family modes partial-view contours clean
 
 demo: $(STAMP)
+	@echo
+	@echo "Twenty seconds of \`cut-in\` in closed loop: traffic, six radars, the default tracker, the planner idm."
 	$(BIN)/testbed run cut-in --radar surround --seed 0 --out runs
 
 test: lint types unit
@@ -20,6 +25,13 @@ types: $(STAMP)
 
 unit: $(STAMP)
 	$(BIN)/pytest -n auto
+
+generated: $(STAMP)  # what the documentation says about the registries; after adding a scenario, tracker, radar, ...
+	$(BIN)/python -m testbed.studies generated
+
+docs: $(DOCS_STAMP)  # the pages and the API reference as a site; a warning or a broken link is an error
+	$(BIN)/sphinx-build --fail-on-warning --keep-going --quiet -c docs . $(SITE)
+	@echo "open     $(SITE)/index.html"
 
 bench: $(STAMP)
 	$(BIN)/testbed bench
@@ -59,9 +71,15 @@ learning-docs: $(STAMP)  # DATA is the folder with objects.npz of the real extra
 
 $(STAMP): pyproject.toml constraints.txt
 	$(PYTHON) -c "import sys; v = sys.version_info; sys.exit(0 if v >= (3, 11) else f'Python >= 3.11 is needed, $(PYTHON) is {v[0]}.{v[1]}; call make PYTHON=python3.11')"
+	@echo "Setting up, once. 1 of 2: $(VENV), some seconds"
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev]'
-	touch $(STAMP)
+	@echo "2 of 2: the pinned packages of constraints.txt, about 410 MB, 1 to 3 minutes; the last one is this project"
+	$(PIP) --editable '.[dev]'
+	@touch $(STAMP)
+
+$(DOCS_STAMP): $(STAMP)
+	$(PIP) --editable '.[dev,docs]'
+	@touch $(DOCS_STAMP)
 
 clean:
 	rm -rf $(VENV) runs build *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis

@@ -12,6 +12,13 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 PACKAGES = ("trackers", "sensors", "scenarios", "testbed")
 
 
+def dependencies() -> set[str]:
+    """Names of all that we ask for, in lower case; brackets stay."""
+    extras = PROJECT["project"]["optional-dependencies"].values()
+    wanted = chain(PROJECT["project"]["dependencies"], *extras)
+    return {name.partition(">")[0].lower() for name in wanted if not name.startswith("eot-testbed")}
+
+
 def carried(file: Path) -> bool:
     """Whether [tool.setuptools.package-data] names the file."""
     known = PROJECT["tool"]["setuptools"]["package-data"].items()
@@ -37,7 +44,9 @@ def test_the_version_is_that_of_the_project():
 
 def test_the_pins_are_plain_and_cover_what_we_ask_for():
     pins = dict(line.split("==") for line in (ROOT / "constraints.txt").read_text().splitlines())
-    extras = PROJECT["project"]["optional-dependencies"].values()
-    wanted = chain(PROJECT["project"]["dependencies"], *extras)
-    names = {name.partition("[")[0].partition(">")[0].lower() for name in wanted} - {"eot-testbed"}
-    assert names <= {name.lower() for name in pins}
+    assert {name.partition("[")[0] for name in dependencies()} <= {name.lower() for name in pins}
+
+
+def test_every_dependency_has_a_reason():
+    page = (ROOT / "docs" / "dependencies.md").read_text()
+    assert [name for name in dependencies() if f"| {name} |" not in page] == []

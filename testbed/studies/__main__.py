@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 
 import typer
 
+from testbed.studies import generated
 from testbed.studies.closed_loop import page as closed_loop
 from testbed.studies.comparison import calibration, committed, publish
 from testbed.studies.comparison import page as comparison
@@ -23,6 +24,8 @@ STUDIES: Mapping[str, Callable[..., None]] = {
     "publish": publish.main,
     "verdicts": committed.main,
     "calibration": calibration.main,
+    # what the documentation says about the registries
+    "generated": generated.main,
 }
 
 app = typer.Typer(

@@ -1,4 +1,4 @@
-"""docs/comparing.md: its table of columns is that of the code, its examples run on a real folder."""
+"""docs/comparing.md: its examples run on a real folder."""
 
 import re
 import subprocess
@@ -12,17 +12,9 @@ from testbed.compare.runs.engine import Engine
 from testbed.compare.runs.recording import load
 from testbed.compare.runs.replay import write_log
 from testbed.compare.runs.results import collect
-from testbed.compare.runs.rows import COLUMNS, TEXT
 from testbed.compare.runs.work import execute
 
 PAGE = Path(__file__).parents[2] / "docs" / "comparing.md"
-START, END = "<!-- columns: written by tests/docs/test_comparing.py -->\n", "<!-- end of columns -->"
-
-
-def columns() -> str:
-    kinds = [("text" if c.type == TEXT else c.type, c) for c in COLUMNS]
-    rows = "\n".join(f"| `{c.name}` | {kind} | {c.unit} | {c.note} |" for kind, c in kinds)
-    return f"| column | type | unit | what |\n|---|---|---|---|\n{rows}"
 
 
 @pytest.fixture(scope="module")
@@ -38,11 +30,6 @@ def folder(tmp_path_factory):
     return home
 
 
-def test_the_columns_are_those_of_the_code():
-    """On failure: `python -P tests/docs/test_comparing.py` writes them anew."""
-    assert PAGE.read_text().partition(START)[2].partition(END)[0].strip() == columns()
-
-
 @pytest.mark.parametrize("code", re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.S), ids=lambda c: c.split()[1])
 def test_the_examples_run(code, folder):
     if "polars" in code:
@@ -50,8 +37,3 @@ def test_the_examples_run(code, folder):
     done = subprocess.run([sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip()
-
-
-if __name__ == "__main__":
-    head, mark, rest = PAGE.read_text().partition(START)
-    PAGE.write_text(head + mark + "\n" + columns() + "\n\n" + rest[rest.index(END) :])

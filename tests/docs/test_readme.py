@@ -1,48 +1,84 @@
-"""The README's promises: its example runs, its catalogue is the registries'."""
+"""The README: short, every figure is that of a committed result, its program runs, its pictures are there."""
 
+import os
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from testbed.command_line.tables import entries
+from testbed.compare.statistics.analysis import cells
+from testbed.compare.statistics.measures import KEYS
+from testbed.studies.comparison.publish import read
+from trackers import DEFAULT
 
-README = Path(__file__).parents[2] / "README.md"
-
-
-def catalogue() -> str:
-    """The README's catalogue as the registries have it."""
-    parts = []
-    for name, found in entries().items():
-        rows = "\n".join(f"| `{entry}` | {what} |" for entry, what in found)
-        parts.append(f"**{name.capitalize()}**\n\n| name | what |\n|---|---|\n{rows}\n")
-    return "\n".join(parts)
-
-
-def section(text):
-    return re.search(r"tests/docs/test_readme\.py -->\n(.*)<!-- end of catalogue -->", text, re.S).group(1)
-
-
-def test_the_catalogue_is_that_of_the_registries():
-    """On failure: `python tests/docs/test_readme.py` writes it anew."""
-    assert section(README.read_text()).strip() == catalogue().strip()
+ROOT = Path(__file__).parents[2]
+README = (ROOT / "README.md").read_text()
+PROSE = re.sub(r"```.*?```|Python >= [\d.]+", "", README, flags=re.S)
+MEASURES = {  # first cell of a row -> measure
+    "GOSPA": "gospa",
+    "position": "rmse_position",
+    "velocity": "rmse_velocity",
+    "length": "rmse_length",
+    "NEES": "nees_position",
+}
 
 
-def test_the_python_example_runs(tmp_path):
-    code = re.search(r"```python\n(.*?)```", README.read_text(), re.S).group(1)
-    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=120)
+@pytest.fixture(scope="module")
+def results():
+    return read(ROOT / "docs" / "results")[0]
+
+
+@pytest.fixture(scope="module")
+def figures(results):
+    """(tracker, measure) -> mean, low, high as printed, of the trackers that the README names."""
+    named = tuple(t for t in results.comparison.trackers if f"`{t}`" in PROSE)
+    spans = results.spans[results.spans["tracker"].isin(named)]
+    comparison = replace(results.comparison, trackers=named)
+    found = cells(results._replace(comparison=comparison, spans=spans), tuple(MEASURES.values()))
+    return {
+        (c.tracker, c.measure): tuple(
+            f"{x:.{KEYS[c.measure].digits}f}" for x in (c.mean.value, c.mean.low, c.mean.high)
+        )
+        for c in found
+    }
+
+
+def test_the_readme_is_short():
+    assert len(README.encode()) <= 6000
+
+
+def test_the_table_holds_the_default_tracker(figures):
+    rows = {
+        cells[0]: cells[1]
+        for line in PROSE.splitlines()
+        if (cells := line.strip("| ").split(" | ")) and len(cells) == 3
+    }
+    for name, measure in MEASURES.items():
+        mean, low, high = figures[DEFAULT, measure]
+        unit = KEYS[measure].unit.replace("1", "")
+        assert rows[name] == f"{mean} {unit}".strip() + f" [{low}, {high}]"
+
+
+def test_every_decimal_figure_comes_from_the_results(figures):
+    assert set(re.findall(r"\d+\.\d+", PROSE)) <= {x for found in figures.values() for x in found}
+
+
+def test_the_table_says_what_was_run(results):
+    comparison = results.comparison
+    assert (
+        f"over {len(comparison.scenarios)} scenarios and {len(comparison.seeds)} seeds "
+        f"({comparison.settings.duration:g} s each, radar `{comparison.settings.radar}`)"
+    ) in PROSE
+
+
+def test_the_program_runs(tmp_path):
+    code = re.search(r"```python\n(.*?)```", README, re.S).group(1)
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=120
+    )
     assert done.returncode == 0, done.stderr
     assert "track at" in done.stdout
-
-
-@pytest.mark.parametrize("picture", re.findall(r"!\[.*?\]\((.*?)\)", README.read_text()))
-def test_every_picture_is_there(picture):
-    assert (README.parent / picture).is_file()
-
-
-if __name__ == "__main__":
-    sys.path[0] = str(README.parent)  # not this folder, whose `scenarios` are tests
-    head, mark, rest = README.read_text().partition("tests/docs/test_readme.py -->\n")
-    README.write_text(head + mark + "\n" + catalogue() + "\n" + rest[rest.index("<!-- end of catalogue -->") :])

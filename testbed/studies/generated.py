@@ -1,0 +1,134 @@
+"""What the documentation says about the registries: docs/catalogue.md, and the columns in docs/comparing.md.
+
+`make generated` writes both in a second; tests/docs/test_generated.py holds them against the code.
+"""
+
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+from scenarios import CONTOURS, SCENARIOS, Scenario
+from sensors import RADARS
+from testbed.command_line.terminal import console
+from testbed.compare.runs.rows import COLUMNS, TEXT
+from testbed.environment.registration import env_id
+from testbed.files import write_atomic
+from testbed.log.text import markdown_table
+from testbed.planners import PLANNERS
+from testbed.studies.page import Docs
+from trackers import DEFAULT, TRACKERS
+
+CATALOGUE = """# Catalogue
+
+Written by `make generated` from the registries; do not edit it by hand. `testbed list` prints the same names.
+
+## Scenarios
+
+`gym.make("{example}")` makes the environment of `cut-in`, and so for every name; `testbed run NAME` drives one. The
+registry is [scenarios/registry.py](../scenarios/registry.py). Vehicles are those besides the ego.
+
+{scenarios}
+
+## Trackers
+
+Filters of one object, each under the same [multi-object tracker](methods/multi-object-tracking.md). The default is
+`{default}`. The registry is [trackers/registry.py](../trackers/registry.py).
+
+{trackers}
+
+## Radars
+
+The registry is [sensors/rigs.py](../sensors/rigs.py). Rate: scans a second; "frame" is one every simulated frame.
+
+{radars}
+
+## Planners
+
+The registry is [testbed/planners/registry.py](../testbed/planners/registry.py).
+
+{planners}
+
+## Contours
+
+Outlines of vehicles, [scenarios/contours.py](../scenarios/contours.py).
+
+{contours}
+"""
+COLUMNS_START, COLUMNS_END = "<!-- columns: written by `make generated` -->", "<!-- end of columns -->"
+
+
+def pages(docs: Path) -> dict[Path, str]:
+    """Text of each generated page under `docs`, by file; of docs/comparing.md all but the table stays."""
+    comparing = docs / "comparing.md"
+    before, _, rest = comparing.read_text().partition(COLUMNS_START)
+    after = rest.partition(COLUMNS_END)[2]
+    table = f"{COLUMNS_START}\n\n{columns()}\n\n{COLUMNS_END}"
+    return {docs / "catalogue.md": catalogue(), comparing: f"{before}{table}{after}"}
+
+
+def catalogue() -> str:
+    """The page docs/catalogue.md."""
+    return CATALOGUE.format(
+        example=env_id("cut-in"),
+        default=DEFAULT,
+        scenarios=markdown_table(
+            ("name", "what", "vehicles", "s", "code"),
+            [(f"`{s.name}`", s.purpose, str(s.vehicles), f"{s.duration:g}", builder(s)) for s in SCENARIOS.values()],
+        ),
+        trackers=markdown_table(
+            ("name", "what", "code", "method"),
+            [(f"`{t.name}`", t.source, source(t.filter), method(t.filter)) for t in TRACKERS.values()],
+        ),
+        radars=markdown_table(
+            ("name", "what", "sensors", "rate"),
+            [
+                (f"`{r.name}`", r.note, str(len(r.sensors)), "frame" if r.rate is None else f"{r.rate:g}")
+                for r in RADARS.values()
+            ],
+        ),
+        planners=markdown_table(("name", "what"), [(f"`{p.name}`", p.note) for p in PLANNERS.values()]),
+        contours=markdown_table(
+            ("name", "length [m]", "width [m]"),
+            [(f"`{c.name}`", f"{c.length:g}", f"{c.width:g}") for c in CONTOURS.values()],
+        ),
+    )
+
+
+def columns() -> str:
+    """The table of columns of a comparison's rows."""
+    return markdown_table(
+        ("column", "type", "unit", "what"),
+        [(f"`{c.name}`", "text" if c.type == TEXT else str(c.type), c.unit, c.note) for c in COLUMNS],
+    )
+
+
+def builder(scenario: Scenario) -> str:
+    """Link to the file in which the world of a scenario is built."""
+    module = scenario.builder if isinstance(scenario.builder, str) else scenario.builder.__module__
+    return link(module.partition(":")[0])
+
+
+def source(filter: Any) -> str:
+    """Link to the file of a filter."""
+    return link(type(filter).__module__)
+
+
+def method(filter: Any) -> str:
+    """Link to the first method page that the docstring of the filter's module or class names; a dash without one."""
+    texts = sys.modules[type(filter).__module__].__doc__, type(filter).__doc__
+    named = [name for text in texts for name in re.findall(r"docs/methods/([\w-]+)\.md", text or "")]
+    return f"[{named[0]}](methods/{named[0]}.md)" if named else "–"
+
+
+def link(module: str) -> str:
+    """Link to the file of a module, for a page in docs/."""
+    path = f"{module.replace('.', '/')}.py"
+    return f"[{path}](../{path})"
+
+
+def main(docs: Docs = Path("docs")) -> None:
+    """Write what the documentation says about the registries: docs/catalogue.md, the columns in docs/comparing.md."""
+    for page, text in pages(docs).items():
+        write_atomic(page, text)
+        console.print(f"page     {page}", soft_wrap=True)
