@@ -1,6 +1,7 @@
 """Tables that people read: catalogues and the results of a run."""
 
 from collections.abc import Mapping, Sequence
+from math import isfinite
 from typing import Any
 
 from rich import box
@@ -9,6 +10,7 @@ from rich.table import Table
 
 from trackers.lookup import look_up
 
+DASH = "–"
 ROWS = (  # key of the summary, label, digits
     ("objects_visible", "objects visible", 0),
     ("objects_confirmed", "of these tracked", 0),
@@ -46,9 +48,9 @@ DRIVE = (
 )
 
 
-def number(value: Any, digits: int) -> str:
+def number(value: float | None, digits: int) -> str:
     """A figure as people read it; a dash where nothing was measured."""
-    return "–" if value is None else f"{value:.{digits}f}"
+    return DASH if value is None or not isfinite(value) else f"{value:.{digits}f}"
 
 
 def metrics(result: Mapping[str, Any]) -> Table:

@@ -8,7 +8,8 @@ from rich.progress import Progress as Bar
 
 from testbed.command_line.interruption import Wish, interruptible
 from testbed.command_line.terminal import stages, user_input
-from testbed.compare.report import tables_terminal as tables
+from testbed.compare.report import tables
+from testbed.compare.report.renderers import terminal
 from testbed.compare.report.report import write_report
 from testbed.compare.runs.config import Comparison
 from testbed.compare.runs.engine import Engine
@@ -18,6 +19,8 @@ from testbed.compare.statistics import analysis
 from testbed.compare.statistics.measures import MAIN
 
 WARNINGS = 8  # that are spelt out on the terminal
+FEW = 3  # trackers that stand side by side in 80 columns with their intervals
+SHOWN = ("measure", "mean difference", "interquartile mean", "probability of improvement", "verdict")
 
 
 def compare(comparison: Comparison, engine: Engine, console: Console, bar: Bar) -> int:
@@ -78,9 +81,14 @@ def overview(results: Results, console: Console) -> None:
     comparison = results.comparison
     cells = list(analysis.cells(results, MAIN))
     where = f"{len(comparison.scenarios)} scenarios, {len(comparison.seeds)} seeds, {comparison.settings.loop} loop"
-    console.print(tables.overview(cells, f"{where}: means with 95 % intervals"))
+    means, title = tables.overview(cells, comparison.baseline), f"{where}: means with 95 % intervals"
+    if len(means.lines) <= FEW:
+        console.print(terminal(means.transposed("measure"), title, no_wrap=True))
+    else:
+        console.print(terminal(means, title, narrow=True))
     if len(comparison.trackers) > 1:
-        console.print(tables.differences(cells, comparison.baseline))
+        found = tables.differences(cells, comparison.baseline).only(*SHOWN)
+        console.print(terminal(found, f"difference to {comparison.baseline} on the same seeds; negative is better"))
     sentences = analysis.unresolved(cells)
     for sentence in sentences[:WARNINGS]:
         console.print(f"[yellow]![/yellow] {sentence}", highlight=False, soft_wrap=True)

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from scenarios import SCENARIOS
 from testbed.compare.runs.results import Results
 from testbed.compare.runs.work import Report
-from testbed.compare.statistics.measures import KEYS
 from testbed.regress.baselines import Baselines, Key
 from testbed.regress.suite import TOLERANCES, Suite
 from testbed.regress.verdict import BETTER, GONE, OVERALL, WORSE, Change, judge
@@ -97,12 +96,6 @@ def worst_run(findings: Findings, values: Mapping[Key, Mapping[str, NDArray]], b
     key = tracker, scenario
     moved = np.abs(values[key][measure] - baselines.values[key][measure])
     return key, int(np.argmax(np.where(np.isnan(moved), np.inf, moved)))
-
-
-def label(measure: str) -> str:
-    """Name and unit of a measure as people read them."""
-    found = KEYS[measure]
-    return found.label + (f" [{found.unit}]" if found.unit != "1" else "")
 
 
 def _seconds(frame: pd.DataFrame) -> dict[Key, float]:

@@ -4,9 +4,10 @@ import re
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
+from testbed.compare.statistics.measures import KEYS
 from testbed.files import write_atomic
 from testbed.regress.baselines import Key
-from testbed.regress.findings import Findings, label
+from testbed.regress.findings import Findings
 from testbed.regress.verdict import GONE, OVERALL, Change
 
 FORBIDDEN = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")  # characters that XML 1.0 has not
@@ -25,7 +26,7 @@ def write(findings: Findings, path: Path) -> None:
 
 def sentence(change: Change) -> str:
     """One change in words."""
-    name = label(change.measure)
+    name = KEYS[change.measure].title
     if change.verdict == GONE:
         return f"{name}: nothing measured any more, the baseline has {change.before:.4g}"
     numbers = f"{change.before:.4g} -> {change.after:.4g}"

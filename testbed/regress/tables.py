@@ -7,11 +7,10 @@ from numpy.typing import NDArray
 from rich.markup import escape
 from rich.table import Table
 
-from testbed.command_line.tables import light_table
+from testbed.command_line.tables import light_table, number
 from testbed.compare.statistics.measures import KEYS
 from testbed.evaluation.intervals import mean_of_means
 from testbed.regress.baselines import Baselines, Key
-from testbed.regress.findings import label
 from testbed.regress.suite import TOLERANCES
 from testbed.regress.verdict import Change
 
@@ -28,8 +27,8 @@ def moved(changes: Sequence[Change], title: str) -> Table:
         table.add_column(name, justify="right", no_wrap=True)
     for c in changes[:ROWS]:
         digits = KEYS[c.measure].digits + 1
-        numbers = (_number(c.before, digits), _number(c.after, digits), _signed(c.change, digits))
-        table.add_row(f"{c.tracker}, {c.scenario}", escape(label(c.measure)), *numbers, _number(c.limit, digits))
+        numbers = (number(c.before, digits), number(c.after, digits), _signed(c.change, digits))
+        table.add_row(f"{c.tracker}, {c.scenario}", escape(KEYS[c.measure].title), *numbers, number(c.limit, digits))
     if len(changes) > ROWS:
         table.add_row(f"and {len(changes) - ROWS} more", *[""] * 5)
     return table
@@ -72,7 +71,7 @@ def _means(old: Baselines, new: Baselines, keys: Sequence[Key]) -> str:
         digits = KEYS[measure].digits + 1
         before, after = f"{a:.{digits}f}", f"{b:.{digits}f}"
         if before != after:
-            parts.append(f"{label(measure)} {before} -> {after}")
+            parts.append(f"{KEYS[measure].title} {before} -> {after}")
     return ", ".join(parts) or "less than the digits shown"
 
 
@@ -88,10 +87,6 @@ def _differ(a: Mapping[str, NDArray], b: Mapping[str, NDArray]) -> bool:
 def _few(names: Sequence[str]) -> str:
     more = f" and {len(names) - NAMES} more" if len(names) > NAMES else ""
     return ", ".join(names[:NAMES]) + more
-
-
-def _number(value: float, digits: int) -> str:
-    return f"{value:.{digits}f}" if np.isfinite(value) else "–"
 
 
 def _signed(value: float, digits: int) -> str:

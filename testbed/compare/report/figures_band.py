@@ -9,13 +9,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from testbed.compare.report.style import OTHERS, Look
+from testbed.compare.statistics.analysis import BAND_MEASURES
 
-PANELS = (
-    ("position", "position RMSE [m]", 1.0),
-    ("velocity", "velocity RMSE [m/s]", 1.0),
-    ("length", "length RMSE [m]", 1.0),
-    ("held", "looks with a track that fits [%]", 100.0),
-)
 DODGE = 0.56  # share of a band over which the trackers stand side by side
 
 
@@ -30,7 +25,7 @@ def bands(
     """Errors by band with 95 % intervals; trackers that are not in `shown` are grey lines behind."""
     figure = Figure(figsize=(12.0, 7.6), layout="constrained")
     used = [label for label in labels if label in set(table["band"])]
-    for axis, (key, title, scale) in zip(figure.subplots(2, 2).ravel(), PANELS, strict=True):
+    for axis, (key, title, scale, _) in zip(figure.subplots(2, 2).ravel(), BAND_MEASURES, strict=True):
         for name in dict.fromkeys(table["tracker"]):
             if name not in shown:
                 _draw(axis, table[table["tracker"] == name], key, scale, used, 0.0, None)

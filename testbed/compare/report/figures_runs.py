@@ -64,9 +64,8 @@ def _panel(axis: Axes, whole: pd.DataFrame, key: str, order: Sequence[str], look
         axis.set_xlim(left=0)
     if measure.ideal is not None:
         axis.axvline(measure.ideal, color="0.35", linestyle=":", linewidth=1.0)
-    unit = f" [{measure.unit}]" if measure.unit != "1" else ""
     aim = "smaller is better" if measure.ideal is None else f"{measure.ideal:g} is ideal, dotted"
-    axis.set_title(f"{measure.label}{unit}")
+    axis.set_title(measure.title)
     axis.set_xlabel(aim, color="0.35")
     axis.grid(axis="y", visible=False)
 

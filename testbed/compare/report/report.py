@@ -13,9 +13,9 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from testbed.compare.report import figures
 from testbed.compare.report import logs as log_files
-from testbed.compare.report import tables_html as report_tables
+from testbed.compare.report import tables as report_tables
 from testbed.compare.report import words as report_words
-from testbed.compare.report.tables_html import Table
+from testbed.compare.report.tables import Grid
 from testbed.compare.runs.config import read_settings
 from testbed.compare.runs.engine import Engine
 from testbed.compare.runs.results import Results
@@ -136,7 +136,7 @@ def tables_of(results: Results, bands: dict[str, pd.DataFrame]) -> dict[str, Any
     }
 
 
-def _band(bands: dict[str, pd.DataFrame], band: str, baseline: str) -> Table | None:
+def _band(bands: dict[str, pd.DataFrame], band: str, baseline: str) -> Grid | None:
     return None if bands[band].empty else report_tables.by_band(bands[band], band, baseline)
 
 

@@ -4,7 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from testbed.compare.report.tables_html import bounds, number
+from testbed.command_line.tables import number
+from testbed.compare.report.tables import bounds
 from testbed.compare.runs.results import Results
 from testbed.compare.statistics.analysis import Cell, samples
 from testbed.compare.statistics.differences import compare

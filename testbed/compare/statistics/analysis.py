@@ -21,6 +21,12 @@ BANDS = {
     "range": (RANGES, (*(f"{a:g} to {b:g} m" for a, b in itertools.pairwise(RANGES[:-1])), f"over {RANGES[-2]:g} m")),
     "visible": (VISIBLE, LABELS),
 }
+BAND_MEASURES = (  # column of `by_band`, title, factor, digits
+    ("position", "position RMSE [m]", 1.0, 2),
+    ("velocity", "velocity RMSE [m/s]", 1.0, 2),
+    ("length", "length RMSE [m]", 1.0, 2),
+    ("held", "looks with a track that fits [%]", 100.0, 1),
+)
 LOOKS = 30  # that a figure of a band or a phase needs
 DOF = 2  # of NEES and NIS, each of a point in the plane
 QUANTITIES = ("nees_position", "nees_velocity", "nis")

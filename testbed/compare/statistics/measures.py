@@ -15,6 +15,11 @@ class Measure(NamedTuple):
     digits: int
     ideal: float | None = None  # best value; None: the smaller the better
 
+    @property
+    def title(self) -> str:
+        """Name with its unit."""
+        return self.label if self.unit == "1" else f"{self.label} [{self.unit}]"
+
 
 MEASURES = (
     Measure("gospa", "GOSPA", "m", 2),

@@ -9,9 +9,10 @@ import pandas as pd
 import typer
 
 from testbed.command_line.terminal import user_input
-from testbed.compare.report.tables_terminal import label, text
+from testbed.compare.report import tables
+from testbed.compare.report.renderers import markdown
 from testbed.compare.runs.results import Results
-from testbed.compare.statistics.analysis import PHASES, Cell, cells
+from testbed.compare.statistics.analysis import cells
 from testbed.compare.statistics.measures import KEYS, MAIN
 from testbed.evaluation.metrics import CUTOFF
 from testbed.log.text import markdown_table
@@ -21,7 +22,7 @@ from testbed.studies.page import DOCS, Docs, Page
 
 BY_SCENARIO = ("gospa", "rmse_position", "rmse_length")
 ERRORS = ("position", "velocity", "length")
-CONSISTENCY = ("nees_position", "nees_velocity", "nis")
+DIFFERENCES = ("measure", "mean difference", "probability of improvement", "verdict")
 
 PAGE = """# How the trackers compare
 
@@ -98,9 +99,9 @@ def main(
 
 def render(folder: Path) -> str:
     """What the page says about the results in a folder."""
-    results, known, tables = read(folder)
+    results, known, frames = read(folder)
     comparison = results.comparison
-    settings = comparison.settings
+    settings, baseline = comparison.settings, comparison.baseline
     versions = {k.removeprefix("version of "): v for k, v in known["identity"].items() if k.startswith("version of ")}
     main_cells = list(cells(results, MAIN))
     return PAGE.format(
@@ -113,47 +114,24 @@ def render(folder: Path) -> str:
         radar=settings.radar,
         versions=", ".join(f"{name} {version}" for name, version in versions.items()),
         code=known["identity"]["code"],
-        reference=comparison.baseline,
-        overview=grid(main_cells, list(MAIN), across="measure"),
-        differences=differences(main_cells),
+        reference=baseline,
+        overview=markdown(tables.overview(main_cells, baseline)),
+        differences=markdown(tables.differences(main_cells, baseline).only(*DIFFERENCES)),
         by_scenario="\n\n".join(scenario_part(results, measure) for measure in BY_SCENARIO),
-        by_phase=grid(list(cells(results, ("gospa",), by="phase")), list(PHASES), across="group"),
-        by_range=bands(tables["range"]),
-        by_visible=bands(tables["visible"]),
-        consistency=consistency(tables["consistency"]),
+        by_phase=markdown(tables.by_phase(list(cells(results, ("gospa",), by="phase")), baseline, every=True)),
+        by_range=bands(frames["range"]),
+        by_visible=bands(frames["visible"]),
+        consistency=consistency(tables.consistency(frames["consistency"], baseline)),
         verdicts=verdicts(committed.read(folder / "reproduce")),
         calibration=calibration(json.loads((folder / "calibration.json").read_text())),
     )
 
 
-def grid(found: Sequence[Cell], columns: Sequence[str], across: str) -> str:
-    """Trackers down, measures or groups across."""
-    at = {(c.tracker, getattr(c, across)): text(c.mean, KEYS[c.measure].digits) for c in found}
-    heads = [label(c) if across == "measure" else c for c in columns]
-    trackers = dict.fromkeys(c.tracker for c in found)
-    rows = [(f"`{t}`", *(at.get((t, column), "–") for column in columns)) for t in trackers]
-    return markdown_table(("tracker", *heads), rows)
-
-
-def differences(found: Sequence[Cell]) -> str:
-    """Every paired difference with its verdict."""
-    rows = []
-    for c in found:
-        d = c.difference
-        if d is not None:
-            digits = KEYS[c.measure].digits + 1
-            rows.append((f"`{c.tracker}`", label(c.measure), text(d.mean, digits), text(d.improvement, 2), d.verdict))
-    return markdown_table(("tracker", "measure", "mean difference", "probability of improvement", "verdict"), rows)
-
-
 def scenario_part(results: Results, measure: str) -> str:
     """Every tracker in every scenario by one measure."""
-    found = list(cells(results, (measure,), by="scenario"))
-    at = {(c.group, c.tracker): text(c.mean, KEYS[measure].digits) for c in found}
-    trackers = results.comparison.trackers
-    rows = [(s, *(at.get((s, t), "–") for t in trackers)) for s in results.comparison.scenarios]
+    found = tables.by_scenario(list(cells(results, (measure,), by="scenario")), results.comparison.baseline)
     note = f"\n\nc = {CUTOFF:g} m, over the rooted Gaussian Wasserstein distance." if measure == "gospa" else ""
-    return f"## {label(measure)} by scenario{note}\n\n" + markdown_table(("scenario", *trackers), rows)
+    return f"## {KEYS[measure].title} by scenario{note}\n\n{markdown(found)}"
 
 
 def bands(table: pd.DataFrame) -> str:
@@ -168,13 +146,14 @@ def bands(table: pd.DataFrame) -> str:
     )
 
 
-def consistency(table: pd.DataFrame) -> str:
-    """NEES, NIS and coverage, tracker and phase down."""
+def consistency(grid: tables.Grid) -> str:
+    """NEES, NIS and coverage; tracker and phase down, the share inside the limits in parentheses behind each mean."""
     rows = []
-    for _, row in table.iterrows():
-        shares = (f"{row[q]:.1f} ({100 * row[f'{q}_inside']:.0f} %)" for q in CONSISTENCY)
-        covered = (f"{100 * row[f'{side}_covered']:.0f} %" for side in ("length", "width"))
-        rows.append((f"`{row['tracker']}`", row["phase"], *shares, *covered))
+    for name, (phase, *fields) in grid.lines:
+        numbers = [field.text for field in fields]
+        means, inside, covered = numbers[:6:2], numbers[1:6:2], numbers[6:]
+        shares = (f"{mean} ({share} %)" for mean, share in zip(means, inside, strict=True))
+        rows.append((f"`{name}`", phase.text, *shares, *(f"{share} %" for share in covered)))
     heads = ("tracker", "phase", "NEES position", "NEES velocity", "NIS", "length inside", "width inside")
     return markdown_table(heads, rows)
 
