@@ -9,6 +9,7 @@ from typing import Annotated, TypeVar
 
 import typer
 
+import testbed
 from testbed.command_line import tables
 from testbed.command_line.terminal import console, progress_bar, user_input
 
@@ -23,6 +24,22 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
 )
+
+
+def show_version(wanted: bool) -> None:
+    """Print the version and exit, if it is wanted."""
+    if wanted:
+        console.print(f"testbed {testbed.__version__}", highlight=False)
+        raise typer.Exit
+
+
+@app.callback()
+def root(
+    version: Annotated[
+        bool, typer.Option("--version", callback=show_version, is_eager=True, help="Show the version.")
+    ] = False,
+) -> None:
+    """What comes before a command."""
 
 
 @app.command("list")
@@ -72,6 +89,9 @@ def run(
         task = bar.add_task(f"{scenario}, seed {seed}", total=duration or find(scenario).duration)
         result = run_once(config, lambda done, total: bar.update(task, completed=done, total=total))
     console.print(tables.metrics(result.result))
+    for line in tables.EXPLAINED:
+        console.print(line)
+    console.print()
     console.print(tables.drive(result.result))
     if result.interrupted:
         console.print("[yellow]interrupted: the tables and files hold what was run until then[/yellow]")

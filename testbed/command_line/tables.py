@@ -37,6 +37,12 @@ ROWS = (  # key of the summary, label, digits
     ("nees_position", "NEES position (2 is ideal)", 1),
     ("nees_velocity", "NEES velocity (2 is ideal)", 1),
 )
+EXPLAINED = (  # what a newcomer cannot guess
+    "GOSPA: the error of a whole scan, position and size of every vehicle against its track, with a price for each "
+    "missed vehicle and each false track; 0 is perfect.",
+    "NEES: squared error over the variance that the tracker claims; 2 if it knows how wrong it is, more if it is too "
+    "sure of itself.",
+)
 DRIVE = (
     ("collisions", "collisions", 0),
     ("ttc_min", "least time to collision [s]", 2),

@@ -14,6 +14,7 @@ import time
 import pytest
 from rich.console import Console
 
+import testbed
 from scenarios import SCENARIOS
 from testbed.command_line import tables
 from testbed.log import reader
@@ -56,7 +57,7 @@ def test_a_run_prints_its_tables_and_where_its_files_are(tmp_path):
     done = call("run", "cut-in", "--radar", "front", "--duration", 1, "--seed", 3, "--out", tmp_path)
     assert done.returncode == 0, done.stderr
     name = f"cut-in_{DEFAULT}_front_idm_seed3"
-    for line in ("GOSPA [m]", "position RMSE [m]", "hardest braking [m/s^2]"):
+    for line in ("GOSPA [m]", "GOSPA: ", "NEES: ", "position RMSE [m]", "hardest braking [m/s^2]"):
         assert line in done.stdout
     assert f"testbed review {tmp_path / name}.rrd" in done.stdout
     assert {p.name for p in tmp_path.iterdir()} == {f"{name}.rrd", f"{name}.json"}
@@ -159,6 +160,11 @@ def test_help_has_an_example(command, name):
     assert done.status == 0
     assert f"Example: testbed {name}" in done.out
     assert max(map(len, done.out.splitlines())) <= 80
+
+
+def test_the_version_is_shown(command):
+    done = command("--version")
+    assert (done.status, done.out) == (0, f"testbed {testbed.__version__}\n")
 
 
 def test_without_a_command_the_help_is_shown():
