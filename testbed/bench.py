@@ -20,8 +20,8 @@ from testbed.environment.wrapper import TrackedEnv
 from testbed.run import RunConfig, run
 from trackers import Scan, prior
 from trackers import find as find_tracker
-from trackers.pmht import RangeRates
 from trackers.protocols import Filter
+from trackers.range_rate import RangeRates
 
 Report = Callable[[float, float, str], None]  # done, total, what
 IDLE = 1  # of DiscreteMetaAction

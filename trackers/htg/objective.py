@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from trackers.htg.bins import HTGTable, UnitFrame, growth, log_masses, warp
 from trackers.htg.density import Prepared, evaluate, lift, prepare, turned
+from trackers.range_rate import polar_gradient
 from trackers.scan import Scan
 
 PX, PY, PHI, SPEED, OMEGA, LOG_L, LOG_W = range(7)
@@ -167,10 +168,9 @@ class Objective(NamedTuple):
         """
         points = self.points
         c, s, v, omega = x[2:6]
-        ux, uy = points.sight
         lever = points.z - self.mean[:, :2].T.take(points.row, -1)
         h = np.empty((3, *c.shape))
-        h[0], h[1], h[2] = v * (uy * c - ux * s), ux * c + uy * s, uy * lever[0] - ux * lever[1]  # (RM.15)
+        h[0], h[1], h[2] = polar_gradient(points.sight, (c, s), v, lever)  # (RM.15)
         measured = np.isfinite(points.rate)
         residual = np.where(measured, points.rate - v * h[1] - omega * h[2], 0.0)  # (RM.15)
         return residual, h * measured

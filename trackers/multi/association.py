@@ -16,6 +16,7 @@ from trackers.estimate import Estimate
 from trackers.geometry import cross, dot, rotation, to_frame, unit
 from trackers.multi.visibility import SensorArray
 from trackers.protocols import SpatialModel
+from trackers.range_rate import over_ground
 from trackers.scan import Scan
 
 
@@ -145,10 +146,10 @@ class Association:
     ) -> tuple[NDArray, NDArray]:
         """Log density (G,) [s/m] of the ground range rates, 0 where not measured, and whether inside the rate gate."""
         u, g = z.sight[detection], z.rate[detection]
-        swing = cross(z.xy[detection] - estimate.pose[track, :2], u)
-        ghat = dot(u, estimate.velocity[track]) + estimate.yaw_rate[track] * swing  # (MOT.17)
+        lever = z.xy[detection] - estimate.pose[track, :2]
+        ghat = over_ground(u, estimate.velocity[track], estimate.yaw_rate[track], lever)  # (MOT.17)
         var = dot(u, (estimate.cov[track, 2:, 2:] @ u[..., None])[..., 0])
-        var = var + (swing * estimate.yaw_rate_std[track]) ** 2 + self.rate_std**2  # (MOT.18)
+        var = var + (cross(lever, u) * estimate.yaw_rate_std[track]) ** 2 + self.rate_std**2  # (MOT.18)
         measured = np.isfinite(g)
         d2 = np.where(measured, (g - ghat) ** 2 / var, 0.0)  # (MOT.19)
         log_rate = np.where(measured, -0.5 * (d2 + np.log(2 * np.pi * var)), 0.0)  # (MOT.19)

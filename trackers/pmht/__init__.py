@@ -5,7 +5,6 @@ from trackers.pmht.filter import SplineInfo, SplinePmht
 from trackers.pmht.learner import Learner
 from trackers.pmht.model import SplineModel
 from trackers.pmht.motion import Walk
-from trackers.pmht.rates import RangeRates
 from trackers.pmht.state import SplineState
 
-__all__ = ["AdaptiveSpline", "Learner", "RangeRates", "SplineInfo", "SplineModel", "SplinePmht", "SplineState", "Walk"]
+__all__ = ["AdaptiveSpline", "Learner", "SplineInfo", "SplineModel", "SplinePmht", "SplineState", "Walk"]

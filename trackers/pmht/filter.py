@@ -22,11 +22,11 @@ from trackers.pmht.info import SplineInfo, innovation, nothing
 from trackers.pmht.joint import EllipseUpdate, predict_ellipses
 from trackers.pmht.model import DEGREE, SplineModel, outlines, resolve
 from trackers.pmht.motion import Walk, predicted
-from trackers.pmht.rates import RangeRates
 from trackers.pmht.spline import chain
 from trackers.pmht.state import LEAST_SIZE, LENGTH, SplineState, estimate_of, moments_of, resized
 from trackers.pmht.symmetric import columns, polar_noise
 from trackers.pmht.visibility import directions, visibility_table, weights
+from trackers.range_rate import RangeRates
 from trackers.scan import Scan, check_scan
 
 VISIBILITIES = ("rays", "none")
@@ -134,7 +134,7 @@ class SplinePmht:
             else:
                 m, P = self.form.update(state.m, prior, ellipses.mu, E, z)
             np.maximum(m[..., LENGTH:], LEAST_SIZE, out=m[..., LENGTH:])
-        m, P = self.rates.correct(m, P, scan, xy)
+        m, P = self.rates.correct(m, P, scan, xy)  # (RR.4)
         new = state._replace(m=m, P=P)
         return new if n.all() else select(n > 0, new, state), info
 

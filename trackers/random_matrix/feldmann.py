@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from trackers.batch import select
 from trackers.estimate import Estimate, check_estimate
-from trackers.geometry import cross, dot, extent_matrix, rotation, unit, wrap_angle
+from trackers.geometry import extent_matrix, rotation, unit, wrap_angle
 from trackers.linalg import I2, inverse, inverse_sqrtm, outer, sqrtm, symmetrize
-from trackers.motion import I5, OMEGA, PHI, SPEED, cartesian_covariance, coordinated_turn, polar_moments, turn_noise
+from trackers.motion import OMEGA, PHI, SPEED, cartesian_covariance, coordinated_turn, polar_moments, turn_noise
 from trackers.protocols import UpdateInfo
 from trackers.random_matrix.surface import visible_offset
+from trackers.range_rate import RangeRates
 from trackers.scan import Scan, check_scan
 
 NU_MIN = 8.5  # the variance of the extent exists for nu > 8 only
@@ -65,6 +66,11 @@ class RandomMatrix:
     rate_weight: float = 0.3  # information of a range rate, because those of one vehicle are not independent
     rate_clip: float = 1.5  # [m/s] larger residuals count as this
 
+    @property
+    def rates(self) -> RangeRates:
+        """The correction by range rates."""
+        return RangeRates(self.rate_weight, self.rate_std, self.rate_clip)
+
     def init(self, estimate: Estimate) -> RMState:
         """State from a prior; raises ValueError for a prior that is not finite, positive, definite."""
         check_estimate(estimate)
@@ -109,7 +115,7 @@ class RandomMatrix:
         root = sqrtm(X_hat)
         A = root @ inverse_sqrtm(S)  # (RM.13d)
         B = root @ inverse_sqrtm(Y)  # (RM.13d)
-        m_new, P_new = self.range_rates(
+        m_new, P_new = self.rates.correct(
             m + (K @ eps[..., None])[..., 0],  # (RM.13a)
             symmetrize(P - K @ P[..., :2, :]),  # (RM.13b)
             scan,
@@ -157,28 +163,6 @@ class RandomMatrix:
         where = np.broadcast_to(scan.pose[..., :2], (*scan.mask.shape, 2))
         offset = visible_offset(state.m[..., :3], self._size(state), masked_mean(where, scan.mask, axes=1))
         return np.where((n > 0)[..., None], offset, 0.0)
-
-    def range_rates(self, m: NDArray, P: NDArray, scan: Scan, xy: NDArray) -> tuple[NDArray, NDArray]:
-        """Mean and covariance with phi, v, omega corrected by the ground range rates of the scan, (RM.14)-(RM.16)."""
-        g = scan.ground_rate
-        use = scan.mask & np.isfinite(g)
-        if not use.any():
-            return m, P
-        phi, v, omega = (m[..., i, None] for i in (PHI, SPEED, OMEGA))
-        u = scan.sight
-        e = unit(phi)
-        h = np.empty((*g.shape, 3))
-        h[..., 0], h[..., 1], h[..., 2] = v * cross(e, u), dot(u, e), cross(xy - m[..., None, :2], u)  # (RM.15)
-        residual = g - v * h[..., 1] - omega * h[..., 2]  # (RM.15)
-        residual = np.where(use, np.clip(residual, -self.rate_clip, self.rate_clip), 0.0)
-        h = np.where(use[..., None], h, 0.0)
-        information = self.rate_weight / self.rate_std**2
-        J = np.zeros(P.shape)
-        J[..., 2:, 2:] = information * (h.mT @ h)  # (RM.16a)
-        score = np.zeros(m.shape)
-        score[..., 2:] = information * (h * residual[..., None]).sum(-2)
-        P_new = symmetrize(np.linalg.solve(I5 + P @ J, P))  # (RM.16a)
-        return m + (P_new @ score[..., None])[..., 0], P_new  # (RM.16b)
 
 
 def degrees_of_freedom(size: NDArray, size_std: NDArray) -> NDArray:

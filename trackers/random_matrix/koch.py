@@ -17,6 +17,7 @@ from trackers.geometry import extent_matrix, perpendicular, rotation, unit, wrap
 from trackers.linalg import inverse, outer, symmetrize
 from trackers.protocols import UpdateInfo
 from trackers.random_matrix.feldmann import moments
+from trackers.range_rate import over_ground
 from trackers.scan import Scan, check_scan
 
 NU_LEAST = 3.5  # the mean of the extent exists above 3
@@ -192,9 +193,9 @@ class Koch:
         if self.rate_weight == 0 or not use.any():
             return x, P
         u = np.where(use[..., None], scan.sight, 0.0)
-        swing = (u * perpendicular(xy - centre[..., None, :])).sum(-1)
         v = x[..., 2:4]
-        expected = (u * v[..., None, :]).sum(-1) + self._yaw_rate(v, x[..., 4:6])[..., None] * swing
+        yaw_rate = self._yaw_rate(v, x[..., 4:6])[..., None]
+        expected = over_ground(u, v[..., None, :], yaw_rate, xy - centre[..., None, :])  # (RR.5)
         residual = np.where(use, np.clip(g - expected, -self.rate_clip, self.rate_clip), 0.0)
         information = self.rate_weight / self.rate_std**2
         C = self._covariance(P, X_hat)

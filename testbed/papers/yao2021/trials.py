@@ -23,8 +23,8 @@ from trackers.pmht.joint import EllipseUpdate
 from trackers.pmht.learning import ContourEM, SplineContour
 from trackers.pmht.model import SplineModel, curve
 from trackers.pmht.motion import predicted, turned
-from trackers.pmht.rates import RangeRates
 from trackers.pmht.state import LENGTH, WIDTH, SplineState
+from trackers.range_rate import RangeRates
 from trackers.scan import Scan
 from trackers.smoother import smooth_moments
 

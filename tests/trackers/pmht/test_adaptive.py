@@ -11,7 +11,7 @@ from trackers import Scan, find, prior
 from trackers.batch import concatenate, take
 from trackers.geometry import rotation, to_world, unit
 from trackers.multi.tracker import events_of
-from trackers.pmht import AdaptiveSpline, Learner, RangeRates, SplinePmht, Walk
+from trackers.pmht import AdaptiveSpline, Learner, SplinePmht, Walk
 from trackers.pmht.association import RelativeDetections
 from trackers.pmht.classes import Catalogue
 from trackers.pmht.learning import SplineContour, centres
@@ -21,6 +21,7 @@ from trackers.pmht.pool import added, empty
 from trackers.pmht.refine import Refine, is_simple
 from trackers.pmht.visibility import visibility_table
 from trackers.pmht.window import Decoupled, smoothed, thinned
+from trackers.range_rate import RangeRates
 from trackers.smoother import smooth_moments
 
 DT = 1 / 15

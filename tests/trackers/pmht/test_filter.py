@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from trackers import Scan, prior
 from trackers.geometry import rotation, to_world, unit
-from trackers.pmht import RangeRates, SplinePmht, SplineState, Walk
+from trackers.pmht import SplinePmht, SplineState, Walk
 from trackers.pmht.association import SyntheticDetections, outlier_density
 from trackers.pmht.joint import predict_ellipses
 from trackers.pmht.joint import update as joint_update
@@ -17,6 +17,7 @@ from trackers.pmht.model import find
 from trackers.pmht.motion import predicted, turned
 from trackers.pmht.state import rotating_root
 from trackers.pmht.symmetric import columns, congruence, matrices
+from trackers.range_rate import RangeRates
 from trackers.unscented import STANDARD, sigma_points
 
 MODEL = find("yao2021")

@@ -10,11 +10,12 @@ from testbed.papers.yao2021.sequential import OneByOne
 from trackers import Scan, prior
 from trackers.batch import take
 from trackers.geometry import rotation, to_world
-from trackers.pmht import RangeRates, SplinePmht
+from trackers.pmht import SplinePmht
 from trackers.pmht.association import SyntheticDetections
 from trackers.pmht.joint import predict_ellipses
 from trackers.pmht.model import find
 from trackers.pmht.symmetric import columns, congruence, matrices
+from trackers.range_rate import RangeRates
 
 MODEL = find("yao2021")
 SIZE = np.array([5.0, 2.0])
