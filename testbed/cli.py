@@ -1,4 +1,4 @@
-"""The command line: what people vary, nothing else."""
+"""The command line. Options are what people vary; each command imports what it needs when it is called."""
 
 import shlex
 import sys
@@ -12,13 +12,14 @@ import typer
 import testbed
 from testbed.command_line import tables
 from testbed.command_line.terminal import console, progress_bar, user_input
+from trackers import DEFAULT
 
 Learned = TypeVar("Learned")
 
 app = typer.Typer(
     name="testbed",
     help="Closed-loop highway simulation testbed for extended object tracking with automotive radar.\n\n"
-    "Example: [bold]testbed run cut-in --tracker rm-feldmann --radar surround --seed 0[/bold]",
+    "Example: [bold]testbed run cut-in[/bold]",
     no_args_is_help=True,
     rich_markup_mode="rich",
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -36,7 +37,7 @@ def show_version(wanted: bool) -> None:
 @app.callback()
 def root(
     version: Annotated[
-        bool, typer.Option("--version", callback=show_version, is_eager=True, help="Show the version.")
+        bool, typer.Option("--version", callback=show_version, is_eager=True, help="Print the version and exit.")
     ] = False,
 ) -> None:
     """What comes before a command."""
@@ -44,9 +45,9 @@ def root(
 
 @app.command("list")
 def list_command(
-    what: Annotated[str, typer.Argument(help="scenarios, trackers, radars or planners; all without it.")] = "all",
+    what: Annotated[str, typer.Argument(help="scenarios, trackers, radars, planners, or all.")] = "all",
 ) -> None:
-    """Show the catalogues, one line an entry with its source.
+    """Show what there is: scenarios, trackers, radars and planners, a line each.
 
     Example: [bold]testbed list scenarios[/bold]
     """
@@ -61,26 +62,27 @@ def run(
     scenario: Annotated[str, typer.Argument(help="A name of `testbed list scenarios`.")],
     tracker: Annotated[
         list[str] | None,
-        typer.Option(help="Repeat for several: the first drives the planner, all see the same detections."),
+        typer.Option(help=f"Repeat for several: the planner uses the first. Without it: {DEFAULT}."),
     ] = None,
     radar: Annotated[str, typer.Option(help="A name of `testbed list radars`.")] = "surround",
-    planner: Annotated[str, typer.Option(help="idm, idle, or truth: the planner of idm, fed with the truth.")] = "idm",
-    seed: Annotated[int, typer.Option(help="Same seed, same result.")] = 0,
-    duration: Annotated[float | None, typer.Option(help="Seconds; the scenario's own without it.")] = None,
+    planner: Annotated[str, typer.Option(help="A name of `testbed list planners`.")] = "idm",
+    seed: Annotated[int, typer.Option(help="Of traffic and radar noise; the same seed gives the same result.")] = 0,
+    duration: Annotated[float | None, typer.Option(help="Seconds. Without it: the scenario's own.")] = None,
     out: Annotated[Path, typer.Option(help="Directory for the log and the results.")] = Path("runs"),
-    log: Annotated[str, typer.Option(help="off, metrics or full.")] = "full",
+    log: Annotated[str, typer.Option(help="What goes into the log: off, metrics or full.")] = "full",
 ) -> None:
-    """Run one scenario in closed loop: live traffic, radar, trackers, planner.
+    """Run one scenario in closed loop: traffic, radar, tracker, planner.
 
-    Writes RUN.rrd (the review log) and RUN.json (the results) and prints the metrics. Ctrl-C ends the run early and
+    All trackers get the same detections. Writes RUN.rrd (the review log) and
+    RUN.json (the results) and prints the metrics. Ctrl-C ends the run early and
     keeps what there is; a second Ctrl-C does not wait.
 
-    Example: [bold]testbed run cut-in --tracker rm-feldmann --radar surround --seed 0[/bold]
+    Example: [bold]testbed run cut-in[/bold]
+    Example: [bold]testbed run merge --tracker htg-map --tracker rm-feldmann --radar front --seed 3[/bold]
     """
     from scenarios import find
     from testbed.run import RunConfig, check
     from testbed.run import run as run_once
-    from trackers import DEFAULT
 
     with user_input():
         config = RunConfig(scenario, tuple(tracker or (DEFAULT,)), radar, planner, seed, duration, str(out), log)
@@ -105,11 +107,11 @@ def run(
 @app.command()
 def review(
     path: Annotated[list[Path], typer.Argument(help="Logs (.rrd) of runs.")],
-    web: Annotated[bool, typer.Option("--web", help="Serve a viewer for the browser on this machine.")] = False,
-    screenshot: Annotated[Path | None, typer.Option(help="Write a picture instead; needs no display.")] = None,
-    at: Annotated[float | None, typer.Option(help="Time of the picture in seconds.")] = None,
+    web: Annotated[bool, typer.Option("--web", help="Serve the viewer to a browser on this machine.")] = False,
+    screenshot: Annotated[Path | None, typer.Option(help="Write a picture (.png) instead of opening a window.")] = None,
+    at: Annotated[float | None, typer.Option(help="Time of the picture [s]. Without it: the end.")] = None,
 ) -> None:
-    """Open logs in the viewer, with the layout in place.
+    """Open the logs of runs in the viewer, or take a picture of one.
 
     Example: [bold]testbed review runs/*.rrd[/bold]
     Example: [bold]testbed review runs/a.rrd --screenshot a.png --at 9[/bold]
@@ -130,7 +132,7 @@ def review(
 def bench(
     quick: Annotated[bool, typer.Option("--quick", help="Fewer repetitions.")] = False,
 ) -> None:
-    """Measure speed, as ratios taken side by side in this run.
+    """Measure speed: ratios of CPU times that are taken in turn in this run.
 
     Example: [bold]testbed bench --quick[/bold]
     """
@@ -149,14 +151,20 @@ def bench(
 def learn_htg(
     data: Annotated[str, typer.Argument(help="sampler:RIG[:class], an .npz, a log, or the folder of real detections.")],
     out: Annotated[Path, typer.Option(help="The table, a .json file.")],
-    bins: Annotated[int, typer.Option(help="Aspect bins.")] = 8,
-    mass_min: Annotated[float, typer.Option(help="Least c_D; .25 for filters with pseudo-measurements.")] = 0.0,
-    count: Annotated[int, typer.Option(help="Detections of the sampler.")] = 60000,
-    seed: Annotated[int, typer.Option(help="Of the sampler.")] = 0,
-    edges: Annotated[bool, typer.Option("--edges", help="Bins with edges, not middles, at 0 and 180 degrees.")] = False,
-    no_mirror: Annotated[bool, typer.Option("--no-mirror", help="Without the mirror images of other bins.")] = False,
+    bins: Annotated[int, typer.Option(help="Number of aspect bins.")] = 8,
+    mass_min: Annotated[
+        float, typer.Option(help="Least mass inside the bounds; .25 for filters with pseudo-measurements.")
+    ] = 0.0,
+    count: Annotated[int, typer.Option(help="Detections that the sampler draws.")] = 60000,
+    seed: Annotated[int, typer.Option(help="Of the sampler; the same seed gives the same data.")] = 0,
+    edges: Annotated[
+        bool, typer.Option("--edges", help="Edges instead of middles of bins at 0 and 180 degrees.")
+    ] = False,
+    no_mirror: Annotated[
+        bool, typer.Option("--no-mirror", help="Do not add the mirror images of the opposite bins.")
+    ] = False,
 ) -> None:
-    """Learn a hierarchical truncated Gaussian, one density an aspect bin; docs/learning.md has the formats.
+    """Learn a table of truncated Gaussians, one for each aspect bin, from detections; docs/learning.md has the formats.
 
     Example: [bold]testbed learn-htg sampler:surround:car --out car.json[/bold]
     """
@@ -174,14 +182,18 @@ def learn_htg(
 def learn_spline(
     data: Annotated[str, typer.Argument(help="sampler:RIG[:class], an .npz, a log, or the folder of real detections.")],
     out: Annotated[Path, typer.Option(help="The model, a .json file.")],
-    ellipses: Annotated[int, typer.Option(help="On the contour.")] = 24,
-    points: Annotated[int, typer.Option(help="Control points of the contour.")] = 12,
-    visibility: Annotated[str, typer.Option(help="rays: by what the sensor sees; none: all ellipses alike.")] = "rays",
-    count: Annotated[int, typer.Option(help="Detections of the sampler.")] = 20000,
-    seed: Annotated[int, typer.Option(help="Of the sampler.")] = 0,
-    no_mirror: Annotated[bool, typer.Option("--no-mirror", help="Without the mirror images, left for right.")] = False,
+    ellipses: Annotated[int, typer.Option(help="Number of ellipses on the contour.")] = 24,
+    points: Annotated[int, typer.Option(help="Number of its control points.")] = 12,
+    visibility: Annotated[
+        str, typer.Option(help="rays: ellipses weighed by what the sensor sees; none: all alike.")
+    ] = "rays",
+    count: Annotated[int, typer.Option(help="Detections that the sampler draws.")] = 20000,
+    seed: Annotated[int, typer.Option(help="Of the sampler; the same seed gives the same data.")] = 0,
+    no_mirror: Annotated[
+        bool, typer.Option("--no-mirror", help="Do not add the mirror images, left for right.")
+    ] = False,
 ) -> None:
-    """Learn a contour of ellipses on a B-spline, the model of the pmht-spline trackers; data as for learn-htg.
+    """Learn ellipses on a B-spline contour, the model of the pmht-spline trackers; data as for learn-htg.
 
     Example: [bold]testbed learn-spline sampler:surround:car --out car.json[/bold]
     """
@@ -203,7 +215,7 @@ def _learned(learn: Callable[[Callable[[int, int, str], None]], Learned]) -> Lea
     task = bar.add_task("learning", total=1)
 
     def show(done: int, total: int, what: str) -> None:
-        bar.start()  # not before the input is known to be sound: then a fault stays one sentence
+        bar.start()  # not before the input is known to be valid: then a fault stays one sentence
         bar.update(task, completed=done, total=total, description=what)
 
     with user_input():
@@ -218,24 +230,29 @@ def _learned(learn: Callable[[Callable[[int, int, str], None]], Learned]) -> Lea
 def compare(
     scenario: Annotated[list[str], typer.Argument(help="Names of `testbed list scenarios`, or all.")],
     tracker: Annotated[
-        list[str] | None, typer.Option(help="Repeat; all, which it is without it, for the whole catalogue.")
+        list[str] | None, typer.Option(help="Repeat for several. Without it, or with `all`: the whole catalogue.")
     ] = None,
-    seeds: Annotated[str, typer.Option(help="0:20 for 0 to 19, or 0,3,7.")] = "0:20",
-    reference: Annotated[str | None, typer.Option(help="The others are held against it; the first without it.")] = None,
+    seeds: Annotated[str, typer.Option(help="0:20 for 0 to 19, a list 0,3,7, or one number.")] = "0:20",
+    reference: Annotated[
+        str | None, typer.Option(help="The tracker that the others are compared with. Without it: the first.")
+    ] = None,
     radar: Annotated[str, typer.Option(help="A name of `testbed list radars`.")] = "surround",
-    loop: Annotated[str, typer.Option(help="open: recorded scans; closed: each tracker drives the planner.")] = "open",
-    planner: Annotated[str, typer.Option(help="Who drives in closed loop.")] = "idm",
-    duration: Annotated[float | None, typer.Option(help="Seconds; the scenarios' own without it.")] = None,
-    jobs: Annotated[int, typer.Option(help="Processes; -1 for one a core.")] = 1,
+    loop: Annotated[
+        str, typer.Option(help="open: all get the same recorded scans; closed: the planner uses each.")
+    ] = "open",
+    planner: Annotated[str, typer.Option(help="The planner in closed loop.")] = "idm",
+    duration: Annotated[float | None, typer.Option(help="Seconds. Without it: the scenarios' own.")] = None,
+    jobs: Annotated[int, typer.Option(help="Number of processes; -1 for one a core.")] = 1,
     dask: Annotated[str | None, typer.Option(help="Address of a Dask scheduler, in place of local processes.")] = None,
-    out: Annotated[Path, typer.Option(help="Directory of the results; goes on where it was interrupted.")] = Path(
+    out: Annotated[Path, typer.Option(help="Directory of the results; runs that lie there are kept.")] = Path(
         "runs/compare"
     ),
 ) -> None:
     """Compare trackers on common random numbers: tables with 95 % intervals, Parquet, figures, a report page.
 
-    Every finished run has its file in OUT/rows. After Ctrl-C the same command goes on; another machine may work on the
-    same folder. Exit status 1: some runs failed; their tracebacks are shown.
+    Every finished run has its file in OUT/rows, so after Ctrl-C the same
+    command does the rest, and another machine may work on the same folder. Exit
+    status 1: some runs failed; their tracebacks are shown.
 
     Example: [bold]testbed compare cut-in merge --tracker htg-map --tracker rm-feldmann --seeds 0:20 --jobs 2[/bold]
     Example: [bold]testbed compare all --seeds 0:5 --duration 10 --jobs -1 --reference htg-map[/bold]
@@ -265,20 +282,23 @@ def compare(
 
 @app.command()
 def regress(
-    update: Annotated[bool, typer.Option("--update", help="Make the results the new baselines.")] = False,
-    tracker: Annotated[list[str] | None, typer.Option(help="Repeat; the whole catalogue without it.")] = None,
-    scenario: Annotated[list[str] | None, typer.Option(help="Repeat; the whole catalogue without it.")] = None,
-    jobs: Annotated[int | None, typer.Option(help="Processes; one a core without it.")] = None,
-    junit: Annotated[Path | None, typer.Option(help="Also write the findings as JUnit XML.")] = None,
-    baselines: Annotated[Path | None, typer.Option(help="Another file than the committed one.")] = None,
-    out: Annotated[Path, typer.Option(help="Directory of the runs; those of other code are replaced.")] = Path(
+    update: Annotated[bool, typer.Option("--update", help="Write the results as the new baselines.")] = False,
+    tracker: Annotated[list[str] | None, typer.Option(help="Repeat for several. Without it: all.")] = None,
+    scenario: Annotated[list[str] | None, typer.Option(help="Repeat for several. Without it: all.")] = None,
+    jobs: Annotated[int | None, typer.Option(help="Number of processes. Without it: one a core.")] = None,
+    junit: Annotated[Path | None, typer.Option(help="Also write the findings to this file, as JUnit XML.")] = None,
+    baselines: Annotated[
+        Path | None, typer.Option(help="File of the baselines. Without it: the committed one.")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Directory of the runs; those of other code are deleted.")] = Path(
         "runs/regress"
     ),
 ) -> None:
-    """Hold every tracker in every scenario against the committed baselines; docs/regression.md has the rules.
+    """Compare every tracker in every scenario with the committed baselines; docs/regression.md has the rules.
 
-    Exit status 1: something got worse, or a run failed; a table tells what, and the log of the worst run is left. After
-    Ctrl-C the same command goes on. With --update, what changed is printed as a list for the commit message.
+    Exit status 1: a measure got worse, or a run failed; a table says which, and
+    a log of the worst run is written. After Ctrl-C the same command does the
+    rest. With --update, the changes are printed as a list for a commit message.
 
     Example: [bold]testbed regress[/bold]
     Example: [bold]testbed regress --tracker htg-map --scenario cut-in --scenario merge --junit regress.xml[/bold]
@@ -299,12 +319,13 @@ def regress(
 def reproduce(
     paper: Annotated[str, typer.Argument(help="hoher2022, xia2020, xia2020-learned, xu2023 or yao2021.")],
     runs: Annotated[int, typer.Option(help="Monte Carlo runs of each case.")] = 100,
-    seed: Annotated[int, typer.Option(help="Same seed, same figures.")] = 0,
+    seed: Annotated[int, typer.Option(help="The same seed gives the same numbers.")] = 0,
     out: Annotated[Path, typer.Option(help="Directory for the figures and the results.")] = Path("runs/reproduce"),
 ) -> None:
-    """Repeat a paper's experiment: its figures beside ours, and a verdict on each claim.
+    """Repeat a paper's experiment: its numbers beside ours, and a verdict on each claim.
 
-    Exit status 1: a claim is not confirmed under any condition. Ctrl-C keeps the cases that are finished.
+    Exit status 1: a claim is not confirmed under any condition. Ctrl-C keeps
+    the cases that are finished.
 
     Example: [bold]testbed reproduce hoher2022 --runs 20[/bold]
     """
@@ -333,12 +354,10 @@ def reproduce(
 
 @app.command()
 def calibrate(
-    data: Annotated[
-        Path | None, typer.Option(help="Folder with the real detections; the shared one without it.")
-    ] = None,
+    data: Annotated[Path | None, typer.Option(help="Folder of the real detections, with objects.npz.")] = None,
     radar: Annotated[str, typer.Option(help="The rig whose front radar is compared.")] = "imaging",
 ) -> None:
-    """Compare simulated with real cars: where detections lie and how many there are.
+    """Compare simulated with real detections of cars: where they lie and how many there are.
 
     Example: [bold]testbed calibrate --radar imaging[/bold]
     """

@@ -154,7 +154,21 @@ def test_catalogues_name_every_entry_within_80_columns(command, what):
         assert listed == (what in (None, name))
 
 
-@pytest.mark.parametrize("name", ["", "list", "run", "review", "bench", "learn-htg", "calibrate"])
+COMMANDS = (
+    "list",
+    "run",
+    "review",
+    "bench",
+    "learn-htg",
+    "learn-spline",
+    "compare",
+    "regress",
+    "reproduce",
+    "calibrate",
+)
+
+
+@pytest.mark.parametrize("name", ["", *COMMANDS])
 def test_help_has_an_example(command, name):
     done = command(*name.split(), "--help")
     assert done.status == 0
