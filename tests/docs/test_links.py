@@ -1,4 +1,4 @@
-"""Every link of a Markdown page leads to a file of the repository, and to a heading that it has."""
+"""Links of the Markdown pages lead to files of the repository and to their headings; formulas stay formulas."""
 
 import re
 from pathlib import Path
@@ -51,3 +51,23 @@ def test_every_page_is_on_the_index():
     linked = set(targets((ROOT / "docs" / "index.md").read_text()))
     pages = {str(page.relative_to(ROOT / "docs")) for page in (ROOT / "docs").rglob("*.md")}
     assert pages - linked == {"index.md"}
+
+
+def torn(text: str) -> list[str]:
+    """Lines within a formula that Markdown takes for items of a list."""
+    found = []
+    for paragraph in re.split(r"\n\s*\n", FENCED.sub("", text)):
+        lines = paragraph.splitlines()
+        for k, line in enumerate(lines):
+            if re.match(r"\s*([-+*]|\d+[.)])\s", line) and "\n".join(lines[:k]).count("$") % 2:
+                found.append(line)
+    return found
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_no_formula_becomes_a_list(page):
+    assert torn(page.read_text()) == []
+
+
+def test_a_torn_formula_is_found():
+    assert torn("the mean $(n\n- 1) X$ is\n\n- an item with $x$\n- another") == ["- 1) X$ is"]
