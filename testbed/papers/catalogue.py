@@ -10,7 +10,7 @@ from typing import NamedTuple
 from testbed.command_line.interruption import interruptible
 from testbed.files import make_directory
 from testbed.papers.hoher2022 import experiment as hoher2022
-from testbed.papers.verdict import Progress, Report, Stopped
+from testbed.papers.report import PaperReport, Progress, Stopped
 from testbed.papers.xia2020 import experiment as xia2020
 from testbed.papers.xu2023 import experiment as xu2023
 from testbed.papers.yao2021 import experiment as yao2021
@@ -23,7 +23,7 @@ class Paper:
 
     name: str
     source: str
-    run: Callable[..., Report]  # runs, out, progress, seed
+    run: Callable[..., PaperReport]  # runs, out, progress, seed
 
 
 PAPERS: Mapping[str, Paper] = MappingProxyType(
@@ -32,7 +32,7 @@ PAPERS: Mapping[str, Paper] = MappingProxyType(
         for p in (
             Paper(
                 hoher2022.PAPER,
-                "Hoher et al. (2022), as a project report tells it: virtual measurement model",
+                "Hoher et al. (2022), from a project report: virtual measurement model",
                 hoher2022.run,
             ),
             Paper(
@@ -63,7 +63,7 @@ PAPERS: Mapping[str, Paper] = MappingProxyType(
 class Reproduction(NamedTuple):
     """What `reproduce` leaves behind."""
 
-    report: Report
+    report: PaperReport
     json: Path
     exit_status: int  # 0; 1 where a claim is not confirmed; 128 + signal where one ended it early
 
@@ -90,11 +90,11 @@ def reproduce(name: str, runs: int, seed: int, out: Path, progress: Progress) ->
     """
     with interruptible() as wish:
 
-        def tell(done: float, total: float, what: str) -> None:
+        def stoppable(done: float, total: float, what: str) -> None:
             if wish.signal is not None:
                 raise Stopped
             progress(done, total, what)
 
-        report = find(name).run(runs, out, tell, seed)
+        report = find(name).run(runs, out, stoppable, seed)
     status = wish.exit_status if report.interrupted else int(not report.holds)
     return Reproduction(report, out / report.file, status)

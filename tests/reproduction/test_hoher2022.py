@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from testbed.papers.hoher2022.claims import longest_one_sided, stability
-from testbed.papers.hoher2022.experiment import CASES, experiment, methods, run
+from testbed.papers.hoher2022.experiment import CASES, UTurnRuns, experiment, methods, run
 from testbed.papers.hoher2022.reference import REFERENCE
 from testbed.papers.hoher2022.runs import MEASURES
 from testbed.papers.hoher2022.uturn import FIRST, SECOND, SHAPES, lidar_scans, truth
@@ -55,7 +55,7 @@ def test_the_reference_figures_are_met(reproduction):
 
 
 @pytest.mark.slow
-def test_a_learned_tilt_has_the_cards_error(reproduction):
+def test_a_learned_tilt_has_the_error_of_the_reference(reproduction):
     report, _ = reproduction
     for row in report.rows:
         if row.case.startswith("drift") and not row.method.startswith("abc"):
@@ -100,7 +100,7 @@ def test_pictures_and_figures_are_written(reproduction):
     assert len(written["verdicts"]) == 11
 
 
-def test_the_course_and_the_lidar_are_the_cards():
+def test_the_course_and_the_lidar_are_those_of_the_reference():
     """195 steps of 0.5 m; 7 to 49 hits, 15 on average."""
     poses = FIRST.poses()
     assert len(poses) == 195
@@ -113,7 +113,7 @@ def test_the_course_and_the_lidar_are_the_cards():
     np.testing.assert_allclose(SECOND.poses()[-1, 1:], [-8, 0], atol=1e-9)
 
 
-def test_shapes_have_their_centroid_at_the_origin_and_the_cards_size():
+def test_shapes_have_their_centroid_at_the_origin_and_their_size():
     size = {name: np.ptp(outline, axis=0) for name, outline in SHAPES.items()}
     np.testing.assert_allclose(size["tractor"], [4.5, 2.2])
     np.testing.assert_allclose(size["L"], [6.0, 2.4])
@@ -129,8 +129,10 @@ def test_every_reference_belongs_to_a_row():
 def test_one_noise_free_case_meets_the_preferred_bars():
     """The rows that do not depend on a grid of rays, on the first path; the quick twin of the slow test."""
     names = ("RM corrected, 1 sigma", "C33 I=2", "G I=1")
-    wanted = experiment(1, 0, wanted=lambda case, name: case.name == "rectangle, sigma 0.0" and name in names)
-    for row in wanted.rows:
+    found = UTurnRuns()
+    experiment(1, 0, found, wanted=lambda case, name: case.name == "rectangle, sigma 0.0" and name in names)
+    assert len(found.rows) == len(names)
+    for row in found.rows:
         assert list(row.reference) == list(MEASURES)
         for column, reference in row.reference.items():
             bar = tolerance(row.case, row.method, column, reference)

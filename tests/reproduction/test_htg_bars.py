@@ -18,7 +18,7 @@ from testbed.papers.xia2020.methods import (
     full_methods,
     partial_methods,
 )
-from testbed.papers.xia2020.trials import SIZE, Errors, errors, full_view, partial_view, track
+from testbed.papers.xia2020.trials import SIZE, EllipseErrors, errors, full_view, partial_view, track
 from trackers import Scan
 from trackers.geometry import extent_matrix, rotation
 from trackers.htg.bins import single
@@ -33,15 +33,15 @@ BY_NAME = {course.name: course for course in COURSES}
 
 
 @cache
-def full(generator: str, method: str) -> Errors:
-    """A row of section 8.1."""
+def full(generator: str, method: str) -> EllipseErrors:
+    """A row of the full view."""
     trial = full_view(generator, RUNS, np.random.default_rng(0))
     return errors(track(next(m for m in full_methods(generator) if m.name == method), trial), trial)
 
 
 @cache
-def partial(course: str, method: str, hertz: float = 2.0, seed: int = 0) -> Errors:
-    """A row of section 8.2."""
+def partial(course: str, method: str, hertz: float = 2.0, seed: int = 0) -> EllipseErrors:
+    """A row of the partial view."""
     trial = partial_view(BY_NAME[course], hertz, RUNS, np.random.default_rng(seed))
     return errors(track(next(m for m in partial_methods() if m.name == method), trial), trial)
 
@@ -86,7 +86,7 @@ def test_map_in_full_view(generator, bar):
 
 
 @pytest.mark.parametrize(("course", "bar"), [("following", 0.28), ("right turn", 0.32), ("S curve", 0.35)])
-def test_the_cards_map_in_partial_view_at_2_hz(course, bar):
+def test_the_plain_map_in_partial_view_at_2_hz(course, bar):
     assert partial(course, MAP).gwd2.mean() <= bar
 
 

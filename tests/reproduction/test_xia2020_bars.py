@@ -37,7 +37,7 @@ def gwd2(report, case, method):
     return report.row(case, method)["gwd2"]
 
 
-def test_the_order_of_the_methods_is_the_cards(paper):
+def test_the_methods_come_in_the_order_of_the_reference(paper):
     for generator in GENERATORS:
         case = f"full view, {generator}"
         assert gwd2(paper, case, MAP) < 0.5 * gwd2(paper, case, LEARNED_N) < gwd2(paper, case, LEARNED)

@@ -1,4 +1,4 @@
-"""Bars of card dra_imm, section 16: errors, IoU and mode shares by stage, within the card's bands."""
+"""Errors, IoU and mode shares by stage, within the bands of an independent implementation."""
 
 from dataclasses import replace
 
@@ -6,28 +6,28 @@ import numpy as np
 import pytest
 
 from testbed.papers.xu2023 import experiment as xu2023
-from testbed.papers.xu2023.cases import BEHIND, FAR, METHODS, NEAR, Trial, Variant
+from testbed.papers.xu2023.cases import BEHIND, FAR, METHODS, NEAR, Sweep, Variant
 from testbed.papers.xu2023.enumeration import Enumeration
-from testbed.papers.xu2023.reference import CARD, COLUMNS
+from testbed.papers.xu2023.reference import BARS, COLUMNS
 
 RUNS = 50
 SEED = 0
 OFFSETS = {"near": NEAR, "far": FAR, "behind": BEHIND}
 
 
-def row_of_card(case, method):
+def sweep_of(case, method):
     name, joint, _ = method.partition(", joint")
     f = replace(METHODS[name], form=Enumeration(128)) if joint else METHODS[name]
     where = case.split(",")[0]
-    return Trial(case, f, (Variant(method, OFFSETS[where]),), follows=case.endswith("follows"))
+    return Sweep(case, f, (Variant(method, OFFSETS[where]),), follows=case.endswith("follows"))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("case", "method"), CARD)
-def test_the_card_s_bars_are_reached(case, method):
-    outcome, bar = xu2023.Outcome(), CARD[case, method]
-    xu2023.experiment(RUNS, SEED, None, outcome, (row_of_card(case, method),), jobs=1)
-    row = outcome.rows[0].measured
+@pytest.mark.parametrize(("case", "method"), BARS)
+def test_the_bars_are_reached(case, method):
+    runs, bar = xu2023.ManeuverRuns(), BARS[case, method]
+    xu2023.experiment(RUNS, SEED, runs, sweeps=(sweep_of(case, method),), jobs=1)
+    row = runs.rows[0].measured
     ours = method.startswith(("literal", "recommended"))
     found = [row[column] for column in COLUMNS]
     assert row["farthest [m]"] < 50
@@ -39,11 +39,11 @@ def test_the_card_s_bars_are_reached(case, method):
 
 @pytest.mark.slow
 def test_reading_s_has_table_two_s_turn_and_reading_v_the_modes_of_figure_five():
-    """Card, section 15: CT velocity 2.32 and 1.37 m/s with 1000 and 200 runs, shares of the true mode .55 and .86."""
-    outcome = xu2023.Outcome()
-    trials = tuple(row_of_card("near", f"DRA-IMM, {reading}") for reading in "SV")
-    xu2023.experiment(RUNS, SEED, None, outcome, trials, jobs=1)
-    s, v = (row.measured for row in outcome.rows)
+    """CT velocity 2.32 and 1.37 m/s with 1000 and 200 runs, shares of the true mode .55 and .86."""
+    runs = xu2023.ManeuverRuns()
+    sweeps = tuple(sweep_of("near", f"DRA-IMM, {reading}") for reading in "SV")
+    xu2023.experiment(RUNS, SEED, runs, sweeps=sweeps, jobs=1)
+    s, v = (row.measured for row in runs.rows)
     assert s["CT m/s"] == pytest.approx(2.32, abs=0.232)
     assert v["CT m/s"] == pytest.approx(1.37, rel=0.21)  # the band of the same method in reading V, far
     assert s["CT mode"] == pytest.approx(0.55, abs=0.1)

@@ -1,4 +1,4 @@
-"""Bars of card bspline_pmht, section 12: 100 runs of both methods on both contours."""
+"""Figures of an independent implementation with their tolerances: 100 runs of both methods on both contours."""
 
 from functools import cache
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from testbed.papers.yao2021 import experiment as yao2021
-from testbed.papers.yao2021.trials import CONTOURS, A, B, drive, play
+from testbed.papers.yao2021.simulation import CONTOURS, A, B, run_stages, simulate
 from trackers.pmht.model import find
 
 RUNS = 100
@@ -15,14 +15,14 @@ RUNS = 100
 @cache
 def measured(contour, method):
     """Figures of all stages, and lost runs."""
-    outcome = play(
+    runs = run_stages(
         {"A": A, "B": B}[method],
         find(yao2021.MODEL),
-        drive(CONTOURS[contour], RUNS, np.random.default_rng(1)),
+        simulate(CONTOURS[contour], RUNS, np.random.default_rng(1)),
         lambda part: None,
     )
-    lost = sum(int(gone.sum()) for gone in outcome.lost.values())
-    return {stage: yao2021.measure(outcome, stage, CONTOURS[contour]) for stage in outcome.stages}, lost
+    lost = sum(int(gone.sum()) for gone in runs.lost.values())
+    return {stage: yao2021.measure(runs, stage, CONTOURS[contour]) for stage in runs.stages}, lost
 
 
 BEFORE = {
@@ -52,7 +52,7 @@ def test_no_more_than_two_runs_are_lost(contour, method):
 @pytest.mark.slow
 @pytest.mark.parametrize("contour", CONTOURS)
 @pytest.mark.parametrize("method", ["A", "B"])
-def test_the_filter_and_the_smoother_reach_the_card_s_figures(contour, method):
+def test_the_filter_and_the_smoother_reach_the_reference(contour, method):
     stages, _ = measured(contour, method)
     for column, (low, high) in BEFORE[contour].items():
         assert low <= stages["before"][column] <= high, column
@@ -62,7 +62,7 @@ def test_the_filter_and_the_smoother_reach_the_card_s_figures(contour, method):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("contour", "method"), ADAPTED)
-def test_the_adaptation_gains_what_the_card_s_does(contour, method):
+def test_the_adaptation_gains_what_the_reference_gains(contour, method):
     stages, _ = measured(contour, method)
     for column, most in ADAPTED[contour, method].items():
         assert stages["adapted"][column] <= most * stages["not adapted"][column], column
@@ -71,7 +71,7 @@ def test_the_adaptation_gains_what_the_card_s_does(contour, method):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("contour", "most", "nees"), [("truck", 0.055, 6), ("tractor", 0.060, 7)])
-def test_with_the_frame_moved_the_filter_is_accurate_and_knows_how_accurate(contour, most, nees):
+def test_with_the_frame_moved_the_filter_is_accurate_and_consistent(contour, most, nees):
     adapted = measured(contour, "B")[0]["adapted"]
     assert adapted["position m"] <= most
     assert abs(adapted["offset m"]) <= 0.03

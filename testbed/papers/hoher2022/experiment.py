@@ -1,11 +1,11 @@
 """Reproduction of hoher2022: Koch's random matrix with the virtual measurement model, on a U-turn before a lidar.
 
 The text we have is a project report on Hoher et al. (2022), so the claims are the report's. "Printed" means its
-equations as printed, "corrected" those of card rm_vmm, section 3. Rows, settings and tolerances are the card's.
+equations as printed, "corrected" those of docs/methods/random-matrices.md and docs/methods/virtual-measurements.md. The
+report prints pictures only: the courses, the shapes and the settings are ours.
 """
 
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -16,10 +16,20 @@ from testbed.papers.hoher2022.claims import verdicts
 from testbed.papers.hoher2022.direct_fit import DirectFit
 from testbed.papers.hoher2022.printed import PrintedKoch
 from testbed.papers.hoher2022.reference import REFERENCE
-from testbed.papers.hoher2022.runs import LEGEND, MEASURES, SETTLED, Errors, Method, Trace, errors, measure, track
+from testbed.papers.hoher2022.runs import (
+    LEGEND,
+    MEASURES,
+    SETTLED,
+    ContourErrors,
+    ContourMethod,
+    ContourTrack,
+    errors,
+    measure,
+    track,
+)
 from testbed.papers.hoher2022.uturn import FIRST, SECOND, Truth, UTurn, lidar_scans, radar_scans, truth
 from testbed.papers.hoher2022.variants import ReportVariant, ShapeLms
-from testbed.papers.verdict import Progress, Report, Row, Stopped
+from testbed.papers.report import MethodRow, PaperReport, Progress, carry_out, silent
 from trackers import Scan
 from trackers.random_matrix.adaptation import Bayes, Lms
 from trackers.random_matrix.koch import Koch
@@ -33,29 +43,29 @@ RADAR_RUNS = 20  # at most: our radar draws each scan by itself
 RADAR_BLUR = 0.3  # [m] sensor noise that the random matrix of the radar case starts from
 
 
-def methods(sigma: float) -> dict[str, Method]:
-    """Every algorithm of the card at a sensor noise sigma [m], by its name in the tables."""
+def methods(sigma: float) -> dict[str, ContourMethod]:
+    """Every algorithm at a sensor noise sigma [m], by its name in the tables."""
     printed = PrintedKoch(sigma=0.5 if sigma == 0 else sigma)
     report = ReportVariant(printed, Lms(), sigma=sigma, moments="eigenvalues", pitch=FINE)
     B = replace(report, koch=Koch())
     C = replace(B, moments="body")
     G = ReportVariant(sigma=sigma)
     table = [
-        Method("RM printed, 1 sigma", printed),
-        Method("RM corrected, 1 sigma", Koch()),
-        Method("RM printed, 2 sigma", printed, sigmas=2.0),
-        Method("RM corrected, 2 sigma", Koch(), sigmas=2.0),
+        ContourMethod("RM printed, 1 sigma", printed),
+        ContourMethod("RM corrected, 1 sigma", Koch()),
+        ContourMethod("RM printed, 2 sigma", printed, sigmas=2.0),
+        ContourMethod("RM corrected, 2 sigma", Koch(), sigmas=2.0),
     ]
     for letter, f in (("P", report), ("B", B), ("C", C)):
-        table += [Method(f"{letter} I={n}", replace(f, rule=Lms(iterations=n))) for n in (1, 2, 5, 10)]
+        table += [ContourMethod(f"{letter} I={n}", replace(f, rule=Lms(iterations=n))) for n in (1, 2, 5, 10)]
     table += [
-        Method("C33 I=2", replace(C, pitch=0.0)),
-        Method("G I=1", G),
-        Method("G offset", replace(G, feedback_from=10)),
-        Method("C offset", replace(C, feedback_from=10)),
-        Method("C naive", C, naive=True),
-        Method("direct I=2", replace(G, direct=DirectFit())),
-        Method("B without sigma^2", replace(B, blur=False)),
+        ContourMethod("C33 I=2", replace(C, pitch=0.0)),
+        ContourMethod("G I=1", G),
+        ContourMethod("G offset", replace(G, feedback_from=10)),
+        ContourMethod("C offset", replace(C, feedback_from=10)),
+        ContourMethod("C naive", C, naive=True),
+        ContourMethod("direct I=2", replace(G, direct=DirectFit())),
+        ContourMethod("B without sigma^2", replace(B, blur=False)),
     ]
     for name, tilt, gain, n in (
         ("square root I=2", "square-root", 1.0, 2),
@@ -63,13 +73,13 @@ def methods(sigma: float) -> dict[str, Method]:
         ("abc I=10", "abc", 1.0, 10),
         ("abc gain 10 I=10", "abc", 10.0, 10),
     ):
-        table.append(Method(name, replace(C, tilt=tilt, rule=ShapeLms(iterations=n, shape_gain=gain))))
+        table.append(ContourMethod(name, replace(C, tilt=tilt, rule=ShapeLms(iterations=n, shape_gain=gain))))
     ours = VirtualMeasurements(rule=Bayes(), body="box", surface=0.9, unbiased=True, sigma=sigma)
-    table.append(Method("box, Bayes (ours)", ours))
+    table.append(ContourMethod("box, Bayes (ours)", ours))
     return {m.name: m for m in table}
 
 
-ALL = tuple(methods(0.1))[:23]  # what the first path's rectangle is asked
+ALL = tuple(methods(0.1))[:23]  # of the rectangle on the first path
 SOME = (
     "RM corrected, 1 sigma",
     "RM corrected, 2 sigma",
@@ -136,81 +146,71 @@ def cases() -> Iterator[Case]:
 CASES = tuple(cases())
 
 
-class Outcome:
-    """Traces and errors of every method in every case, as far as they were run."""
+class UTurnRuns:
+    """Tracks and errors of every method in every case, as far as they were run."""
 
     def __init__(self) -> None:
-        self.rows: list[Row] = []
-        self.errors: dict[tuple[str, str], Errors] = {}
-        self.traces: dict[tuple[str, str], Trace] = {}
-        self.looks: dict[str, tuple[Truth, list[Scan]]] = {}
+        self.rows: list[MethodRow] = []
+        self.errors: dict[tuple[str, str], ContourErrors] = {}
+        self.tracks: dict[tuple[str, str], ContourTrack] = {}
+        self.scans: dict[str, tuple[Truth, list[Scan]]] = {}  # by case
 
-    def add(self, case: Case, method: Method, trace: Trace, truth: Truth) -> None:
-        """Measure a trace and keep it."""
+    def add(self, case: Case, method: ContourMethod, track: ContourTrack, truth: Truth) -> None:
+        """Measure a track and keep it."""
         key = (case.name, method.name)
-        e = errors(trace, truth)
-        self.traces[key], self.errors[key] = trace, e
-        self.rows.append(Row(case.name, method.name, measure(e), REFERENCE.get(key, {})))
+        e = errors(track, truth)
+        self.tracks[key], self.errors[key] = track, e
+        self.rows.append(MethodRow(case.name, method.name, measure(e), REFERENCE.get(key, {})))
 
 
 def experiment(
     runs: int,
     seed: int,
-    progress: Progress | None = None,
-    wanted: Callable[[Case, str], bool] | None = None,
-    outcome: Outcome | None = None,
-) -> Outcome:
-    """Run all cases, or the (case, method) that are wanted; every case has its own stream of random numbers.
+    found: UTurnRuns,
+    progress: Progress = silent,
+    wanted: Callable[[Case, str], bool] = lambda case, method: True,
+) -> None:
+    """Run all cases, or the (case, method) that are wanted, into `found`; every case has its own random numbers.
 
-    It runs into `outcome`, which then holds what is finished when a Stopped comes through.
+    `found` holds what is finished when a Stopped comes through.
     """
-    chosen = [(c, [m for m in c.methods if wanted is None or wanted(c, m)]) for c in CASES]
-    total = sum(len(names) for _, names in chosen)
-    outcome, done = Outcome() if outcome is None else outcome, 0
+    chosen = [(c, [m for m in c.methods if wanted(c, m)]) for c in CASES]
+    total, done = sum(len(names) for _, names in chosen), 0
     for (case, names), child in zip(chosen, np.random.SeedSequence(seed).spawn(len(CASES)), strict=True):
         if not names:
             continue
         body = truth(case.course, case.shape, case.drift)
         scans = case.scans(body, runs, np.random.default_rng(child))
-        outcome.looks[case.name] = body, scans
+        found.scans[case.name] = body, scans
         table = methods(case.sigma)
         for name in names:
-            if progress is not None:
-                progress(done, total, f"{case.name}: {name}")
-            outcome.add(case, table[name], track(table[name], scans), body)
+            progress(done, total, f"{case.name}: {name}")
+            found.add(case, table[name], track(table[name], scans), body)
             done += 1
-    if progress is not None:
-        progress(done, total, "done")
-    return outcome
 
 
-def run(runs: int = 100, out: Path | None = None, progress: Progress | None = None, seed: int = 0) -> Report:
-    """The whole experiment; with `out`, also its figures and JSON in that folder. About 20 minutes for 100 runs.
+def run(runs: int = 100, out: Path | None = None, progress: Progress = silent, seed: int = 0) -> PaperReport:
+    """The whole experiment, about 20 minutes for 100 runs; see `carry_out`."""
+    found = UTurnRuns()
 
-    A Stopped from `progress` ends it early: the report then holds the rows that are finished.
-    """
-    if runs < 1:
-        raise ValueError(f"runs must be at least 1, got {runs}")
-    outcome, finished = Outcome(), False
-    with suppress(Stopped):
-        experiment(runs, seed, progress, outcome=outcome)
-        finished = True
-    report = Report(
+    def draw(folder: Path) -> tuple[Path, ...]:
+        from testbed.papers.hoher2022 import figures  # with matplotlib, which takes long to import
+
+        return figures.draw(found.errors, found.tracks, found.scans, folder)
+
+    blank = PaperReport(
         paper=PAPER,
         title="Extended target tracking with random matrices and a virtual measurement model (Hoher et al., 2022)",
         settings={"runs": runs, "seed": seed, "steps before the errors count": SETTLED, "report": "project report"},
         columns=MEASURES,
         legend=LEGEND,
-        rows=tuple(outcome.rows),
-        verdicts=verdicts(outcome.errors) if finished else (),
-        interrupted=not finished,
     )
-    if out is None:
-        return report
-    if finished:
-        from testbed.papers.hoher2022.figures import draw
-
-        out.mkdir(parents=True, exist_ok=True)
-        report = replace(report, figures=draw(outcome.errors, outcome.traces, outcome.looks, out))
-    report.write(out)
-    return report
+    return carry_out(
+        blank,
+        lambda: experiment(runs, seed, found, progress),
+        rows=lambda: found.rows,
+        verdicts=lambda: verdicts(found.errors),
+        draw=draw,
+        out=out,
+        progress=progress,
+    )

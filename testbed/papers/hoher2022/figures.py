@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from testbed.files import write_figure
-from testbed.papers.hoher2022.runs import SETTLED, Errors, Trace
+from testbed.papers.hoher2022.runs import SETTLED, ContourErrors, ContourTrack
 from testbed.papers.hoher2022.uturn import DT, Truth
 from trackers import Scan
 from trackers.random_matrix.box import box_outline
@@ -30,9 +30,9 @@ RADAR = "our radar imaging, rectangle"
 
 
 def draw(
-    errors: Mapping[tuple[str, str], Errors],
-    traces: Mapping[tuple[str, str], Trace],
-    looks: Mapping[str, tuple[Truth, list[Scan]]],
+    errors: Mapping[tuple[str, str], ContourErrors],
+    tracks: Mapping[tuple[str, str], ContourTrack],
+    scans: Mapping[str, tuple[Truth, list[Scan]]],
     out: Path,
 ) -> tuple[Path, ...]:
     """Write the figures as PNG into the folder `out` and return their paths."""
@@ -40,12 +40,12 @@ def draw(
         ("gwd", "mean GW distance [m]", "gwd"), ("centre", "centre RMSE [m]", "centre"))]  # fmt: skip
     for case, stem in (("rectangle, sigma 0.1", "rectangle"), ("ellipse, sigma 0.1", "ellipse"),
                        ("tractor, sigma 0.1", "tractor"), ("L, sigma 0.1", "l"), (RADAR, "radar")):  # fmt: skip
-        if case in looks:
-            paths.append(snapshots(traces, *looks[case], case, out / f"hoher2022_{stem}.png"))
+        if case in scans:
+            paths.append(snapshots(tracks, *scans[case], case, out / f"hoher2022_{stem}.png"))
     return tuple(paths)
 
 
-def over_time(errors: Mapping[tuple[str, str], Errors], name: str, label: str, path: Path) -> Path:
+def over_time(errors: Mapping[tuple[str, str], ContourErrors], name: str, label: str, path: Path) -> Path:
     """One error of the main methods over time, a panel for each case."""
     figure = Figure(figsize=(11, 6.5), layout="constrained")
     panels = figure.subplots(2, 2, sharex=True, sharey=True)
@@ -67,15 +67,17 @@ def over_time(errors: Mapping[tuple[str, str], Errors], name: str, label: str, p
     return write_figure(path, figure, dpi=110)
 
 
-def snapshots(traces: Mapping[tuple[str, str], Trace], truth: Truth, scans: list[Scan], case: str, path: Path) -> Path:
+def snapshots(
+    tracks: Mapping[tuple[str, str], ContourTrack], truth: Truth, scans: list[Scan], case: str, path: Path
+) -> Path:
     """Detections, truth and ellipses of the first run along the course, a panel for each method."""
-    shown = [(m, c) for m, c in METHODS if (case, m) in traces]
+    shown = [(m, c) for m, c in METHODS if (case, m) in tracks]
     if case == RADAR:
         shown = [("RM corrected, 2 sigma", "tab:gray"), *shown]
     figure = Figure(figsize=(5.2 * min(len(shown), 3), 3.9 * -(-len(shown) // 3)), layout="constrained")
     panels = np.atleast_1d(figure.subplots(-(-len(shown) // 3), min(len(shown), 3), sharex=True, sharey=True)).ravel()
     for axis, (method, colour) in zip(panels, shown, strict=False):
-        panel(axis, traces[case, method], truth, scans, colour, box_outline if method.startswith("box") else outline)
+        panel(axis, tracks[case, method], truth, scans, colour, box_outline if method.startswith("box") else outline)
         axis.set_title(method)
     for axis in panels[len(shown) :]:
         axis.remove()
@@ -84,13 +86,13 @@ def snapshots(traces: Mapping[tuple[str, str], Trace], truth: Truth, scans: list
 
 
 def panel(
-    axis: Axes, trace: Trace, truth: Truth, scans: list[Scan], colour: str, ring_of: Callable[..., NDArray]
+    axis: Axes, track: ContourTrack, truth: Truth, scans: list[Scan], colour: str, ring_of: Callable[..., NDArray]
 ) -> None:
     """One method: truth filled, detections as dots, the estimate as a line."""
     for k in range(SETTLED, len(scans), EVERY):
         axis.fill(*truth.outlines[k].T, color="0.85", edgecolor="0.6", linewidth=0.8)
         axis.plot(*detections(scans[k]).T, "k.", markersize=2.5)
-        ring = ring_of(trace.centre[0, k], root_of(trace.size[0, k], trace.tilt[0, k]), 65)
+        ring = ring_of(track.centre[0, k], root_of(track.size[0, k], track.tilt[0, k]), 65)
         axis.plot(*ring.T, color=colour, linewidth=1.3)
     axis.plot(*truth.poses[:, :2].T, color="0.7", linewidth=0.6, linestyle="--")
     axis.plot(0, 0, "k^", markersize=7)

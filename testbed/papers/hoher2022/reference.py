@@ -1,4 +1,4 @@
-"""Figures of an independent prototype of the same algorithms; card rm_vmm, tables 8.1 to 8.3.
+"""Figures of an independent implementation of the same algorithms: docs/reproductions.md has some in brackets.
 
 They are not the paper's: the report prints pictures only. 100 runs where there is noise; case | method | figures.
 """

@@ -1,4 +1,4 @@
-"""Contour trackers on one object, many runs at once, and their errors; card rm_vmm, section 7."""
+"""Contour trackers on one object, many runs at once, and their errors."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -7,7 +7,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from testbed.evaluation.metrics import areas, gaussian_wasserstein, region_iou
+from testbed.evaluation.metrics import areas, gaussian_wasserstein, region_iou, rmse
 from testbed.papers.hoher2022.uturn import DT, Truth
 from trackers import Scan
 from trackers.geometry import extent_matrix
@@ -20,7 +20,7 @@ POLYGON = 64  # corners of the polygon that stands for an ellipse
 
 
 @dataclass(frozen=True)
-class Method:
+class ContourMethod:
     """One algorithm of the comparison."""
 
     name: str
@@ -29,8 +29,8 @@ class Method:
     naive: bool = False  # the ellipse overwrites the filter's state after every step
 
 
-class Trace(NamedTuple):
-    """What a method said at K steps of R runs."""
+class ContourTrack(NamedTuple):
+    """Ellipses or boxes of a method after K steps of R runs."""
 
     centre: NDArray  # (R, K, 2) [m]
     size: NDArray  # (R, K, 2) [m]
@@ -39,13 +39,13 @@ class Trace(NamedTuple):
 
 
 def blank(runs: int) -> KochState:
-    """The report's start: nothing known, x0 = 0, P0 = diag(10, 5, 1), X0 = 100 I, nu0 = 4."""
+    """The start of the report: nothing known, x0 = 0, P0 = diag(10, 5, 1), X0 = 100 I, nu0 = 4."""
     P = np.tile(np.diag([10.0, 5.0, 1.0]), (runs, 1, 1))
     return KochState(np.zeros((runs, 6)), P, np.full(runs, 4.0), np.tile(100 * np.eye(2), (runs, 1, 1)), np.zeros(runs))
 
 
 def axes(X: NDArray, sigmas: float, near: NDArray) -> tuple[NDArray, NDArray]:
-    """Full length, width (..., 2) [m] and tilt (...) of the ellipses of extents X, turned to the side of `near`."""
+    """Full length, width (..., 2) [m] of the ellipses of extents X, and tilt (...) within a quarter turn of `near`."""
     w, V = np.linalg.eigh(X)
     tilt = np.arctan2(V[..., 1, 1], V[..., 0, 1])
     tilt = tilt + np.pi * np.round((near - tilt) / np.pi)
@@ -61,7 +61,7 @@ def first_contour(koch: KochState) -> ContourState:
     return ContourState(koch, koch.x[..., :2], size, koch.heading, size / 2, steps)
 
 
-def track(method: Method, scans: list[Scan], start: KochState | ContourState | None = None) -> Trace:
+def track(method: ContourMethod, scans: list[Scan], start: KochState | ContourState | None = None) -> ContourTrack:
     """Follow the object through K scans with leading axis R; without a start, from the report's."""
     f = method.filter
     koch = f if isinstance(f, Koch) else f.koch
@@ -78,7 +78,7 @@ def track(method: Method, scans: list[Scan], start: KochState | ContourState | N
         if method.naive:
             state = overwrite(state)  # type: ignore[arg-type]
         steps.append(describe(method, state))
-    return Trace(*(np.stack(leaves, 1) for leaves in zip(*steps, strict=True)))
+    return ContourTrack(*(np.stack(leaves, 1) for leaves in zip(*steps, strict=True)))
 
 
 def overwrite(state: ContourState) -> ContourState:
@@ -89,7 +89,7 @@ def overwrite(state: ContourState) -> ContourState:
     return state._replace(koch=koch._replace(x=x, X=X))
 
 
-def describe(method: Method, state: KochState | ContourState) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+def describe(method: ContourMethod, state: KochState | ContourState) -> tuple[NDArray, NDArray, NDArray, NDArray]:
     """Centre, size, tilt and filter position of a state."""
     if isinstance(state, ContourState):
         return state.centre, state.size, state.tilt, state.koch.x[..., :2]
@@ -97,7 +97,7 @@ def describe(method: Method, state: KochState | ContourState) -> tuple[NDArray, 
     return state.x[..., :2], size, tilt, state.x[..., :2]
 
 
-class Errors(NamedTuple):
+class ContourErrors(NamedTuple):
     """Errors of R runs at K steps."""
 
     centre: NDArray  # (R, K) [m] distance
@@ -109,24 +109,24 @@ class Errors(NamedTuple):
     position: NDArray  # (R, K) [m] distance of the filter's position
 
 
-def errors(trace: Trace, truth: Truth) -> Errors:
-    """Errors of a trace at every step."""
+def errors(found: ContourTrack, truth: Truth) -> ContourErrors:
+    """Errors after every step."""
     p, heading = truth.poses[:, :2], truth.poses[:, 2]
-    tilt = np.degrees((trace.tilt - heading + np.pi / 2) % np.pi - np.pi / 2)
-    X, Y = extent_matrix(trace.tilt, trace.size), extent_matrix(heading, truth.size)
+    tilt = np.degrees((found.tilt - heading + np.pi / 2) % np.pi - np.pi / 2)
+    X, Y = extent_matrix(found.tilt, found.size), extent_matrix(heading, truth.size)
     grow = np.sqrt(np.pi / (POLYGON / 2 * np.sin(2 * np.pi / POLYGON)))  # polygon of the ellipse's area
-    ring = outline(trace.centre, grow * root_of(trace.size, trace.tilt), POLYGON + 1)[..., :-1, :]
+    ring = outline(found.centre, grow * root_of(found.size, found.tilt), POLYGON + 1)[..., :-1, :]
     body = areas(truth.outlines)
     shapely.prepare(body)
-    d = trace.size - truth.size
-    return Errors(
-        centre=np.linalg.norm(trace.centre - p, axis=-1),
+    d = found.size - truth.size
+    return ContourErrors(
+        centre=np.linalg.norm(found.centre - p, axis=-1),
         tilt=tilt,
         length=d[..., 0],
         width=d[..., 1],
-        gwd=np.sqrt(gaussian_wasserstein(trace.centre, X, p, Y)),
+        gwd=np.sqrt(gaussian_wasserstein(found.centre, X, p, Y)),
         iou=region_iou(areas(ring), body),
-        position=np.linalg.norm(trace.position - p, axis=-1),
+        position=np.linalg.norm(found.position - p, axis=-1),
     )
 
 
@@ -137,15 +137,12 @@ MEASURES = {
 LEGEND = "root mean square errors and biases of the contour; GW and IoU are means; position is that of the filter"
 
 
-def measure(e: Errors, since: int = SETTLED) -> dict[str, float]:
+def measure(e: ContourErrors, since: int = SETTLED) -> dict[str, float]:
     """RMSE, bias and means over all runs from step `since` on; names as in MEASURES."""
-    e = Errors(*(a[:, since:] for a in e))
-
-    def rms(a: NDArray) -> float:
-        return float(np.sqrt((a**2).mean()))
+    e = ContourErrors(*(a[:, since:] for a in e))
 
     values = (
-        rms(e.centre), rms(e.tilt), rms(e.length), e.length.mean(), rms(e.width), e.width.mean(),
-        e.gwd.mean(), e.iou.mean(), rms(e.position),
+        rmse(e.centre), rmse(e.tilt), rmse(e.length), e.length.mean(), rmse(e.width), e.width.mean(),
+        e.gwd.mean(), e.iou.mean(), rmse(e.position),
     )  # fmt: skip
     return dict(zip(MEASURES, map(float, values), strict=True))

@@ -1,6 +1,7 @@
-"""The experiment of hoher2022: a lidar at the origin, one object on a U-turn; card rm_vmm, sections 7 and 8.
+"""The experiment of hoher2022: a lidar at the origin, one object on a U-turn.
 
-Heading turns from x towards y and "left" is mathematical here: the course is the card's, not highway-env's.
+The report shows the two paths and the shapes in pictures; their numbers are ours. Heading turns from x towards y and
+"left" is mathematical here, not as highway-env draws.
 """
 
 from collections.abc import Iterator

@@ -32,8 +32,8 @@ from testbed.papers.xia2020.methods import (
     partial_table,
 )
 from testbed.papers.xia2020.radar import SCENARIOS
-from testbed.papers.xia2020.results import Results
-from testbed.papers.xia2020.trials import SIZE, Method, Trial
+from testbed.papers.xia2020.results import TrialRuns
+from testbed.papers.xia2020.trials import SIZE, NamedFilter, Trial
 from trackers.batch import take
 from trackers.htg.bins import HTGTable
 from trackers.htg.density import log_density
@@ -54,7 +54,7 @@ def text(figures: Mapping[str, float], digits: int = 2) -> str:
 # -- the slides -------------------------------------------------------------------------------------------------------
 
 
-def slides(results: Results) -> tuple[Verdict, ...]:
+def slides(results: TrialRuns) -> tuple[Verdict, ...]:
     """Verdicts on the slides; the results are those of the full view and of the 2 Hz courses."""
     return (
         against_rm(results, "band", "with the ideal measurement model (uniform band)"),
@@ -65,7 +65,7 @@ def slides(results: Results) -> tuple[Verdict, ...]:
     )
 
 
-def against_rm(results: Results, generator: str, words: str) -> Verdict:
+def against_rm(results: TrialRuns, generator: str, words: str) -> Verdict:
     """The main claim in full view, against either baseline."""
     claim = Claim(f"The method with online bounds is more accurate than the random matrix {words}", "slides, results")
     case = f"full view, {generator}"
@@ -73,7 +73,7 @@ def against_rm(results: Results, generator: str, words: str) -> Verdict:
     return judge(claim, {f"the baseline {m}": got[ONLINE] < got[m] for m in (RM, RM_MATCHED)}, f"GWD^2 {text(got)}")
 
 
-def biased_statistics(results: Results) -> Verdict:
+def biased_statistics(results: TrialRuns) -> Verdict:
     """A length off by half a metre is a bias that matters."""
     claim = Claim("Statistics of edge detections are biased, so the random matrix is off", "slides, problem")
     names = {f"{m}, {g}": (f"full view, {g}", m) for m in (RM, RM_MATCHED) for g in GENERATORS}
@@ -81,13 +81,13 @@ def biased_statistics(results: Results) -> Verdict:
     return judge(claim, {n: abs(b) > 0.5 for n, b in bias.items()}, f"mean length error [m]: {text(bias)}")
 
 
-def open_sides(results: Results) -> Verdict:
+def open_sides(results: TrialRuns) -> Verdict:
     """Partial view, where the sides that the sensor does not see are open."""
     claim = Claim("Bounds at infinity model self-occlusion: partial views are tracked better", "slides, model")
     return large_margin(results, claim, {"literal": ONLINE, "n-count": ONLINE_N}, 1.0)
 
 
-def light_weight(results: Results) -> Verdict:
+def light_weight(results: TrialRuns) -> Verdict:
     """CPU time of an update, one object."""
     claim = Claim("A light-weight method, implementable on an automotive control unit", "slides, contributions")
     trial = results.trials["full view, band"]
@@ -98,7 +98,7 @@ def light_weight(results: Results) -> Verdict:
 # -- the paper --------------------------------------------------------------------------------------------------------
 
 
-def paper(results: Results) -> tuple[Verdict, ...]:
+def paper(results: TrialRuns) -> tuple[Verdict, ...]:
     """Verdicts on the paper; the results are those of all cases."""
     margin = Claim("Learned HTG-RM outperforms the random matrix by a large margin, partial view", "paper, V-B")
     return (
@@ -137,7 +137,7 @@ def resemblance() -> Verdict:
     return judge(claim, held, f"held-out log-likelihood over a Gaussian a bin [nat a detection]: {text(got)}")
 
 
-def large_margin(results: Results, claim: Claim, forms: Mapping[str, str], margin: float) -> Verdict:
+def large_margin(results: TrialRuns, claim: Claim, forms: Mapping[str, str], margin: float) -> Verdict:
     """A form holds where its GWD^2 is below margin times that of both random matrices on every course."""
     best = {c: min(results.gwd2(c, m) for m in (RM, RM_MATCHED)) for c in COURSES}
     got = {form: [results.gwd2(c, m) for c in COURSES] for form, m in forms.items()}
@@ -147,12 +147,12 @@ def large_margin(results: Results, claim: Claim, forms: Mapping[str, str], margi
     return judge(claim, held, f"GWD^2 following / turn / S: better RM {baseline}; {numbers}")
 
 
-def on_radar(results: Results) -> tuple[str, ...]:
+def on_radar(results: TrialRuns) -> tuple[str, ...]:
     """The cases before our radar."""
     return tuple(case for case in results.trials if case.startswith(SCENARIOS))
 
 
-def rig_margin(results: Results) -> Verdict:
+def rig_margin(results: TrialRuns) -> Verdict:
     """The same on detections of our ray-cast radar."""
     claim = Claim("The same on our ray-cast radar, learned on its own rig", "paper, V-B, our detections")
     forms, cases = {"literal": LEARNED, "n-count": LEARNED_N, "HTG-MM": MM, "HTG-MAP": ON_RIG}, on_radar(results)
@@ -162,7 +162,7 @@ def rig_margin(results: Results) -> Verdict:
     return judge(claim, held, f"GWD^2 {'; '.join(rows)}")
 
 
-def sensitive(results: Results) -> Verdict:
+def sensitive(results: TrialRuns) -> Verdict:
     """A start that is off by 1 m instead of the truth; the same detections."""
     claim = Claim("The update is sensitive to a prediction that is far off", "paper, V-B")
     forms = {**FORMS, "literal, c_D from .1": LEARNED_LOOSE, "literal, online bounds": ONLINE}
@@ -171,16 +171,16 @@ def sensitive(results: Results) -> Verdict:
     return judge(claim, held, f"GWD^2 with a start off by 1 m over that with the true start: {text(ratio)}")
 
 
-def seen_part(results: Results) -> Verdict:
-    """How far the centre is drawn to the sensor, following course."""
+def seen_part(results: TrialRuns) -> Verdict:
+    """How far the centre is shifted to the sensor, following course."""
     claim = Claim("The random matrix fits the part in sight, HTG-RM does not", "paper, V-B")
     case = COURSES[0]
-    pull = {m: results.pull(case, m) for m in (RM, RM_MATCHED, *FORMS.values())}
-    held = {f: pull[RM] > 0.5 and abs(pull[m]) < pull[RM] / 2 for f, m in FORMS.items()}
-    return judge(claim, held, f"mean shift of the centre towards the sensor [m]: {text(pull)}")
+    shift = {m: results.shift_to_sensor(case, m) for m in (RM, RM_MATCHED, *FORMS.values())}
+    held = {f: shift[RM] > 0.5 and abs(shift[m]) < shift[RM] / 2 for f, m in FORMS.items()}
+    return judge(claim, held, f"mean shift of the centre towards the sensor [m]: {text(shift)}")
 
 
-def cheaper(results: Results) -> Verdict:
+def cheaper(results: TrialRuns) -> Verdict:
     """CPU time of the learned and the online update, five iterations each."""
     claim = Claim("The learned update is computationally simpler than that with online bounds", "paper, IV-B")
     case = COURSES[0]
@@ -188,7 +188,7 @@ def cheaper(results: Results) -> Verdict:
     return judge(claim, {"CPU time": ms[LEARNED] < ms[ONLINE]}, f"ms an update, one object: {text(ms)}")
 
 
-def sparse(results: Results) -> Verdict:
+def sparse(results: TrialRuns) -> Verdict:
     """Two detections a scan instead of five."""
     claim = Claim("Improved tracking with sparse measurements", "paper, IV-B")
     others = (RM, RM_MATCHED, ONLINE, ONLINE_N)
@@ -202,7 +202,7 @@ def foreign_name(form: str, generator: str) -> str:
     return f"{form} of {generator}"
 
 
-def robust(results: Results) -> Verdict:
+def robust(results: TrialRuns) -> Verdict:
     """Learned on one full-view generator, used on another."""
     claim = Claim("A learned structure is robust to a mismatch between training data and detections", "paper, I")
     held, numbers = {}, []
@@ -217,7 +217,7 @@ def robust(results: Results) -> Verdict:
     return judge(claim, held, f"GWD^2 RM, matched rho {best}; {'; '.join(numbers)}")
 
 
-def rig_mismatch(results: Results) -> Verdict:
+def rig_mismatch(results: TrialRuns) -> Verdict:
     """A table of another radar, or of real detections, against random matrices, which need no learning."""
     claim = Claim("Learned on one radar and used on another, HTG-MAP still beats the random matrices", "paper, I")
     rows = {case: (ON_RIG, {"imaging": ON_OTHER, "real": ON_REAL}) for case in on_radar(results)}
@@ -232,16 +232,16 @@ def rig_mismatch(results: Results) -> Verdict:
     return judge(claim, held, f"GWD^2 {'; '.join(numbers)}")
 
 
-def cost(method: Method, trial: Trial, steps: int = 30) -> float:
+def cost(method: NamedFilter, trial: Trial, steps: int = 30) -> float:
     """Median CPU time [ms] of an update of one object."""
     one = np.array([0])
     f, scan = method.make(), take(trial.scan, np.arange(steps))
     state = f.init(take(trial.start, one)._replace(size_std=method.size_std * take(trial.start, one).size))
     spent = []
     for k in range(steps):
-        look = take(take(scan, np.array(k)), one)
+        now = take(take(scan, np.array(k)), one)
         state = f.predict(state, trial.dt)
         begin = process_time()
-        state, _ = f.update(state, look)
+        state, _ = f.update(state, now)
         spent.append(process_time() - begin)
     return 1e3 * float(np.median(spent))

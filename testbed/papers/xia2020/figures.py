@@ -29,8 +29,8 @@ from testbed.papers.xia2020.methods import (
     partial_table,
 )
 from testbed.papers.xia2020.radar import SCENARIOS
-from testbed.papers.xia2020.results import Results
-from testbed.papers.xia2020.trials import SIZE, Trace, Trial, wasserstein
+from testbed.papers.xia2020.results import TrialRuns
+from testbed.papers.xia2020.trials import SIZE, Trial, TrialEstimates, wasserstein
 from trackers.geometry import UNIT_BOX, box_corners, ellipse_points
 from trackers.htg.bins import HTGTable
 from trackers.htg.density import log_density
@@ -43,7 +43,7 @@ COLOURS = {
 SHOWN = 4  # snapshots of a course
 
 
-class Group(NamedTuple):
+class CaseGroup(NamedTuple):
     """Cases that share a figure."""
 
     name: str
@@ -54,20 +54,20 @@ class Group(NamedTuple):
 
 
 GROUPS = (
-    Group(
+    CaseGroup(
         "full_view",
         tuple(f"full view, {g}" for g in GENERATORS),
         (RM, RM_MATCHED, ONLINE, LEARNED, LEARNED_N, MM, MAP),
         (RM, ONLINE, MAP),
     ),
-    Group("2hz", COURSES, (RM, RM_MATCHED, ONLINE_N, LEARNED, LEARNED_N, MM, MAP, BEST), (RM, LEARNED_N, BEST)),
-    Group(
+    CaseGroup("2hz", COURSES, (RM, RM_MATCHED, ONLINE_N, LEARNED, LEARNED_N, MM, MAP, BEST), (RM, LEARNED_N, BEST)),
+    CaseGroup(
         "13hz",
         tuple(case.replace("2 Hz", "13 Hz") for case in COURSES),
         (RM, RM_MATCHED, ONLINE_N, LEARNED, LEARNED_N, MM, MAP, BEST),
         (),
     ),
-    Group(
+    CaseGroup(
         "radar",
         tuple(f"{scenario}, {RIG}" for scenario in SCENARIOS),
         (RM, RM_MATCHED, ONLINE_N, LEARNED_N, MM, ON_RIG, ON_OTHER, ON_REAL),
@@ -77,7 +77,7 @@ GROUPS = (
 )
 
 
-def draw(results: Results, out: Path, paper: str) -> tuple[Path, ...]:
+def draw(results: TrialRuns, out: Path, paper: str) -> tuple[Path, ...]:
     """Write the figures of the cases that were run as PNG into the folder `out`."""
     out.mkdir(parents=True, exist_ok=True)
     paths = []
@@ -93,15 +93,15 @@ def draw(results: Results, out: Path, paper: str) -> tuple[Path, ...]:
     )
 
 
-def position_rmse(trace: Trace, trial: Trial) -> np.ndarray:
+def position_rmse(found: TrialEstimates, trial: Trial) -> np.ndarray:
     """Root mean square (T,) [m] over the runs."""
-    d = trace.estimate.pose[..., :2] - trial.pose[..., :2]
+    d = found.estimate.pose[..., :2] - trial.pose[..., :2]
     return np.sqrt((d**2).sum(-1).mean(-1))
 
 
-def mean_wasserstein(trace: Trace, trial: Trial) -> np.ndarray:
+def mean_wasserstein(found: TrialEstimates, trial: Trial) -> np.ndarray:
     """Mean squared Gaussian Wasserstein distance (T,) [m^2] over the runs."""
-    return wasserstein(trace, trial).mean(-1)
+    return wasserstein(found, trial).mean(-1)
 
 
 MEASURES = {  # label -> measure and the ticks of its logarithmic axis
@@ -110,7 +110,7 @@ MEASURES = {  # label -> measure and the ticks of its logarithmic axis
 }
 
 
-def over_time(results: Results, group: Group, path: Path) -> Path:
+def over_time(results: TrialRuns, group: CaseGroup, path: Path) -> Path:
     """Errors over time, a column for each case."""
     columns = len(group.cases)
     figure = Figure(figsize=(3.6 * columns, 6.2), layout="constrained")
@@ -120,7 +120,7 @@ def over_time(results: Results, group: Group, path: Path) -> Path:
             trial = results.trials[case]
             t = trial.dt * np.arange(1, len(trial.pose) + 1)
             for method in group.methods:
-                e = measure(results.traces[case, method], trial)
+                e = measure(results.estimates[case, method], trial)
                 axis.plot(t, e, color=COLOURS[method], label=method, linewidth=1.2)
             axis.axvline(t[trial.settled], color="black", linewidth=0.8, linestyle=":")
             axis.set(yscale="log", ylim=(ticks[0], ticks[-1]))
@@ -142,7 +142,7 @@ def legend(figure: Figure, axis: Axes) -> None:
     figure.legend(handles, labels, loc="outside lower center", ncols=min(5, len(labels)), fontsize=8)
 
 
-def snapshots(results: Results, group: Group, path: Path) -> Path:
+def snapshots(results: TrialRuns, group: CaseGroup, path: Path) -> Path:
     """First run of each case at four times: detections, the true box, and estimated ellipses; sensor to the arrow."""
     figure = Figure(figsize=(3.3 * SHOWN, 2.8 * len(group.cases)), layout="constrained")
     panels = figure.subplots(len(group.cases), SHOWN, squeeze=False)
@@ -157,7 +157,7 @@ def snapshots(results: Results, group: Group, path: Path) -> Path:
     return write_figure(path, figure, dpi=110)
 
 
-def snapshot(axis: Axes, results: Results, case: str, methods: Sequence[str], k: int) -> None:
+def snapshot(axis: Axes, results: TrialRuns, case: str, methods: Sequence[str], k: int) -> None:
     """One step of the first run."""
     trial = results.trials[case]
     scan, centre = trial.scan, trial.pose[k, 0, :2]
@@ -165,12 +165,12 @@ def snapshot(axis: Axes, results: Results, case: str, methods: Sequence[str], k:
     axis.fill(*box.T, facecolor="0.92", edgecolor="black", linewidth=1.0, label="truth")
     axis.plot(*scan.xy[k, 0][scan.mask[k, 0]].T, "k.", markersize=5, label="detections")
     for method in methods:
-        trace = results.traces[case, method]
-        ellipse = ellipse_points(trace.estimate.pose[k, 0, :2], trace.extent[k, 0], 60)
+        found = results.estimates[case, method]
+        ellipse = ellipse_points(found.estimate.pose[k, 0, :2], found.extent[k, 0], 60)
         axis.plot(*ellipse.T, color=COLOURS[method], linewidth=1.5, label=method)
-    seen = np.flatnonzero(scan.mask[k, 0])
-    if len(seen) and scan.pose[..., :2].any():  # in full view there is no sensor
-        sensor = scan.pose[k, 0, min(seen[0], scan.pose.shape[-2] - 1), :2] - centre
+    detected = np.flatnonzero(scan.mask[k, 0])
+    if len(detected) and scan.pose[..., :2].any():  # in full view there is no sensor
+        sensor = scan.pose[k, 0, min(detected[0], scan.pose.shape[-2] - 1), :2] - centre
         tip = centre + sensor / np.hypot(*sensor) * 4.4
         axis.annotate("", xy=tip, xytext=centre + (tip - centre) * 0.8, arrowprops={"arrowstyle": "->", "color": "red"})
     axis.set(xlim=centre[0] + np.array([-4.8, 4.8]), ylim=centre[1] + np.array([-3.9, 3.9]), aspect="equal")

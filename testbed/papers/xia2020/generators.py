@@ -1,8 +1,8 @@
 """What the experiments of xia2020 are made of: courses, and generators of detections on a body.
 
-Courses and generators are those of card htg_rm, section 8; the papers show pictures of theirs and give few numbers.
-Heading turns from x towards y and "left" is mathematical here, as in the card, not as highway-env draws. Unit
-coordinates u put the body on [-1, 1]^2: x to the front, y to the left.
+Courses and generators are ours, after the pictures and the few numbers of the papers. Heading turns from x towards y
+and "left" is mathematical here, not as highway-env draws. Unit coordinates u put the body on [-1, 1]^2: x to the front,
+y to the left.
 """
 
 from collections.abc import Callable
@@ -68,7 +68,7 @@ def drive(start: ArrayLike, turns: tuple[Turn, ...], t: NDArray) -> NDArray:
 
 # -- full view: a generator gives unit coordinates (*shape, 2) of a body with size (2,) [m] ---------------------------
 
-Generator = Callable[[np.random.Generator, tuple[int, ...], NDArray], NDArray]
+DrawDetections = Callable[[np.random.Generator, tuple[int, ...], NDArray], NDArray]
 
 PUBLISHED = HTG(np.array(0.183), np.array([0.675, 0.670, 0.611, 0.648]), np.array(0.763), np.array([0.037, 0.035]))
 HOLE = 0.8  # of the unit square, of the band
@@ -104,7 +104,7 @@ def draw_vrm(rng: np.random.Generator, shape: tuple[int, ...], size: NDArray) ->
     return mean[k] + scale[k] * t
 
 
-GENERATORS: dict[str, Generator] = {"band": draw_band, "htg": draw_htg, "vrm": draw_vrm}
+GENERATORS: dict[str, DrawDetections] = {"band": draw_band, "htg": draw_htg, "vrm": draw_vrm}
 
 
 # -- partial view -----------------------------------------------------------------------------------------------------
@@ -125,7 +125,7 @@ def draw_sides(rng: np.random.Generator, to_sensor: NDArray, half: NDArray, n: i
     weight = half[..., [1, 1, 0, 0]] * np.maximum(cosine, 0.0)
     total = weight.sum(-1, keepdims=True)
     if (total <= 0).any():
-        raise ValueError(f"{int((total <= 0).sum())} sensors lie inside the body they look at; keep them outside")
+        raise ValueError(f"{int((total <= 0).sum())} sensors lie inside the body that they see; keep them outside")
     share = np.cumsum(weight / total, -1)
     return (rng.random((*half.shape[:-1], n, 1)) > share[..., None, :3]).sum(-1)
 

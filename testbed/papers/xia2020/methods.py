@@ -1,7 +1,7 @@
 """The rows of the tables of xia2020: baselines, the papers' filters, and ours, with the tables they have learned.
 
-Settings: card htg_rm, sections 5 and 8. The tables are learned from data of the same generator, drawn apart from those
-that are tracked.
+Parameters: docs/methods/hierarchical-truncated-gaussians.md. The tables are learned from data of the same generator,
+drawn apart from those that are tracked.
 """
 
 from dataclasses import replace
@@ -10,7 +10,7 @@ from functools import lru_cache
 import numpy as np
 
 from testbed.papers.xia2020.generators import GENERATORS, NOISE, Training, draw_training
-from testbed.papers.xia2020.trials import SIZE, Method
+from testbed.papers.xia2020.trials import SIZE, NamedFilter
 from trackers.htg.bins import HTGTable, metric_ends, single
 from trackers.htg.calibration import calibrate
 from trackers.htg.learned import HTGLearned
@@ -20,7 +20,7 @@ from trackers.htg.moment import HTGMoment
 from trackers.htg.online import HTGOnline
 from trackers.random_matrix.feldmann import RandomMatrix
 
-MATCHED = {"htg": 0.446, "band": 0.547, "vrm": 0.658}  # rho from the second moment of the detections, section 8.1
+MATCHED = {"htg": 0.446, "band": 0.547, "vrm": 0.658}  # rho from the second moment of the detections, full view
 MATCHED_PARTIAL = 0.554
 FULL_MASS, LOOSE_MASS, PARTIAL_MASS = 0.1, 0.1, 0.25  # least c_D of the tables for pseudo-measurements
 SEED = 2020  # of the training data
@@ -57,7 +57,7 @@ def paper_table(mass: float) -> HTGTable:
 
 @lru_cache
 def partial_table(bins: int = 8, centred: bool = True, theta: float | None = None) -> HTGTable:
-    """Densities of the partial view for likelihoods and moments; theta [rad] is held, or free as on the card."""
+    """Densities of the partial view for likelihoods and moments; theta [rad] is held, or free for None."""
     data = training()
     return fit_table(data.u, data.aspect, bins=bins, centred=centred, options=FitOptions(theta=theta)).table
 
@@ -76,38 +76,40 @@ def calibrated_table() -> HTGTable:
     return calibrate(table, data.u * data.size / 2, data.size, data.aspect)
 
 
-def full_methods(generator: str, learned_on: str | None = None) -> tuple[Method, ...]:
-    """Rows of section 8.1 for a generator; with `learned_on`, their tables are those of another one."""
+def full_methods(generator: str, learned_on: str | None = None) -> tuple[NamedFilter, ...]:
+    """Rows of the full view for a generator; with `learned_on`, their tables are those of another one."""
     source = generator if learned_on is None else learned_on
     return (
-        Method(RM, RandomMatrix),
-        Method(RM_MATCHED, lambda: RandomMatrix(rho=MATCHED[generator])),
-        Method(ONLINE, lambda: HTGOnline(RandomMatrix(rho=0.30), iterations=5, n_count=False, full_view=True, cap=2.5)),
-        Method(LEARNED, lambda: HTGLearned(full_table(source, FULL_MASS))),
-        Method(LEARNED_N, lambda: HTGLearned(full_table(source, FULL_MASS), iterations=20, n_count=True)),
-        Method(MM, lambda: HTGMoment(full_table(source))),
-        Method(
+        NamedFilter(RM, RandomMatrix),
+        NamedFilter(RM_MATCHED, lambda: RandomMatrix(rho=MATCHED[generator])),
+        NamedFilter(
+            ONLINE, lambda: HTGOnline(RandomMatrix(rho=0.30), iterations=5, n_count=False, full_view=True, cap=2.5)
+        ),
+        NamedFilter(LEARNED, lambda: HTGLearned(full_table(source, FULL_MASS))),
+        NamedFilter(LEARNED_N, lambda: HTGLearned(full_table(source, FULL_MASS), iterations=20, n_count=True)),
+        NamedFilter(MM, lambda: HTGMoment(full_table(source))),
+        NamedFilter(
             MAP, lambda: HTGMap(full_table(source), sigma=0.0, size_walk=0.02, alpha=0.5, metric=False), size_std=0.2
         ),
     )
 
 
-def partial_methods() -> tuple[Method, ...]:
-    """Rows of section 8.2."""
+def partial_methods() -> tuple[NamedFilter, ...]:
+    """Rows of the partial view."""
     slow = RandomMatrix(tau=10.0)
     rm = RandomMatrix(tau=10.0, rho=0.35)
     return (
-        Method(RM, lambda: slow),
-        Method(RM_MATCHED, lambda: RandomMatrix(tau=10.0, rho=MATCHED_PARTIAL)),
-        Method(ONLINE, lambda: HTGOnline(rm, iterations=5, n_count=False)),
-        Method(ONLINE_N, lambda: HTGOnline(rm)),
-        Method(LEARNED, lambda: HTGLearned(paper_table(PARTIAL_MASS), slow)),
-        Method(LEARNED_LOOSE, lambda: HTGLearned(paper_table(LOOSE_MASS), slow)),
-        Method(LEARNED_N, lambda: HTGLearned(paper_table(PARTIAL_MASS), slow, iterations=20, n_count=True)),
-        Method(MM, lambda: HTGMoment(upright_table(), slow)),
-        Method(MAP_SEED, lambda: HTGMap(partial_table(centred=False), sigma=0.0, metric=False), size_std=0.1),
-        Method(MAP, lambda: HTGMap(partial_table(), sigma=0.0, metric=False), size_std=0.1),
-        Method(MAP_HALF, lambda: HTGMap(partial_table(), sigma=0.0, alpha=0.5, metric=False), size_std=0.1),
-        Method(BEST, lambda: HTGMap(calibrated_table(), sigma=0.0, alpha=0.6), size_std=0.1),
-        Method(ON_RIG, lambda: HTGMap(f"{RIG}-car", sigma=NOISE), size_std=0.1),
+        NamedFilter(RM, lambda: slow),
+        NamedFilter(RM_MATCHED, lambda: RandomMatrix(tau=10.0, rho=MATCHED_PARTIAL)),
+        NamedFilter(ONLINE, lambda: HTGOnline(rm, iterations=5, n_count=False)),
+        NamedFilter(ONLINE_N, lambda: HTGOnline(rm)),
+        NamedFilter(LEARNED, lambda: HTGLearned(paper_table(PARTIAL_MASS), slow)),
+        NamedFilter(LEARNED_LOOSE, lambda: HTGLearned(paper_table(LOOSE_MASS), slow)),
+        NamedFilter(LEARNED_N, lambda: HTGLearned(paper_table(PARTIAL_MASS), slow, iterations=20, n_count=True)),
+        NamedFilter(MM, lambda: HTGMoment(upright_table(), slow)),
+        NamedFilter(MAP_SEED, lambda: HTGMap(partial_table(centred=False), sigma=0.0, metric=False), size_std=0.1),
+        NamedFilter(MAP, lambda: HTGMap(partial_table(), sigma=0.0, metric=False), size_std=0.1),
+        NamedFilter(MAP_HALF, lambda: HTGMap(partial_table(), sigma=0.0, alpha=0.5, metric=False), size_std=0.1),
+        NamedFilter(BEST, lambda: HTGMap(calibrated_table(), sigma=0.0, alpha=0.6), size_std=0.1),
+        NamedFilter(ON_RIG, lambda: HTGMap(f"{RIG}-car", sigma=NOISE), size_std=0.1),
     )

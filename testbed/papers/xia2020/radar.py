@@ -1,6 +1,6 @@
 """The papers' courses driven in traffic simulation and seen by our ray-cast radar, with ideal association.
 
-The ego keeps its lane and speed, carries the rig and looks every policy step, 5 Hz. y is to the driver's right here.
+The ego keeps its lane and speed; the rig on it scans every policy step, 5 Hz. y is to the driver's right here.
 """
 
 from collections.abc import Callable
@@ -28,7 +28,7 @@ from testbed.papers.xia2020.methods import (
     RM_MATCHED,
     SEED,
 )
-from testbed.papers.xia2020.trials import MEAN_SIZE, START_STD, Method, Trial, start
+from testbed.papers.xia2020.trials import MEAN_SIZE, START_STD, NamedFilter, Trial, start
 from trackers.geometry import unit
 from trackers.htg.learned import HTGLearned
 from trackers.htg.map import HTGMap
@@ -56,7 +56,7 @@ def episode(name: str, seed: int) -> list[Scene]:
     return scenes
 
 
-def looks_at(scenes: list[Scene], radar: Radar, rng: np.random.Generator) -> list[Scan]:
+def own_scans(scenes: list[Scene], radar: Radar, rng: np.random.Generator) -> list[Scan]:
     """Scans of the one object of the scenes, without false alarms and walls."""
     found = []
     for scene in scenes:
@@ -98,7 +98,7 @@ def radar_trial(
     for k in range(runs):
         tick(k)
         rides.append(episode(scenario, seed + k))
-        scans.append(looks_at(rides[-1][1:], radar, np.random.default_rng([seed + k, SEED])))
+        scans.append(own_scans(rides[-1][1:], radar, np.random.default_rng([seed + k, SEED])))
     objects = [[scene.objects for scene in ride] for ride in rides]
     pose = np.array([[o.pose[0] for o in ride] for ride in objects]).swapaxes(0, 1)
     velocity = np.array([[o.velocity[0] for o in ride] for ride in objects]).swapaxes(0, 1)
@@ -112,18 +112,18 @@ def radar_trial(
     )  # fmt: skip
 
 
-def radar_methods() -> tuple[Method, ...]:
+def radar_methods() -> tuple[NamedFilter, ...]:
     """Rows on our radar; the tables are the shipped ones, learned on the rig itself or on another radar."""
     slow = RandomMatrix(tau=10.0)
     held = f"{RIG}-car-cd25"
     return (
-        Method(RM, lambda: slow),
-        Method(RM_MATCHED, lambda: RandomMatrix(tau=10.0, rho=MATCHED_PARTIAL)),
-        Method(ONLINE_N, lambda: HTGOnline(RandomMatrix(tau=10.0, rho=0.35))),
-        Method(LEARNED, lambda: HTGLearned(held, slow)),
-        Method(LEARNED_N, lambda: HTGLearned(held, slow, iterations=20, n_count=True)),
-        Method(MM, lambda: HTGMoment(f"{RIG}-car", slow)),
-        Method(ON_RIG, lambda: HTGMap(f"{RIG}-car"), size_std=0.1),
-        Method(ON_OTHER, lambda: HTGMap(f"{OTHER_RIG}-car"), size_std=0.1),
-        Method(ON_REAL, lambda: HTGMap(f"{REAL}-car"), size_std=0.1),
+        NamedFilter(RM, lambda: slow),
+        NamedFilter(RM_MATCHED, lambda: RandomMatrix(tau=10.0, rho=MATCHED_PARTIAL)),
+        NamedFilter(ONLINE_N, lambda: HTGOnline(RandomMatrix(tau=10.0, rho=0.35))),
+        NamedFilter(LEARNED, lambda: HTGLearned(held, slow)),
+        NamedFilter(LEARNED_N, lambda: HTGLearned(held, slow, iterations=20, n_count=True)),
+        NamedFilter(MM, lambda: HTGMoment(f"{RIG}-car", slow)),
+        NamedFilter(ON_RIG, lambda: HTGMap(f"{RIG}-car"), size_std=0.1),
+        NamedFilter(ON_OTHER, lambda: HTGMap(f"{OTHER_RIG}-car"), size_std=0.1),
+        NamedFilter(ON_REAL, lambda: HTGMap(f"{REAL}-car"), size_std=0.1),
     )

@@ -1,4 +1,4 @@
-"""Figures of an independent implementation, card htg_rm, sections 8.1 and 8.2: what the tables stand beside.
+"""Figures of an independent implementation on the same set-ups, 100 runs: docs/reproductions.md has them in brackets.
 
 The papers print curves only. Mean squared Gaussian Wasserstein distance is `gwd2` [m^2], its root's mean `gwd` [m].
 """
@@ -66,12 +66,12 @@ PARTIAL: Mapping[str, tuple[tuple[float, float], ...]] = {  # gwd2, gwd in the o
 
 
 def full_reference(generator: str, method: str) -> dict[str, float]:
-    """Figures of a row of section 8.1, none where the card has no such row."""
+    """Figures of a row of the full view, none where the implementation has no such row."""
     return dict(zip(FULL_COLUMNS, FULL.get(generator, {}).get(method, ()), strict=False))
 
 
 def partial_reference(case: str, method: str) -> dict[str, float]:
-    """Figures of a row of section 8.2, none where the card has no such row."""
+    """Figures of a row of the partial view, none where the implementation has no such row."""
     if method not in PARTIAL or case not in CASES:
         return {}
     return dict(zip(("gwd2", "gwd"), PARTIAL[method][CASES.index(case)], strict=True))

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from testbed.papers.verdict import Row
-from testbed.papers.xia2020.trials import Errors, Method, Trace, Trial, errors, track
+from testbed.papers.report import MethodRow
+from testbed.papers.xia2020.trials import EllipseErrors, NamedFilter, Trial, TrialEstimates, errors, track
 from trackers.geometry import unit
 
 COLUMNS: Mapping[str, int] = {  # of `Errors.summary`, on paper; the JSON has them all
@@ -19,42 +19,42 @@ LEGEND = (
 
 
 @dataclass
-class Results:
-    """Trials by case; traces, errors and rows by case and method."""
+class TrialRuns:
+    """Trials by case; filters, estimates, errors and rows by case and method, as far as they were run."""
 
     trials: dict[str, Trial] = field(default_factory=dict)
-    traces: dict[tuple[str, str], Trace] = field(default_factory=dict)
-    errors: dict[tuple[str, str], Errors] = field(default_factory=dict)
-    rows: list[Row] = field(default_factory=list)
-    used: dict[tuple[str, str], Method] = field(default_factory=dict)
+    estimates: dict[tuple[str, str], TrialEstimates] = field(default_factory=dict)
+    errors: dict[tuple[str, str], EllipseErrors] = field(default_factory=dict)
+    rows: list[MethodRow] = field(default_factory=list)
+    used: dict[tuple[str, str], NamedFilter] = field(default_factory=dict)
 
     def add(
         self,
         trial: Trial,
-        method: Method,
+        method: NamedFilter,
         reference: Mapping[str, float],
         tick: Callable[[int], None] = lambda step: None,
     ) -> None:
-        """Run a method on a trial and keep what it says; tick as in `track`."""
+        """Run a filter on a trial and keep its estimates and errors; tick as in `track`."""
         key = trial.name, method.name
         self.trials[trial.name], self.used[key] = trial, method
-        self.traces[key] = track(method, trial, tick)
-        self.errors[key] = errors(self.traces[key], trial)
-        self.rows.append(Row(*key, self.errors[key].summary(), reference))
+        self.estimates[key] = track(method, trial, tick)
+        self.errors[key] = errors(self.estimates[key], trial)
+        self.rows.append(MethodRow(*key, self.errors[key].summary(), reference))
 
-    def methods(self, case: str, names: Sequence[str]) -> dict[str, Method]:
-        """Methods by name, as they were used in a case."""
+    def methods(self, case: str, names: Sequence[str]) -> dict[str, NamedFilter]:
+        """Filters by name, as they were used in a case."""
         return {name: self.used[case, name] for name in names}
 
     def gwd2(self, case: str, method: str) -> float:
         """Mean squared Gaussian Wasserstein distance [m^2]."""
         return float(self.errors[case, method].gwd2.mean())
 
-    def pull(self, case: str, method: str) -> float:
+    def shift_to_sensor(self, case: str, method: str) -> float:
         """Mean shift [m] of the estimated centre towards the sensor."""
-        trial, trace = self.trials[case], self.traces[case, method]
+        trial, found = self.trials[case], self.estimates[case, method]
         sensor = trial.scan.pose[..., 0, :2]
         d = sensor - trial.pose[..., :2]
         toward = unit(np.arctan2(d[..., 1], d[..., 0]))
-        shift = ((trace.estimate.pose[..., :2] - trial.pose[..., :2]) * toward).sum(-1)
+        shift = ((found.estimate.pose[..., :2] - trial.pose[..., :2]) * toward).sum(-1)
         return float(shift[trial.settled :].mean())

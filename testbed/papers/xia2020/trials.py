@@ -1,6 +1,6 @@
 """Single-object trials, many runs at once: what a filter sees, what is true, and how far it is off.
 
-All filters of a trial see the same detections. Set-ups: card htg_rm, section 8.
+All filters of a trial get the same detections. The set-ups are ours, after the papers' courses and parameters.
 """
 
 from collections.abc import Callable
@@ -31,8 +31,8 @@ DURATION = 20.0  # [s]
 FULL_DT = 0.2  # [s] of the full view
 FULL_STEPS = round(DURATION / FULL_DT)
 SIZE = np.array([4.7, 1.8])  # [m] of the vehicle in full view
-FIRST_SIZE = np.array([4.0, 2.2])  # [m] what filters start from there
-MEAN_SIZE = np.array([4.62, 1.95])  # [m] what they start from in partial view, an average car
+FIRST_SIZE = np.array([4.0, 2.2])  # [m] of the prior there
+MEAN_SIZE = np.array([4.62, 1.95])  # [m] of the prior in partial view, an average car
 START_STD = np.array([0.5, 0.5, 0.1, 1.0, 0.1])  # P0: x, y [m], heading [rad], speed [m/s], yaw rate [rad/s]
 
 
@@ -50,22 +50,22 @@ class Trial(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Method:
-    """A row of a table."""
+class NamedFilter:
+    """A filter with its settings: a row of a table."""
 
     name: str
     make: Callable[[], Any]  # the trackers.protocols.Filter; learns its table, so not before it is wanted
     size_std: float = 1 / 6  # initial size, standard deviation over mean; 1/6 is nu0 = 26 of a random matrix
 
 
-class Trace(NamedTuple):
-    """What a method said after every update, (T, R)."""
+class TrialEstimates(NamedTuple):
+    """Estimates of one filter after every update, (T, R)."""
 
     estimate: Estimate
     extent: NDArray  # (T, R, 2, 2) [m^2] of the ellipse; a random matrix's own, or that of the box
 
 
-class Errors(NamedTuple):
+class EllipseErrors(NamedTuple):
     """Errors (T, R) of the steps that count; length and width are those of the ellipse's axes, as in the papers."""
 
     position: NDArray  # [m]
@@ -74,7 +74,7 @@ class Errors(NamedTuple):
     length: NDArray  # [m] estimate minus truth
     width: NDArray  # [m]
     gwd2: NDArray  # [m^2] squared Gaussian Wasserstein distance
-    nees: NDArray  # of the position, 2 when the covariance is honest
+    nees: NDArray  # of the position, 2 is ideal
     nees_velocity: NDArray  # of the velocity, likewise
 
     def summary(self) -> dict[str, float]:
@@ -123,7 +123,7 @@ def counts_to_mask(n: NDArray) -> NDArray:
 def full_view(
     generator: str, runs: int, rng: np.random.Generator, rate: float = 8.0, start_std: ArrayLike = START_STD
 ) -> Trial:
-    """Section 8.1: detections all around a vehicle of 4.7 x 1.8 m in two turns at 10 m/s, 5 Hz.
+    """Full view: detections all around a vehicle of 4.7 x 1.8 m in two turns at 10 m/s, 5 Hz.
 
     rate: mean number of detections a scan; start_std (5,): of the first state.
     """
@@ -147,7 +147,7 @@ def partial_view(
     course: Course, hertz: float, runs: int, rng: np.random.Generator, rate: float = 5.0,
     start_std: ArrayLike = (0.0, 0.0, 0.0, 0.0, 0.0),
 ) -> Trial:  # fmt: skip
-    """Section 8.2: detections on the sides that face the ego; the first kinematic state is the truth.
+    """Partial view: detections on the sides that face the ego; the first kinematic state is the truth.
 
     rate: mean number of detections a scan, at least 1 each; start_std (5,): error of the first state.
     """
@@ -196,24 +196,24 @@ def start(x0: NDArray, size: NDArray, std: NDArray) -> Estimate:
     )
 
 
-def track(method: Method, trial: Trial, tick: Callable[[int], None] = lambda step: None) -> Trace:
-    """What the method says about the trial; tick(step) is called before each step."""
+def track(method: NamedFilter, trial: Trial, tick: Callable[[int], None] = lambda step: None) -> TrialEstimates:
+    """Estimates of a filter over the steps of a trial; tick(step) is called before each."""
     f = method.make()
     state = f.init(trial.start._replace(size_std=method.size_std * trial.start.size))
-    seen, extents = [], []
+    estimates, extents = [], []
     for k in range(len(trial.pose)):
         tick(k)
         state = f.predict(state, trial.dt)
         state, _ = f.update(state, take(trial.scan, np.array(k)))
-        seen.append(f.estimate(state))
-        extents.append(extent_of(state, seen[-1]))
-    return Trace(stack(seen), np.stack(extents))
+        estimates.append(f.estimate(state))
+        extents.append(extent_of(state, estimates[-1]))
+    return TrialEstimates(stack(estimates), np.stack(extents))
 
 
 def extent_of(state: Any, estimate: Estimate) -> NDArray:
     """Extent (..., 2, 2) [m^2]: the mean of the inverse Wishart where the state has one, else that of the box.
 
-    A random matrix lags in turns, so its axes are not the heading's; the papers and the card judge the matrix itself.
+    A random matrix lags in turns, so its axes are not along the heading; the papers judge the matrix itself.
     """
     rm = getattr(state, "rm", state)
     if isinstance(rm, RMState):
@@ -221,29 +221,29 @@ def extent_of(state: Any, estimate: Estimate) -> NDArray:
     return extent_matrix(estimate.pose[..., 2], estimate.size)
 
 
-def errors(trace: Trace, trial: Trial) -> Errors:
+def errors(found: TrialEstimates, trial: Trial) -> EllipseErrors:
     """Errors from the settled step on."""
-    e: Estimate = take(trace.estimate, np.arange(trial.settled, len(trial.pose)))
+    e: Estimate = take(found.estimate, np.arange(trial.settled, len(trial.pose)))
     pose, velocity = trial.pose[trial.settled :], trial.velocity[trial.settled :]
-    extent = trace.extent[trial.settled :]
+    extent = found.extent[trial.settled :]
     axes = 2 * np.sqrt(np.linalg.eigvalsh(extent)[..., ::-1])
     d, ds = e.pose[..., :2] - pose[..., :2], axes - trial.size
-    return Errors(
+    return EllipseErrors(
         position=np.hypot(d[..., 0], d[..., 1]),
         speed=e.speed - np.hypot(velocity[..., 0], velocity[..., 1]),
         heading=wrap_angle(e.pose[..., 2] - pose[..., 2]),
         length=ds[..., 0],
         width=ds[..., 1],
-        gwd2=wasserstein(trace, trial)[trial.settled :],
+        gwd2=wasserstein(found, trial)[trial.settled :],
         nees=nees(d, e.cov[..., :2, :2]),
         nees_velocity=nees(e.velocity - velocity, e.cov[..., 2:, 2:]),
     )
 
 
-def wasserstein(trace: Trace, trial: Trial) -> NDArray:
+def wasserstein(found: TrialEstimates, trial: Trial) -> NDArray:
     """Squared Gaussian Wasserstein distance (T, R) [m^2] to the truth, from the first step on."""
     true = extent_matrix(trial.pose[..., 2], np.broadcast_to(trial.size, (*trial.pose.shape[:2], 2)))
-    return gaussian_wasserstein(trace.estimate.pose[..., :2], trace.extent, trial.pose[..., :2], true)
+    return gaussian_wasserstein(found.estimate.pose[..., :2], found.extent, trial.pose[..., :2], true)
 
 
 def unit_coordinates(trial: Trial) -> tuple[NDArray, NDArray]:

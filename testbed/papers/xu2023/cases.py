@@ -1,7 +1,8 @@
 """What is run for xu2023: the filters, the radar's courses, and what is varied because the paper does not print it.
 
-Names follow card dra_imm, section 14: its scenarios A and B are "near" and "far", the 2 behind them "extent follows",
-its "seed" are the paper's filters in readings S and V of eq. (42), its "vehicle" is the recommended set.
+The radar is "near", "far" or "behind"; the extent keeps its heading as Table I is printed, or "follows" the velocity.
+"DRA(CV), S" and the like are the paper's filters in a reading of eq. (42), "literal" and "recommended" our parameters:
+docs/methods/data-regions.md.
 """
 
 from collections.abc import Iterator
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from testbed.papers.xu2023.enumeration import Enumeration
-from testbed.papers.xu2023.trials import PRIOR_STD
+from testbed.papers.xu2023.simulation import PRIOR_STD
 from trackers.dra import DataRegion, Parameters, ProcessNoise
 from trackers.dra.state import VERTICES
 
@@ -72,7 +73,7 @@ class Variant:
 
     name: str
     offset: tuple[float, float] = NEAR  # [m] of the radar from the target
-    blur: float = 1.0  # of the standard deviations of the first estimate
+    blur: float = 1.0  # factor on the standard deviations of the first estimate
     vertex_std: float | None = None  # [m] of its vertices instead
 
     @property
@@ -85,8 +86,8 @@ class Variant:
 
 
 @dataclass(frozen=True)
-class Trial:
-    """Rows of one filter: one of each variant."""
+class Sweep:
+    """One filter over some variants, each of which is a row."""
 
     case: str
     filter: DataRegion
@@ -112,16 +113,16 @@ def unprinted() -> Iterator[Variant]:
         yield Variant(f"vertices {std} m", vertex_std=std)
 
 
-def varied(name: str, stays: tuple[float, ...] = (), follows: bool = False) -> Iterator[Trial]:
+def varied(name: str, stays: tuple[float, ...] = (), follows: bool = False) -> Iterator[Sweep]:
     """One method under everything that the paper does not print."""
     f, case = METHODS[name], f"{VARIED}{name}"
-    yield Trial(case, f, tuple(unprinted()), follows, VARIED_RUNS)
+    yield Sweep(case, f, tuple(unprinted()), follows, VARIED_RUNS)
     for stay in stays:
         numbers = replace(f.numbers, stay=stay)
-        yield Trial(case, replace(f, parameters=numbers), (Variant(f"stay {stay}"),), follows, VARIED_RUNS)
+        yield Sweep(case, replace(f, parameters=numbers), (Variant(f"stay {stay}"),), follows, VARIED_RUNS)
 
 
-def trials() -> Iterator[Trial]:
+def sweeps() -> Iterator[Sweep]:
     """All rows, in the order of the report."""
     for case, offset, follows, names, most in (
         ("near", NEAR, False, PRINTED[:3], None),
@@ -133,10 +134,10 @@ def trials() -> Iterator[Trial]:
         ("behind, extent follows", BEHIND, True, ("recommended",), SIDE_RUNS),
     ):
         for name in names:
-            yield Trial(case, METHODS[name], (Variant(name, offset),), follows, most)
+            yield Sweep(case, METHODS[name], (Variant(name, offset),), follows, most)
     yield from varied("DRA(CV), S")
     yield from varied("DRA-IMM, S", (0.8, 0.98, 0.995))
     yield from varied("recommended", (0.9, 0.995), follows=True)
 
 
-TRIALS = tuple(trials())
+SWEEPS = tuple(sweeps())

@@ -1,25 +1,23 @@
 """Reproduction of xu2023: data-region association with one and with interacting motion models, Table II and figures.
 
-The paper prints neither the radar's course nor the transition matrix nor the prior; card dra_imm, section 14, says what
-is used instead, and the rows "not printed" vary it.
+The paper prints neither the radar's course nor the transition matrix nor the prior; docs/reproductions.md says what is
+used instead, and the rows "not printed" vary it.
 """
 
 import signal
 import warnings
-from collections.abc import Iterator
-from contextlib import suppress
-from dataclasses import replace
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
 from joblib import Parallel, cpu_count, delayed, parallel_config
 
-from testbed.papers.verdict import Progress, Report, Row, Stopped
-from testbed.papers.xu2023.cases import FAR, NEAR, STAY, TRIALS, Trial
+from testbed.papers.report import MethodRow, PaperReport, Progress, carry_out, silent
+from testbed.papers.xu2023.cases import FAR, NEAR, STAY, SWEEPS, Sweep
 from testbed.papers.xu2023.claims import verdicts
 from testbed.papers.xu2023.measures import UNITS, measure
 from testbed.papers.xu2023.reference import REFERENCE
-from testbed.papers.xu2023.trials import STAGES, Trace, join, split, trace, track
+from testbed.papers.xu2023.simulation import STAGES, RunErrors, collect, join, split, track
 
 PAPER = "xu2023"
 MEASURES = {f"{stage} {unit}": 2 for stage in STAGES for unit in UNITS} | {"IoU": 2, "mode": 2}
@@ -31,69 +29,73 @@ LEGEND = (
 BATCH = 50  # runs at once: larger arrays are no faster, smaller ones are slower
 
 
-class Outcome:
-    """Rows and traces of what has been run."""
+class ManeuverRuns:
+    """Rows and errors of what has been run."""
 
     def __init__(self) -> None:
-        self.rows: list[Row] = []
-        self.traces: dict[tuple[str, str], Trace] = {}
+        self.rows: list[MethodRow] = []
+        self.errors: dict[tuple[str, str], RunErrors] = {}
 
-    def add(self, case: str, method: str, trace: Trace) -> None:
-        """Measure a trace and keep it."""
-        self.traces[case, method] = trace
-        self.rows.append(Row(case, method, measure(trace), REFERENCE.get((case, method), {})))
+    def add(self, case: str, method: str, found: RunErrors) -> None:
+        """Measure the runs of a row and keep their errors."""
+        self.errors[case, method] = found
+        self.rows.append(MethodRow(case, method, measure(found), REFERENCE.get((case, method), {})))
 
-
-def batch(trial: Trial, runs: int, seed: int, number: int) -> list[Trace]:
-    """The batch of that number of a trial's runs, by variant; all trials with as many runs have the same worlds."""
-    size = min(BATCH, trial.runs(runs) - number * BATCH)
-    offset = np.repeat([v.offset for v in trial.variants], size, 0)
-    prior_std = np.repeat([v.prior_std for v in trial.variants], size, 0)
-    whole = trace(track(trial.filter, offset, prior_std, (seed, number), trial.follows))
-    return split(whole, len(trial.variants))
+    @property
+    def measured(self) -> dict[tuple[str, str], Mapping[str, float]]:
+        """Figures by case and method."""
+        return {(row.case, row.method): row.measured for row in self.rows}
 
 
-def batches(trials: tuple[Trial, ...], runs: int) -> list[tuple[Trial, int]]:
-    """Trials and numbers of their batches."""
-    return [(t, number) for t in trials for number in range(-(-t.runs(runs) // BATCH))]
+def batch(sweep: Sweep, runs: int, seed: int, number: int) -> list[RunErrors]:
+    """The batch of that number of a sweep's runs, by variant; sweeps with as many runs have the same random numbers."""
+    size = min(BATCH, sweep.runs(runs) - number * BATCH)
+    offset = np.repeat([v.offset for v in sweep.variants], size, 0)
+    prior_std = np.repeat([v.prior_std for v in sweep.variants], size, 0)
+    together = collect(track(sweep.filter, offset, prior_std, (seed, number), sweep.follows))
+    return split(together, len(sweep.variants))
+
+
+def batches(sweeps: tuple[Sweep, ...], runs: int) -> list[tuple[Sweep, int]]:
+    """Sweeps and numbers of their batches."""
+    return [(s, number) for s in sweeps for number in range(-(-s.runs(runs) // BATCH))]
 
 
 def experiment(
     runs: int,
     seed: int,
-    progress: Progress | None,
-    outcome: Outcome,
-    trials: tuple[Trial, ...] = TRIALS,
+    found: ManeuverRuns,
+    progress: Progress = silent,
+    sweeps: tuple[Sweep, ...] = SWEEPS,
     jobs: int | None = None,
 ) -> None:
-    """Run all trials into `outcome`, which holds what is finished when a Stopped comes through.
+    """Run all sweeps into `found`, which holds what is finished when a Stopped comes through.
 
     By default on as many processes as there are cores; the figures do not depend on it.
     """
-    work = batches(trials, runs)
-    parts: list[list[Trace]] = []
+    work = batches(sweeps, runs)
+    parts: list[list[RunErrors]] = []
     for done, part in enumerate(_results(work, runs, seed, jobs)):
-        trial = work[done][0]
+        sweep = work[done][0]
         parts.append(part)
-        if done + 1 == len(work) or work[done + 1][0] is not trial:
-            for variant, traces in zip(trial.variants, zip(*parts, strict=True), strict=True):
-                outcome.add(trial.case, variant.name, join(traces))
+        if done + 1 == len(work) or work[done + 1][0] is not sweep:
+            for variant, errors in zip(sweep.variants, zip(*parts, strict=True), strict=True):
+                found.add(sweep.case, variant.name, join(errors))
             parts = []
-        if progress is not None:
-            progress(done + 1, len(work), f"{trial.case}: {trial.variants[0].name}")
+        progress(done + 1, len(work), f"{sweep.case}: {sweep.variants[0].name}")
 
 
-def _results(work: list[tuple[Trial, int]], runs: int, seed: int, jobs: int | None) -> Iterator[list[Trace]]:
-    """Traces of the batches, in their order."""
+def _results(work: list[tuple[Sweep, int]], runs: int, seed: int, jobs: int | None) -> Iterator[list[RunErrors]]:
+    """Errors of the batches, in their order."""
     jobs = min(cpu_count() if jobs is None else jobs, len(work))
     if jobs == 1:
-        yield from (batch(trial, runs, seed, number) for trial, number in work)
+        yield from (batch(sweep, runs, seed, number) for sweep, number in work)
         return
     one_core = parallel_config(backend="loky", inner_max_num_threads=1, initializer=_leave_interrupts_to_the_parent)
     with one_core, warnings.catch_warnings():
         warnings.filterwarnings("ignore", ".*tasks which were still being processed", UserWarning)
         parallel = Parallel(n_jobs=jobs, return_as="generator", batch_size=1)
-        results = parallel(delayed(batch)(trial, runs, seed, number) for trial, number in work)
+        results = parallel(delayed(batch)(sweep, runs, seed, number) for sweep, number in work)
         try:
             yield from results
         finally:
@@ -101,33 +103,20 @@ def _results(work: list[tuple[Trial, int]], runs: int, seed: int, jobs: int | No
 
 
 def _leave_interrupts_to_the_parent() -> None:
-    """Ctrl-C reaches all processes of a terminal; the one that asked for the work decides what becomes of it."""
+    """Ctrl-C reaches all processes of a terminal; the parent process decides what becomes of the work."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-def run(
-    runs: int = 100,
-    out: Path | None = None,
-    progress: Progress | None = None,
-    seed: int = 0,
-    trials: tuple[Trial, ...] = TRIALS,
-) -> Report:
-    """The whole experiment; with `out`, also its figures and JSON in that folder.
+def run(runs: int = 100, out: Path | None = None, progress: Progress = silent, seed: int = 0) -> PaperReport:
+    """The whole experiment; see `carry_out`."""
+    found = ManeuverRuns()
 
-    A Stopped from `progress` ends it early: the report then holds the rows that are finished.
-    """
-    if runs < 1:
-        raise ValueError(f"runs must be at least 1, got {runs}")
-    outcome, finished = Outcome(), False
-    with suppress(Stopped):
-        experiment(runs, seed, progress, outcome, trials)
-        finished = True
-    return report(outcome, runs, seed, finished, out)
+    def draw(folder: Path) -> tuple[Path, ...]:
+        from testbed.papers.xu2023 import figures  # with matplotlib, which takes long to import
 
+        return figures.draw(found.errors, folder)
 
-def report(outcome: Outcome, runs: int, seed: int, finished: bool, out: Path | None = None) -> Report:
-    """What was run, with verdicts if it is finished; with `out`, written there with its figures."""
-    made = Report(
+    blank = PaperReport(
         paper=PAPER,
         title="Data-region association and interacting motion models for extended targets (Xu et al., 2023)",
         settings={
@@ -141,16 +130,13 @@ def report(outcome: Outcome, runs: int, seed: int, finished: bool, out: Path | N
         },
         columns=MEASURES,
         legend=LEGEND,
-        rows=tuple(outcome.rows),
-        verdicts=verdicts({(r.case, r.method): r.measured for r in outcome.rows}, outcome.traces) if finished else (),
-        interrupted=not finished,
     )
-    if out is None:
-        return made
-    if finished:
-        from testbed.papers.xu2023.figures import draw
-
-        out.mkdir(parents=True, exist_ok=True)
-        made = replace(made, figures=draw(outcome.traces, out))
-    made.write(out)
-    return made
+    return carry_out(
+        blank,
+        lambda: experiment(runs, seed, found, progress),
+        rows=lambda: found.rows,
+        verdicts=lambda: verdicts(found.measured, found.errors),
+        draw=draw,
+        out=out,
+        progress=progress,
+    )

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from testbed.evaluation.intervals import PlusMinus, student_interval
-from testbed.papers.xu2023.trials import IOU_EVERY, STAGES, STEP, STEPS, Trace, maneuver
+from testbed.papers.xu2023.simulation import IOU_EVERY, STAGES, STEP, STEPS, RunErrors, maneuver
 
 UNITS = ("m", "m/s")
 LEAST = 1e-12  # [m] error of a stage that is divided by
@@ -50,7 +50,7 @@ def reduction(before: NDArray, after: NDArray, stage: str) -> PlusMinus:
     return interval(100 * (1 - a / b), 100 * (a * on_b / b - on_a) / b)
 
 
-def reductions(before: Trace, after: Trace) -> dict[str, PlusMinus]:
+def reductions(before: RunErrors, after: RunErrors) -> dict[str, PlusMinus]:
     """Reductions [%] of position and velocity errors in all stages."""
     return {
         f"{stage} {unit}": reduction(b, a, stage)
@@ -59,15 +59,15 @@ def reductions(before: Trace, after: Trace) -> dict[str, PlusMinus]:
     }
 
 
-def measure(trace: Trace) -> dict[str, float]:
+def measure(found: RunErrors) -> dict[str, float]:
     """Figures of one method in one case, and the half widths of their intervals."""
     out = {}
-    right = trace.mode.argmax(-1) == true_modes()[:, None]
-    known = trace.mode.shape[-1] == len(STAGES)
+    right = found.mode.argmax(-1) == true_modes()[:, None]
+    known = found.mode.shape[-1] == len(STAGES)
     for stage in STAGES:
-        for unit, squared in zip(UNITS, trace[:2], strict=True):
+        for unit, squared in zip(UNITS, found[:2], strict=True):
             out[f"{stage} {unit}"], out[f"{stage} {unit} 95 %"] = rmse(squared, stage)
-        out[f"{stage} IoU"] = float(trace.iou[stage_mask(stage)[::IOU_EVERY]].mean())
+        out[f"{stage} IoU"] = float(found.iou[stage_mask(stage)[::IOU_EVERY]].mean())
         out[f"{stage} mode"] = float(right[stage_mask(stage)].mean()) if known else float("nan")
-    out |= {"IoU": float(trace.iou.mean()), "mode": float(right.mean()) if known else float("nan")}
-    return out | {"farthest [m]": float(np.sqrt(trace.position.max())), "runs": trace.position.shape[1]}
+    out |= {"IoU": float(found.iou.mean()), "mode": float(right.mean()) if known else float("nan")}
+    return out | {"farthest [m]": float(np.sqrt(found.position.max())), "runs": found.position.shape[1]}

@@ -1,4 +1,4 @@
-"""What the figures stand beside: Table II of xu2023, 1000 runs, and an independent implementation, card dra_imm, 16.
+"""What the figures stand beside: Table II of xu2023, 1000 runs, and an independent implementation of the same filters.
 
 RMSE of position [m] and velocity [m/s] over the stages CV, CA, CT.
 """
@@ -17,7 +17,7 @@ READINGS = (("near", "S"), ("near", "V"), ("far", "V"))  # course of the radar, 
 
 
 class Bar(NamedTuple):
-    """A row of the card, which every implementation must reach with 50 runs or more."""
+    """A row of the independent implementation, to be reached with 50 runs or more within its bands."""
 
     errors: tuple[float, ...]  # in the order of COLUMNS
     bands: tuple[float, ...]  # three standard deviations of 50 runs' figures, at least 10 %
@@ -25,7 +25,7 @@ class Bar(NamedTuple):
     mode: tuple[float, float, float] | None = None  # shares of scans with the right mode
 
 
-CARD: Mapping[tuple[str, str], Bar] = {
+BARS: Mapping[tuple[str, str], Bar] = {
     ("near", "DRA(CV), S"): Bar(
         (0.327, 0.100, 0.658, 0.850, 3.916, 3.544), (0.090, 0.019, 0.137, 0.122, 0.392, 0.354), (0.71, 0.57, 0.07)
     ),
@@ -70,7 +70,7 @@ CARD: Mapping[tuple[str, str], Bar] = {
     ),
 }  # fmt: skip
 
-# Which reading of eq. (42) and which course of the radar gave Table II is not printed: it stands beside all of them.
+# The paper does not print the reading of eq. (42) and the radar's course behind Table II: it stands beside all of them.
 REFERENCE: Mapping[tuple[str, str], Mapping[str, float]] = {
     **{
         (case, f"{method}, {reading}"): dict(zip(COLUMNS, values, strict=True))
@@ -79,7 +79,7 @@ REFERENCE: Mapping[tuple[str, str], Mapping[str, float]] = {
     },
     **{
         (case, method): dict(zip(COLUMNS, bar.errors, strict=True))
-        for (case, method), bar in CARD.items()
+        for (case, method), bar in BARS.items()
         if method in ("literal", "recommended")
     },
 }

@@ -1,7 +1,4 @@
-"""What yao2021 claims, and what our figures say to it; card bspline_pmht, section 12.
-
-A condition holds, fails, or is not decided: a 95 % interval holds the bar.
-"""
+"""What yao2021 claims, and our verdicts; docs/reproductions.md has the figures."""
 
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
@@ -9,11 +6,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from testbed.papers.verdict import Claim, Verdict
-from testbed.papers.xu2023.claims import decide, every
+from testbed.papers.verdict import Claim, Verdict, every, judge
 
-Squares = Mapping[str, Mapping[str, NDArray]]  # stage -> column -> mean squared errors (R,) of the runs
-Results = Mapping[tuple[str, str], Squares]  # contour, method
+StageSquares = Mapping[str, Mapping[str, NDArray]]  # stage -> column -> mean squared errors (R,) of the runs
+Squares = Mapping[tuple[str, str], StageSquares]  # contour, method
 CONTOURS = ("truck", "tractor")
 MOTION = {"position m": "position", "speed m/s": "speed", "heading rad": "heading"}
 EXTENT = {"length m": "length", "width m": "width"}
@@ -53,66 +49,64 @@ def apart(a: Gain, b: Gain) -> Gain:
     return Gain(value, value / width, value * width)
 
 
-def gains(results: Results) -> Iterator[tuple[str, Gain, Gain]]:
+def gains(squares: Squares) -> Iterator[tuple[str, Gain, Gain]]:
     """Method and column in words, and the gains of truck and tractor by the adaptation."""
     for method in ("A", "A, 4 Sigma", "B"):
         for column, word in MOTION.items():
-            stages = [results[name, method] for name in CONTOURS]
+            stages = [squares[name, method] for name in CONTOURS]
             truck, tractor = (gain(s["not adapted"][column], s["adapted"][column]) for s in stages)
             yield f"{method}, {word}", truck, tractor
 
 
-def verdicts(results: Results) -> tuple[Verdict, ...]:
+def verdicts(squares: Squares) -> tuple[Verdict, ...]:
     """Our answer to every claim."""
-    return smoother(results), adaptation(results), comparable(results), ours(results)
+    return smoother(squares), adaptation(squares), comparable(squares), ours(squares)
 
 
-def smoother(results: Results) -> Verdict:
+def smoother(squares: Squares) -> Verdict:
     """Section IV: smoothed states are better than filtered ones."""
     held: dict[str, bool | None] = {}
     numbers = []
     for name in CONTOURS:
-        s = results[name, "A"]
+        s = squares[name, "A"]
         for column, word in (MOTION | EXTENT).items():
             g = gain(s["before"][column], s["smoothed"][column])
             held[f"{name}, {word}"] = above(g, 1.0)
             numbers.append(f"{name}, {word} {g}")
     claim = Claim("The smoother often improves on the filter before the adaptation", "section IV, Fig. 7 and 8")
-    return decide(claim, held, f"RMSE filtered over smoothed: {'; '.join(numbers)}")
+    return judge(claim, held, f"RMSE filtered over smoothed: {'; '.join(numbers)}")
 
 
-def adaptation(results: Results) -> Verdict:
+def adaptation(squares: Squares) -> Verdict:
     """Section IV: much improved RMSE after the adaptation."""
     held: dict[str, bool | None] = {}
     numbers = []
-    for what, truck, tractor in gains(results):
+    for what, truck, tractor in gains(squares):
         held[what] = every([above(truck, MUCH), above(tractor, MUCH)])
         numbers.append(f"{what} {truck} / {tractor}")
     claim = Claim("The RMSE is much improved after the adaptation", "section IV, Fig. 7")
-    return decide(claim, held, f"RMSE without over with, truck / tractor; much: above {MUCH}: {'; '.join(numbers)}")
+    return judge(claim, held, f"RMSE without over with, truck / tractor; much: above {MUCH}: {'; '.join(numbers)}")
 
 
-def comparable(results: Results) -> Verdict:
+def comparable(squares: Squares) -> Verdict:
     """Section IV: truck and tractor gain alike."""
     held: dict[str, bool | None] = {}
     numbers = []
-    for what, truck, tractor in gains(results):
+    for what, truck, tractor in gains(squares):
         factor = apart(truck, tractor)
         unlike = above(factor, ALIKE)
         held[what] = None if unlike is None else not unlike
         numbers.append(f"{what} {factor}")
     claim = Claim("The gains of truck and tractor are comparable", "section IV")
-    return decide(claim, held, f"larger gain over smaller, alike: below {ALIKE}: {'; '.join(numbers)}")
+    return judge(claim, held, f"larger gain over smaller, alike: below {ALIKE}: {'; '.join(numbers)}")
 
 
-def ours(results: Results) -> Verdict:
-    """The card's frame shift."""
+def ours(squares: Squares) -> Verdict:
+    """Our shift of the frame."""
     pairs = {
-        name: gain(results[name, "A"]["adapted"]["position m"], results[name, "B"]["adapted"]["position m"])
+        name: gain(squares[name, "A"]["adapted"]["position m"], squares[name, "B"]["adapted"]["position m"])
         for name in CONTOURS
     }
-    claim = Claim("With the frame moved to the middle of the contour position errors are 40 % less", "our card")
+    claim = Claim("With the frame moved to the middle of the contour position errors are 40 % less", "ours")
     numbers = ", ".join(f"{name} {g}" for name, g in pairs.items())
-    return decide(
-        claim, {name: above(g, 1 / 0.6) for name, g in pairs.items()}, f"RMSE of A over B, adapted: {numbers}"
-    )
+    return judge(claim, {name: above(g, 1 / 0.6) for name, g in pairs.items()}, f"RMSE of A over B, adapted: {numbers}")

@@ -9,11 +9,11 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from testbed.files import write_figure
-from testbed.papers.yao2021.trials import ADAPT_AT, CONTOURS, EARLY, SIZE, STEPS, Errors, Outcome
+from testbed.papers.yao2021.simulation import ADAPT_AT, CONTOURS, EARLY, SIZE, STEPS, AdaptationRuns, StageErrors
 from trackers.geometry import ellipse_points
 from trackers.pmht.model import SplineModel, curve, find
 
-Outcomes = Mapping[tuple[str, str], Outcome]
+AllRuns = Mapping[tuple[str, str], AdaptationRuns]
 STYLES = {"before": "r-", "smoothed": "b--", "not adapted": "r-", "adapted": "g:"}
 LABELS = {"before": "filter, without adaptation", "smoothed": "smoother", "adapted": "filter, adapted"}
 MOTION = {"position": "position [m]", "speed": "speed [m/s]", "heading": "heading [rad]"}
@@ -21,12 +21,12 @@ EXTENT = {"length": "length [m]", "width": "width [m]"}
 DRAWN = ("A", "B")
 
 
-def draw(outcomes: Outcomes, out: Path) -> tuple[Path, ...]:
+def draw(found: AllRuns, out: Path) -> tuple[Path, ...]:
     """Draw all figures into the folder `out`."""
-    return contours(outcomes, out), series(outcomes, MOTION, out, "motion"), series(outcomes, EXTENT, out, "extent")
+    return contours(found, out), series(found, MOTION, out, "motion"), series(found, EXTENT, out, "extent")
 
 
-def contours(outcomes: Outcomes, out: Path) -> Path:
+def contours(found: AllRuns, out: Path) -> Path:
     """Over each contour, the offline model and the adapted ones of the first run with their detections."""
     figure = Figure(figsize=(3.4 * (1 + len(DRAWN)), 2.1 * len(CONTOURS)), layout="constrained")
     axes = figure.subplots(len(CONTOURS), 1 + len(DRAWN), sharex=True, sharey=True)
@@ -34,7 +34,7 @@ def contours(outcomes: Outcomes, out: Path) -> Path:
         offline(row[0], find("yao2021"))
         row[0].set(title=f"{name}: learned offline", ylabel="across [m]")
         for ax, method in zip(row[1:], DRAWN, strict=True):
-            adapted(ax, outcomes[name, method])
+            adapted(ax, found[name, method])
             ax.set_title(f"{name}: adapted, {method}")
         for ax in row:
             ax.plot(*np.concatenate([outline, outline[:1]]).T, "k-", linewidth=1)
@@ -50,9 +50,9 @@ def offline(ax: Axes, model: SplineModel) -> None:
     ring(ax, model.p, "r-")
 
 
-def adapted(ax: Axes, outcome: Outcome) -> None:
+def adapted(ax: Axes, runs: AdaptationRuns) -> None:
     """The first run: its decoupled detections, and the curve that was learned from them."""
-    a = outcome.adapted
+    a = runs.adapted
     z = a.z[0][a.mask[0]] * SIZE
     ax.plot(*z.T, "b.", markersize=1)
     ring(ax, a.contour.p[0], "r-")
@@ -70,16 +70,16 @@ def ellipses(ax: Axes, mu: NDArray, Sigma: NDArray) -> None:
         ax.plot(*outline.T, color="0.6", linewidth=0.6)
 
 
-def series(outcomes: Outcomes, quantities: Mapping[str, str], out: Path, name: str) -> Path:
+def series(found: AllRuns, quantities: Mapping[str, str], out: Path, name: str) -> Path:
     """RMSE over time: a row for each contour and method, a column for each quantity."""
     panels = [(contour, method) for contour in CONTOURS for method in DRAWN]
     figure = Figure(figsize=(4 * len(quantities), 2.2 * len(panels)), layout="constrained")
     axes = figure.subplots(len(panels), len(quantities), sharex=True, squeeze=False)
     for row, key in zip(axes, panels, strict=True):
         for ax, (quantity, label) in zip(row, quantities.items(), strict=True):
-            for stage, e in outcomes[key].stages.items():
+            for stage, e in found[key].stages.items():
                 k = np.arange(ADAPT_AT) if stage in EARLY else np.arange(ADAPT_AT, STEPS)
-                ax.plot(k + 1, rmse(e, quantity, outcomes[key].kept), STYLES[stage], label=LABELS.get(stage))
+                ax.plot(k + 1, rmse(e, quantity, found[key].kept), STYLES[stage], label=LABELS.get(stage))
             ax.axvline(ADAPT_AT, color="0.8", linewidth=0.8)
             ax.set(ylabel=label, title=", ".join(key) if quantity == next(iter(quantities)) else "")
     axes[0, 0].legend(fontsize="x-small")
@@ -88,7 +88,7 @@ def series(outcomes: Outcomes, quantities: Mapping[str, str], out: Path, name: s
     return write_figure(out / f"yao2021_{name}.png", figure, dpi=120)
 
 
-def rmse(e: Errors, quantity: str, kept: NDArray) -> NDArray:
+def rmse(e: StageErrors, quantity: str, kept: NDArray) -> NDArray:
     """RMSE (K,) over the runs that were kept."""
     value = getattr(e, quantity)[:, kept]
     squared = (value**2).sum(-1) if quantity == "position" else value**2

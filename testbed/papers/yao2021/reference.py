@@ -1,4 +1,4 @@
-"""Figures of an independent implementation of yao2021, card bspline_pmht, section 12; the paper prints curves only."""
+"""Figures of an independent implementation of yao2021, 100 runs; the paper prints curves only."""
 
 from collections.abc import Mapping
 

@@ -6,40 +6,37 @@ import signal
 from dataclasses import replace
 
 import pytest
-from rich.console import Console
 
 from testbed.papers import catalogue
-from testbed.papers.verdict import CONFIRMED, REFUTED, Claim, Report, Row, Stopped, Verdict, cell
+from testbed.papers.report import MethodRow, PaperReport, carry_out
+from testbed.papers.verdict import CONFIRMED, REFUTED, Claim, Verdict
 
 
 def made_up(name, outcomes, stop_after=None):
     """A paper of three cases and claims with these outcomes; `stop_after` sends Ctrl-C to ourselves after a case."""
 
     def run(runs, out, progress, seed):
-        rows, finished = [], False
-        try:
+        rows = []
+
+        def experiment():
             for k in range(3):
                 progress(k, 3, f"case {k}")
-                rows.append(Row(f"case {k}", "m", {"gwd2": float(runs + seed)}))
+                rows.append(MethodRow(f"case {k}", "m", {"gwd2": float(runs + seed)}))
                 if k == stop_after:
                     os.kill(os.getpid(), signal.SIGINT)
-            finished = True
-        except Stopped:
-            pass
-        verdicts = tuple(Verdict(Claim("c", "s"), o, "") for o in outcomes) if finished else ()
-        what = name, "a title", {"runs": runs}, {"gwd2": 1}, "legend"
-        report = Report(*what, tuple(rows), verdicts, interrupted=not finished)
-        report.write(out)
-        return report
+
+        blank = PaperReport(name, "a title", {"runs": runs}, {"gwd2": 1}, "legend")
+        verdicts = tuple(Verdict(Claim("c", "s"), outcome, "") for outcome in outcomes)
+        return carry_out(blank, experiment, lambda: rows, lambda: verdicts, lambda folder: (), out, progress)
 
     return catalogue.Paper(name, "made up", run)
 
 
 def reproduce(monkeypatch, tmp_path, *outcomes, stop_after=None):
     monkeypatch.setattr(catalogue, "PAPERS", {"p": made_up("p", outcomes, stop_after)})
-    told = []
-    done = catalogue.reproduce("p", 2, 3, tmp_path, lambda *what: told.append(what))
-    return done, told, json.loads((tmp_path / "p.json").read_text())
+    calls = []
+    done = catalogue.reproduce("p", 2, 3, tmp_path, lambda *call: calls.append(call))
+    return done, calls, json.loads((tmp_path / "p.json").read_text())
 
 
 @pytest.mark.parametrize(
@@ -47,51 +44,23 @@ def reproduce(monkeypatch, tmp_path, *outcomes, stop_after=None):
     [((CONFIRMED, "confirmed under noise"), 0), ((CONFIRMED, REFUTED), 1), ((), 0)],
 )
 def test_the_answer_is_no_when_a_claim_holds_under_no_condition(monkeypatch, tmp_path, outcomes, status):
-    done, told, written = reproduce(monkeypatch, tmp_path, *outcomes)
+    done, calls, written = reproduce(monkeypatch, tmp_path, *outcomes)
     assert done.exit_status == status
     assert done.json == tmp_path / "p.json"
-    assert told == [(k, 3, f"case {k}") for k in range(3)]
+    assert calls == [*((k, 3, f"case {k}") for k in range(3)), (1, 1, "claims"), (1, 1, "figures")]
     assert written["rows"][0]["measured"]["gwd2"] == 5.0  # runs and seed arrive
     assert not written["interrupted"]
 
 
 def test_ctrl_c_keeps_the_cases_that_are_finished(monkeypatch, tmp_path):
     before = signal.getsignal(signal.SIGINT)
-    done, told, written = reproduce(monkeypatch, tmp_path, REFUTED, stop_after=1)
+    done, calls, written = reproduce(monkeypatch, tmp_path, REFUTED, stop_after=1)
     assert done.exit_status == 130
     assert [row["case"] for row in written["rows"]] == ["case 0", "case 1"]
     assert written["interrupted"]
     assert written["verdicts"] == []
-    assert len(told) == 2
+    assert len(calls) == 2
     assert signal.getsignal(signal.SIGINT) is before
-
-
-def test_tables_of_an_interrupted_reproduction_have_no_verdicts(monkeypatch, tmp_path):
-    done, _, _ = reproduce(monkeypatch, tmp_path, stop_after=0)
-    console = Console(width=80, record=True, file=open(os.devnull, "w"))  # noqa: SIM115
-    for table in done.report.tables():
-        console.print(table)
-    text = console.export_text()
-    assert "p: case 0" in text
-    assert "legend" in text
-    assert "claims" not in text
-
-
-def test_a_table_shows_nine_figures_whole_within_80_columns():
-    columns = {f"measure {k}": 2 for k in range(9)}
-    figures = dict.fromkeys(columns, -1.23)
-    rows = (Row("c", "a method with a long name", figures, figures),)
-    report = Report("p", "t", {}, columns, "legend", rows, ())
-    console = Console(width=80, record=True, file=open(os.devnull, "w"))  # noqa: SIM115
-    console.print(report.tables()[0])
-    text = console.export_text()
-    assert text.count("-1.23") == 18
-    assert "…" not in text
-
-
-def test_a_figure_that_was_not_measured_is_a_dash():
-    row = Row("c", "m", {"a": 1.0, "b": float("nan")}, {"a": 2.0})
-    assert [cell(row, name, 1) for name in "abc"] == ["1.0\n(2.0)", "–", "–"]
 
 
 @pytest.mark.parametrize(
@@ -141,12 +110,12 @@ def test_ctrl_c_in_a_real_reproduction_leaves_its_finished_rows(tmp_path, monkey
     paper = catalogue.PAPERS["hoher2022"]
 
     def impatient(runs, out, progress, seed):
-        def tell(done, total, what):
+        def interrupting(done, total, what):
             if done == 2:
                 os.kill(os.getpid(), signal.SIGINT)
             progress(done, total, what)
 
-        return paper.run(runs, out, tell, seed)
+        return paper.run(runs, out, interrupting, seed)
 
     monkeypatch.setattr(catalogue, "PAPERS", {"hoher2022": replace(paper, run=impatient)})
     status, out, err = command("reproduce", "hoher2022", "--runs", 1, "--out", tmp_path)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from testbed.evaluation.metrics import areas, region_iou
-from testbed.papers.yao2021.trials import CONTOURS, PRIOR, PRIOR_VAR, drive
+from testbed.papers.yao2021.simulation import CONTOURS, PRIOR, PRIOR_VAR, simulate
 from trackers import Scan, find, prior
 from trackers.batch import concatenate, take
 from trackers.geometry import rotation, to_world, unit
@@ -236,7 +236,7 @@ def test_the_pool_keeps_the_newest_of_every_direction():
 def test_with_all_sides_in_view_the_contour_comes_nearer_to_the_truth():
     """The truck of the experiment of yao2021, in steps of 1 s, adapted on the way."""
     filter = AdaptiveSpline(Learner(FULL, enough=200, sure=1.0), window=30, kept=24, span=20.0, at_once=3)
-    runs = drive(CONTOURS["tractor"], 3, np.random.default_rng(8))
+    runs = simulate(CONTOURS["tractor"], 3, np.random.default_rng(8))
     state = filter.init(prior(np.zeros((3, 3)), velocity=(11.2, 0.0), size=SIZE))
     P = np.tile(np.diag(PRIOR_VAR), (3, 1, 1))
     state = state._replace(m=np.tile(PRIOR, (3, 1)), P=P, cross=P)

@@ -5,9 +5,10 @@ import pytest
 
 import sensors
 from sensors.scene import Ego, boxes_scene
-from testbed.papers.verdict import CONFIRMED, REFUTED, Stopped
+from testbed.papers.report import Stopped
+from testbed.papers.verdict import CONFIRMED, REFUTED
 from testbed.papers.xia2020 import claims, figures
-from testbed.papers.xia2020.experiment import RATES, Case, experiment, full_cases, partial_cases
+from testbed.papers.xia2020.experiment import RATES, PlannedTrial, experiment, full_cases, partial_cases
 from testbed.papers.xia2020.generators import (
     COURSES,
     FOLLOWING,
@@ -23,14 +24,14 @@ from testbed.papers.xia2020.generators import (
     seen_from,
 )
 from testbed.papers.xia2020.methods import LEARNED, MAP, ONLINE, RM, RM_MATCHED
-from testbed.papers.xia2020.radar import looks_at, pad
+from testbed.papers.xia2020.radar import own_scans, pad
 from testbed.papers.xia2020.reference import CASES, FULL, PARTIAL, full_reference, partial_reference
-from testbed.papers.xia2020.results import Results
+from testbed.papers.xia2020.results import TrialRuns
 from testbed.papers.xia2020.trials import (
     SIZE,
-    Errors,
-    Method,
-    Trace,
+    EllipseErrors,
+    NamedFilter,
+    TrialEstimates,
     errors,
     extent_of,
     full_view,
@@ -85,7 +86,7 @@ def test_the_band_has_no_source_in_its_hole():
     assert (u**2).mean() == pytest.approx(second, abs=0.005)
 
 
-def test_the_published_density_has_the_moments_of_the_card():
+def test_the_published_density_has_its_moments():
     u = GENERATORS["htg"](rng(), (60000,), SIZE)
     np.testing.assert_allclose(u.mean(0), [0.0223, 0.0419], atol=0.011)  # 4 standard errors
     np.testing.assert_allclose(np.cov(u.T), [[0.4711, 0.0054], [0.0054, 0.4689]], atol=0.011)
@@ -155,11 +156,11 @@ def test_an_unknown_generator_is_refused():
 
 
 def perfect(trial, shift=0.0):
-    """A trace that is the truth, moved along x."""
+    """Estimates that are the truth, moved along x."""
     T, R = trial.pose.shape[:2]
     size = np.broadcast_to(trial.size, (T, R, 2))
     estimate = prior(trial.pose + np.array([shift, 0, 0]), velocity=trial.velocity, size=size, position_std=0.5)
-    return Trace(estimate, extent_matrix(trial.pose[..., 2], size))
+    return TrialEstimates(estimate, extent_matrix(trial.pose[..., 2], size))
 
 
 def test_the_truth_has_no_error_and_a_shift_has_its_own():
@@ -188,15 +189,15 @@ def test_a_random_matrix_is_judged_by_its_own_ellipse():
     ("generator", "rho", "gwd2", "tolerance"),
     [("band", 0.25, 1.70, 0.05), ("vrm", 0.25, 3.22, 0.05), ("band", 0.547, 0.274, 0.06)],
 )
-def test_the_random_matrix_meets_the_card_in_full_view(generator, rho, gwd2, tolerance):
+def test_the_random_matrix_has_the_reference_figure_in_full_view(generator, rho, gwd2, tolerance):
     trial = full_view(generator, 100, rng())
-    got = errors(track(Method("RM", lambda: RandomMatrix(rho=rho)), trial), trial).gwd2.mean()
+    got = errors(track(NamedFilter("RM", lambda: RandomMatrix(rho=rho)), trial), trial).gwd2.mean()
     assert got == pytest.approx(gwd2, rel=tolerance)
 
 
-def test_the_random_matrix_meets_the_card_in_partial_view():
+def test_the_random_matrix_has_the_reference_figure_in_partial_view():
     trial = partial_view(FOLLOWING, 2.0, 100, rng(2))
-    got = errors(track(Method("RM", lambda: RandomMatrix(tau=10.0)), trial), trial).gwd2.mean()
+    got = errors(track(NamedFilter("RM", lambda: RandomMatrix(tau=10.0)), trial), trial).gwd2.mean()
     assert got == pytest.approx(3.08, rel=0.05)
 
 
@@ -208,7 +209,7 @@ def test_only_the_car_reaches_the_filter_and_padding_keeps_runs_apart():
     ego = Ego(np.zeros(3), np.array([8.0, 0.0]), 0.0, car, box_corners(np.zeros(3), car))
     far = [boxes_scene([[-x, 0.0, 0.0]], [[4.5, 1.8]], [[8.0, 0.0]], ego=ego) for x in (12.0, 200.0)]
     radar = sensors.find("surround")
-    runs = [looks_at(far, radar, rng(k)) for k in range(3)]
+    runs = [own_scans(far, radar, rng(k)) for k in range(3)]
     scan = pad(runs)
     assert scan.mask.shape[:2] == (2, 3)
     assert not scan.mask[1].any()  # out of range: clutter is not taken
@@ -224,19 +225,19 @@ def test_only_the_car_reaches_the_filter_and_padding_keeps_runs_apart():
 
 def small_cases():
     """Two trials of three runs, two random matrices each."""
-    methods = tuple(Method(m, lambda: RandomMatrix(tau=10.0)) for m in (RM, RM_MATCHED))
+    methods = tuple(NamedFilter(m, lambda: RandomMatrix(tau=10.0)) for m in (RM, RM_MATCHED))
     for k, course in enumerate(COURSES[:2]):
-        yield Case(40, lambda tick, c=course, k=k: partial_view(c, 2.0, 3, rng(k)), methods, partial_reference)
+        yield PlannedTrial(40, lambda tick, c=course, k=k: partial_view(c, 2.0, 3, rng(k)), methods, partial_reference)
 
 
-def test_an_experiment_counts_its_steps_and_keeps_the_cards_figures():
-    told = []
-    results = experiment(tuple(small_cases()), lambda *what: told.append(what))
-    done = [d for d, _, _ in told]
+def test_an_experiment_counts_its_steps_and_keeps_the_reference_figures():
+    calls, results = [], TrialRuns()
+    experiment(tuple(small_cases()), results, lambda *call: calls.append(call))
+    done = [d for d, _, _ in calls]
     assert done == sorted(done)
     assert done[0] == 0
     assert max(done) < 80
-    assert {total for _, total, _ in told} == {80}
+    assert {total for _, total, _ in calls} == {80}
     assert [(r.case, r.method) for r in results.rows] == [
         (f"{c.name}, 2 Hz", m) for c in COURSES[:2] for m in (RM, RM_MATCHED)
     ]
@@ -248,9 +249,9 @@ def test_a_stopped_experiment_keeps_its_finished_rows():
         if done > 50:  # in the third of four rows
             raise Stopped
 
-    results = Results()
+    results = TrialRuns()
     with pytest.raises(Stopped):
-        experiment(tuple(small_cases()), stop, results)
+        experiment(tuple(small_cases()), results, stop)
     assert len(results.rows) == 2
 
 
@@ -274,8 +275,9 @@ def test_every_case_has_methods_of_different_names():
 
 
 def test_figures_are_drawn_from_what_was_run(tmp_path):
-    results = experiment(tuple(small_cases())[:1])
-    group = figures.Group("small", tuple(results.trials), (RM, RM_MATCHED), (RM,))
+    results = TrialRuns()
+    experiment(tuple(small_cases())[:1], results)
+    group = figures.CaseGroup("small", tuple(results.trials), (RM, RM_MATCHED), (RM,))
     for path in (
         figures.over_time(results, group, tmp_path / "a.png"),
         figures.snapshots(results, group, tmp_path / "b.png"),
@@ -288,10 +290,10 @@ def test_figures_are_drawn_from_what_was_run(tmp_path):
 
 def made_up(figures):
     """Results of which only GWD^2 and the length error are known: (case, method) -> GWD^2."""
-    results = Results()
+    results = TrialRuns()
     for key, value in figures.items():
         zero = np.zeros((2, 2))
-        results.errors[key] = Errors(zero, zero, zero, zero + value, zero, zero + value, zero, zero)
+        results.errors[key] = EllipseErrors(zero, zero, zero, zero + value, zero, zero + value, zero, zero)
     return results
 
 
@@ -317,23 +319,23 @@ def test_a_large_margin_must_be_there_on_every_course(gwd2, outcome):
     assert claims.large_margin(made_up(figures), claims.Claim("x", "y"), forms, 0.5).outcome == outcome
 
 
-def test_the_centre_of_a_random_matrix_is_drawn_to_the_sensor():
+def test_the_centre_of_a_random_matrix_is_shifted_to_the_sensor():
     trial = partial_view(FOLLOWING, 2.0, 20, rng())
-    results = Results()
-    results.add(trial, Method(RM, lambda: RandomMatrix(tau=10.0)), {})
-    assert results.pull(trial.name, RM) > 1.0
+    results = TrialRuns()
+    results.add(trial, NamedFilter(RM, lambda: RandomMatrix(tau=10.0)), {})
+    assert results.shift_to_sensor(trial.name, RM) > 1.0
     assert results.rows[0].measured["gwd2"] == pytest.approx(results.gwd2(trial.name, RM))
 
 
 def test_the_cost_of_an_update_is_that_of_one_object():
     trial = partial_view(FOLLOWING, 2.0, 2, rng())
-    assert 0.01 < claims.cost(Method(RM, RandomMatrix), trial, steps=10) < 50.0  # [ms] generous: shared machines
+    assert 0.01 < claims.cost(NamedFilter(RM, RandomMatrix), trial, steps=10) < 50.0  # [ms] generous: shared machines
 
 
-# -- figures of the card ----------------------------------------------------------------------------------------------
+# -- reference figures ------------------------------------------------------------------------------------------------
 
 
-def test_every_row_of_the_card_is_found_under_its_case():
+def test_every_reference_figure_is_found_under_its_case():
     assert full_reference("band", RM)["gwd2"] == 1.703
     assert full_reference("band", "no such method") == {}
     assert partial_reference("S curve, 13 Hz", MAP) == {"gwd2": 0.22, "gwd": 0.44}
@@ -344,5 +346,5 @@ def test_every_row_of_the_card_is_found_under_its_case():
 
 def test_the_sensor_is_seen_in_the_frame_of_the_body():
     d, aspect = seen_from(np.array([10.0, 5.0, 0.3]), np.array([1.0, -2.0]))
-    assert aspect == pytest.approx(-0.3610431689)  # card, section 10
+    assert aspect == pytest.approx(-0.3610431689)  # by hand
     assert np.hypot(*d) == pytest.approx(np.hypot(9, 7))

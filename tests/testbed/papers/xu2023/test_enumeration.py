@@ -19,7 +19,7 @@ from testbed.papers.xu2023.enumeration import (
     inverse,
     product,
 )
-from testbed.papers.xu2023.trials import advance, detect, start
+from testbed.papers.xu2023.simulation import advance, detect, start
 from trackers import Scan, find, prior
 from trackers.batch import take
 from trackers.dra import DataRegion, DataRegionState

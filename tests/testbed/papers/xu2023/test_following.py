@@ -8,7 +8,7 @@ import pytest
 from sensors import RADARS
 from sensors.scene import Ego, boxes_scene
 from testbed.papers.xu2023.enumeration import Enumeration
-from testbed.papers.xu2023.trials import CAR, STEP, advance, detect, start
+from testbed.papers.xu2023.simulation import CAR, STEP, advance, detect, start
 from trackers import Scan, find, prior
 from trackers.batch import stack
 from trackers.dra.state import P1, P2, PLACE, VELOCITY, VX, W, X
@@ -19,7 +19,7 @@ from trackers.multi.sizes import SizePrior
 TRACKERS = ("dra", "dra-imm", "edra-imm")
 FORMS = ("sequential", "soft", pytest.param(Enumeration(), id="joint", marks=pytest.mark.slow))
 MINUTE = 600  # steps
-BEHIND = -30.0  # [m] the radar of the card's cases behind (the body keeps its heading) and behind2 (it follows)
+BEHIND = -30.0  # [m] the radar of the reproduction's cases behind: the body keeps its heading, or it follows
 AHEAD = 25.0  # [m] of the car before our radar
 
 
@@ -27,8 +27,8 @@ LOW, HIGH = np.array([3.4, 1.5]), np.array([5.8, 2.2])  # [m] what is a car, fro
 
 
 @cache
-def card_minute():
-    """Targets (11,) and scans, behind and behind2 as a batch of two, on the card's straight part."""
+def paper_minute():
+    """Targets (11,) and scans of the paper's radar on its straight part; the body keeps its heading, or it follows."""
     rng = np.random.default_rng(11)
     x = np.repeat(start()[None], 2, 0)
     radar = x.copy()
@@ -83,7 +83,7 @@ def u_turn():
 def follow(filter, world, sizes=None):
     """Estimates, labels (steps, ...) as the signed area of the body, and true headings, over all steps.
 
-    sizes is the belief about classes that the multi-object tracker holds against the drift of the vertices.
+    sizes is the prior of sizes that the multi-object tracker sets against the drift of the vertices.
     """
     first, steps = world
     lead = steps[0][0].shape[:-1]
@@ -106,11 +106,11 @@ def follow(filter, world, sizes=None):
     return stack(estimates), np.array(areas), np.array(headings)
 
 
-@pytest.mark.parametrize("world", [card_minute, radar_minute])
+@pytest.mark.parametrize("world", [paper_minute, radar_minute])
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("name", TRACKERS)
 def test_a_minute_straight_behind_leaves_a_car_and_the_names_of_its_vertices(name, form, world):
-    """With the class remembered, as the multi-object tracker does; on the card's radar and on ours."""
+    """With the sizes of the class, as in the multi-object tracker; on the paper's radar and on ours."""
     estimate, area, heading = follow(find(name, form=form), world(), SizePrior())
     assert (estimate.size[-1] > LOW).all()
     assert (estimate.size[-1] < HIGH).all()
@@ -138,6 +138,6 @@ def test_the_body_keeps_its_shape_and_heading_through_a_u_turn(name, form):
 
 
 def test_a_single_model_without_turns_loses_the_body_in_a_u_turn():
-    """The negative twin: constant velocity with the card's noise takes range rates of the turn for places."""
+    """The negative twin: constant velocity with the recommended noise takes range rates of the turn for places."""
     estimate, _, heading = follow(find("dra", parameters="recommended"), u_turn())
     assert np.abs(wrap_angle(estimate.pose[..., 2] - heading)).max() > 0.8

@@ -1,6 +1,5 @@
 """The reproduction of xu2023: its maneuvers, its measures and its verdicts, on small inputs."""
 
-import json
 from dataclasses import replace
 from itertools import islice
 
@@ -12,25 +11,27 @@ from scipy.stats import t as student
 
 from testbed.evaluation.intervals import PlusMinus
 from testbed.papers.catalogue import PAPERS
-from testbed.papers.verdict import CONFIRMED, REFUTED, Claim, Stopped
+from testbed.papers.report import Stopped
+from testbed.papers.verdict import CONFIRMED, REFUTED
 from testbed.papers.xu2023 import experiment as xu2023
-from testbed.papers.xu2023.cases import METHODS, NEAR, READINGS, TRIALS, VARIED, Trial, Variant, unprinted
-from testbed.papers.xu2023.claims import decide, every, group, verdicts
+from testbed.papers.xu2023 import figures
+from testbed.papers.xu2023.cases import METHODS, NEAR, READINGS, SWEEPS, VARIED, Sweep, Variant, unprinted
+from testbed.papers.xu2023.claims import group, verdicts
 from testbed.papers.xu2023.measures import measure, reduction, rmse, stage_mask, true_modes
-from testbed.papers.xu2023.reference import CARD, COLUMNS, TABLE_2
-from testbed.papers.xu2023.trials import (
+from testbed.papers.xu2023.reference import BARS, COLUMNS, TABLE_2
+from testbed.papers.xu2023.simulation import (
     CAR,
     IOU_EVERY,
     NOISE,
     PRIOR_STD,
     STAGES,
     STEPS,
-    Trace,
+    RunErrors,
     advance,
     detect,
-    frames,
     join,
     maneuver,
+    simulate,
     split,
     start,
     track,
@@ -38,17 +39,17 @@ from testbed.papers.xu2023.trials import (
 from trackers.dra import ProcessNoise
 from trackers.dra.state import PLACE, VELOCITY, VERTICES, axes
 
-KEYS = [(t.case, v.name) for t in TRIALS for v in t.variants]
+KEYS = [(sweep.case, v.name) for sweep in SWEEPS for v in sweep.variants]
 
 
 def constant(errors, share=0.9, runs=4):
-    """A trace whose errors (6,), in the order of COLUMNS, are the same in all runs; modes right in a share of steps."""
+    """Runs whose errors (6,), in the order of COLUMNS, are all the same; modes right in a share of steps."""
     position, velocity = np.zeros((2, STEPS, runs))
     for k, stage in enumerate(STAGES):
         position[stage_mask(stage)], velocity[stage_mask(stage)] = errors[2 * k] ** 2, errors[2 * k + 1] ** 2
     wrong = np.arange(STEPS) % 100 >= 100 * share
     mode = np.eye(3)[np.where(wrong, (true_modes() + 1) % 3, true_modes())][:, None].repeat(runs, 1)
-    return Trace(position, velocity, np.full((STEPS // IOU_EVERY, runs), 0.5), mode)
+    return RunErrors(position, velocity, np.full((STEPS // IOU_EVERY, runs), 0.5), mode)
 
 
 def table_of(method):
@@ -57,7 +58,7 @@ def table_of(method):
 
 
 def test_the_straight_maneuvers_end_at_twenty_metres_per_second_along_x():
-    """The card's check of the start that the paper does not print."""
+    """A check of the start, which the paper does not print."""
     rng = np.random.default_rng(0)
     x = np.repeat(start()[None], 400, 0)
     for k in range(400):
@@ -97,7 +98,7 @@ def test_the_same_seed_gives_the_same_errors_and_every_method_the_same_world():
         for x, y in zip(a, b, strict=True):
             np.testing.assert_array_equal(x, y)
     np.testing.assert_array_equal(runs[0][2].truth, runs[2][2].truth)
-    first, again = (next(frames(offset, False, np.random.default_rng(3))) for _ in range(2))
+    first, again = (next(simulate(offset, False, np.random.default_rng(3))) for _ in range(2))
     np.testing.assert_array_equal(first.scan.polar, again.scan.polar)
     assert runs[2][0].mode.shape == (2, 1)
 
@@ -118,17 +119,17 @@ def test_variants_start_where_they_say_and_change_nothing_else():
 
 def test_batches_cover_all_runs_and_no_row_has_more_than_it_may():
     for runs in (1, 49, 50, 51, 130):
-        for trial in TRIALS:
-            numbers = [n for t, n in xu2023.batches((trial,), runs)]
-            sizes = [min(xu2023.BATCH, trial.runs(runs) - n * xu2023.BATCH) for n in numbers]
+        for sweep in SWEEPS:
+            numbers = [n for _, n in xu2023.batches((sweep,), runs)]
+            sizes = [min(xu2023.BATCH, sweep.runs(runs) - n * xu2023.BATCH) for n in numbers]
             assert min(sizes) > 0
-            assert sum(sizes) == trial.runs(runs) == min(runs, trial.most or runs)
+            assert sum(sizes) == sweep.runs(runs) == min(runs, sweep.most or runs)
     assert len(set(KEYS)) == len(KEYS)
 
 
-def test_traces_that_are_split_join_again():
+def test_runs_that_are_split_join_again():
     rng = np.random.default_rng(0)
-    whole = Trace(*(rng.random((4, 6, *tail)) for tail in ((), (), (), (3,))))
+    whole = RunErrors(*(rng.random((4, 6, *tail)) for tail in ((), (), (), (3,))))
     for a, b in zip(join(split(whole, 3)), whole, strict=True):
         np.testing.assert_array_equal(a, b)
 
@@ -174,20 +175,14 @@ def test_a_method_that_is_better_by_a_factor_in_every_run_has_a_certain_reductio
 
 def test_an_interval_that_holds_zero_decides_nothing():
     assert [PlusMinus(v, 1.0).positive for v in (2.0, 0.5, -0.5, -2.0)] == [True, None, None, False]
-    assert [every([True, *rest]) for rest in ([True], [None], [None, False])] == [True, None, False]
-    claim = Claim("c", "s")
-    assert decide(claim, {"a": True, "b": True}, "").outcome == CONFIRMED
-    assert decide(claim, {"a": False, "b": False}, "").outcome == REFUTED
-    assert decide(claim, {"a": None, "b": None}, "").outcome == "not decided"
-    assert decide(claim, {"a": True, "b": None, "c": False}, "").outcome == "confirmed under a; not decided under b"
 
 
 def test_the_table_s_own_figures_confirm_its_claims_and_rows_exist_for_all_of_them():
-    traces = {
+    runs = {
         (case, name): constant(table_of(case.removeprefix(VARIED) if case.startswith(VARIED) else name))
         for case, name in KEYS
     }
-    answers = verdicts({key: measure(trace) for key, trace in traces.items()}, traces)
+    answers = verdicts({key: measure(errors) for key, errors in runs.items()}, runs)
     assert [v.outcome for v in answers] == [CONFIRMED] * 8 + [REFUTED]
     assert "CA 23 ± 0 / 45 ± 0, CT 15 ± 0 / 15 ± 0" in answers[0].numbers
     assert "(paper CA 23 / 45, CT 15 / 15)" in answers[0].numbers
@@ -204,50 +199,40 @@ def test_reading_s_takes_the_numbers_of_yaw_rate_and_vertices_as_standard_deviat
     assert READINGS["S"].ct.vertex == pytest.approx(1e-8)
 
 
-def test_the_card_s_rows_are_rows_of_the_reproduction_but_for_the_slow_ones():
-    assert {key for key in CARD if not key[1].endswith("joint")} <= set(KEYS)
+def test_the_bars_are_of_rows_of_the_reproduction_but_for_the_slow_ones():
+    assert {key for key in BARS if not key[1].endswith("joint")} <= set(KEYS)
 
 
-def test_few_runs_are_near_the_card_and_the_same_on_two_processes():
+def test_few_runs_are_near_the_bars_and_the_same_on_two_processes():
     """Eight runs: 2.5 times the bands of fifty."""
-    (trial,) = (t for t in TRIALS if (t.case, t.variants[0].name) == ("near", "literal"))
-    outcome = xu2023.Outcome()
-    xu2023.experiment(8, 3, None, outcome, (trial, replace(trial, case="again")), jobs=2)
-    bar, row = CARD["near", "literal"], outcome.rows[0].measured
+    (sweep,) = (s for s in SWEEPS if (s.case, s.variants[0].name) == ("near", "literal"))
+    runs = xu2023.ManeuverRuns()
+    xu2023.experiment(8, 3, runs, sweeps=(sweep, replace(sweep, case="again")), jobs=2)
+    bar, row = BARS["near", "literal"], runs.rows[0].measured
     found = np.array([row[c] for c in COLUMNS])
     assert (np.abs(found - bar.errors) < 2.5 * np.array(bar.bands)).all(), found
     assert [row[f"{s} IoU"] for s in STAGES] == pytest.approx(bar.iou, abs=0.05)
     assert [row[f"{s} mode"] for s in STAGES] == pytest.approx(bar.mode, abs=0.05)
-    for a, b in zip(outcome.traces["near", "literal"], outcome.traces["again", "literal"], strict=True):
+    for a, b in zip(runs.errors["near", "literal"], runs.errors["again", "literal"], strict=True):
         np.testing.assert_array_equal(a, b)
 
 
-def test_a_report_of_all_rows_has_its_figures_and_verdicts(tmp_path):
-    outcome = xu2023.Outcome()
+def test_all_rows_have_their_figures(tmp_path):
+    runs = xu2023.ManeuverRuns()
     for case, name in KEYS:
-        outcome.add(case, name, constant(table_of(name)))
-    whole = xu2023.report(outcome, 4, 0, True, tmp_path)
-    assert all(path.exists() for path in whole.figures)
-    assert len(whole.figures) == 3
-    written = json.loads((tmp_path / "xu2023.json").read_text())
-    assert len(written["rows"]) == len(KEYS)
-    assert len(written["verdicts"]) == 9
+        runs.add(case, name, constant(table_of(name)))
+    assert [(row.case, row.method) for row in runs.rows] == KEYS
+    paths = figures.draw(runs.errors, tmp_path)
+    assert len(paths) == 3
+    assert all(path.exists() for path in paths)
 
 
-def test_a_stopped_reproduction_has_its_finished_rows_and_no_verdicts():
+def test_a_stopped_experiment_keeps_its_finished_rows():
     def stop(*_):
         raise Stopped
 
-    trials = tuple(Trial(case, METHODS["literal"], (Variant("literal"),)) for case in ("near", "never"))
-    outcome = xu2023.Outcome()
+    sweeps = tuple(Sweep(case, METHODS["literal"], (Variant("literal"),)) for case in ("near", "never"))
+    runs = xu2023.ManeuverRuns()
     with pytest.raises(Stopped):
-        xu2023.experiment(1, 0, stop, outcome, trials, jobs=1)
-    part = xu2023.report(outcome, 1, 0, finished=False)
-    assert part.interrupted
-    assert part.verdicts == ()
-    assert [(row.case, row.method) for row in part.rows] == [("near", "literal")]
-
-
-def test_no_runs_are_refused():
-    with pytest.raises(ValueError, match="runs must be at least 1"):
-        xu2023.run(runs=0)
+        xu2023.experiment(1, 0, runs, stop, sweeps, jobs=1)
+    assert [(row.case, row.method) for row in runs.rows] == [("near", "literal")]

@@ -1,6 +1,6 @@
-"""The experiment of yao2021: a truck or a tractor on two circles and a straight, seen from all sides; card, section 11.
+"""The experiment of yao2021: a truck or a tractor on two circles and a straight, seen from all sides.
 
-The paper's figures of the contours are missing, so these are the card's designs from its words.
+The paper describes the contours in words and prints no turn rates: the numbers are ours.
 """
 
 from collections.abc import Callable
@@ -71,8 +71,8 @@ def band_points(outline: NDArray, count: int, rng: np.random.Generator) -> NDArr
     return np.concatenate(found)[:count]
 
 
-class Drive(NamedTuple):
-    """All scans of R runs."""
+class SimulatedRuns(NamedTuple):
+    """All scans of R runs on the same course."""
 
     x: NDArray  # (K, 7) the truth, the same in every run
     xy: NDArray  # (K, R, M, 2) [m]
@@ -83,18 +83,18 @@ class Drive(NamedTuple):
         return Scan.from_xy(self.xy[k], self.mask[k])
 
 
-def drive(outline: NDArray, runs: int, rng: np.random.Generator) -> Drive:
-    """The same drive seen `runs` times."""
+def simulate(outline: NDArray, runs: int, rng: np.random.Generator) -> SimulatedRuns:
+    """The same course `runs` times, each time with other detections."""
     x = truth()
     count = rng.poisson(DETECTIONS, (STEPS, runs))
     M = int(count.max())
     body = band_points(outline, STEPS * runs * M, rng).reshape(STEPS, runs * M, 2)
     xy = to_world(x[:, :3], body) + NOISE * rng.standard_normal(body.shape)
-    return Drive(x, xy.reshape(STEPS, runs, M, 2), np.arange(M) < count[..., None])
+    return SimulatedRuns(x, xy.reshape(STEPS, runs, M, 2), np.arange(M) < count[..., None])
 
 
-class Trace(NamedTuple):
-    """What a filter said: moments after K updates, predictions before them, and cross covariances."""
+class ForwardPass(NamedTuple):
+    """What a smoother needs of K steps: moments after updates, predictions before them, and cross covariances."""
 
     m: NDArray  # (K, R, 7)
     P: NDArray  # (K, R, 7, 7)
@@ -104,7 +104,7 @@ class Trace(NamedTuple):
 
 
 def begin(filter: SplinePmht, runs: int, contour: SplineContour | None = None) -> SplineState:
-    """The card's prior, with a contour of its own for each run or the filter's model."""
+    """The prior, with a contour of its own for each run or the filter's model."""
     model = filter.models[0]
     m, P = np.tile(PRIOR, (runs, 1)), np.tile(np.diag(PRIOR_VAR), (runs, 1, 1))
     p, Sigma = (model.p, model.Sigma) if contour is None else contour
@@ -112,20 +112,22 @@ def begin(filter: SplinePmht, runs: int, contour: SplineContour | None = None) -
     return SplineState(m, P, p, Sigma, np.zeros((runs, 1, Sigma.shape[1])))
 
 
-def track(filter: SplinePmht, drive: Drive, state: SplineState, first: int, last: int) -> tuple[SplineState, Trace]:
+def track(
+    filter: SplinePmht, runs: SimulatedRuns, state: SplineState, first: int, last: int
+) -> tuple[SplineState, ForwardPass]:
     """Follow the scans first to last - 1; the state is that after scan first - 1, or the prior of scan 0."""
     kept: list[tuple[NDArray, ...]] = []
     for k in range(first, last):
         m_pred, P_pred, D = state.m, state.P, np.zeros(state.P.shape)
         if k > 0:
             m_pred, P_pred, D = predicted(state.m, state.P, filter.walk, STEP)
-        state, _ = filter.update(state._replace(m=m_pred, P=P_pred), drive.scan(k))
+        state, _ = filter.update(state._replace(m=m_pred, P=P_pred), runs.scan(k))
         kept.append((state.m, state.P, m_pred, P_pred, D))
-    return state, Trace(*(np.stack(column) for column in zip(*kept, strict=True)))
+    return state, ForwardPass(*(np.stack(column) for column in zip(*kept, strict=True)))
 
 
 @dataclass(frozen=True)
-class Method:
+class AdaptationMethod:
     """One way to track and to adapt."""
 
     name: str
@@ -140,31 +142,33 @@ class Method:
         return SplinePmht(model, "none", self.form, rates=RangeRates(weight=0.0), sigma=NOISE, widened=self.widened)
 
 
-A = Method("A", OneByOne(), shift=False, passes=1, stiffness=0.0)
-B = Method("B")
+A = AdaptationMethod("A", OneByOne(), shift=False, passes=1, stiffness=0.0)
+B = AdaptationMethod("B")
 
 
 class Adapted(NamedTuple):
     """The end of the first circle, with a new contour."""
 
     state: SplineState
-    smoothed: Trace  # of the offline model
+    smoothed: ForwardPass  # of the offline model
     contour: SplineContour
     z: NDArray  # (R, K M, 2) decoupled detections
     mask: NDArray  # (R, K M)
 
 
-def adapt(method: Method, filter: SplinePmht, drive: Drive, state: SplineState, trace: Trace) -> Adapted:
-    """Learn each run's contour from its scans 0 to T - 1; state and trace are those of the offline model there."""
+def adapt(
+    method: AdaptationMethod, filter: SplinePmht, runs: SimulatedRuns, state: SplineState, forward: ForwardPass
+) -> Adapted:
+    """Learn each run's contour from its scans 0 to T - 1; state and forward pass are those of the offline model."""
     off = contour = SplineContour(state.p, state.Sigma)
     L = off.Sigma.shape[-3]
-    first = trace
+    first = forward
     for k in range(method.passes):
         if k > 0:
-            state, trace = track(filter, drive, begin(filter, len(state.m), contour), 0, ADAPT_AT)
-        ms, Ps = smooth_moments(*trace)
-        first = trace._replace(m=ms, P=Ps) if k == 0 else first
-        z, mask = pooled(decoupled(ms, drive.xy[:ADAPT_AT]), drive.mask[:ADAPT_AT])
+            state, forward = track(filter, runs, begin(filter, len(state.m), contour), 0, ADAPT_AT)
+        ms, Ps = smooth_moments(*forward)
+        first = forward._replace(m=ms, P=Ps) if k == 0 else first
+        z, mask = pooled(decoupled(ms, runs.xy[:ADAPT_AT]), runs.mask[:ADAPT_AT])
         stiffness = method.stiffness * mask.sum(-1)
         contour = ContourEM().run(contour, z, mask, np.full((1, L), -np.log(L)), stiffness, off.p)
         if method.shift:
@@ -180,7 +184,7 @@ def pooled(z: NDArray, mask: NDArray) -> tuple[NDArray, NDArray]:
     return np.moveaxis(z, 1, 0).reshape(R, -1, 2), np.moveaxis(mask, 1, 0).reshape(R, -1)
 
 
-class Errors(NamedTuple):
+class StageErrors(NamedTuple):
     """Errors of R runs at K steps."""
 
     position: NDArray  # (K, R, 2) [m] along and across the heading
@@ -191,19 +195,19 @@ class Errors(NamedTuple):
     nees: NDArray  # (K, R) of x, y, v and heading; 4 is ideal
 
 
-def errors(m: NDArray, P: NDArray, x: NDArray) -> Errors:
+def errors(m: NDArray, P: NDArray, x: NDArray) -> StageErrors:
     """Errors of moments m (K, R, 7), P (K, R, 7, 7) about the truth x (K, 7)."""
     e = m - x[:, None]
     e[..., PHI] = wrap_angle(e[..., PHI])
     four, along = e[..., :OMEGA], e[..., None, :2] @ rotation(x[:, None, PHI])
     nees = quadratic(four, P[..., :OMEGA, :OMEGA])
-    return Errors(along[..., 0, :], e[..., SPEED], e[..., PHI], e[..., LENGTH], e[..., WIDTH], nees)
+    return StageErrors(along[..., 0, :], e[..., SPEED], e[..., PHI], e[..., LENGTH], e[..., WIDTH], nees)
 
 
-class Outcome(NamedTuple):
-    """What came of a method on a contour."""
+class AdaptationRuns(NamedTuple):
+    """All runs of a method on a contour."""
 
-    stages: dict[str, Errors]  # "before" and "smoothed": scans 1 to 101; "not adapted" and "adapted": the others
+    stages: dict[str, StageErrors]  # "before" and "smoothed": scans 1 to 101; "not adapted" and "adapted": the others
     lost: dict[str, NDArray]  # (R,) bool, off by more than 2 m at the end of a stage
     adapted: Adapted
 
@@ -213,21 +217,23 @@ class Outcome(NamedTuple):
         return ~np.any(list(self.lost.values()), axis=0)
 
 
-def play(method: Method, model: SplineModel, drive: Drive, progress: Callable[[float], None]) -> Outcome:
+def run_stages(
+    method: AdaptationMethod, model: SplineModel, runs: SimulatedRuns, progress: Callable[[float], None]
+) -> AdaptationRuns:
     """Track the first circle, adapt, and go on with and without the new contour."""
     filter = method.filter(model)
-    state, before = track(filter, drive, begin(filter, drive.mask.shape[1]), 0, ADAPT_AT)
+    state, before = track(filter, runs, begin(filter, runs.mask.shape[1]), 0, ADAPT_AT)
     progress(0.2)
-    adapted = adapt(method, filter, drive, state, before)
+    adapted = adapt(method, filter, runs, state, before)
     progress(0.5)
-    _, without = track(filter, drive, state, ADAPT_AT, STEPS)
+    _, without = track(filter, runs, state, ADAPT_AT, STEPS)
     progress(0.75)
-    _, with_ = track(filter, drive, adapted.state, ADAPT_AT, STEPS)
+    _, with_ = track(filter, runs, adapted.state, ADAPT_AT, STEPS)
     parts = {"before": before, "smoothed": adapted.smoothed, "not adapted": without, "adapted": with_}
-    x = {name: drive.x[:ADAPT_AT] if name in EARLY else drive.x[ADAPT_AT:] for name in parts}
+    x = {name: runs.x[:ADAPT_AT] if name in EARLY else runs.x[ADAPT_AT:] for name in parts}
     stages = {name: errors(part.m, part.P, x[name]) for name, part in parts.items()}
     lost = {n: np.linalg.norm(e.position[-1], axis=-1) > LOST for n, e in stages.items() if n != "smoothed"}
-    return Outcome(stages, lost, adapted)
+    return AdaptationRuns(stages, lost, adapted)
 
 
 EARLY = ("before", "smoothed")

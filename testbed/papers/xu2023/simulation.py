@@ -1,6 +1,6 @@
-"""The simulation of xu2023: a car on the maneuvers of Table I, seen by a radar that drives the same; card dra_imm, 14.
+"""The simulation of xu2023: a car on the maneuvers of Table I before a radar that drives the same, many runs at once.
 
-Runs go in batches. What the paper does not print (the radar's course, the start) is the card's.
+What the paper does not print (the radar's course, the start) is ours: docs/reproductions.md says what, and why.
 """
 
 from collections.abc import Iterator, Sequence
@@ -37,15 +37,15 @@ PRIOR_STD = np.array([0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.05, 0.3, 0.3, 0.3, 0.3])  
 IOU_EVERY = 5  # steps; cutting polygons costs as much as a fast update
 
 
-class Frame(NamedTuple):
-    """One step of all runs."""
+class SimulatedStep(NamedTuple):
+    """One step of all runs: the truth and its detections."""
 
     x: NDArray  # (R, 11) the target
     scan: Scan  # (R, M)
 
 
-class Step(NamedTuple):
-    """What one update of all runs left, and the truth."""
+class TrackedStep(NamedTuple):
+    """Errors and modes after one update of all runs, with the estimated and the true outline."""
 
     position: NDArray  # (R,) [m^2] squared error
     velocity: NDArray  # (R,) [m^2/s^2] squared error
@@ -54,8 +54,8 @@ class Step(NamedTuple):
     mode: NDArray  # (R, K) probabilities
 
 
-class Trace(NamedTuple):
-    """Squared errors of all runs (steps, R), and the modes."""
+class RunErrors(NamedTuple):
+    """Squared errors of all runs (steps, R), IoU, and the modes."""
 
     position: NDArray  # [m^2]
     velocity: NDArray  # [m^2/s^2]
@@ -90,7 +90,7 @@ def advance(x: NDArray, k: int, rng: np.random.Generator, follows: bool) -> NDAr
 
 
 def detect(x: NDArray, radar: NDArray, rng: np.random.Generator) -> Scan:
-    """Detections of targets x (R, 11) by radars (R, 11) that look along their velocity."""
+    """Detections of targets x (R, 11) by radars (R, 11) that point along their velocity."""
     count = rng.poisson(MORE_DETECTIONS, len(x)) + 1
     R, M = len(x), int(count.max())
     P = rays(x, radar[:, PLACE], 0.6, 0.1)
@@ -115,7 +115,7 @@ def start() -> NDArray:
     return x
 
 
-def frames(offset: NDArray, follows: bool, rng: np.random.Generator) -> Iterator[Frame]:
+def simulate(offset: NDArray, follows: bool, rng: np.random.Generator) -> Iterator[SimulatedStep]:
     """All steps of R runs; target and radar drive the same table with independent noise.
 
     The radar starts at `offset` (R, 2) [m] from the target. The body `follows` the velocity, or it does not turn
@@ -126,27 +126,28 @@ def frames(offset: NDArray, follows: bool, rng: np.random.Generator) -> Iterator
     radar[:, PLACE] += offset
     for k in range(STEPS):
         x, radar = advance(x, k, rng, follows), advance(radar, k, rng, follows=False)
-        yield Frame(x, detect(x, radar, rng))
+        yield SimulatedStep(x, detect(x, radar, rng))
 
 
 def track(
     filter: DataRegion, offset: NDArray, prior_std: NDArray, seed: int | Sequence[int], follows: bool = False
-) -> Iterator[Step]:
-    """Every step of R runs whose first estimates are off by prior_std (R, 11), as the filter knows; `frames` has more.
+) -> Iterator[TrackedStep]:
+    """Every step of R runs; their first estimates are off by prior_std (R, 11), which the filter starts with.
 
-    The same seed gives every filter the same targets, detections and initial errors.
+    `offset` and `follows` are those of `simulate`. The same seed gives every filter the same targets, detections and
+    initial errors.
     """
     world, error = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(2))
     m = start() + error.standard_normal(prior_std.shape) * prior_std
-    m[:, [AX, AY, W]] = 0.0  # no filter is told of maneuvers
+    m[:, [AX, AY, W]] = 0.0  # the first estimate has no acceleration and does not turn
     R, K = len(m), len(filter.models)
     P = np.repeat((prior_std[..., None] ** 2 * np.eye(N))[:, None], K, 1)
     state = DataRegionState(np.full((R, K), 1 / K), np.repeat(m[:, None], K, 1), P)
-    for x, scan in frames(offset, follows, world):
+    for x, scan in simulate(offset, follows, world):
         state, info = filter.update(filter.predict(state, STEP), scan)
         mean = (state.mu[..., None] * state.m).sum(-2)  # (34)
         d, v = mean[:, PLACE] - x[:, PLACE], mean[:, VELOCITY] - x[:, VELOCITY]
-        yield Step(dot(d, d), dot(v, v), outline(mean), outline(x), info.mode)
+        yield TrackedStep(dot(d, d), dot(v, v), outline(mean), outline(x), info.mode)
 
 
 def outline(x: NDArray) -> NDArray:
@@ -154,18 +155,18 @@ def outline(x: NDArray) -> NDArray:
     return x[:, None, PLACE] + corners(x)
 
 
-def trace(steps: Iterator[Step]) -> Trace:
+def collect(steps: Iterator[TrackedStep]) -> RunErrors:
     """All steps as arrays."""
-    all_steps = Step(*(np.stack(field) for field in zip(*steps, strict=True)))
+    all_steps = TrackedStep(*(np.stack(field) for field in zip(*steps, strict=True)))
     iou = contour_iou(all_steps.outline[::IOU_EVERY], all_steps.truth[::IOU_EVERY])
-    return Trace(all_steps.position, all_steps.velocity, iou, all_steps.mode)
+    return RunErrors(all_steps.position, all_steps.velocity, iou, all_steps.mode)
 
 
-def join(traces: Sequence[Trace]) -> Trace:
-    """Traces of several batches of runs as one."""
-    return Trace(*(np.concatenate(field, 1) for field in zip(*traces, strict=True)))
+def join(batches: Sequence[RunErrors]) -> RunErrors:
+    """The runs of several batches as one."""
+    return RunErrors(*(np.concatenate(field, 1) for field in zip(*batches, strict=True)))
 
 
-def split(whole: Trace, parts: int) -> list[Trace]:
-    """Traces of as many variants, whose runs follow one another."""
-    return [Trace(*part) for part in zip(*(np.split(field, parts, 1) for field in whole), strict=True)]
+def split(whole: RunErrors, parts: int) -> list[RunErrors]:
+    """The runs of as many variants, which follow one another, apart."""
+    return [RunErrors(*part) for part in zip(*(np.split(field, parts, 1) for field in whole), strict=True)]
