@@ -87,10 +87,54 @@ class SpatialModel(Protocol):
         """Log density (G,) [1/m^2] of the detections with indices detection (G,) under the tracks track (G,)."""
 
 
+class Gaussian(NamedTuple):
+    """N(m, P)."""
+
+    m: NDArray  # (..., n)
+    P: NDArray  # (..., n, n)
+
+
 @runtime_checkable
-class Angular(Protocol):
-    """A filter that names the angles of its state, for the smoother; its state has fields m (..., n), P (..., n, n)."""
+class Smoothable(Protocol):
+    """A filter whose state holds a Gaussian that the smoother can read and replace."""
 
     @property
     def angles(self) -> tuple[int, ...]:
         """Components of m that are angles [rad] and may be wrapped."""
+
+    def gaussian(self, state: Any) -> Gaussian:
+        """The Gaussian of the state; of several models, the moments of their mixture."""
+
+    def with_gaussian(self, state: Any, gaussian: Gaussian) -> Any:
+        """The state with another Gaussian, in all of its models."""
+
+
+class Extent(NamedTuple):
+    """Inverse Wishart density of an extent, its mean V / (nu - least)."""
+
+    nu: NDArray  # (...)
+    V: NDArray  # (..., 2, 2) [m^2]
+    heading: NDArray  # (...) [rad] angle that the extent turns with; 0 where it does not turn
+    least: float  # degrees of freedom at which nothing is known
+
+
+@runtime_checkable
+class SmoothableExtent(Protocol):
+    """A `Smoothable` filter with an extent beside its Gaussian, which the smoother can replace too."""
+
+    def extent(self, state: Any) -> Extent:
+        """The density of the extent."""
+
+    def with_extent(self, state: Any, extent: Extent) -> Any:
+        """The state with another density of its extent."""
+
+
+@runtime_checkable
+class Interacting(Protocol):
+    """A `Smoothable` filter of several models, whose prediction begins with mixing them."""
+
+    def mixed(self, state: Any, dt: float) -> tuple[NDArray, list[tuple[Smoothable, Any]]] | None:
+        """Probabilities (..., K) of the models after dt [s], and of each its filter and the state it starts from.
+
+        None where the filter has one model.
+        """

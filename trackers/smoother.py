@@ -15,7 +15,6 @@ with its centre.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple, TypeVar
 
@@ -24,12 +23,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from trackers import unscented
 from trackers.batch import concatenate, stack, take
-from trackers.dra.state import DataRegionState
-from trackers.gaussian_part import Extent, Gaussian, Part, part_of
 from trackers.geometry import rotation, wrap_angle
-from trackers.imm import chain, mix, moments
+from trackers.imm import moments
 from trackers.linalg import symmetrize
-from trackers.motion import PHI
+from trackers.protocols import Extent, Gaussian, Interacting, Smoothable, SmoothableExtent
 
 T = TypeVar("T", bound=tuple)
 Between = Callable[[Any, float], Any]  # predicted state, dt [s] -> what the update started from
@@ -55,7 +52,7 @@ def smooth(filter: Any, states: Sequence[T], dt: ArrayLike, between: Between | N
         between: what was done to a prediction before its update, where something was.
 
     Raises:
-        TypeError: the states hold no Gaussian.
+        TypeError: the filter is not `Smoothable`.
         ValueError: there is no state, or times and states do not fit together.
 
     Interacting models come back as the moments of their mixture, the same in every model.
@@ -68,8 +65,12 @@ def smooth(filter: Any, states: Sequence[T], dt: ArrayLike, between: Between | N
 
 def smooth_stacked(filter: Any, states: T, dt: ArrayLike, between: Between | None = None) -> T:
     """`smooth` for K states stacked along a new first axis."""
-    part = part_of(filter, states)
-    m, P = part.read(states)
+    if not isinstance(filter, Smoothable):
+        raise TypeError(
+            f"{type(filter).__name__} must have angles, gaussian and with_gaussian to be smoothed; "
+            "see trackers.protocols.Smoothable"
+        )
+    m, P = filter.gaussian(states)
     if len(m) == 0:
         raise ValueError("states must be at least one state, got none; smooth what was updated once or more")
     steps = np.asarray(dt, float)
@@ -77,20 +78,18 @@ def smooth_stacked(filter: Any, states: T, dt: ArrayLike, between: Between | Non
         raise ValueError(f"dt must be one number or {len(m) - 1} for {len(m)} states, got shape {steps.shape}")
     if len(m) == 1:
         return states
-    predicted = predict_all(filter, part, states, np.broadcast_to(steps, len(m) - 1), between)
-    start, (m_pred, P_pred) = predicted.start, part.read(predicted.state)
+    predicted = predict_all(filter, states, np.broadcast_to(steps, len(m) - 1), between)
+    start, (m_pred, P_pred) = predicted.start, filter.gaussian(predicted.state)
     updated = (np.concatenate([start.m, m[-1:]]), np.concatenate([start.P, P[-1:]]))
     # A covariance below that of the state itself, from a linearisation or from `between`, would pass too much back.
     consistent = P_pred + positive_part(predicted.cov - P_pred)
     D = predicted.D @ np.linalg.solve(consistent, P_pred)
     previous = [np.concatenate([a[:1], a]) for a in (m_pred, P_pred, D)]
-    ms, Ps = smooth_moments(*updated, previous[0], previous[1], previous[2], part.angles)
-    smoothed = part.write(states, Gaussian(ms, Ps))
-    if part.extent is None or part.write_extent is None or between is not None:
+    ms, Ps = smooth_moments(*updated, previous[0], previous[1], previous[2], filter.angles)
+    smoothed = filter.with_gaussian(states, Gaussian(ms, Ps))
+    if not isinstance(filter, SmoothableExtent) or between is not None:
         return smoothed
-    expected = part.extent(predicted.state)
-    turn = m_pred[..., PHI] - m[:-1][..., PHI] if part.turns else np.zeros(expected.nu.shape)
-    return part.write_extent(smoothed, smooth_extents(part.extent(states), expected, turn, part.least))
+    return filter.with_extent(smoothed, smooth_extents(filter.extent(states), filter.extent(predicted.state)))
 
 
 def smooth_moments(
@@ -119,21 +118,20 @@ def smooth_moments(
     return ms, Ps
 
 
-def smooth_extents(extent: Extent, predicted: Extent, turn: NDArray, least: float) -> Extent:
-    """Extents (K, ...) given all K steps; predicting steps 1 to K - 1 turned them by turn (K - 1, ...) [rad].
+def smooth_extents(extent: Extent, predicted: Extent) -> Extent:
+    """Extents (K, ...) given all K steps, from those after each update and those predicted for steps 1 to K - 1.
 
-    At `least` degrees of freedom nothing is known.
     Where a step knows less than was predicted for it (a size that was set anew), nothing is passed back.
     """
-    nu, V = extent.nu.copy(), extent.V.copy()
+    nu, V, least = extent.nu.copy(), extent.V.copy(), extent.least
     share = np.clip((predicted.nu - least) / (nu[:-1] - least), 0.0, 1.0)
-    back = rotation(-turn)
+    back = rotation(-(predicted.heading - extent.heading[:-1]))
     for k in range(len(nu) - 2, -1, -1):
         more = nu[k + 1] - predicted.nu[k]
         passed = np.where(more > 0, share[k], 0.0)
         nu[k] = nu[k] + passed * more
         V[k] = V[k] + passed[..., None, None] * back[k] @ positive_part(V[k + 1] - predicted.V[k]) @ back[k].mT
-    return Extent(nu, V)
+    return extent._replace(nu=nu, V=V)
 
 
 def positive_part(A: NDArray) -> NDArray:
@@ -142,73 +140,64 @@ def positive_part(A: NDArray) -> NDArray:
     return (vector * np.maximum(value, 0.0)[..., None, :]) @ vector.mT
 
 
-def predict_all(filter: Any, part: Part, states: Any, dt: NDArray, between: Between | None) -> Predicted:
+def predict_all(filter: Any, states: Any, dt: NDArray, between: Between | None) -> Predicted:
     """All K - 1 predictions of K states, together where dt (K - 1,) [s] is the same."""
     order, found = [], []
     for value in np.unique(dt):
         rows = np.flatnonzero(dt == value)
         order.append(rows)
-        found.append(predict_some(filter, part, take(states, rows), float(value), between))
+        found.append(predict_some(filter, take(states, rows), float(value), between))
     rows = np.argsort(np.concatenate(order))
     return take(concatenate(found), rows)
 
 
-def predict_some(filter: Any, part: Part, state: Any, dt: float, between: Between | None) -> Predicted:
+def predict_some(filter: Any, state: Any, dt: float, between: Between | None) -> Predicted:
     """States (N, ...) predicted over dt [s], with what the smoother asks of them."""
 
     def predict(one: Any, old: Any) -> Any:
         new = one.predict(old, dt)
         return between(new, dt) if between is not None and type(new) is type(state) else new
 
-    if part.mixture:
-        start, cov, D = mixture_pair(filter, part, state, dt, predict)
+    mixed = filter.mixed(state, dt) if isinstance(filter, Interacting) else None
+    if mixed is not None:
+        start, cov, D = mixture_pair(mixed, filter.angles, predict)
     else:
-        moved = unscented_prediction(partial(predict, filter), part, state)
-        start, cov, D = part.read(state), moved.cov, moved.D
+        moved = unscented_prediction(filter, partial(predict, filter), state)
+        start, cov, D = filter.gaussian(state), moved.cov, moved.D
     return Predicted(predict(filter, state), start, cov, D)
 
 
-def unscented_prediction(predict: Callable[[Any], Any], part: Part, state: Any) -> unscented.Transformed:
+def unscented_prediction(filter: Smoothable, predict: Callable[[Any], Any], state: Any) -> unscented.Transformed:
     """Moments of the predicted mean, without process noise, and its cross covariance (..., n, n) with the mean."""
-    g = part.read(state)
+    g = filter.gaussian(state)
     X = unscented.sigma_points(g.m, g.P)  # (..., S, n)
     first = np.moveaxis(X, -2, 0)
-    many = part.write(stack([state] * len(first)), Gaussian(first, np.broadcast_to(g.P, (len(first), *g.P.shape))))
-    Y = np.moveaxis(part.read(predict(many)).m, 0, -2)
-    return unscented.moments(X, Y, angles=part.angles)
+    many = stack([state] * len(first))
+    many = filter.with_gaussian(many, Gaussian(first, np.broadcast_to(g.P, (len(first), *g.P.shape))))
+    Y = np.moveaxis(filter.gaussian(predict(many)).m, 0, -2)
+    return unscented.moments(X, Y, angles=filter.angles)
 
 
 def mixture_pair(
-    filter: Any, part: Part, state: Any, dt: float, predict: Callable[[Any, Any], Any]
+    mixed: tuple[NDArray, list[tuple[Smoothable, Any]]],
+    angles: tuple[int, ...],
+    predict: Callable[[Any, Any], Any],
 ) -> tuple[Gaussian, NDArray, NDArray]:
     """Moments of mixtures as their prediction takes them, and what follows in `Predicted`.
 
     A state and the next one are a mixture over the next model, whose moments are exact; to take the pair for Gaussian
     gives the best linear smoother. Mixing may change the moments: a model that lacks a component says nothing of it.
     """
-    c, models = _mixed(filter, state, dt)
+    c, models = mixed
     starts, ends = [], []
-    for one, mixed in models:
-        own = part_of(one, mixed)
-        starts.append(own.read(mixed))
-        ends.append(unscented_prediction(partial(predict, one), own, mixed))
+    for one, start in models:
+        starts.append(one.gaussian(start))
+        ends.append(unscented_prediction(one, partial(predict, one), start))
     m, P = (np.stack(a, axis) for a, axis in zip(zip(*starts, strict=True), (-2, -3), strict=True))
     mean, cov, D = (np.stack(a, axis) for a, axis in zip(zip(*ends, strict=True), (-2, -3, -3), strict=True))
-    spread = _deviation(m, c, part.angles)[..., :, None] * _deviation(mean, c, part.angles)[..., None, :]
+    spread = _deviation(m, c, angles)[..., :, None] * _deviation(mean, c, angles)[..., None, :]
     pair = (c[..., None, None] * (D + spread)).sum(-3)
-    return Gaussian(*moments(m, P, c, part.angles)), moments(mean, cov, c, part.angles)[1], pair
-
-
-def _mixed(filter: Any, state: Any, dt: float) -> tuple[NDArray, list[tuple[Any, Any]]]:
-    """Probability of each next model (..., K), its filter, and the state that it starts from."""
-    p = filter.numbers
-    Pi = chain(len(filter.models), p.stay, dt / p.step)
-    m, P, c = mix(state.m, state.P, state.mu, Pi, filter.components if p.own_components else None)
-    sure = np.ones(c[..., :1].shape)
-    return c, [
-        (replace(filter, models=(name,)), DataRegionState(sure, m[..., [k], :], P[..., [k], :, :]))
-        for k, name in enumerate(filter.models)
-    ]
+    return Gaussian(*moments(m, P, c, angles)), moments(mean, cov, c, angles)[1], pair
 
 
 def _deviation(means: NDArray, c: NDArray, angles: tuple[int, ...]) -> NDArray:

@@ -10,9 +10,9 @@ from scipy.stats import chi2
 
 from trackers import TRACKERS, RandomMatrix, Scan, find, prior
 from trackers.batch import stack, take
-from trackers.gaussian_part import Extent, part_of
 from trackers.geometry import extent_matrix, rotation, to_world, unit, wrap_angle
 from trackers.motion import PHI, coordinated_turn, turn_noise
+from trackers.protocols import Extent, Gaussian, Interacting, Smoothable
 from trackers.smoother import smooth, smooth_extents, smooth_moments, smooth_stacked
 
 DT, SIZE = 0.1, np.array([4.7, 1.85])
@@ -28,10 +28,18 @@ class LinearState(NamedTuple):
 
 
 class Linear:
-    """Position and velocity on a line, as a filter whose state the smoother has never seen."""
+    """Position and velocity on a line, a filter that the package does not know."""
+
+    angles = ()
 
     def __init__(self, Q=0.3):
         self.Q = Q
+
+    def gaussian(self, state):
+        return Gaussian(state.m, state.P)
+
+    def with_gaussian(self, state, gaussian):
+        return state._replace(m=gaussian.m, P=gaussian.P)
 
     def predict(self, state, dt):
         F = np.array([[1, dt], [0, 1]])
@@ -164,12 +172,12 @@ def test_every_filter_gets_states_of_its_own_kind_that_know_no_less(name):
     assert len(got) == len(states)
     for a, b in zip(got, states, strict=True):
         assert [np.shape(x) for x in leaves(a)] == [np.shape(x) for x in leaves(b)]
-    part, after = part_of(f, states[0]), stack(got)
-    value = np.linalg.eigvalsh(part.read(after).P)
+    after = stack(got)
+    value = np.linalg.eigvalsh(f.gaussian(after).P)
     assert (value > -1e-9 * value.max(-1, keepdims=True)).all()
     for a in leaves(f.estimate(after))[:8]:
         assert np.isfinite(a).all()
-    last = zip(part.read(got[-1]), part.read(states[-1]), strict=True)
+    last = zip(f.gaussian(got[-1]), f.gaussian(states[-1]), strict=True)
     for a, b in last:
         np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-14)
 
@@ -190,17 +198,16 @@ def take_second(state, i):
 
 
 @pytest.mark.parametrize("name", FILTERS)
-def test_looks_without_detections_at_the_end_tell_nothing_of_what_was_before(name):
+def test_scans_without_detections_at_the_end_change_nothing_before_them(name):
     f, states, _, _ = follow(find(name), seed=5, K=20, missing=(8, 11))
     more = [*states, f.predict(states[-1], DT)]
     more.append(f.predict(more[-1], DT))
-    part = part_of(f, states[0])
-    known, told = (part.read(stack(smooth(f, s, DT)[: len(states) - 1])) for s in (states, more))
-    tolerance = (
-        0.02 if part.mixture else 1e-6
-    )  # mixing changes what a model lacks, and so the moments of the last state
-    np.testing.assert_allclose(told.m, known.m, atol=tolerance)
-    np.testing.assert_allclose(told.P, known.P, atol=tolerance * np.abs(known.P).max())
+    short, long = (f.gaussian(stack(smooth(f, s, DT)[: len(states) - 1])) for s in (states, more))
+    # Mixing changes what a model lacks, and so the moments of the last state.
+    mixes = isinstance(f, Interacting) and f.mixed(states[0], DT) is not None
+    tolerance = 0.02 if mixes else 1e-6
+    np.testing.assert_allclose(long.m, short.m, atol=tolerance)
+    np.testing.assert_allclose(long.P, short.P, atol=tolerance * np.abs(short.P).max())
 
 
 @pytest.mark.parametrize("name", FILTERS)
@@ -219,12 +226,43 @@ def test_smoothing_lowers_the_errors_of_place_and_velocity(name):
         assert np.square(read(after)).mean() < 0.7 * np.square(read(before)).mean()
 
 
-def test_moments_of_a_wild_state_are_one_sentence():
-    class Wild(NamedTuple):
-        x: np.ndarray
+class PackedState(NamedTuple):
+    numbers: np.ndarray  # (..., 6) position, velocity, and their covariances row by row
 
-    with pytest.raises(TypeError, match=r"states of object must hold a Gaussian m .*, got a Wild; give it"):
-        smooth(object(), [Wild(np.zeros(2))] * 2, DT)
+
+class Packed(Linear):
+    """The same filter with a state of its own making."""
+
+    def gaussian(self, state):
+        return Gaussian(state.numbers[..., :2], state.numbers[..., 2:].reshape(*state.numbers.shape[:-1], 2, 2))
+
+    def with_gaussian(self, state, gaussian):
+        return PackedState(np.concatenate([gaussian.m, gaussian.P.reshape(*gaussian.m.shape[:-1], 4)], -1))
+
+    def predict(self, state, dt):
+        return self.with_gaussian(state, super().predict(LinearState(*self.gaussian(state)), dt))
+
+
+def test_a_filter_is_smoothed_whatever_its_state_looks_like_if_it_is_smoothable():
+    f, states, _ = linear_run(1, [0.1, 0.2, 0.1], lead=(2,))
+    packed = Packed()
+    want = stack(smooth(f, states, [0.1, 0.2, 0.1]))
+    got = stack(smooth(packed, [packed.with_gaussian(None, s) for s in states], [0.1, 0.2, 0.1]))
+    np.testing.assert_allclose(packed.gaussian(got).m, want.m, rtol=1e-12)
+    np.testing.assert_allclose(packed.gaussian(got).P, want.P, rtol=1e-12)
+
+
+@pytest.mark.parametrize("name", FILTERS)
+def test_every_filter_of_the_catalogue_is_smoothable(name):
+    assert isinstance(find(name), Smoothable)
+
+
+def test_a_filter_that_is_not_smoothable_is_named():
+    class Wild:
+        pass
+
+    with pytest.raises(TypeError, match="Wild must have angles, gaussian and with_gaussian to be smoothed"):
+        smooth(Wild(), [LinearState(np.zeros(2), np.eye(2))], DT)
 
 
 def test_no_state_and_times_that_do_not_fit_are_one_sentence():
@@ -290,9 +328,10 @@ def test_a_smoothed_extent_has_seen_all_detections_past_and_future_with_the_weig
         expected.append((share * nu[-1], share * R @ V[-1] @ R.T))
         nu.append(expected[-1][0] + n[k + 1])
         V.append(expected[-1][1] + seen[k + 1])
-    predicted = Extent(*(np.stack(c) for c in zip(*expected, strict=True)))
-    got = smooth_extents(Extent(6 + np.stack(nu), np.stack(V)), predicted._replace(nu=6 + predicted.nu), turn, 6.0)
     angle = np.append(0.0, np.cumsum(turn))
+    nu_expected, V_expected = (np.stack(c) for c in zip(*expected, strict=True))
+    predicted = Extent(6 + nu_expected, V_expected, angle[1:], 6.0)
+    got = smooth_extents(Extent(6 + np.stack(nu), np.stack(V), angle, 6.0), predicted)
     for k in range(6):
         weight = share ** np.abs(np.arange(6) - k)
         R = rotation(angle[k] - angle)
@@ -306,7 +345,7 @@ def test_models_that_are_all_alike_are_smoothed_as_one():
     _, states, _, _ = follow(f, seed=9, K=12, missing=(4, 6))
     _, many, _, _ = follow(three, seed=9, K=12, missing=(4, 6))
     one, mixed = stack(smooth(f, states, DT)), stack(smooth(three, many, DT))
-    want, got = part_of(f, one).read(one), part_of(three, mixed).read(mixed)
+    want, got = f.gaussian(one), three.gaussian(mixed)
     np.testing.assert_allclose(got.m, want.m, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(got.P, want.P, rtol=1e-7, atol=1e-9)
 

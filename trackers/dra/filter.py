@@ -4,8 +4,9 @@ Equations: docs/methods/data-regions.md, symbols after Xu et al. (2023); the rec
 docs/methods/interacting-models.md.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,8 +37,9 @@ from trackers.dra.state import (
     to_estimate,
 )
 from trackers.estimate import Estimate, check_estimate
-from trackers.imm import LEAST, chain, mix, reweight
+from trackers.imm import LEAST, chain, mix, moments, reweight
 from trackers.linalg import symmetrize
+from trackers.protocols import Gaussian, Smoothable
 from trackers.scan import Scan, check_scan
 
 PRIORS = ("uniform", "rays")
@@ -139,6 +141,35 @@ class DataRegion:
     def resize(self, state: DataRegionState, size: NDArray, size_std: NDArray) -> DataRegionState:
         """State with another size (..., 2) [m] of standard deviation size_std (..., 2) [m]."""
         return resized(state, size, size_std)
+
+    @property
+    def angles(self) -> tuple[int, ...]:
+        """No component of the state is an angle."""
+        return ()
+
+    def gaussian(self, state: DataRegionState) -> Gaussian:
+        """Mean and covariance of the state; of several models, of their mixture."""
+        if len(self.models) == 1:
+            return Gaussian(state.m[..., 0, :], state.P[..., 0, :, :])
+        return Gaussian(*moments(state.m, state.P, state.mu))
+
+    def with_gaussian(self, state: DataRegionState, gaussian: Gaussian) -> DataRegionState:
+        """The state with another mean and covariance, the same in every model."""
+        m = np.broadcast_to(gaussian.m[..., None, :], state.m.shape)
+        return state._replace(m=m, P=np.broadcast_to(gaussian.P[..., None, :, :], state.P.shape))
+
+    def mixed(self, state: DataRegionState, dt: float) -> tuple[NDArray, list[tuple[Smoothable, Any]]] | None:
+        """Probabilities (..., K) of the models after dt [s], and of each its filter and the state it starts from."""
+        if len(self.models) == 1:
+            return None
+        p = self.numbers
+        Pi = chain(len(self.models), p.stay, dt / p.step)
+        m, P, c = mix(state.m, state.P, state.mu, Pi, self.components if p.own_components else None)
+        sure = np.ones(c[..., :1].shape)
+        return c, [
+            (replace(self, models=(name,)), DataRegionState(sure, m[..., [k], :], P[..., [k], :, :]))
+            for k, name in enumerate(self.models)
+        ]
 
     def log_spatial(self, state: DataRegionState, scan: Scan, track: NDArray, detection: NDArray) -> NDArray:
         """Log density (G,) [1/m^2] of the detections with indices detection (G,) under the tracks track (G,)."""

@@ -21,7 +21,7 @@ from trackers.htg.objective import LOG_L, LOG_W, OMEGA, PHI, SPEED, Objective, P
 from trackers.htg.spatial import log_spatial
 from trackers.linalg import symmetrize
 from trackers.motion import cartesian_covariance, coordinated_turn, polar_moments, turn_noise
-from trackers.protocols import UpdateInfo
+from trackers.protocols import Gaussian, UpdateInfo
 from trackers.scan import Scan, check_scan
 
 
@@ -153,6 +153,19 @@ class HTGMap:
         P *= scale[..., :, None] * scale[..., None, :]
         P[..., LOG_L, LOG_L], P[..., LOG_W, LOG_W] = ((size_std / size)[..., i] ** 2 for i in range(2))
         return MotionSizeState(m, P)
+
+    @property
+    def angles(self) -> tuple[int, ...]:
+        """The heading."""
+        return (PHI,)
+
+    def gaussian(self, state: MotionSizeState) -> Gaussian:
+        """Mean and covariance of the state."""
+        return Gaussian(state.m, state.P)
+
+    def with_gaussian(self, state: MotionSizeState, gaussian: Gaussian) -> MotionSizeState:
+        """The state with another mean and covariance."""
+        return state._replace(m=gaussian.m, P=gaussian.P)
 
     def log_spatial(self, state: MotionSizeState, scan: Scan, track: NDArray, detection: NDArray) -> NDArray:
         """Log density (G,) [1/m^2] of the detections with indices detection (G,) under the tracks track (G,)."""

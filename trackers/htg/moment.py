@@ -18,7 +18,7 @@ from trackers.htg.pseudo import body_axes, inverse_axes, length, mean_extent, sa
 from trackers.htg.spatial import log_spatial
 from trackers.linalg import inverse, inverse_sqrtm, outer, sqrtm, symmetrize
 from trackers.motion import PHI
-from trackers.protocols import UpdateInfo
+from trackers.protocols import Extent, Gaussian, UpdateInfo
 from trackers.random_matrix.feldmann import RandomMatrix, RMState
 from trackers.scan import Scan, check_scan
 
@@ -75,6 +75,27 @@ class HTGMoment:
     def resize(self, state: RMState, size: NDArray, size_std: NDArray) -> RMState:
         """State with another size (..., 2) [m] of standard deviation size_std (..., 2) [m]."""
         return self.rm.resize(state, size, size_std)
+
+    @property
+    def angles(self) -> tuple[int, ...]:
+        """The heading."""
+        return self.rm.angles
+
+    def gaussian(self, state: RMState) -> Gaussian:
+        """Mean and covariance of the motion."""
+        return self.rm.gaussian(state)
+
+    def with_gaussian(self, state: RMState, gaussian: Gaussian) -> RMState:
+        """The state with another mean and covariance of the motion."""
+        return self.rm.with_gaussian(state, gaussian)
+
+    def extent(self, state: RMState) -> Extent:
+        """The density of the extent."""
+        return self.rm.extent(state)
+
+    def with_extent(self, state: RMState, extent: Extent) -> RMState:
+        """The state with another density of the extent."""
+        return self.rm.with_extent(state, extent)
 
     def log_spatial(self, state: RMState, scan: Scan, track: NDArray, detection: NDArray) -> NDArray:
         """Log density (G,) [1/m^2] of the detections with indices detection (G,) under the tracks track (G,)."""

@@ -30,7 +30,7 @@ from trackers.htg.pseudo import (
 from trackers.htg.sides import BoundProblem, fit
 from trackers.linalg import I2, sqrtm
 from trackers.motion import PHI
-from trackers.protocols import UpdateInfo
+from trackers.protocols import Extent, Gaussian, UpdateInfo
 from trackers.random_matrix.feldmann import RandomMatrix, RMState
 from trackers.scan import Scan, check_scan
 
@@ -138,6 +138,27 @@ class HTGOnline:
     def resize(self, state: OnlineState, size: NDArray, size_std: NDArray) -> OnlineState:
         """State with another size (..., 2) [m] of standard deviation size_std (..., 2) [m]."""
         return state._replace(rm=self.rm.resize(state.rm, size, size_std))
+
+    @property
+    def angles(self) -> tuple[int, ...]:
+        """The heading."""
+        return self.rm.angles
+
+    def gaussian(self, state: OnlineState) -> Gaussian:
+        """Mean and covariance of the motion."""
+        return self.rm.gaussian(state.rm)
+
+    def with_gaussian(self, state: OnlineState, gaussian: Gaussian) -> OnlineState:
+        """The state with another mean and covariance of the motion."""
+        return state._replace(rm=self.rm.with_gaussian(state.rm, gaussian))
+
+    def extent(self, state: OnlineState) -> Extent:
+        """The density of the extent."""
+        return self.rm.extent(state.rm)
+
+    def with_extent(self, state: OnlineState, extent: Extent) -> OnlineState:
+        """The state with another density of the extent."""
+        return state._replace(rm=self.rm.with_extent(state.rm, extent))
 
     def log_spatial(self, state: OnlineState, scan: Scan, track: NDArray, detection: NDArray) -> NDArray:
         """Log density (G,) [1/m^2] of the detections with indices detection (G,) under the tracks track (G,)."""

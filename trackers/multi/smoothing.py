@@ -15,7 +15,7 @@ def smooth_track(tracker: MultiObjectTracker, states: T, dt: ArrayLike) -> T:
     """Smooth the K states of one track, stacked along the first axis in the order of time, dt (K - 1,) [s] apart.
 
     Raises:
-        TypeError: the tracker's filter has states that hold no Gaussian.
+        TypeError: the tracker's filter is not `Smoothable`.
 
     """
 

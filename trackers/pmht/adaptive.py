@@ -31,7 +31,7 @@ from trackers.pmht.learner import Learner
 from trackers.pmht.learning import SplineContour
 from trackers.pmht.motion import predicted
 from trackers.pmht.state import LENGTH, moments_of, resized
-from trackers.protocols import Note
+from trackers.protocols import Gaussian, Note
 from trackers.scan import Scan
 
 NOTED_ABOVE = 0.2  # [m] that a comparison with the classes has to move an outline to be noted
@@ -73,6 +73,14 @@ class AdaptiveSpline:
     def angles(self) -> tuple[int, ...]:
         """Components of m that are angles, as of `SplinePmht`."""
         return self.spline.angles
+
+    def gaussian(self, state: AdaptiveState) -> Gaussian:
+        """Mean and covariance of the state."""
+        return Gaussian(state.m, state.P)
+
+    def with_gaussian(self, state: AdaptiveState, gaussian: Gaussian) -> AdaptiveState:
+        """The state with another mean and covariance."""
+        return state._replace(m=gaussian.m, P=gaussian.P)
 
     @property
     def classes(self) -> tuple[str, ...]:

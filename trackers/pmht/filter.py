@@ -26,6 +26,7 @@ from trackers.pmht.spline import chain
 from trackers.pmht.state import LEAST_SIZE, LENGTH, SplineState, estimate_of, moments_of, resized
 from trackers.pmht.symmetric import columns, polar_noise
 from trackers.pmht.visibility import directions, visibility_table, weights
+from trackers.protocols import Gaussian
 from trackers.range_rate import RangeRates
 from trackers.scan import Scan, check_scan
 
@@ -73,6 +74,14 @@ class SplinePmht:
     def angles(self) -> tuple[int, ...]:
         """The heading is unwrapped, but starts anew where a track does."""
         return (PHI,)
+
+    def gaussian(self, state: SplineState) -> Gaussian:
+        """Mean and covariance of the state."""
+        return Gaussian(state.m, state.P)
+
+    def with_gaussian(self, state: SplineState, gaussian: Gaussian) -> SplineState:
+        """The state with another mean and covariance."""
+        return state._replace(m=gaussian.m, P=gaussian.P)
 
     @cached_property
     def models(self) -> tuple[SplineModel, ...]:

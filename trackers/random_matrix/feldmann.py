@@ -14,7 +14,7 @@ from trackers.estimate import Estimate, check_estimate
 from trackers.geometry import extent_matrix, rotation, unit, wrap_angle
 from trackers.linalg import I2, inverse, inverse_sqrtm, outer, sqrtm, symmetrize
 from trackers.motion import OMEGA, PHI, SPEED, cartesian_covariance, coordinated_turn, polar_moments, turn_noise
-from trackers.protocols import UpdateInfo
+from trackers.protocols import Extent, Gaussian, UpdateInfo
 from trackers.random_matrix.surface import visible_offset
 from trackers.range_rate import RangeRates
 from trackers.scan import Scan, check_scan
@@ -151,6 +151,27 @@ class RandomMatrix:
         """State with another size (..., 2) [m] of standard deviation size_std (..., 2) [m]."""
         nu = degrees_of_freedom(size, size_std)
         return state._replace(nu=nu, V=(nu - 6)[..., None, None] * extent_matrix(state.m[..., PHI], size))  # (RM.4)
+
+    @property
+    def angles(self) -> tuple[int, ...]:
+        """The heading."""
+        return (PHI,)
+
+    def gaussian(self, state: RMState) -> Gaussian:
+        """Mean and covariance of the motion."""
+        return Gaussian(state.m, state.P)
+
+    def with_gaussian(self, state: RMState, gaussian: Gaussian) -> RMState:
+        """The state with another mean and covariance of the motion."""
+        return state._replace(m=gaussian.m, P=gaussian.P)
+
+    def extent(self, state: RMState) -> Extent:
+        """The density of the extent, which turns with the heading."""
+        return Extent(state.nu, state.V, state.m[..., PHI], 6.0)
+
+    def with_extent(self, state: RMState, extent: Extent) -> RMState:
+        """The state with another density of the extent."""
+        return state._replace(nu=extent.nu, V=extent.V)
 
     def _size(self, state: RMState) -> NDArray:
         M = rotation(state.m[..., PHI])

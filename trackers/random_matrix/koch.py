@@ -15,7 +15,7 @@ from trackers.batch import select
 from trackers.estimate import Estimate, check_estimate
 from trackers.geometry import extent_matrix, perpendicular, rotation, unit, wrap_angle
 from trackers.linalg import inverse, outer, symmetrize
-from trackers.protocols import UpdateInfo
+from trackers.protocols import Extent, Gaussian, UpdateInfo
 from trackers.random_matrix.feldmann import moments
 from trackers.range_rate import over_ground
 from trackers.scan import Scan, check_scan
@@ -127,6 +127,30 @@ class Koch:
         before, after = self.shape(state.extent), self.shape(X_hat)
         ratio = np.trace(before, axis1=-2, axis2=-1) / np.trace(after, axis1=-2, axis2=-1)
         return state._replace(P=state.P * ratio[..., None, None], nu=nu, X=(nu - 3)[..., None, None] * X_hat)
+
+    @property
+    def angles(self) -> tuple[int, ...]:
+        """No component of the state is an angle."""
+        return ()
+
+    def gaussian(self, state: KochState) -> Gaussian:
+        """Two Gaussians (..., 2, 3) of position, velocity, acceleration, one a coordinate; P is the factor."""
+        m = state.x.reshape(*state.x.shape[:-1], 3, 2).mT
+        return Gaussian(m, np.broadcast_to(state.P[..., None, :, :], (*m.shape, 3)))
+
+    def with_gaussian(self, state: KochState, gaussian: Gaussian) -> KochState:
+        """The state with another mean and factor; the heading is that of the velocity, and is held at standstill."""
+        x = gaussian.m.mT.reshape(*gaussian.m.shape[:-2], 6)
+        moves = self._speed(x) > self.least_speed
+        return state._replace(x=x, P=gaussian.P[..., 0, :, :], heading=np.where(moves, course(x), state.heading))
+
+    def extent(self, state: KochState) -> Extent:
+        """The density of the extent, which keeps its axes in a prediction."""
+        return Extent(state.nu, state.X, np.zeros(state.nu.shape), 3.0)
+
+    def with_extent(self, state: KochState, extent: Extent) -> KochState:
+        """The state with another density of the extent."""
+        return state._replace(nu=extent.nu, X=extent.V)
 
     def innovation_factor(self, P: NDArray, n: NDArray) -> NDArray:
         """S (...), the factor of the innovation covariance, from the factor P (..., 3, 3) and the count n (...)."""

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from trackers.batch import select
 from trackers.estimate import Estimate
-from trackers.geometry import rotation, to_frame, unit
-from trackers.protocols import UpdateInfo
+from trackers.geometry import rotation, to_frame, unit, wrap_angle
+from trackers.protocols import Gaussian, UpdateInfo
 from trackers.random_matrix.adaptation import Descent, Difference, GaussNewton, Rule, Variances, descend
 from trackers.random_matrix.box import box_hits, box_outline, box_sector
 from trackers.random_matrix.ellipse import near_hits, outline, root_of, sector_fan, tangent_sector
@@ -145,6 +145,22 @@ class VirtualMeasurements:
     def resize(self, state: ContourState, size: NDArray, size_std: NDArray) -> ContourState:
         """State with another size (..., 2) [m] of standard deviation size_std (..., 2) [m]."""
         return state._replace(size=size.copy(), size_std=size_std.copy())
+
+    @property
+    def angles(self) -> tuple[int, ...]:
+        """No component of the filter's state is an angle."""
+        return self.koch.angles
+
+    def gaussian(self, state: ContourState) -> Gaussian:
+        """The Gaussians of the filter."""
+        return self.koch.gaussian(state.koch)
+
+    def with_gaussian(self, state: ContourState, gaussian: Gaussian) -> ContourState:
+        """The state with other Gaussians of the filter; the contour moves and turns with it, as in the prediction."""
+        koch = self.koch.with_gaussian(state.koch, gaussian)
+        turn = wrap_angle(koch.heading - state.koch.heading)
+        shift = koch.x[..., :2] - state.koch.x[..., :2]
+        return state._replace(koch=koch, centre=state.centre + shift, tilt=state.tilt + turn)
 
     def virtual(self, sensor: NDArray, centre: NDArray, L: NDArray) -> tuple[NDArray, NDArray]:
         """Virtual detections (..., B, 2) [m] of contours with centre (..., 2) and root L (..., 2, 2), and their mask.
