@@ -33,9 +33,9 @@ def told(monkeypatch, command):
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
-    """A folder with the runs of the part, and what the command said."""
+    """A folder with the runs of the part, and what the command said; one job: its own processes start slowly."""
     out = tmp_path_factory.mktemp("regress")
-    return out, call(*PART, "--out", out)
+    return out, call(*PART, "--jobs", 1, "--out", out)
 
 
 @pytest.fixture
@@ -62,12 +62,12 @@ def test_the_code_at_hand_is_as_good_as_the_baselines(runs):
     assert "8 results held against baselines: 8 good" in done.stdout
 
 
-def test_a_worse_filter_fails_with_its_numbers_its_xml_and_its_log(runs, easier, tmp_path):
+def test_a_worse_filter_fails_with_its_numbers_its_xml_and_its_log(told, runs, easier, tmp_path):
     out, _ = runs
-    done = call(*PART, "--out", out, "--baselines", easier, "--junit", tmp_path / "deep" / "j.xml")
-    assert done.returncode == 1, done.stderr
-    assert "0 runs made, 16 found" in done.stdout
-    (row,) = [line for line in done.stdout.splitlines() if "GOSPA" in line]
+    done = told(*PART, "--out", out, "--baselines", easier, "--junit", tmp_path / "deep" / "j.xml")
+    assert done.status == 1, done.err
+    assert "0 runs made, 16 found" in done.out
+    (row,) = [line for line in done.out.splitlines() if "GOSPA" in line]
     assert row.split()[:2] == ["htg-mm,", "cut-in"]
     (failed,) = [
         case for case in ElementTree.parse(tmp_path / "deep" / "j.xml").iter("testcase") if len(case.findall("failure"))
@@ -75,7 +75,7 @@ def test_a_worse_filter_fails_with_its_numbers_its_xml_and_its_log(runs, easier,
     assert (failed.get("classname"), failed.get("name")) == ("regress.htg-mm", "cut-in")
     (log,) = (out / "logs").glob("*.rrd")
     assert log.stat().st_size > 100_000
-    assert f"testbed review {log}" in done.stdout
+    assert f"testbed review {log}" in done.out
     assert "cut-in_htg-mm" in log.name
 
 
@@ -134,7 +134,7 @@ def test_runs_of_other_code_are_replaced(told, tmp_path):
     assert "0 runs made, 2 found" in told(*one)[1]
 
 
-def test_ctrl_c_ends_it_and_the_next_call_goes_on(tmp_path):
+def test_ctrl_c_ends_it_and_the_next_call_goes_on(told, tmp_path):
     part = [*TESTBED, "--tracker", "rm-feldmann", "--tracker", "rm-koch", "--scenario", "following"]
     command = [*part, "--jobs", "1", "--out", str(tmp_path)]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=PLAIN)
@@ -145,9 +145,9 @@ def test_ctrl_c_ends_it_and_the_next_call_goes_on(tmp_path):
     said, _ = process.communicate(timeout=120)
     assert process.returncode == 130
     assert "interrupted" in said
-    done = call(*command[len(TESTBED) :])
-    assert done.returncode == 0, done.stderr
-    assert "4 runs made" not in done.stdout
+    done = told(*command[len(TESTBED) :])
+    assert done.status == 0, done.err
+    assert "4 runs made" not in done.out
 
 
 @pytest.mark.parametrize(
@@ -180,7 +180,7 @@ def test_a_folder_of_something_else_is_left_alone(told, tmp_path):
     assert (tmp_path / "rows" / "mine").exists()
 
 
-def test_the_help_has_examples():
-    done = call("--help")
-    assert done.returncode == 0
-    assert "testbed regress --update --tracker htg-map" in done.stdout
+def test_the_help_has_examples(told):
+    done = told("--help")
+    assert done.status == 0
+    assert "testbed regress --update --tracker htg-map" in done.out
