@@ -23,7 +23,7 @@ from trackers import find as find_tracker
 from trackers.protocols import Filter
 from trackers.range_rate import RangeRates
 
-Report = Callable[[float, float, str], None]  # done, total, what
+Progress = Callable[[float, float, str], None]  # done, total, name of the next benchmark
 IDLE = 1  # of DiscreteMetaAction
 VEHICLES = (10, 20, 50)
 ROAD_VEHICLES = (10, 20, 50, 100)
@@ -70,8 +70,8 @@ def perception(steps: int) -> Table:
         stepping(tracked, steps)
         frames = native.unwrapped.config["simulation_frequency"] // native.unwrapped.config["policy_frequency"]  # type: ignore[attr-defined]
         frame = median(simulation) / frames * 1e3
-        sense, track = ((tracked.seconds[k] - before[k]) / (steps * frames) * 1e3 for k in ("sense", "track"))
-        table.add_row(str(n), f"{frame:.2f}", f"{sense:.2f}", f"{track:.2f}", f"{(sense + track) / frame:.2f}")
+        radar, track = ((tracked.seconds[k] - before[k]) / (steps * frames) * 1e3 for k in ("sense", "track"))
+        table.add_row(str(n), f"{frame:.2f}", f"{radar:.2f}", f"{track:.2f}", f"{(radar + track) / frame:.2f}")
     return table
 
 
@@ -121,7 +121,7 @@ def rays(repeat: int) -> Table:
     return table
 
 
-def look(objects: int) -> Scan:
+def scan_of(objects: int) -> Scan:
     """Detections (objects, 20) all over a car ahead, by a radar that moves with it."""
     rng, (centre, size, speed) = np.random.default_rng(0), CAR
     xy = centre + rng.uniform(-size / 2, size / 2, (objects, DETECTIONS, 2))
@@ -131,9 +131,9 @@ def look(objects: int) -> Scan:
     return Scan(polar, np.ones(polar.shape[:2], bool), np.zeros((1, 3)), np.array([[speed, 0.0]]), noise)
 
 
-def looking(filter: Filter, objects: int, repeat: int) -> float:
+def cycle(filter: Filter, objects: int, repeat: int) -> float:
     """Wall time [s] of one prediction and update, per object."""
-    (centre, _, speed), scan = CAR, look(objects)
+    (centre, _, speed), scan = CAR, scan_of(objects)
     before = np.tile([centre[0] - FRAME * speed, centre[1], 0.0], (objects, 1))
     state = filter.init(prior(before, velocity=np.tile([speed, 0.0], (objects, 1))))
     return seconds(lambda: filter.update(filter.predict(state, FRAME), scan), repeat) / objects
@@ -141,7 +141,7 @@ def looking(filter: Filter, objects: int, repeat: int) -> float:
 
 def filters(repeat: int) -> Table:
     """Filters of the later papers beside the plain random matrix."""
-    table = _table(f"filters, {DETECTIONS} detections an object, per look", "filter", "as", "one object [ms]", "goal",
+    table = _table(f"filters, {DETECTIONS} detections an object, per scan", "filter", "as", "one object [ms]", "goal",
                    "one of 100 [ms]", "goal", "times rm-feldmann", "of 100")  # fmt: skip
     paper = find_tracker("pmht-spline", model="yao2021", visibility="none", rates=RangeRates(weight=0.0), outward=0.0)
     cases = (
@@ -154,7 +154,7 @@ def filters(repeat: int) -> Table:
     )
     plain: list[float] = []
     for name, form, filter, *goals in cases:
-        times = [looking(filter, objects, repeat) for objects in OBJECTS]
+        times = [cycle(filter, objects, repeat) for objects in OBJECTS]
         plain = plain or times
         one, many = times
         table.add_row(name, form, f"{one * 1e3:.2f}", goals[0], f"{many * 1e3:.3f}", goals[1],
@@ -162,9 +162,9 @@ def filters(repeat: int) -> Table:
     return table
 
 
-def measure(quick: bool = False, report: Report | None = None) -> list[Table]:
-    """All benchmarks; report(done, total, what) before each."""
-    tell = report or (lambda done, total, what: None)
+def measure(quick: bool = False, progress: Progress | None = None) -> list[Table]:
+    """All benchmarks; progress(done, total, name) is called before each."""
+    notify = progress or (lambda done, total, what: None)
     steps = 3 if quick else 10
     parts: tuple[tuple[str, Callable[[], Table]], ...] = (
         ("perception", lambda: perception(steps)),
@@ -175,9 +175,9 @@ def measure(quick: bool = False, report: Report | None = None) -> list[Table]:
     )
     tables = []
     for i, (what, part) in enumerate(parts):
-        tell(i, len(parts), what)
+        notify(i, len(parts), what)
         tables.append(part())
-    tell(len(parts), len(parts), "done")
+    notify(len(parts), len(parts), "done")
     return tables
 
 

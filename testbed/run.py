@@ -39,14 +39,16 @@ class RunConfig:
         if not self.trackers:
             raise ValueError("trackers must name at least one tracker, got none")
         if self.duration is not None and not (self.duration > 0 and isfinite(self.duration)):
-            raise ValueError(f"duration must be positive and finite, got {self.duration} s; leave it out for the usual")
+            raise ValueError(
+                f"duration must be positive and finite, got {self.duration} s; leave it out for the scenario's own"
+            )
         if self.seed < 0:
             raise ValueError(f"seed must not be negative, got {self.seed}; take 0 or more")
 
 
 @dataclass(frozen=True)
 class RunResult:
-    """What a run leaves behind."""
+    """Results and files of a run."""
 
     config: RunConfig
     result: dict[str, Any]  # see `Recorder.result`
@@ -116,7 +118,7 @@ def run(
         start, cpu, done = perf_counter(), process_time(), False
         try:
             while not done and wish.signal is None:
-                action, tracked.plan = planner.drive(env)
+                action, tracked.plan = planner.choose(env)
                 _, _, terminated, truncated, _ = env.step(action)
                 done = terminated or truncated
                 if progress:

@@ -1,13 +1,13 @@
 """What a planner sees: a highway-env road that holds the controlled vehicles and the tracks, and nothing else.
 
-What is known is known from one of three sources:
+Its contents come from:
 
-- odometry: the controlled vehicles themselves, as they are;
+- odometry: the controlled vehicles themselves;
 - the map: lanes, landmarks, and obstacles that mark where a lane ends or stand beside all lanes (`is_map`);
 - the tracks: everything else, also an obstacle that stands in the middle of a lane.
 
-Track vehicles are ordinary highway-env traffic, so that a copy of the environment can be stepped into the future. Facts
-about highway-env: card highway_env, sections 1.4 and 3.
+Track vehicles are ordinary highway-env traffic, so that a copy of the environment can be stepped into the future. What
+highway-env does and why this follows: docs/methods/environment.md.
 """
 
 from collections.abc import Callable, Sequence
@@ -33,20 +33,20 @@ from trackers.geometry import rotation, unit
 
 MAX_SPEED = 80.0  # [m/s] no road vehicle is faster
 MAX_DISTANCE = 500.0  # [m] from every controlled vehicle; twice the reach of a long range radar
-MIN_SIZE = np.array([0.3, 0.3])  # [m] sizes are clipped to these limits, a vehicle of absurd size is still a vehicle
+MIN_SIZE = np.array([0.3, 0.3])  # [m] sizes are clipped to these limits: a track of implausible size is kept
 MAX_SIZE = np.array([30.0, 5.0])  # [m]
 
 
 class TrackVehicle(IDMVehicle):
-    """A track as traffic: shows the estimate until it is first stepped, then drives on by IDM and MOBIL.
+    """A track as traffic: it has the state of the estimate until it is first stepped, then moves by IDM and MOBIL.
 
-    All constants are its own, because `intersection-*` overwrites those of IDMVehicle for the whole process.
+    It defines all constants, because `intersection-*` overwrites those of IDMVehicle for the whole process.
     """
 
     DISTANCE_WANTED = 5.0  # [m] from bumper to bumper
     COMFORT_ACC_MAX = 3.0  # [m/s^2]
     COMFORT_ACC_MIN = -5.0  # [m/s^2]
-    KP_LATERAL = 1 / 2.0  # [1/s] soft: the stock lane change takes 1.2 s
+    KP_LATERAL = 1 / 2.0  # [1/s] a lane change in about 4 s; with highway-env's gains it takes 1.2 s
     KP_HEADING = 1 / 0.6  # [1/s]
 
     def __init__(
@@ -88,7 +88,7 @@ class TrackVehicle(IDMVehicle):
         return self.speed * self.direction if self._estimated is None else self._estimated.copy()
 
     def step(self, dt: float) -> None:
-        """Drive on by dt [s]; from here on this is a prediction."""
+        """Move on by dt [s]; from here on the velocity is that of the motion model, not the estimate."""
         super().step(dt)
         self._estimated = None
 
@@ -99,22 +99,23 @@ class TrackVehicle(IDMVehicle):
 
 
 def advance(estimate: Estimate, lag: float) -> Estimate:
-    """The estimates lag [s] later at constant velocity and yaw rate; the uncertainties are left as they are."""
+    """The estimates predicted by lag [s] at constant velocity and yaw rate; the uncertainties are not changed."""
     turn = lag * np.asarray(estimate.yaw_rate)
-    with np.errstate(invalid="ignore"):  # what is not finite is sorted out by `plausible`
+    with np.errstate(invalid="ignore"):  # estimates that are not finite are dropped by `plausible`
         step = np.concatenate([lag * estimate.velocity, turn[..., None]], -1)
     pose = estimate.pose + step
     contour = estimate.contour
     if contour is not None:
-        arms = (contour - estimate.pose[..., None, :2]) @ rotation(turn).mT
-        contour = pose[..., None, :2] + arms
+        offsets = (contour - estimate.pose[..., None, :2]) @ rotation(turn).mT
+        contour = pose[..., None, :2] + offsets
     return estimate._replace(pose=pose, contour=contour)
 
 
 def plausible(estimate: Estimate, egos: Sequence[Vehicle]) -> NDArray:
     """Which of T estimates a planner can use, (T,) bool.
 
-    Not: values that are not finite, impossible speeds, positions out of reach, a centre inside a controlled vehicle.
+    Left out are values that are not finite, speeds above `MAX_SPEED`, positions beyond `MAX_DISTANCE`, and centres
+    inside a controlled vehicle.
     """
     rows = np.column_stack([estimate.pose, estimate.velocity, estimate.size])
     finite = np.isfinite(rows).all(-1)
@@ -152,9 +153,9 @@ def track_vehicles(road: Road, ids: NDArray, estimate: Estimate, egos: Sequence[
 
 
 def mirror_vehicle(road: Road, vehicle: Vehicle) -> TrackVehicle:
-    """A perfect track: the vehicle exactly as highway-env's own observations show it, last bit included.
+    """A perfect track: a vehicle for which highway-env's observations equal those of the original bit by bit.
 
-    A vehicle of several bodies is shown by their bounding box: highway-env knows of the first body only.
+    A vehicle of several bodies becomes their bounding box: highway-env's own state is that of the first body only.
     """
     position, heading, velocity, speed = vehicle.position, vehicle.heading, vehicle.velocity, vehicle.speed
     size = np.array([vehicle.LENGTH, vehicle.WIDTH])
@@ -171,7 +172,7 @@ def mirror_vehicle(road: Road, vehicle: Vehicle) -> TrackVehicle:
 
 
 def is_map(road: Road, thing: RoadObject) -> bool:
-    """True for an object of the road that is known from the map; see the head of this module."""
+    """Whether an object of the road belongs to the map: not solid, beside all lanes, or where a lane ends."""
     if not thing.solid:
         return True
     reach = thing.diagonal / 2
@@ -192,9 +193,9 @@ def _empty_belief(truth: Road, objects: list[RoadObject], rng: np.random.Generat
 def belief_road(
     truth: Road, egos: Sequence[Vehicle], ids: NDArray, estimate: Estimate, rng: np.random.Generator
 ) -> Road:
-    """The road as believed: map, controlled vehicles, then the tracks with ids (T,) by distance.
+    """The belief road: map, controlled vehicles, then the tracks with ids (T,) by distance.
 
-    Only the map is taken from `truth`; rng feeds predictions on copies of the road.
+    Of `truth` only the map is used. rng is for the random choices of vehicles when a copy of the road is stepped.
     """
     road = _empty_belief(truth, [o for o in truth.objects if is_map(truth, o)], rng)
     road.vehicles = [*egos, *track_vehicles(road, ids, estimate, egos)]
@@ -202,14 +203,14 @@ def belief_road(
 
 
 def mirror_road(truth: Road, egos: Sequence[Vehicle], rng: np.random.Generator) -> Road:
-    """The road under perfect tracks: everything is known, in the order of the true list of vehicles."""
+    """The belief road with perfect tracks: all vehicles and objects, in the order of the true list of vehicles."""
     road = _empty_belief(truth, list(truth.objects), rng)
     road.vehicles = [v if any(v is ego for ego in egos) else mirror_vehicle(road, v) for v in truth.vehicles]
     return road
 
 
 class BeliefView:
-    """Stands in for the environment before an observation type: everything is the environment's, but the road."""
+    """What observation types get in place of the environment: all attributes are the environment's, but `road`."""
 
     def __init__(self, env: AbstractEnv, road: Callable[[], Road]) -> None:
         self._env, self._road = env, road
@@ -220,7 +221,7 @@ class BeliefView:
         return self._road()
 
     def __getattr__(self, name: str) -> Any:
-        if name.startswith("__") or name in ("_env", "_road"):  # copy and pickle ask for these on empty objects
+        if name.startswith("__") or name in ("_env", "_road"):  # copy and pickle read these before __init__
             raise AttributeError(name)
         return getattr(self._env, name)
 
@@ -230,7 +231,7 @@ class BeliefView:
 
 
 def attach_view(observation_type: ObservationType, view: BeliefView) -> None:
-    """Let an observation type, and all that it is made of, look through the view."""
+    """Give an observation type, and all its parts, the view in place of the environment."""
     for part in every_part(observation_type):
         part.env = view
         if hasattr(part, "viewer"):  # the camera of GrayscaleObservation
@@ -238,10 +239,10 @@ def attach_view(observation_type: ObservationType, view: BeliefView) -> None:
 
 
 class RoadSwap:
-    """Shows an environment's true road to the simulator and the belief road to everybody else.
+    """Switches an environment between its true road, while it simulates, and the belief road, between calls.
 
-    A live thing: copies of the environment carry None in its place. While the truth is hidden, whatever else still
-    points at it copies the belief road instead.
+    A deep copy of the environment holds None in its place. While the true road is hidden, a deep copy of it is one of
+    the belief road, so that nothing that still refers to the true road copies the truth.
     """
 
     def __init__(self, env: AbstractEnv) -> None:
@@ -254,7 +255,7 @@ class RoadSwap:
 
     @property
     def hidden(self) -> bool:
-        """True while the truth is out of sight."""
+        """Whether the belief road is in place."""
         return self._truth is not None
 
     def hide(self, belief: Road) -> None:

@@ -1,7 +1,7 @@
-"""The kinematic observation of highway-env, number by number, in a tenth of its time.
+"""The kinematic observation of highway-env without data frames: the same numbers in a tenth of the time.
 
-highway-env builds several pandas data frames for every observation of ten vehicles, which takes longer than to simulate
-a frame. Its own arithmetic runs here on a dict of columns instead.
+highway-env builds several pandas data frames for every observation, which takes longer than simulating a frame of ten
+vehicles. Here its own arithmetic runs on a dict of columns.
 """
 
 from collections.abc import Iterator
@@ -15,7 +15,7 @@ class ColumnKinematics(KinematicObservation):
     """Kinematics of the nearby vehicles, observed without a data frame."""
 
     def observe(self) -> NDArray:
-        """Features (V, F) of the observer and of the vehicles near it, as `KinematicObservation.observe`."""
+        """Features (V, F) of the ego and of the vehicles near it, equal to `KinematicObservation.observe`."""
         if not self.env.road:
             return np.zeros(self.space().shape)
         ego = self.observer_vehicle
@@ -32,7 +32,7 @@ class ColumnKinematics(KinematicObservation):
         own = ego.to_dict()
         columns = {name: np.array([own[name], *(v.get(name, np.nan) for v in seen)], float) for name in self.features}
         if self.normalize:
-            self.normalize_obs(columns)  # asks for nothing that a dict of columns does not have
+            self.normalize_obs(columns)  # uses columns by name only, so a dict will do for the data frame
         rows = np.zeros((max(self.vehicles_count, 1 + len(seen)), len(self.features)))
         rows[: 1 + len(seen)] = np.stack([columns[name] for name in self.features], -1)
         if self.order == "shuffled":
@@ -41,7 +41,7 @@ class ColumnKinematics(KinematicObservation):
 
 
 def every_part(observation_type: ObservationType) -> Iterator[ObservationType]:
-    """An observation type and all that it is made of."""
+    """An observation type and its parts, recursively."""
     yield observation_type
     for name in ("agents_observation_types", "observation_types"):
         for part in getattr(observation_type, name, ()):

@@ -26,11 +26,11 @@ from trackers.scan import Scan, SensorModel
 
 
 class RadarLike(Protocol):
-    """What `Perception` asks of a radar."""
+    """A radar that `Perception` can use."""
 
     @property
     def models(self) -> tuple[SensorModel, ...]:
-        """Data sheets for the trackers."""
+        """Parameters of each sensor, for the trackers."""
 
     @property
     def rate(self) -> float | None:
@@ -41,7 +41,7 @@ class RadarLike(Protocol):
 
 
 class TrackerLike(Protocol):
-    """What `Perception` asks of a multi-object tracker."""
+    """A multi-object tracker that `Perception` can use."""
 
     def start(self) -> Tracks:
         """No tracks."""
@@ -51,7 +51,7 @@ class TrackerLike(Protocol):
 
 
 class Cost(NamedTuple):
-    """What one tracker has cost so far."""
+    """Computation time of one tracker so far."""
 
     seconds: float = 0.0  # wall time
     scans: int = 0
@@ -92,7 +92,7 @@ def tracker_of(tracker: Any, radar: RadarLike) -> TrackerLike | None:
 
 
 def on_road(tracker: TrackerLike | None, road: RoadMap) -> TrackerLike | None:
-    """The tracker with the map of the episode, unless it has a map or wants none."""
+    """The tracker with the map of the episode; one that has a map, or that takes none, is returned as it is."""
     if isinstance(tracker, MultiObjectTracker) and tracker.road is None:
         return replace(tracker, road=road)
     return tracker
@@ -117,7 +117,7 @@ def _split(entry: Mapping[str, Any], what: str) -> tuple[str, dict[str, Any]]:
 
 
 def truth_tracks(scene: Scene) -> Tracks:
-    """The objects of a scene as N tracks without any doubt; ids are those of the scene."""
+    """The objects of a scene as N tracks with tiny uncertainty; ids are those of the scene."""
     o = scene.objects
     n = len(o.id)
     tiny = 1e-6
@@ -175,7 +175,7 @@ class Perception:
 
         Args:
             read: the scene now, given the number of simulated frames since the start; its `dt` is replaced.
-            road: for trackers that want a map and have none.
+            road: for trackers that use a map and have none.
             rng: of the radar.
             frequency: simulated frames a second [1/s]; None: every frame has a scan, whatever the radar's rate.
             action: in the first frame, where no planner has chosen one.

@@ -1,4 +1,4 @@
-"""One episode on record: scores every frame against the truth, feeds the review log, leaves a JSON of the results."""
+"""Recorder of one episode: compares every frame with the truth, writes the review log and a JSON of the results."""
 
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
@@ -101,7 +101,7 @@ class Recorder:
         self.seconds["log"] += perf_counter() - scored
 
     def result(self) -> dict[str, Any]:
-        """Everything measured so far: flat rows that JSON takes."""
+        """All measures so far as JSON types: the run, the drive, and for each tracker totals, phases and objects."""
         return {
             "run": {
                 "id": self.meta.run_id,
@@ -124,8 +124,14 @@ class Recorder:
         """Finish log and JSON, once; nothing is written of an episode without a frame.
 
         Args:
-            interrupted: the scenario was to go on.
-            timing: wall time [s] by part, and cost of each tracker; without it what this recorder itself took.
+            interrupted: whether the run ended before the scenario did.
+            timing: wall time [s] by part, and cost of each tracker; None: the wall time of metrics and log alone.
+
+        Returns:
+            What `result` gives, with `interrupted` and `timing`.
+
+        Raises:
+            OSError: log or results cannot be written.
         """
         if self._result is None:
             self._result = self.result() | {"interrupted": interrupted, "timing": dict(timing or self.seconds)}
@@ -144,7 +150,7 @@ class Recorder:
             try:
                 for name in self._past:
                     self._smooth(name)
-            finally:  # whatever happens to the smoother, the log has its end
+            finally:  # the log is closed even where smoothing fails
                 self.log.close({**{f"drive_{k}": v for k, v in self.drive.summary().items()}, **summary})
 
     def _smooth(self, name: str) -> None:
@@ -156,14 +162,14 @@ class Recorder:
 
     @contextmanager
     def _writing_log(self) -> Iterator[None]:
-        """Tell a failing disk, which rerun reports as a RuntimeError of its writer, from a defect."""
+        """Raise OSError where the disk fails, which rerun reports as a RuntimeError of its writer."""
         try:
             yield
         except RuntimeError as error:
             raise OSError(f"cannot write the log {self.log.path}: {error}; is the disk full?") from error
 
     def _drop_old_results(self) -> None:
-        """A run that is killed must not leave the results of an older one beside its log."""
+        """Delete the results of an older run: a killed run must not leave them beside its own log."""
         try:
             self.json_path.unlink(missing_ok=True)
         except OSError as error:
@@ -185,7 +191,7 @@ class Recorder:
         return [("ERROR", f"collision: {who}")]
 
     def _lost_events(self, name: str, time: float, score: FrameScore) -> list[tuple[str, str]]:
-        """Objects in sight that have been without their track for a second."""
+        """Events of counted objects that have been without a track for `LOST_AFTER`."""
         held, missing = self._held[name], self._missing[name]
         for key, track in score.pairs.items():
             held[key] = track
@@ -200,7 +206,7 @@ class Recorder:
 
 
 def road_geometry(lanes: Sequence[LaneShape]) -> RoadGeometry:
-    """What the log draws of a road."""
+    """Lines and surfaces of a road, for the log to draw."""
     lines = [pair for lane in lanes for pair in zip(lane.borders, lane.lines, strict=True)]
     return RoadGeometry(
         edges=tuple(line for line, kind in lines if is_drawn(kind) and not is_dashed(kind)),

@@ -19,9 +19,9 @@ def env_id(scenario: str) -> str:
 def register_scenarios() -> None:
     """Register all scenarios; a second call changes nothing.
 
-    The entry point mounts radar and trackers itself, so that `gym.make(id, tracker=..., radar=...)` reaches them, and
-    the wrapper is the outermost: `env.truth` and `env.tracks` are there without unwrapping. The checks of gymnasium's
-    own wrappers are left out; `TrackedEnv` refuses a step before reset, the tests run `check_env` on every id.
+    The entry point makes the wrapped environment, so that `gym.make(id, tracker=..., radar=...)` takes its arguments
+    and `env.truth` and `env.tracks` need no unwrapping. Gymnasium's own checking wrappers are left out: `TrackedEnv`
+    itself refuses a step before the first reset, and the tests run `check_env` on every id.
     """
     for name in SCENARIOS:
         if env_id(name) not in gym.registry:

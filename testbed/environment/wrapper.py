@@ -1,10 +1,10 @@
-"""The gymnasium wrapper: any highway-env environment, with a radar and a tracker between the world and the planner.
+"""The gymnasium wrapper: any highway-env environment, with a radar and trackers between the world and the planner.
 
-Three hooks, none of which changes the simulation (card highway_env, section 3):
+Three hooks, none of which changes the simulation (docs/methods/environment.md):
 
-- frame tap: while `step` runs, every simulated frame ends with a look of the radar;
-- belief view: observation types look at a road that holds the tracks;
-- road swap: between calls `env.unwrapped.road` is that road, so planners that read it, or copy it, plan on tracks.
+- frame tap: while `step` runs, `Perception.step` is called at the end of every simulated frame;
+- belief view: observation types read the belief road, which holds the tracks;
+- road swap: between calls `env.unwrapped.road` is the belief road, so planners that read or copy it plan on tracks.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -38,7 +38,7 @@ from trackers.multi.tracks import Tracks
 from trackers.scan import Scan
 
 RADAR = "surround"  # mounted where no radar is named
-SLOWEST_CRUISE = 8.0  # [m/s] otherwise the speed at which the episode began
+SLOWEST_CRUISE = 8.0  # [m/s] lower limit of the cruise speed, which is the ego's speed at the reset
 SENSOR_STREAM, BELIEF_STREAM = 1, 2  # spawn keys beside the traffic's own stream
 
 
@@ -55,7 +55,7 @@ def describe_action(action_type: ActionType, action: Any) -> str:
 
 @contextmanager
 def frame_tap(road: Road, on_frame: Callable[[], None]) -> Iterator[None]:
-    """Call on_frame() after each step of the road; a copy made meanwhile would inherit the call, so make none."""
+    """Call on_frame() after each step of the road; do not copy the road meanwhile: the copy would call it too."""
     step = road.step
 
     def tapped(dt: float) -> None:
@@ -73,8 +73,10 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
     """A highway-env environment whose observation, and whose road between calls, are built from tracks.
 
     Reward, termination, truncation and rendering are those of the true world. Traffic draws from the environment's own
-    generator, the radar from another: the same seed and actions give the same traffic whatever is mounted. In a deep
-    copy the senses are gone: it steps the believed world, and only that.
+    generator, the radar from another: the same seed and actions give the same traffic whatever is mounted.
+
+    A deep copy has no radar and no tracker. Its road is a copy of the belief road, and stepping it predicts the tracks
+    as traffic, for planners that search with copies of the environment.
     """
 
     def __init__(
@@ -91,13 +93,19 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
 
         Args:
             env: any highway-env environment.
-            tracker: drives the planner: a name of `trackers.TRACKERS`, {"name": name, parameter: value, ...}, "truth"
-                for perfect tracks, a filter, or an object with the verbs of `MultiObjectTracker`.
+            tracker: the one whose tracks the planner gets: a name of `trackers.TRACKERS`, {"name": name, parameter:
+                value, ...}, "truth" for perfect tracks, a filter, or an object with `start` and `step` as
+                `MultiObjectTracker` has them.
             radar: a name of `sensors.RADARS`, {"name": name, parameter: value, ...}, or an object like `sensors.Radar`.
             also: further trackers that get the same detections.
             out: directory for the log and the results of every episode; None: nothing is written.
             log: what goes into the log: full, metrics, or off for results only.
-            planner: name of who is going to drive, for the files.
+            planner: name of the planner, for the names of the files.
+
+        Raises:
+            TypeError: `env` is no highway-env environment.
+            ValueError: an unknown `log`, two trackers of one name, or a dict without "name".
+            LookupError: an unknown tracker or radar; the nearest name is suggested.
         """
         gym.utils.RecordConstructorArgs.__init__(
             self, tracker=tracker, radar=radar, also=list(also), out=out, log=log, planner=planner
@@ -108,8 +116,8 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
         if log not in LEVELS:
             raise ValueError(f"log must be one of {', '.join(LEVELS)}, got {log!r}")
         self.out, self.log, self.planner = out, log, planner
-        self.plan: NDArray = np.zeros((0, 2))  # [m] where the planner means to go; set before `step`, for the observers
-        self.cruise_speed = SLOWEST_CRUISE  # [m/s] what a planner drives at where nothing is in the way
+        self.plan: NDArray = np.zeros((0, 2))  # (P, 2) [m] the planner's path; set before `step`, for the observers
+        self.cruise_speed = SLOWEST_CRUISE  # [m/s] of a planner on a free road
         self._action = "reset"
         self._radar = radar
         self._mounted: Perception | None = Perception.mount(radar, (tracker, *also))
@@ -172,10 +180,10 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
         """
         self._perception.observers.append(observer)
 
-    # The three verbs
+    # The interface of gymnasium
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
-        """Start an episode; the first look comes before the first observation."""
+        """Start an episode; the first scan comes before the first observation."""
         if self._mounted is None or self._swap is None:
             return self.env.reset(seed=seed, options=options)
         self._swap.show()
@@ -191,7 +199,11 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
         return observation, self._report(info)
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
-        """Simulate until the planner's next turn."""
+        """Simulate one period of the planner.
+
+        Raises:
+            gymnasium.error.ResetNeeded: `reset` was not called before.
+        """
         if self._mounted is None or self._swap is None:
             return self.env.step(action)
         if not self._swap.hidden:
@@ -222,7 +234,7 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
         self._stop_recording()
         self.env.close()
 
-    # How
+    # Inner workings
 
     def _record(self) -> None:
         """Start the files of an episode, if files are wanted."""
@@ -245,7 +257,7 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
             versions=versions(),
         )
         courses = [v for v in core.road.vehicles if isinstance(v, CourseVehicle)]
-        lively = max(courses, key=lambda v: v.table.peak_acceleration, default=None)
+        most_agile = max(courses, key=lambda v: v.table.peak_acceleration, default=None)
         self.recorder = Recorder(
             meta,
             self.out,
@@ -253,7 +265,7 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
             phases=getattr(core, "phases", ()),
             road=road_geometry(lane_shapes(core.road.network)),
             sensors=perception.radar.models,
-            focus=None if lively is None else self._reader.number(lively),
+            focus=None if most_agile is None else self._reader.number(most_agile),
             trackers=perception.trackers,
         )
         perception.observers.append(self.recorder)
@@ -272,7 +284,7 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
     @property
     def _perception(self) -> Perception:
         if self._mounted is None:
-            raise AttributeError("a copy of the environment has no radar and no tracker; ask the original")
+            raise AttributeError("a deep copy of the environment has no radar and no tracker; use the original")
         return self._mounted
 
     def _on_frame(self) -> None:
@@ -314,7 +326,7 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
 
     @contextmanager
     def _viewed_from_the_start(self) -> Iterator[None]:
-        """Let every observation type that a reset makes look through the view, before it observes anything."""
+        """Let every observation type that the reset makes use the belief view, before its first observation."""
         core = self._core
         define_spaces = core.define_spaces
 

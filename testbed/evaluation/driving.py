@@ -15,21 +15,21 @@ from sensors.scene import Bodies, Ego, Scene
 from testbed.evaluation.metrics import areas
 from trackers.geometry import box_corners, compose, point_velocity, rotation, to_frame, unit
 
-FAR = 1e4  # [m] end of the corridor ahead, beyond all that matters
+FAR = 1e4  # [m] end of the corridor ahead, farther than any road
 
 
-class Boxes(NamedTuple):
-    """Bounding boxes of B bodies, moving with them."""
+class BodyBoxes(NamedTuple):
+    """Bounding boxes of B bodies."""
 
     pose: NDArray  # (B, 3) centre x, y [m], heading [rad]
     size: NDArray  # (B, 2) length, width [m]
     velocity: NDArray  # (B, 2) [m/s] of the centre
 
 
-def body_boxes(bodies: Bodies) -> Boxes:
+def body_boxes(bodies: Bodies) -> BodyBoxes:
     """The box around each outline, along the body's heading."""
     if not bodies.outline:
-        return Boxes(np.zeros((0, 3)), np.zeros((0, 2)), np.zeros((0, 2)))
+        return BodyBoxes(np.zeros((0, 3)), np.zeros((0, 2)), np.zeros((0, 2)))
     counts = [len(outline) for outline in bodies.outline]
     first, owner = np.cumsum([0, *counts[:-1]]), np.repeat(np.arange(len(counts)), counts)
     local = to_frame(bodies.pose[owner], np.concatenate(bodies.outline)[:, None])[:, 0]
@@ -37,16 +37,16 @@ def body_boxes(bodies: Bodies) -> Boxes:
     shift = np.concatenate([(low + high) / 2, np.zeros((len(counts), 1))], -1)
     pose = compose(bodies.pose, shift)
     lever = (pose - bodies.pose)[:, :2]
-    return Boxes(pose, high - low, point_velocity(bodies.velocity, bodies.yaw_rate, lever))
+    return BodyBoxes(pose, high - low, point_velocity(bodies.velocity, bodies.yaw_rate, lever))
 
 
-def box_distance(ego: Ego, boxes: Boxes) -> NDArray:
+def box_distance(ego: Ego, boxes: BodyBoxes) -> NDArray:
     """Shortest distances (B,) [m] from the ego's box to the others, 0 where they touch."""
     own, others = areas(box_corners(ego.pose, ego.size)), areas(box_corners(boxes.pose, boxes.size))
     return shapely.distance(own, others)  # (MET.20)
 
 
-def headway_time(ego: Ego, boxes: Boxes) -> NDArray:
+def headway_time(ego: Ego, boxes: BodyBoxes) -> NDArray:
     """Time to collision (B,) [s] along the ego's heading: bumper distance over closing speed, inf where it opens.
 
     Hayward (1972), for what reaches into the straight corridor, as wide as the ego, ahead of its front bumper.
@@ -59,7 +59,7 @@ def headway_time(ego: Ego, boxes: Boxes) -> NDArray:
     return np.divide(gap, closing, out=np.full(len(gap), np.inf), where=closing > 0)  # (MET.21)
 
 
-def contact_time(ego: Ego, boxes: Boxes) -> NDArray:
+def contact_time(ego: Ego, boxes: BodyBoxes) -> NDArray:
     """Time to collision (B,) [s] in the plane: first contact of the boxes at constant velocity and heading.
 
     By separating axes: along each of the four box normals the projections overlap for an interval of time; boxes touch

@@ -31,8 +31,8 @@ UNCOUNTED_KINDS = ("obstacle",)
 Row = dict[str, float | int | str]
 
 
-class _Frame(NamedTuple):
-    """Numbers of one frame that the summary needs again."""
+class _FrameCounts(NamedTuple):
+    """GOSPA and counts of one frame, for the summary."""
 
     time: float
     gospa: float
@@ -46,7 +46,7 @@ class _Frame(NamedTuple):
 
 
 class Evaluator:
-    """Score one tracker: feed `step` once a frame, then ask for the tables.
+    """Scores of one tracker: call `step` once a frame, then the methods that give tables.
 
     Phases are (name, start [s], end [s]); a scan belongs to a phase when start <= time < end.
     """
@@ -57,7 +57,7 @@ class Evaluator:
                 raise ValueError(f"phase {name!r} must end after it starts, got {start} s to {end} s; swap the times")
         self.tracker = tracker
         self.phases = tuple(phases)
-        self._frames: list[_Frame] = []
+        self._frames: list[_FrameCounts] = []
         self._pair_keys: list[tuple[float, int]] = []  # time, object id of each counted pair
         self._pair_errors: list[NDArray] = []  # (K, len(ERRORS)) of the counted pairs of each scan
         self._seen: dict[int, float] = {}  # object id -> last time it was expected to be detected
@@ -89,7 +89,7 @@ class Evaluator:
         errors = pair_errors(objects, scene.bodies, rows, take(out.estimate, columns), distance[rows, columns])
         held_by = np.full(len(objects.id), -1)
         held_by[rows] = out.id[columns]
-        frame = _Frame(
+        frame = _FrameCounts(
             time, score.total, score.localisation, score.missed, score.false,
             int(counted.sum()), int((counted & (held_by < 0)).sum()), len(out.id) - len(rows), len(out.id),
         )  # fmt: skip
@@ -108,7 +108,7 @@ class Evaluator:
         )
 
     def summary(self) -> Row:
-        """The whole run in one flat row; NaN where nothing was there to be measured."""
+        """All measures of the run in one flat row; NaN where there was nothing to measure."""
         return {"tracker": self.tracker, **self._table(-np.inf, np.inf), **self._acceptance()}
 
     def phase_rows(self) -> list[Row]:
@@ -119,7 +119,7 @@ class Evaluator:
         ]
 
     def object_rows(self) -> list[Row]:
-        """One row an object: how long it counted, what held it, and its mean errors."""
+        """One row an object: at how many scans it counted, its births, losses, switches and gaps, its mean errors."""
         keys = np.array([key for _, key in self._pair_keys], int)
         errors = self._errors()
         rows: list[Row] = []
@@ -203,9 +203,9 @@ class Evaluator:
         return np.concatenate([np.zeros((0, len(ERRORS))), *self._pair_errors])
 
     def _table(self, start: float, end: float) -> Row:
-        """Everything that can be said of a span of time."""
+        """The measures of the scans from start up to end [s]."""
         within = [f for f in self._frames if start <= f.time < end]
-        frames = {name: np.array([getattr(f, name) for f in within], float) for name in _Frame._fields}
+        frames = {name: np.array([getattr(f, name) for f in within], float) for name in _FrameCounts._fields}
         chosen = [start <= time < end for time, _ in self._pair_keys]
         past = list(self.histories().values())
         births = [histories.birth_delay(h) for h in past if start <= histories.first_counted(h) < end]
@@ -233,7 +233,7 @@ class Evaluator:
         return table | _error_table(self._errors()[np.array(chosen, bool)])
 
     def _acceptance(self) -> Row:
-        """The worst of the run, over all objects and tracks."""
+        """The longest gaps and the longest orphan of the run [s], over all objects and tracks."""
         past = self.histories().values()
         return {
             "plain_view_gap": max(map(histories.plain_view_gap, past), default=0.0),
@@ -251,8 +251,8 @@ def _within(times: NDArray, start: float, end: float) -> int:
     return int(((start <= times) & (times < end)).sum())
 
 
-def _frame_means(frame: _Frame, errors: NDArray) -> dict[str, float]:
-    """What is plotted over time: errors (K, len(ERRORS)) by mean magnitude."""
+def _frame_means(frame: _FrameCounts, errors: NDArray) -> dict[str, float]:
+    """The `mean` of a `FrameScore`: the counts, and the mean magnitude of each error of (K, len(ERRORS))."""
     parts = {name: float(value) for name, value in frame._asdict().items() if name != "time"}
     means = np.abs(errors).mean(0) if len(errors) else np.full(len(ERRORS), np.nan)
     return parts | dict(zip(ERRORS, means.tolist(), strict=True))
@@ -270,5 +270,5 @@ def _error_table(errors: NDArray) -> Row:
 
 
 def jsonable(row: Mapping[str, float | int | str]) -> dict[str, float | int | str | None]:
-    """The row with null in place of NaN and infinity, which JSON does not know."""
+    """The row with None in place of NaN and infinity, which are no JSON."""
     return {key: None if isinstance(v, float) and not np.isfinite(v) else v for key, v in row.items()}

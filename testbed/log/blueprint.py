@@ -1,4 +1,4 @@
-"""The layout in which a reviewer finds a run: strip that follows the ego, close-ups, errors, actions, events, summary.
+"""The layout of the viewer: strip that follows the ego, close-ups, errors, actions, events, summary.
 
 ```
 +------------------------------------------------------------+
@@ -12,8 +12,8 @@
 +------------------+---------------------+-------------------+
 ```
 
-On compact roads (crossings, roundabouts) the overview stands beside the close-up instead. Trackers that mix motion
-models have one page more beside the errors: how likely each model is for the vehicle in focus.
+On compact roads (crossings, roundabouts) the overview stands beside the close-up instead. Where a tracker mixes motion
+models, another page beside the errors shows the probability of each for the vehicle in focus.
 """
 
 from collections.abc import Mapping, Sequence
@@ -64,7 +64,7 @@ Metrics = Mapping[str, Sequence[str]]  # tracker -> names of the metrics it has
 
 
 def title(metric: str) -> str:
-    """What stands above a plot; a metric without a title of its own has its name."""
+    """Title of the plot of a metric: from `TITLES`, else its name."""
     return TITLES.get(metric, metric)
 
 
@@ -76,7 +76,7 @@ def layout(
     full: bool,
     modes: Modes = MappingProxyType({}),
 ) -> rrb.Blueprint:
-    """The whole screen; without geometry (`full` false) the numbers take the room of the scene."""
+    """The layout of all views; without geometry (`full` false) plots take the place of the scenes."""
     plots = _plots(meta, metrics, focus, modes)
     shape = road_shape(road)
     if not full:
@@ -140,13 +140,13 @@ def _closeups(meta: RunMeta, shape: str) -> rrb.Tabs:
     pages = [_scene("Close-up: by kind", bounds), _scene("By object", bounds, overrides=_by_object())]
     for name in meta.trackers:
         others = [f"world/trackers/{other}/**" for other in meta.trackers if other != name]
-        pages.append(_scene(f"Only {name}: who took what", bounds, others, _by_owner(name)))
+        pages.append(_scene(f"Only {name}: association", bounds, others, _by_owner(name)))
     pages.append(_scene("Smoothed", bounds, _tracked(meta), show=[f"{paths.SMOOTHED}/**"]))
     return rrb.Tabs(*pages, active_tab=0)
 
 
 def _tracked(meta: RunMeta) -> list[str]:
-    """Everything of the trackers but where they thought the centres to be."""
+    """All layers of the trackers but the estimated centres."""
     layers = [layer for layer in (*paths.TRACKER_LAYERS, *paths.CHANGE_LAYERS) if layer != "center"]
     return [paths.tracker(name, layer) for name in meta.trackers for layer in layers]
 
@@ -164,7 +164,7 @@ def _by_object() -> dict:
 
 
 def _by_owner(name: str) -> dict:
-    """Tracks in colours of their own, and detections in the colour of the track that took them."""
+    """Tracks in colours of their own, and detections in the colour of the track that they were assigned to."""
     points, color = rr.Points2D.from_fields(radii=0.17), f"radar:owner_color_{name}"
     overrides = {
         f"/{paths.detections(kind)}": points.visualizer(mappings=[_source("Points2D:colors", color)]) for kind in KINDS
@@ -179,7 +179,7 @@ def _by_owner(name: str) -> dict:
 
 
 def _source(target: str, component: str) -> VisualizerComponentMapping:
-    """Draw `target` from a component of ours; the one place that knows this young part of rerun."""
+    """Draw `target` from a component of ours; the only use of this interface of rerun, which may still change."""
     return VisualizerComponentMapping(target=target, source_kind="SourceComponent", source_component=component)
 
 
@@ -209,7 +209,7 @@ def _legend(visible: bool = True) -> rrb.PlotLegend:
 
 
 def _focus(meta: RunMeta, metrics: Metrics, focus: int) -> rrb.Vertical:
-    """Errors of one object, and how many detections it gave and was expected to give."""
+    """Errors of one object, and its numbers of detections, measured and expected."""
     views = _errors_of(meta, metrics, focus, FOCUS)
     seen = f"/{paths.of_object(focus, paths.SEEN)}"
     got = _series("radar:detections", palette.DETECTION["contour"], "detections")
@@ -219,7 +219,7 @@ def _focus(meta: RunMeta, metrics: Metrics, focus: int) -> rrb.Vertical:
 
 
 def _motion(meta: RunMeta, metrics: Metrics, focus: int, modes: Modes) -> rrb.Vertical:
-    """How likely each motion model is for one object, a plot for each tracker that mixes some, above its errors."""
+    """Probabilities of motion models for one object, a plot for each tracker that mixes some, and errors below."""
     views = []
     for name in meta.trackers:
         if lines := [_series(f"mode:{mode}", palette.mode(k), mode) for k, mode in enumerate(modes.get(name, ()))]:

@@ -45,9 +45,9 @@ Row = dict[str, NDArray | Strips | list[str] | float | int]
 Rows = dict[str, Row]
 
 STRIP = 32.0  # [m] a road that spans less than this across the screen is shown as a strip
-LONG = 4.0  # so much longer than wide is a road that runs along the screen
+LONG = 4.0  # least ratio of length to width of a road that runs along the screen
 CONFIDENCE_RADIUS = 2.4477  # sqrt of the 95 % quantile of chi-square with 2 degrees of freedom
-LIKELY = 0.5  # probability of a class above which it stands behind the id of its track
+LIKELY = 0.5  # probability of a class above which it is in the label of its track
 NOSE = 1.0  # [m] heading arrows reach this far beyond the front
 
 
@@ -130,7 +130,8 @@ def tracker_rows(
 ) -> Rows:
     """Boxes or contours, 95 % ellipses of the centre, headings and ids of the reported tracks; the others thin.
 
-    Behind the id stand the most likely of the motion models `modes` and the class, of `classes`, where it is likely.
+    The label is the id, then the most likely of the motion models `modes`, then the class if its probability is above
+    `LIKELY`.
     """
     shown = tracks.existence > 0.5
     hidden = tracks.rows(~shown).estimate
@@ -157,7 +158,7 @@ def tracker_rows(
 
 
 def change_rows(name: str, tracks: Tracks, info: StepInfo) -> Rows:
-    """Contours that changed in this frame, as they were and as they are, where their tracks are now."""
+    """Contours that changed in this frame, before and after, at the present pose of their tracks."""
     contours = {event.track: event.contours for event in info.events if event.contours is not None}
     rows = [row for row, i in enumerate(tracks.id.tolist()) if i in contours]
     if not rows:
@@ -174,7 +175,7 @@ def change_rows(name: str, tracks: Tracks, info: StepInfo) -> Rows:
 
 
 def no_change_rows(name: str) -> Rows:
-    """Rows that take the contours of `change_rows` away."""
+    """Rows that remove the contours of `change_rows`."""
     nothing: Row = {"LineStrips2D:strips": Strips.of(()), "track:id": np.zeros(0, np.int32)}
     return {paths.tracker(name, layer): dict(nothing) for layer in paths.CHANGE_LAYERS}
 
@@ -222,7 +223,7 @@ def metric_rows(name: str, score: FrameScore) -> Rows:
 
 
 def object_rows(frame: Frame, scores: Mapping[str, FrameScore], modes: Modes = MappingProxyType({})) -> Rows:
-    """How the radar sees each object, and the errors of each tracker about it where it has a track.
+    """Detections, expected number and visible share of each object, and errors of each tracker with a track on it.
 
     Where a tracker mixes the motion models `modes`, their probabilities stand beside the errors.
     """
@@ -247,7 +248,7 @@ def object_rows(frame: Frame, scores: Mapping[str, FrameScore], modes: Modes = M
 
 
 def gap_row(row: Row) -> Row:
-    """The row of errors that ends a curve: not a number, and no track."""
+    """The row that interrupts the curves of an object without a track: NaN errors, track id -1."""
     return {name: -1 if name == "metrics:track_id" else float("nan") for name in row}
 
 
@@ -290,7 +291,7 @@ def road_span(road: RoadGeometry) -> NDArray | None:
 
 
 def road_shape(road: RoadGeometry) -> str:
-    """Shape for the screen: "strip" fits into a strip as a whole, "long" runs along it with bends, else "compact"."""
+    """Shape on the screen: "strip" is narrow enough to be shown at full width, "long" is not, else "compact"."""
     span = road_span(road)
     if span is None:
         return "strip"

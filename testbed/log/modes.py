@@ -1,4 +1,4 @@
-"""Motion models in the log: their names, and how likely each is for a track, where a tracker mixes several."""
+"""Motion models and classes in the log: their names, and probabilities where a tracker mixes several models."""
 
 from collections.abc import Mapping, Sequence
 
@@ -16,12 +16,12 @@ def mode_names(tracker: str) -> tuple[str, ...]:
         return ()
     filter = TRACKERS[tracker].filter
     names: tuple[object, ...] = getattr(filter, "modes", getattr(filter, "models", ()))
-    named = tuple(name for name in names if isinstance(name, str))  # models of contours are none of motion
+    named = tuple(name for name in names if isinstance(name, str))  # `models` of a spline filter are contours
     return named if len(named) > 1 else ()
 
 
 def class_names(tracker: str) -> tuple[str, ...]:
-    """Names of the classes that a tracker of the table tells apart; none where it does not."""
+    """Names of the classes between which a tracker of the table decides; none where it does not classify."""
     return getattr(TRACKERS[tracker].filter, "classes", ()) if tracker in TRACKERS else ()
 
 

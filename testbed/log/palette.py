@@ -13,11 +13,11 @@ SURFACE = 0x24262DFF
 EDGE = 0xC4C4C4FF
 LANE = 0x77777CFF
 FOV = 0x4A4A58FF
-BEFORE = 0x9A9AA0FF  # a contour before it was learned anew
+BEFORE = 0x9A9AA0FF  # a contour before it changed
 DETECTION = dict(zip(KINDS, (0x43E66BFF, 0xFF5CB8FF, 0x85858AFF, 0xA8835AFF), strict=True))
 
 _TRACKERS = (0xFFA629FF, 0x38CFFFFF, 0xB18CFFFF, 0xF5E663FF, 0xFF7361FF, 0x2FD6A5FF)
-_MODES = (0x9AA0ABFF, 0xFF7361FF, 0x2FD6A5FF, 0xF5E663FF)  # cv, ca, ct in the usual order
+_MODES = (0x9AA0ABFF, 0xFF7361FF, 0x2FD6A5FF, 0xF5E663FF)  # in the order of a filter's models: cv, ca, ct
 _OBJECTS = np.array(
     [
         *(0xE69F00FF, 0x56B4E9FF, 0x00C795FF, 0xF0E442FF, 0x3D8BFFFF, 0xFF7A33FF),
@@ -25,7 +25,7 @@ _OBJECTS = np.array(
     ],
     np.uint32,
 )
-NOBODY = np.uint32(0x6A6A70FF)
+UNASSIGNED = np.uint32(0x6A6A70FF)
 
 _ACTIONS = {
     "IDLE": 0x55585FFF,
@@ -50,7 +50,7 @@ def mode(index: int) -> int:
 def identity(number: ArrayLike) -> NDArray:
     """Colours (n,) uint32 of objects or tracks with the ids (n,), grey for -1."""
     number = np.asarray(number, int)
-    return np.where(number < 0, NOBODY, _OBJECTS[number % len(_OBJECTS)])
+    return np.where(number < 0, UNASSIGNED, _OBJECTS[number % len(_OBJECTS)])
 
 
 def action(name: str) -> int:

@@ -1,7 +1,7 @@
 """Every entity path of a review log, shared by writer, blueprint and reader.
 
-Geometry lives under `world` in world coordinates (metres, x forward, y down on the screen as in highway-env), one
-entity per layer; numbers live under `metrics`, `objects` and `ego`.
+Geometry is under `world` in world coordinates (metres, x forward, y down on the screen as in highway-env), one entity a
+layer; numbers are under `metrics`, `objects` and `ego`.
 """
 
 import re
@@ -24,10 +24,10 @@ EVENTS = "events"
 CONFIG, SUMMARY = "run/config", "run/summary"
 
 TRACKER_LAYERS = ("extent", "tentative", "covariance", "heading", "center")
-CHANGE_LAYERS = ("contour_before", "contour_after")  # there only where a tracker learns contours
-SMOOTHED = "world/smoothed"  # what all detections of a run say, those that came later included
+CHANGE_LAYERS = ("contour_before", "contour_after")  # only of trackers that learn contours
+SMOOTHED = "world/smoothed"  # tracks smoothed over all detections of the run
 SMOOTHED_LAYERS = ("extent", "path")
-SEEN = "radar"  # leaf of an object's entity that says how the radar sees it
+SEEN = "radar"  # leaf of an object's entity: detections, expected number and visible share
 
 STATIC = (RADAR_FOV, ROAD_SURFACE, ROAD_EDGES, ROAD_LANES, CONFIG, SUMMARY)
 NUMBERS = (EGO_ACTION, EGO_SPEED)
@@ -69,7 +69,7 @@ def vehicle(object_id: int) -> str:
 
 
 def of_object(object_id: int, leaf: str) -> str:
-    """Numbers of one object: errors of the tracker `leaf`, or how the radar sees it for `SEEN`."""
+    """Numbers of one object: errors of the tracker `leaf`, or of the radar for `SEEN`."""
     return f"objects/{vehicle(object_id)}/{part(leaf)}"
 
 

@@ -1,6 +1,6 @@
-"""Reading review logs back: numbers, events, properties, and a digest of what happened.
+"""Reads review logs: numbers, events, properties, and a digest of the content.
 
-Works on logs of finished runs and of runs that were killed; a killed one lacks the footer that `complete` asks for.
+Works on logs of finished runs and of runs that were killed; the latter have no footer, see `complete`.
 """
 
 import hashlib
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from testbed.log import paths
 
 _ROW_ID = "rerun.controls.RowId"
-DESCRIBES = ("/run", "/__properties")  # what describes a run rather than happening in it: left out of the digest
+DESCRIBES = ("/run", "/__properties")  # left out of the digest: versions and settings, nothing that happened
 
 
 class LoggedEvent(NamedTuple):
@@ -37,7 +37,7 @@ def _batches(path: str | Path, content: str | None = None) -> Iterator[tuple[str
 
 
 def complete(path: str | Path) -> bool:
-    """Was the log closed? One that was not is readable; `rerun rrd optimize PATH -o NEW` gives it a footer."""
+    """Whether the log was closed. One that was not is readable; `rerun rrd optimize PATH -o NEW` adds the footer."""
     try:
         _open(path).store()
     except RuntimeError as error:
@@ -48,7 +48,7 @@ def complete(path: str | Path) -> bool:
 
 
 def _open(path: str | Path) -> Any:
-    """The file in the reader of rerun, which takes a missing footer for an old format and says so."""
+    """Rerun's reader of the file, without its warning that a file without footer is of an old format."""
     from rerun.chunk import RrdReader
 
     if not Path(path).is_file():
@@ -120,7 +120,7 @@ def _seconds(duration: Any) -> float:
 
 
 def properties(path: str | Path) -> dict[str, dict[str, Any]]:
-    """Flat values of the run by group: "run" says what was run, "summary" what came out."""
+    """Flat values of the run by group: its settings in "run", its results in "summary"."""
     groups: dict[str, dict[str, Any]] = {}
     for entity, batch in _batches(path, "/__properties/**"):
         row = {name: batch[name][0].as_py() for name in _component_names(batch)}
@@ -147,7 +147,7 @@ def span(path: str | Path) -> tuple[float, float]:
 
 
 def digests(path: str | Path) -> dict[str, str]:
-    """Content of each column, "entity component" -> SHA-256; equal whatever the blocks it was written in."""
+    """SHA-256 of the content of each column by "entity component"; it does not depend on the blocks in the file."""
     pieces: dict[str, list[tuple[NDArray, pa.Array]]] = defaultdict(list)
     for entity, batch in _batches(path):
         if entity.startswith(DESCRIBES):
@@ -160,7 +160,7 @@ def digests(path: str | Path) -> dict[str, str]:
 
 
 def digest(path: str | Path) -> str:
-    """One SHA-256 of all that happened in the run; files are never equal byte for byte, this is."""
+    """One SHA-256 of all columns: equal runs have equal digests, although their files differ."""
     total = hashlib.sha256()
     for key, value in digests(path).items():
         total.update(f"{key} {value}\n".encode())
@@ -189,7 +189,7 @@ def _sha(pieces: list[tuple[NDArray, pa.Array]]) -> str:
 
 
 def _feed(total: Any, array: pa.Array) -> None:
-    """Hash an array by value: validity, lengths and plain numbers, whatever the buffers look like."""
+    """Hash an array by value: validity, lengths and plain numbers, independent of its buffers."""
     total.update(np.asarray(array.is_valid()).tobytes())
     kind = array.type
     if pa.types.is_list(kind):

@@ -11,7 +11,7 @@ from testbed.log.screenshot import existing, render, viewer_command
 
 
 def check(logs: Sequence[str | Path], png: str | Path | None = None, at: float | None = None) -> None:
-    """Raise one clear sentence for what cannot be reviewed."""
+    """Raise ValueError or OSError, in one sentence, for what cannot be shown."""
     if not logs:
         raise ValueError("review needs at least one log; `testbed run` with --log full writes one")
     for log in logs:
@@ -30,7 +30,7 @@ def check(logs: Sequence[str | Path], png: str | Path | None = None, at: float |
 
 
 def readable(log: str | Path) -> None:
-    """Raise one clear sentence for a file that is missing or no log."""
+    """Raise FileNotFoundError or ValueError, in one sentence, for a file that is missing or no log."""
     try:
         complete(existing(log))
     except RuntimeError as error:
@@ -54,7 +54,7 @@ def review(logs: Sequence[str | Path], web: bool = False) -> int:
 
 
 def screenshot(log: str | Path, png: str | Path, at: float | None = None) -> list[str]:
-    """Render a log at `at` [s], by default in the middle of the run; returns the complaints of the viewer."""
+    """Render a log at `at` [s], by default in the middle of the run; returns the viewer's error reports."""
     check([log], png, at)
     return render(log, png, middle(log) if at is None else at)
 
@@ -73,5 +73,5 @@ def middle(log: str | Path) -> float:
 
 
 def has_display() -> bool:
-    """Can a window be opened? Always yes but for Linux without a display server."""
+    """Whether a window can be opened: everywhere but on Linux without a display server."""
     return not sys.platform.startswith("linux") or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))

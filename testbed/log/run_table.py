@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pandas as pd
 
-OURS = ("property:run:", "property:summary:")  # what our logs say of themselves
+OURS = ("property:run:", "property:summary:")  # groups of properties that our logs have
 
 
 def run_table(folder: str | Path) -> pd.DataFrame:

@@ -19,11 +19,11 @@ _DRIVERS = ("/usr/share/vulkan/icd.d", "/etc/vulkan/icd.d", "/usr/local/share/vu
 
 
 class NoRenderer(OSError):
-    """There is nothing on this machine that could draw."""
+    """There is no viewer or no Vulkan driver on this machine."""
 
 
 def renderer_missing() -> str:
-    """Why no picture can be drawn here, empty where it can."""
+    """Reason why this machine cannot draw, empty where it can."""
     if not sys.platform.startswith("linux") or os.environ.get("VK_DRIVER_FILES") or os.environ.get("VK_ICD_FILENAMES"):
         return ""
     if not any(driver for folder in _DRIVERS for driver in Path(folder).glob("*.json")):
@@ -34,7 +34,11 @@ def renderer_missing() -> str:
 def render(path: str | Path, png: str | Path, at: float, settle: float = SETTLE) -> list[str]:
     """Render the log `path` at `at` [s] of the simulation into the picture `png`.
 
-    Returns what the viewer has to complain about, view by view: empty when the layout fits the log.
+    Returns the viewer's error reports, view by view: empty when the layout fits the log.
+
+    Raises:
+        FileNotFoundError: there is no such log.
+        NoRenderer: nothing on this machine can draw.
     """
     from rerun.experimental import ViewerClient
 
@@ -68,7 +72,7 @@ def viewer_command(logs: Sequence[str | Path], web: bool = False) -> list[str]:
 
 
 def _program() -> Path:
-    """The viewer itself: its launcher on the path would leave it running when it is stopped."""
+    """The viewer's own executable: stopping the launcher on the path would leave the viewer running."""
     spec = find_spec("rerun_cli")
     folder = Path(spec.origin).parent if spec and spec.origin else Path()
     for name in ("rerun", "rerun.exe"):

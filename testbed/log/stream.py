@@ -1,7 +1,7 @@
 """Rows of plain arrays into a rerun file, many frames in one call.
 
-`send_columns` of a block costs about what a single `log` call costs, and needs no types guessed: every component has
-its arrow type in the table below or is a plain column of its own.
+`send_columns` of a block costs about what a single `log` call costs. Every component has its arrow type in the table
+below, or is a plain column.
 """
 
 from collections.abc import Mapping
@@ -37,8 +37,8 @@ _BATCH = {
 }
 
 
-class Column(NamedTuple):
-    """One component of a block of rows: what `send_columns` asks of a column, without its conversions."""
+class ComponentColumn(NamedTuple):
+    """One component of a block of rows, in the form that rerun's `send_columns` takes without conversion."""
 
     descriptor: rr.ComponentDescriptor
     array: pa.Array  # lists of instances, one list a row
@@ -65,7 +65,7 @@ def strips_array(parts: list[Strips]) -> pa.Array:
 
 @lru_cache(maxsize=1024)
 def descriptor(component: str) -> rr.ComponentDescriptor:
-    """What rerun knows of a component; one that is not in the table is a plain column of our own."""
+    """Descriptor of a component: rerun's own where it is in the table, else a plain column."""
     archetype, _ = component.split(":")
     if component not in _BATCH:
         return rr.ComponentDescriptor(component, archetype=archetype)
@@ -73,11 +73,12 @@ def descriptor(component: str) -> rr.ComponentDescriptor:
     return rr.ComponentDescriptor(component, archetype=f"rerun.archetypes.{archetype}", component_type=kind)
 
 
-def column(component: str, values: list) -> Column:
+def column(component: str, values: list) -> ComponentColumn:
     """One component of a block of rows; values are arrays or lists of instances, or single numbers."""
     kind = _BATCH[component]._ARROW_DATATYPE if component in _BATCH else None
     if isinstance(values[0], float | int):
-        return Column(descriptor(component), pa.ListArray.from_arrays(_ones(len(values)), pa.array(values, kind)))
+        data = pa.ListArray.from_arrays(_ones(len(values)), pa.array(values, kind))
+        return ComponentColumn(descriptor(component), data)
     if isinstance(values[0], Strips):
         data = strips_array(values)
     elif isinstance(values[0], list):
@@ -87,7 +88,7 @@ def column(component: str, values: list) -> Column:
     else:
         data = pa.array(np.concatenate(values))
     offsets = np.cumsum(np.array([0] + [len(value) for value in values], np.int32), dtype=np.int32)
-    return Column(descriptor(component), pa.ListArray.from_arrays(pa.array(offsets), data))
+    return ComponentColumn(descriptor(component), pa.ListArray.from_arrays(pa.array(offsets), data))
 
 
 @lru_cache(maxsize=256)
@@ -116,7 +117,7 @@ class Stream:
         self._stream.save(path, default_blueprint=blueprint)
 
     def static(self, path: str, data: rr.AsComponents) -> None:
-        """Log what holds for the whole run."""
+        """Log data without a time."""
         self._stream.log(path, data, static=True, strict=True)
 
     def send(self, block: Block) -> None:
@@ -137,5 +138,5 @@ class Stream:
             self._stream.send_property(name, rr.AnyValues(**values))
 
     def close(self) -> None:
-        """Write the footer and let go of the file."""
+        """Write the footer and close the file."""
         self._stream.disconnect()

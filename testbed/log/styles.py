@@ -60,7 +60,7 @@ def tracker_styles(index: int, name: str) -> Iterator[Static]:
 
 
 def change_styles(index: int, name: str) -> Iterator[Static]:
-    """A contour that has changed: what it was in grey, what it is in the colour of its tracker."""
+    """A contour that has changed: before in grey, after in the colour of its tracker."""
     colors = (palette.BEFORE, palette.tracker(index))
     for layer, color, radius in zip(paths.CHANGE_LAYERS, colors, (0.05, 0.09), strict=True):
         yield paths.tracker(name, layer), rr.LineStrips2D.from_fields(radii=radius, colors=color, draw_order=40 + index)

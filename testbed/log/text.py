@@ -1,4 +1,4 @@
-"""Words of the review log: the pages beside the scene and the flat properties of a run."""
+"""Texts of the review log: the pages beside the scene and the flat properties of a run."""
 
 from collections.abc import Iterable, Mapping
 
@@ -91,6 +91,6 @@ def _short(value: Value) -> str:
 
 
 def markdown_table(head: tuple[str, ...], body: Iterable[tuple[str, ...]]) -> str:
-    """Head and rows of cells in markdown, which has no other way to write a bar in a cell than another character."""
+    """A table in markdown; "|" in a cell becomes "/"."""
     lines = [head, ("---",) * len(head), *body]
     return "\n".join("| " + " | ".join(cell.replace("|", "/") for cell in line) + " |" for line in lines)

@@ -33,7 +33,7 @@ CHANGE_SHOWN = 10**9  # [ns] a contour that has changed is drawn so long, where 
 
 
 class NullLog:
-    """A log that keeps nothing; stands in for `RunLog` in training and benchmarks."""
+    """A log that keeps nothing, in place of `RunLog`."""
 
     path: Path | None = None
 
@@ -50,7 +50,7 @@ class NullLog:
         """Ignore an event."""
 
     def close(self, summary: Summary | None = None) -> None:
-        """Have nothing to close."""
+        """Do nothing."""
 
     def __enter__(self) -> Self:
         return self
@@ -66,7 +66,7 @@ class RunLog(NullLog):
         path: file to write; its directory is made, an older file is replaced.
         meta: what identifies the run; `run_id` must be unique, viewers merge recordings of one id.
         level: "full" with all geometry, "metrics" with numbers and events only.
-        every: steps in a block, which is what a kill may cost.
+        every: steps in a block; a run that is killed loses at most the last block.
         focus: object whose errors have a page of their own; without it the one nearest to the ego at the first step.
     """
 
@@ -106,7 +106,7 @@ class RunLog(NullLog):
         self._confirmed: dict[str, set[int]] = {name: set() for name in meta.trackers}
 
     def static(self, road: RoadGeometry, sensors: tuple[SensorModel, ...]) -> None:
-        """Take what holds for the whole run; call before the first step."""
+        """Take the road and the radars; call before the first step."""
         if self._stream is not None:
             raise ValueError(f"static must be called before the first step of the log {self.path}")
         if len(road.surface) != len(road.half_width):
@@ -182,7 +182,7 @@ class RunLog(NullLog):
 
     def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
         if error is not None and self._stream is None:
-            self._closed = True  # nothing happened that could be reviewed; leave no file
+            self._closed = True  # no step was logged: leave no file
         if error is not None and not self._closed:
             reason = f": {error}" if str(error) else ""
             self.event("ERROR", f"the run ended with {type(error).__name__}{reason}")
@@ -274,7 +274,7 @@ class RunLog(NullLog):
         rows |= lost
         for name, score in scores.items():
             rows |= layers.metric_rows(name, score)
-        speed = round(float(np.hypot(*frame.scene.ego.velocity)), 6)  # else rounding fills the plot of a constant
+        speed = round(float(np.hypot(*frame.scene.ego.velocity)), 6)  # rounding errors would fill the plot
         rows[paths.EGO_SPEED] = layers.scalar_row(speed)
         if frame.action != self._action:
             self._action = frame.action
@@ -314,7 +314,7 @@ class RunLog(NullLog):
 
 
 def _level(event: Event, confirmed: bool) -> str:
-    """Births and deaths of what was never reported are for debugging; a reported track that dies is a warning."""
+    """DEBUG for births and for deaths of tracks that were never reported, WARN for deaths of reported ones."""
     if event.kind == "died":
         return "WARN" if confirmed else "DEBUG"
     return "DEBUG" if event.kind == "born" else "INFO"

@@ -1,15 +1,15 @@
-"""The collision forecast: when a box that drives along a path would touch one of the others."""
+"""The collision check: the time at which a box that moves along a path would touch one of the others."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from testbed.planners.prediction import Others, Path, along_path, forecast, overlap
+from testbed.planners.prediction import LanePath, Others, along_path, forecast, overlap
 
 STEP = 0.2  # [s] between the instants of a forecast
 
 
 def instants(horizon: float) -> NDArray:
-    """The instants (H,) [s] that a forecast looks at."""
+    """The instants (H,) [s] at which a forecast is evaluated."""
     return np.arange(0.0, horizon, STEP)
 
 
@@ -18,11 +18,11 @@ def distance_driven(speed: NDArray) -> NDArray:
     return np.concatenate([np.zeros((*speed.shape[:-1], 1)), np.cumsum(speed[..., :-1] * STEP, -1)], -1)
 
 
-def first_contact(path: Path, arc: NDArray, offset: float, size: NDArray, others: Others) -> NDArray:
+def first_contact(path: LanePath, arc: NDArray, offset: float, size: NDArray, others: Others) -> NDArray:
     """Times (...) [s] of the first contact, inf for none.
 
-    The box of size (2,) [m] is at arc (..., H) [m] of the path at each instant; its offset [m] from the path fades
-    within a second. Only others that come within reach of the box are looked at closely.
+    The box of size (2,) [m] is at arc (..., H) [m] of the path at each instant; its offset [m] from the path decays
+    with a time constant of 1 s. The exact test is made only for others whose circumcircle meets that of the box.
     """
     times = STEP * np.arange(arc.shape[-1])
     q, g = forecast(others, times)

@@ -1,7 +1,7 @@
-"""The default planner: along its route by the Intelligent Driver Model, from lane to lane by MOBIL, on the belief road.
+"""The default planner: speed by the Intelligent Driver Model, lane changes by MOBIL, on the belief road.
 
 IDM is in `car_following`; MOBIL is by Kesting, Treiber, Helbing (2007), "General lane-changing model MOBIL for
-car-following models". Both are overridden when the forecast of `guard` sees a collision.
+car-following models". Actions for which `collision` forecasts a contact are not chosen.
 """
 
 from collections.abc import Sequence
@@ -21,8 +21,8 @@ from testbed.planners.car_following import CarFollowing
 from testbed.planners.collision import distance_driven, first_contact, instants
 from testbed.planners.prediction import (
     LaneIndex,
+    LanePath,
     Others,
-    Path,
     Relation,
     along_path,
     is_oncoming,
@@ -35,17 +35,17 @@ from testbed.planners.prediction import (
 SPEED_ACTIONS = ("IDLE", "SLOWER", "FASTER")  # the first of equals is taken
 
 
-class Drive(NamedTuple):
-    """What a planner answers."""
+class Choice(NamedTuple):
+    """What a planner chose."""
 
     action: Any
     plan: NDArray  # (P, 2) [m] in the world frame
 
 
-class View(NamedTuple):
-    """One lane as an option: its path and who is where on it."""
+class LaneOption(NamedTuple):
+    """One lane that the ego may take: its path, and the others relative to it."""
 
-    path: Path
+    path: LanePath
     relation: Relation
     top: float  # [m/s] highest speed that the path allows now
 
@@ -54,135 +54,135 @@ class Decision(NamedTuple):
     """What a planner chose and why."""
 
     action: str  # name of a meta-action
-    path: Path  # the path that goes with it
+    path: LanePath  # the path that goes with it
     offset: float  # [m] of the vehicle from that path
-    wish: float  # [m/s^2] acceleration that it would like
+    acceleration: float  # [m/s^2] of the car-following model, before the collision check
     contact: float  # [s] until the forecast collides under that action, inf for never
 
 
 @dataclass(frozen=True)
 class IdmPlanner:
-    """IDM and MOBIL on the tracks, with a guard against collisions, in terms of highway-env's meta-actions."""
+    """IDM and MOBIL on the tracks, with a collision check, in terms of highway-env's meta-actions."""
 
     name: str = "idm"
-    note: str = "IDM and MOBIL on the tracks, with a guard against collisions (Treiber 2000, Kesting 2007)"
+    note: str = "IDM and MOBIL on the tracks, with a collision check (Treiber 2000, Kesting 2007)"
     knows_truth: bool = False
     model: CarFollowing = field(default_factory=CarFollowing)
-    hard_brake: float = 8.0  # [m/s^2] the most to wish for
+    hard_brake: float = 8.0  # [m/s^2] limit of the braking of the car-following model
     lateral_accel: float = 3.0  # [m/s^2] in curves
-    patience: float = 0.3  # [m/s] another target speed must be nearer to the wish by this than the present one
-    reach: float = 150.0  # [m] looked ahead
+    patience: float = 0.3  # [m/s] by which another target speed must fit better than the present one
+    reach: float = 150.0  # [m] range in which others matter, and length of the path
     horizon: float = 3.0  # [s] of the collision forecast
     clearance: tuple[float, float] = (1.0, 0.3)  # [m] added to length and width of the own box in the forecast
     change_gain: float = 1.0  # [m/s^2] a lane change must bring more than this
-    change_after: float = 2.0  # [s] of looking around at the start of an episode
-    rush: float = 2.0  # [m/s] a follower that is so much faster may be about to pass, and keeps both lanes
+    change_after: float = 2.0  # [s] no lane change before, while tracks are still being confirmed
+    rush: float = 2.0  # [m/s] a follower that is faster by this may change lane to pass, and blocks both lanes
     imposed_brake: float = 2.0  # [m/s^2] that a lane change may impose on the follower
-    route_gain: float = 1.5  # [m/s^2] for every metre-wide step of `jump` that a lane change makes good, per lane width
+    route_gain: float = 1.5  # [m/s^2] gain of a lane change for every lane width by which it reduces `jump`
     change_speed: float = 3.0  # [m/s] slower vehicles do not change lane
     change_bend: float = 0.01  # [1/m] lane changes only where the path is straighter
 
     def act(self, env: gym.Env) -> int:
         """The meta-action for the next period."""
-        return self.drive(env).action
+        return self.choose(env).action
 
     def plan(self, env: gym.Env) -> NDArray:
         """The path of the chosen lane, reached within about two seconds."""
-        return self.drive(env).plan
+        return self.choose(env).plan
 
-    def drive(self, env: gym.Env) -> Drive:
+    def choose(self, env: gym.Env) -> Choice:
         """The meta-action for the next period, and the path that goes with it."""
         decision, speed = self.decide(env), _world(env).vehicle.speed
         path = decision.path
         arc = path.arc[path.arc <= max(20.0, 3.0 * speed)]
         offset = decision.offset * np.exp(-arc / max(5.0, speed))
         action = _action_type(env).actions_indexes[decision.action]
-        return Drive(action, along_path(path, arc, offset)[0])
+        return Choice(action, along_path(path, arc, offset)[0])
 
     def decide(self, env: gym.Env) -> Decision:
         """Lane first, then speed."""
         action_type, world = _action_type(env), _world(env)
         ego, network = world.vehicle, world.road.network
         others = others_on(world.road, ego, self.reach)
-        here = self._view(network, ego, ego.target_lane_index, others)
-        views = [here]
+        here = self._option(network, ego, ego.target_lane_index, others)
+        options = [here]
         if ego.lane_index[:2] == ego.target_lane_index[:2] and ego.lane_index != ego.target_lane_index:
-            # Between two lanes both count; where a road ends and another begins, the old one leads nowhere
-            views.append(self._view(network, ego, ego.lane_index, others))
+            # During a lane change both lanes count, unless the target lane lies on the next road
+            options.append(self._option(network, ego, ego.lane_index, others))
         cruise = _cruise_speed(env, ego)
-        wish = min(self.acceleration(ego, view, min(cruise, view.top)) for view in views)
+        acceleration = min(self.acceleration(ego, option, min(cruise, option.top)) for option in options)
         offset = network.get_lane(ego.target_lane_index).local_coordinates(ego.position)[1]
-        looked_around = world.steps >= self.change_after * world.config["simulation_frequency"]
+        settled = world.steps >= self.change_after * world.config["simulation_frequency"]
         change = None
-        if action_type.lateral and looked_around:
-            change = self._lane_change(network, ego, here, wish, cruise, others)
+        if action_type.lateral and settled:
+            change = self._lane_change(network, ego, here, acceleration, cruise, others)
         if change is not None:
-            action, view, wish = change
-            return Decision(action, view.path, relate_ego(view.path, ego), wish, np.inf)
+            action, option, there = change
+            return Decision(action, option.path, relate_ego(option.path, ego), there, np.inf)
         period = 1 / world.config["policy_frequency"]
         targets = np.array([_target_speed(ego, action) for action in SPEED_ACTIONS])
         contact = self._contacts(ego, here, targets, period, offset, others)
-        best = self._nearest(targets, self._wanted(ego, views, cruise), contact)
-        return Decision(SPEED_ACTIONS[best], here.path, offset, wish, float(contact[best]))
+        best = self._nearest(targets, self._target(ego, options, cruise), contact)
+        return Decision(SPEED_ACTIONS[best], here.path, offset, acceleration, float(contact[best]))
 
-    def acceleration(self, ego: ControlledVehicle, view: View, target: float) -> float:
-        """IDM acceleration [m/s^2] on a path: the least over all that are on it, or are about to be.
+    def acceleration(self, ego: ControlledVehicle, option: LaneOption, target: float) -> float:
+        """IDM acceleration [m/s^2] on a path: the least over all others that are on it or about to enter it.
 
-        `target` [m/s] is the speed to drive at where nothing is in the way.
+        `target` [m/s] is the speed on a free road.
         """
-        r, half = view.relation, ego.LENGTH / 2
+        r, half = option.relation, ego.LENGTH / 2
         gap = r.along - r.half[:, 0] - half
         now = on_path(r, ego.WIDTH)
         soon = ~now & np.logical_or.reduce([on_path(r, ego.WIDTH, later) for later in (0.5, 1.0, 1.5)])
         front = r.along > 0
         free = self.model.free(ego.speed, target)
         follow = self.model.follow(ego.speed, target, gap, r.speed)
-        # Who is about to enter may as well change his mind: no harder than comfortable, the guard does the rest
+        # One that is about to enter may still not do so: brake comfortably at most; the collision check does the rest
         yielding = np.minimum(free, np.where(gap > 0, np.maximum(follow, -self.model.brake), -self.model.brake))
-        wishes = np.where(now, follow, yielding)[front & (now | soon)]
-        return float(np.clip(wishes.min(initial=free), -self.hard_brake, self.model.accel))
+        accelerations = np.where(now, follow, yielding)[front & (now | soon)]
+        return float(np.clip(accelerations.min(initial=free), -self.hard_brake, self.model.accel))
 
-    def _allowed_speed(self, path: Path) -> float:
+    def _allowed_speed(self, path: LanePath) -> float:
         """Highest speed [m/s] that the limits and curves of a path allow, comfortable braking towards them included."""
         bend = np.maximum(np.abs(path.bend), 1e-6)
         allowed = np.minimum(path.limit**2, self.lateral_accel / bend)
         return float(np.sqrt((allowed + 2 * self.model.brake * path.arc).min()))
 
-    def _view(self, network: RoadNetwork, ego: ControlledVehicle, lane: LaneIndex, others: Others) -> View:
+    def _option(self, network: RoadNetwork, ego: ControlledVehicle, lane: LaneIndex, others: Others) -> LaneOption:
         path = path_ahead(network, lane, ego.route, ego.position, self.reach)
-        return View(path, relate(path, others), self._allowed_speed(path))
+        return LaneOption(path, relate(path, others), self._allowed_speed(path))
 
     def _lane_change(
         self,
         network: RoadNetwork,
         ego: ControlledVehicle,
-        here: View,
-        wish: float,
+        here: LaneOption,
+        acceleration: float,
         cruise: float,
         others: Others,
-    ) -> tuple[str, View, float] | None:
-        """The best worthwhile and safe lane change: meta-action, view of the new lane, acceleration there."""
+    ) -> tuple[str, LaneOption, float] | None:
+        """The best worthwhile and safe lane change: meta-action, the new lane, acceleration there."""
         if ego.lane_index != ego.target_lane_index or ego.speed < self.change_speed:
             return None
         if np.abs(here.path.bend[here.path.arc < 3 * ego.speed]).max() > self.change_bend:
             return None
-        if here.path.jump == 0 and self.model.free(ego.speed, cruise) - wish <= self.change_gain:
+        if here.path.jump == 0 and self.model.free(ego.speed, cruise) - acceleration <= self.change_gain:
             return None  # no lane can be better by so much
         best, found = self.change_gain, None
         for lane in network.side_lanes(ego.lane_index):
             if not network.get_lane(lane).is_reachable_from(ego.position) or is_oncoming(network, lane, ego.position):
                 continue
-            view = self._view(network, ego, lane, others)
-            there = self.acceleration(ego, view, min(cruise, view.top))
+            option = self._option(network, ego, lane, others)
+            there = self.acceleration(ego, option, min(cruise, option.top))
             width = network.get_lane(lane).width_at(0.0)
-            gain = there - wish + self.route_gain * (here.path.jump - view.path.jump) / width
-            if gain > best and there > -self.imposed_brake and self._has_room(ego, here, view):
-                best, found = gain, ("LANE_LEFT" if lane[2] < ego.lane_index[2] else "LANE_RIGHT", view, there)
+            gain = there - acceleration + self.route_gain * (here.path.jump - option.path.jump) / width
+            if gain > best and there > -self.imposed_brake and self._has_room(ego, here, option):
+                best, found = gain, ("LANE_LEFT" if lane[2] < ego.lane_index[2] else "LANE_RIGHT", option, there)
         return found
 
-    def _has_room(self, ego: ControlledVehicle, here: View, view: View) -> bool:
-        """True if a lane is free beside the vehicle, and nobody there is forced to brake hard."""
-        r, half = view.relation, ego.LENGTH / 2
+    def _has_room(self, ego: ControlledVehicle, here: LaneOption, option: LaneOption) -> bool:
+        """Whether a lane is free beside the vehicle, and no follower there has to brake harder than `imposed_brake`."""
+        r, half = option.relation, ego.LENGTH / 2
         near = on_path(r, ego.WIDTH) | on_path(r, ego.WIDTH, 2.5)  # a lane change takes longer than a forecast holds
         room = np.abs(r.along) - r.half[:, 0] - half
         if (near & (room < self.model.gap)).any():
@@ -192,42 +192,43 @@ class IdmPlanner:
         imposed = self.model.imposed(r.speed, ego.speed, room, 0.5 * self.model.headway)
         return not (behind & (imposed > self.imposed_brake)).any()
 
-    def _wanted(self, ego: MDPVehicle, views: Sequence[View], cruise: float) -> float:
-        """The target speed [m/s] with which the speed control does what IDM wishes, as if it were continuous.
+    def _target(self, ego: MDPVehicle, options: Sequence[LaneOption], cruise: float) -> float:
+        """The target speed [m/s] for which highway-env's speed control has the acceleration of IDM.
 
-        On a free road that is the speed to drive at itself: the acceleration wished for would fade out before it.
+        On a free road it is the cruise speed itself: the acceleration of IDM fades out before that speed is reached.
         """
         lag = 1 / ego.KP_A
-        behind = min(self.acceleration(ego, view, np.inf) for view in views)
-        top = min(cruise, *(view.top for view in views))
+        behind = min(self.acceleration(ego, option, np.inf) for option in options)
+        top = min(cruise, *(option.top for option in options))
         return max(0.0, min(ego.speed + behind * lag, max(top, ego.speed - self.model.brake * lag)))
 
-    def _nearest(self, targets: NDArray, wanted: float, contact: NDArray) -> int:
-        """Which of A target speeds (A,) [m/s] comes nearest to the wanted one without a forecast contact (A,) [s]."""
-        if np.isfinite(contact).all():  # no way out: the latest contact, at the lowest speed
+    def _nearest(self, targets: NDArray, target: float, contact: NDArray) -> int:
+        """Index of the speed nearest to the target, of A speeds (A,) [m/s], among those without a contact (A,) [s]."""
+        if np.isfinite(contact).all():  # none avoids it: the latest contact, at the lowest speed
             return int(np.where(contact > contact.max() - 0.1, targets, np.inf).argmin())
-        misfit = np.abs(targets - wanted) + np.where(targets == targets[0], 0.0, self.patience)
+        misfit = np.abs(targets - target) + np.where(targets == targets[0], 0.0, self.patience)
         return int(np.where(np.isinf(contact), misfit, np.inf).argmin())
 
     def _contacts(
-        self, ego: MDPVehicle, view: View, targets: NDArray, period: float, offset: float, others: Others
+        self, ego: MDPVehicle, option: LaneOption, targets: NDArray, period: float, offset: float, others: Others
     ) -> NDArray:
         """Time (A,) [s] until a collision for each of A target speeds, inf for none within the horizon.
 
-        A target is held for one period, then kept or followed by comfortable braking, whichever ends better.
+        Of two continuations the later contact counts: the target is kept, or it is held for one period and followed by
+        comfortable braking.
         """
-        r = view.relation
-        follows = (r.along < 0) & on_path(r, ego.WIDTH) & (r.speed > 0)  # sees us, and is not helped by our speed
-        seen = Others(*(field[~follows] for field in others))
+        r = option.relation
+        follows = (r.along < 0) & on_path(r, ego.WIDTH) & (r.speed > 0)  # keeps its distance from the ego by itself
+        checked = Others(*(field[~follows] for field in others))
         times = instants(self.horizon)
         held = targets[:, None] + (ego.speed - targets[:, None]) * np.exp(-ego.KP_A * times)
         braked = np.where(times > period, held - self.model.brake * (times - period), held)
         arc = distance_driven(np.maximum(np.stack([held, braked]), 0.0))  # (2, A, H)
         own = np.array([ego.LENGTH, ego.WIDTH]) + self.clearance
-        return first_contact(view.path, arc, offset, own, seen).max(0)
+        return first_contact(option.path, arc, offset, own, checked).max(0)
 
 
-def relate_ego(path: Path, ego: ControlledVehicle) -> float:
+def relate_ego(path: LanePath, ego: ControlledVehicle) -> float:
     """Offset [m] of a vehicle across a path that begins beside it."""
     d = ego.position - path.points[0]
     return float(np.cos(path.heading[0]) * d[1] - np.sin(path.heading[0]) * d[0])
@@ -239,7 +240,7 @@ def _world(env: gym.Env) -> Any:
 
 
 def _cruise_speed(env: gym.Env, ego: MDPVehicle) -> float:
-    """What `TrackedEnv` says, or the highest target speed [m/s] in an environment without it."""
+    """`TrackedEnv.cruise_speed`, or the highest target speed [m/s] in an environment that has none."""
     if env.has_wrapper_attr("cruise_speed"):
         return env.get_wrapper_attr("cruise_speed")
     return float(np.max(ego.target_speeds))
@@ -256,7 +257,7 @@ def _action_type(env: gym.Env) -> DiscreteMetaAction:
 
 
 def _target_speed(ego: MDPVehicle, action: str) -> float:
-    """Target speed [m/s] that an action would set; strange vehicles try it on a copy, with a route of its own."""
+    """Target speed [m/s] that an action would set; vehicles of other classes try it on a copy, with its own route."""
     if isinstance(ego, EgoVehicle):
         return ego.target_after(action)
     twin = copy(ego)

@@ -1,7 +1,7 @@
-"""Looking ahead on a road: the path of a vehicle, who is on it, and who will be.
+"""Prediction on a highway-env road, of vehicles or of tracks: the ego's path, and who is or will be on it.
 
-A path is the centre line along the route, sampled evenly from the vehicle on. Others are described along and across it.
-All of it is computed from a highway-env road, which may as well hold tracks.
+A path is the centre line along the route, sampled evenly from the vehicle on. Other vehicles and obstacles are given
+by their place and motion along and across it.
 """
 
 from collections.abc import Sequence
@@ -23,27 +23,27 @@ NODES = 1.0  # [m] between the nodes of a tabulated lane; the chord of a 15 m ci
 DRIFT = 0.5  # [m/s] slower motion across the lane is weaving
 SIGNIFICANT = 2.0  # standard deviations; slower motion across the lane is taken for noise
 FOLLOWS = np.cos(np.pi / 6)  # cosine of the angle to a lane up to which a vehicle is taken to follow it
-FADE = 1.5  # [s] motion across dies away with this time constant: nobody drifts on over many lanes
+FADE = 1.5  # [s] time constant with which motion across a lane decays: no vehicle drifts over many lanes
 LANE_MARGIN = 0.3  # [m] beyond both widths, to call a vehicle on the path
 
 
-class Path(NamedTuple):
-    """P points ahead of a vehicle."""
+class LanePath(NamedTuple):
+    """P points on the centre line ahead of a vehicle."""
 
     points: NDArray  # (P, 2) [m]
     heading: NDArray  # (P,) [rad]
     arc: NDArray  # (P,) [m] from the vehicle
     bend: NDArray  # (P,) [1/m] curvature
     limit: NDArray  # (P,) [m/s] speed limits, inf for none
-    jump: float  # [m] sideways from lane to lane at the joints: what lane changes must still make good
+    jump: float  # [m] sum of the sideways steps where one lane ends and the next begins: left to lane changes
 
 
 class Others(NamedTuple):
-    """N vehicles and obstacles besides one's own, and where they are relative to a path."""
+    """N vehicles and obstacles besides the ego."""
 
     position: NDArray  # (N, 2) [m]
     heading: NDArray  # (N,) [rad]
-    velocity: NDArray  # (N, 2) [m/s], without a motion across the lane that is too slow to mean anything
+    velocity: NDArray  # (N, 2) [m/s], without insignificant motion across the lane
     size: NDArray  # (N, 2) [m]
     course: NDArray  # (N,) [rad] heading of the lane that they follow, direction of motion of those that cross it
     bend: NDArray  # (N,) [1/m] curvature of that lane, 0 for those that cross it
@@ -83,11 +83,13 @@ class LaneTable(NamedTuple):
         return points, heading
 
 
-_TABLES: "WeakKeyDictionary[AbstractLane, LaneTable]" = WeakKeyDictionary()  # lanes do not change, asking them is slow
+_TABLES: "WeakKeyDictionary[AbstractLane, LaneTable]" = (
+    WeakKeyDictionary()
+)  # lanes do not change, and their own methods are slow
 
 
 def lane_table(lane: AbstractLane) -> LaneTable:
-    """The table of a lane, made when it is first asked for."""
+    """The table of a lane, made once."""
     if lane not in _TABLES:
         pieces = 1 if type(lane) is StraightLane else int(np.ceil(lane.length / NODES))
         s = np.linspace(0.0, lane.length, pieces + 1)
@@ -96,7 +98,9 @@ def lane_table(lane: AbstractLane) -> LaneTable:
     return _TABLES[lane]
 
 
-def path_ahead(network: RoadNetwork, lane: LaneIndex, route: Sequence[Any] | None, at: NDArray, reach: float) -> Path:
+def path_ahead(
+    network: RoadNetwork, lane: LaneIndex, route: Sequence[Any] | None, at: NDArray, reach: float
+) -> LanePath:
     """Path of reach [m] from the position at (2,) [m] on, along a lane and then the route, or the straightest road."""
     todo = _route_from(lane, route)
     segment = network.get_lane(lane)
@@ -121,11 +125,11 @@ def path_ahead(network: RoadNetwork, lane: LaneIndex, route: Sequence[Any] | Non
             start, aside = segment.local_coordinates(end)
             s, jump = float(start + over), jump + abs(aside)
     heading = np.unwrap(heading)
-    return Path(points, heading, arc, np.gradient(heading, arc), limit, jump)
+    return LanePath(points, heading, arc, np.gradient(heading, arc), limit, jump)
 
 
 def others_on(road: Road, ego: Vehicle, within: float) -> Others:
-    """All solid things on the road but the ego, not farther than within [m]."""
+    """All solid vehicles and objects on the road but the ego, not farther than within [m]."""
     things = [
         v
         for v in (*road.vehicles, *road.objects)
@@ -155,7 +159,7 @@ def _lane_under(vehicle: Vehicle) -> tuple[float, float]:
     return (float(np.arctan2(vy, vx)) if moving else vehicle.heading), 0.0
 
 
-def relate(path: Path, others: Others) -> Relation:
+def relate(path: LanePath, others: Others) -> Relation:
     """Where the others are relative to a path, which is continued straight at both ends."""
     nearest = np.linalg.norm(others.position[:, None] - path.points, axis=-1).argmin(-1)
     tangent = unit(path.heading[nearest])
@@ -172,14 +176,14 @@ def relate(path: Path, others: Others) -> Relation:
 
 
 def on_path(relation: Relation, width: float, later: float = 0.0) -> NDArray:
-    """Who (N,) bool is on the path of a vehicle of width [m], or would be after drifting on for later [s]."""
+    """Which others (N,) bool are on the path of a vehicle of width [m], or will be later [s] if they drift on."""
     return np.abs(relation.across + later * relation.drift) < relation.half[:, 1] + width / 2 + LANE_MARGIN
 
 
 def forecast(others: Others, times: NDArray) -> tuple[NDArray, NDArray]:
     """Positions (N, H, 2) [m] and headings (N, H) [rad] at times (H,) [s].
 
-    Speed and bend of the lane are kept, motion across fades.
+    Speed and curvature of the lane are kept; motion across decays with the time constant `FADE`.
     """
     along = unit(others.course)
     speed, drift = (others.velocity * along).sum(-1), cross(along, others.velocity)
@@ -191,7 +195,7 @@ def forecast(others: Others, times: NDArray) -> tuple[NDArray, NDArray]:
     return position, others.heading[:, None] + 2 * half_turn
 
 
-def along_path(path: Path, arc: NDArray, offset: NDArray) -> tuple[NDArray, NDArray]:
+def along_path(path: LanePath, arc: NDArray, offset: NDArray) -> tuple[NDArray, NDArray]:
     """Positions (..., 2) [m] and headings (...) [rad] at arc (...) [m] along and offset (...) [m] across a path."""
     heading = np.interp(arc, path.arc, path.heading)
     beyond = np.maximum(arc - path.arc[-1], 0.0)
@@ -208,18 +212,18 @@ def overlap(p: NDArray, h: NDArray, size: NDArray, q: NDArray, g: NDArray, other
     d = q - p
     apart = np.zeros(np.broadcast_shapes(h.shape, g.shape), bool)
     for axis in (h, h + np.pi / 2, g, g + np.pi / 2):
-        reach = _shadow(axis - h, size) + _shadow(axis - g, other)
+        reach = _half_extent(axis - h, size) + _half_extent(axis - g, other)
         apart |= np.abs((d * unit(axis)).sum(-1)) > reach
     return ~apart
 
 
-def _shadow(angle: NDArray, size: NDArray) -> NDArray:
+def _half_extent(angle: NDArray, size: NDArray) -> NDArray:
     """Half length (...) [m] of the projection of boxes on an axis at an angle (...) from their heading."""
     return 0.5 * (np.abs(unit(angle)) * size).sum(-1)
 
 
 def is_oncoming(network: RoadNetwork, lane: LaneIndex, at: NDArray) -> bool:
-    """True for a lane that shares its place at (2,) [m] with one of the opposite direction."""
+    """Whether a lane of the opposite direction overlaps this lane at the position at (2,) [m]."""
     own = network.get_lane(lane)
     s = own.local_coordinates(at)[0]
     place, heading = own.position(s, 0), own.heading_at(s)

@@ -1,6 +1,6 @@
-"""Who drives: planners that read the belief road between the calls of an environment, and nothing else.
+"""The planners: each chooses the ego's next action from the belief road, and from nothing else.
 
-A planner never remembers: the same belief gives the same action.
+Planners have no state: the same belief road gives the same action.
 """
 
 from collections.abc import Mapping
@@ -13,12 +13,12 @@ import numpy as np
 from highway_env.envs.common.action import DiscreteMetaAction
 from numpy.typing import NDArray
 
-from testbed.planners.idm import Drive, IdmPlanner
+from testbed.planners.idm import Choice, IdmPlanner
 from trackers.lookup import look_up
 
 
 class Planner(Protocol):
-    """What drives the ego vehicle."""
+    """What chooses the actions of the ego vehicle."""
 
     @property
     def name(self) -> str:
@@ -30,7 +30,7 @@ class Planner(Protocol):
 
     @property
     def knows_truth(self) -> bool:
-        """True if it wants an environment whose first tracker is the truth."""
+        """Whether it is to be run in an environment whose first tracker is the truth."""
 
     def act(self, env: gym.Env) -> Any:
         """The next action."""
@@ -38,8 +38,8 @@ class Planner(Protocol):
     def plan(self, env: gym.Env) -> NDArray:
         """Points (P, 2) [m] of the path that it means to take, in the world frame."""
 
-    def drive(self, env: gym.Env) -> Drive:
-        """Both, for the work of one."""
+    def choose(self, env: gym.Env) -> Choice:
+        """Action and plan at once."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Idle:
     """Keeps speed and lane."""
 
     name: str = "idle"
-    note: str = "keeps speed and lane, and does not look"
+    note: str = "keeps speed and lane whatever happens"
     knows_truth: bool = False
 
     def act(self, env: gym.Env) -> Any:
@@ -62,13 +62,13 @@ class Idle:
         ego = env.unwrapped.vehicle  # type: ignore[attr-defined]
         return ego.position + np.linspace(0, 3, 7)[:, None] * ego.velocity
 
-    def drive(self, env: gym.Env) -> Drive:
-        """The action that changes nothing, and where it leads."""
-        return Drive(self.act(env), self.plan(env))
+    def choose(self, env: gym.Env) -> Choice:
+        """The action that changes nothing, and the path straight on."""
+        return Choice(self.act(env), self.plan(env))
 
 
 PLANNERS: Mapping[str, Planner] = MappingProxyType(
-    {p.name: p for p in (IdmPlanner(), Idle(), IdmPlanner("truth", "the same, fed with the truth", True))}
+    {p.name: p for p in (IdmPlanner(), Idle(), IdmPlanner("truth", "idm on the truth instead of tracks", True))}
 )
 
 

@@ -75,7 +75,7 @@ def record(scenario: str, seed: int, radar: str, duration: float | None = None) 
         shapes = lane_shapes(tracked.unwrapped.road.network)
         done = False
         while not done:
-            _, _, terminated, truncated, _ = env.step(planner.drive(env).action)
+            _, _, terminated, truncated, _ = env.step(planner.choose(env).action)
             done = terminated or truncated
         phases = tuple(tracked.unwrapped.phases)
         sensing = tracked.seconds["sense"]

@@ -137,7 +137,7 @@ def _driven(task: Task, settings: Settings, out: Path) -> tuple[Rows, dict[str, 
         env.reset(seed=task.seed)
         done = False
         while not done:
-            _, _, terminated, truncated, _ = env.step(planner.drive(env).action)
+            _, _, terminated, truncated, _ = env.step(planner.choose(env).action)
             done = terminated or truncated
         spent, cost = tracked.seconds, tracked.costs[task.tracker].row()
     assert rows is not None  # a reset has a frame

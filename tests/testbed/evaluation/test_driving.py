@@ -6,7 +6,7 @@ import shapely
 
 from sensors.scene import Ego, boxes_scene
 from testbed.evaluation.driving import (
-    Boxes,
+    BodyBoxes,
     DriveEvaluator,
     body_boxes,
     box_distance,
@@ -27,7 +27,7 @@ def ego(x=0.0, speed=20.0, heading=0.0, crashed=False):
 
 def other(x, y, heading=0.0, speed=10.0, size=CAR):
     pose = np.array([[x, y, heading]], float)
-    return Boxes(pose, np.array([size], float), speed * unit(pose[:, 2]))
+    return BodyBoxes(pose, np.array([size], float), speed * unit(pose[:, 2]))
 
 
 def drive(speeds, dt=0.1, crashed_from=None):
@@ -69,7 +69,7 @@ def test_turning_the_world_changes_nothing(name):
     boxes, *expected = CASES[name]
     R = rotation(0.8)
     pose = np.concatenate([boxes.pose[:, :2] @ R.T, boxes.pose[:, 2:] + 0.8], -1)
-    turned = Boxes(pose, boxes.size, boxes.velocity @ R.T)
+    turned = BodyBoxes(pose, boxes.size, boxes.velocity @ R.T)
     found = [measure(ego(heading=0.8), turned)[0] for measure in (box_distance, headway_time, contact_time)]
     assert found == pytest.approx(expected, abs=1e-9)
 
@@ -79,7 +79,7 @@ def test_contact_time_agrees_with_moving_the_boxes_in_small_steps():
     me, time = ego(), np.arange(0, 8, step)
     pose = rng.uniform([-60, -40, -np.pi], [60, 40, np.pi], (60, 3))
     aim = rng.normal(0, 4, (60, 2)) - pose[:, :2]  # past the ego or into it, within 1 to 7 s
-    boxes = Boxes(pose, rng.uniform([3, 1.5], [12, 2.6], (60, 2)), me.velocity + aim / rng.uniform(1, 7, (60, 1)))
+    boxes = BodyBoxes(pose, rng.uniform([3, 1.5], [12, 2.6], (60, 2)), me.velocity + aim / rng.uniform(1, 7, (60, 1)))
     shift = (boxes.velocity - me.velocity) * time[:, None, None]
     outlines = areas(box_corners(boxes.pose, boxes.size) + shift[:, :, None])  # (time, 60)
     touching = shapely.intersects(areas(me.outline), outlines)

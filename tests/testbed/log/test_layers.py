@@ -95,10 +95,10 @@ def test_fields_of_view_stand_at_their_mounts():
     assert np.allclose(np.hypot(*ring.T), 5.0)
 
 
-def test_identities_have_stable_colours_and_nobody_is_grey():
+def test_identities_have_stable_colours_and_unassigned_is_grey():
     colors = palette.identity([-1, 0, 1, 0])
     assert colors.dtype == np.uint32
-    assert colors[0] == palette.NOBODY
+    assert colors[0] == palette.UNASSIGNED
     assert colors[1] == colors[3] != colors[2]
 
 

@@ -53,7 +53,7 @@ def test_every_path_of_the_layout_is_in_the_log(log, full):
 def test_every_tracker_and_metric_has_its_view():
     names = [str(view.name) for view in all_views()]
     for tracker in META.trackers:
-        assert f"Only {tracker}: who took what" in names
+        assert f"Only {tracker}: association" in names
     for metric in ("gwd", "gospa", "box_iou"):
         assert blueprint.title(metric) in names
 

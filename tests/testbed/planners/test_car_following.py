@@ -55,8 +55,8 @@ def test_the_free_road_is_driven_at_the_target_from_both_sides():
     assert MODEL.free(20.0, np.inf) == MODEL.accel
 
 
-def test_behind_a_leader_at_the_wanted_gap_and_speed_it_stays():
-    assert follow(MODEL, 20.0, np.inf, MODEL.wanted_gap(20.0, 20.0), 20.0) == pytest.approx(0.0, abs=1e-12)
+def test_behind_a_leader_at_the_desired_gap_and_speed_it_stays():
+    assert follow(MODEL, 20.0, np.inf, MODEL.desired_gap(20.0, 20.0), 20.0) == pytest.approx(0.0, abs=1e-12)
 
 
 def test_a_follower_is_forced_to_brake_the_harder_the_faster_it_comes():

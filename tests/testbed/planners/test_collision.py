@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from testbed.planners.collision import distance_driven, first_contact, instants
-from testbed.planners.prediction import Others, Path
+from testbed.planners.prediction import LanePath, Others
 
 ARC = 2.0 * np.arange(76)
-STRAIGHT = Path(np.stack([ARC, 0 * ARC], -1), 0 * ARC, ARC, 0 * ARC, np.full(76, np.inf), 0.0)
+STRAIGHT = LanePath(np.stack([ARC, 0 * ARC], -1), 0 * ARC, ARC, 0 * ARC, np.full(76, np.inf), 0.0)
 SIZE = np.array([5.0, 2.0])
 
 

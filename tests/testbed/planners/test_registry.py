@@ -1,4 +1,4 @@
-"""Planners on hand-made roads: what they do, and that they only look."""
+"""Planners on hand-made roads: what they choose, and that they change nothing."""
 
 from copy import deepcopy
 from typing import Any
@@ -56,22 +56,22 @@ def action(env: gym.Env) -> str:
     return PLANNER.decide(env).action
 
 
-def wish(env: gym.Env) -> float:
-    return PLANNER.decide(env).wish
+def acceleration(env: gym.Env) -> float:
+    return PLANNER.decide(env).acceleration
 
 
 def test_an_empty_road_is_driven_up_to_the_limit():
     assert action(world(speed=15.0)) == "FASTER"
     assert action(world(speed=30.0)) == "IDLE"
     env = world(speed=32.5)
-    assert wish(env) < 0
+    assert acceleration(env) < 0
     assert action(env) == "SLOWER"
 
 
 def test_it_brakes_for_what_stands_ahead_the_harder_the_closer():
     near, far = (world({"x": 200.0 + d, "y": 4.0}, blocked(0.0), blocked(8.0)) for d in (40.0, 90.0))
     assert action(near) == "SLOWER"
-    assert wish(near) < wish(far) < wish(world())
+    assert acceleration(near) < acceleration(far) < acceleration(world())
 
 
 def blocked(y: float) -> dict:
@@ -85,22 +85,22 @@ def test_gaps_are_measured_from_bumper_to_bumper():
         for length in (5.0, 17.0)
     )
     shifted = world({"x": 244.0, "y": 4.0, "vx": 15.0, "size": (5.0, 2.0)}, blocked(0.0), blocked(8.0))
-    assert wish(truck) < wish(car) - 0.1
-    assert wish(truck) == pytest.approx(wish(shifted))
+    assert acceleration(truck) < acceleration(car) - 0.1
+    assert acceleration(truck) == pytest.approx(acceleration(shifted))
 
 
 def test_the_next_lane_is_no_reason_to_brake():
-    assert wish(world({"x": 215.0, "y": 8.0, "vx": 20.0})) == pytest.approx(wish(world()))
+    assert acceleration(world({"x": 215.0, "y": 8.0, "vx": 20.0})) == pytest.approx(acceleration(world()))
 
 
 def test_it_makes_room_for_one_that_cuts_in():
     steady = {"x": 214.0, "y": 8.0, "vx": 18.0}
-    assert wish(world({**steady, "vy": -1.2}, blocked(0.0))) < wish(world(steady, blocked(0.0))) - 1.0
+    assert acceleration(world({**steady, "vy": -1.2}, blocked(0.0))) < acceleration(world(steady, blocked(0.0))) - 1.0
 
 
 def test_weaving_below_the_noise_is_not_a_cut_in():
     steady = {"x": 214.0, "y": 8.0, "vx": 18.0}
-    assert wish(world({**steady, "vy": -0.3})) == pytest.approx(wish(world(steady)))
+    assert acceleration(world({**steady, "vy": -0.3})) == pytest.approx(acceleration(world(steady)))
 
 
 def test_it_overtakes_a_slow_leader_where_there_is_room():
@@ -124,7 +124,7 @@ def test_it_stays_when_a_faster_one_comes_up_behind_it():
     assert action(world(slow, blocked(8.0), {**follower, "vx": 20.0})) == "LANE_LEFT"
 
 
-def test_it_looks_around_before_its_first_lane_change():
+def test_it_waits_before_its_first_lane_change():
     env = world({"x": 240.0, "y": 4.0, "vx": 10.0}, blocked(8.0))
     env.unwrapped.steps = 15
     assert action(env) != "LANE_LEFT"
@@ -160,13 +160,13 @@ def test_it_slows_down_before_a_curve():
     env = world(name="u-turn-v1")
     core = env.unwrapped
     lane = core.road.network.get_lane(("a", "b", 0))
-    wishes = []
+    accelerations = []
     for s in (lane.length - 100.0, lane.length - 20.0):
         ego = MDPVehicle(core.road, lane.position(s, 0.0), lane.heading_at(s), 16.0, target_speeds=SPEEDS)
         place(core, ego)
         ego.plan_route_to("d")
-        wishes.append(wish(env))
-    assert wishes[1] < -1.0 < wishes[0]
+        accelerations.append(acceleration(env))
+    assert accelerations[1] < -1.0 < accelerations[0]
 
 
 def test_it_follows_its_route_through_the_roundabout():
@@ -182,7 +182,7 @@ def test_it_follows_its_route_through_the_roundabout():
     assert ego.route == core.vehicle.route
 
 
-def test_a_forecast_collision_stops_the_wish_to_go_on():
+def test_a_forecast_collision_overrides_the_car_following_model():
     """A crossing vehicle that IDM does not see, because it is not on the path yet."""
     env = world(speed=10.0)
     core = env.unwrapped
@@ -221,7 +221,7 @@ def test_a_plan_begins_at_the_vehicle_and_goes_forward(name):
 @pytest.mark.parametrize("name", PLANNERS)
 def test_driving_is_acting_and_planning_at_once(name):
     env = world({"x": 240.0, "y": 4.0, "vx": 10.0}, blocked(8.0))
-    action, plan = find(name).drive(env)
+    action, plan = find(name).choose(env)
     assert action == find(name).act(env)
     np.testing.assert_array_equal(plan, find(name).plan(env))
 
@@ -238,13 +238,13 @@ def following(v: float, target: float, gap: float, lead: float) -> gym.Env:
 
 def test_what_is_nearly_right_is_left_alone():
     """Noise of a quarter of a metre per second in the leader's speed does not move the pedals."""
-    steady = PLANNER.model.wanted_gap(20.0, 20.0)
+    steady = PLANNER.model.desired_gap(20.0, 20.0)
     for lead in np.linspace(19.75, 20.25, 5):
         assert action(following(20.0, 20.0, steady, lead)) == "IDLE"
 
 
 def test_a_change_of_target_is_not_taken_back_at_once():
-    steady = PLANNER.model.wanted_gap(20.0, 20.0)
+    steady = PLANNER.model.desired_gap(20.0, 20.0)
     closing = next(g for g in np.arange(steady, 0.0, -0.2) if action(following(20.0, 20.0, g, 20.0)) == "SLOWER")
     assert action(following(19.7, 17.5, closing, 20.0)) == "IDLE"
 
@@ -263,9 +263,9 @@ def test_an_emergency_is_braked_with_all_there_is():
 
 def test_a_drift_within_its_uncertainty_is_no_cut_in():
     env = world({"x": 214.0, "y": 8.0, "vx": 18.0, "vy": -1.2}, blocked(0.0))
-    sure = wish(env)
+    sure = acceleration(env)
     env.unwrapped.road.vehicles[-2].drift_std = 0.8
-    assert wish(env) > sure + 1.0
+    assert acceleration(env) > sure + 1.0
 
 
 @pytest.mark.parametrize("name", PLANNERS)

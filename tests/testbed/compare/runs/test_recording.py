@@ -56,7 +56,7 @@ def live(scenario, radar, observers):
         env.reset(seed=SEED)
         done = False
         while not done:
-            _, _, terminated, truncated, _ = env.step(planner.drive(env).action)
+            _, _, terminated, truncated, _ = env.step(planner.choose(env).action)
             done = terminated or truncated
 
 
