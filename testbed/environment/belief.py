@@ -95,7 +95,7 @@ class TrackVehicle(IDMVehicle):
     def desired_gap(self, ego_vehicle: Vehicle, front_vehicle: Vehicle = None, projected: bool = True) -> float:
         """IDM gap [m] between centres: highway-env's, with DISTANCE_WANTED as a gap between bumpers."""
         halves = (ego_vehicle.LENGTH + front_vehicle.LENGTH) / 2
-        return super().desired_gap(ego_vehicle, front_vehicle, projected) + halves
+        return super().desired_gap(ego_vehicle, front_vehicle, projected) + halves  # (ENV.3)
 
 
 def advance(estimate: Estimate, lag: float) -> Estimate:
@@ -103,11 +103,11 @@ def advance(estimate: Estimate, lag: float) -> Estimate:
     turn = lag * np.asarray(estimate.yaw_rate)
     with np.errstate(invalid="ignore"):  # estimates that are not finite are dropped by `plausible`
         step = np.concatenate([lag * estimate.velocity, turn[..., None]], -1)
-    pose = estimate.pose + step
+    pose = estimate.pose + step  # (ENV.1)
     contour = estimate.contour
     if contour is not None:
         offsets = (contour - estimate.pose[..., None, :2]) @ rotation(turn).mT
-        contour = pose[..., None, :2] + offsets
+        contour = pose[..., None, :2] + offsets  # (ENV.1)
     return estimate._replace(pose=pose, contour=contour)
 
 
@@ -136,7 +136,7 @@ def track_vehicles(road: Road, ids: NDArray, estimate: Estimate, egos: Sequence[
     pose, velocity, _, size, *_ = nearest = take(estimate, rows)
     size, speed = np.clip(size, MIN_SIZE, MAX_SIZE), nearest.speed
     across = unit(pose[:, 2] + np.pi / 2)[:, None]
-    drift_std = np.sqrt((across @ nearest.cov[:, 2:, 2:] @ across.mT)[:, 0, 0])
+    drift_std = np.sqrt((across @ nearest.cov[:, 2:, 2:] @ across.mT)[:, 0, 0])  # (ENV.2)
     return [
         TrackVehicle(
             road,
