@@ -6,7 +6,7 @@ import typer
 
 from testbed.studies import generated
 from testbed.studies.closed_loop import page as closed_loop
-from testbed.studies.comparison import calibration, committed, publish
+from testbed.studies.comparison import calibration, committed, publish, refresh
 from testbed.studies.comparison import page as comparison
 from testbed.studies.contours import page as contours
 from testbed.studies.htg_tables import page as htg_tables
@@ -22,6 +22,7 @@ STUDIES: Mapping[str, Callable[..., None]] = {
     "partial-view": partial_view.main,
     # committed results that the page of the comparison shows
     "publish": publish.main,
+    "refresh": refresh.main,
     "verdicts": committed.main,
     "calibration": calibration.main,
     # what the documentation says about the registries

@@ -3,38 +3,17 @@
 import json
 import re
 import shutil
-from pathlib import Path
 
 import pandas as pd
 import pytest
 
-from testbed.compare.runs.config import Comparison, Settings
-from testbed.compare.runs.engine import Engine
-from testbed.compare.runs.work import execute
+from testbed.compare.runs.config import Settings
 from testbed.papers.catalogue import PAPERS
 from testbed.studies.comparison import committed
 from testbed.studies.comparison.page import render
-from testbed.studies.comparison.publish import publish, read, stored_comparison
+from testbed.studies.comparison.publish import read, stored_comparison
 from testbed.studies.page import frame, notes_of
-
-DOCS = Path(__file__).parents[4] / "docs"
-TRACKERS = ("rm-feldmann", "htg-mm")
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    out = tmp_path_factory.mktemp("page") / "runs"
-    execute(Comparison(("xia2020-lane",), TRACKERS, (0, 1, 2), Settings(duration=1.0), out=str(out)), Engine())
-    return out
-
-
-@pytest.fixture(scope="module")
-def published(folder):
-    results = folder.parent / "results"
-    publish(folder, results, folder.parent / "report", "htg-mm")
-    shutil.copy(DOCS / "results" / "calibration.json", results)
-    shutil.copytree(DOCS / "results" / "reproduce", results / "reproduce")
-    return results
+from tests.testbed.studies.comparison.conftest import DOCS, TRACKERS
 
 
 def test_a_folder_tells_which_comparison_made_it(folder):
