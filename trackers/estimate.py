@@ -1,4 +1,4 @@
-"""What goes out: where an object is, how it moves, how large it is; the same record is the prior that `init` takes."""
+"""The output of every tracker: pose, motion and size of objects; the same record is the prior that `init` takes."""
 
 from typing import NamedTuple
 
@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 
 class Estimate(NamedTuple):
-    """Belief about objects with any leading axes; standard deviations are marginal."""
+    """Estimates of objects with any leading axes; standard deviations are marginal."""
 
     pose: NDArray  # (..., 3) centre x, y [m], heading [rad]
     velocity: NDArray  # (..., 2) [m/s] of the centre

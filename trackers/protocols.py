@@ -73,10 +73,10 @@ class Classifying(Protocol):
         """Names of the classes."""
 
     def learn_where(self, state: Any, where: NDArray) -> Any:
-        """State that takes the next update as a look at whole objects where (...) is true, and learns of no others."""
+        """State whose next update learns of the objects where (...) is true, those that the scan shows completely."""
 
     def class_size(self, state: Any) -> tuple[NDArray, NDArray]:
-        """Size (..., 2) [m] that is usual for the classes and std (..., 2) of its logarithms; NaN while unknown."""
+        """Mean size (..., 2) [m] of the classes of the objects and std (..., 2) of its logarithms; NaN where not known."""
 
 
 @runtime_checkable

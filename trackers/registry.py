@@ -36,7 +36,7 @@ SPLINE = SplinePmht(
     position_std=(0.05, 0.1),
     outward=1.0,
 )
-DRA = DataRegion(models=("cv",), prior="uniform", parameters="alone", centre_std=0.4)  # as much as rm-vmm says
+DRA = DataRegion(models=("cv",), prior="uniform", parameters="alone", centre_std=0.4)  # as in rm-vmm
 DRA_IMM = replace(DRA, models=("cv", "ca", "ct"), parameters="recommended", form="soft")  # as good here, and cheaper
 
 TRACKERS: Mapping[str, Entry] = MappingProxyType(

@@ -34,7 +34,7 @@ class Scan(NamedTuple):
         pose: ArrayLike | None = None,
         noise: ArrayLike | None = None,
     ) -> "Scan":
-        """Cartesian detections xy (..., M, 2) [m] seen from a resting sensor at pose (3,), without range rate."""
+        """Cartesian detections xy (..., M, 2) [m] of a resting sensor at pose (3,), without range rate."""
         xy = np.asarray(xy, float)
         if xy.ndim < 2 or xy.shape[-1] != 2:
             raise ValueError(f"xy must be (..., M, 2), got {xy.shape}; one detection is xy[None]")

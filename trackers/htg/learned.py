@@ -69,7 +69,7 @@ class HTGLearned:
             last = correct(state, scale, count, mean, spread)  # (HTG.19)
             m, X = last.m, last.X
         new = posterior(state, last, scale, some.n if self.n_count else count)
-        m, P = self.rm.rates.correct(new.m, new.P, scan, scan.xy)  # (RM.16)
+        m, P = self.rm.rates.correct(new.m, new.P, scan, scan.xy)  # (RR.4)
         return select(s.n > 0, new._replace(m=m, P=P), state), UpdateInfo(s.n, last.eps, last.S)
 
     def estimate(self, state: RMState) -> Estimate:

@@ -65,7 +65,7 @@ class HTGMoment:
                 nu=nu + s.n,  # (HTG.28)
                 V=symmetrize(V + B @ outer(eps) @ B.mT + W @ s.spread @ W.mT),  # (HTG.28)
             )
-        m, P = self.rm.rates.correct(new.m, new.P, scan, scan.xy)  # (RM.16)
+        m, P = self.rm.rates.correct(new.m, new.P, scan, scan.xy)  # (RR.4)
         return select(s.n > 0, new._replace(m=m, P=P), state), UpdateInfo(s.n, eps, S)
 
     def estimate(self, state: RMState) -> Estimate:

@@ -170,9 +170,9 @@ class Objective(NamedTuple):
         c, s, v, omega = x[2:6]
         lever = points.z - self.mean[:, :2].T.take(points.row, -1)
         h = np.empty((3, *c.shape))
-        h[0], h[1], h[2] = polar_gradient(points.sight, (c, s), v, lever)  # (RM.15)
+        h[0], h[1], h[2] = polar_gradient(points.sight, (c, s), v, lever)  # (RR.3)
         measured = np.isfinite(points.rate)
-        residual = np.where(measured, points.rate - v * h[1] - omega * h[2], 0.0)  # (RM.15)
+        residual = np.where(measured, points.rate - v * h[1] - omega * h[2], 0.0)  # (RR.3)
         return residual, h * measured
 
     def spatial_information(self, table: HTGTable, F: NDArray) -> NDArray:

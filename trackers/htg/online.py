@@ -97,7 +97,7 @@ class HTGOnline:
             m, X = last.m, last.X
         new = posterior(old, last, scale, s.n if self.n_count else count)
         found: OnlineState = put(state, some, OnlineState(new, b.T))
-        m, P = self.rm.rates.correct(found.rm.m, found.rm.P, scan, scan.xy)  # (RM.16)
+        m, P = self.rm.rates.correct(found.rm.m, found.rm.P, scan, scan.xy)  # (RR.4)
         found = found._replace(rm=found.rm._replace(m=m, P=P))
         blank = UpdateInfo(every.n, np.zeros_like(every.mean), np.broadcast_to(np.eye(2), every.noise.shape))
         return select(some, found, state), put(blank, some, UpdateInfo(s.n, last.eps, last.S))

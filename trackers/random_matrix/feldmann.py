@@ -135,13 +135,13 @@ class RandomMatrix:
         pose = m[..., :3].copy()
         pose[..., PHI] = wrap_angle(m[..., PHI])
         size = self._size(state)
-        log_std = np.sqrt(1 / (2 * (np.maximum(nu, NU_MIN) - 8)))  # (RM.17)
+        log_std = np.sqrt(1 / (2 * (np.maximum(nu, NU_MIN) - 8)))  # (RM.14)
         return Estimate(
             pose=pose,
             velocity=m[..., SPEED, None] * unit(m[..., PHI]),
             yaw_rate=m[..., OMEGA].copy(),
             size=size,
-            cov=cartesian_covariance(m, P),  # (RM.18)
+            cov=cartesian_covariance(m, P),  # (RM.15)
             size_std=size * log_std[..., None],
             heading_std=np.sqrt(P[..., PHI, PHI]),
             yaw_rate_std=np.sqrt(P[..., OMEGA, OMEGA]),
@@ -176,7 +176,7 @@ class RandomMatrix:
     def _size(self, state: RMState) -> NDArray:
         M = rotation(state.m[..., PHI])
         D = M.mT @ state.V @ M / (state.nu - 6)[..., None, None]
-        return 2 * np.sqrt(D.diagonal(axis1=-2, axis2=-1))  # (RM.17)
+        return 2 * np.sqrt(D.diagonal(axis1=-2, axis2=-1))  # (RM.14)
 
     def _offset(self, state: RMState, scan: Scan) -> NDArray:
         """Mean of the visible outline relative to the centre, (..., 2) [m]; zero without a detection."""

@@ -26,7 +26,7 @@ ROUNDING = 1e-9  # [m^2] keeps the scale matrix regular when all detections of m
 
 
 class KochState(NamedTuple):
-    """p(x | X) p(X) = N(x; m, P (x) X) IW(X; nu, scale X), (RM.20)."""
+    """p(x | X) p(X) = N(x; m, P (x) X) IW(X; nu, scale X), (RM.17)."""
 
     x: NDArray  # (..., 6) px, py [m], vx, vy [m/s], ax, ay [m/s^2]
     P: NDArray  # (..., 3, 3) covariance factor of position, velocity, acceleration; times X^ [m^2]
@@ -37,7 +37,7 @@ class KochState(NamedTuple):
     @property
     def extent(self) -> NDArray:
         """Mean extent X^ (..., 2, 2) [m^2]."""
-        return self.X / (self.nu - 3)[..., None, None]  # (RM.20)
+        return self.X / (self.nu - 3)[..., None, None]  # (RM.17)
 
 
 @dataclass(frozen=True)
@@ -63,8 +63,8 @@ class Koch:
         X_hat = extent_matrix(heading, estimate.size / self.sigmas)
         P = np.zeros((*nu.shape, 3, 3))
         P[..., :2, :2] = self._factor(estimate.cov, X_hat)
-        P[..., 2, 2] = self.var_a  # (RM.21)
-        return KochState(x, P, nu, (nu - 3)[..., None, None] * X_hat, heading.copy())  # (RM.21)
+        P[..., 2, 2] = self.var_a  # (RM.18)
+        return KochState(x, P, nu, (nu - 3)[..., None, None] * X_hat, heading.copy())  # (RM.18)
 
     def predict(self, state: KochState, dt: float) -> KochState:
         """Time update over dt [s] >= 0, Singer's model."""
@@ -75,12 +75,12 @@ class Koch:
         moved = x @ np.kron(F, np.eye(2)).T
         fast = (self._speed(x) > self.least_speed) & (self._speed(moved) > self.least_speed)
         # Without the limits nu falls below 3 after two steps without detections, and the extent turns negative.
-        nu_new = np.minimum(nu, np.maximum(np.exp(-dt / self.tau) * nu, NU_LEAST))  # (RM.23c)
+        nu_new = np.minimum(nu, np.maximum(np.exp(-dt / self.tau) * nu, NU_LEAST))  # (RM.20c)
         return KochState(
-            x=moved,  # (RM.23a)
-            P=F @ P @ F.T + self.var_a * D,  # (RM.23b)
+            x=moved,  # (RM.20a)
+            P=F @ P @ F.T + self.var_a * D,  # (RM.20b)
             nu=nu_new,
-            X=X * ((nu_new - 3) / (nu - 3))[..., None, None],  # (RM.23d)
+            X=X * ((nu_new - 3) / (nu - 3))[..., None, None],  # (RM.20d)
             heading=heading + np.where(fast, wrap_angle(course(moved) - course(x)), 0.0),
         )
 
@@ -95,16 +95,16 @@ class Koch:
         xy = scan.xy
         n, z_bar, Z = moments(xy, scan.mask)
         S = self.innovation_factor(P, n)
-        W = P[..., 0] / S[..., None]  # (RM.24)
-        eps = z_bar - offset - x[..., :2]  # (RM.24)
+        W = P[..., 0] / S[..., None]  # (RM.21)
+        eps = z_bar - offset - x[..., :2]  # (RM.21)
         shift = (W[..., :, None] * eps[..., None, :]).reshape(*eps.shape[:-1], 6)
-        P_new = symmetrize(P - outer(W) * S[..., None, None])  # (RM.25b)
-        x_new, P_new = self._range_rates(x + shift, P_new, state.extent, scan, xy, z_bar)  # (RM.25a), (RM.26)
+        P_new = symmetrize(P - outer(W) * S[..., None, None])  # (RM.22b)
+        x_new, P_new = self._range_rates(x + shift, P_new, state.extent, scan, xy, z_bar)  # (RM.22a), (RR.5)
         new = KochState(
             x=x_new,
             P=P_new,
-            nu=nu + n,  # (RM.25c)
-            X=symmetrize(X + outer(eps) / S[..., None, None] + Z + ROUNDING * np.eye(2)),  # (RM.25d)
+            nu=nu + n,  # (RM.22c)
+            X=symmetrize(X + outer(eps) / S[..., None, None] + Z + ROUNDING * np.eye(2)),  # (RM.22d)
             heading=np.where(self._speed(x_new) > self.least_speed, course(x_new), heading),
         )
         return select(n > 0, new, state), UpdateInfo(n, eps, S[..., None, None] * self.shape(state.extent))
@@ -113,8 +113,8 @@ class Koch:
         """Box along the heading; half length and width are `sigmas` roots of the extent's diagonal there."""
         M = rotation(state.heading)
         D = M.mT @ state.extent @ M
-        size = 2 * self.sigmas * np.sqrt(np.stack([D[..., 0, 0], D[..., 1, 1]], -1))  # (RM.27)
-        relative = np.sqrt(1 / (2 * (np.maximum(state.nu, NU_SPREAD) - 5)))  # (RM.27)
+        size = 2 * self.sigmas * np.sqrt(np.stack([D[..., 0, 0], D[..., 1, 1]], -1))  # (RM.23)
+        relative = np.sqrt(1 / (2 * (np.maximum(state.nu, NU_SPREAD) - 5)))  # (RM.23)
         return self.describe(state, state.x[..., :2], state.heading, size, size * relative[..., None])
 
     def resize(self, state: KochState, size: NDArray, size_std: NDArray) -> KochState:
@@ -154,7 +154,7 @@ class Koch:
 
     def innovation_factor(self, P: NDArray, n: NDArray) -> NDArray:
         """S (...), the factor of the innovation covariance, from the factor P (..., 3, 3) and the count n (...)."""
-        return P[..., 0, 0] + 1 / np.maximum(n, 1)  # (RM.24)
+        return P[..., 0, 0] + 1 / np.maximum(n, 1)  # (RM.21)
 
     def shape(self, X_hat: NDArray) -> NDArray:
         """The matrix (..., 2, 2) [m^2] that P is a factor of: the extent."""
@@ -177,8 +177,8 @@ class Koch:
             size=size,
             cov=symmetrize(C[..., :4, :4]) + ROUNDING * np.eye(4),
             size_std=size_std,
-            heading_std=np.arctan2(sideways, np.maximum(speed, self.least_speed)),  # (RM.28)
-            yaw_rate_std=wobble / np.maximum(speed, self.turn_speed),  # (RM.28)
+            heading_std=np.arctan2(sideways, np.maximum(speed, self.least_speed)),  # (RM.24)
+            yaw_rate_std=wobble / np.maximum(speed, self.turn_speed),  # (RM.24)
         )
 
     def covariance(self, state: KochState) -> NDArray:
@@ -187,7 +187,7 @@ class Koch:
 
     def _yaw_rate(self, v: NDArray, a: NDArray) -> NDArray:
         speed2 = (v * v).sum(-1)
-        turn = (perpendicular(v) * a).sum(-1) / np.maximum(speed2, self.turn_speed**2)  # (RM.28)
+        turn = (perpendicular(v) * a).sum(-1) / np.maximum(speed2, self.turn_speed**2)  # (RM.24)
         return np.where(speed2 > self.least_speed**2, turn, 0.0)
 
     def _speed(self, x: NDArray) -> NDArray:
@@ -196,19 +196,19 @@ class Koch:
     def _covariance(self, P: NDArray, X_hat: NDArray) -> NDArray:
         """Covariance (..., 6, 6) of the kinematic state, P (x) X^."""
         B = self.shape(X_hat)
-        return (P[..., :, None, :, None] * B[..., None, :, None, :]).reshape(*P.shape[:-2], 6, 6)  # (RM.20)
+        return (P[..., :, None, :, None] * B[..., None, :, None, :]).reshape(*P.shape[:-2], 6, 6)  # (RM.17)
 
     def _factor(self, C: NDArray, X_hat: NDArray) -> NDArray:
         """Factor P (..., s, s) of a covariance C (..., 2 s, 2 s), exact where C is P (x) X^."""
         s = C.shape[-1] // 2
         B = inverse(self.shape(X_hat))
         blocks = C.reshape(*C.shape[:-2], s, 2, s, 2)
-        return symmetrize((B[..., None, :, None, :] * blocks).sum((-3, -1)) / 2)  # (RM.21)
+        return symmetrize((B[..., None, :, None, :] * blocks).sum((-3, -1)) / 2)  # (RM.18)
 
     def _range_rates(
         self, x: NDArray, P: NDArray, X_hat: NDArray, scan: Scan, xy: NDArray, centre: NDArray
     ) -> tuple[NDArray, NDArray]:
-        """State and factor after the velocity is corrected by the ground range rates of the scan, (RM.26).
+        """State and factor after the velocity is corrected by the ground range rates of the scan, (RR.5).
 
         After a correction along one line of sight the covariance is no Kronecker product; its nearest factor is taken.
         """
@@ -226,15 +226,15 @@ class Koch:
         J, score = np.zeros_like(C), np.zeros_like(x)
         J[..., 2:4, 2:4] = information * (u.mT @ u)
         score[..., 2:4] = information * (u * residual[..., None]).sum(-2)
-        C_new = symmetrize(np.linalg.solve(np.eye(6) + C @ J, C))  # (RM.26)
+        C_new = symmetrize(np.linalg.solve(np.eye(6) + C @ J, C))  # (RR.5)
         return x + (C_new @ score[..., None])[..., 0], self._factor(C_new, X_hat)
 
 
 def singer(dt: float, theta: float) -> tuple[NDArray, NDArray]:
     """Transition F and noise shape D, both (3, 3), over dt [s]; the approximation that the paper uses."""
     e = np.exp(-dt / theta)
-    F = np.array([[1, dt, dt**2 / 2], [0, 1, dt], [0, 0, e]])  # (RM.22)
-    return F, (1 - e**2) * np.diag([0.0, 0.0, 1.0])  # (RM.22)
+    F = np.array([[1, dt, dt**2 / 2], [0, 1, dt], [0, 0, e]])  # (RM.19)
+    return F, (1 - e**2) * np.diag([0.0, 0.0, 1.0])  # (RM.19)
 
 
 def course(x: NDArray) -> NDArray:
@@ -245,4 +245,4 @@ def course(x: NDArray) -> NDArray:
 def degrees_of_freedom(size: NDArray, size_std: NDArray) -> NDArray:
     """Nu (...) for the mean relative size variance of boxes with size and size_std (..., 2) [m]."""
     relative = ((size_std / size) ** 2).mean(-1)
-    return 5 + 1 / (2 * np.maximum(relative, 1e-6))  # (RM.21)
+    return 5 + 1 / (2 * np.maximum(relative, 1e-6))  # (RM.18)

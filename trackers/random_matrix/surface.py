@@ -27,7 +27,7 @@ def visible_offset(pose: NDArray, size: NDArray, sensor: NDArray) -> NDArray:
     visible = depth > 0
     side = np.sign(s) * half  # the side's distance along its own axis
     reach = np.hypot(np.maximum(depth, 1e-9), s[..., ::-1])  # from the side's midpoint to the sensor
-    weight = np.where(visible, size[..., ::-1] * depth / reach, 0.0)  # (RM.19)
+    weight = np.where(visible, size[..., ::-1] * depth / reach, 0.0)  # (RM.16)
     total = weight.sum(-1, keepdims=True)
     body = weight * side / np.where(total > 0, total, 1.0)
-    return (M @ body[..., None])[..., 0]  # (RM.19)
+    return (M @ body[..., None])[..., 0]  # (RM.16)
