@@ -108,7 +108,7 @@ def run(
         OSError: log or results cannot be written, also when the disk becomes full on the way.
     """
     planner = find_planner(config.planner)
-    with interruptible() as wish, closing(make_env(config)) as env:
+    with interruptible() as interrupt, closing(make_env(config)) as env:
         tracked: Any = env
         for observer in observers:
             tracked.attach(observer)
@@ -117,7 +117,7 @@ def run(
         total = float(env.unwrapped.config["duration"])  # type: ignore[attr-defined]
         start, cpu, done = perf_counter(), process_time(), False
         try:
-            while not done and wish.signal is None:
+            while not done and interrupt.signal is None:
                 action, tracked.plan = planner.choose(env)
                 _, _, terminated, truncated, _ = env.step(action)
                 done = terminated or truncated
@@ -128,5 +128,5 @@ def run(
             timing["cpu"] = process_time() - cpu
             timing["trackers"] = {name: jsonable(cost.row()) for name, cost in tracked.costs.items()}
             result = recorder.close(interrupted=not done, timing=timing)
-    status = 0 if done else wish.exit_status
+    status = 0 if done else interrupt.exit_status
     return RunResult(config, result, recorder.json_path, recorder.log.path, status)

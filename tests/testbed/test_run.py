@@ -134,10 +134,10 @@ def test_the_planner_that_knows_the_truth_is_scored_with_trackers_beside_it(tmp_
 
 
 def test_progress_ends_at_the_duration(tmp_path):
-    told = []
-    run(short(tmp_path, log="off"), lambda done, total: told.append((done, total)))
-    assert told[-1] == (pytest.approx(2.0), 2.0)
-    assert [done for done, _ in told] == pytest.approx(0.2 * np.arange(1, 11))
+    reported = []
+    run(short(tmp_path, log="off"), lambda done, total: reported.append((done, total)))
+    assert reported[-1] == (pytest.approx(2.0), 2.0)
+    assert [done for done, _ in reported] == pytest.approx(0.2 * np.arange(1, 11))
 
 
 def test_an_error_on_the_way_leaves_partial_results_and_is_raised(tmp_path):

@@ -144,7 +144,7 @@ def test_an_unknown_level_is_one_sentence(tmp_path):
 
 
 def test_the_object_in_focus_reaches_the_log(tmp_path):
-    """A log refuses a focus that is not there; so one that nobody passed on would be noticed here."""
+    """A log refuses a focus that is not in the scene, so the error shows that the focus reached it."""
     env = gym.make("testbed/cut-in-v0", **QUICK)
     meta = RunMeta("a", "cut-in", 0, "front", (DEFAULT,), "idm", {}, {})
     env.attach(Recorder(meta, tmp_path, focus=999))

@@ -49,7 +49,7 @@ def test_tracks_come_back_smoothed_at_the_frames_at_which_they_were_reported():
     chain = take(stack(states), got.tracks[1].frame)
     other = smooth_track(TRACKER, type(chain)(*(leaf[:, 1] for leaf in chain)), [DT] * 3 + [4 * DT] + [DT] * 7)
     np.testing.assert_allclose(got.tracks[1].pose, TRACKER.filter.estimate(other).pose, atol=1e-9)
-    assert len(history.smoothed().step) == 0  # what was told is forgotten
+    assert len(history.smoothed().step) == 0  # a second call has nothing left
 
 
 def test_a_history_is_full_before_a_long_run_ends():

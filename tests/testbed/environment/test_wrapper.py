@@ -79,7 +79,7 @@ def assert_equal_episodes(name: str, observation: dict | None, steps: int = 3) -
         np.testing.assert_equal(b, a)
         assert others == flags
         assert info["rewards"] == tracked_info["rewards"]
-        tracked._swap.show()  # a look behind the curtain
+        tracked._swap.show()  # between calls the true road is hidden
         assert states(tracked) == states(native)
         tracked._swap.hide(tracked._belief_now())
         if any(flags[1:]):

@@ -134,7 +134,7 @@ class World:
         return np.concatenate([xy, (angle + np.arctan2(side, v))[:, None]], -1), velocity
 
     def scene(self, time: float) -> Scene:
-        """What the radars look at."""
+        """The scene that the radars scan."""
         pose, velocity, yaw_rate = self.states(time)
         ego = Ego(pose[0], velocity[0], float(yaw_rate[0]), EGO_SIZE, box_corners(pose[0], EGO_SIZE))
         size = np.array([v.size for v in self.vehicles]).reshape(-1, 2)

@@ -33,7 +33,7 @@ def test_a_spell_lasts_until_the_first_scan_after_it():
         ("1.1.", None, []),
         ("1..2", None, [3.0]),
         ("1212", None, [1.0, 2.0, 3.0]),
-        ("1221", "1001", []),  # what held it while nobody was asked does not count
+        ("1221", "1001", []),  # tracks at scans at which it was not counted are ignored
         ("1222", "1001", [3.0]),
     ],
 )
@@ -69,7 +69,7 @@ def test_never_needs_two_counted_seconds():
     assert never_tracked(history("....", "1101"))
     assert not never_tracked(history("..", "11"))  # the first scan stands for one second, the last for none
     assert not never_tracked(history("...1", "1111"))
-    assert never_tracked(history("...1", "1110"))  # held only when nobody asked
+    assert never_tracked(history("...1", "1110"))  # held only where it was not counted
 
 
 def test_gaps_count_plain_view_without_a_track():

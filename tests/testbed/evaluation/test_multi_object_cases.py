@@ -44,7 +44,7 @@ WORLDS: dict[str, tuple[World, float, dict[str, Any]]] = {  # world, seconds, wh
 
 @cache
 def run(case: str, name: str) -> Outcome:
-    """One run of a case with seed 0, shared by the tests that look at it."""
+    """One run of a case with seed 0, shared by its tests."""
     world, seconds, more = WORLDS[case]
     return drive(world, tracker_for(world, name, seconds), seconds, **more)
 
@@ -248,7 +248,7 @@ def test_16_an_empty_scan_costs_the_visible_its_miss_factor_and_the_hidden_only_
     np.testing.assert_allclose(moved, tracks.estimate.velocity / RATE, atol=0.02)  # the prediction, turning included
 
 
-def look(points: NDArray, velocity: NDArray, platform: NDArray) -> Scan:
+def scan_of(points: NDArray, velocity: NDArray, platform: NDArray) -> Scan:
     """What the imaging radar says of world points (M, 2) [m] with velocities (M, 2) [m/s], without noise."""
     sensor = len(SEVEN.models) - 1
     model = SEVEN.models[sensor]
@@ -272,7 +272,7 @@ def test_vehicles_abreast_are_born_as_two_even_where_stray_points_bridge_them(st
     bridge = np.stack([np.full(strays, 25.0), np.linspace(-gap / 2, gap / 2, strays + 2)[1:-1]], -1)
     points = np.concatenate([body(rng, (25, offset), CAR), body(rng, (25, -offset), CAR), bridge])
     tracker, ego = tracker_for(cases.EMPTY), np.array([0.0, 0, 0, 25, 0, 0])
-    tracks, _ = tracker.step(tracker.start(), look(points, np.tile([25.0, 0], (len(points), 1)), ego), 0.0)
+    tracks, _ = tracker.step(tracker.start(), scan_of(points, np.tile([25.0, 0], (len(points), 1)), ego), 0.0)
     np.testing.assert_allclose(np.sort(tracks.estimate.pose[:, 1]), [-offset, offset], atol=0.3)
 
 
@@ -280,6 +280,6 @@ def test_a_vehicle_that_crosses_is_not_cut_in_two():
     """It is wider across the ego's lane than any vehicle, with gaps between its detections, but drives that way."""
     grid = np.stack(np.meshgrid(np.linspace(19.1, 20.9, 2), np.linspace(9.7, 14.3, 9)), -1).reshape(-1, 2)
     tracker, ego = tracker_for(cases.EMPTY), np.zeros(6)
-    tracks, _ = tracker.step(tracker.start(), look(grid, np.tile([0.0, 9.0], (len(grid), 1)), ego), 0.0)
+    tracks, _ = tracker.step(tracker.start(), scan_of(grid, np.tile([0.0, 9.0], (len(grid), 1)), ego), 0.0)
     assert len(tracks.id) == 1
     assert np.degrees(tracks.estimate.pose[0, 2]) == pytest.approx(90, abs=10)

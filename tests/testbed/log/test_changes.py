@@ -1,4 +1,4 @@
-"""Contours that a tracker has learned, in the log: drawn where the track was, gone after a second, told as an event."""
+"""Contours that a tracker has learned, in the log: drawn where the track was, removed after a second, and an event."""
 
 import numpy as np
 
@@ -47,8 +47,8 @@ def test_both_contours_are_drawn_at_the_pose_of_the_track_and_go_after_a_second(
         np.testing.assert_allclose(to_frame(pose, np.array(strip)[:4]), ring, atol=1e-3)
         assert last[paths.STEP] == 25
         assert not last["LineStrips2D:strips"]
-    told = [event for event in reader.events(path) if "adapted" in event.text]
-    assert [(event.step, event.level) for event in told] == [(10, "INFO")]
+    logged = [event for event in reader.events(path) if "adapted" in event.text]
+    assert [(event.step, event.level) for event in logged] == [(10, "INFO")]
 
 
 def test_without_a_change_nothing_is_written_for_it(tmp_path):

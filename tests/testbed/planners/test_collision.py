@@ -45,7 +45,7 @@ def test_one_that_crosses_is_met_only_if_it_is_there_at_the_same_time():
 
 
 def test_motion_across_the_lane_fades():
-    """With 1.5 s of memory a drift of 1 m/s carries on for 1.5 m, one of 3 m/s for 4.5 m."""
+    """With a decay time of 1.5 s a drift of 1 m/s carries on for 1.5 m, one of 3 m/s for 4.5 m."""
     assert contact(20.0, (4.0, 4.0, 20.0, -1.0, 0.0)) == np.inf
     assert contact(20.0, (4.0, 4.0, 20.0, -3.0, 0.0)) < 2.0
 
