@@ -16,7 +16,7 @@ from sensors.scene import Ego, boxes_scene
 from sensors.origin import Origin
 from testbed.compare.runs.config import Settings, Task
 from testbed.compare.runs.recording import RecordedFrame, Recording, load, read_seconds, record, save
-from testbed.compare.runs.replay import replay, write_log
+from testbed.compare.runs.replay import REPLAY, replay, write_log
 from testbed.compare.runs.rows import Rows
 from testbed.compare.runs.tasks import RECORDINGS, Drive, obtain, recording_path
 from testbed.log import reader
@@ -91,7 +91,7 @@ def test_a_file_is_small_and_nothing_lies_beside_it(drive):
 
 def test_the_live_environment_shows_what_was_recorded_and_trackers_say_the_same(drive):
     _, back, _ = drive
-    frames, of_live, of_replay = [], [], []
+    frames, of_live, of_replay, steps = [], [], [], []
 
     def keep(frame):
         frames.append(copy.deepcopy(RecordedFrame(frame.scene, frame.scan, frame.origin)))
@@ -99,6 +99,7 @@ def test_the_live_environment_shows_what_was_recorded_and_trackers_say_the_same(
 
     def listen(frame):
         of_replay.append([frame.outputs[name] for name in TRACKERS])
+        steps.append((frame.step, frame.action))
 
     rows = [[Rows(Task(back.scenario, name, SEED), back.phases) for name in TRACKERS] for _ in range(2)]
     live(back.scenario, back.radar, [keep, *rows[0]])
@@ -110,6 +111,7 @@ def test_the_live_environment_shows_what_was_recorded_and_trackers_say_the_same(
         assert a.table().equals(b.table(), check_metadata=True)
         assert a.summaries() == b.summaries()
     assert perception.costs[TRACKERS[0]].scans == len(back.frames)
+    assert steps == [(k, REPLAY) for k in range(len(back.frames))]
 
 
 @pytest.fixture(scope="module")
