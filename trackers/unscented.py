@@ -1,6 +1,6 @@
 """The unscented transform: moments of a function of a Gaussian from its values at sigma points.
 
-Symbols and equations: card bspline_pmht, section 4, (8), (9) and (11), after Yao et al. (2021).
+Equations: docs/methods/smoothing.md, after Yao et al. (2021).
 """
 
 from collections.abc import Callable
@@ -18,26 +18,26 @@ LEAST_EIGENVALUE = 1e-14  # of a covariance that rounding has made indefinite
 
 @dataclass(frozen=True)
 class Scaling:
-    """How far the sigma points lie out and what they weigh; not a tuning knob, card section 4."""
+    """Distance and weights of the sigma points, (SM.1), (SM.2); results hardly depend on it."""
 
     alpha: float = 1.0
     beta: float = 2.0
     kappa: float = 0.0
 
     def reach(self, n: int) -> float:
-        """Factor n + lambda of the covariance, lambda = alpha^2 (n + kappa) - n, in n dimensions."""
-        reach = self.alpha**2 * (n + self.kappa)
+        """Factor n + lambda of the covariance in n dimensions; raises ValueError where it is not positive."""
+        reach = self.alpha**2 * (n + self.kappa)  # (SM.1)
         if not reach > 0:
             raise ValueError(f"alpha and kappa must make alpha^2 (n + kappa) positive, got {reach}; take kappa > -{n}")
         return reach
 
     def weights(self, n: int) -> tuple[NDArray, NDArray]:
-        """Weights (2n + 1,) of the mean and of the covariance, (8)."""
+        """Weights (2n + 1,) of the mean and of the covariance."""
         reach = self.reach(n)
-        Wm = np.full(2 * n + 1, 0.5 / reach)
-        Wm[0] = 1 - n / reach
+        Wm = np.full(2 * n + 1, 0.5 / reach)  # (SM.2)
+        Wm[0] = 1 - n / reach  # (SM.2)
         Wc = Wm.copy()
-        Wc[0] += 1 - self.alpha**2 + self.beta
+        Wc[0] += 1 - self.alpha**2 + self.beta  # (SM.2)
         return Wm, Wc
 
 
@@ -45,22 +45,22 @@ STANDARD = Scaling()
 
 
 class Transformed(NamedTuple):
-    """Moments of y = f(x) and how it goes with x."""
+    """Moments of y = f(x), and its cross covariance with x."""
 
     mean: NDArray  # (..., k)
-    cov: NDArray  # (..., k, k), without noise of f
+    cov: NDArray  # (..., k, k), without noise added to f
     D: NDArray  # (..., n, k) cross covariance of x and y
 
 
 def root(P: NDArray) -> NDArray:
-    """Lower triangular L (..., n, n) with L L^T = P; eigenvalues are clipped where rounding took definiteness away."""
+    """Lower triangular L (..., n, n) with L L^T = P; where rounding made P indefinite, its eigenvalues are clipped."""
     P = symmetrize(P)
     try:
         return np.linalg.cholesky(P)
     except np.linalg.LinAlgError:
         value, vector = np.linalg.eigh(P)
         A = vector * np.sqrt(np.maximum(value, LEAST_EIGENVALUE))[..., None, :]
-        R = np.linalg.qr(A.mT).R  # of rows that are definite R^T is their Cholesky root, but for signs
+        R = np.linalg.qr(A.mT).R  # R^T is a Cholesky root, but for the signs of its columns
         sign = np.where(np.diagonal(R, axis1=-2, axis2=-1) < 0, -1.0, 1.0)
         return R.mT * sign[..., None, :]
 
@@ -68,13 +68,13 @@ def root(P: NDArray) -> NDArray:
 def sigma_points(m: NDArray, P: NDArray, scaling: Scaling = STANDARD) -> NDArray:
     """Points (..., 2n + 1, n): the mean m (..., n), and it plus and minus the columns of a root of P (..., n, n)."""
     n = m.shape[-1]
-    arms = np.sqrt(scaling.reach(n)) * root(P).mT
+    offsets = np.sqrt(scaling.reach(n)) * root(P).mT
     centre = m[..., None, :]
-    return np.concatenate([centre, centre + arms, centre - arms], -2)
+    return np.concatenate([centre, centre + offsets, centre - offsets], -2)  # (SM.1)
 
 
 def moments(X: NDArray, Y: NDArray, scaling: Scaling = STANDARD, angles: tuple[int, ...] = ()) -> Transformed:
-    """Moments from sigma points X (..., 2n + 1, n) and their images Y (..., 2n + 1, k), (9), (11).
+    """Moments from sigma points X (..., 2n + 1, n) and their images Y (..., 2n + 1, k).
 
     Components of Y named in `angles` [rad] may be wrapped: they are averaged around the image of the mean.
     """
@@ -85,8 +85,8 @@ def moments(X: NDArray, Y: NDArray, scaling: Scaling = STANDARD, angles: tuple[i
     shift = Wm @ d
     d = d - shift[..., None, :]
     weighted = Wc[:, None] * d
-    D = (X - X[..., :1, :]).mT @ weighted
-    return Transformed(Y[..., 0, :] + shift, symmetrize(d.mT @ weighted), D)
+    D = (X - X[..., :1, :]).mT @ weighted  # (SM.3)
+    return Transformed(Y[..., 0, :] + shift, symmetrize(d.mT @ weighted), D)  # (SM.3)
 
 
 def transform(
@@ -96,6 +96,6 @@ def transform(
     scaling: Scaling = STANDARD,
     angles: tuple[int, ...] = (),
 ) -> Transformed:
-    """Moments of f(x), x ~ N(m, P) with m (..., n); f takes points (..., 2n + 1, n) to (..., 2n + 1, k)."""
+    """Moments of f(x), x ~ N(m, P) with m (..., n); f maps points (..., 2n + 1, n) to (..., 2n + 1, k)."""
     X = sigma_points(m, P, scaling)
     return moments(X, f(X), scaling, angles)
