@@ -1,17 +1,15 @@
-"""Unscented Rauch-Tung-Striebel smoother for every filter whose state holds a Gaussian: what was, given all that came.
+"""Unscented Rauch-Tung-Striebel smoother for every filter whose state holds a Gaussian.
 
-Symbols and equations: card bspline_pmht, section 7, after Yao et al. (2021). The filters need nothing but their
-`predict`: it gives the predicted moments, and its values at sigma points the cross covariance D.
+Equations: docs/methods/smoothing.md, after Yao et al. (2021). Of a filter only `predict` and the methods of
+`trackers.protocols.Smoothable` are used: the values of `predict` at sigma points give the cross covariance D.
 
-Extents of random matrices are smoothed by a rule of ours. Their prediction forgets: it keeps a share of the
-information, nu' - 6 = share (nu - 6), V' = share V. A filter that ran backwards would forget just so, and its
-information would be added to the filter's: at each step the extent has seen every detection, past or future, with the
-weight share^(steps away). So nu_s = nu + share (nu_s+ - nu'), V_s = V + share (V_s+ - V'), turned back. Where more than
-the filter works on the size, such as a size prior between prediction and update, the extent stays the filter's: the
-prior would have to be renewed on the way back, or biased detections outweigh it.
+Extents of random matrices are smoothed by a rule of ours, (SM.8): their prediction forgets a share of the information,
+so every step of a smoothed extent counts all detections, past and future, with a weight that falls with their distance
+in time. With `between`, the extent stays the filter's: a size prior would have to be applied on the way back, too, or
+biased detections outweigh it.
 
-Sizes that are part of the Gaussian (htg-map, dra) are smoothed with it. The contour of rm-vmm keeps its size and moves
-with its centre.
+Sizes that are part of the Gaussian (htg-map, dra, pmht-spline) are smoothed with it. The contour of rm-vmm keeps its
+size and moves with its centre.
 """
 
 from collections.abc import Callable, Sequence
@@ -33,23 +31,23 @@ Between = Callable[[Any, float], Any]  # predicted state, dt [s] -> what the upd
 
 
 class Predicted(NamedTuple):
-    """Steps 1 to K - 1 as predicted from the ones before."""
+    """Predictions of steps 1 to K - 1, each from the step before."""
 
     state: Any  # (K - 1, ...)
-    start: Gaussian  # (K - 1, ...) of the steps before, as the prediction took them
-    cov: NDArray  # (K - 1, ..., n, n) of what the prediction makes of them, without process noise
-    D: NDArray  # (K - 1, ..., n, n) cross covariances of the two
+    start: Gaussian  # (K - 1, ...) of the steps before, after the mixing of models if there is one
+    cov: NDArray  # (K - 1, ..., n, n) covariances of the predicted means, without process noise
+    D: NDArray  # (K - 1, ..., n, n) cross covariances of the step before and the predicted mean
 
 
 def smooth(filter: Any, states: Sequence[T], dt: ArrayLike, between: Between | None = None) -> list[T]:
-    """The states after each update given the detections of all updates; the last one is as it came.
+    """The states after each update given the detections of all updates; the last one is unchanged.
 
     Args:
-        filter: that made the states.
-        states: after each update, in the order of time, with the same leading axes; a look without detections is a
-            state that is as predicted, or one that is left out.
+        filter: the filter that made the states.
+        states: after each update, in the order of time, with the same leading axes. A scan without detections is a
+            predicted state or is left out.
         dt: [s] between them, one number or one less than there are states.
-        between: what was done to a prediction before its update, where something was.
+        between: function of a predicted state and its dt [s] that was applied before the update, such as a size prior.
 
     Raises:
         TypeError: the filter is not `Smoothable`.
@@ -83,7 +81,7 @@ def smooth_stacked(filter: Any, states: T, dt: ArrayLike, between: Between | Non
     updated = (np.concatenate([start.m, m[-1:]]), np.concatenate([start.P, P[-1:]]))
     # A covariance below that of the state itself, from a linearisation or from `between`, would pass too much back.
     consistent = P_pred + positive_part(predicted.cov - P_pred)
-    D = predicted.D @ np.linalg.solve(consistent, P_pred)
+    D = predicted.D @ np.linalg.solve(consistent, P_pred)  # (SM.6)
     previous = [np.concatenate([a[:1], a]) for a in (m_pred, P_pred, D)]
     ms, Ps = smooth_moments(*updated, previous[0], previous[1], previous[2], filter.angles)
     smoothed = filter.with_gaussian(states, Gaussian(ms, Ps))
@@ -103,34 +101,35 @@ def smooth_moments(
         m_pred: (K, ..., n) means predicted for each step from the one before; the first is not used.
         P_pred: (K, ..., n, n) their covariances, process noise included.
         D: (K, ..., n, n) cross covariances between the step before (rows) and the step; the first is not used.
-        angles: components [rad] that may be wrapped; without, they are taken as they are.
+        angles: components [rad] that may be wrapped.
 
     """
     ms, Ps = m.copy(), P.copy()
     if len(m) > 1:
-        G = np.linalg.solve(P_pred[1:], D[1:].mT).mT  # D P_pred^-1
+        G = np.linalg.solve(P_pred[1:], D[1:].mT).mT  # (SM.4)
     for k in range(len(m) - 2, -1, -1):
         d = ms[k + 1] - m_pred[k + 1]
         for a in angles:
             d[..., a] = wrap_angle(d[..., a])
-        ms[k] = m[k] + (G[k] @ d[..., None])[..., 0]  # (12)
-        Ps[k] = symmetrize(P[k] + G[k] @ (Ps[k + 1] - P_pred[k + 1]) @ G[k].mT)  # (13)
+        ms[k] = m[k] + (G[k] @ d[..., None])[..., 0]  # (SM.5a)
+        Ps[k] = symmetrize(P[k] + G[k] @ (Ps[k + 1] - P_pred[k + 1]) @ G[k].mT)  # (SM.5b)
     return ms, Ps
 
 
 def smooth_extents(extent: Extent, predicted: Extent) -> Extent:
     """Extents (K, ...) given all K steps, from those after each update and those predicted for steps 1 to K - 1.
 
-    Where a step knows less than was predicted for it (a size that was set anew), nothing is passed back.
+    Where a step knows less than was predicted for it, because the size was set anew, nothing is passed back.
     """
     nu, V, least = extent.nu.copy(), extent.V.copy(), extent.least
-    share = np.clip((predicted.nu - least) / (nu[:-1] - least), 0.0, 1.0)
+    share = np.clip((predicted.nu - least) / (nu[:-1] - least), 0.0, 1.0)  # (SM.8a)
     back = rotation(-(predicted.heading - extent.heading[:-1]))
     for k in range(len(nu) - 2, -1, -1):
         more = nu[k + 1] - predicted.nu[k]
         passed = np.where(more > 0, share[k], 0.0)
-        nu[k] = nu[k] + passed * more
-        V[k] = V[k] + passed[..., None, None] * back[k] @ positive_part(V[k + 1] - predicted.V[k]) @ back[k].mT
+        gain = positive_part(V[k + 1] - predicted.V[k])
+        nu[k] = nu[k] + passed * more  # (SM.8a)
+        V[k] = V[k] + passed[..., None, None] * back[k] @ gain @ back[k].mT  # (SM.8b)
     return extent._replace(nu=nu, V=V)
 
 
@@ -141,7 +140,7 @@ def positive_part(A: NDArray) -> NDArray:
 
 
 def predict_all(filter: Any, states: Any, dt: NDArray, between: Between | None) -> Predicted:
-    """All K - 1 predictions of K states, together where dt (K - 1,) [s] is the same."""
+    """All K - 1 predictions of K states; those with the same dt, (K - 1,) [s], in one call."""
     order, found = [], []
     for value in np.unique(dt):
         rows = np.flatnonzero(dt == value)
@@ -152,7 +151,7 @@ def predict_all(filter: Any, states: Any, dt: NDArray, between: Between | None) 
 
 
 def predict_some(filter: Any, state: Any, dt: float, between: Between | None) -> Predicted:
-    """States (N, ...) predicted over dt [s], with what the smoother asks of them."""
+    """Predictions of states (N, ...) over dt [s]."""
 
     def predict(one: Any, old: Any) -> Any:
         new = one.predict(old, dt)
@@ -183,10 +182,10 @@ def mixture_pair(
     angles: tuple[int, ...],
     predict: Callable[[Any, Any], Any],
 ) -> tuple[Gaussian, NDArray, NDArray]:
-    """Moments of mixtures as their prediction takes them, and what follows in `Predicted`.
+    """Moments of mixtures after mixing, and the fields cov and D of `Predicted`, (SM.7).
 
-    A state and the next one are a mixture over the next model, whose moments are exact; to take the pair for Gaussian
-    gives the best linear smoother. Mixing may change the moments: a model that lacks a component says nothing of it.
+    A state and the next one are a mixture over the next model, whose moments are exact; taking the pair for Gaussian
+    gives the best linear smoother. Mixing may change the moments, where models lack components (IMM.11).
     """
     c, models = mixed
     starts, ends = [], []
@@ -196,7 +195,7 @@ def mixture_pair(
     m, P = (np.stack(a, axis) for a, axis in zip(zip(*starts, strict=True), (-2, -3), strict=True))
     mean, cov, D = (np.stack(a, axis) for a, axis in zip(zip(*ends, strict=True), (-2, -3, -3), strict=True))
     spread = _deviation(m, c, angles)[..., :, None] * _deviation(mean, c, angles)[..., None, :]
-    pair = (c[..., None, None] * (D + spread)).sum(-3)
+    pair = (c[..., None, None] * (D + spread)).sum(-3)  # (SM.7)
     return Gaussian(*moments(m, P, c, angles)), moments(mean, cov, c, angles)[1], pair
 
 

@@ -94,7 +94,7 @@ def test_smoothing_a_linear_chain_is_the_batch_solution(seed):
 
 
 def test_smoothing_without_process_noise_is_not_the_batch_solution():
-    """(10) of the paper as printed has no Q; card, correction C1."""
+    """Eq. (10) of the paper as printed has no process noise."""
     dt = np.ones(12)
     f, states, z = linear_run(3, dt)
     m, P = (np.stack(c) for c in zip(*states, strict=True))
@@ -141,7 +141,7 @@ def motion(K, runs, rng, heading=0.3, accel_std=1.5, yaw_accel_std=0.1):
 
 
 def follow(filter, seed, K=40, runs=None, heading=0.3, missing=(15, 20)):
-    """States after each look at bodies that are hit everywhere alike, the truth, and the filter."""
+    """The filter, its states after each scan of bodies with even detections, and the truth."""
     rng = np.random.default_rng(seed)
     count = 1 if runs is None else runs
     x = motion(K, count, rng, heading)
@@ -351,7 +351,7 @@ def test_models_that_are_all_alike_are_smoothed_as_one():
 
 
 def test_what_was_done_to_a_prediction_before_its_update_is_taken_into_account():
-    """A state that was moved by hand between prediction and update, and then not updated, tells nothing new."""
+    """A state that was moved by hand between prediction and update, and then not updated, changes nothing before it."""
     f, states, _, _ = follow(RandomMatrix(), seed=10, K=8, missing=(99, 99))
 
     def moved(state, dt):

@@ -98,9 +98,7 @@ class DataRegion:
             raise ValueError(f"dt must be >= 0 s, got {dt}; scans come in the order of time")
         if dt == 0:
             return state
-        Pi = chain(len(self.models), self.numbers.stay, dt / self.numbers.step)
-        own = self.components if self.numbers.own_components else None
-        m, P, mu = mix(state.m, state.P, state.mu, Pi, own)  # (IMM.10), (IMM.11)
+        m, P, mu = self._mix(state, dt)
         moved = [
             motion.predict(name, m[..., k, :], P[..., k, :, :], dt, self.numbers) for k, name in enumerate(self.models)
         ]
@@ -162,9 +160,7 @@ class DataRegion:
         """Probabilities (..., K) of the models after dt [s], and of each its filter and the state it starts from."""
         if len(self.models) == 1:
             return None
-        p = self.numbers
-        Pi = chain(len(self.models), p.stay, dt / p.step)
-        m, P, c = mix(state.m, state.P, state.mu, Pi, self.components if p.own_components else None)
+        m, P, c = self._mix(state, dt)
         sure = np.ones(c[..., :1].shape)
         return c, [
             (replace(self, models=(name,)), DataRegionState(sure, m[..., [k], :], P[..., [k], :, :]))
@@ -182,6 +178,12 @@ class DataRegion:
             sensor = np.broadcast_to(scan.pose[:, :2], (scan.mask.shape[-1], 2))
             prior = region_prior.rays(body[track], sensor[detection], p.near, p.far)
         return log_spatial(box, prior, scan, track, detection, self.sigma_range, self.surface_std)
+
+    def _mix(self, state: DataRegionState, dt: float) -> tuple[NDArray, NDArray, NDArray]:
+        """Mean and covariance that each model starts a prediction over dt [s] from, and its probability after it."""
+        p = self.numbers
+        Pi = chain(len(self.models), p.stay, dt / p.step)  # (IMM.9)
+        return mix(state.m, state.P, state.mu, Pi, self.components if p.own_components else None)  # (IMM.10), (IMM.11)
 
     def _region_prior(self, mu: NDArray, m: NDArray, flat: FlatScan) -> NDArray:
         """Probabilities (B, S, 5) of the regions for each group, from the most likely model."""
