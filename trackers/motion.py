@@ -58,9 +58,9 @@ def cartesian_covariance(m: NDArray, P: NDArray) -> NDArray:
     J[..., 0, PX] = J[..., 1, PY] = 1.0
     J[..., 2:, PHI] = m[..., SPEED, None] * across
     J[..., 2:, SPEED] = along
-    cov = symmetrize(J @ P @ J.mT) + ROUNDING  # (RM.18)
+    cov = symmetrize(J @ P @ J.mT) + ROUNDING  # (RM.15)
     product = P[..., PHI, PHI] * P[..., SPEED, SPEED]
-    cov[..., 2:, 2:] += product[..., None, None] * outer(across)  # (RM.18)
+    cov[..., 2:, 2:] += product[..., None, None] * outer(across)  # (RM.15)
     return cov
 
 
