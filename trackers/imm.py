@@ -29,8 +29,8 @@ def chain(modes: int, stay: float, steps: float) -> NDArray:
         raise ValueError(
             f"stay must lie between 1 / {modes} and 1, got {stay}; with less, a change is likelier than none"
         )
-    memory = ((modes * stay - 1) / (modes - 1)) ** steps
-    return memory * np.eye(modes) + (1 - memory) / modes  # (IMM.9)
+    kept = ((modes * stay - 1) / (modes - 1)) ** steps
+    return kept * np.eye(modes) + (1 - kept) / modes  # (IMM.9)
 
 
 def moments(m: NDArray, P: NDArray, mu: NDArray, angles: tuple[int, ...] = ()) -> tuple[NDArray, NDArray]:

@@ -76,7 +76,7 @@ class Classifying(Protocol):
         """State whose next update learns of the objects where (...) is true, those that the scan shows completely."""
 
     def class_size(self, state: Any) -> tuple[NDArray, NDArray]:
-        """Mean size (..., 2) [m] of the classes of the objects and std (..., 2) of its logarithms; NaN where not known."""
+        """Mean size (..., 2) [m] of the objects' classes and std (..., 2) of its logarithms; NaN where not known."""
 
 
 @runtime_checkable
