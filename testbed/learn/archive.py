@@ -30,7 +30,7 @@ FAR = 2.0  # |u| beyond which more than half of the detections cannot lie: then 
 
 
 def open_arrays(file: Path) -> dict[str, NDArray]:
-    """Every array of an `.npz` file; raises ValueError, in one sentence, for a file that is none or is damaged."""
+    """Every array of an `.npz` file; raises ValueError, in one sentence, where it is no such file or is damaged."""
     if not is_zipfile(file):
         raise ValueError(f"data: {file} is not an .npz file, or is not complete; write it with numpy.savez")
     try:
@@ -76,7 +76,7 @@ def need(arrays: Mapping[str, NDArray], wanted: Sequence[str], file: Path, hint:
 
 
 def check_unit_coordinates(u: NDArray, aspect: NDArray, file: Path) -> None:
-    """Raise ValueError for coordinates u (N, 2) and aspect (N,) that are in other units than they should be."""
+    """Raise ValueError for coordinates u (N, 2) and aspects (N,) in other than unit coordinates and radians."""
     if len(u) and np.median(np.abs(u).max(-1)) > FAR:
         raise ValueError(
             f"data: half of the detections of {file} lie more than {FAR:g} half lengths or half widths off their "

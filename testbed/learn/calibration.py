@@ -89,7 +89,7 @@ def lone_car(pose: NDArray, size: NDArray) -> Scene:
 
 
 def simulate(radar: Radar, real: Cars, rng: np.random.Generator, every: int = 1) -> Cars:
-    """The same cars seen by the first sensor of a rig, put at the origin; every so manyth car."""
+    """The same cars before the first sensor of a rig at the origin; one car of each `every` cars."""
     sensor = replace(radar.sensors[0], mount=(0.0, 0.0, 0.0), clutter=0.0)
     alone = replace(radar, sensors=(sensor,))
     pose, size = real.pose[::every], real.size[::every]
@@ -98,7 +98,7 @@ def simulate(radar: Radar, real: Cars, rng: np.random.Generator, every: int = 1)
 
 
 def statistics(cars: Cars, chosen: NDArray) -> dict[str, float]:
-    """Where the detections of the chosen (N,) cars lie, as shares, and how many there are a car.
+    """Shares that say where the detections of the chosen (N,) cars lie, and their numbers a car.
 
     facing: on the half towards the radar; near, far: within 0.2 and 0.4 m of the box outline; deep: more than 0.4 m
     inside; outside: of the box; u, v: root mean square unit coordinates; median, mean, std: detections a car.

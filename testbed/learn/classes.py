@@ -24,7 +24,7 @@ ARTICULATED = (16.5, 2.55)  # [m] tractor unit and trailer
 
 
 def learn(name: str, count: int, radar: str = "surround") -> model.SplineModel:
-    """The model of a class from so many detections of all its sizes; its own size is the mean of the class."""
+    """The model of a class from `count` detections of all its sizes; the size of the model is the mean of the class."""
     detections = sample(sensors.find(radar), name, count, np.random.default_rng(0), table=CLASSES)
     length, width = ARTICULATED if name == "articulated" else CONTOURS[name].size.tolist()
     return replace(fit(detections, OfflineLearning(), name)[0], size=(length, width))

@@ -167,7 +167,7 @@ def sample(
 def lone_vehicle_scans(
     radar: Radar, kind: str, rng: np.random.Generator, table: dict[str, tuple[Make, ...]] = MAKES
 ) -> Iterator[TrainingDetections]:
-    """One scan of a lone vehicle after the other, without end; false alarms are left out."""
+    """Scans of lone vehicles, one vehicle each, without end; false alarms are left out."""
     alone = [replace(radar, sensors=(replace(sensor, mount=(0.0, 0.0, 0.0), clutter=0.0),)) for sensor in radar.sensors]
     makes = table[kind]
     while True:

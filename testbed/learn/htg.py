@@ -34,7 +34,7 @@ ADVICE = (
 
 @dataclass(frozen=True)
 class LearnConfig:
-    """What `learn` varies."""
+    """Settings of `learn`."""
 
     data: str  # see `testbed.learn.detections`
     bins: int = 8
@@ -91,7 +91,7 @@ def learn(config: LearnConfig, out: str | Path, progress: Progress = lambda done
 
 
 def check_out(path: Path) -> None:
-    """Raise ValueError or OSError, in one sentence, where a table cannot be written; what stands there stays."""
+    """Raise ValueError or OSError, in one sentence, where a table cannot be written; nothing is written yet."""
     if path.suffix != ".json":
         raise ValueError(f"out must be a .json file, got {path}")
     if path.is_dir():
@@ -140,12 +140,12 @@ def provenance(config: LearnConfig, detections: TrainingDetections, fit: TableFi
 
 
 def masses(table: HTGTable) -> Sequence[float]:
-    """Return c_D of each bin: the share of the source that lies outside the box."""
+    """c_D of each bin: the share of the source that lies outside the box."""
     return np.exp(log_mass(table.p)).tolist()
 
 
 def report(learned: LearnedTable) -> list[Table | str]:
-    """What was found, within 80 columns: one row a bin, and below it the cautions."""
+    """The table within 80 columns, one row a bin, and lines below it: source, legend, cautions."""
     fit, source = learned.fit, learned.detections.source
     grid = light_table(learned.path.stem)
     grid.padding, grid.pad_edge = (0, 0), False
@@ -175,7 +175,7 @@ def report(learned: LearnedTable) -> list[Table | str]:
 
 
 def cautions(fit: TableFit) -> list[str]:
-    """Warnings in words, each with the aspects [deg] of the bins that it is about, and advice."""
+    """Lines of warnings, each with the aspects [deg] of its bins, and of advice, if there are any."""
     where: dict[str, list[str]] = {}
     for middle, warnings in zip(np.rad2deg(fit.table.centres), fit.warnings, strict=True):
         for text in warnings:

@@ -26,7 +26,7 @@ FEW = 20  # detections of an ellipse, below which its place is hardly known
 
 @dataclass(frozen=True)
 class SplineConfig:
-    """What `learn_spline` varies."""
+    """Settings of `learn`."""
 
     data: str  # see `testbed.learn.detections`
     count: int = 20000  # detections of the sampler
@@ -111,7 +111,7 @@ def provenance(
 
 
 def report(learned: LearnedModel) -> list[Table | str]:
-    """What was found: one row an ellipse, and below it the cautions."""
+    """The model, one row an ellipse, and lines below it: source, size, cautions."""
     grid = light_table(learned.path.stem)
     for title in ("ellipse", "detections", "x m", "y m", "std along m", "std across m"):
         grid.add_column(title, justify="right", no_wrap=True)

@@ -61,7 +61,7 @@ PAPERS: Mapping[str, Paper] = MappingProxyType(
 
 
 class Reproduction(NamedTuple):
-    """What `reproduce` leaves behind."""
+    """The report of a reproduction, its file, and how the command ends."""
 
     report: PaperReport
     json: Path
@@ -88,13 +88,13 @@ def reproduce(name: str, runs: int, seed: int, out: Path, progress: Progress) ->
 
     Ctrl-C or SIGTERM ends it after the step at hand: the rows that are finished are written and returned.
     """
-    with interruptible() as wish:
+    with interruptible() as request:
 
         def stoppable(done: float, total: float, what: str) -> None:
-            if wish.signal is not None:
+            if request.signal is not None:
                 raise Stopped
             progress(done, total, what)
 
         report = find(name).run(runs, out, stoppable, seed)
-    status = wish.exit_status if report.interrupted else int(not report.holds)
+    status = request.exit_status if report.interrupted else int(not report.holds)
     return Reproduction(report, out / report.file, status)

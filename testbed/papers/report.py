@@ -1,4 +1,4 @@
-"""What a reproduction reports: figures beside the reference's and a verdict on every claim, as tables and as JSON.
+"""What a reproduction reports: figures beside reference figures and a verdict on every claim, as tables and JSON.
 
 `carry_out` is the one way through an experiment: run it, judge the claims, draw the figures, write the file.
 """
@@ -11,10 +11,10 @@ from math import isnan
 from pathlib import Path
 from typing import Any
 
-from rich import box
 from rich.markup import escape
 from rich.table import Table
 
+from testbed.command_line.tables import light_table
 from testbed.files import write_json
 from testbed.papers.verdict import Verdict
 
@@ -47,7 +47,7 @@ class PaperReport:
     title: str
     settings: Mapping[str, Any]
     columns: Mapping[str, int]  # measure -> digits
-    legend: str  # what the columns are, where their names do not say it
+    legend: str  # of the columns, where their names are not enough
     rows: tuple[MethodRow, ...] = ()
     verdicts: tuple[Verdict, ...] = ()
     figures: tuple[Path, ...] = ()
@@ -60,7 +60,7 @@ class PaperReport:
 
     @property
     def holds(self) -> bool:
-        """Whether every claim holds at least under a condition."""
+        """Whether no claim is refuted."""
         return all(v.holds for v in self.verdicts)
 
     def row(self, case: str, method: str) -> Mapping[str, float]:
@@ -82,7 +82,7 @@ class PaperReport:
     def _case(self, case: str) -> Table:
         rows = [row for row in self.rows if row.case == case]
         caption = f"reference in brackets; {self.legend}" if case == self.cases[0] else None
-        table = light_table(f"{self.paper}: {case}", caption)
+        table = narrow_table(f"{self.paper}: {case}", caption)
         table.add_column("method")
         for column, digits in self.columns.items():
             widest = max(len(line) for row in rows for line in cell(row, column, digits).splitlines())
@@ -92,7 +92,7 @@ class PaperReport:
         return table
 
     def _verdicts(self) -> Table:
-        table = light_table(f"{self.paper}: claims")
+        table = narrow_table(f"{self.paper}: claims")
         table.add_column("verdict", width=20)
         table.add_column("claim, and what was measured")
         for v in self.verdicts:
@@ -136,12 +136,11 @@ def cell(row: MethodRow, column: str, digits: int) -> str:
     return text if reference is None else f"{text}\n({reference:.{digits}f})"
 
 
-def light_table(title: str, caption: str | None = None) -> Table:
-    """Narrow: nine figures and their names fit into 80 columns."""
-    return Table(
-        title=escape(title), title_justify="left", title_style="bold", caption=caption, caption_justify="left",
-        box=box.SIMPLE_HEAD, padding=0, min_width=len(title) + 2,
-    )  # fmt: skip
+def narrow_table(title: str, caption: str | None = None) -> Table:
+    """A table in which nine figures and their names fit into 80 columns."""
+    table = light_table(title)
+    table.padding, table.caption, table.caption_justify = 0, caption, "left"
+    return table
 
 
 def finite(values: Mapping[str, float]) -> dict[str, float | None]:

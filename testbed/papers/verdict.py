@@ -27,7 +27,7 @@ class Verdict:
 
     @property
     def holds(self) -> bool:
-        """Whether the claim is not refuted under all conditions."""
+        """Whether the claim holds or is open under at least one condition."""
         return self.outcome != REFUTED
 
 

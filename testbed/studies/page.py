@@ -44,7 +44,7 @@ class Page:
         return self.docs / "pictures" / f"{name}.png"
 
     def write(self, text: str, command: str | None = None, date: str | None = None) -> None:
-        """Frame a text whose first line is the title, write it atomically, and say where it is.
+        """Frame a text whose first line is the title, write it atomically, and print where.
 
         Without `command` and `date` they are the command line and the day of the call.
         """

@@ -73,9 +73,9 @@ def test_the_verdicts_are_those_of_the_reference(reproduction):
     assert outcome["I = 2 iterations are qui"].startswith("confirmed under")
     assert outcome["The step rule is stable "] == "confirmed under body moments"
     assert outcome["Overwriting the filter's"] == "confirmed"
-    assert "second path, ellipse, sigma 0.5" in outcome["Fed back soundly, the co"]
+    assert "second path, ellipse, sigma 0.5" in outcome["Fed back correctly, the "]
     assert (
-        "imaging" not in outcome["Fed back soundly, the co"]
+        "imaging" not in outcome["Fed back correctly, the "]
     )  # detections from inside: the offset is not the contour's
     assert "sigma 0.5" not in outcome["The virtual spread needs"]
 

@@ -23,7 +23,7 @@ from trackers.multi.association import SortedScan
 from trackers.multi.exclusion import Exclusion
 from trackers.multi.initiation import Initiation, Leftovers
 
-SEEDS = (10, 11, 12)  # none of which was looked at while the tracker was changed
+SEEDS = (10, 11, 12)  # none of which was used while the tracker was changed
 FILTERS = ("rm-feldmann", "rm-surface")
 Row = dict[str, float]
 
@@ -35,7 +35,7 @@ class BearsFromRails(Initiation):
         return super().leftovers(z._replace(static=np.zeros_like(z.static)), *rest)
 
 
-def whole(tracker: MultiObjectTracker) -> MultiObjectTracker:
+def unchanged(tracker: MultiObjectTracker) -> MultiObjectTracker:
     return tracker
 
 
@@ -59,7 +59,7 @@ def without_static_rule(tracker: MultiObjectTracker) -> MultiObjectTracker:
 
 
 @cache
-def traffic(name: str, change: Callable[[MultiObjectTracker], MultiObjectTracker] = whole) -> dict[str, list[Row]]:
+def traffic(name: str, change: Callable[[MultiObjectTracker], MultiObjectTracker] = unchanged) -> dict[str, list[Row]]:
     """Summaries of 10 s of every kind of traffic and every seed; the same detections for every tracker."""
     rows: dict[str, list[Row]] = {}
     for kind in cases.KINDS:

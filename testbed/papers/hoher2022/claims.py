@@ -20,7 +20,7 @@ SAME = 0.03  # of IoU, within the tolerance of 100 runs
 
 
 def verdicts(errors: AllErrors) -> tuple[Verdict, ...]:
-    """Our answer to every claim; errors must hold every case and method that `hoher2022.run` makes."""
+    """A verdict on every claim; errors must hold every case and method of the experiment."""
     return (
         contour_gain(errors),
         printed_form(errors),
@@ -136,7 +136,7 @@ def stability() -> Verdict:
 
 
 def learned_tilt(errors: AllErrors) -> Verdict:
-    """Square-root form against the heading from the velocity, target that drifts by 20 deg."""
+    """Tilt error with the learned matrix and with the heading from the velocity, target that drifts by 20 deg."""
     claim = Claim("Learning the matrix of the ellipse expresses a drifting target", "IV, improvement 1")
     names = [f"drift, {shape}, sigma {s}" for shape in ("ellipse", "rectangle") for s in NOISES]
     pairs = {n: tuple(value(errors, n, m, "tilt [deg]") for m in ("C I=10", "square root I=10")) for n in names}
@@ -146,7 +146,7 @@ def learned_tilt(errors: AllErrors) -> Verdict:
 
 
 def no_virtual_detections(errors: AllErrors) -> Verdict:
-    """Direct form against C33."""
+    """IoU of the direct form against that of C33."""
     claim = Claim("Virtual detections can be discarded and the real ones used directly", "IV, improvement 2")
     names = [f"{shape}, sigma {s}" for shape in SHAPES for s in NOISES]
     pairs = {n: tuple(value(errors, n, m) for m in ("C33 I=2", "direct I=2")) for n in names}
@@ -156,7 +156,7 @@ def no_virtual_detections(errors: AllErrors) -> Verdict:
 
 
 def naive_feedback(errors: AllErrors) -> Verdict:
-    """Overwriting the filter's state."""
+    """Tilt error when the contour overwrites the filter's state."""
     claim = Claim("Overwriting the filter's state with the contour causes significant errors of the tilt", "IV, 4")
     names = [c for c, m in errors if m == "C naive"]
     pairs = {n: tuple(value(errors, n, m, "tilt [deg]") for m in ("C I=2", "C naive")) for n in names}
@@ -166,8 +166,8 @@ def naive_feedback(errors: AllErrors) -> Verdict:
 
 
 def offset_feedback(errors: AllErrors) -> Verdict:
-    """Giving the filter the place of the mean on the body."""
-    claim = Claim("Fed back soundly, the contour improves the filter's own state", "IV, improvement 4")
+    """Position error of a filter that gets the offset of the mean from the contour."""
+    claim = Claim("Fed back correctly, the contour improves the filter's own state", "IV, improvement 4")
     names = [c for c, m in errors if m == "G offset"]
     pairs = {n: tuple(value(errors, n, m, "position [m]") for m in ("G I=1", "G offset")) for n in names}
     held = {case: b < 0.8 * a for case, (a, b) in pairs.items()}
@@ -177,7 +177,7 @@ def offset_feedback(errors: AllErrors) -> Verdict:
 
 
 def sensor_noise(errors: AllErrors) -> Verdict:
-    """The term that the report does not mention."""
+    """Width bias without sensor noise in the virtual spread, which the report does not mention."""
     claim = Claim("The virtual spread needs no sensor noise (it has none as printed)", "Algorithm 1, lines 20 to 28")
     names = [c for c, m in errors if m == "B without sigma^2" and "0.0" not in c]
     pairs = {n: tuple(value(errors, n, m, "width bias [m]") for m in ("B I=2", "B without sigma^2")) for n in names}

@@ -109,7 +109,7 @@ class Case:
     radar: Radar | None = None  # instead of the lidar
 
     def runs(self, runs: int) -> int:
-        """Without noise all runs are the same; the radar is slower."""
+        """How many of `runs` are done: one without noise, where all are equal; fewer with the radar, which is slow."""
         if self.radar is not None:
             return min(runs, RADAR_RUNS)
         return runs if self.sigma else 1
@@ -122,7 +122,7 @@ class Case:
 
 
 def half_plane(radar: Radar) -> Radar:
-    """The first sensor of a rig at the origin, looking along +y over half the plane, where the first path lies."""
+    """The first sensor of a rig at the origin, which covers the half plane of positive y, where the first path lies."""
     return Radar(radar.name, radar.note, (replace(radar.sensors[0], mount=(0.0, 0.0, np.pi / 2), fov_deg=180.0),))
 
 

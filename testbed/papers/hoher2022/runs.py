@@ -62,7 +62,7 @@ def first_contour(koch: KochState) -> ContourState:
 
 
 def track(method: ContourMethod, scans: list[Scan], start: KochState | ContourState | None = None) -> ContourTrack:
-    """Follow the object through K scans with leading axis R; without a start, from the report's."""
+    """Track the object through K scans with leading axis R, from a start or from that of the report."""
     f = method.filter
     koch = f if isinstance(f, Koch) else f.koch
     state: KochState | ContourState

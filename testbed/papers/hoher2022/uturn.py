@@ -141,7 +141,7 @@ def scenes(truth: Truth) -> Iterator[Scene]:
 
 
 def radar_scans(truth: Truth, radar: Radar, runs: int, rng: np.random.Generator) -> list[Scan]:
-    """K scans with leading axis `runs` by one of our radars, false alarms taken out: there is one object only."""
+    """K scans with leading axis `runs` by one of our radars, with the detections of the object only."""
     return [padded([own(*radar.scan(scene, rng)) for _ in range(runs)]) for scene in scenes(truth)]
 
 

@@ -1,4 +1,4 @@
-"""What the two papers of xia2020 claim, and what our figures say to it.
+"""What the two papers of xia2020 claim, and our verdicts.
 
 "Slides": the hierarchical truncated Gaussian with online bounds. "Paper": the learned one. Where a claim is about "the
 method", it is tried on the update that the text gives ("literal"), on its repair by counting true detections only
@@ -74,7 +74,7 @@ def against_rm(results: TrialRuns, generator: str, words: str) -> Verdict:
 
 
 def biased_statistics(results: TrialRuns) -> Verdict:
-    """A length off by half a metre is a bias that matters."""
+    """Mean length error of either random matrix; more than half a metre counts as a bias."""
     claim = Claim("Statistics of edge detections are biased, so the random matrix is off", "slides, problem")
     names = {f"{m}, {g}": (f"full view, {g}", m) for m in (RM, RM_MATCHED) for g in GENERATORS}
     bias = {name: float(results.errors[key].length.mean()) for name, key in names.items()}
@@ -82,7 +82,7 @@ def biased_statistics(results: TrialRuns) -> Verdict:
 
 
 def open_sides(results: TrialRuns) -> Verdict:
-    """Partial view, where the sides that the sensor does not see are open."""
+    """GWD^2 in partial view, where bounds are open on the sides that the sensor does not see."""
     claim = Claim("Bounds at infinity model self-occlusion: partial views are tracked better", "slides, model")
     return large_margin(results, claim, {"literal": ONLINE, "n-count": ONLINE_N}, 1.0)
 
@@ -124,7 +124,7 @@ def gain(table: HTGTable, u: np.ndarray, aspect: np.ndarray) -> float:
 
 
 def resemblance() -> Verdict:
-    """Against the density that a random matrix assumes."""
+    """Held-out likelihood of the learned density against the Gaussian that a random matrix assumes."""
     claim = Claim("The learned density resembles where radar detections lie", "paper, abstract")
     got = {}
     for name, draw in GENERATORS.items():
@@ -153,7 +153,7 @@ def on_radar(results: TrialRuns) -> tuple[str, ...]:
 
 
 def rig_margin(results: TrialRuns) -> Verdict:
-    """The same on detections of our ray-cast radar."""
+    """`large_margin` on detections of our ray-cast radar."""
     claim = Claim("The same on our ray-cast radar, learned on its own rig", "paper, V-B, our detections")
     forms, cases = {"literal": LEARNED, "n-count": LEARNED_N, "HTG-MM": MM, "HTG-MAP": ON_RIG}, on_radar(results)
     best = {c: min(results.gwd2(c, m) for m in (RM, RM_MATCHED)) for c in cases}
@@ -163,7 +163,7 @@ def rig_margin(results: TrialRuns) -> Verdict:
 
 
 def sensitive(results: TrialRuns) -> Verdict:
-    """A start that is off by 1 m instead of the truth; the same detections."""
+    """GWD^2 from a start that is off by 1 m over that from the true start, on the same detections."""
     claim = Claim("The update is sensitive to a prediction that is far off", "paper, V-B")
     forms = {**FORMS, "literal, c_D from .1": LEARNED_LOOSE, "literal, online bounds": ONLINE}
     ratio = {f: results.gwd2(ROUGH, m) / results.gwd2(COURSES[0], m) for f, m in {**forms, "RM": RM}.items()}
@@ -189,7 +189,7 @@ def cheaper(results: TrialRuns) -> Verdict:
 
 
 def sparse(results: TrialRuns) -> Verdict:
-    """Two detections a scan instead of five."""
+    """GWD^2 with two detections a scan instead of five."""
     claim = Claim("Improved tracking with sparse measurements", "paper, IV-B")
     others = (RM, RM_MATCHED, ONLINE, ONLINE_N)
     got = {m: results.gwd2(SPARSE, m) for m in (*others, *FORMS.values())}
@@ -203,7 +203,7 @@ def foreign_name(form: str, generator: str) -> str:
 
 
 def robust(results: TrialRuns) -> Verdict:
-    """Learned on one full-view generator, used on another."""
+    """GWD^2 with the table of another full-view generator."""
     claim = Claim("A learned structure is robust to a mismatch between training data and detections", "paper, I")
     held, numbers = {}, []
     for form in (LEARNED_N, MAP):

@@ -29,7 +29,7 @@ Tick = Callable[[int], None]
 
 @dataclass(frozen=True)
 class PlannedTrial:
-    """A trial to come and what is run on it."""
+    """A trial that will be drawn, and the filters that will be run on it."""
 
     steps: int  # of the trial: what it costs
     draw: Callable[[Tick], Trial]

@@ -84,7 +84,7 @@ FREEDOM = 5  # of the Student-t
 
 
 def draw_band(rng: np.random.Generator, shape: tuple[int, ...], size: NDArray) -> NDArray:
-    """Uniform between the unit square and its 0.8 times smaller self, and 0.2 m of noise."""
+    """Uniform between the squares of half width 1 and 0.8, and 0.2 m of noise."""
     u = rng.uniform(-1, 1, (*shape, 2))
     while (hidden := (np.abs(u) < HOLE).all(-1)).any():
         u[hidden] = rng.uniform(-1, 1, (int(hidden.sum()), 2))
@@ -97,7 +97,7 @@ def draw_htg(rng: np.random.Generator, shape: tuple[int, ...], size: NDArray) ->
 
 
 def draw_vrm(rng: np.random.Generator, shape: tuple[int, ...], size: NDArray) -> NDArray:
-    """A Student-t mixture in place of the trained variational radar model, which the slides show but do not print."""
+    """A Student-t mixture in place of the trained variational radar model, of which the slides print no parameters."""
     mean, scale, weight = (np.array(column) for column in zip(*MIXTURE, strict=True))
     k = rng.choice(len(weight), shape, p=weight / weight.sum())
     t = rng.standard_normal((*shape, 2)) / np.sqrt(rng.chisquare(FREEDOM, shape) / FREEDOM)[..., None]

@@ -69,7 +69,7 @@ def upright_table() -> HTGTable:
 
 @lru_cache
 def calibrated_table() -> HTGTable:
-    """The same with metric near ends and unbiased scores; ours."""
+    """`upright_table` with metric near ends and unbiased scores: ours."""
     data = training()
     length, width = data.size.mean(0)
     table = metric_ends(replace(upright_table(), size=(length, width)))

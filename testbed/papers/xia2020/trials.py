@@ -54,7 +54,7 @@ class NamedFilter:
     """A filter with its settings: a row of a table."""
 
     name: str
-    make: Callable[[], Any]  # the trackers.protocols.Filter; learns its table, so not before it is wanted
+    make: Callable[[], Any]  # a trackers.protocols.Filter; called late, because it may learn a table
     size_std: float = 1 / 6  # initial size, standard deviation over mean; 1/6 is nu0 = 26 of a random matrix
 
 
@@ -97,7 +97,7 @@ class EllipseErrors(NamedTuple):
 
 
 def spread_scan(scan: Scan) -> Scan:
-    """The scan with the leading axes of its mask on every field, so that steps and runs can be taken out of it."""
+    """The scan with the leading axes of its mask on every field, so that `take` can pick steps and runs."""
     lead, M = scan.mask.shape[:-1], scan.mask.shape[-1]
 
     def grow(a: NDArray, *tail: int) -> NDArray:

@@ -69,7 +69,7 @@ PRINTED = tuple(METHODS)[:6]
 
 @dataclass(frozen=True)
 class Variant:
-    """What the paper does not print."""
+    """One choice of what the paper does not print."""
 
     name: str
     offset: tuple[float, float] = NEAR  # [m] of the radar from the target
@@ -96,12 +96,12 @@ class Sweep:
     most: int | None = None  # runs of each variant
 
     def runs(self, runs: int) -> int:
-        """How many of the runs asked for are done."""
+        """How many of `runs` are done."""
         return runs if self.most is None else min(runs, self.most)
 
 
 def unprinted() -> Iterator[Variant]:
-    """Courses of the radar, the first of them the one of all else, and first estimates."""
+    """Courses of the radar, first the one of all other cases, and first estimates."""
     yield Variant("50 deg, 30 m")
     for bearing, distance in ((0, 30), (25, 30), (75, 30), (90, 30), (-50, 30), (50, 15), (50, 70), (50, 150)):
         b = np.radians(bearing)
@@ -123,7 +123,7 @@ def varied(name: str, stays: tuple[float, ...] = (), follows: bool = False) -> I
 
 
 def sweeps() -> Iterator[Sweep]:
-    """All rows, in the order of the report."""
+    """All sweeps, in the order of the report."""
     for case, offset, follows, names, most in (
         ("near", NEAR, False, PRINTED[:3], None),
         ("near", NEAR, False, (*PRINTED[3:], "literal"), FEWER_RUNS),

@@ -48,7 +48,7 @@ class ManeuverRuns:
 
 
 def batch(sweep: Sweep, runs: int, seed: int, number: int) -> list[RunErrors]:
-    """The batch of that number of a sweep's runs, by variant; sweeps with as many runs have the same random numbers."""
+    """Batch `number` of a sweep's runs, by variant; equal batches of all sweeps have the same random numbers."""
     size = min(BATCH, sweep.runs(runs) - number * BATCH)
     offset = np.repeat([v.offset for v in sweep.variants], size, 0)
     prior_std = np.repeat([v.prior_std for v in sweep.variants], size, 0)

@@ -167,6 +167,6 @@ def join(batches: Sequence[RunErrors]) -> RunErrors:
     return RunErrors(*(np.concatenate(field, 1) for field in zip(*batches, strict=True)))
 
 
-def split(whole: RunErrors, parts: int) -> list[RunErrors]:
-    """The runs of as many variants, which follow one another, apart."""
-    return [RunErrors(*part) for part in zip(*(np.split(field, parts, 1) for field in whole), strict=True)]
+def split(together: RunErrors, parts: int) -> list[RunErrors]:
+    """The runs of `parts` variants apart, which follow one another in one record."""
+    return [RunErrors(*part) for part in zip(*(np.split(field, parts, 1) for field in together), strict=True)]

@@ -115,7 +115,7 @@ def begin(filter: SplinePmht, runs: int, contour: SplineContour | None = None) -
 def track(
     filter: SplinePmht, runs: SimulatedRuns, state: SplineState, first: int, last: int
 ) -> tuple[SplineState, ForwardPass]:
-    """Follow the scans first to last - 1; the state is that after scan first - 1, or the prior of scan 0."""
+    """Filter the scans first to last - 1 from the state after scan first - 1, or from the prior before scan 0."""
     kept: list[tuple[NDArray, ...]] = []
     for k in range(first, last):
         m_pred, P_pred, D = state.m, state.P, np.zeros(state.P.shape)
@@ -147,7 +147,7 @@ B = AdaptationMethod("B")
 
 
 class Adapted(NamedTuple):
-    """The end of the first circle, with a new contour."""
+    """The state at the end of the first circle, with the contour that was learned on it."""
 
     state: SplineState
     smoothed: ForwardPass  # of the offline model

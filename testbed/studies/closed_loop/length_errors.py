@@ -28,7 +28,7 @@ class LengthSamples(NamedTuple):
 
 
 class Profile(NamedTuple):
-    """Averages in the bins of visible share, (B,) each; NaN where they would stand on too little."""
+    """Averages in the bins of visible share, (B,) each; NaN where there are fewer than FEWEST frames."""
 
     mean: NDArray  # [m]
     rms: NDArray  # [m]
@@ -47,7 +47,8 @@ class LengthErrors:
         """Keep the errors of one frame."""
         objects, origin = frame.scene.objects, frame.origin
         for name, evaluator in self._evaluators.items():
-            score = evaluator.step(frame.time, frame.scene, origin, frame.outputs[name][0])
+            tracks, _ = frame.outputs[name]
+            score = evaluator.step(frame.time, frame.scene, origin, tracks)
             counted = np.isin(objects.id, score.counted)
             error = [score.errors[i]["length"] if i in score.errors else np.nan for i in objects.id[counted].tolist()]
             self._rows[name].append(np.stack([origin.visible[counted], objects.size[counted, 0], error], -1))

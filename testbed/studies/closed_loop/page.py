@@ -56,7 +56,7 @@ Versions: {versions}.
 ## Means over the runs
 
 [results.md](results.md) defines the columns; position, velocity and length are root mean square errors. A consistent
-filter has a NEES of 2. Lost tracks, switches and jumps are totals. The cost is that of the whole multi-object tracker:
+filter has a NEES of 2. Lost tracks, switches and jumps are totals. The cost is that of the multi-object tracker:
 wall time [ms] of one scan, and wall time [us] for each track that got a detection in it. The trackers took turns in one
 process, which had {cpu:.0f} % of a core: busy machines show higher costs.
 
@@ -81,7 +81,7 @@ Points that would stand on fewer than {fewest} frames are left out.
 
 
 class StoredRun(NamedTuple):
-    """One run, as its files have it."""
+    """One run, as it lies in its files."""
 
     result: dict[str, Any]  # see `Recorder.result`
     lengths: dict[str, LengthSamples]  # by tracker
@@ -108,7 +108,7 @@ def files(config: RunConfig) -> tuple[Path, Path]:
 
 
 def stored(config: RunConfig) -> StoredRun | None:
-    """A complete run with these settings that was made before, if there is one."""
+    """The complete run with these settings that an earlier call left, or None."""
     results, lengths = files(config)
     if not lengths.exists():
         return None
@@ -203,7 +203,7 @@ def render(results: Sequence[Mapping[str, Any]]) -> str:
 
 
 def overview(results: Sequence[Mapping[str, Any]]) -> str:
-    """One row a tracker: means and totals over the runs; what a run could not measure enters no mean."""
+    """One row a tracker: means and totals over the runs; means are over the runs that measured a figure."""
     rows = []
     for name in results[0]["trackers"]:
         found = [r["trackers"][name] | r["timing"]["trackers"][name] for r in results]

@@ -41,7 +41,7 @@ def take(source: Path, target: Path) -> list[Path]:
 
 
 def read(folder: Path) -> list[dict[str, Any]]:
-    """What is committed, in the order of the catalogue; papers without verdicts have none."""
+    """Committed verdicts in the order of the catalogue; none for papers that were not reproduced."""
     known = []
     for name, paper in PAPERS.items():
         path = folder / f"{name}.json"

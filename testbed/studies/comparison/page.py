@@ -159,7 +159,7 @@ def consistency(grid: tables.Grid) -> str:
 
 
 def verdicts(papers: Sequence[dict[str, Any]]) -> str:
-    """What became of every claim; papers without a reproduction say so."""
+    """Claims and verdicts of every paper; a sentence where it was not reproduced."""
     parts = []
     for paper in papers:
         if not paper["verdicts"]:

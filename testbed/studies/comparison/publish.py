@@ -87,7 +87,7 @@ def about(results: Results) -> dict[str, Any]:
 
 
 def read(target: Path) -> tuple[Results, dict[str, Any], dict[str, pd.DataFrame]]:
-    """Published results again: runs, what is known of them, and the tables by name."""
+    """Read published results: measures, `ABOUT`, and the tables by name."""
     known = json.loads((target / ABOUT).read_text())
     settings = Settings(**{f.name: known["identity"][f.name] for f in fields(Settings)})
     scenarios, trackers, seeds = (tuple(known[what]) for what in ("scenarios", "trackers", "seeds"))

@@ -60,7 +60,7 @@ class ClassProbe:
 
 
 def at_age(histories: Sequence[ClassHistory], age: float) -> NDArray:
-    """Probabilities (S, C) at an age [s] of the tracks that became so old."""
+    """Probabilities (S, C) at an age [s], of the tracks that reached it."""
     rows = [h.probability[np.searchsorted(h.age, age)] for h in histories if h.age[0] <= age <= h.age[-1]]
     return np.array(rows)
 
@@ -96,7 +96,7 @@ def delay_table(histories: Sequence[ClassHistory], classes: Sequence[str]) -> st
 
 
 def confusion_table(histories: Sequence[ClassHistory], classes: Sequence[str]) -> str:
-    """One row a true class: share [%] of the tracks whose most probable class is this one at their end, mean belief."""
+    """One row a true class: shares [%] of the most probable classes at the end, mean probability of the truth."""
     rows = []
     for name, own in _by_class(histories, classes).items():
         last = np.array([h.probability[-1] for h in own])

@@ -58,8 +58,8 @@ PAGE = """# Contours and classes learned on the way
 - In its turn an unscented RTS smoother over the window takes the motion out of the detections. They join a pool of at
   most 40 for each of 8 directions that the track was seen from.
 - With the next scan the pool is compared with the classes. Where one has a probability above {sure:g}, its contour is
-  the one to start from, the track takes the place and the size of the fit, and the size is drawn to what is usual for
-  the class.
+  the one to start from, the track takes the place and the size of the fit, and the size is drawn to the mean of the
+  class.
 - With 150 new detections since the last time, six scans follow with one iteration of regularised expectation
   maximisation each, and a seventh in which the filter takes the contour over, unless it crosses itself.
 - Scans of a part of a vehicle (less than three quarters of it, cut off by a field of view or hidden by others) are not
@@ -67,8 +67,8 @@ PAGE = """# Contours and classes learned on the way
 - One track at most has a turn in one scan: first the one that has begun, then the one that has waited longest.
 
 Rays from the sensor of each detection weigh the ellipses, the known noise of each detection is taken out, and vehicles
-are taken for symmetric: what is seen of one side is known of the other. The frame moves only where its offset can be
-told, see [partial-view.md](partial-view.md).
+are taken for symmetric: what is seen of one side is known of the other. The frame moves only where its offset is
+observable, see [partial-view.md](partial-view.md).
 
 Every change is an event in the review log, `classified` or `adapted`, and is drawn for a second where the track was:
 the contour before in grey, the one after in the colour of the tracker.
@@ -90,8 +90,8 @@ of the place does not count in it; lengths are magnitudes of errors of the box, 
 `Estimate.class_probability` holds the probabilities of the classes `filter.classes`: {classes}. For
 each the contour of a catalogue (`python -m testbed.learn.classes`, learned from our radar on lone vehicles of that
 class) is placed so that the end which was seen lies where the track has it, and fitted to the detections: place, length
-and width, each tied to what is usual. The probabilities are those of the fits, with the shares of the classes in
-traffic before them. A detection counts for {counts:g} of one, because those of one body are not independent.
+and width, each tied to the mean of the class. The probabilities are those of the fits, with the shares of the classes
+in traffic before them. A detection counts for {counts:g} of one, because those of one body are not independent.
 
 The radar `{radar}` in {scenarios} scenarios, first {length:g} s, {class_seeds} seed(s), {tracks} tracks on vehicles
 that count. Right: the true class is the most probable one; the age is that of the track.

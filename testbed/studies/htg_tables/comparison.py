@@ -25,7 +25,7 @@ MODELS = (HTG_MODEL, *RIVALS, *VARIANTS)
 
 
 class HeldOut(NamedTuple):
-    """What one model gives detections that it has not seen, S scans; [nat] sums over the detections of each."""
+    """Log-likelihood [nat] of detections that a model was not learned from: sums over each of S scans."""
 
     model: DensityModel
     plain: NDArray  # (S,) of the density over the plane
@@ -135,7 +135,7 @@ def verdicts(rows: Sequence[HeldOut]) -> list[str]:
 
 
 def compare(data: str, models: Sequence[DensityModel] = MODELS, progress: Progress = lambda *_: None) -> str:
-    """What one data source says: its name, the table, and the verdicts."""
+    """One data source in markdown: what it is, the table, and the verdicts."""
     detections = read(data)
     inside = int((np.abs(detections.u) < GROWN).all(-1).sum())
     rows = cross_validate(detections, models, progress=progress)

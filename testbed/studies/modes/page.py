@@ -26,7 +26,7 @@ from trackers.geometry import dot, unit
 ACCELERATION = 1.0  # [m/s^2] along the heading, above which a vehicle accelerates or brakes
 YAW_RATE = 0.05  # [rad/s] above which it turns
 SHORTEST = 0.5  # [s] a shorter phase belongs to the one before: the middle of a swerve is no straight drive
-WANTED = 0.5  # [s] delay that the page is about
+IN_TIME = 0.5  # [s] delay up to which a phase counts as recognised in time
 MODES = ("cv", "ca", "ct")  # of the truth
 SCENES = {"hard-brake": 13.0, "double-lane-change": 13.0, "u-turn": 14.0}  # [s] long enough for the maneuver
 SEEDS = 5
@@ -164,10 +164,10 @@ def maneuvering(scenario: str, seed: int, tracker: str, duration: float) -> Mode
 
 
 def delay_row(name: str, found: Sequence[Delay]) -> tuple[str, ...]:
-    """Cells of a table: phases, median and worst delay of the right model, how many in time, the same of any move."""
+    """Cells of a row: number of phases; median and worst delay and number in time, of the right model and of any."""
     cells = [name, str(len(found))]
     for d in (np.array([f.right for f in found]), np.array([f.moved for f in found])):
-        cells += [_time(np.median(d)), _time(d.max()), f"{int((d <= WANTED + 1e-6).sum())}"] if len(d) else ["–"] * 3
+        cells += [_time(np.median(d)), _time(d.max()), f"{int((d <= IN_TIME + 1e-6).sum())}"] if len(d) else ["–"] * 3
     return tuple(cells)
 
 
@@ -183,8 +183,8 @@ def delay_table(runs: Runs, names: Sequence[str]) -> str:
         for k, mode in enumerate(MODES):
             if chosen := [d for d in found if d.mode == k]:
                 rows.append(delay_row(f"{scenario}, to {mode}", chosen))
-    head = ("phase", "phases", "right: median [s]", "worst [s]", f"within {WANTED:g} s")
-    return markdown_table((*head, "left the old: median [s]", "worst [s]", f"within {WANTED:g} s"), rows)
+    head = ("phase", "phases", "right: median [s]", "worst [s]", f"within {IN_TIME:g} s")
+    return markdown_table((*head, "left the old: median [s]", "worst [s]", f"within {IN_TIME:g} s"), rows)
 
 
 def confusion_table(runs: Runs, names: Sequence[str]) -> str:

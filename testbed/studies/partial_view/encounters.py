@@ -62,7 +62,7 @@ class BodyErrors(NamedTuple):
 
 
 def straight(start: tuple[float, float, float], speed: float, frames: int) -> Motion:
-    """At constant speed [m/s] from a pose (3,)."""
+    """Motion at constant speed [m/s] from a pose (3,)."""
     t = STEP * np.arange(frames)
     velocity = speed * unit(np.full(frames, start[2]))
     xy = np.array(start[:2]) + t[:, None] * velocity
@@ -70,7 +70,7 @@ def straight(start: tuple[float, float, float], speed: float, frames: int) -> Mo
 
 
 def circle(centre: tuple[float, float], radius: float, speed: float, frames: int) -> Motion:
-    """Counter-clockwise about a centre [m]."""
+    """Motion counter-clockwise about a centre [m]."""
     rate = speed / radius
     angle = rate * STEP * np.arange(frames)
     xy = np.array(centre) + radius * unit(angle)

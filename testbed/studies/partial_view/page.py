@@ -54,7 +54,7 @@ DRAWN = {
     "iou": "contour IoU",
     "nees": "NEES of the centre, ideal 2",
 }
-COLUMNS = (  # of a whole run with the multi-object tracker
+COLUMNS = (  # of a run with the multi-object tracker
     ("gospa", "GOSPA [m]", 2),
     ("rmse_position", "position [m]", 2),
     ("rmse_velocity", "velocity [m/s]", 2),
@@ -70,7 +70,7 @@ Tracked = dict[tuple[str, str, str], dict[str, PlusMinus]]  # class, view, varia
 
 
 class Sided(NamedTuple):
-    """A contour learned from some sides."""
+    """A contour learned from detections of some sides."""
 
     sides: str
     visibility: str
@@ -90,7 +90,7 @@ def learned_models(visibility: str, next_step: NextStep) -> tuple[SplineModel, .
 
 
 def variants(rays: tuple[SplineModel, ...], none: tuple[SplineModel, ...], at_once: int) -> dict[str, Any]:
-    """Filters by name: weights in the filter and in what it learned from, in one only, in neither; and htg-map.
+    """Filters by name: weights by visibility in the filter, in the learning of its model, in both, in neither.
 
     Those that adapt their contours do so for at_once vehicles in a scan.
     """
@@ -164,7 +164,7 @@ def courses(
 
 
 def summary(recording: Recording, filter: Any) -> Row:
-    """How a multi-object tracker on a filter does on a recording."""
+    """Figures of the multi-object tracker with a filter on a recording."""
     tracker = MultiObjectTracker(filter, sensors.find(RADAR).models, road=recording.road)
     tracks, evaluator = tracker.start(), Evaluator(recording.scenario)
     for frame in recording.frames:
@@ -271,12 +271,13 @@ z = c + A (mu_l + xi) + e. For any o,
     (c - A o) + A (mu_l + o + xi) + e  =  c + A (mu_l + xi) + e:
 
 the model moved by o and the centre moved by -A o predict the same detections, whatever sides they come from and however
-the object turns. So the likelihood of positions is flat along o in both axes, and no amount of data tells o. What is
-observable is mu_l + A^-1 c, the place of the ellipses that are seen, and nothing else: not where in them the centre is.
-Range rates and the motion model break the tie in a turn only, where the heading of the model is the direction of motion
-of the centre: moved by d along the axis, the centre moves at an angle of omega d / v to it. That is 0.003 rad for 1 m
-on the course above (0.031 rad/s at 11.2 m/s), less than the filter knows of the heading. One part of our model does not
-move with o: the box of the detections from inside. It is as wide as the vehicle and holds a tenth of the detections.
+the object turns. So the likelihood of positions is flat along o in both axes, and no amount of data determines o. What
+is observable is mu_l + A^-1 c, the place of the ellipses that are seen, and nothing else: not where in them the centre
+is. Range rates and the motion model break the tie in a turn only, where the heading of the model is the direction of
+motion of the centre: moved by d along the axis, the centre moves at an angle of omega d / v to it. That is 0.003 rad
+for 1 m on the course above (0.031 rad/s at 11.2 m/s), less than the uncertainty of the heading. One part of our model
+does not move with o: the box of the detections from inside. It is as wide as the vehicle and holds a tenth of the
+detections.
 
 So o is settled by a convention, the position is the centre of the box, and that needs ends. By axis of the body:
 
@@ -286,7 +287,7 @@ So o is settled by a convention, the position is the centre of the box, and that
 | one | that end; every length fits it with a centre of its own | keeps that end where the catalogue's contour has it |
 | none | neither | keeps the mean of the control points |
 
-For the filter this says: of a vehicle seen from behind, the rear is measured, and the errors of centre and length are
+For the filter this means: of a vehicle seen from behind, the rear is measured, and the errors of centre and length are
 tied, along = length / 2. The uncertainty of the length is that of the centre, and weights by visibility do not remove
 it; they keep the filter from taking the rear for something else. `tests/trackers/pmht/test_learning.py` and
 `tests/testbed/studies/partial_view/test_page.py` check these.

@@ -66,7 +66,7 @@ def u_turn():
     x = start()[None]
     x[0, PLACE], x[0, VELOCITY] = (0.0, 0.0), (4.7, 0.0)
     radar = np.zeros_like(x)
-    radar[0, PLACE], radar[0, VX] = (-25.0, 6.0), 1e-6  # stands, and looks along x
+    radar[0, PLACE], radar[0, VX] = (-25.0, 6.0), 1e-6  # stands, and points along x
     first, steps = x[0], []
     for k in range(120):
         x = x.copy()

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 import shapely
 
+from testbed.evaluation.intervals import Interval
 from testbed.papers.catalogue import PAPERS
 from testbed.papers.report import Stopped
 from testbed.papers.yao2021 import experiment as yao2021
-from testbed.papers.yao2021.claims import Gain, above, apart, gain, verdicts
+from testbed.papers.yao2021.claims import above, apart, gain, verdicts
 from testbed.papers.yao2021.simulation import (
     BAND,
     CONTOURS,
@@ -88,13 +89,13 @@ def test_a_gain_is_a_ratio_of_errors_with_its_interval():
 
 
 def test_a_bar_inside_an_interval_decides_nothing():
-    assert above(Gain(1.5, 1.4, 1.6), 1.3)
-    assert above(Gain(1.2, 1.1, 1.25), 1.3) is False
-    assert above(Gain(1.35, 1.25, 1.45), 1.3) is None
+    assert above(Interval(1.5, 1.4, 1.6), 1.3)
+    assert above(Interval(1.2, 1.1, 1.25), 1.3) is False
+    assert above(Interval(1.35, 1.25, 1.45), 1.3) is None
 
 
 def test_two_gains_are_as_far_apart_whichever_comes_first():
-    a, b = Gain(2.0, 1.6, 2.5), Gain(3.0, 2.4, 3.75)
+    a, b = Interval(2.0, 1.6, 2.5), Interval(3.0, 2.4, 3.75)
     assert apart(a, b) == apart(b, a)
     assert apart(a, b).value == pytest.approx(1.5)
     assert apart(a, b).high / 1.5 == pytest.approx(1.25 ** np.sqrt(2))
