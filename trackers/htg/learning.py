@@ -20,12 +20,11 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import minimize_scalar
 
 from trackers.geometry import wrap_angle
 from trackers.htg.bins import PARAMETERS, HTGTable
 from trackers.htg.density import HTG, log_mass
-from trackers.htg.descent import Found, Limits, Objective, descend
+from trackers.htg.descent import Found, Objective, descend
 from trackers.htg.likelihood import mean_log_density
 
 SIDES = ("a1", "a2", "b1", "b2")
@@ -75,29 +74,22 @@ def objective(x: NDArray, u: NDArray, noise: NDArray, options: FitOptions) -> tu
     return -mean, -gradient
 
 
-def fit(
-    u: ArrayLike, noise: ArrayLike | None = None, options: FitOptions | None = None, method: str = "joint"
-) -> HTGFit:
+def fit(u: ArrayLike, noise: ArrayLike | None = None, options: FitOptions | None = None) -> HTGFit:
     """Maximum-likelihood HTG of detections.
 
     Args:
         u: (N, 2) unit coordinates.
         noise: (N, 2, 2) covariance of each in unit coordinates, known from a data sheet; None: all noise goes into r.
         options: limits and what is held fixed.
-        method: "joint" for L-BFGS-B on all parameters with the analytic gradient, "coordinate" for the cyclic
-            descent of the paper; both end in the same optimum.
 
     """
     options = FitOptions() if options is None else options
     u, noise = _check(u, noise)
-    if method not in WAYS:
-        raise ValueError(f"method must be {' or '.join(WAYS)}, got {method!r}")
-    way = WAYS[method]
     stride = max(1, len(u) // options.screen)
     few = (u[::stride], noise[::stride] if noise.ndim == 3 else noise)
-    x, value = race(lambda x: objective(x, *few, options), way, options)
+    x, value = race(lambda x: objective(x, *few, options), options)
     if stride > 1:
-        x, value = way(lambda x: objective(x, u, noise, options), x, limits(options))
+        x, value = descend(lambda x: objective(x, u, noise, options), x, limits(options), FLAT)
     p = unpack(x)
     if options.theta is None:
         p = canonical(p)
@@ -144,42 +136,11 @@ def limits(options: FitOptions) -> list[tuple[float, float]]:
     return [(np.log(low), np.log(high)), *[(0.0, options.bound_max)] * 4, turn, *[tuple(np.log(options.r))] * 2]
 
 
-Way = Callable[..., Found]  # f, x, box, and whether to stop short
-
-
-def race(f: Objective, way: Way, options: FitOptions) -> Found:
-    """Best minimum over all starts: all run a short way, the leaders to the end."""
+def race(f: Objective, options: FitOptions) -> Found:
+    """Best minimum over all starts: all run 20 steps, the leaders to the end."""
     box = limits(options)
-    heats = sorted((way(f, start, box, short=True) for start in starts(options)), key=lambda found: found[1])
-    return min((way(f, x, box) for x, _ in heats[:LEADERS]), key=lambda found: found[1])
-
-
-def descend_jointly(f: Objective, x: NDArray, box: Limits, short: bool = False) -> Found:
-    """Minimum over all parameters at once, and its value; `short` gives a first idea of it."""
-    return descend(f, x, box, FLAT, runs=1, steps=20) if short else descend(f, x, box, FLAT)
-
-
-def descend_by_coordinate(f: Objective, x: NDArray, box: Limits, short: bool = False) -> Found:
-    """Minimum by one bounded scalar search a coordinate, in turn, until a sweep gains nothing; and its value."""
-    x, value = x.copy(), f(x)[0]
-    for _ in range(1 if short else 300):
-        before = value
-        for i, (low, high) in enumerate(box):
-            if low == high:
-                continue
-
-            def along(t: float, i: int = i) -> float:
-                return f(np.where(np.arange(len(x)) == i, t, x))[0]
-
-            found = minimize_scalar(along, bounds=(low, high), method="bounded", options={"xatol": 1e-5})
-            if found.fun < value:
-                x[i], value = found.x, float(found.fun)
-        if before - value < FLAT:
-            break
-    return x, value
-
-
-WAYS: dict[str, Way] = {"joint": descend_jointly, "coordinate": descend_by_coordinate}
+    heats = sorted((descend(f, x, box, FLAT, runs=1, steps=20) for x in starts(options)), key=lambda found: found[1])
+    return min((descend(f, x, box, FLAT) for x, _ in heats[:LEADERS]), key=lambda found: found[1])
 
 
 def pack(p: HTG) -> NDArray:

@@ -131,7 +131,7 @@ class HTGMap:
             if (length * (gradient * step).sum(-1)).max() < self.flat:
                 break
             np.clip(step[..., LOG_L:], -self.size_step, self.size_step, out=step[..., LOG_L:])
-            trial = xi + length[..., None] * step
+            trial = xi + length[..., None] * step  # (HTG.36)
             trial_value, trial_gradient = objective.evaluate(trial)
             better = trial_value >= value
             xi = np.where(better[..., None], trial, xi)

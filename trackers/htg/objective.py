@@ -206,10 +206,10 @@ def jacobian(xi: NDArray, frame: UnitFrame) -> NDArray:
     hx, hy = h[..., 0], h[..., 1]
     grows, moves = growth(half, frame)
     L = np.zeros((*xi.shape[:-1], 5, 6))
-    L[..., 0, 0], L[..., 0, 1] = -c / hx, s / hy
-    L[..., 1, 0], L[..., 1, 1] = -s / hx, -c / hy
-    L[..., 2, 0], L[..., 2, 1] = shift[..., 1] / hx, -shift[..., 0] / hy
-    L[..., 2, 2], L[..., 2, 3] = hy / hx, -hx / hy
-    L[..., 3, 4], L[..., 3, 0] = -grows[..., 0], -moves[..., 0]
-    L[..., 4, 5], L[..., 4, 1] = -grows[..., 1], -moves[..., 1]
+    L[..., 0, 0], L[..., 0, 1] = -c / hx, s / hy  # (HTG.35)
+    L[..., 1, 0], L[..., 1, 1] = -s / hx, -c / hy  # (HTG.35)
+    L[..., 2, 0], L[..., 2, 1] = shift[..., 1] / hx, -shift[..., 0] / hy  # (HTG.35)
+    L[..., 2, 2], L[..., 2, 3] = hy / hx, -hx / hy  # (HTG.35)
+    L[..., 3, 4], L[..., 3, 0] = -grows[..., 0], -moves[..., 0]  # (HTG.35)
+    L[..., 4, 5], L[..., 4, 1] = -grows[..., 1], -moves[..., 1]  # (HTG.35)
     return L

@@ -62,7 +62,7 @@ class Koch:
         heading = estimate.pose[..., 2]
         X_hat = extent_matrix(heading, estimate.size / self.sigmas)
         P = np.zeros((*nu.shape, 3, 3))
-        P[..., :2, :2] = self._factor(estimate.cov, X_hat)
+        P[..., :2, :2] = self._factor(estimate.cov, X_hat)  # (RM.18)
         P[..., 2, 2] = self.var_a  # (RM.18)
         return KochState(x, P, nu, (nu - 3)[..., None, None] * X_hat, heading.copy())  # (RM.18)
 
