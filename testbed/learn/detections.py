@@ -121,6 +121,11 @@ def split_kind(data: str) -> tuple[str, str]:
     return (head, tail) if colon and tail in KINDS else (data, KINDS[0])
 
 
+def without_folders(data: str) -> str:
+    """A data source by the name of its file or folder alone: provenance names no place of one machine."""
+    return data if data.startswith("sampler:") else Path(data).name
+
+
 def unit_coordinates(xy: NDArray, pose: NDArray, size: NDArray) -> NDArray:
     """Unit coordinates (N, 2) of world points xy (N, 2) [m] in boxes with pose (N, 3) and size (N, 2)."""
     return 2 * to_frame(pose, xy[:, None])[:, 0] / size

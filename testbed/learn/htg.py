@@ -18,7 +18,7 @@ from rich.table import Table
 
 from testbed.command_line.tables import light_table
 from testbed.files import make_directory, write_json
-from testbed.learn.detections import Progress, TrainingDetections, check_sampler, read
+from testbed.learn.detections import Progress, TrainingDetections, check_sampler, read, without_folders
 from trackers.htg import bins as tables
 from trackers.htg.bins import HTGTable
 from trackers.htg.density import log_mass
@@ -56,9 +56,9 @@ class LearnConfig:
         return FitOptions(mass_min=self.mass_min)
 
     def command(self, out: str | Path) -> str:
-        """The command line that does the same."""
+        """The command line that does the same, where the data lie."""
         default = LearnConfig(self.data)
-        words = ["testbed", "learn-htg", self.data, "--out", Path(out).name]
+        words = ["testbed", "learn-htg", without_folders(self.data), "--out", Path(out).name]
         for name in ("bins", "mass_min", "count", "seed"):
             if getattr(self, name) != getattr(default, name):
                 words += [f"--{name.replace('_', '-')}", f"{getattr(self, name):g}"]

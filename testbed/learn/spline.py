@@ -15,7 +15,7 @@ from rich.table import Table
 
 from testbed.command_line.tables import light_table
 from testbed.files import write_json
-from testbed.learn.detections import Progress, TrainingDetections, check_sampler, read
+from testbed.learn.detections import Progress, TrainingDetections, check_sampler, read, without_folders
 from testbed.learn.htg import PACKAGES, check_out
 from trackers.pmht import model as models
 from trackers.pmht.model import SplineModel
@@ -38,8 +38,8 @@ class SplineConfig:
         models.chain(self.options.ellipses, self.options.points, models.DEGREE)
 
     def command(self, out: str | Path) -> str:
-        """The command line that does the same."""
-        words = ["testbed", "learn-spline", self.data, "--out", Path(out).name]
+        """The command line that does the same, where the data lie."""
+        words = ["testbed", "learn-spline", without_folders(self.data), "--out", Path(out).name]
         default = SplineConfig(self.data)
         for name in ("count", "seed"):
             if getattr(self, name) != getattr(default, name):

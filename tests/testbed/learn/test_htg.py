@@ -24,6 +24,7 @@ from testbed.learn.detections import (
     unit_noise,
 )
 from testbed.learn.htg import LearnConfig, LearnedTable, learn, report
+from testbed.learn.spline import SplineConfig
 from testbed.log.detections import read_detections
 from testbed.run import RunConfig
 from testbed.run import run as run_once
@@ -66,6 +67,19 @@ def test_noise_in_unit_coordinates_is_that_of_transformed_draws():
 )
 def test_a_data_source_may_end_in_a_class(data, name, kind):
     assert split_kind(data) == (name, kind)
+
+
+@pytest.mark.parametrize(
+    ("data", "name"),
+    [
+        ("sampler:imaging:truck", "sampler:imaging:truck"),
+        ("somewhere/else/extract:car", "extract:car"),
+        ("../runs/a.rrd", "a.rrd"),
+    ],
+)
+def test_a_command_in_the_provenance_names_no_folder(data, name):
+    for config in (LearnConfig(data), SplineConfig(data)):
+        assert config.command("out/mine.json").split()[2:] == [name, "--out", "mine.json"]
 
 
 def test_a_radar_that_sees_only_contours_samples_the_outline_on_the_side_it_sees():
