@@ -4,10 +4,10 @@ from collections.abc import Mapping
 from difflib import get_close_matches
 from typing import TypeVar
 
-Entry = TypeVar("Entry")
+T = TypeVar("T")
 
 
-def look_up(name: str, catalogue: Mapping[str, Entry], what: str) -> Entry:
+def look_up(name: str, catalogue: Mapping[str, T], what: str) -> T:
     """The entry of that name.
 
     Args:

@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM as a wish that a loop grants between two steps, so that no step is cut in half."""
+"""Ctrl-C and SIGTERM as a request that a loop grants between two steps, so that every step is completed."""
 
 import signal
 import threading
@@ -11,8 +11,8 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 @dataclass
-class Wish:
-    """What was asked for so far."""
+class InterruptRequest:
+    """The signal that asked to stop, if any."""
 
     signal: int | None = None  # number of the signal that asked to stop
 
@@ -23,24 +23,24 @@ class Wish:
 
 
 @contextmanager
-def interruptible() -> Iterator[Wish]:
-    """While it lasts the first signal is noted in the wish and the second raises KeyboardInterrupt.
+def interruptible() -> Iterator[InterruptRequest]:
+    """While it lasts the first signal is stored in the request and the second raises KeyboardInterrupt.
 
-    Python delivers signals to the main thread only; in any other nothing changes and the wish stays empty.
+    Python delivers signals to the main thread only; in any other the request stays empty.
     """
-    wish = Wish()
+    request = InterruptRequest()
 
     def note(number: int, frame: FrameType | None) -> None:
-        if wish.signal is not None:
+        if request.signal is not None:
             raise KeyboardInterrupt
-        wish.signal = number
+        request.signal = number
 
     if threading.current_thread() is not threading.main_thread():
-        yield wish
+        yield request
         return
     before = {number: signal.signal(number, note) for number in SIGNALS}
     try:
-        yield wish
+        yield request
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

@@ -6,17 +6,17 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import Progress as Bar
 
-from testbed.command_line.interruption import Wish, interruptible
+from testbed.command_line.interruption import InterruptRequest, interruptible
 from testbed.command_line.terminal import stages, user_input
 from testbed.compare.report import tables
 from testbed.compare.report.renderers import terminal
 from testbed.compare.report.report import write_report
 from testbed.compare.runs.config import Comparison
 from testbed.compare.runs.engine import Engine
+from testbed.compare.runs.measures import MAIN
 from testbed.compare.runs.results import Results, collect
-from testbed.compare.runs.work import Progress, Report, execute
+from testbed.compare.runs.work import Progress, Tally, execute
 from testbed.compare.statistics import analysis
-from testbed.compare.statistics.measures import MAIN
 
 WARNINGS = 8  # that are spelt out on the terminal
 FEW = 3  # trackers that stand side by side in 80 columns with their intervals
@@ -26,52 +26,52 @@ SHOWN = ("measure", "mean difference", "interquartile mean", "probability of imp
 def compare(comparison: Comparison, engine: Engine, console: Console, bar: Bar) -> int:
     """Run what is missing, show the tables, write the report; returns the exit status."""
     with user_input((OSError, ValueError)), bar:
-        report = execute(comparison, engine, stages(bar))
-    tell(report, console)
+        tally = execute(comparison, engine, stages(bar))
+    show_tally(tally, console)
     results = collect(comparison)
-    if results.whole.empty:
-        return report.exit_status or 1
+    if results.runs.empty:
+        return tally.exit_status or 1
     overview(results, console)
-    if report.interrupted:
-        console.print("[yellow]interrupted: the tables hold what was run until then; the same command goes on[/yellow]")
-        return report.exit_status
+    if tally.interrupted:
+        console.print("[yellow]interrupted: tables of the runs made so far; the same command makes the rest[/yellow]")
+        return tally.exit_status
     console.print(f"runs     {Path(comparison.out) / 'runs.parquet'}", soft_wrap=True)
     for task in bar.task_ids:
         bar.remove_task(task)
-    with interruptible() as wish, user_input((OSError,)), bar:
-        page = _page(results, report, engine, stages(bar, "report: "), wish)
+    with interruptible() as request, user_input((OSError,)), bar:
+        page = _page(results, tally, engine, stages(bar, "report: "), request)
     if page is None:
         console.print("[yellow]interrupted: no report; the same command writes it[/yellow]")
-        return wish.exit_status
+        return request.exit_status
     console.print(f"report   {page}", soft_wrap=True)
     console.print(f"open it  {page.resolve().as_uri()}", soft_wrap=True)
-    return 1 if report.failed else 0
+    return 1 if tally.failed else 0
 
 
-def _page(results: Results, report: Report, engine: Engine, show: Progress, wish: Wish) -> Path | None:
-    """The report page, or None where somebody stopped it on the way."""
+def _page(results: Results, tally: Tally, engine: Engine, show: Progress, request: InterruptRequest) -> Path | None:
+    """The report page, or None where a signal ended it early."""
 
     def step(done: int, total: int, what: str) -> None:
         show(done, total, what)
-        if wish.signal is not None:
+        if request.signal is not None:
             raise KeyboardInterrupt
 
     try:
-        return write_report(results, report, engine=engine, progress=step)
+        return write_report(results, tally, engine=engine, progress=step)
     except KeyboardInterrupt:
-        wish.signal = wish.signal or signal.SIGINT
+        request.signal = request.signal or signal.SIGINT
         return None
 
 
-def tell(report: Report, console: Console) -> None:
-    """How the work went."""
-    for outcome in report.redone:
+def show_tally(tally: Tally, console: Console) -> None:
+    """Print how many runs were made and found, and which failed and why."""
+    for outcome in tally.redone:
         console.print(f"[yellow]made again[/yellow] {outcome.name}: {outcome.note}", soft_wrap=True, highlight=False)
-    for outcome in report.failed:
+    for outcome in tally.failed:
         console.print(f"[red]failed[/red] {outcome.name}", highlight=False)
         console.print(outcome.note, markup=False, highlight=False, soft_wrap=True)
     console.print(
-        f"{report.done} runs made, {report.found} found, {len(report.failed)} failed, {report.wall:.0f} s",
+        f"{tally.done} runs made, {tally.found} found, {len(tally.failed)} failed, {tally.wall:.0f} s",
         highlight=False,
     )
 

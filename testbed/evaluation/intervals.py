@@ -19,7 +19,7 @@ RESAMPLES = 2000
 SEED = 20261121  # of the resampling: the same results give the same intervals
 FEWEST = 3  # units in a stratum; a bootstrap interval from fewer means nothing
 
-Sample = Sequence[NDArray]  # (n_c,) for each stratum c
+Strata = Sequence[NDArray]  # (n_c,) for each stratum c
 Statistic = Callable[..., NDArray]
 
 
@@ -64,7 +64,7 @@ def interquartile_mean(*strata: NDArray, axis: int = -1) -> NDArray:
     return trim_mean(joined, 0.25, axis=-1)
 
 
-def bootstrap_interval(sample: Sample, statistic: Statistic = mean_of_means) -> Interval:
+def bootstrap_interval(sample: Strata, statistic: Statistic = mean_of_means) -> Interval:
     """Estimate and 95 % bootstrap interval; bias-corrected (BCa) for the mean of one stratum, else percentiles.
 
     The bootstrap takes the spread of few units for too small: it is asked for a higher level, see `expanded`. Values
@@ -105,7 +105,7 @@ def expanded(units: Sequence[int]) -> float:
     return float(2 * norm.cdf(quantile) - 1)
 
 
-def measured(sample: Sample) -> list[NDArray]:
+def measured(sample: Strata) -> list[NDArray]:
     """The finite values in ascending order, so that the order of the units has no influence on the draws.
 
     Strata in which fewer than `FEWEST` units were measured are left out where others have more.

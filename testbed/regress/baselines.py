@@ -1,4 +1,4 @@
-"""The committed results that new ones are held against: one JSON file, written by `testbed regress --update` only.
+"""The committed results that new ones are compared with: one JSON file, written by `testbed regress --update` only.
 
 `{"layout", "seeds", "duration" [s], "radar", "updates": [{"date", "versions"}, ...], "trackers": {NAME: {"overall":
 {MEASURE: {"mean", "interval"}}, "scenarios": {NAME: {"update": its entry in updates, MEASURE: {"values": by seed, null
@@ -95,7 +95,7 @@ REMEDY = "make it anew with `testbed regress --update`"
 
 
 class _OtherSuite(ValueError):
-    """The file is sound, but of other runs."""
+    """The file is valid, but of other runs."""
 
 
 def _damaged(path: Path, error: Exception) -> str:

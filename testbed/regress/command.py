@@ -1,4 +1,4 @@
-"""What `testbed regress` does: the runs, the verdict, and what is left of them."""
+"""What `testbed regress` does: the runs, the verdict, new baselines, a log of the worst run."""
 
 import shlex
 from dataclasses import dataclass
@@ -12,19 +12,19 @@ from rich.progress import Progress
 
 from scenarios import find as find_scenario
 from testbed.command_line.terminal import stages, user_input
-from testbed.compare.command import tell
+from testbed.compare.command import show_tally
 from testbed.compare.runs.config import check as check_comparison
 from testbed.compare.runs.engine import Engine
 from testbed.compare.runs.engine import check as check_engine
 from testbed.compare.runs.replay import write_log
 from testbed.compare.runs.results import Results, collect
-from testbed.compare.runs.tasks import Drive, obtain
+from testbed.compare.runs.tasks import RecordingTask, obtain
 from testbed.compare.runs.work import execute
 from testbed.files import make_directory, versions
 from testbed.regress import junit, tables
 from testbed.regress.baselines import NONE, Baselines, Update, load, merge, save
 from testbed.regress.findings import Findings, examine, measured, orphans, worst_run
-from testbed.regress.suite import LOGS, Suite, claim_folder
+from testbed.regress.suite import LOGS, Suite, prepare_folder
 from testbed.regress.verdict import OVERALL
 from trackers import find as find_tracker
 
@@ -33,7 +33,7 @@ COMMITTED = Path(str(files("testbed.regress"))) / "baselines.json"
 
 @dataclass(frozen=True)
 class Order:
-    """What was asked for."""
+    """The options of a call."""
 
     suite: Suite
     baselines: Path | None = None  # None: the committed file
@@ -48,7 +48,7 @@ class Order:
 
     @property
     def engine(self) -> Engine:
-        """Not more processes than runs."""
+        """As many processes as asked for, else one a core, and not more than runs."""
         return Engine(min(cpu_count(), len(self.suite.comparison.tasks)) if self.jobs is None else self.jobs)
 
 
@@ -69,19 +69,19 @@ def prepare(order: Order) -> Baselines:
     for name, path in (("junit", order.junit), ("baselines", order.path if order.update else None)):
         if path is not None:
             _check_file(name, path)
-    claim_folder(suite)
+    prepare_folder(suite)
     check_comparison(comparison)
     return baselines
 
 
 def starting_point(order: Order) -> Baselines:
-    """What an update starts from; where everything is made anew, whatever there is may be replaced."""
+    """Baselines that an update changes; a complete update may replace a file that cannot be read."""
     try:
         return load(order.path, order.suite)
     except FileNotFoundError:
         return NONE
     except ValueError as error:
-        if order.suite.whole:
+        if order.suite.complete:
             return NONE
         raise ValueError(f"{error} without --tracker and --scenario") from None
 
@@ -97,16 +97,16 @@ def _check_file(name: str, path: Path) -> None:
 
 
 def regress(order: Order, baselines: Baselines, console: Console, bar: Progress) -> int:
-    """Run what is missing, tell what moved or make the baselines; returns the exit status."""
+    """Run what is missing, show what moved or write baselines; returns the exit status."""
     comparison = order.suite.comparison
     with user_input((OSError, ValueError)), bar:
-        report = execute(comparison, order.engine, stages(bar))
-    tell(report, console)
-    if report.interrupted:
-        console.print("[yellow]interrupted: the same command goes on where it was[/yellow]")
-        return report.exit_status
+        tally = execute(comparison, order.engine, stages(bar))
+    show_tally(tally, console)
+    if tally.interrupted:
+        console.print("[yellow]interrupted: the same command makes the rest[/yellow]")
+        return tally.exit_status
     results = collect(comparison)
-    findings = examine(results, report, order.suite, baselines)
+    findings = examine(results, tally, order.suite, baselines)
     with user_input((OSError,)):
         if order.update:
             status = _update(order, baselines, results, findings, console)
@@ -119,14 +119,14 @@ def regress(order: Order, baselines: Baselines, console: Console, bar: Progress)
 
 
 def _answer(suite: Suite, baselines: Baselines, results: Results, findings: Findings, console: Console) -> int:
-    """Tell whether all is as good as it was."""
-    _tell(findings, baselines, console)
+    """Show what moved; the status says whether anything failed or got worse."""
+    _show(findings, baselines, console)
     if findings.worse:
         _leave_log(suite, results, findings, baselines, console)
     return 0 if findings.passed else 1
 
 
-def _tell(findings: Findings, baselines: Baselines, console: Console) -> None:
+def _show(findings: Findings, baselines: Baselines, console: Console) -> None:
     if findings.worse:
         console.print(tables.moved(findings.worse, "worse than the baselines"))
     if findings.better:
@@ -139,12 +139,12 @@ def _tell(findings: Findings, baselines: Baselines, console: Console) -> None:
         if keys:
             sentence = f"{what}: {tables.cells(keys)}; `testbed regress --update` {remedy}"
             console.print(sentence, markup=False, highlight=False, soft_wrap=True)
-    held = [key for key in findings.cells if key in baselines.values]
+    compared = [key for key in findings.cells if key in baselines.values]
     bad = {(c.tracker, c.scenario) for c in findings.worse} | set(findings.failed)
-    whole = sum(scenario == OVERALL for _, scenario in bad)
+    overall = sum(scenario == OVERALL for _, scenario in bad)
     console.print(
-        f"{len(held)} results held against baselines: {len(held) - len(bad) + whole} good, "
-        f"{len(bad) - whole} worse or failed, {whole} trackers worse over all scenarios",
+        f"{len(compared)} results compared with baselines: {len(compared) - len(bad) + overall} good, "
+        f"{len(bad) - overall} worse or failed, {overall} trackers worse over all scenarios",
         highlight=False,
         soft_wrap=True,
     )
@@ -169,7 +169,7 @@ def _leave_log(suite: Suite, results: Results, findings: Findings, baselines: Ba
     (tracker, scenario), k = worst_run(findings, measured(results, suite), baselines)
     out = Path(suite.out)
     try:
-        recording = obtain(Drive(scenario, suite.seeds[k]), suite.comparison.settings, out)
+        recording = obtain(RecordingTask(scenario, suite.seeds[k]), suite.comparison.settings, out)
         path = write_log(recording, (tracker,), out / LOGS)
     except OSError as error:
         console.print(f"[yellow]no log of the worst run: {error}[/yellow]", soft_wrap=True)
@@ -184,7 +184,7 @@ def _update(order: Order, old: Baselines, results: Results, findings: Findings, 
         console.print(f"[red]baselines are left as they were: {len(findings.failed)} results failed[/red]")
         return 1
     today = Update(datetime.now(UTC).date().isoformat(), versions())
-    dropped = orphans(old) if order.suite.whole else []
+    dropped = orphans(old) if order.suite.complete else []
     new = merge(old, measured(results, order.suite), today, [key for key in old.values if key not in dropped])
     save(new, order.suite, order.path)
     console.print(f"Baselines of {today.date}:\n", highlight=False)

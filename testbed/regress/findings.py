@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from scenarios import SCENARIOS
 from testbed.compare.runs.results import Results
-from testbed.compare.runs.work import Report
+from testbed.compare.runs.work import Tally
 from testbed.regress.baselines import Baselines, Key
 from testbed.regress.suite import TOLERANCES, Suite
 from testbed.regress.verdict import BETTER, GONE, OVERALL, WORSE, Change, judge
@@ -19,13 +19,13 @@ UNREAD = "its file of rows is not there or cannot be read"
 
 
 class Findings(NamedTuple):
-    """Everything that is told."""
+    """What a regression run reports."""
 
     cells: Sequence[Key]  # of the suite
-    changes: Sequence[Change]  # all that were looked at
+    changes: Sequence[Change]  # all differences that were examined
     failed: Mapping[Key, str]  # traceback of a run
     new: Sequence[Key]  # without a baseline
-    orphans: Sequence[Key]  # baselines of what is in the catalogues no more
+    orphans: Sequence[Key]  # baselines of what is no longer in the catalogues
     seconds: Mapping[Key, float]  # wall time
 
     @property
@@ -40,16 +40,16 @@ class Findings(NamedTuple):
 
     @property
     def passed(self) -> bool:
-        """Whether the answer is yes."""
+        """Whether nothing failed or got worse."""
         return not self.failed and not self.worse
 
     def _sorted(self, *verdicts: str) -> list[Change]:
         return sorted((c for c in self.changes if c.verdict in verdicts), key=lambda c: -c.size)
 
 
-def examine(results: Results, report: Report, suite: Suite, baselines: Baselines) -> Findings:
-    """Hold the results of a suite against the baselines."""
-    failed = failures(results, report)
+def examine(results: Results, tally: Tally, suite: Suite, baselines: Baselines) -> Findings:
+    """Compare the results of a suite with the baselines."""
+    failed = failures(results, tally)
     values = {key: v for key, v in measured(results, suite).items() if key not in failed}
     cells = [(t, c) for t in suite.trackers for c in suite.scenarios]
     return Findings(
@@ -65,22 +65,22 @@ def examine(results: Results, report: Report, suite: Suite, baselines: Baselines
 def measured(results: Results, suite: Suite) -> dict[Key, dict[str, NDArray]]:
     """Values by seed of all runs that there are; NaN where a run measured nothing, or is missing."""
     found: dict[Key, dict[str, NDArray]] = {}
-    if results.whole.empty:
+    if results.runs.empty:
         return found
-    for (tracker, scenario), runs in results.whole.groupby(["tracker", "scenario"], sort=False, observed=True):
+    for (tracker, scenario), runs in results.runs.groupby(["tracker", "scenario"], sort=False, observed=True):
         runs = runs.set_index("seed").reindex(list(suite.seeds))
         found[str(tracker), str(scenario)] = {measure: runs[measure].to_numpy(float) for measure in TOLERANCES}
     return found
 
 
-def failures(results: Results, report: Report) -> dict[Key, str]:
+def failures(results: Results, tally: Tally) -> dict[Key, str]:
     """The last lines of each failed run by tracker and scenario."""
-    notes = {outcome.name: outcome.note for outcome in report.failed}
+    notes = {outcome.name: outcome.note for outcome in tally.failed}
     return {(task.tracker, task.scenario): notes.get(task.name, UNREAD) for task in results.missing}
 
 
 def orphans(baselines: Baselines) -> list[Key]:
-    """Baselines of trackers and scenarios that are in the catalogues no more."""
+    """Baselines of trackers and scenarios that are no longer in the catalogues."""
     return [key for key in baselines.values if key[0] not in TRACKERS or key[1] not in SCENARIOS]
 
 

@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from testbed.compare.statistics.measures import KEYS
+from testbed.compare.runs.measures import KEYS
 from testbed.files import write_atomic
 from testbed.regress.baselines import Key
 from testbed.regress.findings import Findings

@@ -1,7 +1,7 @@
 """What a regression run runs: every scenario by every tracker on two seeds, the first seconds of each, in open loop.
 
-Its results folder is always about the code at hand: runs of other code or versions are thrown away, those of the same
-code are what an interrupted run had finished.
+Its results folder holds runs of the present code only: runs of other code or versions are deleted, those of the same
+code, of an interrupted call, are kept.
 """
 
 import json
@@ -27,9 +27,9 @@ FOLDERS, FILES = (RUN_ROWS, RECORDINGS, LOGS), (SETTINGS, RUNS)  # all that a re
 
 
 class Tolerance(NamedTuple):
-    """How far a measure may move the wrong way, on a scale on which less is better, before anyone is told.
+    """How far a measure may move the wrong way, on a scale on which less is better, before it counts.
 
-    To each of the first two comes `relative` times the baseline.
+    `relative` times the baseline is added to each of the first two.
     """
 
     overall: float  # mean over all scenarios
@@ -51,7 +51,7 @@ TOLERANCES = {
     "rmse_heading_deg": Tolerance(0.1, 0.1, 0.01),
     "rmse_length": Tolerance(0.02, 0.03, 0.01),
     "nees_position": Tolerance(0.2, 0.2, 0.02),
-    "lost": Tolerance(0.1, 0.5, 0.05),  # in a scenario: one more in one of two runs is no news
+    "lost": Tolerance(0.1, 0.5, 0.05),  # in a scenario: one more in one of two runs is within chance
     "switches": Tolerance(0.1, 0.5, 0.05),
 }
 
@@ -79,15 +79,15 @@ class Suite:
         return Comparison(self.scenarios, self.trackers, self.seeds, settings, out=self.out)
 
     @property
-    def whole(self) -> bool:
+    def complete(self) -> bool:
         """Whether everything in the catalogues takes part."""
         return set(self.scenarios) >= set(SCENARIOS) and set(self.trackers) >= set(TRACKERS)
 
 
-def claim_folder(suite: Suite) -> None:
+def prepare_folder(suite: Suite) -> None:
     """Make the results folder, and empty it of runs of other code, versions or settings.
 
-    Raises OSError or ValueError, in one sentence, where that cannot be or where the runs are somebody else's.
+    Raises OSError or ValueError, in one sentence, where it cannot be written or holds files of something else.
     """
     folder = Path(suite.out)
     make_directory(folder)

@@ -8,7 +8,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from testbed.command_line.tables import light_table, number
-from testbed.compare.statistics.measures import KEYS
+from testbed.compare.runs.measures import KEYS
 from testbed.evaluation.intervals import mean_of_means
 from testbed.regress.baselines import Baselines, Key
 from testbed.regress.suite import TOLERANCES

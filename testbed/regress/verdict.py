@@ -1,15 +1,15 @@
-"""What moved: new runs held against the baselines of the same seeds, tracker by tracker and scenario by scenario.
+"""What moved: new runs compared with the baselines of the same seeds, tracker by tracker and scenario by scenario.
 
 All differences are new minus baseline on a scale on which less is better (`measures.badness`). Two rules find a change
 for the worse; mirrored, they find one for the better:
 
-1. A tracker over all scenarios: the bootstrap interval of the mean change lies wholly above the tolerance. Units are
+1. A tracker over all scenarios: the bootstrap interval of the mean change lies above the tolerance. Units are
    the scenarios, each with the mean over its seeds, as two seeds in each are too few to draw from.
 2. A tracker in one scenario: the mean change exceeds the tolerance, and Student's limit from the spread between seeds
    within the other scenarios, taken in units of their tolerances as errors differ by scenario. So a fault in one
    scenario is found where nothing else moves, and where every run moves by chance nothing is.
 
-A suite looks at some thousand differences. For all of them together to raise a false alarm in at most 2 % of suites,
+A suite has some thousand differences. For all of them together to raise a false alarm in at most 2 % of suites,
 each gets an equal share of these (Bonferroni), half of them for each rule; rule 1 has to pass such a limit of Student's
 too, since its own interval, at 95 %, would be left by chance in some tracker and measure of almost every suite.
 """
@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from testbed.compare.statistics.measures import badness
+from testbed.compare.runs.measures import badness
 from testbed.evaluation.intervals import FEWEST, bootstrap_interval, student_limit
 from testbed.regress.spread import spread_of_others
 from testbed.regress.suite import TOLERANCES, Tolerance
@@ -66,7 +66,7 @@ def judge(new: Values, baselines: Values) -> list[Change]:
     """Every difference that can be taken, with its verdict; runs without a baseline are passed over."""
     keys = [key for key in new if key in baselines]
     trackers = list(dict.fromkeys(tracker for tracker, _ in keys))
-    shares = [ALARMS / 2 / (looks * len(TOLERANCES)) for looks in (len(trackers), len(keys))] if keys else []
+    shares = [ALARMS / 2 / (count * len(TOLERANCES)) for count in (len(trackers), len(keys))] if keys else []
     changes: list[Change] = []
     for tracker in trackers:
         for measure, tolerance in TOLERANCES.items():
@@ -101,7 +101,7 @@ def _overall(tracker: str, measure: str, pairs: _Pairs, tolerance: Tolerance, sh
     change = float(means.mean())
     allowed = tolerance.overall + tolerance.relative * _mean([_bad(measure, group) for group in pairs.before])
     limit = max(allowed, float(student_limit(means.std(ddof=1), len(means) - 1, len(means), share)))
-    if abs(change) > limit:  # else the interval, which takes its time, has no say
+    if abs(change) > limit:  # else the interval, which is slow to compute, changes nothing
         found = bootstrap_interval([means])
         limit = max(limit, allowed + (change - found.low if change > 0 else found.high - change))
     before, after = _mean(pairs.before), _mean(pairs.after)

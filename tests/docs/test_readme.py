@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from testbed.compare.runs.measures import KEYS
 from testbed.compare.statistics.analysis import cells
-from testbed.compare.statistics.measures import KEYS
 from testbed.studies.comparison.publish import read
 from trackers import DEFAULT
 

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from testbed.compare.report.style import OTHERS, Look
+from testbed.compare.report.style import OTHERS, LineStyle
 from testbed.compare.statistics.analysis import BAND_MEASURES
 
 DODGE = 0.56  # share of a band over which the trackers stand side by side
@@ -19,7 +19,7 @@ def bands(
     labels: Sequence[str],
     xlabel: str,
     shown: Sequence[str],
-    looks: dict[str, Look],
+    styles: dict[str, LineStyle],
     baseline: str,
 ) -> Figure:
     """Errors by band with 95 % intervals; trackers that are not in `shown` are grey lines behind."""
@@ -31,14 +31,14 @@ def bands(
                 _draw(axis, table[table["tracker"] == name], key, scale, used, 0.0, None)
         for k, name in enumerate(shown):
             shift = DODGE * ((k + 0.5) / len(shown) - 0.5)
-            _draw(axis, table[table["tracker"] == name], key, scale, used, shift, looks[name])
+            _draw(axis, table[table["tracker"] == name], key, scale, used, shift, styles[name])
         axis.set_xticks(range(len(used)), used)
         axis.set(xlim=(-0.5, len(used) - 0.5), xlabel=xlabel, ylabel=title)
         axis.set_title(title.rpartition(" [")[0])
         axis.set_ylim(0, 103 if key == "held" else None)
         axis.grid(axis="x", visible=False)
     handles = [
-        Line2D([], [], label=f"{n} (reference)" if n == baseline else n, marker=looks[n].marker, **looks[n].line)
+        Line2D([], [], label=f"{n} (reference)" if n == baseline else n, marker=styles[n].marker, **styles[n].line)
         for n in shown
     ]
     if set(table["tracker"]) - set(shown):
@@ -48,13 +48,13 @@ def bands(
 
 
 def _draw(
-    axis: Axes, part: pd.DataFrame, key: str, scale: float, used: Sequence[str], shift: float, look: Look | None
+    axis: Axes, part: pd.DataFrame, key: str, scale: float, used: Sequence[str], shift: float, style: LineStyle | None
 ) -> None:
     part = part.set_index("band").reindex(used)
     value, low, high = (scale * part[c].to_numpy(float) for c in (key, f"{key}_low", f"{key}_high"))
     x = np.arange(len(used)) + shift
-    if look is None:
+    if style is None:
         axis.plot(x, value, color=OTHERS, linewidth=0.9, zorder=1)
         return
-    axis.plot(x, value, marker=look.marker, zorder=3, **(look.line | {"linewidth": 1.0}))
-    axis.vlines(x, low, high, color=look.color, linewidth=1.3, zorder=2)
+    axis.plot(x, value, marker=style.marker, zorder=3, **(style.line | {"linewidth": 1.0}))
+    axis.vlines(x, low, high, color=style.color, linewidth=1.3, zorder=2)

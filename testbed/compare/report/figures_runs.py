@@ -1,4 +1,4 @@
-"""Figures of whole runs: how the measures spread over them, what they cost, and who beats whom."""
+"""Figures of runs: the distribution of the measures, the cost, and which tracker is better how often."""
 
 from collections.abc import Sequence
 
@@ -9,25 +9,25 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from testbed.compare.report.figures_axes import plain_log
-from testbed.compare.report.style import DIVERGING, SIZE, Look
+from testbed.compare.report.style import DIVERGING, SIZE, LineStyle
+from testbed.compare.runs.measures import KEYS
 from testbed.compare.runs.results import Results
-from testbed.compare.statistics.measures import KEYS
 
 LOGARITHMIC = ("nees_position", "nees_velocity", "ms_per_scan", "us_per_update")
 SPREAD = 0.32  # half the height of the strip of a tracker
 SEED = 20261121  # of the places of the dots
 
 
-def strips(results: Results, measures: Sequence[str], order: Sequence[str], looks: dict[str, Look]) -> Figure:
+def strips(results: Results, measures: Sequence[str], order: Sequence[str], styles: dict[str, LineStyle]) -> Figure:
     """Every run a dot; bar: the middle half, thin line: 5 to 95 %, white tick: median, black tick: mean."""
-    whole = results.whole
+    runs = results.runs
     columns = min(len(measures), 4)
     rows = -(-len(measures) // columns)
     height = rows * (0.27 * len(order) + 0.9) + 0.7
     figure = Figure(figsize=(2.0 + columns * (4.2 if columns < 3 else 2.9), height), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False, sharey=True)
     for axis, key in zip(axes.ravel(), measures):
-        _panel(axis, whole, key, order, looks)
+        _panel(axis, runs, key, order, styles)
     for axis in axes.ravel()[len(measures) :]:
         axis.set_axis_off()
     labels = [f"{n} (reference)" if n == results.comparison.baseline else n for n in order]
@@ -40,18 +40,18 @@ def strips(results: Results, measures: Sequence[str], order: Sequence[str], look
     return figure
 
 
-def _panel(axis: Axes, whole: pd.DataFrame, key: str, order: Sequence[str], looks: dict[str, Look]) -> None:
+def _panel(axis: Axes, runs: pd.DataFrame, key: str, order: Sequence[str], styles: dict[str, LineStyle]) -> None:
     measure = KEYS[key]
     rng = np.random.default_rng(SEED)
     for y, name in enumerate(order):
-        found = whole.loc[whole["tracker"] == name, key].to_numpy(float) if key in whole else np.zeros(0)
+        found = runs.loc[runs["tracker"] == name, key].to_numpy(float) if key in runs else np.zeros(0)
         found = found[np.isfinite(found) & ((found > 0) | (key not in LOGARITHMIC))]
         if not len(found):
             axis.text(0.02, y, "nothing measured", transform=axis.get_yaxis_transform(), va="center", color="0.45")
             continue
         low, first, median, third, high = np.quantile(found, (0.05, 0.25, 0.5, 0.75, 0.95))
         places = y + SPREAD * rng.uniform(-1, 1, len(found))
-        colour = looks[name].color
+        colour = styles[name].color
         axis.plot(found, places, ".", color=colour, alpha=0.45, markersize=3.5, markeredgewidth=0, rasterized=True)
         axis.hlines(y, low, high, color=colour, linewidth=1.2)
         axis.hlines(y, first, third, color=colour, linewidth=6.5, alpha=0.85)

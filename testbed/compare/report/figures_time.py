@@ -10,10 +10,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from testbed.compare.report.figures_axes import plain_log
-from testbed.compare.report.style import DURING, LIMITS, ONSET, Look, grid
+from testbed.compare.report.style import DURING, LIMITS, ONSET, LineStyle, grid
 from testbed.compare.runs.results import Results
 from testbed.compare.statistics.analysis import DOF
-from testbed.compare.statistics.series import Series, Times
+from testbed.compare.statistics.series import PhaseTimes, Series
 from testbed.evaluation.intervals import FEWEST, chi2_limits
 
 SHADES = {"onset": ONSET, "during": DURING}
@@ -21,49 +21,49 @@ BAND = 0.13  # opacity
 LEAST, MOST = 1e-2, 1e4  # of NEES and NIS that are drawn
 
 
-class Story(NamedTuple):
+class TimeData(NamedTuple):
     """What all figures over time are drawn from."""
 
     results: Results
     series: Sequence[Series]
-    times: Sequence[Times]
-    looks: dict[str, Look]
+    times: Sequence[PhaseTimes]
+    styles: dict[str, LineStyle]
 
 
-def errors(story: Story, quantity: str, label: str) -> Figure:
+def errors(data: TimeData, quantity: str, label: str) -> Figure:
     """Means over seeds with their 95 % bands; phases are shaded."""
-    figure, panels = _panels(story, quantity, label)
+    figure, panels = _panels(data, quantity, label)
     for scenario, axis in panels.items():
-        shown = [s for s in story.series if (s.scenario, s.quantity) == (scenario, quantity)]
+        shown = [s for s in data.series if (s.scenario, s.quantity) == (scenario, quantity)]
         for s in shown:
-            axis.fill_between(s.time, s.low, s.high, color=story.looks[s.tracker].color, alpha=BAND, linewidth=0)
+            axis.fill_between(s.time, s.low, s.high, color=data.styles[s.tracker].color, alpha=BAND, linewidth=0)
         for s in shown:
-            axis.plot(s.time, s.mean, **story.looks[s.tracker].line)
+            axis.plot(s.time, s.mean, **data.styles[s.tracker].line)
         axis.set_ylim(0, _top(shown))
-    _legend(figure, story, quantity, [])
+    _legend(figure, data, quantity, [])
     return figure
 
 
-def consistency(story: Story, quantity: str, label: str) -> Figure:
-    """Means over runs and objects, on a log axis, with the limits that a filter keeps which knows how wrong it is."""
-    figure, panels = _panels(story, quantity, label)
+def consistency(data: TimeData, quantity: str, label: str) -> Figure:
+    """Means over runs and objects, on a log axis, with the limits of a consistent filter."""
+    figure, panels = _panels(data, quantity, label)
     for scenario, axis in panels.items():
-        shown = [s for s in story.series if (s.scenario, s.quantity) == (scenario, quantity)]
+        shown = [s for s in data.series if (s.scenario, s.quantity) == (scenario, quantity)]
         _limits(axis, shown)
         for s in shown:
-            axis.plot(s.time, np.where(s.mean > 0, s.mean, np.nan), **story.looks[s.tracker].line)
+            axis.plot(s.time, np.where(s.mean > 0, s.mean, np.nan), **data.styles[s.tracker].line)
         axis.set_yscale("log")
         plain_log(axis.yaxis)
         low, high = axis.get_ylim()
         axis.set_ylim(max(low, LEAST), min(high, MOST))
     handles = [Patch(color=LIMITS, alpha=0.35, label="95 % limits of a consistent filter")]
-    _legend(figure, story, quantity, handles)
+    _legend(figure, data, quantity, handles)
     return figure
 
 
-def _panels(story: Story, quantity: str, label: str) -> tuple[Figure, dict[str, Axes]]:
-    found = {s.scenario for s in story.series if s.quantity == quantity}
-    scenarios = [c for c in story.results.comparison.scenarios if c in found]
+def _panels(data: TimeData, quantity: str, label: str) -> tuple[Figure, dict[str, Axes]]:
+    found = {s.scenario for s in data.series if s.quantity == quantity}
+    scenarios = [c for c in data.results.comparison.scenarios if c in found]
     rows, columns, (width, height) = grid(max(len(scenarios), 1))
     figure = Figure(figsize=(columns * width, rows * height + 1.0), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False).ravel()
@@ -71,9 +71,9 @@ def _panels(story: Story, quantity: str, label: str) -> tuple[Figure, dict[str, 
         axis.set_axis_off()
     panels = dict(zip(scenarios, axes))
     for scenario, axis in panels.items():
-        end = max(s.time[-1] for s in story.series if s.scenario == scenario)
+        end = max(s.time[-1] for s in data.series if s.scenario == scenario)
         axis.set(title=scenario, xlim=(0, end))
-        for phase in story.times:
+        for phase in data.times:
             if phase.scenario == scenario:
                 axis.axvspan(phase.start, phase.end, color=SHADES[phase.phase], linewidth=0, zorder=0)
     for axis in axes[max(len(scenarios) - columns, 0) : len(scenarios)]:
@@ -103,15 +103,13 @@ def _top(shown: Sequence[Series]) -> float:
     return 1.05 * min(max(means, bands), 2 * means) or 1.0
 
 
-def _legend(figure: Figure, story: Story, quantity: str, more: list[Patch]) -> None:
-    names = dict.fromkeys(s.tracker for s in story.series if s.quantity == quantity and np.isfinite(s.mean).any())
-    handles: list[Line2D | Patch] = [
-        Line2D([], [], label=_name(story.results, n), **story.looks[n].line) for n in names
-    ]
+def _legend(figure: Figure, data: TimeData, quantity: str, more: list[Patch]) -> None:
+    names = dict.fromkeys(s.tracker for s in data.series if s.quantity == quantity and np.isfinite(s.mean).any())
+    handles: list[Line2D | Patch] = [Line2D([], [], label=_name(data.results, n), **data.styles[n].line) for n in names]
     handles += more
-    if quantity in ("gospa", "position") and len(story.results.comparison.seeds) >= FEWEST:
-        handles.append(Patch(color=story.looks[next(iter(names))].color, alpha=BAND, label="95 % band"))
-    if story.times:
+    if quantity in ("gospa", "position") and len(data.results.comparison.seeds) >= FEWEST:
+        handles.append(Patch(color=data.styles[next(iter(names))].color, alpha=BAND, label="95 % band"))
+    if data.times:
         handles += [Patch(color=ONSET, label="onset"), Patch(color=DURING, label="maneuver")]
     wide = figure.get_figwidth() > 10
     figure.legend(handles=handles, loc="outside lower center", ncols=5 if wide else 3)

@@ -1,4 +1,4 @@
-"""Review logs of the runs worth a look: the best, the median and the worst of every tracker."""
+"""Review logs of the best, the median and the worst run of every tracker."""
 
 from collections.abc import Callable, Sequence
 from contextlib import closing
@@ -12,7 +12,7 @@ from testbed.compare.runs.config import Comparison, Task
 from testbed.compare.runs.engine import Engine, perform
 from testbed.compare.runs.replay import REPLAY, write_log
 from testbed.compare.runs.results import Results
-from testbed.compare.runs.tasks import DONE, FAILED, FOUND, Drive, Outcome, obtain
+from testbed.compare.runs.tasks import DONE, FAILED, FOUND, Outcome, RecordingTask, obtain
 from testbed.files import make_directory
 from testbed.log.record import run_id
 from testbed.run import RunConfig
@@ -35,14 +35,14 @@ def picks(results: Results) -> list[Pick]:
     """Best, median and worst run of every tracker, in its order.
 
     What counts is the GOSPA of a run divided by the mean over all trackers and seeds of its scenario. Without that the
-    worst run of every tracker would come from the one scenario that is hard for all, and would show the scenario, not
-    the tracker. Of an even number of runs the median is the better one of the two in the middle; ties go to the
-    scenario and seed that come first. A tracker with one or two runs has fewer picks than places: none comes twice.
+    worst run of every tracker would come from the one scenario that is hard for all. Of an even number of runs the
+    median is the better one of the two in the middle; ties go to the scenario and seed that come first. A tracker with
+    one or two runs has as many logs.
     """
-    whole = results.whole
-    if "gospa" not in whole:
+    runs = results.runs
+    if "gospa" not in runs:
         return []
-    runs = whole[np.isfinite(whole["gospa"].astype(float))]
+    runs = runs[np.isfinite(runs["gospa"].astype(float))]
     runs = runs.assign(mean=runs.groupby("scenario")["gospa"].transform("mean"))
     runs = runs.assign(relative=(runs["gospa"] / runs["mean"].where(runs["mean"] > 0)).fillna(1.0))
     found: list[Pick] = []
@@ -95,14 +95,14 @@ def write(
 
 
 def write_one(task: Task, comparison: Comparison, path: Path) -> Outcome:
-    """Write one log whole or not at all; a log that is there is kept."""
+    """Write one log, which appears when it is complete; a log that is there is kept."""
     if path.exists():
         return Outcome(task.name, FOUND)
     trackers, settings = side_by_side(task, comparison.baseline), comparison.settings
     try:
         with TemporaryDirectory(dir=path.parent, prefix=".part-") as part:
             if settings.loop == "open":
-                recording = obtain(Drive(task.scenario, task.seed), settings, Path(comparison.out))
+                recording = obtain(RecordingTask(task.scenario, task.seed), settings, Path(comparison.out))
                 made = write_log(recording, trackers, Path(part))
             else:
                 config = RunConfig(
@@ -110,7 +110,7 @@ def write_one(task: Task, comparison: Comparison, path: Path) -> Outcome:
                 )
                 done = run_live(config)
                 if done.interrupted:
-                    raise KeyboardInterrupt  # what the first signal asked of the run is asked of us all
+                    raise KeyboardInterrupt  # a signal that ended this run ends all of them
                 assert done.rrd is not None  # its level is full
                 made = done.rrd
             made.with_suffix(".json").replace(path.with_suffix(".json"))

@@ -18,19 +18,17 @@ from testbed.compare.report import words as report_words
 from testbed.compare.report.tables import Grid
 from testbed.compare.runs.config import read_settings
 from testbed.compare.runs.engine import Engine
+from testbed.compare.runs.measures import MAIN
 from testbed.compare.runs.results import Results
 from testbed.compare.runs.tasks import FAILED, rows_path
-from testbed.compare.runs.work import Report
+from testbed.compare.runs.work import Progress, Tally
 from testbed.compare.statistics.analysis import BANDS, by_band, cells, consistency, unresolved
-from testbed.compare.statistics.measures import MAIN
 from testbed.files import make_directory, write_atomic
 
 NAME = "report.html"
 TEMPLATE = "report.html.j2"
 BY_PHASE = ("gospa", "missed_percent", "rmse_position")
 NO_LOG = "not here: the command that made the runs leaves it beside its own report"
-NARROW = "code"  # key of the settings that identifies the code behind the rows
-Progress = Callable[[int, int, str], None]
 
 
 class LogLink(NamedTuple):
@@ -44,7 +42,7 @@ class LogLink(NamedTuple):
 
 def write_report(
     results: Results,
-    report: Report | None = None,
+    tally: Tally | None = None,
     out: Path | None = None,
     logs: bool = True,
     engine: Engine = Engine(),  # noqa: B008 - frozen
@@ -54,51 +52,51 @@ def write_report(
 
     Args:
         results: of a folder.
-        report: how the work went; without it the page knows which runs are missing, but not why.
+        tally: how the runs ended; without it the page shows which are missing, but not why.
         out: where page, figures and logs go; None: the folder of the results.
         logs: whether to replay, or to drive again, the best, the median and the worst run of each tracker.
         engine: on which the logs are made.
-        progress: progress(done, total, what) with what is at hand: tables, figures, then logs.
+        progress: progress(done, total, what) with what is being made: tables, figures, then logs.
 
     Raises OSError, in one sentence, where the disk is full or must not be written.
     """
     folder = Path(out or results.comparison.out)
     make_directory(folder)
-    told = _stage(progress, "tables") or (lambda done, total: None)
-    told(0, 2)
+    show = _stage(progress, "tables") or (lambda done, total: None)
+    show(0, 2)
     bands = bands_of(results)
-    told(1, 2)
+    show(1, 2)
     tables = tables_of(results, bands)
-    told(2, 2)
+    show(2, 2)
     drawn = figures.draw(results, bands, folder, _stage(progress, "figures"))
     links = _logs(results, folder, logs, engine, _stage(progress, "logs"))
     path = folder / NAME
-    write_atomic(path, render(results, report, tables, drawn, links, folder))
+    write_atomic(path, render(results, tally, tables, drawn, links, folder))
     return path
 
 
 def render(
     results: Results,
-    report: Report | None,
+    tally: Tally | None,
     tables: dict[str, Any],
-    drawn: Sequence[figures.Drawn] = (),
+    drawn: Sequence[figures.FigureFiles] = (),
     links: Sequence[LogLink] = (),
     folder: Path = Path(),
 ) -> str:
     """The page itself, for a folder in which figures and logs lie; tables as from `tables_of`."""
     return _template().render(
-        **_about(results, report),
+        **_about(results, tally),
         **tables,
         figures=[(d, _href(d.svg, folder), _href(d.png, folder)) for d in drawn],
         links=links,
-        failed=report.failed if report else [],
+        failed=tally.failed if tally else [],
         missing=results.missing,
     )
 
 
 def bands_of(results: Results) -> dict[str, pd.DataFrame]:
     """Errors by range and by visible share; empty tables where no run is finished."""
-    return {band: pd.DataFrame() if results.whole.empty else by_band(results, band) for band in BANDS}
+    return {band: pd.DataFrame() if results.runs.empty else by_band(results, band) for band in BANDS}
 
 
 def _template() -> Any:
@@ -119,11 +117,11 @@ def tables_of(results: Results, bands: dict[str, pd.DataFrame]) -> dict[str, Any
     main = list(cells(results, MAIN))
     scenarios = list(cells(results, ("gospa",), by="scenario"))
     phases = list(cells(results, BY_PHASE, by="phase"))
-    known = pd.DataFrame() if results.whole.empty else consistency(results)
+    known = pd.DataFrame() if results.runs.empty else consistency(results)
     several = any(c.difference for c in main)
     return {
         "verdict": report_words.verdict(results, main),
-        "doubts": report_words.doubts(results, main),
+        "caveats": report_words.caveats(results, main),
         "open_questions": unresolved(main),
         "differences_known": sum(c.difference is not None for c in main),
         "overview": report_tables.overview(main, baseline) if main else None,
@@ -140,7 +138,7 @@ def _band(bands: dict[str, pd.DataFrame], band: str, baseline: str) -> Grid | No
     return None if bands[band].empty else report_tables.by_band(bands[band], band, baseline)
 
 
-def _about(results: Results, report: Report | None) -> dict[str, Any]:
+def _about(results: Results, tally: Tally | None) -> dict[str, Any]:
     """What was compared, as (term, text) pairs, and where the time went as (part, seconds, share)."""
     comparison = results.comparison
     settings = comparison.settings
@@ -162,8 +160,8 @@ def _about(results: Results, report: Report | None) -> dict[str, Any]:
         ("made", _date(results)),
         *_identity(comparison.out),
     ]
-    if report and report.wall:
-        facts.append(("wall time", f"{report.wall:.0f} s for {report.done} runs; {report.found} were there already"))
+    if tally and tally.wall:
+        facts.append(("wall time", f"{tally.wall:.0f} s for {tally.done} runs; {tally.found} were there already"))
     return {
         "title": f"Comparison of {len(comparison.trackers)} trackers"
         if len(comparison.trackers) > 1
@@ -177,8 +175,8 @@ def _about(results: Results, report: Report | None) -> dict[str, Any]:
 
 def _loop(loop: str, planner: str) -> str:
     if loop == "open":
-        return "open: every tracker gets the same recorded detections; a planner that knows the truth drove"
-    return f"closed: every tracker drives the planner {planner}; the same traffic and radar noise at the start"
+        return "open: every tracker gets the same recorded detections; the planner of the recording knows the truth"
+    return f"closed: the planner {planner} uses each tracker; the same traffic and radar noise at the start"
 
 
 def _identity(out: str) -> list[tuple[str, str]]:
@@ -189,7 +187,7 @@ def _identity(out: str) -> list[tuple[str, str]]:
         return []
     prefix = "version of "
     versions = ", ".join(f"{k.removeprefix(prefix)} {v}" for k, v in known.items() if k.startswith(prefix))
-    return [("versions", versions), ("digest of the code", str(known[NARROW]))]
+    return [("versions", versions), ("digest of the code", str(known["code"]))]
 
 
 def _date(results: Results) -> str:
@@ -206,8 +204,8 @@ def seeds_text(seeds: tuple[int, ...]) -> str:
     ('0 to 3', '1, 5')
     """
     first, last = min(seeds), max(seeds)
-    whole = len(seeds) > 2 and sorted(seeds) == list(range(first, last + 1))
-    return f"{first} to {last}" if whole else ", ".join(map(str, seeds))
+    gapless = len(seeds) > 2 and sorted(seeds) == list(range(first, last + 1))
+    return f"{first} to {last}" if gapless else ", ".join(map(str, seeds))
 
 
 def _logs(

@@ -1,4 +1,4 @@
-"""How the figures of a comparison look: one table of colours, dashes and markers, and one of settings.
+"""Style of the figures of a comparison: colours, dashes and markers of the trackers, and settings of matplotlib.
 
 Colours are those of Okabe and Ito (2008), "Color Universal Design", without the yellow, which fades on white. Colours,
 dashes and markers repeat after 7, 4 and 9 entries, so no two of the first 252 trackers share all three, nor of the
@@ -49,7 +49,7 @@ RC: MappingProxyType[Any, Any] = MappingProxyType(
 )
 
 
-class Look(NamedTuple):
+class LineStyle(NamedTuple):
     """How one tracker is drawn."""
 
     color: str
@@ -62,14 +62,14 @@ class Look(NamedTuple):
         return {"color": self.color, "linestyle": self.linestyle}
 
 
-def looks(trackers: Sequence[str]) -> dict[str, Look]:
-    """A look for each; the first ones differ most.
+def line_styles(trackers: Sequence[str]) -> dict[str, LineStyle]:
+    """A style for each; the first ones differ most.
 
-    >>> looks(["a", "b"])["b"].color
+    >>> line_styles(["a", "b"])["b"].color
     '#D55E00'
     """
     return {
-        name: Look(COLOURS[k % len(COLOURS)], DASHES[k % len(DASHES)], MARKERS[k % len(MARKERS)])
+        name: LineStyle(COLOURS[k % len(COLOURS)], DASHES[k % len(DASHES)], MARKERS[k % len(MARKERS)])
         for k, name in enumerate(trackers)
     }
 

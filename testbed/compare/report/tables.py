@@ -11,9 +11,9 @@ import numpy as np
 import pandas as pd
 
 from testbed.command_line.tables import DASH, number
+from testbed.compare.runs.measures import KEYS, badness
 from testbed.compare.statistics.analysis import BAND_MEASURES, BANDS, DOF, PHASES, QUANTITIES, Cell
-from testbed.compare.statistics.differences import Difference
-from testbed.compare.statistics.measures import KEYS, badness
+from testbed.compare.statistics.differences import PairedDifference
 from testbed.evaluation.intervals import LEVEL, Interval
 
 WORST = 2.0  # times the best value of a row, at which shading is full
@@ -151,10 +151,10 @@ def by_band(table: pd.DataFrame, band: str, baseline: str) -> Grid:
                 mark = "best" if row is not None and row[key] == best[b] else ""
                 fields.append(Field(DASH) if row is None else estimate(_interval(row, key, scale), digits, mark=mark))
         lines.append(Line(tracker, fields))
-    looks = ", ".join(f"{b}: {table.loc[table['band'] == b, 'looks'].median():.0f}" for b in used)
+    frames = ", ".join(f"{b}: {table.loc[table['band'] == b, 'frames'].median():.0f}" for b in used)
     return Grid(
-        "Means over runs with 95 % intervals; bold: the best of a column; bands with few looks are left out. Looks of "
-        f"a tracker, median: {looks}.",
+        "Means over runs with 95 % intervals; bold: the best of a column; bands with few frames are left out. Frames "
+        f"of a tracker, median: {frames}.",
         "tracker",
         used * len(BAND_MEASURES),
         lines,
@@ -170,18 +170,18 @@ def consistency(table: pd.DataFrame, baseline: str) -> Grid:
         fields = [Field(row["phase"])]
         for key in QUANTITIES:
             found = _interval(row, key, 1.0)
-            fields += [estimate(found, 1, _claims(found, DOF)), Field(number(100 * row[f"{key}_inside"], 0))]
+            fields += [estimate(found, 1, _confidence(found, DOF)), Field(number(100 * row[f"{key}_inside"], 0))]
         for side in ("length_covered", "width_covered"):
             found = _interval(row, side, 100.0)
-            fields.append(estimate(found, 0, _claims(found, 100 * LEVEL, -1)))
+            fields.append(estimate(found, 0, _confidence(found, 100 * LEVEL, -1)))
         lines.append(Line(row["tracker"], fields))
     heads = ["phase"]
     for key, text in CONSISTENCY.items():
         heads += [text, "inside [%]"] if key in QUANTITIES else [text]
     return Grid(
-        "Do the trackers know how wrong they are? Ideal: NEES and NIS 2, 95 % of the instants inside the chi-square "
-        "limits of the mean over runs and objects, 95 % of the true lengths and widths in the claimed 95 % intervals. "
-        "“Too sure” and “too cautious” stand where the interval of the mean leaves out the ideal.",
+        "Do the covariances match the errors? Ideal: NEES and NIS 2, 95 % of the instants inside the chi-square "
+        "limits of the mean over runs and objects, 95 % of the true lengths and widths in their 95 % intervals. "
+        "“Overconfident” and “conservative” stand where the interval of the mean leaves out the ideal.",
         "tracker",
         heads,
         lines,
@@ -225,21 +225,24 @@ def _shaded(cell: Cell, best: float) -> Field:
     return estimate(cell.mean, KEYS[cell.measure].digits, mark="best" if bad == best else "", heat=heat)
 
 
-def _mark(d: Difference) -> str:
+def _mark(d: PairedDifference) -> str:
     return d.verdict if d.verdict in ("better", "worse") else ""
 
 
-def _needed(d: Difference) -> str:
+def _needed(d: PairedDifference) -> str:
     if d.verdict != "unresolved" or np.isnan(d.needed):
         return ""
     return f"{d.needed:.0f} seeds needed" if np.isfinite(d.needed) else "no number of seeds will do"
 
 
-def _claims(found: Interval, ideal: float, sign: int = 1) -> str:
-    """What an interval that leaves out the ideal says about the claims; sign -1: more is more cautious."""
+def _confidence(found: Interval, ideal: float, sign: int = 1) -> str:
+    """Whether the covariances are too small or too large, where the interval leaves out the ideal.
+
+    sign: 1 for NEES, of which more means overconfident, -1 for shares, of which more means conservative.
+    """
     if not np.isfinite(found.low) or found.low <= ideal <= found.high:
         return ""
-    return "too sure" if sign * (found.value - ideal) > 0 else "too cautious"
+    return "overconfident" if sign * (found.value - ideal) > 0 else "conservative"
 
 
 def _interval(row: Any, key: str, scale: float) -> Interval:

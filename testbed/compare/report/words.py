@@ -6,20 +6,20 @@ import numpy as np
 
 from testbed.command_line.tables import number
 from testbed.compare.report.tables import bounds
+from testbed.compare.runs.measures import KEYS, MAIN, badness
 from testbed.compare.runs.results import Results
 from testbed.compare.statistics.analysis import Cell, samples
 from testbed.compare.statistics.differences import compare
-from testbed.compare.statistics.measures import KEYS, MAIN, badness
 from testbed.evaluation.intervals import FEWEST
 
 BESIDES = tuple(key for key in MAIN if key != "gospa")
 
 
 def verdict(results: Results, cells: Sequence[Cell]) -> list[str]:
-    """The outcome: best in GOSPA and whether that is resolved, the others against the reference, and the rest."""
+    """Best in GOSPA and whether that is resolved, the others against the reference, then the other measures."""
     order = _by_gospa(cells)
     if not order:
-        return ["No run has a GOSPA yet, so there is nothing to be said."]
+        return ["No run has a GOSPA yet, so there is nothing to compare."]
     sentences = [_best(results, order)]
     if len(order) > 1:
         sentences += [_lead(results, order), _wins(results, order[0].tracker), _against(cells, results)]
@@ -27,8 +27,8 @@ def verdict(results: Results, cells: Sequence[Cell]) -> list[str]:
     return [s for s in sentences if s]
 
 
-def doubts(results: Results, cells: Sequence[Cell]) -> list[str]:
-    """What a reader should know before believing the tables."""
+def caveats(results: Results, cells: Sequence[Cell]) -> list[str]:
+    """What a reader should know before using the tables."""
     comparison = results.comparison
     found = []
     if len(comparison.seeds) < FEWEST:
@@ -45,11 +45,11 @@ def doubts(results: Results, cells: Sequence[Cell]) -> list[str]:
     known = {c.tracker for c in cells if c.measure == "rmse_position"}
     for tracker in comparison.trackers:
         if lacking[tracker] < each and (tracker in blind or tracker not in known):
-            found.append(f"{tracker} never held an object, so it has no errors of position, velocity and extent.")
+            found.append(f"{tracker} never tracked an object, so it has no errors of position, velocity and extent.")
     count = sum(c.difference is not None and np.isfinite(c.difference.mean.low) for c in cells)
     if count >= 20:
         found.append(
-            f"Every interval holds alone with 95 %: of {count} differences about {count / 20:.0f} would look resolved "
+            f"Every interval holds alone with 95 %: of {count} differences about {count / 20:.0f} would seem resolved "
             "by chance if there were none."
         )
     return found
@@ -66,14 +66,14 @@ def _best(results: Results, order: Sequence[Cell]) -> str:
     where = f"{_count(len(comparison.scenarios), 'scenario')} and {_count(len(comparison.seeds), 'seed')}"
     size = " ".join(filter(None, (f"{best.mean.value:.2f} m", bounds(best.mean, 2))))
     if len(order) == 1:
-        return f"{best.tracker} has a mean GOSPA of {size} over {where}; there is no other tracker to hold it against."
+        return f"{best.tracker} has a mean GOSPA of {size} over {where}; there is no other tracker to compare it with."
     return f"{best.tracker} is best in GOSPA: {size} over {where}."
 
 
 def _lead(results: Results, order: Sequence[Cell]) -> str:
     comparison = results.comparison
     best, second = order[0].tracker, order[1].tracker
-    found = samples(results.whole, "gospa", comparison.scenarios, comparison.seeds)
+    found = samples(results.runs, "gospa", comparison.scenarios, comparison.seeds)
     d = compare(found[best], found[second])
     lead = f"{-d.mean.value:.2f} m"
     if d.verdict == "better":
@@ -85,15 +85,15 @@ def _lead(results: Results, order: Sequence[Cell]) -> str:
     if d.verdict == "too few seeds":
         return f"The next is {second}, {lead} behind; the seeds are too few to say whether that is chance."
     if not np.isfinite(d.needed):
-        return f"It cannot be told apart from the next, {second}."
+        return f"The next, {second}, is as good."
     return (
         f"Its lead over the next, {second}, is {lead} and not resolved: about {d.needed:.0f} seeds a scenario would "
-        "tell them apart, if the difference stays what it is."
+        "resolve it, if the difference stays what it is."
     )
 
 
 def _wins(results: Results, best: str) -> str:
-    means = results.whole.pivot_table(index="scenario", columns="tracker", values="gospa")
+    means = results.runs.pivot_table(index="scenario", columns="tracker", values="gospa")
     wins = int((means.idxmin(axis=1) == best).sum())
     return f"It has the smallest mean GOSPA in {wins} of {_count(len(means), 'scenario')}." if len(means) > 1 else ""
 
@@ -104,7 +104,7 @@ def _against(cells: Sequence[Cell], results: Results) -> str:
         if c.measure == "gospa" and c.difference is not None:
             groups.setdefault(c.difference.verdict, []).append(c.tracker)
     words = {"better": "better", "worse": "worse", "unresolved": "not resolved", "the same": "the same",
-             "too few seeds": "not to be judged from so few seeds"}  # fmt: skip
+             "too few seeds": "too few seeds to judge"}  # fmt: skip
     parts = [f"{words[v]}: {', '.join(groups[v])}" for v in words if v in groups]
     return f"GOSPA against the reference {results.comparison.baseline} – {'; '.join(parts)}." if parts else ""
 
@@ -129,14 +129,14 @@ def _certainty(cells: Sequence[Cell]) -> str:
     say = f"The NEES of the position is nearest to its ideal 2 for {best.tracker} ({best.mean.value:.1f})"
     if not sure:
         return f"{say}."
-    return f"{say}; {sure} of {_count(len(known), 'tracker')} claim to be surer than they are (interval above 2)."
+    return f"{say}; {sure} of {_count(len(known), 'tracker')} are overconfident (interval above 2)."
 
 
 def _cost(results: Results, best: str) -> str:
     """Means of a scan's cost, over scenarios as everything else."""
-    if "ms_per_scan" not in results.whole:
+    if "ms_per_scan" not in results.runs:
         return ""
-    means = results.whole.groupby(["tracker", "scenario"])["ms_per_scan"].mean().groupby("tracker").mean()
+    means = results.runs.groupby(["tracker", "scenario"])["ms_per_scan"].mean().groupby("tracker").mean()
     known = means.dropna().to_dict()
     if best not in known:
         return ""

@@ -1,4 +1,4 @@
-"""What is compared: the product of scenarios, trackers and seeds, and the settings that all of its runs share."""
+"""What is compared: all combinations of scenarios, trackers and seeds, with settings that all runs share."""
 
 import json
 from collections.abc import Sequence
@@ -39,15 +39,15 @@ class Settings:
     """What all runs of a results folder have in common; runs of other settings are not comparable with them."""
 
     radar: str = "surround"
-    loop: str = "open"  # open: recorded scans are replayed; closed: each tracker drives the planner
-    planner: str = "idm"  # who drives in closed loop; in open loop the planner that knows the truth
+    loop: str = "open"  # open: recorded scans are replayed; closed: the planner uses the tracks of each
+    planner: str = "idm"  # in closed loop; recordings use the planner that knows the truth
     duration: float | None = None  # [s], None: the scenario's own
 
     def __post_init__(self) -> None:
         if self.loop not in LOOPS:
             raise ValueError(f"loop must be one of {', '.join(LOOPS)}, got {self.loop!r}; choose one of them")
         if self.duration is not None and not (self.duration > 0 and isfinite(self.duration)):
-            raise ValueError(f"duration must be positive and finite, got {self.duration} s; leave it out for the usual")
+            raise ValueError(f"duration must be positive and finite, got {self.duration} s; leave it out for the scenario's own")
 
     def seconds(self, scenario: str) -> float:
         """Simulated time [s] of a run."""
@@ -56,13 +56,13 @@ class Settings:
 
 @dataclass(frozen=True)
 class Comparison:
-    """A whole comparison, and where it goes."""
+    """A comparison, and the folder of its results."""
 
     scenarios: tuple[str, ...]
     trackers: tuple[str, ...]
     seeds: tuple[int, ...]
     settings: Settings = Settings()
-    reference: str | None = None  # tracker that the others are held against, None: the first
+    reference: str | None = None  # tracker that the others are compared with, None: the first
     out: str = "runs/compare"
 
     def __post_init__(self) -> None:
@@ -81,12 +81,12 @@ class Comparison:
 
     @property
     def baseline(self) -> str:
-        """The tracker that the others are held against."""
+        """The tracker that the others are compared with."""
         return self.reference or self.trackers[0]
 
     @property
     def tasks(self) -> list[Task]:
-        """All runs; those on the same detections stand together."""
+        """All runs, those on the same detections next to each other."""
         return [Task(c, t, s) for c in self.scenarios for s in self.seeds for t in self.trackers]
 
 
@@ -105,18 +105,18 @@ def parse_seeds(text: str) -> tuple[int, ...]:
     except ValueError:
         raise ValueError(f"seeds must read like 0:20, 0,3,7 or 5, got {text!r}") from None
     if not found:
-        raise ValueError(f"seeds {text!r} are none at all; the range 0:20 has the seeds 0 to 19")
+        raise ValueError(f"seeds {text!r} are empty; the range 0:20 has the seeds 0 to 19")
     return found
 
 
 def expand(names: list[str], what: str) -> tuple[str, ...]:
-    """Names of scenarios or trackers, `all` standing for the whole catalogue."""
+    """Names of scenarios or trackers; `all` stands for the catalogue."""
     catalogue = SCENARIOS if what == "scenarios" else TRACKERS
     return tuple(catalogue) if names == [ALL] else tuple(names)
 
 
 def check(comparison: Comparison) -> None:
-    """Raise LookupError, ValueError or OSError, in one sentence, for what cannot be run or has no place.
+    """Raise LookupError, ValueError or OSError, in one sentence, for what cannot be run or written.
 
     A folder that holds runs of other settings, versions or code is refused: the sentence names the field that differs.
     """
@@ -135,7 +135,7 @@ def check(comparison: Comparison) -> None:
         return
     found = _parse(text, folder)
     for key in wanted:
-        if key.startswith("code of ") and key not in found:  # a tracker that the folder does not hold yet
+        if key.startswith("code of ") and key not in found:  # no run of this tracker in the folder yet
             continue
         if found.get(key) != wanted[key]:
             raise ValueError(
@@ -144,11 +144,11 @@ def check(comparison: Comparison) -> None:
             )
 
 
-def claim_folder(comparison: Comparison) -> None:
-    """Write down what the runs of the folder have in common, and with what code each tracker made its runs."""
+def write_settings(comparison: Comparison) -> None:
+    """Write into the folder what its runs have in common, and the digest of the code of each tracker."""
     path = Path(comparison.out) / SETTINGS
     found = _parse(path.read_text(), path.parent) if path.exists() else {}
-    wanted = {**identity(comparison.settings, comparison.trackers), **found}  # what is there stays
+    wanted = {**identity(comparison.settings, comparison.trackers), **found}  # what is known already stays
     if wanted != found:
         write_json(path, wanted)
 

@@ -1,4 +1,4 @@
-"""Many tasks on many processes, here or on a cluster; what a killed worker had at hand is done again."""
+"""Many tasks on many processes, here or on a cluster; tasks of a worker that was killed are done again."""
 
 import signal
 import sys
@@ -12,19 +12,19 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from testbed.compare.runs.tasks import FAILED, Outcome
 
-PATIENCE = 5  # [s] for a cluster to answer
-DEATHS = 3  # of workers in a row, without a single finished task, before the tasks at hand are tried alone
+CONNECT_TIMEOUT = 5  # [s] for a cluster to answer
+MOST_CRASHES = 3  # of workers in a row without a finished task, before the tasks that had begun are tried alone
 
 
 class Engine(NamedTuple):
-    """Where the work is done."""
+    """Where the tasks are done."""
 
-    jobs: int = 1  # processes on this machine; 1: no other process than this
-    dask: str | None = None  # address of the scheduler of a cluster, in place of them
+    jobs: int = 1  # processes on this machine; 1: this process alone
+    dask: str | None = None  # address of the scheduler of a cluster, which is used instead
 
 
 def check(engine: Engine) -> None:
-    """Raise ValueError, in one sentence, for an engine that cannot be."""
+    """Raise ValueError, in one sentence, for an impossible number of processes."""
     if engine.jobs == 0 or engine.jobs < -1:
         raise ValueError(f"jobs must be 1 or more, or -1 for all cores, got {engine.jobs}")
 
@@ -32,26 +32,26 @@ def check(engine: Engine) -> None:
 def perform(function: Callable[..., Outcome], tasks: Sequence[tuple[Any, ...]], engine: Engine) -> Generator[Outcome]:
     """Outcomes of function(*task) in the order in which they are finished. Close the iterator to stop early.
 
-    A task whose worker dies again and again is reported as failed; those that were at hand with it are tried alone.
+    A task whose worker is killed again and again is reported as failed; tasks that had begun beside it are tried alone.
     """
     remaining = dict(enumerate(tasks))
-    deaths = 0
+    crashes = 0
     while remaining:
         begun: list[tuple[int, tuple[Any, ...]]] = []
         try:
             for key, outcome in _finished(function, _noting(list(remaining.items()), begun), engine):
                 del remaining[key]
-                deaths = 0
+                crashes = 0
                 yield outcome
         except TerminatedWorkerError:
-            deaths += 1
+            crashes += 1
         except _killed_on_cluster():
-            deaths = DEATHS  # the cluster itself has tried that often
-        if deaths == DEATHS:
+            crashes = MOST_CRASHES  # the cluster itself has tried that often
+        if crashes == MOST_CRASHES:
             for key, task in [entry for entry in begun if entry[0] in remaining]:
                 del remaining[key]
                 yield _alone(function, key, task)
-            deaths = 0
+            crashes = 0
 
 
 def _alone(function: Callable[..., Outcome], key: int, task: tuple[Any, ...]) -> Outcome:
@@ -60,12 +60,12 @@ def _alone(function: Callable[..., Outcome], key: int, task: tuple[Any, ...]) ->
         try:
             return next(outcome for _, outcome in _finished(function, [(key, task)], Engine(jobs=2)))
         except TerminatedWorkerError as error:
-            death = error
-    return Outcome(task[0].name, FAILED, f"its process was killed again and again: {death}")
+            crash = error
+    return Outcome(task[0].name, FAILED, f"its process was killed again and again: {crash}")
 
 
 def _noting(tasks: Iterable[tuple[int, tuple[Any, ...]]], begun: list[tuple[int, tuple[Any, ...]]]) -> Iterator[Any]:
-    """The tasks, each of which goes onto the list when it is asked for."""
+    """The tasks; each is put onto the list `begun` when it is taken."""
     for task in tasks:
         begun.append(task)
         yield task
@@ -93,7 +93,7 @@ def _finished(
 
 @contextmanager
 def cluster(engine: Engine) -> Iterator[None]:
-    """Connection to the cluster, if there is one; OSError in one sentence where nobody answers."""
+    """Connection to the cluster, if there is one; OSError in one sentence where none answers."""
     if engine.dask is None:
         yield
         return
@@ -102,7 +102,7 @@ def cluster(engine: Engine) -> Iterator[None]:
     except ImportError:
         raise ValueError("dask is not installed; install the extra with `pip install 'eot-testbed[dask]'`") from None
     try:
-        client = Client(engine.dask, timeout=PATIENCE)
+        client = Client(engine.dask, timeout=CONNECT_TIMEOUT)
     except (OSError, ValueError, MemoryError) as error:  # the last where something else answers
         raise OSError(f"dask: no scheduler answers at {engine.dask!r} ({error}); is the cluster running?") from None
     with client:
@@ -120,11 +120,11 @@ def _backend(engine: Engine) -> Any:
         return parallel_config(backend="dask")
     if engine.jobs == 1:
         return parallel_config(backend="sequential")
-    return parallel_config(backend="loky", initializer=_leave_interrupts_to_the_parent)
+    return parallel_config(backend="loky", initializer=_ignore_interrupts)
 
 
-def _leave_interrupts_to_the_parent() -> None:
-    """Ctrl-C reaches all processes of a terminal; the one that asked for the work decides what becomes of it."""
+def _ignore_interrupts() -> None:
+    """Ctrl-C reaches all processes of a terminal; only the parent handles it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 

@@ -1,4 +1,4 @@
-"""Which code made a run: digests that tell when results must not be mixed.
+"""Which code made a run: results of different digests must not be mixed.
 
 What all runs share (scenarios, sensors, the multi-object tracker, the scores) has one digest. Each tracker has its own,
 of its parameters and of the modules behind its filter, so that a new or changed tracker leaves the runs of the others
@@ -152,7 +152,7 @@ class _Stripped(ast.NodeTransformer):
 
 
 def _is_silent(statement: ast.stmt) -> bool:
-    """True for a docstring, or another constant that nobody reads, and for what does nothing."""
+    """True for a docstring, or another constant without effect, and for what does nothing."""
     return isinstance(statement, ast.Pass) or (
         isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant)
     )

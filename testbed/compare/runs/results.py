@@ -1,4 +1,4 @@
-"""The results of a folder: the runs as one table, and the rows of all runs when they are asked for."""
+"""The results of a folder: one table of all runs, and the rows of each run on demand."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,21 +10,21 @@ import pyarrow.dataset as ds
 import pyarrow.parquet as pq
 
 from testbed.compare.runs.config import Comparison, Task
-from testbed.compare.statistics.measures import KEYS, SPAN_UNITS
+from testbed.compare.runs.measures import KEYS, SPAN_UNITS
 from testbed.compare.runs.recording import read_seconds
 from testbed.compare.runs.rows import SCHEMA, read_meta
-from testbed.compare.runs.tasks import Drive, recording_path, rows_path
+from testbed.compare.runs.tasks import RecordingTask, recording_path, rows_path
 from testbed.files import atomic_file
 
 RUNS = "runs.parquet"
-WHOLE = "all"  # phase of the whole run
+WHOLE_RUN = "all"  # in place of a phase
 
 
 class Results(NamedTuple):
-    """What the runs of a comparison left."""
+    """What is known of the runs of a comparison."""
 
     comparison: Comparison
-    spans: pd.DataFrame  # one row a run and phase, with the phase "all" for the whole of it; `measures.py` has units
+    spans: pd.DataFrame  # one row a run and phase, phase "all" for all of it; `measures.py` has units
     seconds: pd.DataFrame  # one row a run: wall time [s] by part
     missing: list[Task]  # runs that failed or have not been made
 
@@ -36,9 +36,9 @@ class Results(NamedTuple):
         return {name: float(parts[name]) for name in order if name in parts}
 
     @property
-    def whole(self) -> pd.DataFrame:
-        """One row a run."""
-        return self.spans[self.spans["phase"] == WHOLE]
+    def runs(self) -> pd.DataFrame:
+        """One row a run, without the phases."""
+        return self.spans[self.spans["phase"] == WHOLE_RUN]
 
     def rows(self, columns: Sequence[str], scenario: str | None = None) -> pd.DataFrame:
         """Some columns of the rows of all runs, or of those of one scenario; see `rows.COLUMNS`."""
@@ -49,12 +49,12 @@ class Results(NamedTuple):
 
 
 def collect(comparison: Comparison) -> Results:
-    """Read what is known of every run, and leave it as one table in the folder."""
+    """Read what is known of every run, and write it as one table into the folder."""
     out = Path(comparison.out)
     spans: list[dict[str, Any]] = []
     seconds: list[dict[str, Any]] = []
     missing: list[Task] = []
-    recorded: set[Drive] = set()
+    recorded: set[RecordingTask] = set()
     for task in comparison.tasks:
         try:
             meta = read_meta(rows_path(task, out))
@@ -63,12 +63,12 @@ def collect(comparison: Comparison) -> Results:
             continue
         drive = meta["drive"] or {}
         for span in meta["spans"]:
-            spans.append({**span, **meta["cost"], **drive} if span["phase"] == WHOLE else span)
+            spans.append({**span, **meta["cost"], **drive} if span["phase"] == WHOLE_RUN else span)
         spent = meta["seconds"]
-        drive_of = Drive(task.scenario, task.seed)
-        if comparison.settings.loop == "open" and drive_of not in recorded:  # its cost is counted once
-            recorded.add(drive_of)
-            spent = {**_recording_seconds(drive_of, out), **spent}
+        recording = RecordingTask(task.scenario, task.seed)
+        if comparison.settings.loop == "open" and recording not in recorded:  # its cost is counted once
+            recorded.add(recording)
+            spent = {**_recording_seconds(recording, out), **spent}
         seconds.append({**task._asdict(), **spent})
     columns = dict.fromkeys(key for span in spans for key in span)  # of runs, then those that only phases have
     frame = pd.DataFrame(spans, columns=list(columns) or ["phase"])
@@ -78,10 +78,10 @@ def collect(comparison: Comparison) -> Results:
     return results
 
 
-def _recording_seconds(drive: Drive, out: Path) -> dict[str, float]:
-    """What a recording took; nothing where it was thrown away or damaged meanwhile."""
+def _recording_seconds(task: RecordingTask, out: Path) -> dict[str, float]:
+    """Wall time [s] that a recording took; nothing where its file is gone or damaged."""
     try:
-        return read_seconds(recording_path(drive, out))
+        return read_seconds(recording_path(task, out))
     except ValueError:
         return {}
 

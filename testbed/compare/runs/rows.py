@@ -1,8 +1,8 @@
-"""Rows of a run: what one tracker made of each object at each look, as a documented Parquet table.
+"""Rows of a run: each object and track of one tracker in each frame, as a documented Parquet table.
 
 A row is a counted object with its track (`pair`) or without one (`missed`), a reported track that belongs to no object
-(`false`), or a look at which there was nothing to be said (`empty`), so that every look has a row. The squared GOSPA
-distance of a look is the sum of `gospa2` over its rows.
+(`false`), or a frame with neither (`empty`), so that every frame has a row. The squared GOSPA distance of a frame is
+the sum of `gospa2` over its rows.
 """
 
 import json
@@ -26,7 +26,7 @@ from testbed.files import atomic_file
 from testbed.frame import Frame
 
 PAIR, MISSED, FALSE, EMPTY = "pair", "missed", "false", "empty"
-BETWEEN = "between"  # phase of a look that lies in none
+BETWEEN = "between"  # phase of a frame that lies in none
 VERSION = 2  # of this layout
 META, CHECKSUM = b"testbed", b"testbed checksum"
 
@@ -70,12 +70,12 @@ COLUMNS = (
     Column("track", pa.int32(), "1", "id of the track, null for a missed object"),
     Column("range", pa.float32(), "m", "from the ego to the object, or to a false track"),
     Column("visible", pa.float32(), "1", "share of the outline facing the sensors that other vehicles do not hide"),
-    Column("expected", pa.float32(), "1", "detections expected of the object at this look"),
-    Column("detections", pa.int32(), "1", "detections that the track took at this look"),
+    Column("expected", pa.float32(), "1", "detections expected of the object in this frame"),
+    Column("detections", pa.int32(), "1", "detections assigned to the track in this frame"),
     Column("gospa2", pa.float32(), "m^2", f"part of the squared GOSPA distance, c = {CUTOFF:g} m"),
     *(Column(name, pa.float32(), UNITS[name], NOTES[name]) for name in ERRORS),
-    Column("length_std", pa.float32(), "m", "standard deviation that the tracker claims for the length"),
-    Column("width_std", pa.float32(), "m", "and for the width"),
+    Column("length_std", pa.float32(), "m", "standard deviation of the length, by the tracker"),
+    Column("width_std", pa.float32(), "m", "of the width, by the tracker"),
     Column("nis", pa.float32(), "1", "normalised innovation squared of the centroid, 2 degrees of freedom"),
 )
 NAMES = tuple(column.name for column in COLUMNS)
@@ -129,9 +129,8 @@ class Rows:
         return pa.table(arrays, SCHEMA)
 
     def summaries(self) -> list[dict[str, Any]]:
-        """The whole run and each phase, one flat row each; events count in the phase in which they happen."""
-        whole = self.evaluator.summary()
-        spans = [{"phase": "all", **whole}, *self.evaluator.phase_rows()]
+        """Measures of the run and of each phase, one flat row each; events count in the phase in which they happen."""
+        spans = [{"phase": "all", **self.evaluator.summary()}, *self.evaluator.phase_rows()]
         return [{**dict(zip(Task._fields, self.task)), **jsonable(row)} for row in spans]
 
     def _phase(self, time: float) -> str:
@@ -160,7 +159,7 @@ def write(table: pa.Table, meta: Mapping[str, Any], path: Path) -> None:
 
 
 def read_meta(path: Path) -> dict[str, Any]:
-    """What is to be known of a run.
+    """The metadata of a run.
 
     Raises:
         FileNotFoundError: it has not been made.

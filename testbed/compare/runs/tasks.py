@@ -1,4 +1,4 @@
-"""The work of one task: make a recording, or a run, unless its file is there already and sound."""
+"""The work of one task: make a recording or a run, unless it has a valid file."""
 
 import traceback
 from collections.abc import Callable
@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import gymnasium as gym
 
 from testbed.evaluation.driving import DriveEvaluator
-from testbed.compare.runs import recording as tape
+from testbed.compare.runs import recording as recordings
 from testbed.compare.runs.config import Settings, Task
 from testbed.compare.runs.replay import replay
 from testbed.compare.runs.rows import Rows, check_part, write
@@ -23,14 +23,14 @@ DONE, FOUND, FAILED = "done", "found", "failed"
 
 
 class Outcome(NamedTuple):
-    """What became of one task."""
+    """How one task ended."""
 
     name: str
-    status: str  # done, found (an earlier run's file is sound), failed
-    note: str = ""  # traceback of a failure; which damaged file was replaced
+    status: str  # done, found (it has a valid file already), failed
+    note: str = ""  # traceback of a failure; which damaged file was replaced and why
 
 
-class Drive(NamedTuple):
+class RecordingTask(NamedTuple):
     """One recording to be made."""
 
     scenario: str
@@ -42,9 +42,9 @@ class Drive(NamedTuple):
         return f"{self.scenario}_seed{self.seed}"
 
 
-def recording_path(drive: Drive, out: Path) -> Path:
+def recording_path(task: RecordingTask, out: Path) -> Path:
     """Where a recording lies."""
-    return out / RECORDINGS / f"{drive.name}.npz"
+    return out / RECORDINGS / f"{task.name}.npz"
 
 
 def rows_path(task: Task, out: Path) -> Path:
@@ -52,26 +52,26 @@ def rows_path(task: Task, out: Path) -> Path:
     return out / ROWS / f"{task.name}.parquet"
 
 
-def record(drive: Drive, settings: Settings, out: Path) -> Outcome:
+def record(task: RecordingTask, settings: Settings, out: Path) -> Outcome:
     """Make a recording."""
 
     def work() -> str:
-        if recording_path(drive, out).exists():
+        if recording_path(task, out).exists():
             return FOUND
-        obtain(drive, settings, out)
+        obtain(task, settings, out)
         return ""
 
-    return _outcome(f"recording {drive.name}", work)
+    return _outcome(f"recording {task.name}", work)
 
 
-def obtain(drive: Drive, settings: Settings, out: Path) -> tape.Recording:
-    """The recording of a drive; it is made where it is missing or damaged."""
-    path = recording_path(drive, out)
+def obtain(task: RecordingTask, settings: Settings, out: Path) -> recordings.Recording:
+    """The recording of a scenario and seed; it is made where it is missing or damaged."""
+    path = recording_path(task, out)
     if path.exists():
         with suppress(ValueError):
-            return tape.load(path, drive.scenario, drive.seed, settings.radar)
-    made = tape.record(drive.scenario, drive.seed, settings.radar, settings.duration)
-    tape.save(made, path)
+            return recordings.load(path, task.scenario, task.seed, settings.radar)
+    made = recordings.record(task.scenario, task.seed, settings.radar, settings.duration)
+    recordings.save(made, path)
     return made
 
 
@@ -103,7 +103,7 @@ def run(task: Task, settings: Settings, out: Path) -> Outcome:
 
 def _replayed(task: Task, settings: Settings, out: Path) -> tuple[Rows, dict[str, Any]]:
     start = perf_counter()
-    recording = obtain(Drive(task.scenario, task.seed), settings, out)
+    recording = obtain(RecordingTask(task.scenario, task.seed), settings, out)
     loaded = perf_counter() - start
     rows = Rows(task, recording.phases)
     perception = replay(recording, (task.tracker,), [rows])
@@ -115,7 +115,7 @@ def _driven(task: Task, settings: Settings, out: Path) -> tuple[Rows, dict[str, 
     """In closed loop the trackers' worlds differ, but traffic and radar draw the same numbers for the same seed."""
     planner = find_planner(settings.planner)
     config = {} if settings.duration is None else {"duration": settings.duration}
-    first, *also = [TRUTH, task.tracker] if planner.knows_truth else [task.tracker]  # the first drives the planner
+    first, *also = [TRUTH, task.tracker] if planner.knows_truth else [task.tracker]  # the planner uses the first
     make: dict[str, Any] = {"config": config, "tracker": first, "also": also, "radar": settings.radar}
     make["planner"] = settings.planner
     drive = DriveEvaluator()
@@ -148,7 +148,7 @@ def _driven(task: Task, settings: Settings, out: Path) -> tuple[Rows, dict[str, 
 
 
 def _outcome(name: str, work: Callable[[], str]) -> Outcome:
-    """A run that fails must not stop the others, so every failure of it is caught here, and told with its traceback."""
+    """A run that fails must not stop the others: any error is caught here, and reported with its traceback."""
     try:
         note = work()
     except Exception:

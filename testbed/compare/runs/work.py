@@ -1,4 +1,4 @@
-"""A comparison from its first run to its last: record, replay, go on after an interruption, tell what failed."""
+"""All runs of a comparison: record, replay, continue after an interruption, count what failed."""
 
 import os
 import platform
@@ -11,20 +11,20 @@ from typing import Any
 
 import numpy as np
 
-from testbed.compare.runs import tasks as runs
-from testbed.compare.runs.config import Comparison, Task, check, claim_folder
+from testbed.compare.runs import tasks as works
+from testbed.compare.runs.config import Comparison, Task, check, write_settings
 from testbed.compare.runs.engine import Engine, cluster, perform
 from testbed.compare.runs.rows import check_part
-from testbed.compare.runs.tasks import DONE, FAILED, RECORDINGS, ROWS, Drive, Outcome, rows_path
-from testbed.command_line.interruption import Wish, interruptible
+from testbed.compare.runs.tasks import DONE, FAILED, RECORDINGS, ROWS, RecordingTask, Outcome, rows_path
+from testbed.command_line.interruption import InterruptRequest, interruptible
 from testbed.files import make_directory
 
 Progress = Callable[[int, int, str], None]
 
 
 @dataclass
-class Report:
-    """What became of a comparison's runs."""
+class Tally:
+    """How the runs of a comparison ended."""
 
     done: int = 0  # made now
     found: int = 0  # made before
@@ -35,7 +35,7 @@ class Report:
 
     @property
     def interrupted(self) -> bool:
-        """Whether runs are missing because somebody stopped it."""
+        """Whether runs are missing because a signal ended the work early."""
         return self.exit_status != 0
 
     def add(self, outcome: Outcome) -> None:
@@ -50,47 +50,46 @@ class Report:
             self.found += 1
 
 
-def execute(comparison: Comparison, engine: Engine, progress: Progress | None = None) -> Report:
+def execute(comparison: Comparison, engine: Engine, progress: Progress | None = None) -> Tally:
     """Make all runs that the folder lacks; progress(done, total, what) after each.
 
-    Ctrl-C or SIGTERM ends it after the runs at hand: every finished run has its file, and the next call goes on.
+    Ctrl-C or SIGTERM ends it when the runs that have begun are finished; the next call makes the rest.
 
     Raises:
         LookupError, ValueError, OSError: in one sentence, for what cannot be run, see `config.check`.
     """
     check(comparison)
     out = Path(comparison.out)
-    report, start = Report(), perf_counter()
-    with interruptible() as wish, cluster(engine):
-        claim_folder(comparison)
+    tally, start = Tally(), perf_counter()
+    with interruptible() as request, cluster(engine):
+        write_settings(comparison)
         for folder in (ROWS, RECORDINGS):
             make_directory(out / folder)
-        drives = shuffled_drives(comparison)
-        tasks = [t for d in drives for t in tasks_on(d, comparison)]
-        tasks = [t for t in tasks if not _is_found(t, out, wish, report)]
+        recordings = shuffled_recordings(comparison)
+        tasks = [t for r in recordings for t in tasks_on(r, comparison)]
+        tasks = [t for t in tasks if not _is_found(t, out, request, tally)]
         if comparison.settings.loop == "open":
-            missing = {Drive(t.scenario, t.seed) for t in tasks}
-            needed = [d for d in drives if d in missing]
-            recordings = [(d, comparison.settings, out) for d in needed]
-            for _ in _stage(runs.record, recordings, engine, wish, "recording", progress):
-                pass  # one that failed will be tried again by its runs, and told by them
+            missing = {RecordingTask(t.scenario, t.seed) for t in tasks}
+            needed = [(r, comparison.settings, out) for r in recordings if r in missing]
+            for _ in _stage(works.record, needed, engine, request, "recording", progress):
+                pass  # its runs try again what failed here, and report it
         work = [(task, comparison.settings, out) for task in tasks]
-        for outcome in _stage(runs.run, work, engine, wish, "runs", progress):
-            report.add(outcome)
-    report.wall = perf_counter() - start
-    report.exit_status = wish.exit_status
-    return report
+        for outcome in _stage(works.run, work, engine, request, "runs", progress):
+            tally.add(outcome)
+    tally.wall = perf_counter() - start
+    tally.exit_status = request.exit_status
+    return tally
 
 
-def _is_found(task: Task, out: Path, wish: Wish, report: Report) -> bool:
-    """Whether a run has a sound file, which is counted; a damaged one is left to the run that replaces and names it."""
-    if wish.signal is not None or not rows_path(task, out).exists():
+def _is_found(task: Task, out: Path, request: InterruptRequest, tally: Tally) -> bool:
+    """Whether a run has a valid file, which is counted; the run itself replaces a damaged one, and says so."""
+    if request.signal is not None or not rows_path(task, out).exists():
         return False
     try:
         check_part(rows_path(task, out), task)
     except ValueError:
         return False
-    report.found += 1
+    tally.found += 1
     return True
 
 
@@ -98,12 +97,12 @@ def _stage(
     function: Callable[..., Outcome],
     work: Sequence[tuple[Any, ...]],
     engine: Engine,
-    wish: Wish,
+    request: InterruptRequest,
     what: str,
     progress: Progress | None,
 ) -> Generator[Outcome]:
-    """Outcomes of one kind of tasks, until somebody wishes to stop."""
-    if wish.signal is not None or not work:
+    """Outcomes of one kind of tasks, until an interruption is requested."""
+    if request.signal is not None or not work:
         return
     with closing(perform(function, work, engine)) as outcomes:
         if progress:
@@ -112,20 +111,20 @@ def _stage(
             yield outcome
             if progress:
                 progress(k, len(work), what)
-            if wish.signal is not None:
+            if request.signal is not None:
                 return
 
 
-def shuffled_drives(comparison: Comparison) -> list[Drive]:
+def shuffled_recordings(comparison: Comparison) -> list[RecordingTask]:
     """All pairs of scenario and seed, in an order that differs from process to process.
 
     So two machines on one folder rarely make the same, and what an interruption leaves is spread over the scenarios.
     """
-    drives = [Drive(c, s) for c in comparison.scenarios for s in comparison.seeds]
+    found = [RecordingTask(c, s) for c in comparison.scenarios for s in comparison.seeds]
     own = np.random.default_rng([os.getpid(), *platform.node().encode()])
-    return [drives[i] for i in own.permutation(len(drives))]
+    return [found[i] for i in own.permutation(len(found))]
 
 
-def tasks_on(drive: Drive, comparison: Comparison) -> list[Task]:
+def tasks_on(recording: RecordingTask, comparison: Comparison) -> list[Task]:
     """The runs on one recording."""
-    return [Task(drive.scenario, tracker, drive.seed) for tracker in comparison.trackers]
+    return [Task(recording.scenario, tracker, recording.seed) for tracker in comparison.trackers]

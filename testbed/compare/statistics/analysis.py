@@ -9,9 +9,9 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from testbed.compare.runs.results import WHOLE, Results
-from testbed.compare.statistics.differences import Difference, compare
-from testbed.compare.statistics.measures import EDGES, KEYS, LABELS, badness
+from testbed.compare.runs.measures import EDGES, KEYS, LABELS, badness
+from testbed.compare.runs.results import WHOLE_RUN, Results
+from testbed.compare.statistics.differences import PairedDifference, compare
 from testbed.evaluation.intervals import LEVEL, Interval, bootstrap_interval, chi2_limits
 
 PHASES = ("before", "onset", "during", "after")
@@ -25,9 +25,9 @@ BAND_MEASURES = (  # column of `by_band`, title, factor, digits
     ("position", "position RMSE [m]", 1.0, 2),
     ("velocity", "velocity RMSE [m/s]", 1.0, 2),
     ("length", "length RMSE [m]", 1.0, 2),
-    ("held", "looks with a track that fits [%]", 100.0, 1),
+    ("held", "frames with a track that fits [%]", 100.0, 1),
 )
-LOOKS = 30  # that a figure of a band or a phase needs
+FEWEST_FRAMES = 30  # with a track, for the errors of a band
 DOF = 2  # of NEES and NIS, each of a point in the plane
 QUANTITIES = ("nees_position", "nees_velocity", "nis")
 
@@ -39,7 +39,7 @@ class Cell(NamedTuple):
     tracker: str
     measure: str
     mean: Interval
-    difference: Difference | None  # to the reference, None for the reference itself
+    difference: PairedDifference | None  # to the reference, None for the reference itself
 
 
 def samples(
@@ -56,14 +56,14 @@ def samples(
 
 
 def cells(results: Results, measures: Sequence[str], by: str | None = None) -> Iterator[Cell]:
-    """Means and paired differences of whole runs; by: None for all of them, "scenario" or "phase"."""
+    """Means and paired differences; by: None over all runs, "scenario" or "phase"."""
     comparison = results.comparison
     if by == "phase":
         groups = [(p, results.spans[results.spans["phase"] == p], comparison.scenarios) for p in PHASES]
     elif by == "scenario":
-        groups = [(c, results.whole, (c,)) for c in comparison.scenarios]
+        groups = [(c, results.runs, (c,)) for c in comparison.scenarios]
     else:
-        groups = [(WHOLE, results.whole, comparison.scenarios)]
+        groups = [(WHOLE_RUN, results.runs, comparison.scenarios)]
     for group, spans, scenarios in groups:
         for measure in measures:
             if spans.empty or measure not in spans or not spans[measure].notna().any():
@@ -89,7 +89,7 @@ def _badness(measure: str, values: NDArray) -> NDArray:
 def pairwise(results: Results, measure: str) -> pd.DataFrame:
     """Probability that the tracker of the row is better than that of the column in a run; NaN on the diagonal."""
     comparison = results.comparison
-    found = samples(results.whole, measure, comparison.scenarios, comparison.seeds)
+    found = samples(results.runs, measure, comparison.scenarios, comparison.seeds)
     names = [t for t in comparison.trackers if t in found]
     bad = {t: np.array([_badness(measure, v) for v in found[t]]) for t in names}
     table = pd.DataFrame(np.nan, index=names, columns=names)
@@ -105,8 +105,8 @@ def pairwise(results: Results, measure: str) -> pd.DataFrame:
 def by_band(results: Results, band: str) -> pd.DataFrame:
     """Errors of counted objects by range or by visible share: one row a tracker and band.
 
-    Columns: tracker, band, looks, held (share of looks with a track that fits), and for each of position, velocity and
-    length the RMSE with its interval over runs: value, low, high.
+    Columns: tracker, band, frames, held (share of frames with a track that fits), and for each of position, velocity
+    and length the RMSE with its interval over runs: value, low, high.
     """
     edges, labels = BANDS[band]
     errors = ("position", "velocity", "length")
@@ -121,13 +121,13 @@ def by_band(results: Results, band: str) -> pd.DataFrame:
     table = []
     for tracker in results.comparison.trackers:
         for label in labels:
-            if (tracker, label) not in counts.index or counts.loc[(tracker, label), "sum"] < LOOKS:
+            if (tracker, label) not in counts.index or counts.loc[(tracker, label), "sum"] < FEWEST_FRAMES:
                 continue
             part = runs.loc[(tracker, label)]
             row: dict[str, float | str] = {
                 "tracker": tracker,
                 "band": label,
-                "looks": counts.loc[(tracker, label), "size"],
+                "frames": counts.loc[(tracker, label), "size"],
             }
             row |= _columns("held", bootstrap_interval(_by_scenario(part["held"])))
             for error in errors:
@@ -137,12 +137,12 @@ def by_band(results: Results, band: str) -> pd.DataFrame:
 
 
 def consistency(results: Results) -> pd.DataFrame:
-    """NEES, NIS and extent intervals by phase, which tell whether trackers know how wrong they are.
+    """NEES, NIS and coverage of length and width by phase: whether the covariances match the errors.
 
-    One row a tracker and phase. For each of nees_position, nees_velocity and nis: the mean over looks with its interval
-    over runs, and the share of instants at which the mean over runs and objects keeps its chi-square limits (ideal .95;
-    errors of one run are correlated in time, those of different runs are not). For length and width: the share of looks
-    in which the truth lies in the 95 % interval that the tracker claims.
+    One row a tracker and phase. For each of nees_position, nees_velocity and nis: the mean over frames with its
+    interval over runs, and the share of instants at which the mean over runs and objects keeps its chi-square limits
+    (ideal .95; errors of one run are correlated in time, those of different runs are not). For length and width: the
+    share of frames in which the truth lies in the 95 % interval of the tracker.
     """
     rows = results.rows(
         [

@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from testbed.evaluation.intervals import Interval, Sample, bootstrap_interval, interquartile_mean, measured
+from testbed.evaluation.intervals import Interval, Strata, bootstrap_interval, interquartile_mean, measured
 
 
-class Difference(NamedTuple):
+class PairedDifference(NamedTuple):
     """A tracker minus the reference, on the same seeds, on a scale on which less is better."""
 
     mean: Interval
@@ -29,7 +29,7 @@ class Difference(NamedTuple):
         return "better" if self.mean.high < 0 else "worse" if self.mean.low > 0 else "unresolved"
 
 
-def compare(tracker: Sample, reference: Sample) -> Difference:
+def compare(tracker: Strata, reference: Strata) -> PairedDifference:
     """Paired comparison of two trackers; arrays hold the same seeds in the same order, NaN where nothing was measured.
 
     Both on a scale on which less is better, see `measures.badness`.
@@ -43,10 +43,10 @@ def compare(tracker: Sample, reference: Sample) -> Difference:
     mean = bootstrap_interval(d)
     better = [(group < 0) + 0.5 * (group == 0) for group in d]
     iqm, improvement = bootstrap_interval(d, interquartile_mean), bootstrap_interval(better)
-    return Difference(mean, iqm, improvement, sum(map(len, d)), needed(d, mean))
+    return PairedDifference(mean, iqm, improvement, sum(map(len, d)), needed(d, mean))
 
 
-def needed(d: Sample, mean: Interval) -> float:
+def needed(d: Strata, mean: Interval) -> float:
     """Seeds a scenario with which the interval of a difference like this one would just leave out zero.
 
     The distance from the mean to the end of its interval shrinks with the root of the number of seeds.

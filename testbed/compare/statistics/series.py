@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from testbed.compare.runs.results import Results
 from testbed.evaluation.intervals import FEWEST, student_interval
 
-STEP = 0.5  # [s] looks that are taken together
-SHOWN = 6  # trackers in a figure over time or by band
+STEP = 0.5  # [s] frames that are averaged together
+MOST_SHOWN = 6  # trackers in a figure over time or by band
 COLUMNS = ("tracker", "seed", "time", "phase", "status", "gospa2", "position", "nees_position", "nis")
 SHADED = ("onset", "during")
 ERRORS = ("gospa", "position")
@@ -28,10 +28,10 @@ class Series(NamedTuple):
     mean: NDArray  # over seeds; of NEES and NIS over all runs and objects
     low: NDArray  # 95 % interval of the mean over seeds; NaN of NEES and NIS
     high: NDArray
-    size: NDArray  # runs; of NEES and NIS runs and objects in one look
+    size: NDArray  # runs; of NEES and NIS runs and objects in a frame
 
 
-def chosen(results: Results, most: int = SHOWN) -> list[str]:
+def chosen(results: Results, most: int = MOST_SHOWN) -> list[str]:
     """The reference, and those best in GOSPA, at most `most` of them; best first behind the reference."""
     return ranked(results)[:most]
 
@@ -39,8 +39,8 @@ def chosen(results: Results, most: int = SHOWN) -> list[str]:
 def ranked(results: Results) -> list[str]:
     """All trackers: the reference, then the others by their mean GOSPA, those without any run last."""
     names, baseline = results.comparison.trackers, results.comparison.baseline
-    whole = results.whole
-    gospa = whole.groupby(["tracker", "scenario"])["gospa"].mean().groupby("tracker").mean() if len(whole) else {}
+    runs = results.runs
+    gospa = runs.groupby(["tracker", "scenario"])["gospa"].mean().groupby("tracker").mean() if len(runs) else {}
     order = sorted(names, key=lambda name: (name != baseline, _last(gospa.get(name)), names.index(name)))
     return list(order)
 
@@ -49,7 +49,7 @@ def _last(value: float | None) -> float:
     return np.inf if value is None or np.isnan(value) else value
 
 
-class Times(NamedTuple):
+class PhaseTimes(NamedTuple):
     """A phase of a scenario, at the median over its runs."""
 
     scenario: str
@@ -58,11 +58,11 @@ class Times(NamedTuple):
     end: float  # [s]
 
 
-def over_time(results: Results, trackers: Sequence[str]) -> tuple[list[Series], list[Times]]:
+def over_time(results: Results, trackers: Sequence[str]) -> tuple[list[Series], list[PhaseTimes]]:
     """All series of the given trackers, and the phases; the rows of only one scenario are in memory at a time."""
     made = {(task.scenario, task.tracker) for task in set(results.comparison.tasks) - set(results.missing)}
     series: list[Series] = []
-    times: list[Times] = []
+    times: list[PhaseTimes] = []
     for scenario in results.comparison.scenarios:
         if any((scenario, t) in made for t in trackers):
             rows = results.rows(COLUMNS, scenario)
@@ -75,12 +75,12 @@ def over_time(results: Results, trackers: Sequence[str]) -> tuple[list[Series], 
     return series, times
 
 
-def phases(scenario: str, rows: pd.DataFrame) -> Iterator[Times]:
-    """When the maneuver announces itself and when it happens; from first to last look."""
+def phases(scenario: str, rows: pd.DataFrame) -> Iterator[PhaseTimes]:
+    """Onset and maneuver, each from its first to its last frame."""
     for phase in SHADED:
-        looks = rows[rows["phase"] == phase].groupby(["tracker", "seed"], observed=True)["time"]
-        if len(looks):
-            yield Times(scenario, phase, float(looks.min().median()), float(looks.max().median()))
+        frames = rows[rows["phase"] == phase].groupby(["tracker", "seed"], observed=True)["time"]
+        if len(frames):
+            yield PhaseTimes(scenario, phase, float(frames.min().median()), float(frames.max().median()))
 
 
 def _series(scenario: str, tracker: str, rows: pd.DataFrame) -> Iterator[Series]:
@@ -93,23 +93,23 @@ def _series(scenario: str, tracker: str, rows: pd.DataFrame) -> Iterator[Series]
     none = np.full(len(bins), np.nan)
     for quantity in QUANTITIES:
         mean = pairs.groupby("bin")[quantity].mean().reindex(bins).to_numpy(float)
-        looks = pairs.groupby(["bin", "time"])[quantity].count().groupby("bin").mean()
-        yield Series(scenario, tracker, quantity, time, mean, none, none, looks.reindex(bins).to_numpy(float))
+        objects = pairs.groupby(["bin", "time"])[quantity].count().groupby("bin").mean()
+        yield Series(scenario, tracker, quantity, time, mean, none, none, objects.reindex(bins).to_numpy(float))
 
 
 def _bins(time: NDArray) -> NDArray:
-    """Bins (rows,), each holding its end, so that the last look of a run is not alone in one; the first holds zero."""
+    """Bins (rows,), each holding its end, so that the last frame of a run is not alone in one; the first holds zero."""
     return np.maximum(np.ceil(time / STEP - 1e-6).astype(int) - 1, 0)
 
 
 def _gospa(rows: pd.DataFrame) -> pd.Series:
-    """Mean GOSPA [m] of the looks in a bin, by bin and seed."""
-    looks = rows.groupby(["bin", "seed", "time"])["gospa2"].sum() ** 0.5
-    return looks.groupby(["bin", "seed"]).mean()
+    """Mean GOSPA [m] of the frames in a bin, by bin and seed."""
+    frames = rows.groupby(["bin", "seed", "time"])["gospa2"].sum() ** 0.5
+    return frames.groupby(["bin", "seed"]).mean()
 
 
 def _position(rows: pd.DataFrame) -> pd.Series:
-    """Position RMSE [m] of the objects held in a bin, by bin and seed."""
+    """Position RMSE [m] of the objects with a track in a bin, by bin and seed."""
     pairs = rows[rows["status"] == "pair"]
     squares = (pairs["position"].astype(float) ** 2).groupby([pairs["bin"], pairs["seed"]]).mean()
     return squares**0.5

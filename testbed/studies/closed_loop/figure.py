@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from testbed.compare.statistics.measures import LABELS
+from testbed.compare.runs.measures import LABELS
 from testbed.files import write_figure
 from testbed.studies.closed_loop.length_errors import LengthSamples, profile
 from trackers.htg.bins import TRUCK_ABOVE

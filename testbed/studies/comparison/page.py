@@ -11,9 +11,9 @@ import typer
 from testbed.command_line.terminal import user_input
 from testbed.compare.report import tables
 from testbed.compare.report.renderers import markdown
+from testbed.compare.runs.measures import KEYS, MAIN
 from testbed.compare.runs.results import Results
 from testbed.compare.statistics.analysis import cells
-from testbed.compare.statistics.measures import KEYS, MAIN
 from testbed.evaluation.metrics import CUTOFF
 from testbed.log.text import markdown_table
 from testbed.studies.comparison import committed
@@ -140,7 +140,7 @@ def bands(table: pd.DataFrame) -> str:
     for band in dict.fromkeys(table["band"]):
         for _, row in table[table["band"] == band].iterrows():
             errors = (f"{row[e]:.2f} [{row[f'{e}_low']:.2f}, {row[f'{e}_high']:.2f}]" for e in ERRORS)
-            rows.append((band, f"`{row['tracker']}`", f"{100 * row['held']:.0f} %", *errors, f"{row['looks']:.0f}"))
+            rows.append((band, f"`{row['tracker']}`", f"{100 * row['held']:.0f} %", *errors, f"{row['frames']:.0f}"))
     return markdown_table(
         ("band", "tracker", "with a track", "position [m]", "velocity [m/s]", "length [m]", "frames"), rows
     )

@@ -21,11 +21,11 @@ from scenarios import SCENARIOS
 from testbed.command_line.terminal import console, user_input
 from testbed.compare.report.report import write_report
 from testbed.compare.runs.config import Comparison, Settings, Task, read_settings
+from testbed.compare.runs.measures import KEYS
 from testbed.compare.runs.results import Results, collect
 from testbed.compare.runs.rows import read_meta
 from testbed.compare.runs.tasks import ROWS
 from testbed.compare.statistics.analysis import by_band, consistency
-from testbed.compare.statistics.measures import KEYS
 from testbed.files import atomic_file, write_atomic, write_json
 from trackers import TRACKERS
 

@@ -16,11 +16,11 @@ from typer.testing import CliRunner
 from testbed.cli import app
 from testbed.compare.runs.config import Comparison, Settings
 from testbed.compare.runs.engine import Engine
+from testbed.compare.runs.measures import COSTS
 from testbed.compare.runs.results import RUNS, collect
 from testbed.compare.runs.rows import check_part
 from testbed.compare.runs.tasks import ROWS, rows_path
 from testbed.compare.runs.work import execute
-from testbed.compare.statistics.measures import COSTS
 
 PLAIN = {**os.environ, "COLUMNS": "200", "NO_COLOR": "1", "TERM": "dumb"}
 LONG = Comparison(("xia2020-lane",), ("rm-koch", "rm-feldmann"), tuple(range(6)), Settings("front", duration=0.5))
@@ -44,7 +44,7 @@ def refused(out, *args):
         (["--tracker", "htg-mapp"], "did you mean 'htg-map'?"),
         (["--radar", "frnt"], "did you mean 'front'?"),
         (["--planner", "imd"], "did you mean 'idm'?"),
-        (["--seeds", "0:0"], "seeds '0:0' are none at all"),
+        (["--seeds", "0:0"], "seeds '0:0' are empty"),
         (["--seeds", "many"], "seeds must read like 0:20, 0,3,7 or 5, got 'many'"),
         (["--tracker", "rm-koch", "--reference", "rm-vmm"], "reference 'rm-vmm' is not compared"),
         (["--duration", "nan"], "duration must be positive and finite, got nan s"),
@@ -86,7 +86,7 @@ def interrupted(tmp_path_factory):
 def test_an_interrupted_comparison_says_so_and_leaves_whole_files(interrupted):
     out, status, output, errors = interrupted
     assert status == 130, errors
-    assert "interrupted: the tables hold what was run until then; the same command goes on" in output
+    assert "interrupted: tables of the runs made so far; the same command makes the rest" in output
     assert "Traceback" not in output + errors
     made = {task for task in LONG.tasks if rows_path(task, out).exists()}
     assert 0 < len(made) < len(LONG.tasks)

@@ -59,7 +59,7 @@ def test_the_code_at_hand_is_as_good_as_the_baselines(runs):
     _, done = runs
     assert done.returncode == 0, done.stdout + done.stderr
     assert "16 runs made, 0 found, 0 failed" in done.stdout
-    assert "8 results held against baselines: 8 good" in done.stdout
+    assert "8 results compared with baselines: 8 good" in done.stdout
 
 
 def test_a_worse_filter_fails_with_its_numbers_its_xml_and_its_log(told, runs, easier, tmp_path):

@@ -8,7 +8,7 @@ import pandas as pd
 from testbed.compare.runs.config import Task
 from testbed.compare.runs.results import Results, collect
 from testbed.compare.runs.tasks import FAILED, Outcome
-from testbed.compare.runs.work import Report
+from testbed.compare.runs.work import Tally
 from testbed.regress import junit
 from testbed.regress.baselines import NONE, Update, merge
 from testbed.regress.findings import Findings, examine, worst_run
@@ -84,7 +84,7 @@ def test_a_run_that_failed_is_a_failure_with_its_traceback(tmp_path):
     ran = [task._asdict() for task in suite.comparison.tasks if task != gone]
     spans = pd.DataFrame([{"phase": "all", **run, **dict.fromkeys(TOLERANCES, 1.0)} for run in ran])
     results = Results(suite.comparison, spans, pd.DataFrame([{**run, "tracking": 2.0} for run in ran]), [gone])
-    report = Report(failed=[Outcome("cut-in_htg-map_seed1", FAILED, "Traceback: told")])
+    report = Tally(failed=[Outcome("cut-in_htg-map_seed1", FAILED, "Traceback: told")])
     what = examine(results, report, suite, NONE)
     assert what.failed == {("htg-map", "cut-in"): "Traceback: told"}
     assert not what.passed
@@ -95,7 +95,7 @@ def test_a_run_that_failed_is_a_failure_with_its_traceback(tmp_path):
 
 def test_no_run_at_all_is_a_failure_of_all(tmp_path):
     suite = Suite(("cut-in",), ("htg-mm",), out=str(tmp_path))
-    what = examine(collect(suite.comparison), Report(), suite, NONE)
+    what = examine(collect(suite.comparison), Tally(), suite, NONE)
     assert set(what.failed) == {("htg-mm", "cut-in")}
 
 

@@ -66,7 +66,7 @@ def test_the_reference_comes_first_then_the_best_in_gospa(tmp_path):
     names = tuple(f"t{k}" for k in range(8))
     gone = (Task("cut-in", "t0", 0), Task("cut-in", "t0", 1))
     results = make(Comparison(("cut-in",), names, (0, 1), reference="t7", out=str(tmp_path)), gone=gone)
-    gospa = results.whole.groupby("tracker")["gospa"].mean().drop("t7").sort_values()
+    gospa = results.runs.groupby("tracker")["gospa"].mean().drop("t7").sort_values()
     assert ranked(results) == ["t7", *gospa.index, "t0"]
     assert chosen(results) == ["t7", *gospa.index[:5]]
 
@@ -107,10 +107,10 @@ def test_bands_do_not_know_the_order_of_seeds_nor_those_that_are_missing(values,
     assert low <= mean <= high
 
 
-def test_trackers_are_told_apart_by_more_than_their_colour():
-    looks = style.looks([f"tracker {k}" for k in range(20)])
-    assert len({(look.color, str(look.linestyle)) for look in looks.values()}) == 20
-    assert len({(look.color, look.marker) for look in looks.values()}) == 20
+def test_trackers_differ_in_more_than_their_colour():
+    styles = style.line_styles([f"tracker {k}" for k in range(20)])
+    assert len({(one.color, str(one.linestyle)) for one in styles.values()}) == 20
+    assert len({(one.color, one.marker) for one in styles.values()}) == 20
 
 
 def test_a_grid_has_a_panel_for_each():

@@ -14,11 +14,11 @@ from testbed.compare.report import words as report_words
 from testbed.compare.report.report import bands_of, render, seeds_text, tables_of, write_report
 from testbed.compare.runs.config import SETTINGS, Comparison, Settings, Task, identity
 from testbed.compare.runs.engine import Engine
+from testbed.compare.runs.measures import MAIN
 from testbed.compare.runs.results import Results, collect
 from testbed.compare.runs.tasks import FAILED, Outcome
-from testbed.compare.runs.work import Report, execute
+from testbed.compare.runs.work import Tally, execute
 from testbed.compare.statistics.analysis import cells
-from testbed.compare.statistics.measures import MAIN
 from tests.testbed.compare.made_results import make
 
 VOID = {"meta", "img", "br", "link", "source", "hr", "input"}
@@ -68,7 +68,7 @@ def check_links(page: Page) -> None:
     assert len(set(page.ids)) == len(page.ids)
 
 
-def written(results: Results, out: Path, report: Report | None = None) -> Page:
+def written(results: Results, out: Path, report: Tally | None = None) -> Page:
     """The page alone, without figures and logs, which take the time."""
     path = out / "alone.html"
     path.write_text(render(results, report, tables_of(results, bands_of(results))))
@@ -87,7 +87,7 @@ def results(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def page(results):
-    return Page(write_report(results, Report(done=24, wall=12.5), logs=False))
+    return Page(write_report(results, Tally(done=24, wall=12.5), logs=False))
 
 
 def test_every_link_leads_to_a_file_or_a_part_of_the_page(page):
@@ -115,7 +115,7 @@ def test_the_page_says_what_was_compared(page):
         assert part in about
 
 
-def test_the_verdict_names_the_best_and_tells_what_is_resolved(page):
+def test_the_verdict_names_the_best_and_says_what_is_resolved(page):
     verdict = page.by_section["verdict"]
     assert "good is best in GOSPA" in verdict
     assert "lead over the next, fair" in verdict
@@ -140,7 +140,7 @@ def test_nothing_that_comes_from_outside_is_taken_for_markup(tmp_path):
     evil = "<script>alert(1)</script>"
     comparison = Comparison(("cut-in",), ("good", "a<b>&c"), (0, 1, 2), out=str(tmp_path))
     failed = [Outcome(f"cut-in_{evil}", FAILED, f"Traceback {evil}")]
-    page = written(make(comparison), tmp_path, Report(failed=failed))
+    page = written(make(comparison), tmp_path, Tally(failed=failed))
     assert "script" not in page.tags
     assert f"Traceback {evil}" in page.by_section["runs"]
     assert "a<b>&c" in page.by_section["overview"]
@@ -149,7 +149,7 @@ def test_nothing_that_comes_from_outside_is_taken_for_markup(tmp_path):
 def test_a_tracker_that_holds_nothing_is_named_as_such(tmp_path):
     comparison = Comparison(("cut-in", "merge"), TRACKERS, (0, 1, 2), out=str(tmp_path))
     page = written(make(comparison, blind="bad"), tmp_path)
-    assert "bad never held an object" in page.text
+    assert "bad never tracked an object" in page.text
     assert "nan" not in page.text.split()
 
 
@@ -171,9 +171,9 @@ def test_one_tracker_has_nothing_to_be_held_against(tmp_path):
 def test_a_folder_without_a_finished_run_says_so(tmp_path):
     comparison = Comparison(("cut-in",), TRACKERS, (0, 1), out=str(tmp_path))
     failed = [Outcome(task.name, FAILED, "ZeroDivisionError") for task in comparison.tasks]
-    page = Page(write_report(collect(comparison), Report(failed=failed)))
+    page = Page(write_report(collect(comparison), Tally(failed=failed)))
     check_links(page)
-    assert "nothing to be said" in page.by_section["verdict"]
+    assert "nothing to compare" in page.by_section["verdict"]
     assert page.by_section["runs"].count("ZeroDivisionError") == 6
 
 
@@ -187,20 +187,20 @@ def test_missing_runs_are_named(tmp_path):
 
 
 def test_the_same_results_give_the_same_page_and_figures_wherever_they_go(results, page, tmp_path):
-    told = []
+    shown = []
     again = write_report(
         results,
-        Report(done=24, wall=12.5),
+        Tally(done=24, wall=12.5),
         tmp_path / "elsewhere",
         logs=False,
-        progress=lambda *step: told.append(step),
+        progress=lambda *step: shown.append(step),
     )
     check_links(Page(again))
     assert again == tmp_path / "elsewhere" / "report.html"
     assert again.read_text() == page.path.read_text()
     for figure in sorted((again.parent / "figures").iterdir()):
         assert figure.read_bytes() == (page.path.parent / "figures" / figure.name).read_bytes(), figure.name
-    assert told == [(0, 2, "tables"), (1, 2, "tables"), (2, 2, "tables"), (0, 1, "figures")] + [
+    assert shown == [(0, 2, "tables"), (1, 2, "tables"), (2, 2, "tables"), (0, 1, "figures")] + [
         (k, 10, "figures") for k in range(1, 11)
     ]
 
@@ -270,9 +270,9 @@ def recorded(tmp_path_factory):
 
 def test_logs_are_written_from_the_recording_and_linked(recorded):
     comparison, report = recorded
-    told = []
+    shown = []
     results = collect(comparison)
-    page = Page(write_report(results, report, progress=lambda *step: told.append(step)))
+    page = Page(write_report(results, report, progress=lambda *step: shown.append(step)))
     check_links(page)
     linked = [unquote(link) for link in page.links if link.endswith(".rrd")]
     assert linked == [
@@ -280,7 +280,7 @@ def test_logs_are_written_from_the_recording_and_linked(recorded):
         "logs/cut-in_rm-koch+rm-feldmann_surround_replay_seed0.rrd",
     ]
     assert all(f"testbed review {page.path.parent / link}" in page.text.replace("'", "") for link in linked)
-    assert (2, 2, "logs") in told
+    assert (2, 2, "logs") in shown
     assert not list((page.path.parent / "logs").glob(".part*"))
     meta = json.loads((page.path.parent / linked[1]).with_suffix(".json").read_text())
     assert meta["run"]["trackers"] == ["rm-koch", "rm-feldmann"]

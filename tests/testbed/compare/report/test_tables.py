@@ -8,12 +8,12 @@ from rich.console import Console
 from testbed.compare.report import tables
 from testbed.compare.report.renderers import markdown, terminal
 from testbed.compare.statistics.analysis import Cell
-from testbed.compare.statistics.differences import Difference
+from testbed.compare.statistics.differences import PairedDifference
 from testbed.evaluation.intervals import NO_INTERVAL, Interval
 
 
 def difference(mean, low, high):
-    return Difference(Interval(mean, low, high), NO_INTERVAL, Interval(0.75, 0.5, 1.0), 8, 20.0)
+    return PairedDifference(Interval(mean, low, high), NO_INTERVAL, Interval(0.75, 0.5, 1.0), 8, 20.0)
 
 
 CELLS = (

@@ -13,7 +13,7 @@ from testbed.compare.runs.config import (
     Settings,
     Task,
     check,
-    claim_folder,
+    write_settings,
     expand,
     identity,
     parse_seeds,
@@ -36,14 +36,14 @@ def test_seeds_are_ranges_lists_or_one_number(text, seeds):
 
 
 @pytest.mark.parametrize("text", ["", "a", "0:2:4", "1;2", "0-3", ":", "1,", "0.5", "nan"])
-def test_other_texts_are_told_what_seeds_read_like(text):
+def test_other_texts_are_refused_with_what_seeds_read_like(text):
     with pytest.raises(ValueError, match=f"seeds must read like 0:20, 0,3,7 or 5, got '{text}'"):
         parse_seeds(text)
 
 
 @pytest.mark.parametrize("text", ["0:0", "5:2"])
 def test_an_empty_range_is_refused(text):
-    with pytest.raises(ValueError, match=f"seeds '{text}' are none at all; the range 0:20"):
+    with pytest.raises(ValueError, match=f"seeds '{text}' are empty; the range 0:20"):
         parse_seeds(text)
 
 
@@ -96,7 +96,7 @@ def test_a_loop_is_open_or_closed():
         Settings(loop="half")
 
 
-def test_time_to_simulate_is_that_of_the_scenario_unless_told():
+def test_time_to_simulate_is_that_of_the_scenario_unless_given():
     assert Settings().seconds("cut-in") == SCENARIOS["cut-in"].duration
     assert SHORT.seconds("cut-in") == 1.0
 
@@ -110,7 +110,7 @@ def test_time_to_simulate_is_that_of_the_scenario_unless_told():
         ({"settings": Settings(planner="imd")}, "imd.*did you mean 'idm'"),
     ],
 )
-def test_unknown_names_are_told_with_the_nearest(tmp_path, changes, sentence):
+def test_unknown_names_are_refused_with_the_nearest(tmp_path, changes, sentence):
     with pytest.raises(LookupError, match=sentence.replace("?", r"\?")):
         check(comparison(tmp_path, **changes))
 
@@ -130,7 +130,7 @@ def test_a_file_in_place_of_the_directory_is_refused(tmp_path, inside):
 
 
 def test_a_claimed_folder_takes_the_same_settings_whatever_is_compared(tmp_path):
-    claim_folder(comparison(tmp_path))
+    write_settings(comparison(tmp_path))
     check(comparison(tmp_path, scenarios=("merge",), trackers=("rm-vmm",), seeds=(7,)))
     settings, known = read_settings(tmp_path)
     assert settings == SHORT
@@ -149,14 +149,14 @@ def test_a_claimed_folder_takes_the_same_settings_whatever_is_compared(tmp_path)
     ],
 )
 def test_other_settings_are_refused_with_the_field_that_differs(tmp_path, changes, field):
-    claim_folder(comparison(tmp_path))
+    write_settings(comparison(tmp_path))
     with pytest.raises(ValueError, match=f"holds runs with {field}, wanted is .*; choose another directory"):
         check(comparison(tmp_path, settings=replace(SHORT, **changes)))
 
 
 @pytest.mark.parametrize("field", ["code", "version of numpy", "version of highway-env"])
 def test_runs_of_other_code_or_versions_are_refused(tmp_path, field):
-    claim_folder(comparison(tmp_path))
+    write_settings(comparison(tmp_path))
     path = tmp_path / SETTINGS
     path.write_text(json.dumps(json.loads(path.read_text()) | {field: "older"}))
     with pytest.raises(ValueError, match=f"holds runs with {field} 'older', wanted is"):
@@ -164,35 +164,35 @@ def test_runs_of_other_code_or_versions_are_refused(tmp_path, field):
 
 
 def test_a_folder_is_claimed_once(tmp_path):
-    claim_folder(comparison(tmp_path))
+    write_settings(comparison(tmp_path))
     before = (tmp_path / SETTINGS).read_bytes()
-    claim_folder(comparison(tmp_path, settings=Settings()))
+    write_settings(comparison(tmp_path, settings=Settings()))
     assert (tmp_path / SETTINGS).read_bytes() == before
 
 
 @pytest.mark.parametrize("text", ["", "{", "[1]", "null"])
-def test_damaged_settings_are_told(tmp_path, text):
+def test_damaged_settings_are_refused(tmp_path, text):
     (tmp_path / SETTINGS).write_text(text)
     for ask in (lambda: check(comparison(tmp_path)), lambda: read_settings(tmp_path)):
         with pytest.raises(ValueError, match=f"{SETTINGS} is damaged; delete the folder"):
             ask()
 
 
-def test_a_folder_without_a_comparison_is_told(tmp_path):
+def test_a_folder_without_a_comparison_is_refused(tmp_path):
     with pytest.raises(ValueError, match="holds no comparison; make one with `testbed compare --out"):
         read_settings(tmp_path)
 
 
 def test_a_new_tracker_may_join_a_folder(tmp_path):
-    claim_folder(comparison(tmp_path, trackers=("rm-feldmann",)))
+    write_settings(comparison(tmp_path, trackers=("rm-feldmann",)))
     check(comparison(tmp_path, trackers=("rm-feldmann", "htg-mm")))
-    claim_folder(comparison(tmp_path, trackers=("htg-mm",)))
+    write_settings(comparison(tmp_path, trackers=("htg-mm",)))
     _, known = read_settings(tmp_path)
     assert {"code of rm-feldmann", "code of htg-mm"} <= set(known)
 
 
 def test_a_changed_tracker_is_refused_by_name(tmp_path):
-    claim_folder(comparison(tmp_path, trackers=("rm-feldmann", "htg-mm")))
+    write_settings(comparison(tmp_path, trackers=("rm-feldmann", "htg-mm")))
     path = tmp_path / SETTINGS
     path.write_text(json.dumps(json.loads(path.read_text()) | {"code of htg-mm": "older"}))
     check(comparison(tmp_path, trackers=("rm-feldmann",)))

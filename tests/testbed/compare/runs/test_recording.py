@@ -1,4 +1,4 @@
-"""A recording is the drive itself: the same bits from the file, and trackers cannot tell it from the live radar."""
+"""A recording is the drive itself: the same bits from the file, and trackers get the same from it as from the live radar."""
 
 import copy
 import os
@@ -18,7 +18,7 @@ from testbed.compare.runs.config import Settings, Task
 from testbed.compare.runs.recording import RecordedFrame, Recording, load, read_seconds, record, save
 from testbed.compare.runs.replay import REPLAY, replay, write_log
 from testbed.compare.runs.rows import Rows
-from testbed.compare.runs.tasks import RECORDINGS, Drive, obtain, recording_path
+from testbed.compare.runs.tasks import RECORDINGS, RecordingTask, obtain, recording_path
 from testbed.log import reader
 from testbed.log.record import RoadGeometry
 from testbed.planners import find as find_planner
@@ -218,21 +218,21 @@ def test_whatever_is_seen_comes_back(tmp_path_factory, world):
 
 @settings(max_examples=60, deadline=None)
 @given(st.integers(0, 10**6), st.integers(1, 255))
-def test_a_flipped_byte_is_harmless_or_told_in_one_sentence(lane_bytes, place, flip):
+def test_a_flipped_byte_is_harmless_or_refused_in_one_sentence(lane_bytes, place, flip):
     made, data, folder = lane_bytes
     damaged = bytearray(data)
     damaged[place % len(data)] ^= flip
     path = folder / "flipped.npz"
     path.write_bytes(damaged)
     try:
-        back, told = load(path, made.scenario, made.seed, made.radar), None
+        back, refused = load(path, made.scenario, made.seed, made.radar), None
     except ValueError as error:
-        back, told = None, str(error)
-    if told is None:  # a time stamp in the archive, say
+        back, refused = None, str(error)
+    if refused is None:  # a time stamp in the archive, say
         assert differences(made._replace(seconds=()), back._replace(seconds=())) == []
     else:
-        assert told.startswith(f"the recording {path} is damaged (")
-        assert told.endswith("; delete it and it is made again")
+        assert refused.startswith(f"the recording {path} is damaged (")
+        assert refused.endswith("; delete it and it is made again")
 
 
 @pytest.fixture(scope="module")
@@ -251,7 +251,7 @@ def flipped(data):
 @pytest.mark.parametrize("damage", [lambda data: b"", lambda data: data[: len(data) // 2], lambda data: b"no", flipped])
 def test_a_damaged_recording_is_made_again(lane_bytes, damage, tmp_path):
     _, data, _ = lane_bytes
-    wanted = Drive("xia2020-lane", SEED)
+    wanted = RecordingTask("xia2020-lane", SEED)
     path = recording_path(wanted, tmp_path)
     path.parent.mkdir()
     path.write_bytes(damage(data))
@@ -262,13 +262,13 @@ def test_a_damaged_recording_is_made_again(lane_bytes, damage, tmp_path):
     assert os.listdir(tmp_path / RECORDINGS) == [path.name]
 
 
-def test_seconds_of_a_damaged_recording_are_told_like_the_rest(tmp_path):
+def test_seconds_of_a_damaged_recording_are_refused_like_the_rest(tmp_path):
     (tmp_path / "drive.npz").write_bytes(b"")
     with pytest.raises(ValueError, match=r"the recording .* is damaged \(.*\); delete it and it is made again"):
         read_seconds(tmp_path / "drive.npz")
 
 
-def test_a_recording_without_a_place_is_told_in_one_sentence(lane, tmp_path):
+def test_a_recording_without_a_place_is_refused_in_one_sentence(lane, tmp_path):
     with pytest.raises(OSError, match=r"cannot write .*drive\.npz: No such file or directory"):
         save(lane, tmp_path / "missing" / "drive.npz")
 

@@ -1,4 +1,4 @@
-"""Rows of a run: frames computed by hand, agreement with evaluator and trackers, and files that tell of damage."""
+"""Rows of a run: frames computed by hand, agreement with evaluator and trackers, and damaged files."""
 
 import json
 import math
@@ -261,7 +261,7 @@ def test_polars_reads_a_file(part, drive):
 
 @settings(max_examples=60, deadline=None)
 @given(place=st.integers(0, 10**6), flip=st.integers(1, 255))
-def test_a_flipped_byte_is_harmless_or_told_in_one_sentence(drive, whole_part, place, flip):
+def test_a_flipped_byte_is_harmless_or_refused_in_one_sentence(drive, whole_part, place, flip):
     data, meta, folder = whole_part
     damaged = bytearray(data)
     damaged[place % len(data)] ^= flip
@@ -269,15 +269,15 @@ def test_a_flipped_byte_is_harmless_or_told_in_one_sentence(drive, whole_part, p
     path.write_bytes(damaged)
     try:
         check_part(path, LANE)
-        told = None
+        refused = None
     except ValueError as error:
-        told = str(error)
-    if told is None:  # the name of the writer, or a length that nobody asks for
+        refused = str(error)
+    if refused is None:  # the name of the writer, or a length that nobody asks for
         assert read_meta(path) == meta
         assert pq.read_table(path).equals(drive[0].table())
     else:
-        assert told.startswith(str(path))
-        assert "\n" not in told
+        assert refused.startswith(str(path))
+        assert "\n" not in refused
 
 
 @pytest.fixture(scope="module")
@@ -296,7 +296,7 @@ def of_other_columns(path):
 
 
 @pytest.mark.parametrize(
-    ("damage", "told"),
+    ("damage", "refused"),
     [
         (lambda path: path.write_bytes(b""), "is damaged"),
         (lambda path: path.write_bytes(path.read_bytes()[: path.stat().st_size // 2]), "is damaged"),
@@ -304,9 +304,9 @@ def of_other_columns(path):
         (of_other_columns, "is damaged"),
     ],
 )
-def test_damage_is_told_with_the_name_of_the_file(part, damage, told):
+def test_damage_is_reported_with_the_name_of_the_file(part, damage, refused):
     damage(part)
-    with pytest.raises(ValueError, match=rf"{LANE.name}\.parquet {told}"):
+    with pytest.raises(ValueError, match=rf"{LANE.name}\.parquet {refused}"):
         check_part(part, LANE)
 
 
@@ -328,6 +328,6 @@ def test_numbers_that_json_does_not_know_are_refused_and_nothing_is_left(drive, 
     assert not (tmp_path / "a.parquet").exists()
 
 
-def test_rows_without_a_place_are_told_in_one_sentence(drive, tmp_path):
+def test_rows_without_a_place_are_refused_in_one_sentence(drive, tmp_path):
     with pytest.raises(OSError, match=r"cannot write .*a\.parquet: "):
         write(drive[0].table(), {"seconds": {}}, tmp_path / "missing" / "a.parquet")

@@ -13,10 +13,10 @@ from distributed import LocalCluster
 from testbed.compare.runs import tasks as runs
 from testbed.compare.runs.config import SETTINGS, Comparison, Settings, Task
 from testbed.compare.runs.engine import Engine
-from testbed.compare.statistics.measures import COSTS
+from testbed.compare.runs.measures import COSTS
 from testbed.compare.runs.results import RUNS, collect
 from testbed.compare.runs.rows import check_part
-from testbed.compare.runs.tasks import DONE, FAILED, FOUND, RECORDINGS, ROWS, Drive, recording_path, rows_path
+from testbed.compare.runs.tasks import DONE, FAILED, FOUND, RECORDINGS, ROWS, RecordingTask, recording_path, rows_path
 from testbed.compare.runs.work import execute
 
 WANTED = Comparison(("xia2020-lane",), ("rm-koch", "rm-feldmann"), (0, 1), Settings("front", duration=0.5))
@@ -120,7 +120,7 @@ def test_a_corrupt_part_is_named_and_made_again(copied, whole, damage, told):
 
 def test_a_corrupt_recording_is_made_again_where_it_is_needed(copied, whole):
     out = Path(copied.out)
-    path = recording_path(Drive(DAMAGED.scenario, DAMAGED.seed), out)
+    path = recording_path(RecordingTask(DAMAGED.scenario, DAMAGED.seed), out)
     truncate(path, None)
     assert again(copied).found == 4  # nobody needs it
     rows_path(DAMAGED, out).unlink()
@@ -171,7 +171,7 @@ def test_a_run_in_closed_loop_repeats_and_scores_the_drive(tmp_path):
     tables = [pq.read_table(rows_path(task, out)) for out in outs]
     assert tables[0].equals(tables[1])
     comparison = Comparison((task.scenario,), (task.tracker,), (task.seed,), settings, out=str(outs[0]))
-    assert collect(comparison).whole["progress"].notna().all()
+    assert collect(comparison).runs["progress"].notna().all()
 
 
 def test_a_run_of_an_unknown_tracker_fails_alone(tmp_path):

@@ -10,11 +10,11 @@ import pyarrow.parquet as pq
 import pytest
 
 from testbed.compare.runs.config import Comparison, Task
+from testbed.compare.runs.measures import KEYS
 from testbed.compare.runs.results import collect
 from testbed.compare.runs.rows import COLUMNS, NAMES, SCHEMA, write
 from testbed.compare.runs.tasks import ROWS, rows_path
 from testbed.compare.statistics import analysis
-from testbed.compare.statistics.measures import KEYS
 from testbed.evaluation.intervals import bootstrap_interval
 
 HONEST, OVERCONFIDENT, BLIND = "rm-koch", "rm-vmm", "htg-map"
@@ -115,8 +115,8 @@ def same(a, b):
 
 def test_a_run_that_is_gone_is_named_and_the_others_are_read(results):
     assert results.missing == [GONE]
-    assert len(results.whole) == len(results.comparison.tasks) - 1
-    assert len(results.spans) == 5 * len(results.whole)
+    assert len(results.runs) == len(results.comparison.tasks) - 1
+    assert len(results.spans) == 5 * len(results.runs)
 
 
 def test_every_column_of_the_runs_has_its_unit(results):
@@ -198,7 +198,7 @@ def test_errors_by_band_are_those_of_a_loop_over_rows(results, entries, band, la
     for tracker, label in table.index:
         part = [r for r in counted if r["tracker"] == tracker and label_of(r[band]) == label]
         found = table.loc[(tracker, label)]
-        assert found["looks"] == len(part)
+        assert found["frames"] == len(part)
         held, squares = [], {name: [] for name in ("position", "velocity", "length")}
         for scenario in SCENARIOS:
             runs = [[r for r in part if (r["scenario"], r["seed"]) == (scenario, seed)] for seed in SEEDS]
@@ -212,15 +212,15 @@ def test_errors_by_band_are_those_of_a_loop_over_rows(results, entries, band, la
             assert found[f"{name}_low"] <= found[name] <= found[f"{name}_high"]
 
 
-def test_bands_share_out_all_looks_of_a_tracker_that_holds_something(results, entries):
+def test_bands_share_out_all_frames_of_a_tracker_that_holds_something(results, entries):
     counted = sum(r["tracker"] == HONEST and r["status"] in ("pair", "missed") for r in entries)
     for band in analysis.BANDS:
         table = analysis.by_band(results, band)
-        assert table[table["tracker"] == HONEST]["looks"].sum() == counted
+        assert table[table["tracker"] == HONEST]["frames"].sum() == counted
 
 
-def test_a_band_with_too_few_looks_has_no_figures(results, monkeypatch):
-    monkeypatch.setattr(analysis, "LOOKS", 10**6)
+def test_a_band_with_too_few_frames_has_no_figures(results, monkeypatch):
+    monkeypatch.setattr(analysis, "FEWEST_FRAMES", 10**6)
     assert analysis.by_band(results, "range").empty
 
 
@@ -245,9 +245,9 @@ def quantity(row, name):
 def test_a_consistent_filter_keeps_its_limits_and_an_overconfident_one_does_not(results):
     table = analysis.consistency(results).set_index(["tracker", "phase"])
     honest, other = table.loc[HONEST], table.loc[OVERCONFIDENT]
-    looks = len(SCENARIOS) * INSTANTS  # of a phase; four phases
+    frames = len(SCENARIOS) * INSTANTS  # of a phase; four phases
     for name in analysis.QUANTITIES:
-        assert honest[f"{name}_inside"].mean() == pytest.approx(0.95, abs=4 * math.sqrt(0.05 * 0.95 / (4 * looks)))
+        assert honest[f"{name}_inside"].mean() == pytest.approx(0.95, abs=4 * math.sqrt(0.05 * 0.95 / (4 * frames)))
         assert honest[name].mean() == pytest.approx(2, abs=0.1)
         assert other[f"{name}_inside"].max() < 0.5
         assert (other[f"{name}_low"] > 2).all()
@@ -263,12 +263,12 @@ def test_the_share_inside_its_limits_by_hand():
     assert math.isnan(analysis.inside_share(mean[-1:], count[-1:]))
 
 
-def test_an_unresolved_difference_is_told_with_the_seeds_it_takes(results):
+def test_an_unresolved_difference_is_named_with_the_seeds_it_takes(results):
     cells = list(analysis.cells(results, ["gospa"]))
     unresolved = [c for c in cells if c.difference and c.difference.verdict == "unresolved"]
-    told = analysis.unresolved(cells)
-    assert len(told) == len(unresolved) > 0
-    assert f"about {unresolved[0].difference.needed:.0f} seeds a scenario would resolve it" in told[0]
+    sentences = analysis.unresolved(cells)
+    assert len(sentences) == len(unresolved) > 0
+    assert f"about {unresolved[0].difference.needed:.0f} seeds a scenario would resolve it" in sentences[0]
 
 
 def test_intervals_of_a_cell_are_those_of_its_runs(results):

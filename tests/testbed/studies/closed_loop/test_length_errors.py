@@ -5,7 +5,7 @@ import pytest
 
 from sensors.origin import Origin
 from sensors.scene import boxes_scene
-from testbed.compare.statistics.measures import LABELS
+from testbed.compare.runs.measures import LABELS
 from testbed.frame import Frame
 from testbed.studies.closed_loop.figure import draw
 from testbed.studies.closed_loop.length_errors import FEWEST, LengthErrors, LengthSamples, joined, profile
