@@ -28,7 +28,7 @@ def over_ground(u: NDArray, velocity: NDArray, yaw_rate: NDArray, lever: NDArray
 def polar_gradient(u: Pair, e: Pair, v: NDArray, lever: Pair) -> tuple[NDArray, NDArray, NDArray]:
     """Gradient (...) of the range rate over ground in heading, speed and yaw rate, for speed v (...) along the heading.
 
-    Line of sight u, unit vector e of the heading and lever arm [m] are x, y first, (2, ...). The range rate itself is v
+    Line of sight u, unit vector e of the heading and lever arm [m] come as their x and y (...). The range rate is v
     times the second entry plus the yaw rate times the third.
     """
     return v * (e[0] * u[1] - e[1] * u[0]), u[0] * e[0] + u[1] * e[1], lever[0] * u[1] - lever[1] * u[0]  # (RR.3)
@@ -60,7 +60,7 @@ class RangeRates:
         if not self.weight or not use.any():
             return m, P
         phi, v, omega = (m[..., i, None] for i in (PHI, SPEED, OMEGA))
-        u, e, lever = (np.moveaxis(a, -1, 0) for a in (scan.sight, unit(phi), xy - m[..., None, :2]))
+        u, e, lever = ((a[..., 0], a[..., 1]) for a in (scan.sight, unit(phi), xy - m[..., None, :2]))
         h = np.stack(polar_gradient(u, e, v, lever), -1)
         residual = np.clip(g - v * h[..., 1] - omega * h[..., 2], -self.clip, self.clip)
         h, residual = np.where(use[..., None], h, 0.0), np.where(use, residual, 0.0)

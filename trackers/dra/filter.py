@@ -68,7 +68,7 @@ class DataRegion:
         if self.prior not in PRIORS:
             raise ValueError(f"prior must be one of {', '.join(PRIORS)}, got {self.prior!r}")
         if isinstance(self.form, str) and self.form not in FORMS:
-            raise ValueError(f"form must be one of {', '.join(FORMS)} or an RegionUpdate, got {self.form!r}")
+            raise ValueError(f"form must be one of {', '.join(FORMS)} or a RegionUpdate, got {self.form!r}")
         if self.passes < 1:
             raise ValueError(f"passes must be at least 1, got {self.passes}")
         chain(len(self.models), self.numbers.stay, 1.0)
