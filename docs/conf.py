@@ -28,7 +28,7 @@ extensions = [
 ]
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 4
-autodoc_default_options = {"members": True, "show-inheritance": True}
+autodoc_default_options = {"members": True, "ignore-module-all": True}
 autodoc_member_order = "bysource"
 default_role = "code"  # `names` in docstrings
 html_theme = "furo"
@@ -86,6 +86,9 @@ api
 CODE = re.compile(r"\]\((?:\.\./)*((?:trackers|sensors|scenarios|testbed)/[\w/]+)\.py\)")  # a link to a module
 FIELD = re.compile(r"^    ([a-zA-Z]\w*): ([^#\n]+?)(?:  # (.*))?$", re.M)
 
+ARRAY = re.compile(r"[~\w.]*ndarray\[tuple\[.*?_ScalarT\]\]")
+NO_COLON = "\u2236"  # looks like one
+
 
 def adapt_page(app: Sphinx, page: str, source: list[str]) -> None:
     """Add the contents to the index, and lead links to modules to their pages of the API reference."""
@@ -102,12 +105,26 @@ def adapt_docstring(app: Sphinx, what: str, name: str, thing: Any, options: Any,
     """
     text = "\n".join(lines)
     if what == "module":
-        text = re.sub(r"\n\n(?= {4})", "\n\n::\n\n", text)  # an indented part is a sketch
+        text = re.sub(r"\n\n(?= {4})", "\n\n.. code-block:: none\n\n", text)  # an indented part is a sketch
     if what == "class" and has_fields(thing):
         found = FIELD.findall(inspect.getsource(thing))
         text += "\n\n" + "\n".join(f"- `{field}: {kind}` {comment}" for field, kind, comment in found) + "\n"
+    if what in ("property", "attribute"):
+        text = text.replace(":", NO_COLON)  # what stands before one would be taken for a type
     kept = r"(?m)^ {4}.*$|^>>>.*$|`[^`]*`"
     lines[:] = re.sub(rf"{kept}|[|*]", lambda m: "\\" + m[0] if m[0] in "|*" else m[0], text).split("\n")
+
+
+def restore_colons(app: Sphinx, what: str, name: str, thing: Any, options: Any, lines: list[str]) -> None:
+    """Undo what `adapt_docstring` did to colons."""
+    lines[:] = [line.replace(NO_COLON, ":") for line in lines]
+
+
+def shorten_signature(
+    app: Sphinx, what: str, name: str, thing: Any, options: Any, signature: str | None, returned: str | None
+) -> tuple[str | None, str | None]:
+    """Arrays are called as in the source; their shapes stand in the docstring."""
+    return signature and ARRAY.sub("NDArray", signature), returned and ARRAY.sub("NDArray", returned)
 
 
 def skip_field(app: Sphinx, what: str, name: str, thing: Any, skip: bool, options: Any) -> bool | None:
@@ -124,4 +141,6 @@ def setup(app: Sphinx) -> None:
     """Called by Sphinx."""
     app.connect("source-read", adapt_page)
     app.connect("autodoc-process-docstring", adapt_docstring, priority=100)  # before the sections Args and Raises
+    app.connect("autodoc-process-docstring", restore_colons, priority=900)  # after them
+    app.connect("autodoc-process-signature", shorten_signature)
     app.connect("autodoc-skip-member", skip_field)
