@@ -31,7 +31,7 @@ generated: $(STAMP)  # what the documentation says about the registries; after a
 
 docs: $(DOCS_STAMP)  # the pages and the API reference as a site; a warning or a broken link is an error
 	$(BIN)/sphinx-build --fail-on-warning --keep-going --quiet -c docs . $(SITE)
-	@echo "open     $(SITE)/index.html"
+	@echo "open     $(SITE)/docs/index.html"
 
 bench: $(STAMP)
 	$(BIN)/testbed bench
