@@ -308,10 +308,10 @@ def regress(
     from testbed.regress.suite import Suite
 
     with user_input():
-        order = command.Order(Suite.of(scenario, tracker, str(out)), baselines, update, junit, jobs)
-        found = command.prepare(order)
+        options = command.Options(Suite.of(scenario, tracker, str(out)), baselines, update, junit, jobs)
+        found = command.prepare(options)
     raise typer.Exit(
-        command.regress(order, found, console, progress_bar("{task.completed:.0f} / {task.total:.0f}", 600.0))
+        command.regress(options, found, console, progress_bar("{task.completed:.0f} / {task.total:.0f}", 600.0))
     )
 
 

@@ -74,7 +74,7 @@ def metrics(result: Mapping[str, Any]) -> Table:
 
 
 def drive(result: Mapping[str, Any]) -> Table:
-    """How the ego fared, and how fast the simulation was."""
+    """Driving measures of the ego, and the speed of the simulation."""
     run, row = result["run"], result["drive"]
     table = light_table(f"the drive: planner {run['planner']} on {run['trackers'][0]}")
     table.add_column("metric")

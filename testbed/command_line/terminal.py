@@ -16,7 +16,7 @@ INPUT_FAULTS = (LookupError, ValueError, OSError)
 def user_input(faults: tuple[type[Exception], ...] = INPUT_FAULTS) -> Iterator[None]:
     """Around checks of what the user gave: one sentence on stderr and exit status 2, no traceback.
 
-    `faults` narrows what counts as a fault of the input; in a run only OSError does, the rest would be ours.
+    `faults` says which exceptions are faults of the input; in a run only OSError is, all others are defects.
     """
     try:
         yield

@@ -44,7 +44,7 @@ NONE = Baselines({}, {})
 
 
 def load(path: Path, suite: Suite) -> Baselines:
-    """Read them.
+    """Read the baselines.
 
     Raises:
         FileNotFoundError, ValueError: in one sentence, where there are none, or none that a suite like this can use.
@@ -69,7 +69,7 @@ def load(path: Path, suite: Suite) -> Baselines:
 
 
 def merge(old: Baselines, new: Values, update: Update, keep: Iterable[Key]) -> Baselines:
-    """The new ones in place of the old; of the others those of `keep` stay."""
+    """The new values in place of the old; of the other old ones those of `keep` stay."""
     kept = {key for key in keep if key in old.values and key not in new}
     rounded = {key: {m: _rounded(v) for m, v in measures.items()} for key, measures in new.items()}
     return Baselines(
@@ -79,7 +79,7 @@ def merge(old: Baselines, new: Values, update: Update, keep: Iterable[Key]) -> B
 
 
 def save(baselines: Baselines, suite: Suite, path: Path) -> None:
-    """Write them in the order of names, so that a change of them reads well."""
+    """Write the baselines in the order of names, so that a diff of two files is short."""
     updates = sorted({(u.date, json.dumps(u.versions, sort_keys=True)) for u in baselines.updates.values()})
     trackers = sorted({tracker for tracker, _ in baselines.values})
     found = {
@@ -162,12 +162,12 @@ def _rounded(values: NDArray) -> NDArray:
 
 
 def _numbers(values: NDArray) -> list[float | None]:
-    """What JSON knows."""
+    """Rounded, None for NaN."""
     return [float(f"{value:.{DIGITS}g}") if np.isfinite(value) else None for value in values]
 
 
 def _text(found: Any, indent: str = "") -> str:
-    """JSON with one line for everything that holds no object with objects in it: a measure is a line."""
+    """JSON with a line for each measure: objects that hold no objects are not split over lines."""
     if not isinstance(found, dict) or not any(isinstance(value, dict) for value in found.values()):
         return json.dumps(found, allow_nan=False)
     inner = indent + " "

@@ -32,7 +32,7 @@ COMMITTED = Path(str(files("testbed.regress"))) / "baselines.json"
 
 
 @dataclass(frozen=True)
-class Order:
+class Options:
     """The options of a call."""
 
     suite: Suite
@@ -52,21 +52,21 @@ class Order:
         return Engine(min(cpu_count(), len(self.suite.comparison.tasks)) if self.jobs is None else self.jobs)
 
 
-def prepare(order: Order) -> Baselines:
+def prepare(options: Options) -> Baselines:
     """Check everything that may be wrong before the long run, and read the baselines.
 
     Raises:
         LookupError, ValueError, OSError: in one sentence.
     """
-    suite = order.suite
+    suite = options.suite
     comparison = suite.comparison  # finds repeated names
     for scenario in suite.scenarios:
         find_scenario(scenario)
     for tracker in suite.trackers:
         find_tracker(tracker)
-    check_engine(order.engine)
-    baselines = starting_point(order) if order.update else load(order.path, suite)
-    for name, path in (("junit", order.junit), ("baselines", order.path if order.update else None)):
+    check_engine(options.engine)
+    baselines = starting_point(options) if options.update else load(options.path, suite)
+    for name, path in (("junit", options.junit), ("baselines", options.path if options.update else None)):
         if path is not None:
             _check_file(name, path)
     prepare_folder(suite)
@@ -74,14 +74,14 @@ def prepare(order: Order) -> Baselines:
     return baselines
 
 
-def starting_point(order: Order) -> Baselines:
+def starting_point(options: Options) -> Baselines:
     """Baselines that an update changes; a complete update may replace a file that cannot be read."""
     try:
-        return load(order.path, order.suite)
+        return load(options.path, options.suite)
     except FileNotFoundError:
         return NONE
     except ValueError as error:
-        if order.suite.complete:
+        if options.suite.complete:
             return NONE
         raise ValueError(f"{error} without --tracker and --scenario") from None
 
@@ -96,33 +96,33 @@ def _check_file(name: str, path: Path) -> None:
         raise OSError(f"{name}{str(error).removeprefix('out')}") from None
 
 
-def regress(order: Order, baselines: Baselines, console: Console, bar: Progress) -> int:
+def regress(options: Options, baselines: Baselines, console: Console, bar: Progress) -> int:
     """Run what is missing, show what moved or write baselines; returns the exit status."""
-    comparison = order.suite.comparison
+    comparison = options.suite.comparison
     with user_input((OSError, ValueError)), bar:
-        tally = execute(comparison, order.engine, stages(bar))
+        tally = execute(comparison, options.engine, stages(bar))
     show_tally(tally, console)
     if tally.interrupted:
         console.print("[yellow]interrupted: the same command makes the rest[/yellow]")
         return tally.exit_status
     results = collect(comparison)
-    findings = examine(results, tally, order.suite, baselines)
+    findings = examine(results, tally, options.suite, baselines)
     with user_input((OSError,)):
-        if order.update:
-            status = _update(order, baselines, results, findings, console)
+        if options.update:
+            status = _update(options, baselines, results, findings, console)
         else:
-            status = _answer(order.suite, baselines, results, findings, console)
-        if order.junit is not None:
-            junit.write(findings, order.junit)
-            console.print(f"junit    {order.junit}", soft_wrap=True, highlight=False)
+            status = _judge(options.suite, baselines, results, findings, console)
+        if options.junit is not None:
+            junit.write(findings, options.junit)
+            console.print(f"junit    {options.junit}", soft_wrap=True, highlight=False)
     return status
 
 
-def _answer(suite: Suite, baselines: Baselines, results: Results, findings: Findings, console: Console) -> int:
+def _judge(suite: Suite, baselines: Baselines, results: Results, findings: Findings, console: Console) -> int:
     """Show what moved; the status says whether anything failed or got worse."""
     _show(findings, baselines, console)
     if findings.worse:
-        _leave_log(suite, results, findings, baselines, console)
+        _write_log(suite, results, findings, baselines, console)
     return 0 if findings.passed else 1
 
 
@@ -164,8 +164,8 @@ def _other_versions(baselines: Baselines) -> list[str]:
     ]
 
 
-def _leave_log(suite: Suite, results: Results, findings: Findings, baselines: Baselines, console: Console) -> None:
-    """The review log of the worst run. That it cannot be written does not change the answer."""
+def _write_log(suite: Suite, results: Results, findings: Findings, baselines: Baselines, console: Console) -> None:
+    """Write the review log of the worst run; where it cannot be written, the exit status stays as it is."""
     (tracker, scenario), k = worst_run(findings, measured(results, suite), baselines)
     out = Path(suite.out)
     try:
@@ -178,16 +178,16 @@ def _leave_log(suite: Suite, results: Results, findings: Findings, baselines: Ba
     console.print(f"open it  testbed review {shlex.quote(str(path))}", highlight=False, soft_wrap=True)
 
 
-def _update(order: Order, old: Baselines, results: Results, findings: Findings, console: Console) -> int:
+def _update(options: Options, old: Baselines, results: Results, findings: Findings, console: Console) -> int:
     """New baselines, unless a run failed."""
     if findings.failed:
         console.print(f"[red]baselines are left as they were: {len(findings.failed)} results failed[/red]")
         return 1
     today = Update(datetime.now(UTC).date().isoformat(), versions())
-    dropped = orphans(old) if order.suite.complete else []
-    new = merge(old, measured(results, order.suite), today, [key for key in old.values if key not in dropped])
-    save(new, order.suite, order.path)
+    dropped = orphans(old) if options.suite.complete else []
+    new = merge(old, measured(results, options.suite), today, [key for key in old.values if key not in dropped])
+    save(new, options.suite, options.path)
     console.print(f"Baselines of {today.date}:\n", highlight=False)
     console.print(tables.update_list(old, new, dropped), markup=False, highlight=False, soft_wrap=True)
-    console.print(f"\nwritten  {order.path}", soft_wrap=True, highlight=False)
+    console.print(f"\nwritten  {options.path}", soft_wrap=True, highlight=False)
     return 0

@@ -166,7 +166,7 @@ def read_settings(folder: Path) -> tuple[Settings, dict[str, Any]]:
 
 
 def identity(settings: Settings, trackers: Sequence[str] = ()) -> dict[str, Any]:
-    """Flat: the settings, versions of what decides about results, and digests of our own code that does."""
+    """Settings, versions of libraries, and digests of our code, as far as they decide about results."""
     return {
         **asdict(settings),
         **{f"version of {name}": version for name, version in versions().items()},

@@ -31,9 +31,9 @@ class Series(NamedTuple):
     size: NDArray  # runs; of NEES and NIS runs and objects in a frame
 
 
-def chosen(results: Results, most: int = MOST_SHOWN) -> list[str]:
-    """The reference, and those best in GOSPA, at most `most` of them; best first behind the reference."""
-    return ranked(results)[:most]
+def chosen(results: Results) -> list[str]:
+    """The first `MOST_SHOWN` of `ranked`."""
+    return ranked(results)[:MOST_SHOWN]
 
 
 def ranked(results: Results) -> list[str]:

@@ -108,7 +108,7 @@ def main(
     folder: Annotated[Path, typer.Argument(help="What `testbed compare --out` left.")],
     target: Annotated[Path, typer.Argument(help="Directory for the small results.")] = Path("docs/results"),
     report: Annotated[Path, typer.Argument(help="Directory for the report page.")] = Path("docs/comparison"),
-    reference: Annotated[str | None, typer.Option(help="The others are held against it.")] = None,
+    reference: Annotated[str | None, typer.Option(help="The tracker that the others are compared with.")] = None,
 ) -> None:
     """Make the results of a complete comparison small enough to be committed."""
     with user_input((OSError, ValueError)):

@@ -30,7 +30,7 @@ from testbed.studies.page import steps
 
 KEYS = [*Task._fields, "phase"]
 SHOWN = 40  # rows of the table
-DIGITS = 9  # significant; what a float32 needs to be told from its neighbours
+DIGITS = 9  # significant; that tell a float32 from its neighbours
 
 
 class Mismatch(NamedTuple):

@@ -122,7 +122,7 @@ def test_a_file_of_other_runs_or_another_layout_is_refused(written, change, told
 
 def test_a_whole_update_replaces_a_damaged_file_and_a_partial_one_does_not(written):
     written.write_text("{")
-    order = command.Order(SUITE, written, update=True)
-    assert command.starting_point(order) == NONE
+    options = command.Options(SUITE, written, update=True)
+    assert command.starting_point(options) == NONE
     with pytest.raises(ValueError, match="without --tracker and --scenario"):
-        command.starting_point(replace(order, suite=Suite.of(["cut-in"], None, "runs")))
+        command.starting_point(replace(options, suite=Suite.of(["cut-in"], None, "runs")))
