@@ -47,7 +47,9 @@ class Settings:
         if self.loop not in LOOPS:
             raise ValueError(f"loop must be one of {', '.join(LOOPS)}, got {self.loop!r}; choose one of them")
         if self.duration is not None and not (self.duration > 0 and isfinite(self.duration)):
-            raise ValueError(f"duration must be positive and finite, got {self.duration} s; leave it out for the scenario's own")
+            raise ValueError(
+                f"duration must be positive and finite, got {self.duration} s; leave it out for that of the scenario"
+            )
 
     def seconds(self, scenario: str) -> float:
         """Simulated time [s] of a run."""

@@ -40,7 +40,7 @@ def shared_digest() -> str:
 def tracker_digest(name: str) -> str:
     """Short digest of a tracker: its parameters, and all of `trackers` that the modules of its filter import."""
     filter = find(name)
-    modules = closure(sorted({type(part).__module__ for part in _parts(filter)}))
+    modules = closure(sorted({type(part).__module__ for part in parts(filter)}))
     folders = [_root("trackers") / folder for module, folder in TABLES.items() if module in modules]
     tables = [path for folder in folders for path in sorted(folder.rglob("*.json"))]
     return code_digest([*map(_file, modules), *tables], repr(filter))
@@ -68,15 +68,15 @@ def _imports(path: Path) -> frozenset[str]:
     return frozenset(n for n in names if n.startswith("trackers.") and _file(n).is_file())
 
 
-def _parts(value: Any) -> Iterable[Any]:
+def parts(value: Any) -> Iterable[Any]:
     """A filter and the filters and parameters that it is made of."""
     if is_dataclass(value):
         yield value
         for field in fields(value):
-            yield from _parts(getattr(value, field.name))
+            yield from parts(getattr(value, field.name))
     elif isinstance(value, tuple):
         for item in value:
-            yield from _parts(item)
+            yield from parts(item)
 
 
 def _root(package: str) -> Path:
@@ -130,10 +130,10 @@ def _foreign(module: str) -> str:
 class _Stripped(ast.NodeTransformer):
     """Drops from a syntax tree what does not run, and imports, which `syntax` lists by themselves."""
 
-    def visit_Import(self, node: ast.Import) -> ast.Pass:  # noqa: N802  (ast dictates the name)
+    def visit_Import(self, node: ast.Import) -> ast.Pass:
         return ast.Pass()
 
-    def visit_ImportFrom(self, node: ast.ImportFrom) -> ast.Pass:  # noqa: N802
+    def visit_ImportFrom(self, node: ast.ImportFrom) -> ast.Pass:
         return ast.Pass()
 
     def visit_arg(self, node: ast.arg) -> ast.arg:

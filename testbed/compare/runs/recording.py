@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 
 from scenarios.lanes import lane_shapes
 from scenarios.stage import Phase
-from sensors.scene import Bodies, Ego, Objects, Scene
 from sensors.origin import Origin
-from testbed.files import atomic_file
+from sensors.scene import Bodies, Ego, Objects, Scene
 from testbed.environment.recorder import road_geometry
+from testbed.files import atomic_file
 from testbed.frame import TRUTH, Frame
 from testbed.log.record import RoadGeometry
 from testbed.planners import find as find_planner

@@ -19,9 +19,9 @@ import pyarrow.parquet as pq
 
 from scenarios.stage import Phase
 from testbed.compare.runs.config import Task
-from testbed.evaluation.tracking import Evaluator, jsonable
 from testbed.evaluation.metrics import CUTOFF
 from testbed.evaluation.pair_errors import ERRORS
+from testbed.evaluation.tracking import Evaluator, jsonable
 from testbed.files import atomic_file
 from testbed.frame import Frame
 

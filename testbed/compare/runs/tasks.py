@@ -9,11 +9,11 @@ from typing import Any, NamedTuple
 
 import gymnasium as gym
 
-from testbed.evaluation.driving import DriveEvaluator
 from testbed.compare.runs import recording as recordings
 from testbed.compare.runs.config import Settings, Task
 from testbed.compare.runs.replay import replay
 from testbed.compare.runs.rows import Rows, check_part, write
+from testbed.evaluation.driving import DriveEvaluator
 from testbed.evaluation.tracking import jsonable
 from testbed.frame import TRUTH, Frame
 from testbed.planners import find as find_planner

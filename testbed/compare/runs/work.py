@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
+from testbed.command_line.interruption import InterruptRequest, interruptible
 from testbed.compare.runs import tasks as works
 from testbed.compare.runs.config import Comparison, Task, check, write_settings
 from testbed.compare.runs.engine import Engine, cluster, perform
 from testbed.compare.runs.rows import check_part
-from testbed.compare.runs.tasks import DONE, FAILED, RECORDINGS, ROWS, RecordingTask, Outcome, rows_path
-from testbed.command_line.interruption import InterruptRequest, interruptible
+from testbed.compare.runs.tasks import DONE, FAILED, RECORDINGS, ROWS, Outcome, RecordingTask, rows_path
 from testbed.files import make_directory
 
 Progress = Callable[[int, int, str], None]

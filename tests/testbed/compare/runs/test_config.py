@@ -13,11 +13,11 @@ from testbed.compare.runs.config import (
     Settings,
     Task,
     check,
-    write_settings,
     expand,
     identity,
     parse_seeds,
     read_settings,
+    write_settings,
 )
 from trackers import TRACKERS
 

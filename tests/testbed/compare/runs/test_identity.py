@@ -100,8 +100,12 @@ def test_data_files_count(tmp_path):
 
 
 def test_filters_inside_of_filters_count():
-    modules = {type(part).__module__ for part in identity._parts(find("rm-vmm"))}
-    assert {"trackers.random_matrix.virtual_measurements", "trackers.random_matrix.koch", "trackers.random_matrix.adaptation"} <= modules
+    modules = {type(part).__module__ for part in identity.parts(find("rm-vmm"))}
+    assert {
+        "trackers.random_matrix.virtual_measurements",
+        "trackers.random_matrix.koch",
+        "trackers.random_matrix.adaptation",
+    } <= modules
 
 
 def test_parameters_count():

@@ -1,4 +1,4 @@
-"""A recording is the drive itself: the same bits from the file, and trackers get the same from it as from the live radar."""
+"""A recording is the drive itself: the same bits from the file, and trackers get the same as from the live radar."""
 
 import copy
 import os
@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scenarios.stage import Phase
-from sensors.scene import Ego, boxes_scene
 from sensors.origin import Origin
+from sensors.scene import Ego, boxes_scene
 from testbed.compare.runs.config import Settings, Task
 from testbed.compare.runs.recording import RecordedFrame, Recording, load, read_seconds, record, save
 from testbed.compare.runs.replay import REPLAY, replay, write_log

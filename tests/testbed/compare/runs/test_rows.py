@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scenarios.stage import Phase
-from sensors.scene import boxes_scene
 from sensors.origin import Origin
+from sensors.scene import boxes_scene
 from testbed.compare.runs.config import Task
 from testbed.compare.runs.recording import record
 from testbed.compare.runs.replay import replay
