@@ -1,5 +1,6 @@
 """Many processes do what one does, and killed ones, here or on a cluster, stop nothing."""
 
+import gc
 import os
 import signal
 import socket
@@ -49,6 +50,16 @@ def status(outcomes):
 def local_cluster():
     with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0", silence_logs=50) as made:
         yield made
+
+
+@pytest.fixture
+def collected():
+    """Collect garbage after the test: a client that found no scheduler closes itself then.
+
+    Where that happens while another client starts, both wait for the same lock of dask for good.
+    """
+    yield
+    gc.collect()
 
 
 def test_two_processes_give_the_outcomes_of_one(tmp_path):
@@ -116,6 +127,7 @@ def closed_port():
 
 
 @pytest.mark.parametrize("find", [closed_port, lambda: "nowhere", lambda: "tcp://127.0.0.1:port"])
+@pytest.mark.usefixtures("collected")
 def test_a_cluster_that_does_not_answer_is_told(find):
     address = find()
     with (
@@ -125,6 +137,7 @@ def test_a_cluster_that_does_not_answer_is_told(find):
         pass
 
 
+@pytest.mark.usefixtures("collected")
 def test_a_cluster_without_workers_is_told():
     with LocalCluster(n_workers=0, dashboard_address=":0", silence_logs=50) as empty:
         address = empty.scheduler_address
