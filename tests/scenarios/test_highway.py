@@ -10,6 +10,7 @@ from scenarios.vehicles import SizedIDM
 from tests.scenarios.episodes import world_only
 
 IDLE, FASTER, SLOWER = 1, 3, 4
+CONTRACT = ("cut-in", "articulated-turn", "roundabout", "oncoming", "six-radar-highway")  # one for each kind of road
 every_scenario = pytest.mark.parametrize("name", SCENARIOS)
 
 
@@ -72,7 +73,7 @@ def test_a_reckless_driver_does_crash():
         assert env.steps < 300
 
 
-@every_scenario
+@pytest.mark.parametrize("name", [n if n in CONTRACT else pytest.param(n, marks=pytest.mark.slow) for n in SCENARIOS])
 def test_the_environment_keeps_the_contract_of_gymnasium(name):
     check_env(ScenarioEnv(name), skip_render_check=True)
 

@@ -73,7 +73,7 @@ def mixed_highway(connected, rng, road_class):
 
 @pytest.mark.parametrize("connected", [False, True])
 @pytest.mark.parametrize("build", [ring_with_approach, mixed_highway])
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_states_equal_the_stock_road_over_200_frames(build, connected, seed):
     stock = build(connected, np.random.default_rng(seed), Road)
     fast = build(connected, np.random.default_rng(seed), CachedRoad)
@@ -93,7 +93,7 @@ def test_states_equal_the_stock_road_over_200_frames(build, connected, seed):
         ("intersection-v2", {"duration": 100}),
     ],
 )
-@pytest.mark.parametrize("seed", [0, 5])
+@pytest.mark.parametrize("seed", [0, pytest.param(5, marks=pytest.mark.slow)])
 def test_stock_environments_run_equally_on_the_cached_road(name, config, seed):
     hashes = []
     for convert in (lambda road: road, cached):

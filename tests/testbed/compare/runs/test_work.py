@@ -139,6 +139,7 @@ def test_two_processes_give_the_rows_of_one(whole, tmp_path):
     assert_same_results(whole, comparison.out)
 
 
+@pytest.mark.slow
 def test_a_cluster_gives_the_rows_of_one_process(whole, tmp_path):
     comparison = replace(WANTED, out=str(tmp_path / "cluster"))
     with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0", silence_logs=50) as made:

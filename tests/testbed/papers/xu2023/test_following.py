@@ -1,6 +1,7 @@
 """The body of the data-region trackers, alone: a minute from straight behind, and through a U-turn."""
 
 from functools import cache
+from itertools import product
 
 import numpy as np
 import pytest
@@ -106,9 +107,19 @@ def follow(filter, world, sizes=None):
     return stack(estimates), np.array(areas), np.array(headings)
 
 
-@pytest.mark.parametrize("world", [paper_minute, radar_minute])
-@pytest.mark.parametrize("form", FORMS)
-@pytest.mark.parametrize("name", TRACKERS)
+QUICK = (  # each tracker, form and radar, but not with all others
+    ("dra", "sequential", radar_minute),
+    ("dra-imm", "soft", paper_minute),
+    ("edra-imm", "sequential", paper_minute),
+    ("edra-imm", "soft", radar_minute),
+)
+MINUTES = [
+    pytest.param(*case, marks=() if case in QUICK else pytest.mark.slow)
+    for case in product(TRACKERS, ("sequential", "soft", Enumeration()), (paper_minute, radar_minute))
+]
+
+
+@pytest.mark.parametrize(("name", "form", "world"), MINUTES)
 def test_a_minute_straight_behind_leaves_a_car_and_the_names_of_its_vertices(name, form, world):
     """With the sizes of the class, as in the multi-object tracker; on the paper's radar and on ours."""
     estimate, area, heading = follow(find(name, form=form), world(), SizePrior())

@@ -102,8 +102,9 @@ def test_two_gains_are_as_far_apart_whichever_comes_first():
     assert apart(a, a).value == 1
 
 
-def test_the_whole_experiment_with_one_run(tmp_path):
-    """Every method has every stage, the figures are drawn, the verdicts given, and an early end keeps what is done."""
+@pytest.mark.slow
+def test_the_whole_experiment_with_two_runs(tmp_path):
+    """Every method has every stage, the figures are drawn and the verdicts given."""
     report = yao2021.run(runs=2, out=tmp_path, seed=3)
     assert len(report.rows) == 2 * 3 * 4
     assert {v.outcome.split()[0] for v in report.verdicts} <= {"confirmed", "not"}
@@ -113,16 +114,23 @@ def test_the_whole_experiment_with_one_run(tmp_path):
     assert np.isnan(report.row("truck", "A smoothed")["lost"])
     assert all(path.stat().st_size > 10_000 for path in report.figures)
     assert json.loads((tmp_path / "yao2021.json").read_text())["paper"] == "yao2021"
-    assert PAPERS["yao2021"].run is yao2021.run
 
+
+def test_an_early_end_keeps_every_stage_of_the_methods_that_are_done(tmp_path):
     def stop(done, total, what):
-        if done > 1.1:
+        if done >= 1:
             raise Stopped
 
-    cut = yao2021.run(runs=1, progress=stop)
+    cut = PAPERS["yao2021"].run(runs=1, out=tmp_path, progress=stop, seed=3)
     assert cut.interrupted
+    assert [row.method for row in cut.rows] == ["A before", "A smoothed", "A not adapted", "A adapted"]
     assert cut.cases == ("truck",)
-    assert not cut.verdicts
+    row = cut.row("truck", "A adapted")
+    assert row["position m"] < 0.1 < cut.row("truck", "A not adapted")["position m"]
+    assert row["IoU"] > 0.85
+    assert np.isnan(cut.row("truck", "A smoothed")["lost"])
+    assert not cut.verdicts + cut.figures
+    assert json.loads((tmp_path / "yao2021.json").read_text())["interrupted"]
 
 
 def test_claims_follow_from_the_figures():
