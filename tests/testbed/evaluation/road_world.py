@@ -182,24 +182,32 @@ def tracker_for(world: World, name: str = "rm-feldmann", seconds: float = 10.0) 
     return MultiObjectTracker(find(name), SEVEN.models, road=world.road.map(world.ego.course(seconds)[0]))
 
 
-def drive(
+def record(
     world: World,
-    tracker: MultiObjectTracker,
     seconds: float = 10.0,
     seed: int = 0,
     radar: Callable[[float], Radar] = lambda time: SEVEN,
     distort: Distortion | None = None,
-) -> Outcome:
-    """Run the tracker through the world; `distort` may change a scan after the radar made it."""
-    rng, evaluator = np.random.default_rng(seed), Evaluator("case")
-    tracks, steps = tracker.start(), []
-    for k in range(round(seconds * RATE)):
-        time = k / RATE
+) -> list[tuple[Scene, Scan, Origin]]:
+    """What there is and what the radars detect of it; `distort` may change a scan after the radar made it."""
+    rng, recorded = np.random.default_rng(seed), []
+    for time in np.arange(round(seconds * RATE)) / RATE:
         scene = world.scene(time)
         scan, origin = radar(time).scan(scene, rng)
-        if distort is not None:
-            scan = distort(time, scene, scan, origin, rng)
+        recorded.append((scene, scan if distort is None else distort(time, scene, scan, origin, rng), origin))
+    return recorded
+
+
+def follow(tracker: MultiObjectTracker, recorded: list[tuple[Scene, Scan, Origin]]) -> Outcome:
+    """Run the tracker on what was recorded."""
+    evaluator, tracks, steps = Evaluator("case"), tracker.start(), []
+    for k, (scene, scan, origin) in enumerate(recorded):
         tracks, info = tracker.step(tracks, scan, 1 / RATE if k else 0.0)
-        score = evaluator.step(time, scene, origin, tracks)
-        steps.append(Step(time, scene, scan, origin, tracks, info, score))
+        score = evaluator.step(scene.time, scene, origin, tracks)
+        steps.append(Step(scene.time, scene, scan, origin, tracks, info, score))
     return Outcome(steps, evaluator)
+
+
+def drive(world: World, tracker: MultiObjectTracker, seconds: float = 10.0, seed: int = 0) -> Outcome:
+    """Run the tracker through the world."""
+    return follow(tracker, record(world, seconds, seed))

@@ -13,9 +13,20 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from sensors.origin import CLUTTER, STATIC
+from sensors.origin import CLUTTER, STATIC, Origin
+from sensors.scene import Scene
 from tests.testbed.evaluation import road_cases as cases
-from tests.testbed.evaluation.road_world import CAR, RATE, SEVEN, Outcome, World, drive, tracker_for, with_clutter
+from tests.testbed.evaluation.road_world import (
+    CAR,
+    RATE,
+    SEVEN,
+    Outcome,
+    World,
+    follow,
+    record,
+    tracker_for,
+    with_clutter,
+)
 from trackers import Scan
 
 FILTERS = ("rm-feldmann", "rm-surface")
@@ -23,7 +34,7 @@ MEASURED = (*FILTERS, "htg-map")
 BURST = (1.5, 2.1)  # [s]
 GHOST = (2.0, 4.0)  # [s]
 
-WORLDS: dict[str, tuple[World, float, dict[str, Any]]] = {  # world, seconds, what else `drive` takes
+WORLDS: dict[str, tuple[World, float, dict[str, Any]]] = {  # world, seconds, what else `record` takes
     "abreast": (cases.ABREAST, 4.0, {}),
     "truck and car": (cases.TRUCK_AND_CAR, 4.0, {}),
     "hidden": (cases.HIDDEN, 7.0, {}),
@@ -43,10 +54,17 @@ WORLDS: dict[str, tuple[World, float, dict[str, Any]]] = {  # world, seconds, wh
 
 
 @cache
-def run(case: str, name: str) -> Outcome:
-    """One run of a case with seed 0, shared by its tests."""
+def recording(case: str) -> list[tuple[Scene, Scan, Origin]]:
+    """What the radars detect in a case with seed 0, the same for all trackers."""
     world, seconds, more = WORLDS[case]
-    return drive(world, tracker_for(world, name, seconds), seconds, **more)
+    return record(world, seconds, **more)
+
+
+@cache
+def run(case: str, name: str) -> Outcome:
+    """One run of a case, shared by its tests."""
+    world, seconds, _ = WORLDS[case]
+    return follow(tracker_for(world, name, seconds), recording(case))
 
 
 def near_end(outcome: Outcome, start: float) -> tuple[NDArray, NDArray]:
