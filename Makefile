@@ -5,9 +5,13 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 DOCS_STAMP := $(VENV)/.installed-docs
 PIP := $(BIN)/python -m pip install --disable-pip-version-check --constraint constraints.txt
+# Neighbouring tests stay in one process, so that most fixtures of a module are made once.
+PYTEST := $(BIN)/pytest -n auto --dist worksteal
 SITE := build/docs
+# Byte code is kept, also where the machine's default is not to.
+export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo test lint types unit generated docs bench regress reproduce comparison comparison-page learning-docs family modes partial-view contours clean
+.PHONY: demo test test-all lint types unit generated docs bench regress reproduce comparison comparison-page learning-docs family modes partial-view contours clean
 
 demo: $(STAMP)
 	@echo
@@ -15,6 +19,9 @@ demo: $(STAMP)
 	$(BIN)/testbed run cut-in --radar surround --seed 0 --out runs
 
 test: lint types unit
+
+test-all: lint types  # with what is marked slow
+	$(PYTEST) -m ""
 
 lint: $(STAMP)
 	$(BIN)/ruff check .
@@ -24,7 +31,7 @@ types: $(STAMP)
 	$(BIN)/mypy
 
 unit: $(STAMP)
-	$(BIN)/pytest -n auto
+	$(PYTEST)
 
 generated: $(STAMP)  # what the documentation says about the registries; after adding a scenario, tracker, radar, ...
 	$(BIN)/python -m testbed.studies generated
