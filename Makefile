@@ -77,10 +77,10 @@ learning-docs: $(STAMP)  # DATA is the folder with objects.npz of the real extra
 	$(BIN)/python -m testbed.studies htg-tables $(DATA) --docs docs
 
 $(STAMP): pyproject.toml constraints.txt
-	$(PYTHON) -c "import sys; v = sys.version_info; sys.exit(0 if v >= (3, 11) else f'Python >= 3.11 is needed, $(PYTHON) is {v[0]}.{v[1]}; call make PYTHON=python3.11')"
+	@$(PYTHON) -c "import sys; v = sys.version_info; sys.exit(0 if v >= (3, 11) else f'Python >= 3.11 is needed, $(PYTHON) is {v[0]}.{v[1]}; call make PYTHON=python3.11')"
 	@echo "Setting up, once. 1 of 2: $(VENV), some seconds"
 	$(PYTHON) -m venv $(VENV)
-	@echo "2 of 2: the pinned packages of constraints.txt, about 410 MB, 1 to 3 minutes; the last one is this project"
+	@echo "2 of 2: the pinned packages of constraints.txt, about 410 MB, 1 to 3 minutes, of which pip unpacks the last one in silence"
 	$(PIP) --editable '.[dev]'
 	@touch $(STAMP)
 
@@ -89,4 +89,4 @@ $(DOCS_STAMP): $(STAMP)
 	@touch $(DOCS_STAMP)
 
 clean:
-	rm -rf $(VENV) runs build *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	rm -rf $(VENV) runs build docs/api *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis
