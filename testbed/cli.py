@@ -109,7 +109,9 @@ def review(
     path: Annotated[list[Path], typer.Argument(help="Logs (.rrd) of runs.")],
     web: Annotated[bool, typer.Option("--web", help="Serve the viewer to a browser on this machine.")] = False,
     screenshot: Annotated[Path | None, typer.Option(help="Write a picture (.png) instead of opening a window.")] = None,
-    at: Annotated[float | None, typer.Option(help="Time of the picture [s]. Without it: the end.")] = None,
+    at: Annotated[
+        float | None, typer.Option(help="Time of the picture [s]. Without it: the middle of the run.")
+    ] = None,
 ) -> None:
     """Open the logs of runs in the viewer, or take a picture of one.
 

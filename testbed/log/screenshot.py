@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
+from testbed.files import write_atomic
 from testbed.log import paths
 
 SETTLE = 1.5  # [s] until plots and texts have been laid out
@@ -53,7 +54,7 @@ def render(path: str | Path, png: str | Path, at: float, settle: float = SETTLE)
         viewer.open(str(path.resolve()))
         viewer.set_time(paths.TIME, duration=at, play_state="paused")
         time.sleep(settle)
-        png.write_bytes(viewer.take_screenshot())
+        write_atomic(png, viewer.take_screenshot())
         return [f"{view}: {report}" for view in viewer.get_state().views for report in view.reports]
 
 
