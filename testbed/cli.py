@@ -110,7 +110,7 @@ def review(
     web: Annotated[bool, typer.Option("--web", help="Serve the viewer to a browser on this machine.")] = False,
     screenshot: Annotated[Path | None, typer.Option(help="Write a picture (.png) instead of opening a window.")] = None,
     at: Annotated[
-        float | None, typer.Option(help="Time of the picture [s]. Without it: the middle of the run.")
+        float | None, typer.Option(help="Time of the picture in seconds. Without it: the middle of the run.")
     ] = None,
 ) -> None:
     """Open the logs of runs in the viewer, or take a picture of one.
