@@ -18,7 +18,8 @@ demo: $(STAMP)
 	@echo "Twenty seconds of \`cut-in\` in closed loop: traffic, six radars, the default tracker, the planner idm."
 	$(BIN)/testbed run cut-in --radar surround --seed 0 --out runs
 
-test: lint types unit
+test: $(STAMP)  # side by side; the tests end last
+	@$(MAKE) --no-print-directory --jobs=2 lint types unit
 
 test-all: lint types  # with what is marked slow
 	$(PYTEST) -m ""
