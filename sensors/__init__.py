@@ -6,6 +6,8 @@ from sensors.raycast import cast, cast_bodies
 from sensors.rigs import RADARS, find
 from sensors.scene import Bodies, Ego, Objects, Scene
 
+__distribution__ = "eot-testbed"  # `testbed` tells by this line that no other package of this name took its place
+
 __all__ = [
     "KINDS",
     "RADARS",

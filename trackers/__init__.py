@@ -8,6 +8,8 @@ from trackers.random_matrix.feldmann import RandomMatrix
 from trackers.registry import DEFAULT, TRACKERS, find
 from trackers.scan import Scan, SensorModel
 
+__distribution__ = "eot-testbed"  # `testbed` tells by this line that no other package of this name took its place
+
 __all__ = [
     "DEFAULT",
     "TRACKERS",

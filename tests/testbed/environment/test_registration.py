@@ -1,6 +1,7 @@
 """The gymnasium ids of the scenarios."""
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -46,6 +47,56 @@ def test_a_foreign_package_of_the_same_name_is_refused_in_one_sentence(tmp_path)
     last = done.stderr.strip().splitlines()[-1]
     assert last.startswith("ImportError: testbed needs its own package 'trackers'")
     assert str(tmp_path) in last
+
+
+@pytest.fixture
+def installed(tmp_path):
+    """The four packages as an installation has them, in a directory of their own."""
+    root = Path(testbed.__file__).parents[1]
+    for name in ("trackers", "sensors", "scenarios", "testbed"):
+        shutil.copytree(root / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
+    return tmp_path
+
+
+def distribution(site: Path, name: str, package: str) -> None:
+    """The record of an installed distribution that brings a package."""
+    info = site / f"{name}-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
+    (info / "RECORD").write_text(f"{package}/__init__.py,,\n")
+
+
+def refusal(site: Path) -> str:
+    """The last line of the error with which the import of testbed ends, where nothing else is installed."""
+    command = [sys.executable, "-S", "-c", "import testbed"]
+    done = subprocess.run(command, capture_output=True, text=True, env={}, cwd=site, check=False)
+    assert done.returncode == 1
+    return done.stderr.strip().splitlines()[-1]
+
+
+@pytest.mark.parametrize("name", ["trackers", "sensors", "scenarios"])
+def test_a_package_that_another_distribution_overwrote_is_named_with_its_repair(installed, name):
+    (installed / name / "__init__.py").write_text("from collections import OrderedDict\n")
+    distribution(installed, "foreign", name)
+    distribution(installed, "eot-testbed", name)
+    assert refusal(installed) == (
+        f"ImportError: {installed / name / '__init__.py'} was overwritten by 'foreign'; repair it with: "
+        "python -m pip uninstall foreign && python -m pip install --force-reinstall --no-deps eot-testbed"
+    )
+
+
+def test_a_package_that_went_with_the_other_distribution_is_named_with_its_repair(installed):
+    (installed / "trackers" / "__init__.py").unlink()
+    distribution(installed, "eot-testbed", "trackers")
+    assert refusal(installed) == (
+        f"ImportError: {installed / 'trackers' / '__init__.py'} is missing, as after uninstalling another "
+        "distribution that brings a package 'trackers'; repair it with: "
+        "python -m pip install --force-reinstall --no-deps eot-testbed"
+    )
+
+
+def test_an_installation_beside_nothing_foreign_imports(installed):
+    assert python("import testbed", installed).returncode == 0
 
 
 def test_public_names_are_there_and_others_are_not():
