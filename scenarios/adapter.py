@@ -32,6 +32,14 @@ class SceneReader:
         # The reference in the value keeps an object that left the road alive: its id() cannot be given again
         self._known: dict[int, tuple[RoadObject, int]] = {}
 
+    def __getstate__(self) -> dict[str, Any]:
+        """The objects in the order of their ids: the `id()` of an object is another one after pickling."""
+        return {**self.__dict__, "_known": [vehicle for vehicle, _ in self._known.values()]}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        known = {id(vehicle): (vehicle, number) for number, vehicle in enumerate(state["_known"], 1)}
+        self.__dict__.update(state, _known=known)
+
     def read(self, env: Any) -> Scene:
         """The truth in an unwrapped environment now; its time is that of the last frame that highway-env has counted.
 

@@ -1,16 +1,42 @@
 """The highway-env environment of a scenario: time, spaces, reward and end of an episode."""
 
+from collections.abc import Mapping
+from copy import copy
+from math import inf
 from typing import Any
 
 import numpy as np
 from highway_env.envs.common.abstract import AbstractEnv
+from highway_env.envs.common.action import DiscreteMetaAction
+from highway_env.envs.common.finite_mdp import finite_mdp
 from numpy.typing import NDArray
 
 from scenarios.registry import Scenario, find
 from scenarios.stage import TARGET_SPEEDS, Phase
+from scenarios.vehicles import PedalEgo
 
 FEATURES = ("presence", "x", "y", "vx", "vy", "cos_h", "sin_h")
 SPEED_RANGE = (0.0, 30.0)  # [m/s] over which the reward rises
+MAX_FREQUENCY = 100  # [Hz] of simulated frames: no automotive radar scans faster, and each frame is a scan
+ACTION_TYPES = ("ContinuousAction", "DiscreteAction", "DiscreteMetaAction")
+
+
+def is_positive(value: Any) -> bool:
+    """Whether a value is a positive, finite number."""
+    number = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
+    return bool(number and 0 < value < inf)
+
+
+def check_clock(config: Mapping[str, Any]) -> None:
+    """Raise ValueError for frequencies with which no frame, or far too many, are simulated; any highway-env config."""
+    for key in ("simulation_frequency", "policy_frequency"):
+        if not is_positive(config[key]):
+            raise ValueError(f"config[{key!r}] must be positive and finite, got {config[key]!r}; give it in Hz")
+    simulation, policy = config["simulation_frequency"], config["policy_frequency"]
+    if simulation > MAX_FREQUENCY:
+        raise ValueError(f"config['simulation_frequency'] must be at most {MAX_FREQUENCY} Hz, got {simulation} Hz")
+    if policy > simulation:
+        raise ValueError(f"policy_frequency {policy} Hz must not exceed simulation_frequency {simulation} Hz")
 
 
 def build_config(default: dict[str, Any], config: dict[str, Any] | None) -> dict[str, Any]:
@@ -26,13 +52,17 @@ def build_config(default: dict[str, Any], config: dict[str, Any] | None) -> dict
     for key in ("observation", "action"):
         if not isinstance(merged[key], dict) or "type" not in merged[key]:
             raise ValueError(f"config[{key!r}] must be a whole dict with its 'type', got {merged[key]!r}")
-    if merged["action"]["type"] != "DiscreteMetaAction":
-        raise ValueError(f"config['action'] must be a DiscreteMetaAction, got {merged['action']['type']!r}")
+    action = merged["action"]
+    if action["type"] not in ACTION_TYPES:
+        raise ValueError(f"config['action'] must have a type of {', '.join(ACTION_TYPES)}, got {action['type']!r}")
+    if action.get("dynamical"):
+        raise ValueError("config['action'] must not be dynamical, the ego is a kinematic bicycle; leave the key out")
+    check_clock(merged)
     simulation, policy = merged["simulation_frequency"], merged["policy_frequency"]
-    if not (policy > 0 and simulation > 0 and simulation % policy == 0):
+    if simulation % policy != 0:
         raise ValueError(f"policy_frequency {policy} Hz must divide simulation_frequency {simulation} Hz")
-    if not merged["duration"] > 0:
-        raise ValueError(f"config['duration'] must be positive, got {merged['duration']} s")
+    if not is_positive(merged["duration"]):
+        raise ValueError(f"config['duration'] must be positive and finite, got {merged['duration']!r}; give seconds")
     return merged
 
 
@@ -85,6 +115,10 @@ class ScenarioEnv(AbstractEnv):
         world = self.scenario.build(self.np_random)
         self.road, self.walls, self.phases = world.road, world.walls, world.phases
         self.vehicle = world.ego
+        if self.config["action"]["type"] != "DiscreteMetaAction":
+            self.vehicle = PedalEgo.create_from(world.ego)
+            self.road.vehicles = [self.vehicle if v is world.ego else v for v in self.road.vehicles]
+            return
         speeds = self.config["action"].get("target_speeds")
         if speeds is not None:
             world.ego.target_speeds = np.asarray(speeds, float)
@@ -110,3 +144,28 @@ class ScenarioEnv(AbstractEnv):
     def _is_truncated(self) -> bool:
         """Time is over, by the frame counter: highway-env's own clock may drift."""
         return bool(self.steps >= round(self.config["duration"] * self.config["simulation_frequency"]))
+
+    def to_finite_mdp(self) -> Any:
+        """highway-env's finite Markov decision process over times to collision, with the reward of this environment.
+
+        A state is worth its share of the highest target speed. A collision takes so much of it that one at that speed
+        is worth `collision_reward`. The config has no weights for that, because the reward of a step needs none.
+
+        Raises:
+            ValueError: the actions are not the five meta-actions, whose transitions highway-env knows.
+            ModuleNotFoundError: the package finite_mdp is not installed.
+        """
+        if not (isinstance(self.action_type, DiscreteMetaAction) and self.action_space.n == 5):
+            raise ValueError(
+                "to_finite_mdp needs config['action'] of type DiscreteMetaAction, lateral and longitudinal, got "
+                f"{self.config['action']}"
+            )
+        weighted = copy(self)
+        weighted.config = {
+            **self.config,
+            "collision_reward": self.config["collision_reward"] - 1.0,
+            "high_speed_reward": 1.0,
+            "right_lane_reward": 0.0,
+            "lane_change_reward": 0.0,
+        }
+        return finite_mdp(weighted, time_quantization=1 / self.config["policy_frequency"])

@@ -7,6 +7,8 @@ registering environments stay light. Users may pass a `Scenario` of their own wi
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
+from math import inf
+from numbers import Real
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -32,8 +34,8 @@ class Scenario:
     duration: float = 20.0  # [s]
 
     def __post_init__(self) -> None:
-        if not self.duration > 0:
-            raise ValueError(f"{self.name}: duration must be positive, got {self.duration} s")
+        if not (isinstance(self.duration, Real) and 0 < self.duration < inf):
+            raise ValueError(f"{self.name}: duration must be positive and finite, got {self.duration!r}; give seconds")
         if isinstance(self.builder, str) and self.builder.count(":") != 1:
             raise ValueError(f"{self.name}: builder must read 'module:function', got {self.builder!r}")
 

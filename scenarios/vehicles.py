@@ -229,6 +229,20 @@ class EgoVehicle(SoftSteering, Sized, MDPVehicle):
         return int(np.clip(index, 0, self.target_speeds.size - 1))
 
 
+class PedalEgo(Sized, Vehicle):
+    """The vehicle under test where actions are acceleration and steering angle themselves, not meta-actions."""
+
+    route: Route | None
+
+    @classmethod
+    def create_from(cls, vehicle: Vehicle) -> Self:
+        """A vehicle in the same state, with the same size, contour and route."""
+        new = cls(vehicle.road, vehicle.position, vehicle.heading, vehicle.speed)
+        new._take_size(vehicle.LENGTH, vehicle.WIDTH, contour_of(vehicle))
+        new.route = getattr(vehicle, "route", None)
+        return new
+
+
 class CourseVehicle(Sized, Vehicle):
     """Follows a course table whatever happens: it is not controlled, does not swerve and is not pushed aside."""
 

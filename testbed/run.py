@@ -3,7 +3,8 @@
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
-from math import isfinite
+from math import inf
+from numbers import Integral, Real
 from pathlib import Path
 from time import perf_counter, process_time
 from typing import Any
@@ -36,12 +37,16 @@ class RunConfig:
     log: str = "full"
 
     def __post_init__(self) -> None:
+        if isinstance(self.trackers, str):
+            raise ValueError(f"trackers must be a tuple of names, got the string {self.trackers!r}; put it in a tuple")
         if not self.trackers:
             raise ValueError("trackers must name at least one tracker, got none")
-        if self.duration is not None and not (self.duration > 0 and isfinite(self.duration)):
+        if self.duration is not None and not (isinstance(self.duration, Real) and 0 < self.duration < inf):
             raise ValueError(
-                f"duration must be positive and finite, got {self.duration} s; leave it out for the scenario's own"
+                f"duration must be positive and finite, got {self.duration!r} s; leave it out for the scenario's own"
             )
+        if not isinstance(self.seed, Integral):
+            raise ValueError(f"seed must be a whole number, got {self.seed!r}; take 0 or more")
         if self.seed < 0:
             raise ValueError(f"seed must not be negative, got {self.seed}; take 0 or more")
 

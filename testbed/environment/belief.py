@@ -238,6 +238,17 @@ def attach_view(observation_type: ObservationType, view: BeliefView) -> None:
             part.viewer.env = view
 
 
+class CopyOf:
+    """What a deep copy of one road makes instead: a copy of another; a class, because functions cannot be pickled."""
+
+    def __init__(self, road: Road) -> None:
+        self._road = road
+
+    def __call__(self, memo: dict) -> Road:
+        """The copy."""
+        return deepcopy(self._road, memo)
+
+
 class RoadSwap:
     """Switches an environment between its true road, while it simulates, and the belief road, between calls.
 
@@ -261,7 +272,7 @@ class RoadSwap:
     def hide(self, belief: Road) -> None:
         """Put the belief road in the place of the true one."""
         self._truth, self._belief = self._env.road, belief
-        self._truth.__deepcopy__ = lambda memo: deepcopy(belief, memo)
+        self._truth.__deepcopy__ = CopyOf(belief)
         self._point(belief)
 
     def show(self) -> None:

@@ -5,7 +5,8 @@ its name: its tracks are the scene itself, for comparisons with a planner that k
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from copy import copy
+from dataclasses import fields, replace
 from time import perf_counter
 from typing import Any, NamedTuple, Protocol
 
@@ -70,25 +71,51 @@ class Cost(NamedTuple):
 
 
 def radar_of(radar: Any) -> RadarLike:
-    """The radar behind a name or {"name": name, parameter: value}; an object is taken as it is."""
+    """The radar behind a name or {"name": name, parameter: value}; an object like a radar is taken as it is.
+
+    Raises:
+        LookupError: an unknown name; the nearest one is suggested.
+        TypeError: no radar, or a parameter that a radar does not have.
+        ValueError: a parameter of a value that no radar can have.
+    """
     if isinstance(radar, str):
         return sensors.find(radar)
     if isinstance(radar, Mapping):
         name, parameters = _split(radar, "radar")
-        return replace(sensors.find(name), **parameters)
+        found = sensors.find(name)
+        known = [field.name for field in fields(found)]
+        if unknown := sorted(set(parameters) - set(known)):
+            raise TypeError(f"radar {name} has no parameter {', '.join(unknown)}; it has {', '.join(known)}")
+        return replace(found, **parameters)
+    if isinstance(radar, type) or not all(hasattr(radar, part) for part in ("models", "rate", "scan")):
+        raise TypeError(
+            f"radar must be a name, {{'name': NAME, PARAMETER: VALUE}} or an object with models, rate and scan, "
+            f"got {radar!r}; try 'surround'"
+        )
     return radar
 
 
 def tracker_of(tracker: Any, radar: RadarLike) -> TrackerLike | None:
-    """The multi-object tracker behind a name, {"name": name, parameter: value} or a filter; None for the truth."""
+    """The multi-object tracker behind a name, {"name": name, parameter: value} or a filter; None for the truth.
+
+    Raises:
+        LookupError: an unknown name; the nearest one is suggested.
+        TypeError: no tracker, or a parameter that the filter does not have.
+        ValueError: a parameter of a value that the filter refuses.
+    """
     if isinstance(tracker, str):
         return None if tracker == TRUTH else MultiObjectTracker(trackers.find(tracker), radar.models)
     if isinstance(tracker, Mapping):
         name, parameters = _split(tracker, "tracker")
         return MultiObjectTracker(trackers.find(name, **parameters), radar.models)
-    if hasattr(tracker, "start"):
-        return tracker
-    return MultiObjectTracker(tracker, radar.models)
+    kinds = (("start", "step"), ("init", "predict", "update", "estimate"))
+    complete = [not isinstance(tracker, type) and all(hasattr(tracker, part) for part in kind) for kind in kinds]
+    if not any(complete):
+        raise TypeError(
+            f"tracker must be a name, {{'name': NAME, PARAMETER: VALUE}}, a filter with init, predict, update and "
+            f"estimate, or an object with start and step, got {tracker!r}; try {trackers.DEFAULT!r}"
+        )
+    return tracker if complete[0] else MultiObjectTracker(tracker, radar.models)
 
 
 def on_road(tracker: TrackerLike | None, road: RoadMap) -> TrackerLike | None:
@@ -113,6 +140,8 @@ def _split(entry: Mapping[str, Any], what: str) -> tuple[str, dict[str, Any]]:
     """Name and parameters of a dict entry."""
     if "name" not in entry:
         raise ValueError(f"{what} {dict(entry)} has no key 'name'; write {{'name': NAME, PARAMETER: VALUE}}")
+    if not isinstance(entry["name"], str):
+        raise TypeError(f"the name of a {what} must be a string, got {entry['name']!r}; `testbed list` shows the names")
     return entry["name"], {key: value for key, value in entry.items() if key != "name"}
 
 
@@ -153,6 +182,12 @@ class Perception:
 
     def __deepcopy__(self, memo: dict) -> None:
         return None
+
+    def without(self, observer: Observer) -> "Perception":
+        """The same with one observer less; all else is shared."""
+        other = copy(self)
+        other.observers = [o for o in self.observers if o is not observer]
+        return other
 
     @classmethod
     def mount(cls, radar: Any, trackers: Sequence[Any]) -> "Perception":

@@ -7,8 +7,9 @@ Three hooks, none of which changes the simulation (docs/methods/environment.md):
 - road swap: between calls `env.unwrapped.road` is the belief road, so planners that read or copy it plan on tracks.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from os import PathLike
 from typing import Any
 
 import gymnasium as gym
@@ -20,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from scenarios.adapter import SceneReader
 from scenarios.constants import protect_idm_constants
-from scenarios.highway import ScenarioEnv
+from scenarios.highway import ScenarioEnv, check_clock
 from scenarios.lanes import lane_shapes
 from scenarios.vehicles import CourseVehicle
 from sensors.origin import Origin
@@ -32,6 +33,7 @@ from testbed.environment.recorder import Recorder, road_geometry
 from testbed.files import versions
 from testbed.frame import Observer
 from testbed.log.record import LEVELS, RunMeta, run_id
+from testbed.planners import find as find_planner
 from trackers import DEFAULT
 from trackers.multi.road import RoadMap
 from trackers.multi.tracks import Tracks
@@ -51,6 +53,44 @@ def describe_action(action_type: ActionType, action: Any) -> str:
     if hasattr(action_type, "actions"):
         return action_type.actions.get(int(action), str(action))
     return " ".join(f"{value:+.2f}" for value in np.ravel(action))
+
+
+def is_within(space: gym.Space, action: Any) -> bool:
+    """Whether a space contains an action; for a box, numbers of any type and in any sequence."""
+    if isinstance(space, gym.spaces.Tuple):
+        complete = isinstance(action, tuple) and len(action) == len(space.spaces)
+        return complete and all(map(is_within, space.spaces, action))
+    if isinstance(space, gym.spaces.Box):
+        try:
+            action = np.asarray(action, space.dtype)
+        except (TypeError, ValueError):
+            return False
+    return space.contains(action)
+
+
+def check_mountable(env: gym.Env) -> None:
+    """Raise TypeError or ValueError for an environment on which no radar can be mounted."""
+    if not isinstance(env, gym.Env) or not isinstance(env.unwrapped, AbstractEnv):
+        found = env.unwrapped if isinstance(env, gym.Env) else env
+        raise TypeError(f"env must be a highway-env environment, got {found!r}; try gym.make('highway-v0')")
+    inner = env
+    while isinstance(inner, gym.Wrapper):
+        if isinstance(inner, TrackedEnv):
+            raise ValueError(
+                f"env has a radar and trackers already, got {env}; give tracker and radar to the gym.make or "
+                "TrackedEnv that made it"
+            )
+        inner = inner.env
+    check_clock(inner.config)  # type: ignore[attr-defined]
+
+
+def planner_name(planner: Any) -> str:
+    """The name of a planner of the catalogue, or of an object with a name; LookupError or TypeError for others."""
+    if isinstance(planner, str):
+        return find_planner(planner).name
+    if not isinstance(getattr(planner, "name", None), str):
+        raise TypeError(f"planner must be a name, or an object with a name, got {planner!r}; try 'idm'")
+    return planner.name
 
 
 @contextmanager
@@ -87,7 +127,7 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
         also: Sequence[Any] = (),
         out: str | None = None,
         log: str = "full",
-        planner: str = "idm",
+        planner: Any = "idm",
     ) -> None:
         """Mount a radar and trackers on the first controlled vehicle.
 
@@ -100,22 +140,29 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
             also: further trackers that get the same detections.
             out: directory for the log and the results of every episode; None: nothing is written.
             log: what goes into the log: full, metrics, or off for results only.
-            planner: name of the planner, for the names of the files.
+            planner: the planner that will choose the actions, for the names of the files: a name of
+                `testbed.PLANNERS`, or an object with a `name`.
 
         Raises:
-            TypeError: `env` is no highway-env environment.
-            ValueError: an unknown `log`, two trackers of one name, or a dict without "name".
-            LookupError: an unknown tracker or radar; the nearest name is suggested.
+            TypeError: `env` is no highway-env environment; a tracker, radar or planner is neither a name nor an object
+                that can do its work; `also` is no sequence; an unknown parameter.
+            ValueError: `env` has a radar already, or its frequencies make no frame; an unknown `log`, two trackers of
+                one name, a dict without "name", or a value of a parameter that is refused.
+            LookupError: an unknown tracker, radar or planner; the nearest name is suggested.
         """
+        check_mountable(env)
+        if isinstance(also, str | Mapping) or not isinstance(also, Iterable):
+            raise TypeError(f"also must be a sequence of trackers, got {also!r}; write also=[TRACKER]")
+        if out is not None and not isinstance(out, str | PathLike):
+            raise TypeError(f"out must be a directory or None, got {out!r}; write out='runs'")
+        also = list(also)
         gym.utils.RecordConstructorArgs.__init__(
-            self, tracker=tracker, radar=radar, also=list(also), out=out, log=log, planner=planner
+            self, tracker=tracker, radar=radar, also=also, out=out, log=log, planner=planner
         )
         gym.Wrapper.__init__(self, env)
-        if not isinstance(env.unwrapped, AbstractEnv):
-            raise TypeError(f"env must be a highway-env environment, got {env.unwrapped!r}; try gym.make('highway-v0')")
         if log not in LEVELS:
             raise ValueError(f"log must be one of {', '.join(LEVELS)}, got {log!r}")
-        self.out, self.log, self.planner = out, log, planner
+        self.out, self.log, self.planner = out, log, planner_name(planner)
         self.plan: NDArray = np.zeros((0, 2))  # (P, 2) [m] the planner's path; set before `step`, for the observers
         self.cruise_speed = SLOWEST_CRUISE  # [m/s] of a planner on a free road
         self._action = "reset"
@@ -125,6 +172,7 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
         self._view = BeliefView(env.unwrapped, self._belief_now)
         self._fence = protect_idm_constants()  # `intersection-*` writes into IDMVehicle at every reset
         self._episode = 0
+        self._ended = False  # whether the episode is over
         self._belief: tuple[int, Road] | None = None  # frame, road
         self.recorder: Recorder | None = None  # of the episode that goes on, when `out` is given
 
@@ -189,6 +237,7 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
         self._swap.show()
         self._episode = 0 if seed is not None else self._episode + 1
         self._belief, self._action, self.plan = None, "reset", np.zeros((0, 2))
+        self._ended = False
         with self._viewed_from_the_start(), self._fence:
             observation, info = self.env.reset(seed=seed, options=options)
         self.cruise_speed = max(SLOWEST_CRUISE, float(self._core.vehicle.speed))
@@ -199,15 +248,23 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
         return observation, self._report(info)
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
-        """Simulate one period of the planner.
+        """Simulate one period of the planner; None applies no action, as in highway-env.
 
         Raises:
-            gymnasium.error.ResetNeeded: `reset` was not called before.
+            gymnasium.error.ResetNeeded: `reset` was not called before, or the episode is over.
+            gymnasium.error.InvalidAction: the action is not in the action space; nothing was simulated.
         """
         if self._mounted is None or self._swap is None:
             return self.env.step(action)
         if not self._swap.hidden:
             raise gym.error.ResetNeeded("step was called before reset; call env.reset(seed=...) first")
+        if self._ended:
+            raise gym.error.ResetNeeded("step was called after the end of the episode; call env.reset() first")
+        if action is not None and not is_within(self.action_space, action):
+            raise gym.error.InvalidAction(
+                f"action {action!r} is not in the action space {self.action_space}; "
+                "env.action_space.contains(action) tells, env.action_space.sample() shows one"
+            )
         self._swap.show()
         core = self._core
         self._action = describe_action(core.action_type, action)
@@ -217,6 +274,7 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
                 observation, reward, terminated, truncated, info = self.env.step(action)
         finally:
             self._swap.hide(self._belief_now())
+        self._ended = bool(terminated or truncated)
         return observation, reward, terminated, truncated, self._report(info)
 
     def render(self) -> Any:
@@ -233,6 +291,12 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
         """Finish the files of the last episode, and close the environment."""
         self._stop_recording()
         self.env.close()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All but the open files: an unpickled environment goes on alike, and writes from its next reset on."""
+        if self.recorder is None:
+            return self.__dict__.copy()
+        return {**self.__dict__, "recorder": None, "_mounted": self._perception.without(self.recorder)}
 
     # Inner workings
 
@@ -353,7 +417,7 @@ def scenario_env(
     also: Sequence[Any] = (),
     out: str | None = None,
     log: str = "full",
-    planner: str = "idm",
+    planner: Any = "idm",
     config: dict[str, Any] | None = None,
     render_mode: str | None = None,
 ) -> TrackedEnv:

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 import gymnasium as gym
 import numpy as np
-from highway_env.envs.common.action import DiscreteMetaAction
+from highway_env.envs.common.action import DiscreteAction, DiscreteMetaAction
 from numpy.typing import NDArray
 
 from testbed.planners.idm import Choice, IdmPlanner
@@ -55,6 +55,13 @@ class Idle:
         action_type = env.unwrapped.action_type  # type: ignore[attr-defined]
         if isinstance(action_type, DiscreteMetaAction):
             return action_type.actions_indexes["IDLE"]
+        if isinstance(action_type, DiscreteAction):
+            if action_type.actions_per_axis % 2 == 0:
+                raise TypeError(
+                    f"planner 'idle' needs an odd number of actions_per_axis, got {action_type.actions_per_axis}: "
+                    "no action of an even number keeps speed and lane"
+                )
+            return int(env.action_space.n) // 2  # type: ignore[attr-defined]  # the middle of every axis
         return np.zeros(env.action_space.shape, env.action_space.dtype)
 
     def plan(self, env: gym.Env) -> NDArray:

@@ -1,3 +1,5 @@
+import sys
+
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
@@ -162,14 +164,121 @@ def test_a_picture_shows_the_road():
     [
         ({"policy_freqency": 5}, "no key 'policy_freqency'"),
         ({"policy_frequency": 4}, "must divide"),
-        ({"duration": 0}, "must be positive"),
+        ({"simulation_frequency": 1000}, "'simulation_frequency'. must be at most 100 Hz, got 1000 Hz"),
+        ({"simulation_frequency": 0}, "'simulation_frequency'. must be positive and finite, got 0; give it in Hz"),
+        ({"simulation_frequency": -1}, "'simulation_frequency'. must be positive and finite, got -1"),
+        ({"simulation_frequency": "15"}, "'simulation_frequency'. must be positive and finite, got '15'"),
+        ({"policy_frequency": True}, "'policy_frequency'. must be positive and finite, got True"),
+        ({"policy_frequency": 30}, "30 Hz must not exceed simulation_frequency 15 Hz"),
+        ({"duration": 0}, "'duration'. must be positive and finite, got 0; give seconds"),
+        ({"duration": "x"}, "'duration'. must be positive and finite, got 'x'"),
+        ({"duration": float("nan")}, "'duration'. must be positive and finite, got nan"),
+        ({"duration": float("inf")}, "'duration'. must be positive and finite, got inf"),
         ({"observation": {"vehicles_count": 5}}, "whole dict"),
-        ({"action": {"type": "ContinuousAction"}}, "DiscreteMetaAction"),
+        ({"action": {"type": "MultiAgentAction"}}, "ContinuousAction, DiscreteAction, DiscreteMetaAction, got 'Multi"),
+        ({"action": {"type": "ContinuousAction", "dynamical": True}}, "dynamical"),
     ],
 )
 def test_a_config_that_cannot_work_is_refused(config, message):
     with pytest.raises(ValueError, match=message):
         ScenarioEnv("cut-in", config=config)
+
+
+@pytest.mark.parametrize("duration", ["x", float("nan"), float("inf"), 0, None])
+def test_a_scenario_of_no_duration_is_refused(duration):
+    with pytest.raises(ValueError, match="short: duration must be positive and finite, got"):
+        Scenario("short", "Nothing.", find("following").builder, 9, duration=duration)
+
+
+# Action types
+
+
+@pytest.mark.parametrize("kind", ["ContinuousAction", "DiscreteAction", "DiscreteMetaAction"])
+def test_every_action_type_keeps_the_contract_of_gymnasium(kind):
+    check_env(ScenarioEnv("cut-in", config={"action": {"type": kind}}), skip_render_check=True)
+
+
+def drive_straight(kind, action):
+    """The ego's speeds [m/s] before and after a second of one action, and its headings [rad]."""
+    env = ScenarioEnv("following", config={"action": {"type": kind}})
+    env.reset(seed=0)
+    before = env.vehicle.speed, env.vehicle.heading
+    for _ in range(5):
+        env.step(action)
+    return before, (env.vehicle.speed, env.vehicle.heading)
+
+
+@pytest.mark.parametrize(
+    ("kind", "actions"), [("ContinuousAction", [np.array([-0.5, 0.0]), np.zeros(2), np.array([0.5, 0.0])])]
+)
+def test_continuous_actions_set_the_acceleration(kind, actions):
+    for action, change in zip(actions, (-2.5, 0.0, 2.5), strict=True):
+        (speed, heading), (later, turned) = drive_straight(kind, action)
+        assert later - speed == pytest.approx(change, abs=1e-9)
+        assert turned == heading
+
+
+def test_discrete_actions_set_acceleration_and_steering():
+    """Nine of them, by acceleration -5, 0, 5 m/s^2, then by steering left, none, right."""
+    for action, change in ((1, -5.0), (4, 0.0), (7, 5.0)):
+        (speed, heading), (later, turned) = drive_straight("DiscreteAction", action)
+        assert later - speed == pytest.approx(change, abs=1e-9)
+        assert turned == heading
+    (_, heading), (_, turned) = drive_straight("DiscreteAction", 5)
+    assert turned > heading + 0.1
+
+
+def test_the_traffic_starts_alike_under_every_action_type():
+    worlds = []
+    for kind in ("ContinuousAction", "DiscreteAction", "DiscreteMetaAction"):
+        env = ScenarioEnv("cut-in", config={"action": {"type": kind}})
+        env.reset(seed=3)
+        assert env.road.vehicles.index(env.vehicle) == 0
+        worlds.append([(state, v.LENGTH, v.WIDTH, v.contour) for state, v in zip(state(env), env.road.vehicles)])
+    assert worlds[0] == worlds[1] == worlds[2]
+
+
+# Finite Markov decision process
+
+
+@pytest.fixture
+def mdp_package(tmp_path, monkeypatch):
+    """A stand-in for the package that highway-env puts the tables into."""
+    (tmp_path / "finite_mdp").mkdir()
+    (tmp_path / "finite_mdp" / "__init__.py").touch()
+    (tmp_path / "finite_mdp" / "mdp.py").write_text(
+        "class DeterministicMDP:\n"
+        "    def __init__(self, transition, reward, terminal, state):\n"
+        "        self.transition, self.reward, self.terminal, self.state = transition, reward, terminal, state\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    yield
+    for name in ("finite_mdp.mdp", "finite_mdp"):
+        sys.modules.pop(name, None)
+
+
+def test_a_finite_mdp_rewards_speed_and_no_collision(mdp_package):
+    env = ScenarioEnv("hard-brake")
+    env.reset(seed=0)
+    for _ in range(10):
+        env.step(FASTER)
+    mdp = env.to_finite_mdp()
+    speeds, lanes, instants = mdp.original_shape
+    assert (speeds, instants) == (len(env.vehicle.target_speeds), 50)
+    reward = mdp.reward.reshape(speeds, lanes, instants, 5)
+    last = mdp.terminal.reshape(mdp.original_shape)
+    hit = last & (np.arange(instants) < instants - 1)
+    share = np.broadcast_to(np.linspace(0.0, 1.0, speeds)[:, None, None], hit.shape)
+    assert hit.any()
+    assert (reward[hit] == (share[hit] - 1.0)[:, None]).all()
+    assert reward[~hit].max() == 1.0
+    assert env.config == ScenarioEnv("hard-brake").config
+
+
+def test_a_finite_mdp_needs_all_meta_actions(mdp_package):
+    env = ScenarioEnv("hard-brake", config={"action": {"type": "DiscreteMetaAction", "lateral": False}})
+    with pytest.raises(ValueError, match=r"to_finite_mdp needs config.'action'. of type DiscreteMetaAction"):
+        env.to_finite_mdp()
 
 
 def test_a_config_changes_only_what_it_names():

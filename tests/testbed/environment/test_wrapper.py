@@ -1,10 +1,11 @@
 """The wrapper: bit-identical under perfect tracks, blind without them, and reproducible."""
 
 import gc
+import pickle
 from collections.abc import Iterator
 from copy import deepcopy
 from dataclasses import replace
-from types import FunctionType, ModuleType
+from types import FunctionType, ModuleType, SimpleNamespace
 from typing import Any
 
 import gymnasium as gym
@@ -385,18 +386,137 @@ def test_a_step_before_reset_is_an_error():
         TrackedEnv(make("highway-fast-v0").unwrapped, tracker="truth").step(1)
 
 
-def test_wrong_arguments_are_named():
-    env = make("highway-fast-v0")
-    with pytest.raises(LookupError, match="rm-feldmann"):
-        TrackedEnv(env, tracker="rm-feldman")
-    with pytest.raises(LookupError, match="surround"):
-        TrackedEnv(env, radar="suround")
-    with pytest.raises(ValueError, match="different names"):
-        TrackedEnv(env, also=[DEFAULT])
-    with pytest.raises(ValueError, match="'name'"):
-        TrackedEnv(env, tracker={"sigma": 0.3})
-    with pytest.raises(TypeError, match="highway-env"):
-        TrackedEnv(gym.make("CartPole-v1"))
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ({"tracker": "rm-feldman"}, LookupError, "did you mean 'rm-feldmann'"),
+        ({"tracker": None}, TypeError, "tracker must be a name, .* got None; try 'edra-imm'"),
+        ({"tracker": MultiObjectTracker}, TypeError, "tracker must be a name, .* got <class"),
+        ({"tracker": {"sigma": 0.3}}, ValueError, "tracker .* has no key 'name'"),
+        ({"tracker": {"name": None}}, TypeError, "the name of a tracker must be a string, got None"),
+        ({"tracker": {"name": "rm-feldmann", "sigm": 1}}, TypeError, "rm-feldmann has no parameter sigm; it has"),
+        ({"radar": "suround"}, LookupError, "did you mean 'surround'"),
+        ({"radar": None}, TypeError, "radar must be a name, .* got None; try 'surround'"),
+        ({"radar": {"name": "front", "rat": 4.0}}, TypeError, "radar front has no parameter rat; it has .*rate"),
+        ({"also": [DEFAULT]}, ValueError, "different names"),
+        ({"also": "rm-koch"}, TypeError, "also must be a sequence of trackers, got 'rm-koch'"),
+        ({"also": {"name": "rm-koch"}}, TypeError, "also must be a sequence of trackers, got {"),
+        ({"also": None}, TypeError, "also must be a sequence of trackers, got None"),
+        ({"planner": "nope"}, LookupError, "no planner 'nope'; known: idm"),
+        ({"planner": None}, TypeError, "planner must be a name, or an object with a name, got None"),
+        ({"log": "loud"}, ValueError, "log must be one of off, metrics, full, got 'loud'"),
+        ({"out": 3}, TypeError, "out must be a directory or None, got 3"),
+    ],
+)
+def test_a_wrong_argument_is_named_at_construction(arguments, error, message):
+    with pytest.raises(error, match=message):
+        TrackedEnv(make("highway-fast-v0"), **arguments)
+
+
+def test_an_environment_that_cannot_be_tracked_is_named():
+    for env in (gym.make("CartPole-v1"), "highway-v0"):
+        with pytest.raises(TypeError, match="env must be a highway-env environment, got"):
+            TrackedEnv(env)
+    for env in (gym.make("testbed/cut-in-v0"), gym.wrappers.TimeLimit(TrackedEnv(make("highway-fast-v0")), 5)):
+        with pytest.raises(ValueError, match="env has a radar and trackers already"):
+            TrackedEnv(env)
+    for frequency in (0, -1, 1000, float("nan"), "x"):
+        with pytest.raises(ValueError, match=r"'simulation_frequency'. must be"):
+            TrackedEnv(make("highway-fast-v0", simulation_frequency=frequency))
+
+
+def test_a_planner_of_ones_own_lends_its_name():
+    assert TrackedEnv(make("highway-fast-v0"), planner=SimpleNamespace(name="mine")).planner == "mine"
+
+
+def test_further_trackers_may_come_from_a_generator():
+    env = TrackedEnv(make("highway-fast-v0"), tracker="truth", also=(name for name in ["rm-koch"]))
+    assert list(env.costs) == ["truth", "rm-koch"]
+
+
+# Actions and the end
+
+
+@pytest.mark.parametrize("action", [7, -1, 1.5, "FASTER", np.array([1]), (1, 1)])
+def test_an_action_outside_the_space_is_refused_and_nothing_is_simulated(action):
+    env = TrackedEnv(make("highway-fast-v0"), tracker="truth")
+    env.reset(seed=0)
+    with pytest.raises(gym.error.InvalidAction, match=r"is not in the action space Discrete\(5\)") as caught:
+        env.step(action)
+    assert repr(action) in str(caught.value)
+    assert env.unwrapped.steps == 0
+    env.step(np.int64(1))
+    assert env.truth.time == 1.0
+
+
+def test_continuous_actions_may_be_any_numbers_within_the_box():
+    env = gym.make("testbed/cut-in-v0", tracker="truth", config={"action": {"type": "ContinuousAction"}})
+    env.reset(seed=0)
+    for action in (np.zeros(2), [0.1, 0.0], np.array([1, 0], np.float32)):
+        env.step(action)
+    for action in ([2.0, 0.0], [np.nan, 0.0], [0.0], 1, "ab"):
+        with pytest.raises(gym.error.InvalidAction, match="is not in the action space Box"):
+            env.step(action)
+
+
+def test_actions_of_several_vehicles_are_checked_one_by_one():
+    with protect_idm_constants():
+        env = TrackedEnv(make("intersection-multi-agent-v0"), tracker="truth")
+        env.reset(seed=0)
+        for action in ((1, 9), (1,), [1, 1]):
+            with pytest.raises(gym.error.InvalidAction, match="is not in the action space Tuple"):
+                env.step(action)
+
+
+def test_a_step_after_the_end_asks_for_a_reset():
+    env = gym.make("testbed/cut-in-v0", tracker="truth", config={"duration": 0.4})
+    env.reset(seed=0)
+    assert [env.step(1)[3] for _ in range(2)] == [False, True]
+    with pytest.raises(gym.error.ResetNeeded, match="after the end of the episode"):
+        env.step(1)
+    assert env.truth.time == pytest.approx(0.4)
+    env.reset()
+    env.step(1)
+
+
+# Pickles
+
+
+@pytest.mark.parametrize("name", ["testbed/articulated-turn-v0", "highway-fast-v0"])
+def test_a_pickled_environment_goes_on_as_the_original(name):
+    env = gym.make(name, also=["truth"]) if name.startswith("testbed") else TrackedEnv(make(name), also=["truth"])
+    env.reset(seed=2)
+    for _ in range(3):
+        env.step(1)
+    again = pickle.loads(pickle.dumps(env))
+    np.testing.assert_array_equal(states(again), states(env))
+    for action in (1, 4, 3):
+        (a, *flags, info), (b, *others, other) = env.step(action), again.step(action)
+        np.testing.assert_array_equal(b, a)
+        assert (others, other["tracks"]) == (flags, info["tracks"])
+        for mine, yours in ((env.truth.objects, again.truth.objects), (env.tracks.estimate, again.tracks.estimate)):
+            np.testing.assert_equal(yours, mine)
+        np.testing.assert_array_equal(again.scan.polar, env.scan.polar)
+        np.testing.assert_array_equal(again.tracks.id, env.tracks.id)
+    (a, _), (b, _) = env.reset(), again.reset()
+    np.testing.assert_array_equal(b, a)
+    np.testing.assert_array_equal(again.scan.polar, env.scan.polar)
+
+
+def test_a_pickled_environment_leaves_the_files_to_the_original(tmp_path):
+    env = gym.make("testbed/cut-in-v0", tracker="truth", out=str(tmp_path), log="metrics")
+    env.reset(seed=0)
+    again = pickle.loads(pickle.dumps(env))
+    frames: list[Frame] = []
+    again.attach(frames.append)
+    for e in (env, again):
+        e.step(1)
+    assert again.recorder is None
+    assert len(frames) == 3
+    again.close()
+    assert not list(tmp_path.glob("*.json"))
+    env.close()
+    assert len(list(tmp_path.glob("*.json"))) == 1
 
 
 def test_trackers_get_the_map_of_every_episode_unless_they_bring_one():

@@ -281,6 +281,29 @@ def test_idle_is_idle_in_continuous_spaces_too_and_idm_says_what_it_needs():
         find("idm").act(env)
 
 
+def test_idle_takes_the_middle_of_discrete_actions_and_refuses_where_there_is_none():
+    assert find("idle").act(world(action={"type": "DiscreteAction"})) == 4
+    assert find("idle").act(world(action={"type": "DiscreteAction", "lateral": False, "actions_per_axis": 5})) == 2
+    with pytest.raises(TypeError, match="odd number of actions_per_axis, got 4"):
+        find("idle").act(world(action={"type": "DiscreteAction", "actions_per_axis": 4}))
+
+
+@pytest.mark.parametrize("kind", ["ContinuousAction", "DiscreteAction", "DiscreteMetaAction"])
+def test_a_scenario_takes_every_action_type_and_idle_keeps_its_speed(kind):
+    env = gym.make("testbed/following-v0", tracker="rm-feldmann", planner="idle", config={"action": {"type": kind}})
+    env.reset(seed=0)
+    speed = float(np.hypot(*env.truth.ego.velocity))
+    for _ in range(3):
+        env.step(find("idle").act(env))
+    assert np.hypot(*env.truth.ego.velocity) == pytest.approx(speed, abs=1.3)
+    assert env.unwrapped.road.vehicles[0] is env.unwrapped.vehicle
+    if kind == "DiscreteMetaAction":
+        assert env.action_space.contains(find("idm").act(env))
+    else:
+        with pytest.raises(TypeError, match=r"the planner needs config.*DiscreteMetaAction.*use planner 'idle'"):
+            find("idm").act(env)
+
+
 def test_an_unknown_planner_is_answered_with_the_nearest():
     with pytest.raises(LookupError, match="did you mean 'idle'"):
         find("idl")
