@@ -208,14 +208,11 @@ def drive_straight(kind, action):
     return before, (env.vehicle.speed, env.vehicle.heading)
 
 
-@pytest.mark.parametrize(
-    ("kind", "actions"), [("ContinuousAction", [np.array([-0.5, 0.0]), np.zeros(2), np.array([0.5, 0.0])])]
-)
-def test_continuous_actions_set_the_acceleration(kind, actions):
-    for action, change in zip(actions, (-2.5, 0.0, 2.5), strict=True):
-        (speed, heading), (later, turned) = drive_straight(kind, action)
-        assert later - speed == pytest.approx(change, abs=1e-9)
-        assert turned == heading
+@pytest.mark.parametrize(("pedal", "change"), [(-0.5, -2.5), (0.0, 0.0), (0.5, 2.5)])  # of 5 m/s^2, in one second
+def test_continuous_actions_set_the_acceleration(pedal, change):
+    (speed, heading), (later, turned) = drive_straight("ContinuousAction", np.array([pedal, 0.0]))
+    assert later - speed == pytest.approx(change, abs=1e-9)
+    assert turned == heading
 
 
 def test_discrete_actions_set_acceleration_and_steering():
