@@ -57,6 +57,22 @@ class Resizable(Protocol):
 
 
 @runtime_checkable
+class Shiftable(Protocol):
+    """A filter whose objects can be moved, everything else kept."""
+
+    def shift(self, state: Any, d: NDArray) -> Any:
+        """State with d (..., 2) [m], in the world, added to the centre, in all of its models and in its past."""
+
+
+@runtime_checkable
+class Attentive(Protocol):
+    """A filter that needs to know which scans show an object completely."""
+
+    def learn_where(self, state: Any, where: NDArray) -> Any:
+        """State whose next update is by a scan that shows the objects where (...) is true completely."""
+
+
+@runtime_checkable
 class Restartable(Protocol):
     """A filter whose state holds more of an object than an estimate does, such as a learned contour."""
 

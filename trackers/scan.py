@@ -98,6 +98,34 @@ def check_scan(scan: Scan) -> None:
 
 
 @dataclass(frozen=True)
+class DepthProfile:
+    """Where the detections of a sensor lie on a body, from the face that it sees inwards; the defaults are a radar's.
+
+    Equations: docs/methods/size-from-both-ends.md, sections 2 and 3.
+    """
+
+    inside: float = 0.2  # v, share of the detections that come from anywhere inside
+    depth: float = 0.15  # [m] mean depth behind a face of the others
+    grazing: float = 0.5  # 0: these spread over the projected outline; 1: over its true length
+    surface_std: float = 0.1  # [m] roughness of the body, added to the noise
+    weight: float = 0.5  # alpha, information of a detection: those of one scan are not independent
+    rounding: tuple[float, float] = (0.0, 0.0)  # [m] by how much sooner than the body its sides end, along and across
+    rounding_std: tuple[float, float] = (0.0, 0.0)  # [m]
+    least_room: tuple[float, float] = (1.0, 0.0)  # [m] least visible part of length and width
+
+    def __post_init__(self) -> None:
+        shares = (self.inside, self.grazing, self.weight)
+        if not (min(shares) >= 0 and max(shares) <= 1):
+            raise ValueError(f"inside, grazing and weight must be within 0 and 1, got {shares}")
+        lengths = (self.depth, *self.rounding, *self.rounding_std, *self.least_room)
+        if not (min(lengths) >= 0 and self.surface_std > 0):
+            raise ValueError(
+                "depth, rounding, rounding_std and least_room must be at least 0 and surface_std positive, got "
+                f"{self.depth}, {self.rounding}, {self.rounding_std}, {self.least_room} and {self.surface_std} m"
+            )
+
+
+@dataclass(frozen=True)
 class SensorModel:
     """The data sheet of one mounted radar, which a tracker may know. Angles in rad, lengths in m."""
 
@@ -112,6 +140,7 @@ class SensorModel:
     count_falloff: float = 0.85  # exponent of (15 m / range)
     count_max: float = 40.0  # expected detections of one object never exceed this
     clutter: float = 2.0  # expected false alarms a scan
+    profile: DepthProfile = DepthProfile()  # where its detections lie on a body
 
     def poses(self, platform: NDArray) -> NDArray:
         """World pose (..., 3) of the sensor on platforms (..., 6)."""

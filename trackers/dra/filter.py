@@ -140,6 +140,12 @@ class DataRegion:
         """State with another size (..., 2) [m] of standard deviation size_std (..., 2) [m]."""
         return resized(state, size, size_std)
 
+    def shift(self, state: DataRegionState, d: NDArray) -> DataRegionState:
+        """State with d (..., 2) [m] added to the centre in every model."""
+        m = state.m.copy()
+        m[..., PLACE] += d[..., None, :]
+        return state._replace(m=m)
+
     @property
     def angles(self) -> tuple[int, ...]:
         """No component of the state is an angle."""

@@ -80,6 +80,10 @@ class HTGLearned:
         """State with another size (..., 2) [m] of standard deviation size_std (..., 2) [m]."""
         return self.rm.resize(state, size, size_std)
 
+    def shift(self, state: RMState, d: NDArray) -> RMState:
+        """State with d (..., 2) [m] added to the centre."""
+        return self.rm.shift(state, d)
+
     @property
     def angles(self) -> tuple[int, ...]:
         """The heading."""

@@ -154,6 +154,12 @@ class HTGMap:
         P[..., LOG_L, LOG_L], P[..., LOG_W, LOG_W] = ((size_std / size)[..., i] ** 2 for i in range(2))
         return MotionSizeState(m, P)
 
+    def shift(self, state: MotionSizeState, d: NDArray) -> MotionSizeState:
+        """State with d (..., 2) [m] added to the centre."""
+        m = state.m.copy()
+        m[..., :2] += d
+        return state._replace(m=m)
+
     @property
     def angles(self) -> tuple[int, ...]:
         """The heading."""

@@ -139,6 +139,10 @@ class HTGOnline:
         """State with another size (..., 2) [m] of standard deviation size_std (..., 2) [m]."""
         return state._replace(rm=self.rm.resize(state.rm, size, size_std))
 
+    def shift(self, state: OnlineState, d: NDArray) -> OnlineState:
+        """State with d (..., 2) [m] added to the centre."""
+        return state._replace(rm=self.rm.shift(state.rm, d))
+
     @property
     def angles(self) -> tuple[int, ...]:
         """The heading."""

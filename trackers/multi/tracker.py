@@ -21,8 +21,11 @@ from trackers.multi.road import RoadMap
 from trackers.multi.sizes import SizePrior, stretch
 from trackers.multi.tracks import REPORT_ABOVE, Event, StepInfo, Tracks
 from trackers.multi.visibility import SensorArray, Visibility, predict_visibility
-from trackers.protocols import Classifying, Filter, Note, Resizable, Restartable, SpatialModel
+from trackers.protocols import Attentive, Classifying, Filter, Note, Resizable, Restartable, SpatialModel
 from trackers.scan import Scan, SensorModel, check_scan
+from trackers.size.ends import Ends
+
+SIZES = ("relax", "ends")
 
 
 @dataclass(frozen=True)
@@ -45,6 +48,7 @@ class MultiObjectTracker:
     complete_above: float = 0.75  # visible share of an object's span from which an update teaches its class
     growth_std: float = 0.2  # std of log length of a track with detections just beyond its ends
     road: RoadMap | None = None  # map of the lanes; without it no standing vehicle is born
+    size: str = "relax"  # "ends": sizes are those of `trackers.size.Ends`; "relax": the filter's, drawn to `sizes`
 
     def __post_init__(self) -> None:
         if not self.sensors:
@@ -54,6 +58,13 @@ class MultiObjectTracker:
                 f"prune_below {self.prune_below} must be under the existence at birth, "
                 f"{self.initiation.fast_existence[0]}, or every birth is removed in silence"
             )
+        if self.size not in SIZES:
+            raise ValueError(f"size must be one of {', '.join(SIZES)}, got {self.size!r}")
+
+    @cached_property
+    def layered(self) -> Filter:
+        """The filter that holds the tracks: `filter`, or `Ends` around it."""
+        return Ends(self.filter, self.sensors) if self.size == "ends" else self.filter
 
     @cached_property
     def sensor_array(self) -> SensorArray:
@@ -63,29 +74,34 @@ class MultiObjectTracker:
     @cached_property
     def resizable(self) -> Resizable | None:
         """The filter if it has `resize`, else None; cached, because `isinstance` of a protocol is slow."""
-        return self.filter if isinstance(self.filter, Resizable) else None
+        return self.layered if isinstance(self.layered, Resizable) else None
 
     @cached_property
     def restartable(self) -> Restartable | None:
         """The filter if it has `restart`, else None."""
-        return self.filter if isinstance(self.filter, Restartable) else None
+        return self.layered if isinstance(self.layered, Restartable) else None
 
     @cached_property
     def classifying(self) -> Classifying | None:
         """The filter if it classifies its objects, else None."""
-        return self.filter if isinstance(self.filter, Classifying) else None
+        return self.layered if isinstance(self.layered, Classifying) else None
+
+    @cached_property
+    def attentive(self) -> Attentive | None:
+        """The filter if it needs to know which scans show an object completely, else None."""
+        return self.layered if isinstance(self.layered, Attentive) else None
 
     @cached_property
     def spatial(self) -> SpatialModel | None:
         """The filter if it has its own density of detections over the body, else None."""
-        return self.filter if isinstance(self.filter, SpatialModel) else None
+        return self.layered if isinstance(self.layered, SpatialModel) else None
 
     def start(self) -> Tracks:
         """The state before the first scan: no track."""
         estimate = prior(np.zeros((0, 3)))
         none = np.zeros(0)
         return Tracks(
-            none.astype(int), none, none.astype(int), none, none.astype(bool), self.filter.init(estimate), estimate
+            none.astype(int), none, none.astype(int), none, none.astype(bool), self.layered.init(estimate), estimate
         )
 
     def step(self, tracks: Tracks, scan: Scan, dt: float) -> tuple[Tracks, StepInfo]:
@@ -105,7 +121,8 @@ class MultiObjectTracker:
         claims = self.association.claim(self.spatial, tracks.state, tracks.estimate, tracks.existence, view.expected, z)
         updated, info = self._update(tracks, view, claims, z)
         leftovers = self.initiation.leftovers(z, claims.owner, updated.estimate, updated.existence, self.road)
-        updated = self._grow(updated, leftovers.reach)
+        if self.size == "relax":
+            updated = self._grow(updated, leftovers.reach)
         owner = np.full(scan.mask.shape[-1], -1)
         owner[order] = np.where(claims.owner >= 0, tracks.id[claims.owner], -1) if len(tracks.id) else -1
         updated, born = self._initiate(updated, z, leftovers.candidate)
@@ -135,24 +152,26 @@ class MultiObjectTracker:
             )
 
     def _predict(self, tracks: Tracks, dt: float) -> Tracks:
-        state = self.filter.predict(tracks.state, dt)
-        estimate = self.filter.estimate(state)
+        state = self.layered.predict(tracks.state, dt)
+        if self.size == "ends":
+            return tracks._replace(state=state, estimate=self.layered.estimate(state), age=tracks.age + dt)
+        estimate = self.layered.estimate(state)
         usual = None if self.classifying is None else self.classifying.class_size(state)
         size, size_std = self.sizes.relax(estimate.size, estimate.size_std, dt, usual)
         state = self._resize(state, size, size_std)
-        return tracks._replace(state=state, estimate=self.filter.estimate(state), age=tracks.age + dt)
+        return tracks._replace(state=state, estimate=self.layered.estimate(state), age=tracks.age + dt)
 
     def _resize(self, state: object, size: NDArray, size_std: NDArray) -> object:
         """State with another size and std (T, 2) [m]; a filter without `resize` starts again from its own estimate."""
         if self.resizable is not None:
             return self.resizable.resize(state, size, size_std)
-        return self._restart(state, self.filter.estimate(state)._replace(size=size, size_std=size_std, contour=None))
+        return self._restart(state, self.layered.estimate(state)._replace(size=size, size_std=size_std, contour=None))
 
     def _restart(self, state: object, estimate: Estimate) -> object:
         """State that starts again from an estimate."""
         if self.restartable is not None:
             return self.restartable.restart(state, estimate)
-        return self.filter.init(estimate)
+        return self.layered.init(estimate)
 
     def _update(self, tracks: Tracks, view: Visibility, claims: Claims, z: SortedScan) -> tuple[Tracks, StepInfo]:
         T = len(tracks.id)
@@ -166,13 +185,13 @@ class MultiObjectTracker:
         notes: tuple[Note, ...] = ()
         if n.any():
             share = gather(z, shares(claims.owner, T, self.most_detections))
-            if self.classifying is not None:
-                state = self.classifying.learn_where(state, view.complete > self.complete_above)
-            state, info = self.filter.update(state, share)
+            if self.attentive is not None:
+                state = self.attentive.learn_where(state, view.complete > self.complete_above)
+            state, info = self.layered.update(state, share)
             nis, mode, notes = info.nis, getattr(info, "mode", None), getattr(info, "notes", ())
         updated = tracks._replace(
             state=state,
-            estimate=self.filter.estimate(state),
+            estimate=self.layered.estimate(state),
             existence=self.existence.update(tracks.existence, log_ratio),
             hits=tracks.hits + (n > 0),  # (MOT.26)
         )
@@ -195,7 +214,7 @@ class MultiObjectTracker:
             size_std[:, 0] = np.maximum(size_std[:, 0], self.growth_std * size[:, 0])
             longer = self._resize(tracks.state, size, size_std)
         state = select(grows, longer, tracks.state)
-        return tracks._replace(state=state, estimate=self.filter.estimate(state))
+        return tracks._replace(state=state, estimate=self.layered.estimate(state))
 
     def _initiate(self, tracks: Tracks, z: SortedScan, candidate: NDArray) -> tuple[Tracks, list[Event]]:
         births = self.initiation.births(z, candidate, self.road)
@@ -203,7 +222,7 @@ class MultiObjectTracker:
             return tracks, []
         B = len(births.existence)
         index = shares(births.owner, B, self.most_detections)
-        state, _ = self.filter.update(self.filter.init(births.estimate), gather(z, index))
+        state, _ = self.layered.update(self.layered.init(births.estimate), gather(z, index))
         born = Tracks(
             id=tracks.next_id + np.arange(B),
             existence=births.existence,
@@ -211,7 +230,7 @@ class MultiObjectTracker:
             age=np.zeros(B),
             confirmed=np.zeros(B, bool),
             state=state,
-            estimate=self.filter.estimate(state),
+            estimate=self.layered.estimate(state),
         )
         count = np.bincount(births.owner[births.owner >= 0], minlength=B)
         events = [Event("born", int(i), f"{n} detections that no track explains") for i, n in zip(born.id, count)]
@@ -230,7 +249,7 @@ class MultiObjectTracker:
             Event("merged", int(tracks.id[t]), f"same vehicle as track {tracks.id[result.into[t]]}")
             for t in np.flatnonzero(~result.keep)
         ]
-        tracks = tracks._replace(state=state, estimate=self.filter.estimate(state))
+        tracks = tracks._replace(state=state, estimate=self.layered.estimate(state))
         return tracks.rows(result.keep), events
 
     def _prune(self, tracks: Tracks) -> tuple[Tracks, list[Event]]:

@@ -50,6 +50,11 @@ def partial_shift(p: NDArray, off: NDArray, ends: NDArray) -> NDArray:
 
 def shifted(m: NDArray, o: NDArray) -> NDArray:
     """States m (..., 7) whose model has been moved by -o (..., 2) in the unit frame."""
+    return moved(m, m[..., LENGTH:] * o)  # (PMHT.31)
+
+
+def moved(m: NDArray, body: NDArray) -> NDArray:
+    """States m (..., 7) with body (..., 2) [m], in the axes of each, added to the centre."""
     m = m.copy()
-    m[..., :2] += (rotation(m[..., PHI]) @ (m[..., LENGTH:] * o)[..., None])[..., 0]  # (PMHT.31)
+    m[..., :2] += (rotation(m[..., PHI]) @ body[..., None])[..., 0]
     return m

@@ -20,10 +20,11 @@ from numpy.typing import NDArray
 
 from trackers.batch import put, select, take
 from trackers.estimate import Estimate, check_estimate
-from trackers.geometry import to_frame, to_world
+from trackers.geometry import rotation, to_frame, to_world
 from trackers.motion import PHI
 from trackers.pmht import pool as pools
 from trackers.pmht import window as windows
+from trackers.pmht.adaptation import moved
 from trackers.pmht.adaptive_state import AdaptiveState, forgotten, index, plain
 from trackers.pmht.filter import TRUCK_ABOVE, SplinePmht
 from trackers.pmht.info import SplineInfo
@@ -139,12 +140,36 @@ class AdaptiveSpline:
         return self.spline.estimate(plain(state))._replace(class_probability=state.probability.copy())
 
     def resize(self, state: AdaptiveState, size: NDArray, size_std: NDArray) -> AdaptiveState:
-        """State with another size (..., 2) [m] and std; an object of unknown class may change its contour by length."""
+        """State with another size (..., 2) [m] and std, now and in the window and the pool.
+
+        An object of unknown class may change its contour by length.
+        """
         m, P = resized(state.m, state.P, size, size_std)
         shrunk = np.ones(m.shape)
         before = state.P.diagonal(axis1=-2, axis2=-1)[..., LENGTH:]
         shrunk[..., LENGTH:] = np.minimum(size_std / np.sqrt(before), 1.0)
-        return self._of_its_length(state._replace(m=m, P=P, cross=state.cross * shrunk[..., None, :]))
+        old, window = state.m[..., LENGTH:], state.window
+        past, past_pred = window.m.copy(), window.m_pred.copy()
+        for states in (past, past_pred):
+            states[..., LENGTH:] += (size - old)[..., None, :]
+        return self._of_its_length(
+            state._replace(
+                m=m,
+                P=P,
+                cross=state.cross * shrunk[..., None, :],
+                window=window._replace(m=past, m_pred=past_pred),
+                pool=pools.moved(state.pool, np.zeros_like(old), old, size),
+            )
+        )
+
+    def shift(self, state: AdaptiveState, d: NDArray) -> AdaptiveState:
+        """State with d (..., 2) [m] added to the centre, now and, turned with the body, in the window and the pool."""
+        m = state.m.copy()
+        m[..., :2] += d
+        body = (rotation(-m[..., PHI]) @ d[..., None])[..., 0]
+        window, size = state.window, m[..., LENGTH:]
+        past = {name: moved(getattr(window, name), body[..., None, :]) for name in ("m", "m_pred")}
+        return state._replace(m=m, window=window._replace(**past), pool=pools.moved(state.pool, body, size, size))
 
     def restart(self, state: AdaptiveState, estimate: Estimate) -> AdaptiveState:
         """State that starts again from an estimate and forgets its detections.

@@ -210,6 +210,12 @@ class SplinePmht:
             return state._replace(m=m, P=P)
         return SplineState(m, P, *self._contours(m[..., LENGTH]))
 
+    def shift(self, state: SplineState, d: NDArray) -> SplineState:
+        """State with d (..., 2) [m] added to the centre."""
+        m = state.m.copy()
+        m[..., :2] += d
+        return state._replace(m=m)
+
     def log_spatial(self, state: SplineState, scan: Scan, track: NDArray, detection: NDArray) -> NDArray:
         """Log density (G,) [1/m^2] of the detections with indices detection (G,) under the tracks track (G,)."""
         rows = SplineState(*(leaf[track] for leaf in state))

@@ -152,6 +152,12 @@ class RandomMatrix:
         nu = degrees_of_freedom(size, size_std)
         return state._replace(nu=nu, V=(nu - 6)[..., None, None] * extent_matrix(state.m[..., PHI], size))  # (RM.4)
 
+    def shift(self, state: RMState, d: NDArray) -> RMState:
+        """State with d (..., 2) [m] added to the centre."""
+        m = state.m.copy()
+        m[..., :2] += d
+        return state._replace(m=m)
+
     @property
     def angles(self) -> tuple[int, ...]:
         """The heading."""

@@ -128,6 +128,12 @@ class Koch:
         ratio = np.trace(before, axis1=-2, axis2=-1) / np.trace(after, axis1=-2, axis2=-1)
         return state._replace(P=state.P * ratio[..., None, None], nu=nu, X=(nu - 3)[..., None, None] * X_hat)
 
+    def shift(self, state: KochState, d: NDArray) -> KochState:
+        """State with d (..., 2) [m] added to the centre."""
+        x = state.x.copy()
+        x[..., :2] += d
+        return state._replace(x=x)
+
     @property
     def angles(self) -> tuple[int, ...]:
         """No component of the state is an angle."""

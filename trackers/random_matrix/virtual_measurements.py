@@ -146,6 +146,10 @@ class VirtualMeasurements:
         """State with another size (..., 2) [m] of standard deviation size_std (..., 2) [m]."""
         return state._replace(size=size.copy(), size_std=size_std.copy())
 
+    def shift(self, state: ContourState, d: NDArray) -> ContourState:
+        """State with d (..., 2) [m] added to the centre of the contour and to the mean that the filter follows."""
+        return state._replace(koch=self.koch.shift(state.koch, d), centre=state.centre + d)
+
     @property
     def angles(self) -> tuple[int, ...]:
         """No component of the filter's state is an angle."""

@@ -1,0 +1,54 @@
+"""What the grids of length and width say with the fleet: size, class, and where the ends are.
+
+Equations: docs/methods/size-from-both-ends.md, section 5. Classes enter here only: the grids hold detections.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.size.fleet import Fleet
+from trackers.size.grid import Grid
+
+
+class Belief(NamedTuple):
+    """Posterior of size and class; axes of vectors (..., 2) are length and width."""
+
+    size: NDArray  # (..., 2) [m] mean
+    size_var: NDArray  # (..., 2) [m^2]
+    offset: NDArray  # (..., 2) [m] mean of the offset of the anchor end
+    offset_var: NDArray  # (..., 2) [m^2]
+    centre_var: NDArray  # (..., 2) [m^2] of the centre between both ends
+    length: NDArray  # (..., K) probabilities of the lengths
+    width: NDArray  # (..., K') of the widths
+    kind: NDArray  # (..., C) of the classes
+
+
+def believe(grids: tuple[Grid, Grid], fleet: Fleet, length: NDArray, width: NDArray) -> Belief:
+    """Belief from likelihoods length (..., K, N) and width (..., K', N'), greatest ones near 1."""
+    pairs = ((length, fleet.of_length(grids[0].sizes)), (width, fleet.of_width(grids[1].sizes)))
+    fit = [likelihood.sum(-1) @ p.T for likelihood, p in pairs]  # (..., C) each, (ENDS.16)
+    weight = fleet.shares * fit[0] * fit[1]
+    kind = weight / weight.sum(-1, keepdims=True)  # (ENDS.16)
+    moments = []
+    for axis, (likelihood, p) in enumerate(pairs):
+        prior = (fleet.shares * fit[1 - axis]) @ p  # (..., K) (ENDS.17)
+        joint = likelihood * prior[..., None]
+        joint /= joint.sum((-2, -1), keepdims=True)  # (ENDS.18)
+        moments.append(_moments(grids[axis], joint))
+    size, size_var, offset, offset_var, centre_var = (np.stack(a, -1) for a in zip(*(m[:5] for m in moments)))
+    return Belief(size, size_var, offset, offset_var, centre_var, moments[0][5], moments[1][5], kind)
+
+
+def _moments(grid: Grid, p: NDArray) -> tuple[NDArray, NDArray, NDArray, NDArray, NDArray, NDArray]:
+    """Mean and variance of the size, of the offset, variance of the centre, and p(L) (..., K), of p (..., K, N)."""
+    L, o = grid.sizes, grid.offsets
+    of_size, of_offset = p.sum(-1), p.sum(-2)
+    size, offset = of_size @ L, of_offset @ o
+    L_c, o_c = L - size[..., None], o - offset[..., None]
+    size_var, offset_var = (of_size * L_c**2).sum(-1), (of_offset * o_c**2).sum(-1)
+    both = (((p @ o) - of_size * offset[..., None]) * L_c).sum(-1)  # covariance of size and offset
+    cell = grid.step**2 / 12
+    centre_var = offset_var + size_var / 4 - both + cell / 4  # (ENDS.20)
+    return size, size_var + cell, offset, offset_var, centre_var, of_size  # (ENDS.19)

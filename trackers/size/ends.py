@@ -1,0 +1,234 @@
+"""Ends: a filter around a filter. The inner one has motion and place, this one the size, which it pins there.
+
+Equations: docs/methods/size-from-both-ends.md.
+"""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.batch import select
+from trackers.estimate import Estimate
+from trackers.geometry import rotation, to_frame
+from trackers.protocols import Attentive, Filter, Resizable, Restartable, Shiftable
+from trackers.scan import Scan, SensorModel, check_scan
+from trackers.size.belief import Belief, believe
+from trackers.size.claim import log_claim
+from trackers.size.fleet import Fleet
+from trackers.size.grid import LENGTH, WIDTH, Grid
+from trackers.size.hits import Boxes, hits_of
+from trackers.size.look import evidence, facing
+from trackers.size.profile import Profiles
+
+ROLLED_ABOVE = 0.75  # steps of mean offset from which the box is moved instead
+
+
+class EndsState(NamedTuple):
+    """The state of the inner filter, and what the detections say of both ends."""
+
+    inner: Any
+    anchor: NDArray  # (..., 2) +-1: end (front, rear) and side (left, right) that faces the sensors; 0: none seen yet
+    length: NDArray  # (..., K, N) log likelihood of length and offset
+    width: NDArray  # (..., K', N')
+    belief: Belief
+    whole: NDArray  # (...) bool, the next scan shows the complete object
+
+
+@dataclass(frozen=True)
+class Ends:
+    """A grid Bayes filter of length and width around `filter`."""
+
+    filter: Filter
+    sensors: tuple[SensorModel, ...] = (SensorModel(max_range=np.inf, fov=2 * np.pi),)
+    fleet: Fleet = field(default_factory=Fleet)
+    length: Grid = LENGTH
+    width: Grid = WIDTH
+    outliers: float = 0.04  # eps, share of detections of neighbours and clutter
+    independent: int = 6  # n_eff: a scan with more detections counts as so many
+    memory: float = 10.0  # [s]
+    offset_tau: float = 2.0  # [s] time constant of the offset
+    lost_rate: float = 1.5e-3  # [1/s] at which a box is misplaced
+    pin: float = 0.03  # standard deviation of the size in the inner filter, as a share of it
+    least_pin: float = 0.02  # [m]
+    part_weight: float = 0.3  # of scans that show a part of the width
+    sigma: float = 0.2  # [m] noise of detections whose scan does not state it
+
+    @cached_property
+    def grids(self) -> tuple[Grid, Grid]:
+        """Those of length and width."""
+        return self.length, self.width
+
+    @cached_property
+    def profiles(self) -> Profiles:
+        """The data sheets of the sensors as arrays."""
+        return Profiles.of(self.sensors)
+
+    @property
+    def classes(self) -> tuple[str, ...]:
+        """Names of the classes of `Estimate.class_probability`."""
+        return self.fleet.names
+
+    def init(self, estimate: Estimate) -> EndsState:
+        """State from a prior, whose size is only the first pin: the fleet is the prior of the size."""
+        inner = self.filter.init(self._pinned(estimate))
+        lead = estimate.pose.shape[:-1]
+        length, width = self.length.born(lead), self.width.born(lead)
+        belief = self._belief(np.exp(length), np.exp(width))
+        return EndsState(inner, np.zeros((*lead, 2)), length, width, belief, np.ones(lead, bool))
+
+    def predict(self, state: EndsState, dt: float) -> EndsState:
+        """Time update over dt [s] >= 0: detections are forgotten, the offset spreads."""
+        inner = self.filter.predict(state.inner, dt)
+        if dt == 0:
+            return state._replace(inner=inner)
+        p, q = (
+            grid.predicted(A, dt, self.memory, self.offset_tau, self.lost_rate)
+            for grid, A in zip(self.grids, (state.length, state.width), strict=True)
+        )
+        return EndsState(inner, state.anchor, np.log(p), np.log(q), self._belief(p, q), state.whole)
+
+    def learn_where(self, state: EndsState, where: NDArray) -> EndsState:
+        """State whose next scan shows the complete objects where (...) is true; by default it shows all of them so."""
+        inner = state.inner
+        if isinstance(self.filter, Attentive):
+            inner = self.filter.learn_where(inner, where)
+        return state._replace(inner=inner, whole=where)
+
+    def update(self, state: EndsState, scan: Scan) -> tuple[EndsState, Any]:
+        """Measurement update; without a detection the state is returned as it came. The information is the filter's."""
+        check_scan(scan)
+        before = self.filter.estimate(state.inner).pose[..., 2]
+        inner, info = self.filter.update(state.inner, scan)
+        some = np.asarray(scan.mask.any(-1))
+        if not some.any():
+            return state, info
+        box = self.filter.estimate(inner)
+        turned = np.cos(box.pose[..., 2] - before) < 0  # front and rear changed places
+        anchor = np.where(turned[..., None], -state.anchor, state.anchor)
+        new = self._look(state._replace(inner=inner), box, anchor, scan)
+        return (new if some.all() else select(some, new, state)), info
+
+    def estimate(self, state: EndsState) -> Estimate:
+        """The inner filter's, with size, class, and the place of the centre between both ends."""
+        box, b = self.filter.estimate(state.inner), state.belief
+        M = rotation(box.pose[..., 2])
+        body = state.anchor * (b.offset + (box.size - b.size) / 2)  # (ENDS.21)
+        pose, cov = box.pose.copy(), box.cov.copy()
+        pose[..., :2] += (M @ body[..., None])[..., 0]  # (ENDS.21)
+        cov[..., :2, :2] += (M * b.centre_var[..., None, :]) @ M.mT  # (ENDS.20)
+        contour = box.contour
+        if contour is not None:
+            scale = b.size / box.size
+            contour = pose[..., None, :2] + (to_frame(box.pose, contour) * scale[..., None, :]) @ M.mT
+        return box._replace(
+            pose=pose,
+            cov=cov,
+            size=b.size.copy(),
+            size_std=np.sqrt(b.size_var),
+            contour=contour,
+            class_probability=b.kind.copy(),
+        )
+
+    def log_spatial(self, state: EndsState, scan: Scan, track: NDArray, detection: NDArray) -> NDArray:
+        """Log density (G,) [1/m^2] of the detections with indices detection (G,) under the tracks track (G,)."""
+        box = self.filter.estimate(state.inner)
+        boxes = Boxes(box.pose, box.size, state.anchor)
+        hits = hits_of(scan, (detection,), track, box.pose, self.profiles, self.sigma)
+        M = rotation(box.pose[:, 2])
+        place = (M.mT @ box.cov[:, :2, :2] @ M).diagonal(axis1=-2, axis2=-1)
+        return log_claim(self.grids, hits, boxes, state.belief, place)
+
+    def restart(self, state: EndsState, estimate: Estimate) -> EndsState:
+        """State that starts again from an estimate, as of the union of two tracks; the width seen so far stays."""
+        inner = self._restarted(state.inner, estimate)
+        l = estimate.size[..., :1]
+        std = np.maximum(0.15 * l, 0.3)
+        length = self.length.restarted(-0.5 * ((self.length.sizes - l) / std) ** 2)  # (ENDS.24)
+        top = state.width.max((-2, -1), keepdims=True)
+        of_width = np.exp(state.width - top).sum(-1)
+        width = self.width.restarted(np.log(np.maximum(of_width, 1e-300)))  # (ENDS.24)
+        width = width - width.max((-2, -1), keepdims=True)
+        length = length - length.max((-2, -1), keepdims=True)
+        belief = self._belief(np.exp(length), np.exp(width))
+        return EndsState(inner, state.anchor, length, width, belief, state.whole)
+
+    def _belief(self, length: NDArray, width: NDArray) -> Belief:
+        return believe(self.grids, self.fleet, length, width)
+
+    def _pin_std(self, size: NDArray) -> NDArray:
+        return np.maximum(self.pin * size, self.least_pin)
+
+    def _pinned(self, estimate: Estimate) -> Estimate:
+        return estimate._replace(size_std=self._pin_std(estimate.size), contour=None, class_probability=None)
+
+    def _restarted(self, inner: Any, estimate: Estimate) -> Any:
+        """The inner filter's state, started again from an estimate."""
+        if isinstance(self.filter, Restartable):
+            return self.filter.restart(inner, self._pinned(estimate))
+        return self.filter.init(self._pinned(estimate))
+
+    def _look(self, state: EndsState, box: Estimate, anchor: NDArray, scan: Scan) -> EndsState:
+        """Grids with the detections of a scan, and the inner filter pinned again, for the objects with detections."""
+        lead = scan.mask.shape[:-1]
+        index = np.nonzero(scan.mask)
+        every = np.ravel_multi_index(index[:-1], lead) if lead else np.zeros(len(index[0]), int)
+        rows, start, row = np.unique(every, return_index=True, return_inverse=True)  # H objects with detections
+        axes = len(lead)
+        pose, size, anchor, length, width, whole = (
+            flat(a, axes)[rows] for a in (box.pose, box.size, anchor, state.length, state.width, state.whole)
+        )
+        hits = hits_of(scan, index, row, pose, self.profiles, self.sigma)
+        place = np.add.reduceat(hits.place, start, axis=0) / np.diff(start, append=len(row))[:, None]
+        faced = facing(anchor, size, place)
+        for axis, A in enumerate((length, width)):
+            other = (faced * anchor)[:, axis] < 0
+            if other.any():
+                A[other] = self.grids[axis].flipped(A[other], size[other, axis])
+        boxes = Boxes(pose, size, faced)
+        more = evidence(self.grids, hits, boxes, start, whole, self.outliers, self.independent, self.part_weight)
+        length, width = (A - A.max((-2, -1), keepdims=True) for A in (length + more[0], width + more[1]))
+        belief = self._belief(np.exp(length), np.exp(width))
+        step = np.array([grid.step for grid in self.grids])
+        steps = np.where(np.abs(belief.offset) > ROLLED_ABOVE * step, np.round(belief.offset / step), 0.0)
+        length, width = (
+            grid.rolled(A, steps[:, axis].astype(int))
+            for axis, (grid, A) in enumerate(zip(self.grids, (length, width), strict=True))
+        )
+        belief = belief._replace(offset=belief.offset - steps * step)  # (ENDS.22)
+        body = faced * ((size - belief.size) / 2 + steps * step)  # (ENDS.22)
+        fields = zip(state.belief, belief, strict=True)
+        return EndsState(
+            inner=self._moved(state.inner, box, rows, belief.size, body),
+            anchor=written(state.anchor, rows, faced, axes),
+            length=written(state.length, rows, length, axes),
+            width=written(state.width, rows, width, axes),
+            belief=Belief(*(written(old, rows, new, axes) for old, new in fields)),
+            whole=state.whole,
+        )
+
+    def _moved(self, inner: Any, box: Estimate, rows: NDArray, size: NDArray, body: NDArray) -> Any:
+        """The inner state with the objects rows (H,) of another size (H, 2) [m] and shifted by body (H, 2) [m]."""
+        axes = box.pose.ndim - 1
+        size = written(box.size, rows, size, axes)
+        body = written(np.zeros(box.size.shape), rows, body, axes)
+        d = (rotation(box.pose[..., 2]) @ body[..., None])[..., 0]
+        std = self._pin_std(size)
+        if isinstance(self.filter, Resizable) and isinstance(self.filter, Shiftable):
+            return self.filter.shift(self.filter.resize(inner, size, std), d)
+        pose = np.concatenate([box.pose[..., :2] + d, box.pose[..., 2:]], -1)
+        return self._restarted(inner, box._replace(pose=pose, size=size))
+
+
+def flat(a: NDArray, axes: int) -> NDArray:
+    """A field with its leading axes, so many, as one."""
+    return a.reshape(-1, *a.shape[axes:])
+
+
+def written(old: NDArray, rows: NDArray, new: NDArray, axes: int) -> NDArray:
+    """A copy of a field with so many leading axes, rows (H,) of them replaced."""
+    copy = np.array(old)
+    flat(copy, axes)[rows] = new
+    return copy

@@ -1,0 +1,72 @@
+"""The fleet: how long and how wide the vehicles of each class are, the prior of every size.
+
+Equations: docs/methods/size-from-both-ends.md, section 5.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class VehicleClass:
+    """Share of the traffic, and mean and standard deviation [m] of length and width."""
+
+    name: str
+    share: float
+    length: tuple[float, float]
+    width: tuple[float, float]
+
+
+FLEET = (
+    VehicleClass("motorcycle", 0.05, (2.2, 0.15), (0.82, 0.08)),
+    VehicleClass("car", 0.62, (4.45, 0.42), (1.83, 0.09)),
+    VehicleClass("van", 0.13, (5.8, 0.6), (2.03, 0.08)),
+    VehicleClass("truck", 0.10, (9.0, 1.75), (2.48, 0.07)),
+    VehicleClass("bus", 0.03, (12.2, 1.3), (2.55, 0.04)),
+    VehicleClass("articulated", 0.07, (16.2, 1.1), (2.55, 0.04)),
+)
+
+
+@dataclass(frozen=True)
+class Fleet:
+    """Classes of vehicles; within a class length and width are independent."""
+
+    classes: tuple[VehicleClass, ...] = FLEET
+    floor: float = 1e-4  # probability spread evenly over all sizes, so that none is impossible
+
+    def __post_init__(self) -> None:
+        shares = [c.share for c in self.classes]
+        if not shares or min(shares) <= 0 or not 0 < self.floor < 1:
+            raise ValueError(
+                f"classes must have positive shares and floor be within 0 and 1, got {shares} and {self.floor}"
+            )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the classes."""
+        return tuple(c.name for c in self.classes)
+
+    @property
+    def shares(self) -> NDArray:
+        """Shares (C,) of the traffic, which sum to one."""
+        share = np.array([c.share for c in self.classes])
+        return share / share.sum()
+
+    def of_length(self, lengths: NDArray) -> NDArray:
+        """Probabilities (C, K) of lengths (K,) [m] given the class."""
+        return _gaussians(tuple(c.length for c in self.classes), tuple(lengths.tolist()), self.floor)
+
+    def of_width(self, widths: NDArray) -> NDArray:
+        """Probabilities (C, K) of widths (K,) [m] given the class."""
+        return _gaussians(tuple(c.width for c in self.classes), tuple(widths.tolist()), self.floor)
+
+
+@lru_cache(maxsize=32)
+def _gaussians(moments: tuple[tuple[float, float], ...], values: tuple[float, ...], floor: float) -> NDArray:
+    """Gaussians (C, K) on evenly spaced values, each summing to one, mixed with an even distribution."""
+    mean, std = np.array(moments).T[..., None]
+    p = np.exp(-0.5 * ((np.array(values) - mean) / std) ** 2)
+    return (1 - floor) * p / p.sum(-1, keepdims=True) + floor / len(values)  # (ENDS.15)

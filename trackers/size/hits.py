@@ -1,0 +1,111 @@
+"""Detections of all objects as one flat list, in the axes of their boxes.
+
+Equations: docs/methods/size-from-both-ends.md, section 2.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.geometry import rotation, to_world, unit
+from trackers.scan import Scan
+from trackers.size.grid import Grid
+from trackers.size.likelihood import Depths
+from trackers.size.profile import Profiles
+from trackers.size.visible import DEPTHS, room
+
+
+class Boxes(NamedTuple):
+    """H boxes and the ends from which their sizes are counted."""
+
+    pose: NDArray  # (H, 3) centre x, y [m], heading [rad]
+    size: NDArray  # (H, 2) [m]
+    anchor: NDArray  # (H, 2) +-1: front or rear, left or right
+
+
+class Hits(NamedTuple):
+    """G detections, those of one object beside each other."""
+
+    row: NDArray  # (G,) box of each
+    xy: NDArray  # (G, 2) [m] in the axes of the box
+    sight: NDArray  # (G, 2) unit line of sight in these axes
+    place: NDArray  # (G, 2) [m] of the sensor in these axes
+    pose: NDArray  # (G, 3) of the sensor in the world
+    sigma: NDArray  # (G, 2) [m] noise along the axes, roughness of the surface included
+    sensor: Profiles  # (G,)
+
+
+def hits_of(
+    scan: Scan, index: tuple[NDArray, ...], row: NDArray, pose: NDArray, profiles: Profiles, sigma: float
+) -> Hits:
+    """The detections at index of a scan, in the axes of the boxes pose (H, 3) that row (G,) names.
+
+    Noise that is not stated is sigma [m].
+    """
+
+    def of(field: NDArray) -> NDArray:
+        full = np.broadcast_to(field, (*scan.mask.shape, *field.shape[scan.mask.ndim :]))
+        return full[index]
+
+    polar, mount, noise = of(scan.polar), of(scan.pose), of(scan.noise)
+    sensor = profiles.at(of(scan.sensor))
+    u = unit(polar[:, 1] + mount[:, 2])
+    into = rotation(-pose[row, 2])
+
+    def turned(v: NDArray) -> NDArray:
+        return (into @ v[..., None])[..., 0]
+
+    sight = turned(u)
+    place = turned(mount[:, :2] - pose[row, :2])
+    along = np.where(np.isnan(noise[:, 0]), sigma, noise[:, 0])
+    across = np.where(np.isnan(noise[:, 1]), sigma, polar[:, 0] * noise[:, 1])
+    var = (along[:, None] * sight) ** 2 + (across[:, None] * sight[:, ::-1]) ** 2  # (ENDS.6)
+    std = np.sqrt(var + sensor.surface_std[:, None] ** 2)  # (ENDS.6)
+    return Hits(row, place + polar[:, :1] * sight, sight, place, mount, std, sensor)
+
+
+def lit(hits: Hits, boxes: Boxes) -> tuple[NDArray, NDArray]:
+    """End of each axis (G, 2) that faces the sensor, +1 the anchor, -1 the other, 0 none, and its weight (G, 2) [m]."""
+    size, anchor = boxes.size[hits.row], boxes.anchor[hits.row]
+    beyond = anchor * hits.place
+    end = (beyond > size / 2).astype(int) - (beyond < -size / 2)
+    shown = np.abs(hits.sight) ** (1 - hits.sensor.grazing[:, None]) * size[:, ::-1]
+    return end, np.where(end != 0, shown, 0.0)  # (ENDS.4)
+
+
+def faces(hits: Hits, shown: NDArray) -> NDArray:
+    """Probability (G, 2) of each detection to come from the end and from the side that face its sensor."""
+    total = shown.sum(-1, keepdims=True)
+    share = shown / np.where(total > 0, total, 1.0)  # eta and 1 - eta, (ENDS.4)
+    return (1 - hits.sensor.inside[:, None]) * share
+
+
+def depths(grids: tuple[Grid, Grid], hits: Hits, boxes: Boxes) -> tuple[Depths, Depths]:
+    """The detections along the length and along the width."""
+    end, shown = lit(hits, boxes)
+    face = faces(hits, shown)
+    half, anchor = boxes.size[hits.row] / 2, boxes.anchor[hits.row]
+    d = half - anchor * hits.xy  # (ENDS.2)
+    rooms = (visible_length(grids[0], hits, boxes), np.broadcast_to(grids[1].sizes, (len(d), len(grids[1].sizes))))
+    return tuple(  # type: ignore[return-value]
+        Depths(
+            d[:, axis],
+            hits.sigma[:, axis],
+            face[:, axis],
+            end[:, axis] < 0,
+            np.maximum(rooms[axis] - hits.sensor.rounding[:, axis, :1], hits.sensor.least_room[:, axis, None]),
+            hits.sensor.depth,
+            hits.sensor.rounding[:, axis],
+        )
+        for axis in range(2)
+    )
+
+
+def visible_length(grid: Grid, hits: Hits, boxes: Boxes) -> NDArray:
+    """Part (G, K) [m] of a body of each length that the sensor of each detection has in view."""
+    pose, half, anchor = (a[hits.row] for a in (boxes.pose, boxes.size / 2, boxes.anchor))
+    points = np.empty((len(pose), len(DEPTHS), 2))
+    points[..., 0] = anchor[:, :1] * (half[:, :1] - DEPTHS)
+    points[..., 1] = np.clip(hits.place[:, 1], -half[:, 1], half[:, 1])[:, None]  # the side that the sensor sees
+    return room(to_world(pose, points), hits.pose, hits.sensor.max_range, hits.sensor.fov, grid.sizes)

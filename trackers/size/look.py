@@ -1,0 +1,48 @@
+"""One scan's evidence: which ends face the sensors, and what the detections add to the grids.
+
+Equations: docs/methods/size-from-both-ends.md, sections 1 to 3.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.size.grid import Grid
+from trackers.size.hits import Boxes, Hits, depths, lit
+from trackers.size.likelihood import log_likelihood
+
+
+def facing(anchor: NDArray, size: NDArray, place: NDArray) -> NDArray:
+    """Anchors (H, 2) for sensors at place (H, 2) [m] in the axes of boxes of size (H, 2) [m], (ENDS.11).
+
+    anchor (H, 2) is the one so far, 0 where none was chosen. Abeam of the body it stays.
+    """
+    nearer = np.where(place < 0, -1.0, 1.0)
+    return np.where((np.abs(place) > size / 2) | (anchor == 0), nearer, anchor)
+
+
+def evidence(
+    grids: tuple[Grid, Grid], hits: Hits, boxes: Boxes, start: NDArray, whole: NDArray,
+    outliers: float, independent: int, part_weight: float,
+) -> tuple[NDArray, NDArray]:  # fmt: skip
+    """What the detections add to the grids of length (H, K, N) and width (H, K', N') of H objects.
+
+    start (H,) is the first detection of each object, whole (H,) bool whether the scan shows it completely.
+    """
+    n = np.diff(start, append=len(hits.row))
+    of_length, of_width = (
+        log_likelihood(grid, z, start, outliers) for grid, z in zip(grids, depths(grids, hits, boxes), strict=True)
+    )
+    weight = np.add.reduceat(hits.sensor.weight, start) / n * np.minimum(1.0, independent / n)  # (ENDS.9)
+    cut = ~whole & width_is_cut(hits, boxes, start)
+    if cut.any():
+        of_width[cut] = part_weight * np.maximum.accumulate(of_width[cut], axis=1)  # (ENDS.10)
+    weight = weight[:, None, None]
+    return weight * of_length, weight * of_width
+
+
+def width_is_cut(hits: Hits, boxes: Boxes, start: NDArray) -> NDArray:
+    """Mask (H,) of the objects whose ends show more than their sides: a part of such a view is a part of the width."""
+    end, _ = lit(hits, boxes)
+    shown = np.where(end != 0, np.abs(hits.sight) * boxes.size[hits.row, ::-1], 0.0)
+    end_shown, side_shown = np.add.reduceat(shown, start, axis=0).T
+    return side_shown < end_shown
