@@ -142,7 +142,7 @@ def _bodies(objects: Sequence[list[RigidPart]]) -> Bodies:
     flat = [b for bodies in objects for b in bodies]
     pose = _wrapped(np.array([b.pose for b in flat]).reshape(-1, 3))
     turned = rotation(pose[:, 2]).mT
-    outline = tuple(p[:2] + (find(b.contour).points * b.size) @ R for b, p, R in zip(flat, pose, turned, strict=True))
+    outline = tuple(p[:2] + find(b.contour).fit(b.size) @ R for b, p, R in zip(flat, pose, turned, strict=True))
     return Bodies(
         owner=np.array(owner, int),
         pose=pose,

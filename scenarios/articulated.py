@@ -1,13 +1,13 @@
-"""Articulated trucks: one highway-env vehicle that drives as its tractor unit and pulls a trailer.
+"""Articulated trucks: one highway-env vehicle that drives as its tractor unit and pulls a trailer of any length.
 
 highway-env knows the tractor unit (6 x 2.55 m). The trailer hangs on it by one angle, as a kinematic trailer whose
 axle does not slip sideways: D psi_t' = v_k . n_t, with v_k the velocity of the kingpin, n_t the unit vector to the
-left of the trailer, D the distance from kingpin to axle. A trailer in `road.vehicles` would be the follower of its
+left of the trailer, D the distance from kingpin to axle. Equations: docs/methods/vehicles.md. A trailer in `road.vehicles` would be the follower of its
 own tractor for MOBIL; so the trailer exists only in `parts`, in the collisions and in the gaps of followers.
 
-            trailer 13.6 m
+            trailer, here 13.6 m
     +-----------------------------+
-    |        axle -- D -- kingpin-|--+---+     overall 16.5 m, the limit of directive 96/53/EC
+    |        axle -- D -- kingpin-|--+---+     overall 2.9 m more than the trailer, (VEH.5)
     |                         |   |  |cab|     kingpin 1.5 m behind the centre of the tractor unit
     +-----------------------------+--+---+
 """
@@ -17,7 +17,7 @@ from typing import Any, Self
 
 import numpy as np
 from highway_env.vehicle.kinematics import Vehicle
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from scenarios.bodies import RigidPart, body_part, motion
 from scenarios.contours import CONTOURS
@@ -27,7 +27,7 @@ from trackers.geometry import perpendicular, point_velocity, unit, wrap_angle
 UNIT, TRAILER = "tractor-unit", "trailer"
 KINGPIN = -1.5  # [m] of the kingpin from the centre of the tractor unit
 OVERHANG = 1.6  # [m] of the trailer's front from the kingpin
-AXLE = 7.7  # [m] from the kingpin to the middle axle of the trailer
+AXLE = 7.7 / 12.0  # distance from the kingpin to the middle axle of the trailer, as a share of that to its end
 
 
 class Articulated:
@@ -38,15 +38,22 @@ class Articulated:
     LENGTH: float  # [m] of the tractor unit
     _take_size: Callable[..., None]
 
-    def _hitch_trailer(self, hitch: float) -> None:
+    def _hitch_trailer(self, hitch: float, size: ArrayLike | None) -> None:
         self._take_size(None, None, UNIT)
-        self.trailer_size = CONTOURS[TRAILER].size
+        self.trailer_size = CONTOURS[TRAILER].size if size is None else np.array(size, float)
+        if not (self.trailer_size > (OVERHANG, 0.0)).all():
+            raise ValueError(f"trailer must be longer than {OVERHANG} m and have a width, got {self.trailer_size} m")
         self.trailer_heading = float(self.heading + hitch)
 
     @property
     def hitch(self) -> float:
         """Heading of the trailer relative to the tractor unit [rad]."""
         return float(wrap_angle(self.trailer_heading - self.heading))
+
+    @property
+    def axle(self) -> float:
+        """Distance D [m] from the kingpin back to the middle axle of the trailer."""
+        return float(AXLE * (self.trailer_size[0] - OVERHANG))  # (VEH.6)
 
     @property
     def rear_extent(self) -> float:
@@ -74,7 +81,7 @@ class Articulated:
         """Velocity (2,) [m/s] of the kingpin and yaw rate of the trailer [rad/s]."""
         velocity, yaw_rate = motion(self)
         v_k = point_velocity(velocity, np.asarray(yaw_rate), KINGPIN * unit(self.heading))
-        return v_k, float(v_k @ perpendicular(unit(self.trailer_heading)) / AXLE)
+        return v_k, float(v_k @ perpendicular(unit(self.trailer_heading)) / self.axle)  # (VEH.7)
 
     def step(self, dt: float) -> None:
         """Move the tractor unit by dt [s] and let the trailer follow, explicit Euler as highway-env."""
@@ -84,12 +91,15 @@ class Articulated:
 
 
 class ArticulatedIDM(Articulated, SizedIDM):
-    """An articulated truck in traffic; it changes lanes only with `enable_lane_change`, because it is long."""
+    """An articulated truck in traffic; it changes lanes only with `enable_lane_change`, because it is long.
 
-    def __init__(self, *args: Any, hitch: float = 0.0, **kwargs: Any) -> None:
+    `trailer` (2,) [m] is the size of the trailer, the default of its contour unless given.
+    """
+
+    def __init__(self, *args: Any, hitch: float = 0.0, trailer: ArrayLike | None = None, **kwargs: Any) -> None:
         reject_size(kwargs)
         super().__init__(*args, **{"enable_lane_change": False, **kwargs})
-        self._hitch_trailer(hitch)
+        self._hitch_trailer(hitch, trailer)
 
     @classmethod
     def create_from(cls, vehicle: Vehicle) -> Self:
@@ -105,6 +115,7 @@ class ArticulatedIDM(Articulated, SizedIDM):
             timer=getattr(vehicle, "timer", None),
             enable_lane_change=getattr(vehicle, "enable_lane_change", False),
             hitch=getattr(vehicle, "hitch", 0.0),
+            trailer=getattr(vehicle, "trailer_size", None),
         )
         if isinstance(vehicle, cls):
             keep_habits(new, vehicle)
@@ -112,16 +123,16 @@ class ArticulatedIDM(Articulated, SizedIDM):
 
 
 class ArticulatedCourse(Articulated, CourseVehicle):
-    """An articulated truck whose tractor unit follows a course table."""
+    """An articulated truck whose tractor unit follows a course table; `trailer` as above."""
 
-    def __init__(self, *args: Any, hitch: float = 0.0, **kwargs: Any) -> None:
+    def __init__(self, *args: Any, hitch: float = 0.0, trailer: ArrayLike | None = None, **kwargs: Any) -> None:
         reject_size(kwargs)
         super().__init__(*args, **kwargs)
-        self._hitch_trailer(hitch)
+        self._hitch_trailer(hitch, trailer)
 
 
 def reject_size(kwargs: dict[str, Any]) -> None:
-    """Raise for a size or contour: the two bodies of an articulated truck have theirs."""
+    """Raise for a size or contour of the whole: an articulated truck is two bodies."""
     wrong = sorted(kwargs.keys() & {"length", "width", "contour"})
     if wrong:
-        raise ValueError(f"an articulated truck has the sizes of its two contours; leave out {', '.join(wrong)}")
+        raise ValueError(f"an articulated truck takes the size of its `trailer`; leave out {', '.join(wrong)}")

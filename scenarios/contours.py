@@ -1,7 +1,9 @@
-"""CONTOURS: outlines of road users seen from above, in a unit box, scaled to each vehicle's own length and width.
+"""CONTOURS: outlines of road users seen from above, and the sizes that vehicles of each class have on the road.
 
-The box that highway-env collides is the bounding box of the outline, because every outline touches all four sides of
-its unit box. Proportions are drawn from the usual dimensions of each class (drive-train and wheel positions rounded).
+An outline is written in the unit box and fitted to the length and width of each vehicle: its ends keep their metres,
+the middle stretches. The box that highway-env collides is the bounding box of the outline, because every outline
+touches all four sides of its unit box. Proportions are drawn from the usual dimensions of each class (drive-train and
+wheel positions rounded). Equations and sources: docs/methods/vehicles.md.
 
         y
         |
@@ -13,26 +15,35 @@ its unit box. Proportions are drawn from the usual dimensions of each class (dri
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
+from math import inf
 from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
+from scenarios.sizes import Sizes, Spread
 from trackers.geometry import cross, to_world
 from trackers.lookup import look_up
 
 Half = tuple[tuple[float, float], ...]
+SHORTEST = 0.85  # share of the default length below which the ends shrink with the vehicle
 
 
 @dataclass(frozen=True)
 class Contour:
-    """One outline and the default size of its class."""
+    """One outline, the size that it is drawn at, and the sizes of its class.
+
+    Raises:
+        ValueError: the outline does not fill the unit box, is clockwise, or its ends leave no middle.
+    """
 
     name: str
-    length: float  # [m] default
+    length: float  # [m] default, at which the outline has the proportions that are written down
     width: float  # [m] default
     outline: tuple[tuple[float, float], ...]  # vertices in [-0.5, 0.5]^2, counter-clockwise, not closed
     note: str = ""
+    ends: tuple[float, float] = (-0.5, 0.5)  # x of the unit box: the rear end is behind, the front end ahead
+    sizes: Sizes | None = None  # of vehicles in traffic; None: all have the default size
 
     def __post_init__(self) -> None:
         xy = np.array(self.outline)
@@ -41,6 +52,9 @@ class Contour:
             raise ValueError(f"{self.name}: outline must touch all sides of the unit box, its box is {box.tolist()}")
         if cross(xy, np.roll(xy, -1, 0)).sum() <= 0:
             raise ValueError(f"{self.name}: outline must be counter-clockwise; reverse the order of its vertices")
+        rear, front = self.ends
+        if not (-0.5 <= rear < front <= 0.5 and front - rear > 1 - SHORTEST):
+            raise ValueError(f"{self.name}: ends must be in the unit box, {1 - SHORTEST:.2f} apart, got {self.ends}")
 
     @cached_property
     def points(self) -> NDArray:
@@ -54,9 +68,18 @@ class Contour:
         """Default length and width (2,) [m]."""
         return np.array([self.length, self.width])
 
+    def fit(self, size: NDArray) -> NDArray:
+        """Outline (C, 2) [m] about the centre of a body with length and width (2,) [m], x ahead."""
+        length, width = size
+        keep = min(self.length, length / SHORTEST)  # (VEH.3)
+        rear, front = self.ends
+        cuts = (-length / 2, keep * (rear + 0.5) - length / 2, length / 2 - keep * (0.5 - front), length / 2)
+        x = np.interp(self.points[:, 0], (-0.5, rear, front, 0.5), cuts)  # (VEH.4)
+        return np.column_stack([x, width * self.points[:, 1]])
+
     def place(self, pose: NDArray, size: NDArray) -> NDArray:
         """Outline (C, 2) [m] in the world of a body with pose (3,) x, y [m], heading [rad] and size (2,) [m]."""
-        return to_world(np.asarray(pose, float), self.points * size)
+        return to_world(np.asarray(pose, float), self.fit(size))
 
 
 def mirrored(left: Half) -> Half:
@@ -89,6 +112,8 @@ CONTOURS = _table(
                 )
             ),
             "sedan with rounded corners",
+            ends=(-0.35, 0.3),
+            sizes=Sizes(Spread(4.45, 0.42, 3.6, 5.3), Spread(1.82, 0.05, 1.67, 1.97), slope=0.09),
         ),
         Contour(
             "van",
@@ -106,13 +131,17 @@ CONTOURS = _table(
                 )
             ),
             "delivery van: short round nose, square tail",
+            ends=(-0.46, 0.38),
+            sizes=Sizes(Spread(5.8, 0.6, 4.9, 7.0), Spread(2.02, 0.06, 1.85, 2.2)),
         ),
         Contour(
             "bus",
             12.0,
             2.55,
             mirrored(((0.5, 0.36), (0.495, 0.45), (0.48, 0.5), (-0.485, 0.5), (-0.498, 0.47), (-0.5, 0.42))),
-            "city bus",
+            "bus or coach",
+            ends=(-0.485, 0.48),
+            sizes=Sizes(Spread(12.2, 1.2, 10.0, 15.0), Spread(2.55, 0.0, 2.55, 2.55), long=(0.1, 18.0)),
         ),
         Contour(
             "truck",
@@ -131,6 +160,8 @@ CONTOURS = _table(
                 )
             ),
             "rigid truck with cab and box body",
+            ends=(-0.5, 0.205),
+            sizes=Sizes(Spread(9.0, inf, 6.0, 12.0), Spread(2.48, 0.07, 2.2, 2.6)),
         ),
         Contour(
             "tractor",
@@ -152,6 +183,7 @@ CONTOURS = _table(
                 )
             ),
             "farm tractor: narrow bonnet, wide rear wheels",
+            sizes=Sizes(Spread(4.9, 0.4, 4.2, 5.8), Spread(2.38, 0.06, 2.26, 2.48), slope=0.08),
         ),
         Contour(
             "tractor-unit",
@@ -172,6 +204,7 @@ CONTOURS = _table(
                 )
             ),
             "front body of an articulated truck",
+            ends=(-0.1, 0.12),
         ),
         Contour(
             "trailer",
@@ -179,6 +212,8 @@ CONTOURS = _table(
             2.55,
             mirrored(((0.5, 0.45), (0.4975, 0.485), (0.491, 0.5), (-0.4955, 0.5), (-0.499, 0.49), (-0.5, 0.47))),
             "rear body of an articulated truck",
+            ends=(-0.4955, 0.491),
+            sizes=Sizes(Spread(13.3, 0.9, 11.1, 14.5), Spread(2.55, 0.0, 2.55, 2.55), long=(0.15, 15.85)),
         ),
         Contour(
             "motorcycle",
@@ -198,6 +233,8 @@ CONTOURS = _table(
                 )
             ),
             "motorcycle with rider",
+            ends=(-0.3, 0.12),
+            sizes=Sizes(Spread(2.2, 0.13, 1.9, 2.5), Spread(0.82, 0.07, 0.65, 1.0)),
         ),
         Contour("box", 4.7, 1.9, mirrored(((0.5, 0.5), (-0.5, 0.5))), "plain rectangle, for obstacles and tests"),
     )

@@ -9,6 +9,7 @@ from highway_env.road.lane import StraightLane
 from numpy.typing import NDArray
 
 from scenarios import networks
+from scenarios.bodies import rear_extent
 from scenarios.courses import Segment, Shift, follow_lane
 from scenarios.networks import RING, SLOW, Layout
 from scenarios.paths import SmoothPath, of_lanes
@@ -108,8 +109,8 @@ def articulated_turn(rng: np.random.Generator) -> World:
     path = of_lanes(tuple(layout.network.get_lane(e) for e in (right, ("b", "e", 1), ("e", "f", 1))), smooth=4.0)
     place = 298.0 - speed * onset - (speed + turning) / 2 * (seconds + 0.5)
     plan = (Segment(onset), Segment(seconds, -brake), Segment(7.5), Segment(3.0, 1.0))
-    stage.prescribe("articulated", follow_lane(path, place, speed, plan))
-    start = place - 13.6 - rng.uniform(24.0, 30.0)
+    truck = stage.prescribe("articulated", follow_lane(path, place, speed, plan))
+    start = place - rear_extent(truck) - rng.uniform(24.0, 30.0)
     stage.ego(right, start, speed, route="c")
     stage.fill(Flow(right, place + 45.0, speed + 1.0, ("car",)))
     stage.fill(Flow(right, start - 22.0, speed, ("van",)))
@@ -142,7 +143,8 @@ def roundabout(rng: np.random.Generator) -> World:
     for name, kind in (("e", "car"), ("n", "motorcycle"), ("w", "bus")):
         lanes = (layout.network.get_lane((f"{name}:far-in", f"{name}:near-in", 0)),)
         entry = of_lanes((*lanes, layout.network.get_lane((f"{name}:near-in", f"{name}:enter", 0))), smooth=2.0)
-        stage.prescribe(kind, standing(entry, entry.length - rng.uniform(12.0, 15.0)))
+        size = stage.size(kind)
+        stage.prescribe(kind, standing(entry, entry.length - rng.uniform(9.0, 12.0) - size[0] / 2), size)
     stage.drive("van", ("e:near-out", "e:far-out", 0), rng.uniform(10.0, 30.0), SLOW)
     return stage.world(phases(4.0, 18.0))
 

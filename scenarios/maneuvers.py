@@ -10,7 +10,7 @@ from scenarios.courses import Segment, Shift, follow_lane
 from scenarios.longitudinal import AXIS, START, L, M, R
 from scenarios.networks import SIX_RADAR_ORIGIN, gentle_curve, six_radar_bend, straight
 from scenarios.networks import s_curve as s_curve_road
-from scenarios.stage import Flow, Stage, World, phases, steady_gap
+from scenarios.stage import EGO_SIZE, Flow, Stage, World, phases, steady_gap
 
 
 def cut_in(rng: np.random.Generator) -> World:
@@ -18,10 +18,10 @@ def cut_in(rng: np.random.Generator) -> World:
     stage = Stage(straight(), rng)
     speed, onset, duration = rng.uniform(23.0, 27.0), rng.uniform(3.0, 6.0), rng.uniform(3.5, 4.5)
     stage.ego(M, START, speed)
-    slower = rng.uniform(1.0, 3.0)
-    gap = rng.uniform(18.0, 24.0) + 4.7 + slower * (onset + duration / 2)
+    slower, size = rng.uniform(1.0, 3.0), stage.size("car")
+    gap = rng.uniform(18.0, 24.0) + (EGO_SIZE[0] + size[0]) / 2 + slower * (onset + duration / 2)
     course = follow_lane(AXIS, START + gap, speed - slower, shifts=(Shift(onset, duration, 4.0),))
-    stage.prescribe("car", course)
+    stage.prescribe("car", course, size)
     stage.fill(Flow(M, START + gap + 75.0, speed, ("van",)))
     stage.fill(Flow(M, START - 50.0, speed, ("car", "truck")))
     stage.fill(Flow(L, START + gap + 60.0, speed + 1.0, ("car",)))
@@ -38,7 +38,7 @@ def cut_out(rng: np.random.Generator) -> World:
     stage.ego(M, START, speed)
     stage.prescribe("car", follow_lane(AXIS, lead, speed, shifts=(Shift(onset, duration, -4.0),), lateral=4.0))
     hidden = lead + (speed - slow) * (onset + 0.75 * duration) + rng.uniform(14.0, 18.0)
-    stage.fill(Flow(M, hidden + 3.0, slow, ("van",)))
+    stage.fill(Flow(M, hidden - 2.5, slow, ("van",), from_rear=True))
     stage.fill(Flow(M, START - 60.0, speed, ("car",)))
     stage.fill(Flow(L, lead + 110.0, speed + 1.0, ("car",)))
     stage.fill(Flow(L, lead - 70.0, speed, ("car", "van")))
@@ -47,13 +47,14 @@ def cut_out(rng: np.random.Generator) -> World:
 
 
 def truck_cut_in(rng: np.random.Generator) -> World:
-    """A rigid truck 35 m ahead in the right lane, 3 m/s slower, moves in within 5 to 6 s."""
+    """A rigid truck whose rear is 30 m ahead in the right lane, 3 m/s slower, moves in within 5 to 6 s."""
     stage = Stage(straight(), rng)
     speed, onset, duration = rng.uniform(22.0, 25.0), rng.uniform(3.0, 5.0), rng.uniform(5.0, 6.0)
-    slower = rng.uniform(2.0, 3.5)
+    slower, size = rng.uniform(2.0, 3.5), stage.size("truck")
     stage.ego(M, START, speed)
-    place = START + rng.uniform(34.0, 40.0) + slower * (onset + duration / 2)
-    stage.prescribe("truck", follow_lane(AXIS, place, speed - slower, (), (Shift(onset, duration, -4.0),), 8.0))
+    place = START + rng.uniform(30.0, 36.0) + size[0] / 2 + slower * (onset + duration / 2)
+    course = follow_lane(AXIS, place, speed - slower, (), (Shift(onset, duration, -4.0),), 8.0)
+    stage.prescribe("truck", course, size)
     stage.fill(Flow(M, place + 85.0, speed, ("car",)))
     stage.fill(Flow(M, START - 55.0, speed, ("van", "car")))
     stage.fill(Flow(L, START + 90.0, speed + 3.0, ("car", "car", "motorcycle")))
@@ -122,13 +123,14 @@ def dense_traffic(rng: np.random.Generator) -> World:
     stage.ego(M, START, speed)
     mixed = ("car", "van", "car", "motorcycle", "car", "truck", "car", "bus", "car", "van")
     gap = steady_gap(speed, 1.2 * speed, 0.7)
-    lead = stage.fill(Flow(M, START + 5 * (gap + 5.0), speed, ("van", "car", "car", "car"), 0.1, 0.7))
+    ahead = ("van", "car", "car", "car")
+    lead = stage.fill(Flow(M, START + 1.85 * gap + 4.0, speed, ahead, 0.1, 0.7, from_rear=True))
     nearest = min(v.position[0] for v in lead)
     place = nearest - rng.uniform(18.0, 22.0)
     stage.prescribe("car", follow_lane(AXIS, place, speed, (), (Shift(onset, duration, -4.0),), 8.0))
     stage.fill(Flow(M, START - gap, speed, ("car", "van", "car", "truck", "car"), 0.2, 0.7))
     stage.fill(Flow(L, START + 210.0, speed + 2.0, mixed, 0.2, 0.7))
-    stage.fill(Flow(R, place + 3 * (gap + 8.0), speed, ("bus", "truck", "car"), 0.1, 0.7))
+    stage.fill(Flow(R, place + 0.9 * gap, speed, ("bus", "truck", "car"), 0.1, 0.7, from_rear=True))
     stage.fill(
         Flow(R, place - gap, speed - 0.5, ("truck", "car", "motorcycle", "van", "car", "car", "truck"), 0.2, 0.7)
     )
@@ -144,7 +146,7 @@ def truck_convoy(rng: np.random.Generator) -> World:
     place = START + rng.uniform(72.0, 80.0)
     plan = (Segment(onset), Segment(4.0, (speed - slow) / 4.0))
     stage.prescribe("car", follow_lane(AXIS, place, slow, plan, (Shift(onset, duration, -4.0),), 8.0))
-    stage.fill(Flow(R, place + 22.0 + 2 * 30.0, slow, ("articulated", "truck"), 0.1, 0.6))
+    stage.fill(Flow(R, place + 32.0, slow, ("articulated", "truck"), 0.1, 0.6, from_rear=True))
     stage.fill(Flow(R, place - 26.0, slow, ("truck", "articulated", "bus"), 0.1, 0.6))
     stage.fill(Flow(M, place + 100.0, speed, ("car",)))
     stage.fill(Flow(M, START - 60.0, speed, ("car",)))

@@ -84,7 +84,7 @@ def hoher_u_turn(rng: np.random.Generator) -> World:
     network.add_lane("c", "d", PathLane(way, WIDTH, lines(0, 1), speed_limit=SLOW))
     stage = Stage(Layout(network, np.zeros((0, 2, 2))), rng)
     stage.ego(("a", "b", 0), 100.0, 0.0)
-    stage.prescribe("car", follow_lane(way, 20.0, speed), stage.size("car"))
+    stage.prescribe("car", follow_lane(way, 20.0, speed))
     return stage.world(phases(leg / speed, (leg + np.pi * radius) / speed))
 
 
@@ -94,7 +94,7 @@ def xu_maneuvers(rng: np.random.Generator) -> World:
     behind = float(rng.uniform(40.0, 50.0))
     stage = Stage(curved(_path_of(course, 100.0), (-WIDTH, 0.0, WIDTH)), rng)
     stage.ego(M, 100.0 - behind, 30.0)
-    stage.prescribe("car", course, stage.size("car"))
+    stage.prescribe("car", course)
     return stage.world(STAGES)
 
 

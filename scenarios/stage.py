@@ -1,4 +1,4 @@
-"""A stage on which a scenario places its vehicles, and the world that comes out.
+"""A stage on which a scenario places its vehicles, each with a size drawn for its class, and the world that comes out.
 
 Background drivers follow the intelligent driver model (IDM). Placed at random gaps they would brake hard in the first
 second; here every platoon starts at or beyond the gap at which the model drives at constant speed, so what happens
@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from highway_env.road.road import LaneIndex
 from highway_env.vehicle.kinematics import Vehicle
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from scenarios.articulated import ArticulatedCourse, ArticulatedIDM
+from scenarios.articulated import KINGPIN, OVERHANG, TRAILER, UNIT, ArticulatedCourse, ArticulatedIDM
 from scenarios.bodies import rear_extent
 from scenarios.contours import find
 from scenarios.networks import Layout
@@ -22,7 +22,7 @@ from scenarios.vehicles import CourseVehicle, EgoVehicle, SizedIDM
 TARGET_SPEEDS = tuple(np.linspace(0.0, 40.0, 17).tolist())  # [m/s] what the ego's meta actions choose from
 EGO_SIZE = (4.7, 1.9)  # [m]
 TARGET_RATIO = 1.2  # target speed of drivers behind a leader, as a multiple of their speed
-TRAILER_REAR = 13.6  # [m] from the centre of a tractor unit back to the end of its trailer, rounded up
+ARTICULATED = "articulated"  # a kind of vehicle of two contours; all other kinds are contours
 
 
 class Phase(NamedTuple):
@@ -46,11 +46,12 @@ class Flow(NamedTuple):
     """A platoon of background traffic in one lane."""
 
     lane: LaneIndex
-    front: float  # [m] along the lane: where the first vehicle's bumper is, give or take 4 m
+    place: float  # [m] along the lane: where the first vehicle's front bumper is, give or take 4 m
     speed: float  # [m/s]
     kinds: tuple[str, ...]  # front to back
     spread: float = 0.5  # gaps are the steady one times 1 to 1 + spread
     headway: float = 1.2  # [s]
+    from_rear: bool = False  # `place` is where the last vehicle's rear bumper is, give or take 4 m
 
 
 def steady_gap(speed: float, target: float, headway: float, standstill: float = 5.0) -> float:
@@ -75,10 +76,14 @@ def phases(onset: float, end: float, duration: float = 20.0) -> tuple[Phase, ...
 
 
 class Stage:
-    """A road being populated; every draw comes from one generator."""
+    """A road being populated; every draw comes from one generator, but sizes come from a stream of their own.
+
+    So another distribution of sizes leaves speeds and gaps as they are.
+    """
 
     def __init__(self, layout: Layout, rng: np.random.Generator) -> None:
         self.rng = rng
+        self._size_rng = rng.spawn(1)[0]
         self.walls = layout.walls
         self.network = layout.network
         self.road = CachedRoad(layout.network, np_random=rng, neighbour_vehicles_connected_lanes=True)
@@ -102,43 +107,48 @@ class Stage:
         target: float | None = None,
         headway: float | None = None,
         route: str | None = None,
-        size: tuple[float, float] | None = None,
+        size: ArrayLike | None = None,
     ) -> SizedIDM:
-        """Place an IDM driver who keeps its lane; target speed is the initial one unless given."""
+        """Place an IDM driver who keeps its lane; the size is drawn and the target speed the initial one unless given.
+
+        `size` is that of `Stage.size`.
+        """
         at = self.network.get_lane(lane)
         pose = (self.road, at.position(s, 0.0), at.heading_at(s), speed, lane, speed if target is None else target)
-        if kind == "articulated":
-            vehicle: SizedIDM = ArticulatedIDM(*pose, enable_lane_change=False)
+        length, width = box = self.size(kind) if size is None else np.asarray(size, float)
+        if kind == ARTICULATED:
+            vehicle: SizedIDM = ArticulatedIDM(*pose, enable_lane_change=False, trailer=box)
         else:
-            length, width = size or self.size(kind)
             vehicle = SizedIDM(*pose, enable_lane_change=False, length=length, width=width, contour=kind)
         if headway is not None:
             vehicle.TIME_WANTED = headway
         return self._enter(vehicle, route)
 
-    def prescribe(self, kind: str, table: NDArray, size: tuple[float, float] | None = None) -> CourseVehicle:
-        """Place a vehicle on a course; its size is the default of its kind unless given."""
-        if kind == "articulated":
-            return self._enter(ArticulatedCourse(self.road, table))
-        length, width = size or find(kind).size
+    def prescribe(self, kind: str, table: NDArray, size: ArrayLike | None = None) -> CourseVehicle:
+        """Place a vehicle on a course; its size, as of `Stage.size`, is drawn unless given."""
+        length, width = box = self.size(kind) if size is None else np.asarray(size, float)
+        if kind == ARTICULATED:
+            return self._enter(ArticulatedCourse(self.road, table, trailer=box))
         return self._enter(CourseVehicle(self.road, table, length=length, width=width, contour=kind))
 
-    def size(self, kind: str) -> tuple[float, float]:
-        """Length and width [m] of one vehicle of a kind: the default, varied by up to 6 % in length, 2 % in width."""
-        length, width = find(kind).size * (1 + self.rng.uniform(-1, 1, 2) * (0.06, 0.02))
-        return float(length), float(width)
+    def size(self, kind: str) -> NDArray:
+        """Length and width (2,) [m] drawn for one vehicle of a kind; those of its trailer for an articulated truck."""
+        contour = find(TRAILER if kind == ARTICULATED else kind)
+        return contour.size if contour.sizes is None else contour.sizes.draw(self._size_rng)
 
     def fill(self, flow: Flow) -> list[SizedIDM]:
         """Place a platoon at or above its steady gaps; its first driver keeps its speed where no vehicle is ahead."""
-        front = flow.front + self.rng.uniform(-4.0, 4.0)
+        sizes = [self.size(kind) for kind in flow.kinds]
+        extents = [extent(kind, size) for kind, size in zip(flow.kinds, sizes, strict=True)]
+        front = flow.place + self.rng.uniform(-4.0, 4.0)
+        gaps = 1 + flow.spread * self.rng.uniform(size=len(sizes))
+        gaps *= steady_gap(flow.speed, TARGET_RATIO * flow.speed, flow.headway)
+        if flow.from_rear:
+            front += np.sum(extents) + gaps[:-1].sum()
         placed: list[SizedIDM] = []
-        for kind in flow.kinds:
-            ahead, behind = extent(kind)
+        for kind, size, (ahead, behind), gap in zip(flow.kinds, sizes, extents, gaps, strict=True):
             target = balanced_target(flow.speed, self._gap_ahead(flow.lane, front), flow.headway)
-            placed.append(self.drive(kind, flow.lane, front - ahead, flow.speed, target, flow.headway))
-            gap = steady_gap(flow.speed, TARGET_RATIO * flow.speed, flow.headway) * (
-                1 + flow.spread * self.rng.uniform()
-            )
+            placed.append(self.drive(kind, flow.lane, front - ahead, flow.speed, target, flow.headway, size=size))
             front -= ahead + behind + gap
         return placed
 
@@ -164,9 +174,8 @@ class Stage:
         return vehicle
 
 
-def extent(kind: str) -> tuple[float, float]:
-    """Distance [m] from the position of a vehicle to its front and to its rear, largest of its kind."""
-    if kind == "articulated":
-        return 3.2, TRAILER_REAR
-    half = 0.53 * find(kind).length
-    return half, half
+def extent(kind: str, size: NDArray) -> tuple[float, float]:
+    """Distances [m] from the position of a vehicle to its front and rear when straight; `size` as of `Stage.size`."""
+    if kind == ARTICULATED:
+        return find(UNIT).length / 2, float(size[0] - OVERHANG - KINGPIN)
+    return float(size[0] / 2), float(size[0] / 2)
