@@ -2,8 +2,9 @@
 
 highway-env knows the tractor unit (6 x 2.55 m). The trailer hangs on it by one angle, as a kinematic trailer whose
 axle does not slip sideways: D psi_t' = v_k . n_t, with v_k the velocity of the kingpin, n_t the unit vector to the
-left of the trailer, D the distance from kingpin to axle. Equations: docs/methods/vehicles.md. A trailer in `road.vehicles` would be the follower of its
+left of the trailer, D the distance from kingpin to axle. A trailer in `road.vehicles` would be the follower of its
 own tractor for MOBIL; so the trailer exists only in `parts`, in the collisions and in the gaps of followers.
+Equations: docs/methods/vehicles.md.
 
             trailer, here 13.6 m
     +-----------------------------+

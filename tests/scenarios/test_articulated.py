@@ -7,7 +7,7 @@ import pytest
 from highway_env.road.road import Road, RoadNetwork
 from highway_env.vehicle.kinematics import Vehicle
 
-from scenarios.articulated import AXLE, KINGPIN, OVERHANG, ArticulatedCourse, ArticulatedIDM
+from scenarios.articulated import KINGPIN, OVERHANG, ArticulatedCourse, ArticulatedIDM
 from scenarios.bodies import reach, rear_extent
 from scenarios.contours import find
 from scenarios.vehicles import SizedIDM, parts
@@ -29,7 +29,7 @@ def circle(radius=15.0, speed=5.0, turns=1.0):
     return np.stack([t, x, y, h, speed * np.cos(h), speed * np.sin(h), np.where(s < 0, 0.0, speed / radius)], -1)
 
 
-def test_the_whole_truck_is_16_and_a_half_metres_long():
+def test_the_whole_truck_is_16_and_a_half_metres_long_by_default():
     truck = ArticulatedIDM(straight(), [0.0, 0.0])
     xy = np.concatenate([find(p.contour).place(p.pose, p.size) for p in truck.parts()])
     np.testing.assert_allclose(np.ptp(xy, axis=0), [16.5, 2.55], atol=1e-12)
@@ -60,7 +60,7 @@ def test_steady_turn_has_the_hitch_of_the_geometry():
     for _ in range(round(30 / 0.01)):
         truck.step(0.01)
     kingpin = np.hypot(radius, KINGPIN)
-    expected = -(np.arcsin(AXLE / kingpin) + np.arctan2(-KINGPIN, radius))
+    expected = -(np.arcsin(7.7 / kingpin) + np.arctan2(-KINGPIN, radius))
     # explicit Euler with the motion at the start of each 0.01 s frame: rate * dt = 0.0033 rad at most
     assert truck.hitch == pytest.approx(expected, abs=3.3e-3)
     assert np.degrees(abs(truck.hitch)) > 20
@@ -72,10 +72,25 @@ def test_the_trailer_axle_does_not_slip_sideways():
         truck.step(DT)
         trailer = truck.parts()[1]
         heading = trailer.pose[2]
-        lever = (13.6 / 2 - OVERHANG - AXLE) * unit(heading)
+        lever = (13.6 / 2 - OVERHANG - 7.7) * unit(heading)
         axle = trailer.velocity + trailer.yaw_rate * np.array([-lever[1], lever[0]])
         assert abs(np.cross([*unit(heading), 0.0], [*axle, 0.0])[2]) < 1e-12
     assert abs(truck.hitch) > 0.2
+
+
+@pytest.mark.parametrize(("length", "overall", "axle"), [(11.1, 14.0, 6.096), (15.85, 18.75, 9.144)])
+def test_a_longer_trailer_makes_a_longer_truck_with_its_axle_further_back(length, overall, axle):
+    truck = ArticulatedIDM(straight(), [0.0, 0.0], trailer=(length, 2.5))
+    xy = np.concatenate([find(p.contour).place(p.pose, p.size) for p in truck.parts()])
+    assert np.ptp(xy[:, 0]) == pytest.approx(overall)
+    assert truck.axle == pytest.approx(axle, abs=1e-3)  # 7.7 / 12 of the way from the kingpin to the end
+    assert ArticulatedIDM.create_from(truck).trailer_size.tolist() == [length, 2.5]
+
+
+@pytest.mark.parametrize("size", [(1.6, 2.5), (12.0, 0.0)])
+def test_a_trailer_that_does_not_reach_behind_its_kingpin_is_refused(size):
+    with pytest.raises(ValueError, match="trailer must be longer"):
+        ArticulatedIDM(straight(), [0.0, 0.0], trailer=size)
 
 
 @pytest.mark.parametrize("kind", ["idm", "course"])

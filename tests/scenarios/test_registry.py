@@ -1,12 +1,15 @@
 import subprocess
 import sys
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import numpy as np
 import pytest
+from shapely.geometry import Polygon
 
 from scenarios import SCENARIOS, Scenario, find
+from scenarios.bodies import parts
 from scenarios.contours import CONTOURS
+from trackers.geometry import box_corners
 
 PROMISED = {  # new ones need not be named here
     "following", "hard-brake", "cut-in", "cut-out", "lane-change", "double-lane-change", "overtake", "merge", "exit",
@@ -45,6 +48,15 @@ def test_a_world_repeats_under_its_seed_and_has_the_vehicles_it_promises(scenari
 def test_another_seed_gives_another_world_except_for_the_published_scene(scenario):
     first, other = (scenario.build(np.random.default_rng(seed)) for seed in (3, 4))
     assert (snapshot(first) == snapshot(other)) == (scenario.name == "six-radar-highway")
+
+
+@pytest.mark.parametrize("seed", [*range(3), *(pytest.param(n, marks=pytest.mark.slow) for n in range(3, 50))])
+@every_scenario
+def test_no_two_vehicles_start_within_a_metre_of_each_other(scenario, seed):
+    vehicles = scenario.build(np.random.default_rng(seed)).road.vehicles
+    boxes = [[Polygon(box_corners(p.pose, p.size)) for p in parts(v)] for v in vehicles]
+    nearest = min(p.distance(q) for a, b in combinations(boxes, 2) for p in a for q in b)
+    assert nearest > 1.0  # [m] beside each other in lanes of 4 m
 
 
 @every_scenario

@@ -97,7 +97,7 @@ def simulate(encounter: Encounter, radar: Radar, kind: str, runs: int, rng: np.r
     """The same encounter `runs` times, each time with a vehicle of another size."""
     body = CONTOURS[kind]
     size = body.size * (1 + SPREAD * rng.standard_normal((runs, 2)))
-    outline = np.broadcast_to(body.points, (runs, *body.points.shape))
+    outline = np.stack([body.fit(s) / s for s in size])
     alone = replace(radar, sensors=tuple(replace(s, clutter=0.0) for s in radar.sensors))
     frames = range(len(encounter.vehicle.pose))
     scans = tuple(padded([detections(encounter, k, alone, kind, s, rng) for s in size]) for k in frames)
