@@ -36,6 +36,7 @@ unit: $(STAMP)
 
 generated: $(STAMP)  # what the documentation says about the registries; after adding a scenario, tracker, radar, ...
 	$(BIN)/python -m testbed.studies generated
+	$(BIN)/python -m testbed.studies vehicles --docs docs
 
 docs: $(DOCS_STAMP)  # the pages and the API reference as a site; a warning or a broken link is an error
 	$(BIN)/sphinx-build --fail-on-warning --keep-going --quiet -c docs . $(SITE)

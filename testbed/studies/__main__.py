@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 
 import typer
 
-from testbed.studies import generated
+from testbed.studies import generated, vehicle_figure
 from testbed.studies.closed_loop import page as closed_loop
 from testbed.studies.comparison import calibration, committed, publish, refresh
 from testbed.studies.comparison import page as comparison
@@ -20,6 +20,7 @@ STUDIES: Mapping[str, Callable[..., None]] = {
     "htg-tables": htg_tables.main,
     "modes": modes.main,
     "partial-view": partial_view.main,
+    "vehicles": vehicle_figure.main,  # a picture for docs/methods
     # committed results that the page of the comparison shows
     "publish": publish.main,
     "refresh": refresh.main,

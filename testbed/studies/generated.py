@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from scenarios import CONTOURS, SCENARIOS, Scenario
+from scenarios import CONTOURS, SCENARIOS, Contour, Scenario
 from sensors import RADARS
 from testbed.command_line.terminal import console
 from testbed.compare.runs.rows import COLUMNS, TEXT
@@ -51,7 +51,9 @@ The registry is [testbed/planners/registry.py](../testbed/planners/registry.py).
 
 ## Contours
 
-Outlines of vehicles, [scenarios/contours.py](../scenarios/contours.py).
+Outlines of vehicles, [scenarios/contours.py](../scenarios/contours.py). Each vehicle has a size of its own from the
+range of its class; the default is the size that the outline is drawn at. How sizes are distributed and outlines fitted
+to them: [methods/vehicles.md](methods/vehicles.md).
 
 {contours}
 """
@@ -89,10 +91,22 @@ def catalogue() -> str:
         ),
         planners=markdown_table(("name", "what"), [(f"`{p.name}`", p.note) for p in PLANNERS.values()]),
         contours=markdown_table(
-            ("name", "length [m]", "width [m]"),
-            [(f"`{c.name}`", f"{c.length:g}", f"{c.width:g}") for c in CONTOURS.values()],
+            ("name", "what", "default [m]", "lengths [m]", "widths [m]"),
+            [(f"`{c.name}`", c.note, f"{c.length:g} x {c.width:g}", *ranges(c)) for c in CONTOURS.values()],
         ),
     )
+
+
+def ranges(contour: Contour) -> tuple[str, str]:
+    """Lengths and widths of a class in words."""
+    if contour.sizes is None:
+        return f"{contour.length:g}", f"{contour.width:g}"
+    sizes = contour.sizes
+    low, high = sizes.box[:, 1]
+    lengths = f"{sizes.length.low:g} to {sizes.length.high:g}"
+    if sizes.long is not None:
+        lengths += f", or {sizes.long[1]:g}"
+    return lengths, f"{low:.2f} to {high:.2f}" if high > low else f"{low:g}"
 
 
 def columns() -> str:
