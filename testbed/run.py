@@ -14,13 +14,13 @@ import gymnasium as gym
 from scenarios import find as find_scenario
 from sensors import find as find_radar
 from testbed.command_line.interruption import interruptible
+from testbed.environment.perception import tracker_of
 from testbed.evaluation.tracking import jsonable
 from testbed.files import make_directory
 from testbed.frame import Observer
 from testbed.log.record import LEVELS
 from testbed.planners import find as find_planner
 from trackers import DEFAULT
-from trackers import find as find_tracker
 
 
 @dataclass(frozen=True)
@@ -70,9 +70,9 @@ class RunResult:
 def check(config: RunConfig) -> None:
     """Raise LookupError, ValueError or OSError, in one sentence, for a configuration that cannot be run."""
     find_scenario(config.scenario)
+    radar = find_radar(config.radar)
     for name in config.trackers:
-        find_tracker(name)
-    find_radar(config.radar)
+        tracker_of(name, radar)
     find_planner(config.planner)
     if config.log not in LEVELS:
         raise ValueError(f"log must be one of {', '.join(LEVELS)}, got {config.log!r}")

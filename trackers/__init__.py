@@ -5,7 +5,7 @@ from trackers.multi.tracker import MultiObjectTracker
 from trackers.multi.tracks import Event, StepInfo, Tracks
 from trackers.protocols import Filter
 from trackers.random_matrix.feldmann import RandomMatrix
-from trackers.registry import DEFAULT, TRACKERS, find
+from trackers.registry import DEFAULT, TRACKERS, build, find
 from trackers.scan import Scan, SensorModel
 
 __distribution__ = "eot-testbed"  # `testbed` tells by this line that no other package of this name took its place
@@ -22,6 +22,7 @@ __all__ = [
     "SensorModel",
     "StepInfo",
     "Tracks",
+    "build",
     "find",
     "prior",
 ]

@@ -1,7 +1,7 @@
-"""TRACKERS: the table of single-object filters that a multi-object tracker can be built on."""
+"""TRACKERS: the table of filters and layers from which `build` makes multi-object trackers."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
 from typing import Any
 
@@ -10,13 +10,15 @@ from trackers.htg.learned import HTGLearned
 from trackers.htg.map import HTGMap
 from trackers.htg.moment import HTGMoment
 from trackers.htg.online import HTGOnline
-from trackers.lookup import look_up
+from trackers.lookup import look_up, parse
+from trackers.multi.tracker import MultiObjectTracker
 from trackers.pmht import AdaptiveSpline, Learner, SplinePmht, Walk
 from trackers.protocols import Filter
 from trackers.random_matrix.adaptation import GaussNewton
 from trackers.random_matrix.feldmann import RandomMatrix
 from trackers.random_matrix.koch import Koch
 from trackers.random_matrix.virtual_measurements import VirtualMeasurements
+from trackers.scan import SensorModel
 
 
 @dataclass(frozen=True)
@@ -26,6 +28,7 @@ class Entry:
     name: str
     filter: Any  # a Filter
     source: str  # paper, and the page of its method
+    layers: Mapping[str, Any] = field(default_factory=dict)  # parameters of its `MultiObjectTracker`
 
 
 KOCH = Koch(rate_weight=0.3)  # the weight of the other filters
@@ -92,6 +95,8 @@ TRACKERS: Mapping[str, Entry] = MappingProxyType(
     }
 )
 
+LAYERS = frozenset(f.name for f in fields(MultiObjectTracker)) - {"filter", "sensors", "road"}
+
 DEFAULT = "edra-imm"  # what commands and environments use where no tracker is named
 
 
@@ -106,7 +111,37 @@ def find(name: str, **parameters: Any) -> Filter:
         TypeError: the filter has no such parameter.
 
     """
-    filter = look_up(name, TRACKERS, "tracker").filter
+    return _changed(look_up(name, TRACKERS, "tracker").filter, name, parameters)
+
+
+def build(text: str, sensors: Sequence[SensorModel], **parameters: Any) -> MultiObjectTracker:
+    """The multi-object tracker over the filter of a name, `NAME` or `NAME:key=value,key=value`.
+
+    A parameter is one of the filter, or else one of `MultiObjectTracker`.
+
+    >>> build("rm-feldmann:sigma=0.3,prune_below=0.01", (SensorModel(),)).filter.sigma
+    0.3
+
+    Raises:
+        LookupError: no such tracker; the nearest name is suggested.
+        TypeError: neither the filter nor the multi-object tracker has such a parameter; ValueError if it is in the text.
+        ValueError: a text that does not read like this, or a value that cannot be.
+
+    """
+    name, written = parse(text)
+    entry = look_up(name, TRACKERS, "tracker")
+    wanted = {**written, **parameters}
+    own = {key for key in wanted if key not in entry.filter.__dataclass_fields__ and key in LAYERS}
+    unknown = wanted.keys() - entry.filter.__dataclass_fields__.keys() - LAYERS
+    if unknown:
+        known = ", ".join([*entry.filter.__dataclass_fields__, *sorted(LAYERS)])
+        fault = TypeError if unknown & parameters.keys() else ValueError
+        raise fault(f"{name} has no parameter {', '.join(sorted(unknown))}; it has {known}")
+    filter = _changed(entry.filter, name, {key: value for key, value in wanted.items() if key not in own})
+    return MultiObjectTracker(filter, tuple(sensors), **{**entry.layers, **{key: wanted[key] for key in own}})
+
+
+def _changed(filter: Any, name: str, parameters: Mapping[str, Any]) -> Any:
     unknown = set(parameters) - set(filter.__dataclass_fields__)
     if unknown:
         raise TypeError(

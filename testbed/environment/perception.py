@@ -96,7 +96,9 @@ def radar_of(radar: Any) -> RadarLike:
 
 
 def tracker_of(tracker: Any, radar: RadarLike) -> TrackerLike | None:
-    """The multi-object tracker behind a name, {"name": name, parameter: value} or a filter; None for the truth.
+    """The multi-object tracker behind a name, `NAME:key=value`, {"name": name, parameter: value} or a filter.
+
+    None for the truth.
 
     Raises:
         LookupError: an unknown name; the nearest one is suggested.
@@ -104,10 +106,10 @@ def tracker_of(tracker: Any, radar: RadarLike) -> TrackerLike | None:
         ValueError: a parameter of a value that the filter refuses.
     """
     if isinstance(tracker, str):
-        return None if tracker == TRUTH else MultiObjectTracker(trackers.find(tracker), radar.models)
+        return None if tracker == TRUTH else trackers.build(tracker, radar.models)
     if isinstance(tracker, Mapping):
         name, parameters = _split(tracker, "tracker")
-        return MultiObjectTracker(trackers.find(name, **parameters), radar.models)
+        return trackers.build(name, radar.models, **parameters)
     kinds = (("start", "step"), ("init", "predict", "update", "estimate"))
     complete = [not isinstance(tracker, type) and all(hasattr(tracker, part) for part in kind) for kind in kinds]
     if not any(complete):

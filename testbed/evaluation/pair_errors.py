@@ -12,7 +12,7 @@ from trackers.geometry import wrap_angle
 # Errors of a pair: distances [m], [m^2], [m/s]; heading_deg, length and width are signed, estimate minus truth.
 ERRORS = (
     "gwd", "gwd2", "position", "velocity", "heading_deg", "length", "width",
-    "box_iou", "contour_iou", "nees_position", "nees_velocity",
+    "box_iou", "contour_iou", "nees_position", "nees_velocity", "nees_heading", "nees_length", "nees_width",
 )  # fmt: skip
 
 
@@ -44,15 +44,18 @@ def pair_errors(objects: Objects, bodies: Bodies, rows: NDArray, estimate: Estim
         return np.zeros((0, len(ERRORS)))
     pose, size, cov = objects.pose[rows], objects.size[rows], estimate.cov
     error = np.stack([estimate.pose[:, :2] - pose[:, :2], estimate.velocity - objects.velocity[rows]], 1)  # (K, 2, 2)
+    turn, growth = wrap_angle(estimate.pose[:, 2] - pose[:, 2]), estimate.size - size
     box, true_box = box_areas(np.stack([estimate.pose, pose]), np.stack([estimate.size, size]))
     contour = box if estimate.contour is None else areas(estimate.contour)
     columns = (
         distance,
         distance**2,
         *np.hypot(error[..., 0], error[..., 1]).T,
-        np.degrees(wrap_angle(estimate.pose[:, 2] - pose[:, 2])),
-        *(estimate.size - size).T,
+        np.degrees(turn),
+        *growth.T,
         *region_iou(np.stack([box, contour]), np.stack([true_box, truth_areas(bodies, rows)])),
         *nees(error, np.stack([cov[:, :2, :2], cov[:, 2:, 2:]], 1)).T,
+        (turn / estimate.heading_std) ** 2,  # (MET.11) of a scalar
+        *((growth / estimate.size_std) ** 2).T,  # (MET.11) of scalars
     )
     return np.array(columns).T

@@ -265,7 +265,7 @@ def _error_table(errors: NDArray) -> Row:
     table |= {f"rmse_{name}": rmse(e[name]) for name in ("position", "velocity", "heading_deg", "length", "width")}
     table |= {f"abs_{name}": mean(np.abs(e[name])) for name in ("length", "width")}
     low, high = nees_bounds(2, len(errors))
-    table |= {name: mean(e[name]) for name in ("nees_position", "nees_velocity")}
+    table |= {name: mean(e[name]) for name in ERRORS if name.startswith("nees_")}
     return table | {"nees_low": low, "nees_high": high, "pairs": len(errors)}
 
 

@@ -26,7 +26,7 @@ from testbed.regress.baselines import NONE, Baselines, Update, load, merge, save
 from testbed.regress.findings import Findings, examine, measured, orphans, worst_run
 from testbed.regress.suite import LOGS, Suite, prepare_folder
 from testbed.regress.verdict import OVERALL
-from trackers import find as find_tracker
+from trackers import SensorModel, build
 
 COMMITTED = Path(str(files("testbed.regress"))) / "baselines.json"
 
@@ -63,7 +63,7 @@ def prepare(options: Options) -> Baselines:
     for scenario in suite.scenarios:
         find_scenario(scenario)
     for tracker in suite.trackers:
-        find_tracker(tracker)
+        build(tracker, (SensorModel(),))
     check_engine(options.engine)
     baselines = starting_point(options) if options.update else load(options.path, suite)
     for name, path in (("junit", options.junit), ("baselines", options.path if options.update else None)):

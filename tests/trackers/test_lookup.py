@@ -2,7 +2,7 @@
 
 import pytest
 
-from trackers.lookup import look_up
+from trackers.lookup import look_up, parse
 
 PAGES = {"cut-in": 1, "cut-out": 2, "merge": 3}
 
@@ -17,3 +17,18 @@ def test_a_misspelt_name_is_told_the_nearest_and_a_strange_one_all():
     assert caught.value.__suppress_context__  # the KeyError says nothing more
     with pytest.raises(LookupError, match=r"^no radar 'xyz'; known: cut-in, cut-out, merge$"):
         look_up("xyz", PAGES, "radar")
+
+
+def test_parameters_of_an_entry_are_literals_switches_or_text():
+    text = "htg-map: shape_std = 3e-2, size=off,model=cars,road=none,motion=on,classes=7"
+    assert parse(text) == (
+        "htg-map",
+        {"shape_std": 0.03, "size": False, "model": "cars", "road": None, "motion": True, "classes": 7},
+    )
+    assert parse("htg-map") == ("htg-map", {})
+
+
+@pytest.mark.parametrize("text", ["a:", "a:b", "a:=1", "a:b=", "a:b=1,", "a:b=1,b=2", "a:b=1,,c=2"])
+def test_a_parameter_without_a_value_is_refused_in_a_sentence(text):
+    with pytest.raises(ValueError, match=r"^'a:.*(write NAME:key=value,key=value|give it once)$"):
+        parse(text)

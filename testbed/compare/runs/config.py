@@ -13,8 +13,7 @@ from sensors import find as find_radar
 from testbed.compare.runs.identity import shared_digest, tracker_digest
 from testbed.files import make_directory, versions, write_json
 from testbed.planners import find as find_planner
-from trackers import TRACKERS
-from trackers import find as find_tracker
+from trackers import TRACKERS, build
 
 LOOPS = ("open", "closed")
 ALL = "all"
@@ -124,9 +123,9 @@ def check(comparison: Comparison) -> None:
     """
     for scenario in comparison.scenarios:
         find_scenario(scenario)
+    radar = find_radar(comparison.settings.radar)
     for tracker in comparison.trackers:
-        find_tracker(tracker)
-    find_radar(comparison.settings.radar)
+        build(tracker, radar.models)
     find_planner(comparison.settings.planner)
     folder = Path(comparison.out)
     make_directory(folder)

@@ -14,7 +14,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from trackers import find
+from trackers import SensorModel, build
 
 PACKAGES = ("scenarios", "sensors", "testbed", "trackers")  # ours; their modules may be renamed and moved
 SHARED = ("scenarios", "sensors")  # whole packages
@@ -23,7 +23,7 @@ SCORES = (  # modules of testbed that decide about rows
     "frame",
     "environment.belief", "environment.observation", "environment.perception", "environment.wrapper",
     "planners.car_following", "planners.collision", "planners.idm", "planners.prediction", "planners.registry",
-    "evaluation.driving", "evaluation.histories", "evaluation.metrics", "evaluation.pair_errors",
+    "evaluation.driving", "evaluation.ends", "evaluation.histories", "evaluation.metrics", "evaluation.pair_errors",
     "evaluation.tracking",
     "compare.runs.recording", "compare.runs.replay", "compare.runs.rows", "compare.runs.tasks",
 )  # fmt: skip
@@ -39,11 +39,11 @@ def shared_digest() -> str:
 
 def tracker_digest(name: str) -> str:
     """Short digest of a tracker: its parameters, and all of `trackers` that the modules of its filter import."""
-    filter = find(name)
-    modules = closure(sorted({type(part).__module__ for part in parts(filter)}))
+    tracker = build(name, (SensorModel(),))
+    modules = closure(sorted({type(part).__module__ for part in parts(tracker)}))
     folders = [_root("trackers") / folder for module, folder in TABLES.items() if module in modules]
     tables = [path for folder in folders for path in sorted(folder.rglob("*.json"))]
-    return code_digest([*map(_file, modules), *tables], repr(filter))
+    return code_digest([*map(_file, modules), *tables], repr(tracker))
 
 
 def closure(modules: Iterable[str]) -> list[str]:

@@ -19,15 +19,17 @@ import pyarrow.parquet as pq
 
 from scenarios.stage import Phase
 from testbed.compare.runs.config import Task
+from testbed.evaluation.ends import HITS, Ends
 from testbed.evaluation.metrics import CUTOFF
 from testbed.evaluation.pair_errors import ERRORS
 from testbed.evaluation.tracking import Evaluator, jsonable
 from testbed.files import atomic_file
 from testbed.frame import Frame
+from trackers.geometry import wrap_angle
 
 PAIR, MISSED, FALSE, EMPTY = "pair", "missed", "false", "empty"
 BETWEEN = "between"  # phase of a frame that lies in none
-VERSION = 2  # of this layout
+VERSION = 3  # of this layout
 META, CHECKSUM = b"testbed", b"testbed checksum"
 
 
@@ -44,6 +46,7 @@ TEXT = pa.dictionary(pa.int32(), pa.string())
 UNITS = {
     "gwd": "m", "gwd2": "m^2", "position": "m", "velocity": "m/s", "heading_deg": "deg", "length": "m", "width": "m",
     "box_iou": "1", "contour_iou": "1", "nees_position": "1", "nees_velocity": "1",
+    "nees_heading": "1", "nees_length": "1", "nees_width": "1",
 }  # fmt: skip
 NOTES = {
     "gwd": "Gaussian Wasserstein distance of the boxes",
@@ -57,6 +60,9 @@ NOTES = {
     "contour_iou": "of the estimated contour, or the box without one, and the true outline",
     "nees_position": "normalised estimation error squared of the centre, 2 degrees of freedom",
     "nees_velocity": "of the velocity, 2 degrees of freedom",
+    "nees_heading": "of the heading, 1 degree of freedom",
+    "nees_length": "of the length, 1 degree of freedom",
+    "nees_width": "of the width, 1 degree of freedom",
 }
 COLUMNS = (
     Column("scenario", TEXT, "", "name in the catalogue"),
@@ -69,6 +75,14 @@ COLUMNS = (
     Column("kind", TEXT, "", "class of the object"),
     Column("track", pa.int32(), "1", "id of the track, null for a missed object"),
     Column("range", pa.float32(), "m", "from the ego to the object, or to a false track"),
+    Column(
+        "bearing",
+        pa.float32(),
+        "deg",
+        "of the ego from the object's heading: 0 is in front of it, 180 behind",
+    ),
+    Column("age", pa.float32(), "s", "since the object was first counted"),
+    Column("ends", pa.int32(), "1", f"ends of the object, 0 to 2, that {HITS} or more detections have hit so far"),
     Column("visible", pa.float32(), "1", "share of the outline facing the sensors that other vehicles do not hide"),
     Column("expected", pa.float32(), "1", "detections expected of the object in this frame"),
     Column("detections", pa.int32(), "1", "detections assigned to the track in this frame"),
@@ -89,6 +103,8 @@ class Rows:
         self.task = task
         self.evaluator = Evaluator(task.tracker, phases)
         self._rows: list[tuple[Any, ...]] = []
+        self._ends = Ends()
+        self._first: dict[int, float] = {}  # object id -> time [s] at which it first counted
 
     def __call__(self, frame: Frame) -> None:
         """Add the rows of one frame."""
@@ -99,14 +115,20 @@ class Rows:
         row_of = {track: k for k, track in enumerate(out.id.tolist())}
         number = dict(zip(info.track.tolist(), zip(info.detections.tolist(), info.nis.tolist())))
         objects, ego = scene.objects, scene.ego.pose[:2]
-        distance = np.hypot(*(objects.pose[:, :2] - ego).T).tolist()
+        to_ego = ego - objects.pose[:, :2]
+        distance = np.hypot(*to_ego.T).tolist()
+        turn = wrap_angle(np.arctan2(to_ego[:, 1], to_ego[:, 0]) - objects.pose[:, 2])
+        bearing = np.degrees(np.abs(turn)).tolist()
+        ends = self._ends.step(objects, origin, frame.scan.xy).tolist()
+        self._first = dict.fromkeys(score.counted, time) | self._first
         size_std = out.estimate.size_std.tolist()
         head = (*self.task, time, self._phase(time))
         rows: list[tuple[Any, ...]] = []
         for n, key in enumerate(objects.id.tolist()):
             if key not in score.counted:
                 continue
-            seen = (distance[n], float(origin.visible[n]), float(origin.expected[n]))
+            past = (bearing[n], time - self._first[key], ends[n])
+            seen = (distance[n], *past, float(origin.visible[n]), float(origin.expected[n]))
             if key in score.pairs:
                 track, errors = score.pairs[key], score.errors[key]
                 took, nis = number.get(track, (None, None))
@@ -119,8 +141,8 @@ class Rows:
             far = float(np.hypot(*(out.estimate.pose[k, :2] - ego)))
             took, nis = number.get(track, (None, None))
             rest = (took, CUTOFF**2 / 2, *NOTHING[:-3], *size_std[k], nis)
-            rows.append((*head, FALSE, None, None, track, far, None, None, *rest))
-        self._rows += rows or [(*head, EMPTY, *[None] * 7, 0.0, *NOTHING)]
+            rows.append((*head, FALSE, None, None, track, far, *[None] * 5, *rest))
+        self._rows += rows or [(*head, EMPTY, *[None] * 10, 0.0, *NOTHING)]
 
     def table(self) -> pa.Table:
         """All rows so far."""

@@ -88,7 +88,9 @@ def test_a_pair_has_its_own_errors_and_the_innovation_of_its_track(one_frame):
         "object": 5, "kind": "van", "track": 3, "range": 50.0, "visible": 0.75, "expected": 2.0, "detections": 2,
         "gospa2": 0.25, "gwd": 0.5, "gwd2": 0.25, "position": 0.5, "velocity": 0.0, "heading_deg": 0.0, "length": 0.0,
         "width": 0.0, "box_iou": 3.7 * 1.6 / (16 - 3.7 * 1.6), "contour_iou": 3.7 * 1.6 / (16 - 3.7 * 1.6),
-        "nees_position": 1.0, "nees_velocity": 0.0, "length_std": 0.5, "width_std": 0.25, "nis": 1.5,
+        "nees_position": 1.0, "nees_velocity": 0.0, "nees_heading": 0.0, "nees_length": 0.0, "nees_width": 0.0,
+        "length_std": 0.5, "width_std": 0.25, "nis": 1.5, "age": 0.0,
+        "bearing": 180 - math.degrees(math.atan2(40, 30)), "ends": 1,  # its detections lie at the origin, behind it
     }  # fmt: skip
     assert pair == {k: v if isinstance(v, str) else pytest.approx(v, rel=1e-5, abs=1e-6) for k, v in wanted.items()}
     assert set(wanted) == set(NAMES)
@@ -100,6 +102,7 @@ def test_missed_and_false_have_half_a_cut_off_and_no_errors(one_frame):
     assert {k: v for k, v in missed.items() if v is not None} == {
         "scenario": "cut-in", "tracker": "rm-koch", "seed": 4, "time": 0.5, "phase": "before", "status": "missed",
         "object": 7, "kind": "car", "range": 50.0, "visible": 0.75, "expected": pytest.approx(0.6), "gospa2": 12.5,
+        "bearing": pytest.approx(90.0), "age": 0.0, "ends": 0,
     }  # fmt: skip
     assert {k: v for k, v in false.items() if v is not None} == {
         "scenario": "cut-in", "tracker": "rm-koch", "seed": 4, "time": 0.5, "phase": "before", "status": "false",
