@@ -124,7 +124,7 @@ def build(text: str, sensors: Sequence[SensorModel], **parameters: Any) -> Multi
 
     Raises:
         LookupError: no such tracker; the nearest name is suggested.
-        TypeError: neither the filter nor the multi-object tracker has such a parameter; ValueError if it is in the text.
+        TypeError: neither the filter nor the multi-object tracker has such a parameter (ValueError: in the text).
         ValueError: a text that does not read like this, or a value that cannot be.
 
     """
