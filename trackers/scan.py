@@ -25,6 +25,7 @@ class Scan(NamedTuple):
     noise: NDArray = np.full((1, 3), np.nan)  # (..., M or 1, 3) std of range, azimuth, range rate; NaN: unknown
     sensor: NDArray = np.zeros(1, int)  # (..., M or 1) which sensor of the rig
     platform: NDArray = np.zeros(6)  # (..., 6) the vehicle: x, y [m], heading [rad], vx, vy [m/s], yaw rate [rad/s]
+    delivered: NDArray | None = None  # (S,) bool, sensors that made a scan, if only an empty one; None: not known
 
     @classmethod
     def from_xy(

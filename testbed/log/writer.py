@@ -296,9 +296,8 @@ class RunLog(NullLog):
     def _decisions(self, name: str, tracks: Tracks, info: StepInfo) -> None:
         confirmed = self._confirmed[name]
         for event in info.events:
-            self.event(
-                _level(event, event.track in confirmed), f"{name}: track {event.track} {event.kind}, {event.reason}"
-            )
+            track = f"track {event.track} " if event.track >= 0 else ""
+            self.event(_level(event, event.track in confirmed), f"{name}: {track}{event.kind}, {event.reason}")
         confirmed |= set(tracks.id[tracks.confirmed].tolist())
 
     def _name_objects(self, objects: Objects) -> None:
@@ -314,7 +313,9 @@ class RunLog(NullLog):
 
 
 def _level(event: Event, confirmed: bool) -> str:
-    """DEBUG for births and for deaths of tracks that were never reported, WARN for deaths of reported ones."""
+    """DEBUG for births and for deaths of tracks never reported, WARN for deaths of reported ones and for crowds."""
+    if event.kind == "crowded":
+        return "WARN"
     if event.kind == "died":
         return "WARN" if confirmed else "DEBUG"
     return "DEBUG" if event.kind == "born" else "INFO"

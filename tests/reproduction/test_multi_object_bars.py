@@ -20,15 +20,16 @@ from tests.testbed.evaluation import road_cases as cases
 from tests.testbed.evaluation.road_world import SEVEN, Outcome, World, drive, tracker_for
 from trackers import MultiObjectTracker
 from trackers.multi.association import SortedScan
+from trackers.multi.cells import Linkage
 from trackers.multi.exclusion import Exclusion
-from trackers.multi.initiation import Initiation, Leftovers
+from trackers.multi.leftovers import Leftovers, Suppression
 
 SEEDS = (10, 11, 12)  # none of which was used while the tracker was changed
 FILTERS = ("rm-feldmann", "rm-surface")
 Row = dict[str, float]
 
 
-class BearsFromRails(Initiation):
+class BearsFromRails(Suppression):
     """Births without the rule that nothing is born standing."""
 
     def leftovers(self, z: SortedScan, *rest: Any) -> Leftovers:
@@ -50,12 +51,13 @@ def without_doppler(tracker: MultiObjectTracker) -> MultiObjectTracker:
         tracker,
         filter=replace(tracker.filter, rate_weight=0.0),
         association=replace(tracker.association, rate_std=40.0),  # flat over the +-60 m/s of the false alarms
-        initiation=replace(tracker.initiation, link_rate=1e3, grow_rate=1e3),
+        suppression=replace(tracker.suppression, grow_rate=1e3),
+        initiation=replace(tracker.initiation, linkage=Linkage(rate=1e3, rate_between=1e3)),
     )
 
 
 def without_static_rule(tracker: MultiObjectTracker) -> MultiObjectTracker:
-    return replace(tracker, initiation=BearsFromRails(), road=None)
+    return replace(tracker, suppression=BearsFromRails(), road=None)
 
 
 @cache

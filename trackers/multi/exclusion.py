@@ -34,8 +34,8 @@ class Exclusion:
     overlap_sure: float = 0.7  # whatever the velocity
     lane: float = 1.6  # [m] across
     speed: float = 1.5  # [m/s] difference
-    gap: tuple[float, float, float] = (5.5, 0.8, 0.0105)  # bumper gap below min(a, b + c v^2) [m]: one vehicle
-    longest: float = 18.5  # [m] of a union
+    gap: tuple[float, float, float] = (7.5, 0.8, 0.0125)  # bumper gap below min(a, b + c v^2) [m]: one vehicle
+    longest: float = 20.5  # [m] of a union
 
     def apply(self, estimate: Estimate, score: NDArray) -> ExclusionResult:
         """Go through T tracks from the best score (T,) down; each drops, or unites with, the worse ones it excludes."""

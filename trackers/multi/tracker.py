@@ -10,14 +10,16 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.batch import concatenate, select
+from trackers.batch import select, take
 from trackers.estimate import Estimate, prior
 from trackers.linalg import largest_eigenvalue
 from trackers.multi.association import Association, Claims, SortedScan, gather, shares
 from trackers.multi.exclusion import Exclusion
 from trackers.multi.existence import Existence
-from trackers.multi.initiation import Initiation
+from trackers.multi.initiation import Births, Initiation
+from trackers.multi.leftovers import Suppression
 from trackers.multi.road import RoadMap
+from trackers.multi.silence import Silence, without
 from trackers.multi.sizes import SizePrior, stretch
 from trackers.multi.tracks import REPORT_ABOVE, Event, StepInfo, Tracks
 from trackers.multi.visibility import SensorArray, Visibility, predict_visibility
@@ -36,6 +38,8 @@ class MultiObjectTracker:
     sensors: tuple[SensorModel, ...]
     association: Association = field(default_factory=Association)
     existence: Existence = field(default_factory=Existence)
+    silence: Silence = field(default_factory=Silence)
+    suppression: Suppression = field(default_factory=Suppression)
     initiation: Initiation = field(default_factory=Initiation)
     exclusion: Exclusion = field(default_factory=Exclusion)
     sizes: SizePrior = field(default_factory=SizePrior)
@@ -53,10 +57,11 @@ class MultiObjectTracker:
     def __post_init__(self) -> None:
         if not self.sensors:
             raise ValueError("sensors must name at least one SensorModel; take them from Radar.models")
-        if self.initiation.fast_existence[0] <= self.prune_below:
+        least = min(self.initiation.born_above, self.initiation.static_existence)
+        if least <= self.prune_below:
             raise ValueError(
-                f"prune_below {self.prune_below} must be under the existence at birth, "
-                f"{self.initiation.fast_existence[0]}, or every birth is removed in silence"
+                f"prune_below {self.prune_below} must be under the least existence at birth, {least}, or births are "
+                "removed in silence"
             )
         if self.size not in SIZES:
             raise ValueError(f"size must be one of {', '.join(SIZES)}, got {self.size!r}")
@@ -114,18 +119,17 @@ class MultiObjectTracker:
         self._check(scan, dt)
         z, order = self.association.prepare(scan, self.sensor_array)
         tracks = self._predict(tracks, dt)
-        occluder = (tracks.existence > self.occlude_above) & (tracks.hits > self.occlude_hits)
-        view = predict_visibility(tracks.estimate, occluder, self.sensor_array, scan.platform, self.rate_factor)
+        view = self._view(tracks, scan)
         visible = view.share.max(0, initial=0.0) > 0
         tracks = tracks._replace(existence=self.existence.survive(tracks.existence, visible, view.in_view, dt))
         claims = self.association.claim(self.spatial, tracks.state, tracks.estimate, tracks.existence, view.expected, z)
         updated, info = self._update(tracks, view, claims, z)
-        leftovers = self.initiation.leftovers(z, claims.owner, updated.estimate, updated.existence, self.road)
+        leftovers = self.suppression.leftovers(z, claims.owner, updated.estimate, updated.existence, self.road)
         if self.size == "relax":
             updated = self._grow(updated, leftovers.reach)
         owner = np.full(scan.mask.shape[-1], -1)
         owner[order] = np.where(claims.owner >= 0, tracks.id[claims.owner], -1) if len(tracks.id) else -1
-        updated, born = self._initiate(updated, z, leftovers.candidate)
+        updated, born = self._initiate(updated, z, leftovers.candidate, dt)
         updated, merged = self._exclude(updated)
         updated, died = self._prune(updated)
         fresh = (updated.existence > REPORT_ABOVE) & ~updated.confirmed
@@ -143,6 +147,11 @@ class MultiObjectTracker:
             raise ValueError(f"scan.mask must be (M,) for many objects, got {scan.mask.shape}; step one run at a time")
         if scan.platform.shape != (6,):
             raise ValueError(f"scan.platform must be (6,), got {scan.platform.shape}")
+        S = len(self.sensors)
+        if scan.delivered is not None and (scan.delivered.shape != (S,) or scan.delivered.dtype != bool):
+            raise ValueError(
+                f"scan.delivered must be bool ({S},), one for each sensor of the tracker, got {scan.delivered!r}"
+            )
         if not (np.isfinite(dt) and dt >= 0):
             raise ValueError(f"dt must be finite and >= 0 s, got {dt}; scans come in the order of time")
         if scan.sensor.size and not (scan.sensor.min() >= 0 and scan.sensor.max() < len(self.sensors)):
@@ -160,6 +169,17 @@ class MultiObjectTracker:
         size, size_std = self.sizes.relax(estimate.size, estimate.size_std, dt, usual)
         state = self._resize(state, size, size_std)
         return tracks._replace(state=state, estimate=self.layered.estimate(state), age=tracks.age + dt)
+
+    def _view(self, tracks: Tracks, scan: Scan) -> Visibility:
+        """What the sensors that deliver should see of the predicted tracks."""
+        occluder = (tracks.existence > self.occlude_above) & (tracks.hits > self.occlude_hits)
+        view = predict_visibility(tracks.estimate, occluder, self.sensor_array, scan.platform, self.rate_factor)
+        if scan.delivered is not None:
+            return without(view, 1.0 - scan.delivered)
+        sensor = (scan.sensor + np.zeros(len(scan.mask), int))[scan.mask]
+        heard = np.bincount(sensor, minlength=len(self.sensors)) > 0
+        clutter = self.sensor_array.clutter
+        return without(view, self.silence.probability(heard, view.expected, tracks.existence, clutter))
 
     def _resize(self, state: object, size: NDArray, size_std: NDArray) -> object:
         """State with another size and std (T, 2) [m]; a filter without `resize` starts again from its own estimate."""
@@ -216,26 +236,43 @@ class MultiObjectTracker:
         state = select(grows, longer, tracks.state)
         return tracks._replace(state=state, estimate=self.layered.estimate(state))
 
-    def _initiate(self, tracks: Tracks, z: SortedScan, candidate: NDArray) -> tuple[Tracks, list[Event]]:
-        births = self.initiation.births(z, candidate, self.road)
-        if births is None:
-            return tracks, []
+    def _initiate(self, tracks: Tracks, z: SortedScan, candidate: NDArray, dt: float) -> tuple[Tracks, list[Event]]:
+        """The tracks and those born of the candidates (M,) bool and of the window, which goes on."""
+        memory = tracks.memory
+        loose = self.initiation.window.predict(memory.loose, dt)
+        loose = take(loose, self.suppression.unexplained(loose, tracks.estimate, tracks.existence))
+        clutter, time = self.sensor_array.clutter, memory.time + dt
+        births = self.initiation.births(z, candidate, loose, clutter, time, dt, self.road)
+        tracks = tracks._replace(memory=memory._replace(time=time, loose=births.loose))
+        events = []
+        if births.crowd:
+            reason = f"{births.crowd} unexplained detections; births need three of one scan"
+            events.append(Event("crowded", -1, reason))
+        if not len(births.existence):
+            return tracks, events
+        tracks, born = self._bear(tracks, z, births)
+        return tracks, [*events, *born]
+
+    def _bear(self, tracks: Tracks, z: SortedScan, births: Births) -> tuple[Tracks, list[Event]]:
+        """The tracks and those born, updated with their detections of this scan."""
         B = len(births.existence)
         index = shares(births.owner, B, self.most_detections)
         state, _ = self.layered.update(self.layered.init(births.estimate), gather(z, index))
         born = Tracks(
             id=tracks.next_id + np.arange(B),
             existence=births.existence,
-            hits=np.ones(B, int),
+            hits=births.hits,
             age=np.zeros(B),
             confirmed=np.zeros(B, bool),
             state=state,
             estimate=self.layered.estimate(state),
+            next_id=tracks.next_id + B,
+            memory=tracks.memory,
         )
-        count = np.bincount(births.owner[births.owner >= 0], minlength=B)
-        events = [Event("born", int(i), f"{n} detections that no track explains") for i, n in zip(born.id, count)]
-        joined = concatenate([tracks._replace(next_id=None), born._replace(next_id=None)])  # type: ignore[arg-type]
-        return joined._replace(next_id=tracks.next_id + B), events
+        events = [
+            Event("born", int(i), f"{n} detections that no track explains") for i, n in zip(born.id, births.detections)
+        ]
+        return tracks.and_born(born), events
 
     def _exclude(self, tracks: Tracks) -> tuple[Tracks, list[Event]]:
         score = tracks.existence * np.minimum(tracks.hits, 50)

@@ -7,8 +7,9 @@ from typing import Any, NamedTuple
 
 from numpy.typing import NDArray
 
-from trackers.batch import take
+from trackers.batch import concatenate, take
 from trackers.estimate import Estimate
+from trackers.multi.window import EMPTY, Loose
 
 REPORT_ABOVE = 0.5  # existence probability above which a track is output, (MOT.48)
 
@@ -16,10 +17,17 @@ REPORT_ABOVE = 0.5  # existence probability above which a track is output, (MOT.
 class Event(NamedTuple):
     """One decision about one track."""
 
-    kind: str  # born, confirmed, merged, died, or the kind of a filter's `Note`
-    track: int  # id
+    kind: str  # born, confirmed, merged, died, crowded, or the kind of a filter's `Note`
+    track: int  # id; -1 for an event of the whole scan
     reason: str  # one readable clause
     contours: NDArray | None = None  # (2, C, 2) [m] outlines on the body's axes, before and after a change
+
+
+class Memory(NamedTuple):
+    """What is known beside the tracks; it has no axis T."""
+
+    time: float = 0.0  # [s] since the first scan
+    loose: Loose = EMPTY  # unexplained detections of the last scans
 
 
 class Tracks(NamedTuple):
@@ -33,6 +41,7 @@ class Tracks(NamedTuple):
     state: Any  # the filter's state, leading axis T
     estimate: Estimate  # leading axis T
     next_id: int = 0
+    memory: Memory = Memory()
 
     @property
     def reported(self) -> "Tracks":
@@ -40,8 +49,14 @@ class Tracks(NamedTuple):
         return self.rows(self.existence > REPORT_ABOVE)  # (MOT.48)
 
     def rows(self, index: NDArray) -> "Tracks":
-        """The tracks at index, (T,) bool or rows; `next_id` stays."""
-        return take(self._replace(next_id=None), index)._replace(next_id=self.next_id)  # type: ignore[arg-type]
+        """The tracks at index, (T,) bool or rows; `next_id` and `memory` stay."""
+        rows = take(self._replace(next_id=None, memory=None), index)  # type: ignore[arg-type]
+        return rows._replace(next_id=self.next_id, memory=self.memory)
+
+    def and_born(self, born: "Tracks") -> "Tracks":
+        """These tracks and then those born, whose `next_id` and memory stay."""
+        mine, theirs = (t._replace(next_id=None, memory=None) for t in (self, born))  # type: ignore[arg-type]
+        return concatenate([mine, theirs])._replace(next_id=born.next_id, memory=born.memory)
 
     def __str__(self) -> str:
         return f"{len(self.id)} tracks, {int((self.existence > REPORT_ABOVE).sum())} reported"

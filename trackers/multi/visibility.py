@@ -25,6 +25,7 @@ class SensorArray(NamedTuple):
     max_range: NDArray  # (S,) [m]
     fov: NDArray  # (S,) [rad]
     noise: NDArray  # (S, 3)
+    clutter: NDArray  # (S,) false alarms a scan
     clutter_density: NDArray  # (S,) false alarms a scan per m^2 and m/s
     clutter_density_2d: NDArray  # (S,) the same integrated over the range rate, per m^2
     rates: NDArray  # (S, 3) count_at_15m, count_falloff, count_max
@@ -39,6 +40,7 @@ class SensorArray(NamedTuple):
             max_range=np.array([s.max_range for s in sensors], float),
             fov=np.array([s.fov for s in sensors], float),
             noise=np.array([(s.sigma_range, s.sigma_azimuth, s.sigma_rate) for s in sensors], float),
+            clutter=clutter,
             clutter_density=clutter / (area * 2 * np.array([s.max_rate for s in sensors])),  # (MOT.6)
             clutter_density_2d=clutter / area,  # (MOT.6) without the range rate
             rates=np.array([(s.count_at_15m, s.count_falloff, s.count_max) for s in sensors], float),

@@ -111,9 +111,9 @@ def detections(encounter: Encounter, k: int, radar: Radar, kind: str, size: NDAr
     scans = []
     for ego in encounter.egos:
         scan, origin = radar.scan(scene_of(now, Motion(*(leaf[k] for leaf in ego)), kind, size), rng)
-        scans.append(Scan(*[*(leaf[origin.object == 0] for leaf in scan[:-1]), scan.platform]))
-    joined = (np.concatenate(leaves) for leaves in zip(*(scan[:-1] for scan in scans), strict=True))
-    return Scan(*[*joined, np.zeros(6)])
+        scans.append([leaf[origin.object == 0] for leaf in scan[:6]])
+    joined = (np.concatenate(leaves) for leaves in zip(*scans, strict=True))
+    return Scan(*joined)
 
 
 def scene_of(vehicle: Motion, ego: Motion, kind: str, size: NDArray) -> Scene:
@@ -128,7 +128,7 @@ def padded(scans: list[Scan]) -> Scan:
     M = max(1, *(len(scan.mask) for scan in scans))
 
     def stack(leaf: int) -> NDArray:
-        parts = [scan[leaf] for scan in scans]
+        parts = [np.asarray(scan[leaf]) for scan in scans]
         return np.stack([np.concatenate([p, np.zeros((M - len(p), *p.shape[1:]), p.dtype)]) for p in parts])
 
     return Scan(*[*map(stack, range(6)), np.zeros((len(scans), 6))])

@@ -169,7 +169,7 @@ class TestCase:
         outcome = run("abeam", name)
         assert len(outcome.ids(0)) == 1
         assert outcome.false().sum() / RATE <= 0.2
-        assert outcome.table["rmse_velocity"] <= 0.8  # measured 0.28; born at rest, it would be 25
+        assert outcome.table["rmse_velocity"] <= 1.2  # measured 0.96: reported in the first scan; born at rest, 25
 
     def test_09_a_cut_in_from_the_blind_zone_keeps_its_id(self, name):
         """Velocity: 0.25 m/s demanded, 0.50 and 0.63 measured; the heading of a random matrix lags in the change."""
@@ -256,7 +256,11 @@ def test_16_an_empty_scan_costs_the_visible_its_miss_factor_and_the_hidden_only_
     truck = int(np.argmin(np.abs(step.tracks.estimate.pose[:, 0] - step.scene.objects.pose[1, 0])))
     car = list(step.tracks.id).index(outcome.ids(0)[0])
     tracks = step.tracks._replace(existence=np.full(len(step.tracks.id), 0.9))
-    nothing = Scan(np.zeros((0, 3)), np.zeros(0, bool), np.zeros((1, 3)), np.zeros((1, 2)), platform=step.scan.platform)
+    heard = np.ones(len(SEVEN.sensors), bool)
+    nothing = Scan(
+        np.zeros((0, 3)), np.zeros(0, bool), np.zeros((1, 3)), np.zeros((1, 2)), platform=step.scan.platform,
+        delivered=heard,
+    )  # fmt: skip
     tracker = tracker_for(cases.HIDDEN, name)
     after, info = tracker.step(tracks, nothing, 0.0)
     assert info.expected[car] == 0

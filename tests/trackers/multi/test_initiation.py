@@ -22,4 +22,4 @@ def test_what_stands_is_born_in_a_lane_of_the_map_and_nowhere_else(road, rate, b
     tracker = MultiObjectTracker(KnownObjects(), (RADAR,), road=road)
     tracks, info = tracker.step(tracker.start(), scan_of(REAR, (0.15, 0.005, 0.1), rate), 0.0)
     assert len(tracks.id) == born
-    assert [event.kind for event in info.events] == ["born"] * born
+    assert sum(event.kind == "born" for event in info.events) == born

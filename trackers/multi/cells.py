@@ -1,0 +1,87 @@
+"""Cells: unexplained detections near each other in place and range rate, by single linkage.
+
+Equations: docs/methods/life-cycle-of-tracks.md, section 2.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from trackers.geometry import dot, perpendicular, unit
+from trackers.multi.window import Loose
+
+
+@dataclass(frozen=True)
+class Linkage:
+    """Which detections are linked."""
+
+    along: float = 2.5  # [m] half axes, along the lane
+    across: float = 0.7  # [m] narrow on purpose: a wide linkage makes one vehicle of two abreast
+    rate: float = 2.0  # [m/s] greatest difference of the ground range rates within a scan
+    rate_between: float = 1.0  # [m/s] the same between scans
+    thin: float = 0.25  # [m] and [m/s] grid of crowded scans, of which each cell is linked as one detection
+
+    def label(self, loose: Loose) -> NDArray:
+        """Cell (P,) of each detection, counted from 0."""
+        a, b = self._pairs(loose)
+        d = loose.xy[a] - loose.xy[b]
+        along = unit(loose.course[np.maximum(a, b)])
+        reach = (loose.sigma[a] + loose.sigma[b]) / 2
+        near = (dot(d, along) / (self.along + reach)) ** 2 + (
+            dot(d, perpendicular(along)) / (self.across + reach)
+        ) ** 2 < 1  # (LIFE.3)
+        limit = np.where(loose.age[a] == loose.age[b], self.rate, self.rate_between)
+        near &= np.abs(loose.rate[a] - loose.rate[b]) < limit  # (LIFE.3)
+        P = len(loose.rate)
+        links = coo_array((np.ones(near.sum(), bool), (a[near], b[near])), (P, P))
+        return connected_components(links, directed=False)[1]
+
+    def label_crowd(self, loose: Loose) -> NDArray:
+        """The same in bounded time and memory: detections in one cell of a fine grid are linked as one."""
+        grid = np.floor(np.c_[loose.xy, loose.rate, loose.sensor] / [self.thin, self.thin, self.thin, 1]).astype(int)
+        _, first, back = np.unique(grid, axis=0, return_index=True, return_inverse=True)
+        return self.label(Loose(*(leaf[first] for leaf in loose)))[back.ravel()]
+
+    def volume(self, loose: Loose) -> NDArray:
+        """Volume (P,) [m^2 m/s] in which a detection is linked to each of these."""
+        sigma = loose.sigma
+        rates = 2 * np.where(loose.now, self.rate, self.rate_between)
+        return np.pi * (self.along + sigma) * (self.across + sigma) * rates  # (LIFE.5)
+
+    def _pairs(self, loose: Loose) -> tuple[NDArray, NDArray]:
+        """Rows of all pairs that may be linked, each pair once."""
+        if len(loose.rate) < 2:
+            return np.zeros((2, 0), int)  # type: ignore[return-value]
+        radius = self.along + loose.sigma.max()
+        points = np.c_[loose.xy, loose.rate * radius / self.rate]
+        return cKDTree(points).query_pairs(radius, p=np.inf, output_type="ndarray").T
+
+
+def cut(
+    loose: Loose, label: NDArray, wide: NDArray, heading: NDArray, widest: float, least: int, gap: float
+) -> NDArray:
+    """Labels (P,) after those of the cells `wide` (B,) that are wider than any vehicle are cut.
+
+    A few stray points of a dense radar bridge the linkage of two vehicles abreast. The width is taken across the
+    cell's own course, heading (B,) [rad], so that crossing vehicles are not cut in two. Both parts keep `least`
+    detections and are at least `gap` [m] apart; widest [m] is the width of the widest vehicle.
+    """
+    label = label.copy()
+    for cell, across in zip(wide, perpendicular(unit(heading)), strict=True):
+        offset, waiting = loose.xy @ across, [cell]
+        while waiting:
+            mine = np.flatnonzero(label == waiting.pop())
+            mine = mine[np.argsort(offset[mine], kind="stable")]
+            if len(mine) < 2 * least or np.ptp(offset[mine]) < widest + 4 * loose.sigma[mine].mean():
+                continue
+            gaps = np.diff(offset[mine])[least - 1 : len(mine) - least]
+            if gaps.max() < gap:
+                continue
+            other = label.max() + 1
+            waiting += [label[mine[0]], other]
+            label[mine[gaps.argmax() + least :]] = other  # (LIFE.9)
+    return label

@@ -1,0 +1,92 @@
+"""Velocity and heading of a cell from its range rates, under three hypotheses of its course.
+
+One radar sees one component of the velocity. Equations: docs/methods/life-cycle-of-tracks.md, section 3.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.geometry import dot, perpendicular, unit
+from trackers.linalg import outer
+from trackers.multi.window import Loose
+
+
+class Lanes(NamedTuple):
+    """What the map says at B cells."""
+
+    direction: NDArray  # (B,) [rad] of the lane, of the ego off the lanes
+    on_lane: NDArray  # (B,) bool
+    ego_speed: float  # [m/s]
+
+    def rows(self, index: NDArray) -> "Lanes":
+        """The lanes at the cells with these rows, int or bool."""
+        return self._replace(direction=self.direction[index], on_lane=self.on_lane[index])
+
+
+class Motion(NamedTuple):
+    """Velocities of B cells."""
+
+    velocity: NDArray  # (B, 2) [m/s]
+    cov: NDArray  # (B, 2, 2)
+    heading: NDArray  # (B,) [rad]
+    heading_std: NDArray  # (B,) [rad]
+
+
+@dataclass(frozen=True)
+class Course:
+    """Priors of the velocity: with the lane, against it, in any direction."""
+
+    sigma_rate: float = 0.3  # [m/s] range rate in the fit
+    lane_std: tuple[float, float] = (12.0, 1.0)  # [m/s] along and across the lane, around the ego's speed, either way
+    any_std: float = 15.0  # [m/s] of any direction, around standstill
+    any_log_odds: tuple[float, float] = (-3.0, 2.0)  # of any direction against along the lane: on lanes, off them
+    above: float = 4.0  # [m/s] the heading follows the velocity above this speed
+    slow_std: float = 0.1  # [rad] of the heading below it
+    std_bounds: tuple[float, float] = (0.03, 0.3)  # [rad] of the heading above it
+    standing_std: float = 1.0  # [m/s] of the velocity of a standing cell
+
+    def of(self, loose: Loose, W: NDArray, lanes: Lanes, standing: NDArray) -> Motion:
+        """Motion of the cells W (B, P) of detections; standing (B,) bool those that do not move."""
+        along = np.where(standing, 0.0, lanes.ego_speed)[:, None] * unit(lanes.direction)
+        M = np.stack([unit(lanes.direction), perpendicular(unit(lanes.direction))], -1)
+        lane = M * np.square(self.lane_std) @ M.mT
+        broad = np.broadcast_to(self.any_std**2 * np.eye(2), lane.shape)
+        odds = np.where(lanes.on_lane, *self.any_log_odds)
+        priors = ((along, lane, 0.0), (-along, lane, 0.0), (np.zeros_like(along), broad, odds))
+        fits = [self._fit(loose, W, mean, cov) for mean, cov, _ in priors]
+        best = np.argmax([fit[2] + odds for fit, (*_, odds) in zip(fits, priors, strict=True)], 0)  # (LIFE.13)
+        b = np.arange(len(W))
+        velocity, cov = (np.stack([fit[k] for fit in fits])[best, b] for k in (0, 1))
+        velocity = np.where(standing[:, None], 0.0, velocity)  # abeam, range rates would leave the speed undetermined
+        cov = np.where(standing[:, None, None], self.standing_std**2 * np.eye(2), cov)
+        return self._with_heading(velocity, cov, lanes.direction, (best < 2) | standing)
+
+    def _with_heading(self, velocity: NDArray, cov: NDArray, lane: NDArray, in_lane: NDArray) -> Motion:
+        """Headings: of the lane (B,) [rad] for slow cells in_lane (B,) bool, else where the velocity may lead."""
+        power, axis = np.linalg.eigh(outer(velocity) + cov)  # (LIFE.14)
+        axis = axis[..., 1] * np.where(dot(axis[..., 1], velocity) < 0, -1.0, 1.0)[:, None]
+        speed = np.hypot(velocity[:, 0], velocity[:, 1])
+        slow = in_lane & (speed < self.above)
+        heading = np.where(slow, lane, np.arctan2(axis[:, 1], axis[:, 0]))
+        std = np.sqrt(power[:, 0] / np.maximum(power[:, 1], self.above**2))  # (LIFE.14)
+        return Motion(velocity, cov, heading, np.clip(np.where(slow, self.slow_std, std), *self.std_bounds))
+
+    def _fit(self, loose: Loose, W: NDArray, mean: NDArray, cov: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+        """Velocity (B, 2), covariance (B, 2, 2) and log evidence (B,) of the range rates under Gaussian priors.
+
+        mean (B, 2) and cov (B, 2, 2) are those of the priors.
+        """
+        u, w = loose.sight, W.astype(float)
+        S = (w @ (u[:, :, None] * u[:, None]).reshape(-1, 4)).reshape(-1, 2, 2) / self.sigma_rate**2
+        r, square = w @ (u * loose.rate[:, None]) / self.sigma_rate**2, w @ loose.rate**2 / self.sigma_rate**2
+        information = np.linalg.inv(cov) + S  # (LIFE.10)
+        Sm = (S @ mean[..., None])[..., 0]
+        score = r - Sm  # (LIFE.10)
+        posterior = np.linalg.inv(information)  # (LIFE.11)
+        shift = (posterior @ score[..., None])[..., 0]  # (LIFE.11)
+        chi2 = square - (2 * r * mean - Sm * mean + score * shift).sum(-1)  # (LIFE.12)
+        log_det = np.linalg.slogdet(information)[1] + np.linalg.slogdet(cov)[1]  # (LIFE.12)
+        return mean + shift, posterior, -0.5 * (chi2 + log_det)

@@ -1,0 +1,95 @@
+"""The window: recent detections that no track explains, moved to where their vehicles should be now.
+
+A vehicle that gives one detection a scan is born from several scans of it. Equations:
+docs/methods/life-cycle-of-tracks.md, section 1.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.batch import concatenate, take
+from trackers.geometry import dot, unit
+from trackers.multi.association import SortedScan
+from trackers.multi.road import RoadMap
+
+
+class Loose(NamedTuple):
+    """P detections with range rate that no track explains; the older ones first."""
+
+    xy: NDArray  # (P, 2) [m] where it was seen, moved since
+    sight: NDArray  # (P, 2) unit line of sight
+    rate: NDArray  # (P,) [m/s] range rate over ground
+    var_along: NDArray  # (P,) [m^2] noise along the line of sight
+    var_across: NDArray  # (P,) [m^2] noise across it
+    clutter: NDArray  # (P,) [1/(m^2 m/s)] intensity by the data sheet
+    sensor: NDArray  # (P,) int
+    place: NDArray  # (P, 2) [m] of the sensor
+    course: NDArray  # (P,) [rad] direction of the lane where it was seen; of the ego off the lanes
+    age: NDArray  # (P,) [s], 0: of the present scan
+
+    @classmethod
+    def of(cls, z: SortedScan, j: NDArray, course: NDArray) -> "Loose":
+        """Those of a scan with rows j (P,) and directions course (P,) [rad] of their lanes."""
+        scan, clutter = z.scan, z.clutter[j]
+        return cls(
+            z.xy[j], z.sight[j], z.rate[j], z.var_along[j], z.var_across[j], clutter, z.sensor[j],
+            scan.pose[j, :2], course, np.zeros(len(j)),
+        )  # fmt: skip
+
+    @property
+    def now(self) -> NDArray:
+        """Mask (P,) of those of the present scan."""
+        return self.age == 0
+
+    @property
+    def sigma(self) -> NDArray:
+        """Standard deviation (P,) [m] of the place, both axes together."""
+        return np.sqrt(self.var_along + self.var_across)
+
+
+NO_POINTS, NO_VALUES = np.zeros((0, 2)), np.zeros(0)
+EMPTY = Loose(
+    NO_POINTS, NO_POINTS, NO_VALUES, NO_VALUES, NO_VALUES, NO_VALUES, NO_VALUES.astype(int), NO_POINTS, NO_VALUES,
+    NO_VALUES,
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Window:
+    """How long unexplained detections are remembered, and which."""
+
+    span: float = 0.4  # [s]
+    along_sight: float = 0.7  # least cosine of line of sight and lane: abeam the range rate does not give the speed
+    beyond: float = 30.0  # [m] least range: near vehicles give enough detections in one scan
+    moving: float = 1.0  # [m/s] least magnitude of the ground range rate: what stands is not told from rails by time
+    beside_lane: float = 1.0  # [m] a detection so near to a lane has its direction
+
+    def predict(self, loose: Loose, dt: float) -> Loose:
+        """The window after dt [s]: detections move along their lanes by their own range rates; old ones go."""
+        along = unit(loose.course)
+        speed = loose.rate / dot(loose.sight, along)
+        moved = loose._replace(xy=loose.xy + (speed * dt)[:, None] * along, age=loose.age + dt)  # (LIFE.1)
+        return take(moved, moved.age < self.span + 1e-9)
+
+    def keep(self, loose: Loose) -> Loose:
+        """Those whose motion follows from their range rate."""
+        along = np.abs(dot(loose.sight, unit(loose.course)))
+        d = loose.xy - loose.place
+        keep = (along > self.along_sight) & (np.abs(loose.rate) > self.moving) & (np.hypot(*d.T) > self.beyond)
+        return take(loose, keep)  # (LIFE.2)
+
+    def courses(self, xy: NDArray, road: RoadMap | None, heading: float) -> tuple[NDArray, NDArray]:
+        """Direction (P,) [rad] of the lanes at points (P, 2), the ego's heading off the lanes; and bool (P,) which."""
+        if road is None:
+            return np.full(len(xy), heading), np.zeros(len(xy), bool)
+        depth, direction = road.locate(xy)
+        on_lane = depth > -self.beside_lane
+        return np.where(on_lane, direction, heading), on_lane
+
+
+def join(old: Loose, new: Loose) -> Loose:
+    """Both, the older ones first."""
+    return concatenate([old, new])
