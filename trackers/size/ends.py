@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from trackers.batch import select
 from trackers.estimate import Estimate
 from trackers.geometry import rotation, to_frame
+from trackers.linalg import symmetrize
 from trackers.protocols import Attentive, Filter, Resizable, Restartable, Shiftable
 from trackers.scan import Scan, SensorModel, check_scan
 from trackers.size.belief import Belief, believe
@@ -118,7 +119,7 @@ class Ends:
         body = state.anchor * (b.offset + (box.size - b.size) / 2)  # (ENDS.21)
         pose, cov = box.pose.copy(), box.cov.copy()
         pose[..., :2] += (M @ body[..., None])[..., 0]  # (ENDS.21)
-        cov[..., :2, :2] += (M * b.centre_var[..., None, :]) @ M.mT  # (ENDS.20)
+        cov[..., :2, :2] += symmetrize((M * b.centre_var[..., None, :]) @ M.mT)  # (ENDS.20)
         contour = box.contour
         if contour is not None:
             scale = b.size / box.size

@@ -44,12 +44,9 @@ def hits_of(
     Noise that is not stated is sigma [m].
     """
 
-    def of(field: NDArray) -> NDArray:
-        full = np.broadcast_to(field, (*scan.mask.shape, *field.shape[scan.mask.ndim :]))
-        return full[index]
-
-    polar, mount, noise = of(scan.polar), of(scan.pose), of(scan.noise)
-    sensor = profiles.at(of(scan.sensor))
+    shape = scan.mask.shape
+    polar, mount, noise = (np.broadcast_to(a, (*shape, 3))[index] for a in (scan.polar, scan.pose, scan.noise))
+    sensor = profiles.at(np.broadcast_to(scan.sensor, shape)[index])
     u = unit(polar[:, 1] + mount[:, 2])
     into = rotation(-pose[row, 2])
 

@@ -20,7 +20,7 @@ from trackers.pmht.model import find as find_model
 from trackers.pmht.pool import added, empty
 from trackers.pmht.refine import Refine, is_simple
 from trackers.pmht.visibility import visibility_table
-from trackers.pmht.window import Decoupled, smoothed, thinned
+from trackers.pmht.window import Decoupled, decouple, smoothed, thinned
 from trackers.range_rate import RangeRates
 from trackers.smoother import smooth_moments
 
@@ -436,3 +436,20 @@ def test_a_model_of_other_ellipses_and_a_missing_class_are_named():
         Catalogue(unseen=2.0)
     with pytest.raises(ValueError, match="hysteresis"):
         AdaptiveSpline(Learner(SPLINE), hysteresis=-1.0)
+
+
+def test_another_size_and_place_move_what_is_learned_from_along():
+    """What a window and a pool say of the outline, in metres from the rear end, stays as it was."""
+    state, _ = run(QUICK, np.random.default_rng(3), 9, cars=2)
+    size, std = state.m[:, 5:] + [1.0, 0.2], np.full((2, 2), 0.1)
+    d = (rotation(state.m[:, 2]) @ np.array([0.5, 0.0])[:, None])[..., 0]  # the rear stays
+    other = QUICK.shift(QUICK.resize(state, size, std), d)
+
+    def from_rear(state):
+        for body in (decouple(state.window), state.pool.all):
+            yield np.where(body.mask[..., None], (body.z + [0.5, 0.0]) * state.m[:, None, 5:], 0.0)
+
+    assert state.window.detections.min() >= 20
+    assert state.pool.all.mask.any()
+    for before, after in zip(from_rear(state), from_rear(other), strict=True):
+        np.testing.assert_allclose(after, before, atol=0.02)  # sizes of the window differ a little

@@ -1,0 +1,75 @@
+"""Posterior of size and class against enumeration of all classes, lengths and widths."""
+
+import numpy as np
+import pytest
+
+from trackers.size.belief import believe
+from trackers.size.fleet import FLEET, Fleet, VehicleClass
+from trackers.size.grid import LENGTH, WIDTH
+
+GRIDS = (LENGTH, WIDTH)
+
+
+def drawn(rng, lead=()):
+    """Likelihoods of length and width, greatest ones 1."""
+    out = []
+    for grid in GRIDS:
+        A = rng.normal(0, 3, (*lead, len(grid.sizes), len(grid.offsets)))
+        out.append(np.exp(A - A.max((-2, -1), keepdims=True)))
+    return out
+
+
+def test_the_posterior_is_that_of_all_pairs_of_length_and_width_in_all_classes():
+    """Exact for lengths and widths that are independent given the class, (ENDS.16) to (ENDS.18)."""
+    length, width = drawn(np.random.default_rng(0))
+    fleet = Fleet()
+    p_L, p_W = fleet.of_length(LENGTH.sizes), fleet.of_width(WIDTH.sizes)
+    joint = np.einsum("c,ck,kn,cm,mo->cknmo", fleet.shares, p_L, length, p_W, width)
+    joint /= joint.sum()
+    got = believe(GRIDS, fleet, length, width)
+    np.testing.assert_allclose(got.kind, joint.sum((1, 2, 3, 4)), rtol=1e-9)
+    np.testing.assert_allclose(got.length, joint.sum((0, 2, 3, 4)), rtol=1e-9)
+    np.testing.assert_allclose(got.width, joint.sum((0, 1, 2, 4)), rtol=1e-9)
+    L, o = LENGTH.sizes[:, None], LENGTH.offsets
+    p = joint.sum((0, 3, 4))
+    centre = o - L / 2
+    assert got.size[0] == pytest.approx((p * L).sum())
+    assert got.offset[0] == pytest.approx((p * o).sum())
+    assert got.offset_var[0] == pytest.approx((p * (o - got.offset[0]) ** 2).sum())
+    cell = LENGTH.step**2 / 12
+    assert got.centre_var[0] == pytest.approx((p * (centre - (p * centre).sum()) ** 2).sum() + cell / 4)
+    assert got.size_var[0] == pytest.approx((p * (L - got.size[0]) ** 2).sum() + cell)
+
+
+def test_probabilities_sum_to_one_and_a_batch_equals_the_loop():
+    length, width = drawn(np.random.default_rng(1), (3, 2))
+    got = believe(GRIDS, Fleet(), length, width)
+    for p in (got.kind, got.length, got.width):
+        np.testing.assert_allclose(p.sum(-1), 1.0, rtol=1e-12)
+    one = believe(GRIDS, Fleet(), length[2, 1], width[2, 1])
+    for a, b in zip(got, one, strict=True):
+        np.testing.assert_allclose(a[2, 1], b, rtol=1e-12)
+
+
+def test_without_detections_the_belief_is_the_fleet():
+    flat = [np.exp(grid.born(())) for grid in GRIDS]
+    got = believe(GRIDS, Fleet(), *flat)
+    np.testing.assert_allclose(got.kind, Fleet().shares, rtol=1e-9)
+    mean = sum(c.share * c.length[0] for c in FLEET)
+    assert got.size[0] == pytest.approx(mean, abs=0.05)
+
+
+def test_a_width_says_which_lengths_are_likely():
+    """2.5 m is a truck, a bus or a trailer; nothing else is known of the length."""
+    length = np.exp(LENGTH.born(()))
+    width = np.exp(WIDTH.born(()) - 0.5 * ((WIDTH.sizes - 2.5) / 0.05)[:, None] ** 2)
+    got = believe(GRIDS, Fleet(), length, width)
+    assert got.size[0] > 10.0
+    assert got.kind[:3].sum() < 0.01
+
+
+def test_a_fleet_without_shares_is_refused():
+    with pytest.raises(ValueError, match="shares"):
+        Fleet(classes=())
+    with pytest.raises(ValueError, match="shares"):
+        Fleet(classes=(VehicleClass("car", 0.0, (4.5, 0.4), (1.8, 0.1)),))

@@ -1,0 +1,50 @@
+"""Ends in the multi-object tracker."""
+
+import numpy as np
+import pytest
+
+from tests.trackers.rear_sides import RADAR, Road, drive
+from tests.trackers.size.bodies import INNER
+from trackers import MultiObjectTracker
+from trackers.size import Fleet
+
+CARS = [(30, 0, 0, 25.0), (50, 4, 0, 28.0), (60, -4, 0, 22.0)]
+TRACKER = MultiObjectTracker(INNER, (RADAR,), size="ends")
+
+
+def leaves(value):
+    if value is None:
+        return []
+    return [a for v in value for a in leaves(v)] if isinstance(value, tuple) else [np.asarray(value)]
+
+
+def test_sizes_are_those_of_ends_and_stay_open_while_one_end_is_seen():
+    tracks, _ = drive(TRACKER, Road(CARS), 2.0)
+    e = tracks.reported.estimate
+    assert len(e.size) == 3
+    assert e.class_probability.shape == (3, len(Fleet().names))
+    assert (e.size_std[:, 0] > 0.15).all()  # rears only: no size is drawn to one of a class
+    assert (e.size_std[:, 0] < 1.5).all()
+    relaxed, _ = drive(MultiObjectTracker(INNER, (RADAR,)), Road(CARS), 2.0)
+    assert relaxed.reported.estimate.class_probability is None
+
+
+def test_order_and_padding_of_detections_change_nothing():
+    rng = np.random.default_rng(4)
+    world = Road(CARS)
+    tracks = others = TRACKER.start()
+    for k in range(20):
+        scan = world.scan()
+        order = rng.permutation(len(scan.mask))
+        polar = np.concatenate([scan.polar[order], np.full((2, 3), np.nan)])
+        mixed = scan._replace(polar=polar, mask=np.arange(len(polar)) < len(order))
+        tracks, _ = TRACKER.step(tracks, scan, world.dt if k else 0.0)
+        others, _ = TRACKER.step(others, mixed, world.dt if k else 0.0)
+        world.advance()
+    for a, b in zip(leaves(tracks), leaves(others), strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-9)
+
+
+def test_no_other_sizes_are_known():
+    with pytest.raises(ValueError, match="size must be one of relax, ends"):
+        MultiObjectTracker(INNER, (RADAR,), size="end")
