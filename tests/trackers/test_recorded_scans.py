@@ -17,8 +17,8 @@ from trackers.batch import take
 PLACES = [(-2, -1, TRUCK), (4, 1, CAR), (18, 0, TRUCK), (-15, 0, CAR), (14, -1, CAR), (-3, -2, CAR), (9, -2, CAR)]
 WORLD = World(tuple(Vehicle(s, lane, 24.0 + 2 * lane, size) for s, lane, size in PLACES))
 
-# Filters not listed agree to the last bit. The first three here predict all rows of a batch in one matrix product, which
-# BLAS adds up in another order for one row. The others pad to the member with most detections, and sums with more zeros
+# Filters not listed agree to the last bit. The first three predict all rows of a batch in one matrix product, which is
+# added up in another order for one row. The others pad to the member with most detections, and sums with more zeros
 # are rounded otherwise; of two such sums in (DRA.25), which almost cancel, the difference is taken.
 ROUNDING = {
     "rm-koch": 1e-12,
