@@ -1,7 +1,10 @@
 """Many tasks on many processes, here or on a cluster; tasks of a worker that was killed are done again."""
 
+import os
 import signal
 import sys
+import threading
+import time
 import warnings
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -13,6 +16,7 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 from testbed.compare.runs.tasks import FAILED, Outcome
 
 CONNECT_TIMEOUT = 5  # [s] for a cluster to answer
+PARENT_CHECK = 1.0  # [s] from one check of a worker that its parent lives to the next
 MOST_CRASHES = 3  # of workers in a row without a finished task, before the tasks that had begun are tried alone
 
 
@@ -120,12 +124,20 @@ def _backend(engine: Engine) -> Any:
         return parallel_config(backend="dask")
     if engine.jobs == 1:
         return parallel_config(backend="sequential")
-    return parallel_config(backend="loky", initializer=_ignore_interrupts)
+    return parallel_config(backend="loky", initializer=_start_worker, initargs=(os.getpid(),))
 
 
-def _ignore_interrupts() -> None:
-    """Ctrl-C reaches all processes of a terminal; only the parent handles it."""
+def _start_worker(parent: int) -> None:
+    """Ctrl-C reaches all processes of a terminal, and only the parent handles it; a worker ends with its parent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+
+
+def _end_with(parent: int) -> None:
+    """Exit as soon as another process is the parent, as after SIGKILL, which leaves the parent no time to say so."""
+    while os.getppid() == parent:
+        time.sleep(PARENT_CHECK)
+    os._exit(1)
 
 
 def _keyed(key: int, function: Callable[..., Outcome], *task: Any) -> tuple[int, Outcome]:

@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pandas as pd
+import psutil
 import pyarrow.parquet as pq
 import pytest
 from typer.testing import CliRunner
@@ -67,10 +68,8 @@ def test_a_folder_of_other_settings_is_one_sentence(tmp_path):
     assert "holds runs with radar 'front', wanted is 'surround'" in refused(tmp_path)
 
 
-@pytest.fixture(scope="module")
-def interrupted(tmp_path_factory):
-    """Folder, exit status and output of a comparison that got Ctrl-C after its first runs."""
-    out = tmp_path_factory.mktemp("interrupted")
+def started(out):
+    """A comparison on two processes that has made its first runs."""
     command = [sys.executable, "-m", "testbed", *ASKED, *TRACKERS, "--jobs", "2", "--out", str(out)]
     process = subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=PLAIN, start_new_session=True
@@ -78,6 +77,26 @@ def interrupted(tmp_path_factory):
     deadline = time.monotonic() + 300
     while not list((out / ROWS).glob("*.parquet")) and process.poll() is None and time.monotonic() < deadline:
         time.sleep(0.02)
+    return process
+
+
+def test_the_workers_of_a_comparison_that_was_killed_end(tmp_path):
+    process = started(tmp_path)
+    workers = psutil.Process(process.pid).children(recursive=True)
+    assert len(workers) >= 2
+    process.kill()
+    process.wait()
+    _, alive = psutil.wait_procs(workers, timeout=30)
+    for worker in alive:
+        worker.kill()
+    assert alive == []
+
+
+@pytest.fixture(scope="module")
+def interrupted(tmp_path_factory):
+    """Folder, exit status and output of a comparison that got Ctrl-C after its first runs."""
+    out = tmp_path_factory.mktemp("interrupted")
+    process = started(out)
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to the workers too
     output, errors = process.communicate(timeout=300)
     return out, process.returncode, output, errors
