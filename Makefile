@@ -4,14 +4,17 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 DOCS_STAMP := $(VENV)/.installed-docs
-PIP := $(BIN)/python -m pip install --disable-pip-version-check --constraint constraints.txt
+LOWEST := .venv-lowest
+LOWEST_STAMP := $(LOWEST)/.installed
+INSTALL := -m pip install --disable-pip-version-check --constraint
+PIP := $(BIN)/python $(INSTALL) constraints.txt
 # Neighbouring tests stay in one process, so that most fixtures of a module are made once.
 PYTEST := $(BIN)/pytest -n auto --dist worksteal
 SITE := build/docs
 # Byte code is kept, also where the machine's default is not to.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo test test-all lint types unit generated docs bench regress reproduce comparison comparison-page learning-docs family modes partial-view contours clean
+.PHONY: demo test test-all test-lowest lint types unit generated docs bench regress reproduce comparison comparison-page learning-docs family modes partial-view contours clean
 
 demo: $(STAMP)
 	@echo
@@ -23,6 +26,9 @@ test: $(STAMP)  # side by side; the tests end last
 
 test-all: lint types  # with what is marked slow
 	$(PYTEST) -m ""
+
+test-lowest: $(LOWEST_STAMP)  # what users meet, with the lowest versions that pyproject.toml allows
+	$(LOWEST)/bin/pytest -n auto --dist worksteal --disable-warnings tests/sensors tests/scenarios tests/trackers tests/testbed
 
 lint: $(STAMP)
 	$(BIN)/ruff check .
@@ -89,5 +95,11 @@ $(DOCS_STAMP): $(STAMP)
 	$(PIP) --editable '.[dev,docs]'
 	@touch $(DOCS_STAMP)
 
+$(LOWEST_STAMP): pyproject.toml constraints.txt tests/lowest.py
+	$(PYTHON) -m venv $(LOWEST)
+	$(LOWEST)/bin/python tests/lowest.py > $(LOWEST)/constraints.txt
+	$(LOWEST)/bin/python $(INSTALL) $(LOWEST)/constraints.txt --editable '.[dev]'
+	@touch $@
+
 clean:
-	rm -rf $(VENV) runs build docs/api *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	rm -rf $(VENV) $(LOWEST) runs build docs/api *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis

@@ -114,7 +114,7 @@ def test_a_disk_that_fills_up_is_one_sentence_and_does_not_hang(tmp_path):
         (["run", "cut-in", "--planner", "me"], ["planner 'me'", "idle"]),
         (["run", "cut-in", "--log", "loud"], ["log", "'loud'", "metrics"]),
         (["run", "cut-in", "--seed", "-1"], ["seed", "-1"]),
-        (["run", "cut-in", "--seed", "x"], ["--seed", "integer", "testbed run --help"]),
+        (["run", "cut-in", "--seed", "x"], ["--seed", "not a valid int", "testbed run --help"]),
         (["run", "cut-in", "--duration", "0"], ["duration", "0.0 s"]),
         (["run", "cut-in", "--duration", "inf"], ["duration", "inf s"]),
         (["run", "cut-in", "--out", "FILE"], ["out: cannot write to", "choose another directory"]),

@@ -96,7 +96,7 @@ def save(recording: Recording, path: Path) -> None:
     for name in LINES:
         arrays |= _ragged(f"drawn.{name}", getattr(recording.drawn, name), np.zeros((0, 2)))
     with atomic_file(path) as file:
-        np.savez_compressed(file, allow_pickle=False, **arrays)
+        np.savez_compressed(file, **arrays)
 
 
 def load(path: Path, scenario: str, seed: int, radar: str) -> Recording:
