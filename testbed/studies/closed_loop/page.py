@@ -97,7 +97,8 @@ def simulate(config: RunConfig, progress: Callable[[float, float], None]) -> Sto
         raise typer.Exit(done.exit_status)
     lengths = probe.samples
     with atomic_file(files(config)[1]) as file:
-        np.savez_compressed(file, **{n: np.stack(k) for n, k in lengths.items()})
+        arrays: dict[str, Any] = {name: np.stack(samples) for name, samples in lengths.items()}
+        np.savez_compressed(file, **arrays)
     return StoredRun(done.result, lengths, datetime.now(UTC))
 
 
