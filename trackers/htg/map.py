@@ -119,7 +119,8 @@ class HTGMap:
     def _maximise(self, objective: Objective, gain: NDArray, xi: NDArray) -> NDArray:
         """Best state (N, 7) reached from the starts xi (S, N, 7) by steps of gain (N, 7, 7) times gradient.
 
-        A step that does not climb is halved; the leading start goes on alone after `contest` evaluations.
+        A step that does not climb is halved; the leading start goes on alone after `contest` evaluations. Each object
+        stops by itself: its result does not depend on the others.
         """
         value, gradient = objective.evaluate(xi)
         length = np.ones(value.shape)
@@ -128,12 +129,13 @@ class HTGMap:
                 lead = value.argmax(0), np.arange(value.shape[1])
                 xi, value, gradient, length = (a[lead][None] for a in (xi, value, gradient, length))
             step = (gain @ gradient[..., None])[..., 0]  # (HTG.36)
-            if (length * (gradient * step).sum(-1)).max() < self.flat:
+            going = (length * (gradient * step).sum(-1)).max(0) >= self.flat
+            if not going.any():
                 break
             np.clip(step[..., LOG_L:], -self.size_step, self.size_step, out=step[..., LOG_L:])
             trial = xi + length[..., None] * step  # (HTG.36)
             trial_value, trial_gradient = objective.evaluate(trial)
-            better = trial_value >= value
+            better = going & (trial_value >= value)
             xi = np.where(better[..., None], trial, xi)
             gradient = np.where(better[..., None], trial_gradient, gradient)
             value = np.where(better, trial_value, value)

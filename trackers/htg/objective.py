@@ -177,13 +177,11 @@ class Objective(NamedTuple):
 
     def spatial_information(self, table: HTGTable, F: NDArray) -> NDArray:
         """Expected information (N, 7, 7) of the positions of the detections at the prediction; F (G, 6, 6)."""
-        points, first, index = self.points, self.points.start, self.shape.bin
-        if (index == index[first[points.row]]).all():  # one bin an object: add up F before it is transformed
-            L = jacobian(self.mean, table.frame(index[first]))
-            J5 = L @ np.add.reduceat(F, first) @ L.mT  # (HTG.34)
-        else:
-            L = jacobian(self.mean[points.row], table.frame(index))
-            J5 = np.add.reduceat(L @ F @ L.mT, first)  # (HTG.34)
+        points, index = self.points, self.shape.bin
+        # Over neighbours of one object and one bin, F is added up before it is transformed, which is cheaper.
+        runs = np.flatnonzero((np.diff(index, prepend=-1) != 0) | (np.diff(points.row, prepend=-1) != 0))
+        L = jacobian(self.mean[points.row[runs]], table.frame(index[runs]))
+        J5 = np.add.reduceat(L @ np.add.reduceat(F, runs) @ L.mT, np.searchsorted(runs, points.start))  # (HTG.34)
         J = np.zeros((len(self.mean), 7, 7))
         J[:, SPATIAL[:, None], SPATIAL] = J5
         return J

@@ -93,24 +93,24 @@ def slope(problem: BoundProblem, g: NDArray, W: NDArray, h: NDArray) -> NDArray:
 def climb(problem: BoundProblem, g: NDArray, W: NDArray, b: NDArray, at: Tails, cap: float, todo: NDArray) -> NDArray:
     """Bounds (4, T) of the largest likelihood (HTG.23), for the sides todo (4, T) that have it between 0 and cap.
 
-    Halley's method in a bracket that shrinks, from b, where the tails are `at`.
+    Halley's method in a bracket that shrinks, from b, where the tails are `at`; each side stops by itself.
     """
     low, high = np.zeros_like(b), np.full_like(b, cap)
     scale = problem.scale[:, problem.first]
-    for _ in range(STEPS):
+    for k in range(STEPS):
         if not todo.any():
             break
+        at = tails(problem, b) if k else at
         f, f1, f2 = slope(problem, g, W, with_derivatives(at, problem.scale))
         with np.errstate(divide="ignore", invalid="ignore"):
             newton = f / f1
             curved = 1 - 0.5 * newton * f2 / f1
             new = b - newton / np.minimum(np.maximum(curved, 0.5), 2.0)  # clipped: no false rest where f1 is 0
         short = np.abs(new - b) * scale < SETTLED
-        if not (todo & ~short).any():
-            return np.minimum(np.maximum(new, 0.0), cap)
         low, high = np.where(f > 0, b, low), np.where(f > 0, high, b)
-        b = np.where((new >= low) & (new <= high), new, 0.5 * (low + high))
-        at = tails(problem, b)
+        step = np.where((new >= low) & (new <= high), new, 0.5 * (low + high))
+        b = np.where(todo, np.where(short, np.minimum(np.maximum(new, 0.0), cap), step), b)
+        todo = todo & ~short
     return b
 
 
