@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from sensors.illumination import Beams, Illuminated, Visible, beam_azimuths, illuminate
 from sensors.origin import CONTOUR, STATIC, VOLUME, Origin
 from sensors.raycast import Edges, outline_edges
-from sensors.returns import Returns, add_noise, false_alarms, join, merge_cells
+from sensors.returns import Returns, add_noise, false_alarms, join, merge_cells, rows
 from sensors.scattering import (
     choose_elements,
     draw_counts,
@@ -54,12 +54,18 @@ class Sensor:
     cell_rate: float = 0.0  # [m/s]; 0: range rate does not separate returns
     clutter: float = 2.0  # expected false alarms a scan
     static_density: float = 0.25  # [1/m] returns of a wall at 15 m; falls off as counts do
+    rate: float = np.inf  # [1/s] of its measurements; inf: one in every scan of the rig
+    phase: float = 0.0  # share of its period by which the first measurement is late
 
     def __post_init__(self) -> None:
         for field in fields(self):
             value = np.asarray(getattr(self, field.name))
             if np.isnan(value).any() or (field.name != "mount" and (value < 0).any()):
                 raise ValueError(f"sensor.{field.name} must be a number of at least 0, got {getattr(self, field.name)}")
+        if self.rate == 0:
+            raise ValueError("sensor.rate must be positive, got 0; leave a sensor that never measures out of the rig")
+        if self.phase >= 1:
+            raise ValueError(f"sensor.phase must be below 1, got {self.phase}; it is a share of the period")
         for name in ("max_range", "fov_deg", "spacing_deg"):
             if getattr(self, name) <= 0 or np.isinf(getattr(self, name)):
                 raise ValueError(f"sensor.{name} must be positive and finite, got {getattr(self, name)}")
@@ -94,7 +100,7 @@ class Sensor:
 
 @dataclass(frozen=True)
 class Radar:
-    """A rig of mounted radars that scan at the same instant."""
+    """A rig of mounted radars; those that measure at one instant share a scan."""
 
     name: str
     note: str  # where its figures come from, one line
@@ -154,11 +160,20 @@ class Radar:
         seen = merged._replace(polar=add_noise(merged.polar, self.sigma[merged.sensor], rng))
         alarms = false_alarms(self.column("clutter"), self.column("max_range"),
                               self.column("fov_deg", np.pi / 180), self.column("max_rate"), rng)  # fmt: skip
-        got = join((seen, alarms))
+        got, due = join((seen, alarms)), self.due(scene.time, scene.dt)
+        got = rows(got, due[got.sensor])
         s = got.sensor
-        scan = Scan(got.polar, np.ones(len(s), bool), pose[s], velocity[s], self.sigma[s], s, platform)
-        share = visible.share.max(0)
-        return scan, Origin(got.object, got.body, got.edge, got.kind, expected.sum(0), share)
+        scan = Scan(got.polar, np.ones(len(s), bool), pose[s], velocity[s], self.sigma[s], s, platform, due)
+        share = visible.share[due].max(0, initial=0.0)
+        origin = Origin(got.object, got.body, got.edge, got.kind, expected[due].sum(0), share)
+        return scan, origin
+
+    def due(self, time: float, dt: float) -> NDArray:
+        """Mask (S,) of the sensors that measure in a scan at `time` [s], dt [s] after the one before."""
+        rate, phase = self.column("rate"), self.column("phase")
+        with np.errstate(invalid="ignore"):
+            now, before = (np.floor(t * rate - phase + 1e-6) for t in (time, time - max(dt, 2e-6)))  # (RAD.25)
+        return np.isinf(rate) | (now > before)  # (RAD.25)
 
     @cached_property
     def _rays(self) -> tuple[NDArray, NDArray, NDArray]:

@@ -254,3 +254,29 @@ def test_the_surround_rig_is_the_six_radar_car():
     assert [round(np.degrees(m.mount[2])) for m in models] == [0, 180, 60, -60, 120, -120]
     assert [m.max_range for m in models] == [174.0] * 2 + [30.0] * 4
     np.testing.assert_allclose(np.degrees([m.fov for m in models]), [20.0] * 2 + [90.0] * 4)
+
+
+def test_sensors_of_other_rates_and_phases_take_part_in_turn():
+    """At 12 scans a second: one sensor in every scan, one at 6 Hz, one at 6 Hz half a period later, one at 5 Hz."""
+    turns = ((np.inf, 0.0), (6.0, 0.0), (6.0, 0.5), (5.0, 0.0))
+    radar = Radar("turns", "for a test", tuple(replace(IDEAL, rate=r, phase=p) for r, p in turns))
+    scans = [
+        radar.scan(traffic()._replace(time=k / 12, dt=min(k, 1) / 12), np.random.default_rng(1)) for k in range(13)
+    ]
+    delivered = np.array([one.delivered for one, _ in scans])
+    np.testing.assert_array_equal(delivered[:4], [[1, 1, 0, 1], [1, 0, 1, 0], [1, 1, 0, 0], [1, 0, 1, 1]])
+    np.testing.assert_array_equal(delivered[1:].sum(0), [12, 6, 6, 5])
+    all_of_them = scan(Radar("all", "for a test", (IDEAL,) * 4), traffic(), 1)
+    for (one, origin), due in zip(scans, delivered, strict=True):
+        keep = due[all_of_them[0].sensor]
+        np.testing.assert_array_equal(np.unique(one.sensor), np.flatnonzero(due))
+        np.testing.assert_array_equal(one.polar, all_of_them[0].polar[keep])
+        np.testing.assert_allclose(origin.expected, all_of_them[1].expected * due.mean())
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"), [({"rate": 0.0}, "rate must be positive"), ({"phase": 1.0}, "below 1")]
+)
+def test_rates_and_phases_that_mean_nothing_are_refused(parameters, message):
+    with pytest.raises(ValueError, match=message):
+        replace(IDEAL, **parameters)

@@ -144,7 +144,8 @@ _SERIES: dict[str, Callable[[RecordedFrame], Any]] = {
     "bodies.corners": lambda k: np.array([len(o) for o in k.scene.bodies.outline], int),
     "bodies.outline": lambda k: np.concatenate([np.zeros((0, 2)), *k.scene.bodies.outline]),
     "walls": lambda k: k.scene.walls,
-    **{f"scan.{n}": lambda k, n=n: getattr(k.scan, n) for n in Scan._fields},  # type: ignore[misc]
+    **{f"scan.{n}": lambda k, n=n: getattr(k.scan, n) for n in Scan._fields if n != "delivered"},  # type: ignore[misc]
+    "scan.delivered": lambda k: np.zeros(0, bool) if k.scan.delivered is None else k.scan.delivered,
     **{f"origin.{n}": lambda k, n=n: getattr(k.origin, n) for n in Origin._fields},  # type: ignore[misc]
 }
 
@@ -176,7 +177,9 @@ def _frames_of_arrays(arrays: Arrays) -> tuple[RecordedFrame, ...]:
             bodies=fields("bodies", Bodies, k, outline=outline),
             walls=series["walls"][k],
         )
-        frames.append(RecordedFrame(scene, fields("scan", Scan, k), fields("origin", Origin, k)))
+        delivered = series["scan.delivered"][k]
+        scan = fields("scan", Scan, k, delivered=delivered if len(delivered) else None)
+        frames.append(RecordedFrame(scene, scan, fields("origin", Origin, k)))
     return tuple(frames)
 
 

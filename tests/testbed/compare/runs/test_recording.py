@@ -195,6 +195,7 @@ def worlds(draw):
         scan = Scan(
             polar, rng.random(detections) < 0.8, rng.normal(size=(width, 3)), rng.normal(size=(width, 2)),
             np.full((width, 3), np.nan), np.zeros(width, int), rng.normal(size=6),
+            draw(st.sampled_from([None, np.array([True, False])])),
         )  # fmt: skip
         whole = rng.integers(-1, 3, (4, detections))
         frames.append(RecordedFrame(scene, scan, Origin(*whole, rng.random(objects), rng.random(objects))))
