@@ -62,7 +62,8 @@ def test_simulated_cars_return_from_where_real_cars_do(both):
 @pytest.mark.parametrize("band", ["0-15 m", "15-30 m", "30-50 m", "50-80 m", "80-120 m"])
 def test_simulated_cars_return_as_often_as_real_cars_in_each_range_band(both, band):
     a, b = (statistics(cars, groups(cars)[band]) for cars in both)
-    assert b["median"] == pytest.approx(a["median"], rel=0.25)
+    scatter = 1.25 * a["std"] / np.sqrt(groups(both[1])[band].sum())  # standard error of the median of normal counts
+    assert b["median"] == pytest.approx(a["median"], rel=0.25, abs=3 * scatter)  # the larger of both: few cars are far
     assert b["mean"] == pytest.approx(a["mean"], rel=0.2)
     assert b["std"] == pytest.approx(a["std"], rel=0.4)
     for name in NAMES[:7]:
