@@ -8,6 +8,7 @@ from testbed.studies import generated, vehicle_figure
 from testbed.studies.closed_loop import page as closed_loop
 from testbed.studies.comparison import calibration, committed, publish, refresh
 from testbed.studies.comparison import page as comparison
+from testbed.studies.consistency import page as consistency
 from testbed.studies.contours import page as contours
 from testbed.studies.htg_tables import page as htg_tables
 from testbed.studies.modes import page as modes
@@ -16,6 +17,7 @@ from testbed.studies.partial_view import page as partial_view
 STUDIES: Mapping[str, Callable[..., None]] = {
     "closed-loop": closed_loop.main,
     "comparison": comparison.main,
+    "consistency": consistency.main,
     "contours": contours.main,
     "htg-tables": htg_tables.main,
     "modes": modes.main,

@@ -28,6 +28,7 @@ from testbed.compare.runs.tasks import ROWS
 from testbed.compare.statistics.analysis import by_band, consistency
 from testbed.files import atomic_file, write_atomic, write_json
 from trackers import TRACKERS
+from trackers.lookup import parse
 
 ABOUT, RUNS = "comparison.json", "runs.parquet"
 TABLES = ("range", "visible", "consistency")  # .csv
@@ -101,7 +102,9 @@ def _in_order(values: Sequence[Any], what: str) -> tuple[Any, ...]:
     """Distinct values; names in the order of the catalogues."""
     catalogue = {"scenario": list(SCENARIOS), "tracker": list(TRACKERS)}.get(what)
     distinct = sorted(set(values))
-    return tuple(sorted(distinct, key=catalogue.index) if catalogue else distinct)
+    if catalogue is None:
+        return tuple(distinct)
+    return tuple(sorted(distinct, key=lambda name: (catalogue.index(parse(name)[0]), name)))
 
 
 def main(
