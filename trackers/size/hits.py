@@ -43,7 +43,6 @@ def hits_of(
 
     Noise that is not stated is sigma [m].
     """
-
     shape = scan.mask.shape
     polar, mount, noise = (np.broadcast_to(a, (*shape, 3))[index] for a in (scan.polar, scan.pose, scan.noise))
     sensor = profiles.at(np.broadcast_to(scan.sensor, shape)[index])

@@ -447,7 +447,7 @@ def test_another_size_and_place_move_what_is_learned_from_along():
 
     def from_rear(state):
         for body in (decouple(state.window), state.pool.all):
-            yield np.where(body.mask[..., None], (body.z + [0.5, 0.0]) * state.m[:, None, 5:], 0.0)
+            yield np.where(body.mask[..., None], (body.z + np.array([0.5, 0.0])) * state.m[:, None, 5:], 0.0)
 
     assert state.window.detections.min() >= 20
     assert state.pool.all.mask.any()

@@ -7,16 +7,15 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.stats import norm
 
 from tests.trackers.size.bodies import DT, INNER, NEAR, behind_rear, beside, rear_start, scan_of, seen
 from trackers import TRACKERS, Scan, SensorModel, find, prior
 from trackers.batch import select, stack, take
-from trackers.geometry import box_corners, rotation, to_frame, wrap_angle
+from trackers.geometry import rotation, to_frame, wrap_angle
 from trackers.protocols import Shiftable
 from trackers.size import Ends, Fleet
 from trackers.size.ends import EndsState
-from trackers.size.hits import Boxes, hits_of
+from trackers.size.hits import hits_of
 
 FILTERS = tuple(TRACKERS)
 CAR, TRUCK = (4.6, 1.86), (12.0, 2.5)
@@ -117,7 +116,7 @@ def test_a_part_of_the_width_bounds_it_from_below_only():
 
     def half(rng):
         xy = behind_rear(rng, 6, 9.0, 1.2)
-        return xy + [0.0, 0.6]
+        return xy + np.array([0.0, 0.6])
 
     def width(whole):
         f, rng = Ends(INNER), np.random.default_rng(0)
