@@ -96,6 +96,14 @@ class Classifying(Protocol):
 
 
 @runtime_checkable
+class Reaching(Protocol):
+    """A filter whose sizes have wider tails than a Gaussian of their standard deviation."""
+
+    def reach(self, state: Any) -> Estimate:
+        """The estimate with the greatest box that is possible, for gates; its `size_std` is 0."""
+
+
+@runtime_checkable
 class SpatialModel(Protocol):
     """A filter with its own density of detections over the body."""
 

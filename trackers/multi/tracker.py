@@ -23,7 +23,7 @@ from trackers.multi.silence import Silence, without
 from trackers.multi.sizes import SizePrior, stretch
 from trackers.multi.tracks import REPORT_ABOVE, Event, StepInfo, Tracks
 from trackers.multi.visibility import SensorArray, Visibility, predict_visibility
-from trackers.protocols import Attentive, Classifying, Filter, Note, Resizable, Restartable, SpatialModel
+from trackers.protocols import Attentive, Classifying, Filter, Note, Reaching, Resizable, Restartable, SpatialModel
 from trackers.scan import Scan, SensorModel, check_scan
 from trackers.size.ends import Ends
 
@@ -101,6 +101,11 @@ class MultiObjectTracker:
         """The filter if it has its own density of detections over the body, else None."""
         return self.layered if isinstance(self.layered, SpatialModel) else None
 
+    @cached_property
+    def reaching(self) -> Reaching | None:
+        """The filter if its boxes may be much greater than it reports, else None."""
+        return self.layered if isinstance(self.layered, Reaching) else None
+
     def start(self) -> Tracks:
         """The state before the first scan: no track."""
         estimate = prior(np.zeros((0, 3)))
@@ -122,7 +127,8 @@ class MultiObjectTracker:
         view = self._view(tracks, scan)
         visible = view.share.max(0, initial=0.0) > 0
         tracks = tracks._replace(existence=self.existence.survive(tracks.existence, visible, view.in_view, dt))
-        claims = self.association.claim(self.spatial, tracks.state, tracks.estimate, tracks.existence, view.expected, z)
+        gate = tracks.estimate if self.reaching is None else self.reaching.reach(tracks.state)
+        claims = self.association.claim(self.spatial, tracks.state, gate, tracks.existence, view.expected, z)
         updated, info = self._update(tracks, view, claims, z)
         leftovers = self.suppression.leftovers(z, claims.owner, updated.estimate, updated.existence, self.road)
         if self.size == "relax":

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from trackers.batch import select
 from trackers.estimate import Estimate
-from trackers.geometry import rotation, to_frame
+from trackers.geometry import rotation, to_frame, to_world
 from trackers.linalg import symmetrize
 from trackers.protocols import Attentive, Filter, Resizable, Restartable, Shiftable
 from trackers.scan import Scan, SensorModel, check_scan
@@ -55,6 +55,7 @@ class Ends:
     pin: float = 0.03  # standard deviation of the size in the inner filter, as a share of it
     least_pin: float = 0.02  # [m]
     part_weight: float = 0.3  # of scans that show a part of the width
+    impossible: float = 1e-3  # probability of a greater size above which the gates reach so far
     sigma: float = 0.2  # [m] noise of detections whose scan does not state it
 
     @cached_property
@@ -115,23 +116,33 @@ class Ends:
     def estimate(self, state: EndsState) -> Estimate:
         """The inner filter's, with size, class, and the place of the centre between both ends."""
         box, b = self.filter.estimate(state.inner), state.belief
-        M = rotation(box.pose[..., 2])
-        body = state.anchor * (b.offset + (box.size - b.size) / 2)  # (ENDS.21)
-        pose, cov = box.pose.copy(), box.cov.copy()
-        pose[..., :2] += (M @ body[..., None])[..., 0]  # (ENDS.21)
-        cov[..., :2, :2] += symmetrize((M * b.centre_var[..., None, :]) @ M.mT)  # (ENDS.20)
+        placed = self._placed(state, box, b.size, b.centre_var)
         contour = box.contour
         if contour is not None:
-            scale = b.size / box.size
-            contour = pose[..., None, :2] + (to_frame(box.pose, contour) * scale[..., None, :]) @ M.mT
-        return box._replace(
-            pose=pose,
-            cov=cov,
-            size=b.size.copy(),
-            size_std=np.sqrt(b.size_var),
-            contour=contour,
-            class_probability=b.kind.copy(),
+            scale = (b.size / box.size)[..., None, :]
+            contour = to_world(placed.pose, to_frame(box.pose, contour) * scale)
+        return placed._replace(size_std=np.sqrt(b.size_var), contour=contour, class_probability=b.kind.copy())
+
+    def reach(self, state: EndsState) -> Estimate:
+        """The estimate with the greatest length and width that are possible, for gates; its `size_std` is 0."""
+        box, b = self.filter.estimate(state.inner), state.belief
+        size = np.stack(
+            [
+                grid.sizes[(p.cumsum(-1) < 1 - self.impossible).sum(-1).clip(max=len(grid.sizes) - 1)]  # (ENDS.28)
+                for grid, p in zip(self.grids, (b.length, b.width), strict=True)
+            ],
+            -1,
         )
+        return self._placed(state, box, size, b.offset_var)._replace(size_std=np.zeros(size.shape), contour=None)
+
+    def _placed(self, state: EndsState, box: Estimate, size: NDArray, var: NDArray) -> Estimate:
+        """The box, of another size (..., 2) [m], about the same anchor ends; var (..., 2) [m^2] is added along its axes."""
+        M = rotation(box.pose[..., 2])
+        body = state.anchor * (state.belief.offset + (box.size - size) / 2)  # (ENDS.21)
+        pose, cov = box.pose.copy(), box.cov.copy()
+        pose[..., :2] += (M @ body[..., None])[..., 0]  # (ENDS.21)
+        cov[..., :2, :2] += symmetrize((M * var[..., None, :]) @ M.mT)  # (ENDS.20)
+        return box._replace(pose=pose, cov=cov, size=size.copy())
 
     def log_spatial(self, state: EndsState, scan: Scan, track: NDArray, detection: NDArray) -> NDArray:
         """Log density (G,) [1/m^2] of the detections with indices detection (G,) under the tracks track (G,)."""

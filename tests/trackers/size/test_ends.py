@@ -346,6 +346,14 @@ def test_a_far_detection_of_a_long_vehicle_is_claimed_before_its_length_is_known
     assert ours > inner + 2.0
 
 
+def test_gates_reach_as_far_as_the_body_may():
+    f, state = seen(lambda rng: behind_rear(rng, 3, 9.0, 2.5), 3, rear_start(4.6), CAR)
+    e, gate = f.estimate(state), f.reach(state)
+    assert gate.size[0] > e.size[0] + 2 * e.size_std[0]
+    assert gate.pose[0] - gate.size[0] / 2 == pytest.approx(e.pose[0] - e.size[0] / 2, abs=0.1)
+    assert state.belief.length[f.length.sizes > gate.size[0]].sum() <= f.impossible
+
+
 # -- consistency ------------------------------------------------------------------------------------------------------
 
 
