@@ -8,7 +8,7 @@ Equations: docs/methods/vehicles.md.
 
             trailer, here 13.6 m
     +-----------------------------+
-    |        axle -- D -- kingpin-|--+---+     overall 2.9 m more than the trailer, (VEH.5)
+    |        axle -- D -- kingpin-|--+---+     overall 2.9 m more than the trailer, (VEH.6)
     |                         |   |  |cab|     kingpin 1.5 m behind the centre of the tractor unit
     +-----------------------------+--+---+
 """
@@ -54,7 +54,7 @@ class Articulated:
     @property
     def axle(self) -> float:
         """Distance D [m] from the kingpin back to the middle axle of the trailer."""
-        return float(AXLE * (self.trailer_size[0] - OVERHANG))  # (VEH.6)
+        return float(AXLE * (self.trailer_size[0] - OVERHANG))  # (VEH.7)
 
     @property
     def rear_extent(self) -> float:
@@ -82,7 +82,7 @@ class Articulated:
         """Velocity (2,) [m/s] of the kingpin and yaw rate of the trailer [rad/s]."""
         velocity, yaw_rate = motion(self)
         v_k = point_velocity(velocity, np.asarray(yaw_rate), KINGPIN * unit(self.heading))
-        return v_k, float(v_k @ perpendicular(unit(self.trailer_heading)) / self.axle)  # (VEH.7)
+        return v_k, float(v_k @ perpendicular(unit(self.trailer_heading)) / self.axle)  # (VEH.8)
 
     def step(self, dt: float) -> None:
         """Move the tractor unit by dt [s] and let the trailer follow, explicit Euler as highway-env."""

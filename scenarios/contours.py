@@ -68,14 +68,17 @@ class Contour:
         """Default length and width (2,) [m]."""
         return np.array([self.length, self.width])
 
+    @cached_property
+    def stretched(self) -> NDArray:
+        """Coordinates (C, 2) in the unit box of the part that grows with the body: -0.5 and 0.5 in the ends."""
+        rear, front = self.ends
+        along = np.clip((self.points[:, 0] - rear) / (front - rear), 0.0, 1.0) - 0.5  # (VEH.4)
+        return np.column_stack([along, self.points[:, 1]])
+
     def fit(self, size: NDArray) -> NDArray:
         """Outline (C, 2) [m] about the centre of a body with length and width (2,) [m], x ahead."""
-        length, width = size
-        keep = min(self.length, length / SHORTEST)  # (VEH.3)
-        rear, front = self.ends
-        cuts = (-length / 2, keep * (rear + 0.5) - length / 2, length / 2 - keep * (0.5 - front), length / 2)
-        x = np.interp(self.points[:, 0], (-0.5, rear, front, 0.5), cuts)  # (VEH.4)
-        return np.column_stack([x, width * self.points[:, 1]])
+        keep = min(self.length, size[0] / SHORTEST)  # (VEH.3)
+        return self.stretched * size + keep * (self.points - self.stretched)  # (VEH.5)
 
     def place(self, pose: NDArray, size: NDArray) -> NDArray:
         """Outline (C, 2) [m] in the world of a body with pose (3,) x, y [m], heading [rad] and size (2,) [m]."""
