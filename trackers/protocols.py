@@ -133,6 +133,22 @@ class Smoothable(Protocol):
         """The state with another Gaussian, in all of its models."""
 
 
+class ContourFilter(Filter, Smoothable, Resizable, Shiftable, SpatialModel, Protocol):
+    """A filter that `trackers.shared_motion` can take over the motion of.
+
+    Its Gaussian is of x = [px, py, phi, v, omega, s1, s2] as in `trackers.motion`, s1 and s2 length and width or their
+    logarithms.
+    """
+
+    @property
+    def log_size(self) -> bool:
+        """Whether s1 and s2 are logarithms."""
+
+    @property
+    def size_walk(self) -> float:
+        """Random walk of s1 and s2, in their unit / sqrt(s)."""
+
+
 class Extent(NamedTuple):
     """Inverse Wishart density of an extent, its mean V / (nu - least)."""
 

@@ -167,6 +167,11 @@ class HTGMap:
         """The heading."""
         return (PHI,)
 
+    @property
+    def log_size(self) -> bool:
+        """Sizes are logarithms."""
+        return True
+
     def gaussian(self, state: MotionSizeState) -> Gaussian:
         """Mean and covariance of the state."""
         return Gaussian(state.m, state.P)

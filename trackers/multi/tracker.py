@@ -25,6 +25,7 @@ from trackers.multi.tracks import REPORT_ABOVE, Event, StepInfo, Tracks
 from trackers.multi.visibility import SensorArray, Visibility, predict_visibility
 from trackers.protocols import Attentive, Classifying, Filter, Note, Reaching, Resizable, Restartable, SpatialModel
 from trackers.scan import Scan, SensorModel, check_scan
+from trackers.shared_motion import SharedMotion
 from trackers.size.ends import Ends
 
 SIZES = ("relax", "ends")
@@ -53,6 +54,7 @@ class MultiObjectTracker:
     growth_std: float = 0.2  # std of log length of a track with detections just beyond its ends
     road: RoadMap | None = None  # map of the lanes; without it no standing vehicle is born
     size: str = "relax"  # "ends": sizes are those of `trackers.size.Ends`; "relax": the filter's, drawn to `sizes`
+    motion: bool = False  # velocity and heading are those of `trackers.shared_motion`
 
     def __post_init__(self) -> None:
         if not self.sensors:
@@ -68,8 +70,9 @@ class MultiObjectTracker:
 
     @cached_property
     def layered(self) -> Filter:
-        """The filter that holds the tracks: `filter`, or `Ends` around it."""
-        return Ends(self.filter, self.sensors) if self.size == "ends" else self.filter
+        """The filter that holds the tracks: `filter`, with motion modes and `Ends` around it where these are on."""
+        moved = SharedMotion(self.filter) if self.motion else self.filter
+        return Ends(moved, self.sensors) if self.size == "ends" else moved
 
     @cached_property
     def sensor_array(self) -> SensorArray:

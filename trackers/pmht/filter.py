@@ -75,6 +75,16 @@ class SplinePmht:
         """The heading is unwrapped, but starts anew where a track does."""
         return (PHI,)
 
+    @property
+    def log_size(self) -> bool:
+        """Sizes are metres."""
+        return False
+
+    @property
+    def size_walk(self) -> float:
+        """Random walk [m/sqrt(s)] of length and width."""
+        return self.walk.size
+
     def gaussian(self, state: SplineState) -> Gaussian:
         """Mean and covariance of the state."""
         return Gaussian(state.m, state.P)

@@ -1,0 +1,207 @@
+"""SharedMotion: motion modes around a contour filter. The inner one has the place, the modes share its spatial update.
+
+Equations: docs/methods/motion-modes.md.
+"""
+
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.batch import select
+from trackers.estimate import Estimate
+from trackers.geometry import perpendicular, unit
+from trackers.imm import chain, mix, moments, reweight
+from trackers.linalg import outer, symmetrize
+from trackers.motion import OMEGA, PHI, ROUNDING, SPEED
+from trackers.protocols import Attentive, ContourFilter, Gaussian, Note, Restartable
+from trackers.scan import Scan, check_scan
+from trackers.shared_motion.modes import Modes
+from trackers.shared_motion.places import corrected, likelihood
+from trackers.shared_motion.rates import ScanRates
+
+SIZE = OMEGA + 1  # first of the two components that hold the size
+LEAST_SIZE = 0.8  # [m] of a mode; where sizes are linear, one may extrapolate below 0
+
+
+class SharedMotionState(NamedTuple):
+    """p(x) = sum_k mu_k N(x; m_k, P_k), and the state of the inner filter with the moments of this mixture."""
+
+    mu: NDArray  # (..., K)
+    m: NDArray  # (..., K, 7)
+    P: NDArray  # (..., K, 7, 7)
+    inner: Any
+
+
+class SharedMotionInfo(NamedTuple):
+    """Information of the inner filter's update, and the modes."""
+
+    n: NDArray  # (...) detections used
+    eps: NDArray  # (..., 2) [m] innovation
+    S: NDArray  # (..., 2, 2) [m^2] its covariance
+    nis: NDArray  # (...) normalised innovation squared, NaN without a detection
+    mode: NDArray  # (..., K) probabilities of the modes
+    notes: tuple[Note, ...] = ()
+
+
+@dataclass(frozen=True)
+class SharedMotion:
+    """Motion modes over `filter`, which sees the places of detections and not their range rates."""
+
+    filter: ContourFilter
+    motion: Modes = field(default_factory=Modes)
+    rates: ScanRates = field(default_factory=ScanRates)
+    stay: float = 0.98  # probability to keep the mode for `step`
+    step: float = 0.1  # [s]
+    backwards: float = 2.0  # [m/s] faster than this nothing reverses; its heading is wrong
+
+    @property
+    def modes(self) -> tuple[str, ...]:
+        """Names of the modes."""
+        return self.motion.names
+
+    @property
+    def angles(self) -> tuple[int, ...]:
+        """The heading."""
+        return (PHI,)
+
+    def init(self, estimate: Estimate) -> SharedMotionState:
+        """State from a prior; raises ValueError for a prior that is not finite, positive, definite."""
+        return self._started(self.filter.init(estimate))
+
+    def predict(self, state: SharedMotionState, dt: float) -> SharedMotionState:
+        """Time update over dt [s] >= 0: mixing, then the motion of each mode; with dt = 0 nothing changes."""
+        if not dt >= 0:
+            raise ValueError(f"dt must be >= 0 s, got {dt}; scans come in the order of time")
+        if dt == 0:
+            return state
+        Pi = chain(len(self.modes), self.stay, dt / self.step)
+        m, P, mu = mix(state.m, state.P, state.mu, Pi, angles=self.angles)
+        m, P = self.motion.moved(m, P, self._length(m), dt)
+        P[..., [SIZE, SIZE + 1], [SIZE, SIZE + 1]] += self.filter.size_walk**2 * dt  # (MODE.4)
+        return self._collapsed(mu, m, P, state.inner)
+
+    def update(self, state: SharedMotionState, scan: Scan) -> tuple[SharedMotionState, SharedMotionInfo]:
+        """Measurement update; without a detection the state is returned as it came."""
+        check_scan(scan)
+        inner, info = self.filter.update(state.inner, without_rates(scan))
+        some = np.asarray(scan.mask.any(-1))
+        if not some.any():
+            return state, informed(info, state.mu)
+        before, after = self.filter.gaussian(state.inner), self.filter.gaussian(inner)
+        m, P, log_l = corrected(state.m, state.P, likelihood(before, after), after)
+        if not self.filter.log_size:
+            m[..., SIZE:] = np.maximum(m[..., SIZE:], LEAST_SIZE)
+        m, P, more = self.rates.correct(m, P, self.motion.axle * self._length(m), scan)
+        mu = reweight(state.mu, log_l + more)  # (MODE.20)
+        new = self._forward(self._collapsed(mu, m, P, inner))
+        new = new if some.all() else select(some, new, state)
+        return new, informed(info, new.mu)
+
+    def estimate(self, state: SharedMotionState) -> Estimate:
+        """The inner filter's, with the velocity of the centre, which the axle moves across when the body turns."""
+        box, (m, P) = self.filter.estimate(state.inner), self.filter.gaussian(state.inner)
+        v, omega = m[..., SPEED, None], m[..., OMEGA, None]
+        along = unit(m[..., PHI])
+        across = perpendicular(along)
+        length = box.size[..., 0]
+        mean = (state.mu * self.motion.axle).sum(-1)
+        d = (length * mean)[..., None]
+        J = np.zeros((*m.shape[:-1], 4, OMEGA + 1))
+        J[..., 0, 0] = J[..., 1, 1] = 1.0
+        J[..., 2:, PHI] = v * across - omega * d * along  # (MODE.23)
+        J[..., 2:, SPEED], J[..., 2:, OMEGA] = along, d * across  # (MODE.23)
+        cov = symmetrize(J @ P[..., : OMEGA + 1, : OMEGA + 1] @ J.mT) + ROUNDING
+        axle_var = (state.mu * self.motion.axle**2).sum(-1) - mean**2 + AXLE_STD**2
+        more = P[..., PHI, PHI] * P[..., SPEED, SPEED] + (length * m[..., OMEGA]) ** 2 * axle_var  # (MODE.24)
+        cov[..., 2:, 2:] += more[..., None, None] * outer(across)  # (MODE.24)
+        cov[..., :2, :2] = box.cov[..., :2, :2]  # with what the outline adds
+        return box._replace(velocity=v * along + omega * d * across, cov=cov)  # (MODE.22)
+
+    def resize(self, state: SharedMotionState, size: NDArray, size_std: NDArray) -> SharedMotionState:
+        """State with another size (..., 2) [m] of standard deviation size_std (..., 2) [m], in every mode."""
+        inner = self.filter.resize(state.inner, size, size_std)
+        old, new = self.filter.gaussian(state.inner), self.filter.gaussian(inner)
+        before, after = (g.P.diagonal(axis1=-2, axis2=-1)[..., SIZE:] for g in (old, new))
+        gain = np.ones(state.m.shape)
+        gain[..., SIZE:] = np.sqrt(np.minimum(after / before, 1.0))[..., None, :]
+        m, P = state.m.copy(), gain[..., :, None] * state.P * gain[..., None, :]  # (MODE.25)
+        d = m[..., SIZE:] - old.m[..., None, SIZE:]
+        m[..., SIZE:] = new.m[..., None, SIZE:] + gain[..., SIZE:] * d  # (MODE.25)
+        P[..., [SIZE, SIZE + 1], [SIZE, SIZE + 1]] += np.maximum(after - before, 0.0)[..., None, :]  # (MODE.25)
+        return state._replace(m=m, P=P, inner=inner)
+
+    def shift(self, state: SharedMotionState, d: NDArray) -> SharedMotionState:
+        """State with d (..., 2) [m], in the world, added to the centre in every mode."""
+        m = state.m.copy()
+        m[..., :2] += d[..., None, :]
+        return state._replace(m=m, inner=self.filter.shift(state.inner, d))
+
+    def restart(self, state: SharedMotionState, estimate: Estimate) -> SharedMotionState:
+        """State that starts again from an estimate; the modes start anew, the inner filter keeps what it learned."""
+        if isinstance(self.filter, Restartable):
+            return self._started(self.filter.restart(state.inner, estimate))
+        return self.init(estimate)
+
+    def learn_where(self, state: SharedMotionState, where: NDArray) -> SharedMotionState:
+        """State whose next update is by a scan that shows the objects where (...) is true completely."""
+        if isinstance(self.filter, Attentive):
+            return state._replace(inner=self.filter.learn_where(state.inner, where))
+        return state
+
+    def gaussian(self, state: SharedMotionState) -> Gaussian:
+        """Mean and covariance of the mixture."""
+        return self.filter.gaussian(state.inner)
+
+    def with_gaussian(self, state: SharedMotionState, gaussian: Gaussian) -> SharedMotionState:
+        """The state with another mean and covariance, the same in every mode."""
+        m = np.repeat(gaussian.m[..., None, :], len(self.modes), -2)
+        P = np.repeat(gaussian.P[..., None, :, :], len(self.modes), -3)
+        return state._replace(m=m, P=P, inner=self.filter.with_gaussian(state.inner, gaussian))
+
+    def log_spatial(self, state: SharedMotionState, scan: Scan, track: NDArray, detection: NDArray) -> NDArray:
+        """Log density (G,) [1/m^2] of the detections with indices detection (G,) under the tracks track (G,)."""
+        return self.filter.log_spatial(state.inner, scan, track, detection)
+
+    def _started(self, inner: Any) -> SharedMotionState:
+        """The state over that of the inner filter, with the modes as at birth."""
+        mu, m, P = self.motion.at_birth(*self.filter.gaussian(inner))
+        return self._collapsed(mu, m, P, inner)
+
+    def _collapsed(self, mu: NDArray, m: NDArray, P: NDArray, inner: Any) -> SharedMotionState:
+        """The state, the inner filter with the moments of the mixture."""
+        g = Gaussian(*moments(m, P, mu, self.angles))  # (MODE.9)
+        return SharedMotionState(mu, m, P, self.filter.with_gaussian(inner, g))
+
+    def _length(self, m: NDArray) -> NDArray:
+        """Lengths (...) [m] of means m (..., 7)."""
+        return np.exp(m[..., SIZE]) if self.filter.log_size else m[..., SIZE]
+
+    def _forward(self, state: SharedMotionState) -> SharedMotionState:
+        """The state with the heading turned round where the body would move backwards too fast."""
+        m, P = self.filter.gaussian(state.inner)
+        v, std = m[..., SPEED], np.sqrt(P[..., SPEED, SPEED])
+        backwards = np.asarray((v < -self.backwards) & (-v > 3 * std))  # (MODE.21)
+        if not backwards.any():
+            return state
+        sign = np.where(np.arange(m.shape[-1]) == SPEED, -1.0, 1.0)
+        turned = state.m * sign
+        turned[..., PHI] += np.pi  # (MODE.21)
+        flipped = self._collapsed(state.mu, turned, state.P * sign[:, None] * sign, state.inner)
+        return select(backwards, flipped, state)
+
+
+AXLE_STD = 0.1  # of lambda, beyond the spread of the modes
+
+
+def without_rates(scan: Scan) -> Scan:
+    """The scan as of a sensor that measures no range rates."""
+    polar = scan.polar.copy()
+    polar[..., 2] = np.nan
+    return scan._replace(polar=polar)
+
+
+def informed(info: Any, mu: NDArray) -> SharedMotionInfo:
+    """The inner filter's information with the modes."""
+    return SharedMotionInfo(info.n, info.eps, info.S, info.nis, mu, getattr(info, "notes", ()))
