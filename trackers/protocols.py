@@ -133,6 +133,7 @@ class Smoothable(Protocol):
         """The state with another Gaussian, in all of its models."""
 
 
+@runtime_checkable
 class ContourFilter(Filter, Smoothable, Resizable, Shiftable, SpatialModel, Protocol):
     """A filter that `trackers.shared_motion` can take over the motion of.
 

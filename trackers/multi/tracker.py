@@ -67,6 +67,8 @@ class MultiObjectTracker:
             )
         if self.size not in SIZES:
             raise ValueError(f"size must be one of {', '.join(SIZES)}, got {self.size!r}")
+        if self.motion:
+            SharedMotion(self.filter)  # refuses a filter whose motion it cannot take over
 
     @cached_property
     def layered(self) -> Filter:

@@ -22,6 +22,8 @@ from trackers.shared_motion.places import corrected, likelihood
 from trackers.shared_motion.rates import ScanRates
 
 SIZE = OMEGA + 1  # first of the two components that hold the size
+ANGLES = (PHI,)
+AXLE_STD = 0.1  # of lambda, beyond the spread of the modes
 LEAST_SIZE = 0.8  # [m] of a mode; where sizes are linear, one may extrapolate below 0
 
 
@@ -56,15 +58,18 @@ class SharedMotion:
     step: float = 0.1  # [s]
     backwards: float = 2.0  # [m/s] faster than this nothing reverses; its heading is wrong
 
+    def __post_init__(self) -> None:
+        if not isinstance(self.filter, ContourFilter):
+            raise ValueError(
+                f"motion needs a filter of place, polar velocity and size, got {type(self.filter).__name__}; "
+                "take htg-map or a pmht-spline"
+            )
+        chain(len(self.modes), self.stay, 1.0)
+
     @property
     def modes(self) -> tuple[str, ...]:
         """Names of the modes."""
         return self.motion.names
-
-    @property
-    def angles(self) -> tuple[int, ...]:
-        """The heading."""
-        return (PHI,)
 
     def init(self, estimate: Estimate) -> SharedMotionState:
         """State from a prior; raises ValueError for a prior that is not finite, positive, definite."""
@@ -77,7 +82,7 @@ class SharedMotion:
         if dt == 0:
             return state
         Pi = chain(len(self.modes), self.stay, dt / self.step)
-        m, P, mu = mix(state.m, state.P, state.mu, Pi, angles=self.angles)
+        m, P, mu = mix(state.m, state.P, state.mu, Pi, angles=ANGLES)
         m, P = self.motion.moved(m, P, self._length(m), dt)
         P[..., [SIZE, SIZE + 1], [SIZE, SIZE + 1]] += self.filter.size_walk**2 * dt  # (MODE.4)
         return self._collapsed(mu, m, P, state.inner)
@@ -150,16 +155,6 @@ class SharedMotion:
             return state._replace(inner=self.filter.learn_where(state.inner, where))
         return state
 
-    def gaussian(self, state: SharedMotionState) -> Gaussian:
-        """Mean and covariance of the mixture."""
-        return self.filter.gaussian(state.inner)
-
-    def with_gaussian(self, state: SharedMotionState, gaussian: Gaussian) -> SharedMotionState:
-        """The state with another mean and covariance, the same in every mode."""
-        m = np.repeat(gaussian.m[..., None, :], len(self.modes), -2)
-        P = np.repeat(gaussian.P[..., None, :, :], len(self.modes), -3)
-        return state._replace(m=m, P=P, inner=self.filter.with_gaussian(state.inner, gaussian))
-
     def log_spatial(self, state: SharedMotionState, scan: Scan, track: NDArray, detection: NDArray) -> NDArray:
         """Log density (G,) [1/m^2] of the detections with indices detection (G,) under the tracks track (G,)."""
         return self.filter.log_spatial(state.inner, scan, track, detection)
@@ -171,7 +166,7 @@ class SharedMotion:
 
     def _collapsed(self, mu: NDArray, m: NDArray, P: NDArray, inner: Any) -> SharedMotionState:
         """The state, the inner filter with the moments of the mixture."""
-        g = Gaussian(*moments(m, P, mu, self.angles))  # (MODE.9)
+        g = Gaussian(*moments(m, P, mu, ANGLES))  # (MODE.9)
         return SharedMotionState(mu, m, P, self.filter.with_gaussian(inner, g))
 
     def _length(self, m: NDArray) -> NDArray:
@@ -190,9 +185,6 @@ class SharedMotion:
         turned[..., PHI] += np.pi  # (MODE.21)
         flipped = self._collapsed(state.mu, turned, state.P * sign[:, None] * sign, state.inner)
         return select(backwards, flipped, state)
-
-
-AXLE_STD = 0.1  # of lambda, beyond the spread of the modes
 
 
 def without_rates(scan: Scan) -> Scan:

@@ -57,7 +57,7 @@ class ScanRates:
         return m + x, P, log_l
 
     def _model(self, m: NDArray, lever: NDArray, scan: Scan, g: NDArray, use: NDArray) -> tuple[NDArray, NDArray]:
-        """Residuals (..., K, M) of the range rates over ground g (..., M), and gradients (..., K, M, 5); 0 if unused."""
+        """Residuals (..., K, M) of range rates over ground g (..., M), and gradients (..., K, M, 5), 0 if unused."""
         u = np.where(use[..., None], scan.sight, 0.0)[..., None, :, :]  # (..., 1, M, 2)
         z = np.where(use[..., None], scan.xy, 0.0)[..., None, :, :]
         e = unit(m[..., PHI])
