@@ -51,7 +51,7 @@ class SharedMotionInfo(NamedTuple):
 class SharedMotion:
     """Motion modes over `filter`, which sees the places of detections and not their range rates."""
 
-    filter: ContourFilter
+    filter: Any  # a ContourFilter
     motion: Modes = field(default_factory=Modes)
     rates: ScanRates = field(default_factory=ScanRates)
     stay: float = 0.98  # probability to keep the mode for `step`
