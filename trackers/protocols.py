@@ -150,6 +150,17 @@ class ContourFilter(Filter, Smoothable, Resizable, Shiftable, SpatialModel, Prot
         """Random walk of s1 and s2, in their unit / sqrt(s)."""
 
 
+@runtime_checkable
+class Learning(ContourFilter, Restartable, Protocol):
+    """A `ContourFilter` whose update is a spatial one, and then learning from the moments that a caller may replace."""
+
+    def located(self, state: Any, scan: Scan) -> tuple[Gaussian, Any]:
+        """The Gaussian after the scan, and information; the state is as it was."""
+
+    def learned(self, state: Any, gaussian: Gaussian, scan: Scan, info: Any) -> tuple[Any, Any]:
+        """State with the Gaussian after the scan, which it learns from, and information; learning may move both."""
+
+
 class Extent(NamedTuple):
     """Inverse Wishart density of an extent, its mean V / (nu - least)."""
 

@@ -1,10 +1,11 @@
 """Motion models and classes in the log: their names, and probabilities where a tracker mixes several models."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 from numpy.typing import NDArray
 
-from trackers import TRACKERS
+from trackers import TRACKERS, SensorModel, build
 from trackers.multi.tracks import StepInfo
 
 Modes = Mapping[str, tuple[str, ...]]  # tracker -> names of its motion models, none where it has one only
@@ -12,17 +13,27 @@ Modes = Mapping[str, tuple[str, ...]]  # tracker -> names of its motion models, 
 
 def mode_names(tracker: str) -> tuple[str, ...]:
     """Names of the motion models that a tracker of the table mixes; none where it has one, or is not in the table."""
-    if tracker not in TRACKERS:
-        return ()
-    filter = TRACKERS[tracker].filter
-    names: tuple[object, ...] = getattr(filter, "modes", getattr(filter, "models", ()))
-    named = tuple(name for name in names if isinstance(name, str))  # `models` of a spline filter are contours
-    return named if len(named) > 1 else ()
+    for filter in _layers(tracker):
+        names: tuple[object, ...] = getattr(filter, "modes", getattr(filter, "models", ()))
+        named = tuple(name for name in names if isinstance(name, str))  # `models` of a spline filter are contours
+        if len(named) > 1:
+            return named
+    return ()
 
 
 def class_names(tracker: str) -> tuple[str, ...]:
     """Names of the classes between which a tracker of the table decides; none where it does not classify."""
-    return getattr(TRACKERS[tracker].filter, "classes", ()) if tracker in TRACKERS else ()
+    return next((filter.classes for filter in _layers(tracker) if hasattr(filter, "classes")), ())
+
+
+def _layers(tracker: str) -> Iterator[Any]:
+    """The filters of a tracker of the table, `NAME` or `NAME:key=value`, from the outermost layer inwards."""
+    if tracker.partition(":")[0] not in TRACKERS:
+        return
+    filter: Any = build(tracker, (SensorModel(),)).layered
+    while filter is not None:
+        yield filter
+        filter = getattr(filter, "filter", None)
 
 
 def modes_of(trackers: Sequence[str]) -> Modes:

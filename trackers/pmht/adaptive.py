@@ -75,6 +75,16 @@ class AdaptiveSpline:
         """Components of m that are angles, as of `SplinePmht`."""
         return self.spline.angles
 
+    @property
+    def log_size(self) -> bool:
+        """Sizes are metres."""
+        return False
+
+    @property
+    def size_walk(self) -> float:
+        """Random walk [m/sqrt(s)] of length and width."""
+        return self.spline.size_walk
+
     def gaussian(self, state: AdaptiveState) -> Gaussian:
         """Mean and covariance of the state."""
         return Gaussian(state.m, state.P)
@@ -122,7 +132,18 @@ class AdaptiveSpline:
 
     def update(self, state: AdaptiveState, scan: Scan) -> tuple[AdaptiveState, SplineInfo]:
         """Measurement update, then at most `at_once` objects learn; without a detection the state is as it came."""
+        gaussian, info = self.located(state, scan)
+        return self.learned(state, gaussian, scan, info)
+
+    def located(self, state: AdaptiveState, scan: Scan) -> tuple[Gaussian, SplineInfo]:
+        """Mean and covariance after the scan, without learning."""
         own, info = self.spline.update(plain(state), scan)
+        return Gaussian(own.m, own.P), info
+
+    def learned(
+        self, state: AdaptiveState, gaussian: Gaussian, scan: Scan, info: SplineInfo
+    ) -> tuple[AdaptiveState, SplineInfo]:
+        """State with the Gaussian after the scan, then at most `at_once` objects learn, which may move them."""
         some = info.n > 0
         if not some.any():
             return state, info
@@ -130,9 +151,9 @@ class AdaptiveSpline:
         detections = detections._replace(mask=detections.mask & state.complete[..., None])
         gain = np.linalg.solve(state.P, state.cross.mT).mT  # (SM.9)
         window = windows.cleared(state.window, info.lost & some)  # a jump is no motion that could be smoothed over
-        window = windows.record(window, own.m, state.m, gain, detections, scan.pose[..., :2], some)
-        cross = np.where(some[..., None, None], own.P, state.cross)
-        new, notes = self._learn(state._replace(m=own.m, P=own.P, cross=cross, window=window), some)
+        window = windows.record(window, gaussian.m, state.m, gain, detections, scan.pose[..., :2], some)
+        cross = np.where(some[..., None, None], gaussian.P, state.cross)
+        new, notes = self._learn(state._replace(m=gaussian.m, P=gaussian.P, cross=cross, window=window), some)
         return new, info._replace(notes=(*info.notes, *notes))
 
     def estimate(self, state: AdaptiveState) -> Estimate:

@@ -4,6 +4,7 @@ Equations: docs/methods/motion-modes.md.
 """
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,7 +16,7 @@ from trackers.geometry import perpendicular, unit
 from trackers.imm import chain, mix, moments, reweight
 from trackers.linalg import outer, symmetrize
 from trackers.motion import OMEGA, PHI, ROUNDING, SPEED
-from trackers.protocols import Attentive, ContourFilter, Gaussian, Note, Restartable
+from trackers.protocols import Attentive, ContourFilter, Gaussian, Learning, Note, Restartable
 from trackers.scan import Scan, check_scan
 from trackers.shared_motion.modes import Modes
 from trackers.shared_motion.places import corrected, likelihood
@@ -66,6 +67,11 @@ class SharedMotion:
             )
         chain(len(self.modes), self.stay, 1.0)
 
+    @cached_property
+    def learning(self) -> Learning | None:
+        """The inner filter if it learns on the way; cached, because `isinstance` of a protocol is slow."""
+        return self.filter if isinstance(self.filter, Learning) else None
+
     @property
     def modes(self) -> tuple[str, ...]:
         """Names of the modes."""
@@ -85,22 +91,34 @@ class SharedMotion:
         m, P, mu = mix(state.m, state.P, state.mu, Pi, angles=ANGLES)
         m, P = self.motion.moved(m, P, self._length(m), dt)
         P[..., [SIZE, SIZE + 1], [SIZE, SIZE + 1]] += self.filter.size_walk**2 * dt  # (MODE.4)
-        return self._collapsed(mu, m, P, state.inner)
+        inner = state.inner if self.learning is None else self.learning.predict(state.inner, dt)  # its past too
+        return self._collapsed(mu, m, P, inner)
 
     def update(self, state: SharedMotionState, scan: Scan) -> tuple[SharedMotionState, SharedMotionInfo]:
         """Measurement update; without a detection the state is returned as it came."""
         check_scan(scan)
-        inner, info = self.filter.update(state.inner, without_rates(scan))
+        before, blind = self.filter.gaussian(state.inner), without_rates(scan)
+        inner, after, info = self._located(state.inner, blind)
         some = np.asarray(scan.mask.any(-1))
         if not some.any():
             return state, informed(info, state.mu)
-        before, after = self.filter.gaussian(state.inner), self.filter.gaussian(inner)
         m, P, log_l = corrected(state.m, state.P, likelihood(before, after), after)
         if not self.filter.log_size:
             m[..., SIZE:] = np.maximum(m[..., SIZE:], LEAST_SIZE)
         m, P, more = self.rates.correct(m, P, self.motion.axle * self._length(m), scan)
         mu = reweight(state.mu, log_l + more)  # (MODE.20)
-        new = self._forward(self._collapsed(mu, m, P, inner))
+        m, P, turned = self._forward(mu, m, P)
+        g = Gaussian(*moments(m, P, mu, ANGLES))  # (MODE.9)
+        if self.learning is None:
+            inner = self.filter.with_gaussian(inner, g)
+        else:
+            inner, info = self.learning.learned(inner, g, blind, info)
+            after = self.learning.gaussian(inner)
+            m, P = followed(m, P, g, after)
+            if turned.any():
+                fresh = self.learning.restart(inner, self.learning.estimate(inner))  # what it saw was turned round
+                inner = select(turned, self.learning.with_gaussian(fresh, after), inner)
+        new = SharedMotionState(mu, m, P, inner)
         new = new if some.all() else select(some, new, state)
         return new, informed(info, new.mu)
 
@@ -173,18 +191,29 @@ class SharedMotion:
         """Lengths (...) [m] of means m (..., 7)."""
         return np.exp(m[..., SIZE]) if self.filter.log_size else m[..., SIZE]
 
-    def _forward(self, state: SharedMotionState) -> SharedMotionState:
-        """The state with the heading turned round where the body would move backwards too fast."""
-        m, P = self.filter.gaussian(state.inner)
-        v, std = m[..., SPEED], np.sqrt(P[..., SPEED, SPEED])
-        backwards = np.asarray((v < -self.backwards) & (-v > 3 * std))  # (MODE.21)
-        if not backwards.any():
-            return state
-        sign = np.where(np.arange(m.shape[-1]) == SPEED, -1.0, 1.0)
-        turned = state.m * sign
-        turned[..., PHI] += np.pi  # (MODE.21)
-        flipped = self._collapsed(state.mu, turned, state.P * sign[:, None] * sign, state.inner)
-        return select(backwards, flipped, state)
+    def _located(self, inner: Any, scan: Scan) -> tuple[Any, Gaussian, Any]:
+        """The inner filter's state, its Gaussian after the scan, and information; one that learns has not yet."""
+        if self.learning is not None:
+            return inner, *self.learning.located(inner, scan)
+        new, info = self.filter.update(inner, scan)
+        return new, self.filter.gaussian(new), info
+
+    def _forward(self, mu: NDArray, m: NDArray, P: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+        """Modes with the heading turned round where (...) the body would move backwards too fast."""
+        mean, cov = moments(m, P, mu, ANGLES)
+        v, std = mean[..., SPEED], np.sqrt(cov[..., SPEED, SPEED])
+        turned = np.asarray((v < -self.backwards) & (-v > 3 * std))  # (MODE.21)
+        sign = np.where(turned[..., None] & (np.arange(m.shape[-1]) == SPEED), -1.0, 1.0)[..., None, :]
+        m = m * sign
+        m[..., PHI] += np.pi * turned[..., None]  # (MODE.21)
+        return m, P * sign[..., :, None] * sign[..., None, :], turned
+
+
+def followed(m: NDArray, P: NDArray, before: Gaussian, after: Gaussian) -> tuple[NDArray, NDArray]:
+    """Means (..., K, 7) and covariances of modes that go where learning moved the moments of their mixture."""
+    moved = (after.m != before.m).any(-1)[..., None]
+    m = m + np.where(moved, after.m - before.m, 0.0)[..., None, :]
+    return m, np.where(moved[..., None, None], after.P[..., None, :, :], P)
 
 
 def without_rates(scan: Scan) -> Scan:

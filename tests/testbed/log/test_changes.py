@@ -81,3 +81,4 @@ def test_models_of_contours_are_no_motion_models_and_classes_have_names():
     assert mode_names("edra-imm") == ("cv", "ca", "ct")
     assert "tractor" in class_names("pmht-spline-adaptive")
     assert class_names("pmht-spline") == class_names("mine") == ()
+    assert "bus" in class_names("pmht-spline:size=ends")

@@ -6,6 +6,7 @@ import pytest
 from testbed.log import blueprint, layers, paths, reader
 from testbed.log.modes import mode_names, modes_of, probabilities
 from tests.testbed.log import log_runs
+from trackers.shared_motion import Modes
 
 MIXING = log_runs.MIXING
 NAMES = ("cv", "ca", "ct")
@@ -31,6 +32,7 @@ def views(part):
 
 def test_trackers_that_mix_motion_models_have_names_for_them_and_others_none():
     assert mode_names("edra-imm") == mode_names("dra-imm") == NAMES
+    assert mode_names("htg-map:size=ends,motion=on") == Modes().names
     assert mode_names("dra") == mode_names("htg-map") == mode_names("truth") == mode_names("no such tracker") == ()
 
 
