@@ -42,6 +42,8 @@ SPLINE = SplinePmht(
 DRA = DataRegion(models=("cv",), prior="uniform", parameters="alone", centre_std=0.4)  # as in rm-vmm
 DRA_IMM = replace(DRA, models=("cv", "ca", "ct"), parameters="recommended", form="soft")  # as good here, and cheaper
 
+LAYERED = MappingProxyType({"size": "ends", "motion": True})  # of `MultiObjectTracker`
+
 TRACKERS: Mapping[str, Entry] = MappingProxyType(
     {
         e.name: e
@@ -90,6 +92,20 @@ TRACKERS: Mapping[str, Entry] = MappingProxyType(
                 "pmht-spline-adaptive",
                 AdaptiveSpline(Learner(SPLINE)),
                 "the same, its contour learned on the way, and its class",
+            ),
+            Entry(
+                "imm-htg",
+                HTGMap(
+                    shape_std=(0.03, 0.05)
+                ),  # its size is that of the layer around it, with an uncertainty of its own
+                "ours: htg-map for the place, motion modes and size from both ends around it; docs/layers.md",
+                LAYERED,
+            ),
+            Entry(
+                "imm-spline",
+                SPLINE,
+                "ours: the same around pmht-spline, which has a contour",
+                LAYERED,
             ),
         )
     }
