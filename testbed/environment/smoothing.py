@@ -46,7 +46,7 @@ class StateHistory:
         """The smoothed tracks over the frames kept so far; these are dropped."""
         step, time, kept = np.array(self._steps, int), np.array(self._times, float), self._kept
         self._steps, self._times, self._kept = [], [], []
-        if not kept or not isinstance(self.tracker.filter, Smoothable):
+        if not kept or not isinstance(self.tracker.layered, Smoothable):
             return SmoothedTracks(step, time, ())
         frame = np.repeat(np.arange(len(kept)), [len(ids) for ids, _ in kept])
         number, states = np.concatenate([ids for ids, _ in kept]), concatenate([state for _, state in kept])
@@ -61,5 +61,5 @@ class StateHistory:
 
     def _one(self, number: int, frame: NDArray, time: NDArray, states: tuple) -> SmoothedTrack:
         dt = np.round(np.diff(time[frame]), DECIMALS)
-        estimate = self.tracker.filter.estimate(smooth_track(self.tracker, states, dt))
+        estimate = self.tracker.layered.estimate(smooth_track(self.tracker, states, dt))
         return SmoothedTrack(number, frame, estimate.pose, estimate.size)

@@ -15,17 +15,17 @@ def smooth_track(tracker: MultiObjectTracker, states: T, dt: ArrayLike) -> T:
     """Smooth the K states of one track, stacked along the first axis in the order of time, dt (K - 1,) [s] apart.
 
     Raises:
-        TypeError: the tracker's filter is not `Smoothable`.
+        TypeError: the tracker's filter, with its layers, is not `Smoothable`.
 
     """
 
     def with_size_prior(state: Any, dt: float) -> Any:
         """The prediction with the size prior, as `MultiObjectTracker.step` has it before the update, (MOT.7)."""
-        filter = tracker.filter
+        filter = tracker.layered
         estimate = filter.estimate(state)
         size, size_std = tracker.sizes.relax(estimate.size, estimate.size_std, dt)
         if isinstance(filter, Resizable):
             return filter.resize(state, size, size_std)
         return filter.init(estimate._replace(size=size, size_std=size_std, contour=None))
 
-    return smooth_stacked(tracker.filter, states, dt, with_size_prior)
+    return smooth_stacked(tracker.layered, states, dt, with_size_prior)

@@ -52,6 +52,13 @@ def test_tracks_come_back_smoothed_at_the_frames_at_which_they_were_reported():
     assert len(history.smoothed().step) == 0  # a second call has nothing left
 
 
+def test_states_of_a_layer_that_cannot_be_smoothed_are_left_alone():
+    layered = MultiObjectTracker(TRACKER.filter, TRACKER.sensors, size="ends")
+    history, state = StateHistory(layered), layered.layered.init(prior(np.zeros((2, 3))))
+    history.keep(0, 0.0, tracks_of(track_states(1)[0])._replace(state=state))
+    assert history.smoothed().tracks == ()
+
+
 def test_a_history_is_full_before_a_long_run_ends():
     history, (state,) = StateHistory(TRACKER), track_states(1)
     for k in range(smoothing.FRAMES):
