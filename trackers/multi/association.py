@@ -14,6 +14,7 @@ from scipy.special import ndtr
 
 from trackers.estimate import Estimate
 from trackers.geometry import cross, dot, rotation, to_frame, unit
+from trackers.multi.road import RoadMap
 from trackers.multi.visibility import SensorArray
 from trackers.protocols import SpatialModel
 from trackers.range_rate import over_ground
@@ -31,6 +32,7 @@ class SortedScan(NamedTuple):
     var_across: NDArray  # (M,) [m^2] noise across it
     sensor: NDArray  # (M,) int
     static: NDArray  # (M,) bool, the range rate is that of something that stands still
+    in_lane: NDArray  # (M,) bool, static and inside a lane of the map, where walls do not stand
     clutter: NDArray  # (M,) intensity [1/(m^2 m/s)], or [1/m^2] where the rate is not measured
 
 
@@ -54,10 +56,11 @@ class Association:
     own_above: float = 0.3  # least probability to own a detection
     least_expected: float = 0.5  # a track expects at least so many detections where one falls into its gates
     static_rate: float = 0.4  # [m/s] least threshold below which a detection counts as static
-    static_density: float = 0.02  # [1/(m^2 m/s)] returns of standing things, added to the false alarms
+    static_density: tuple[float, float] = (0.02, 0.002)  # [1/(m^2 m/s)] of returns of what stands: anywhere, in lanes
+    static_inside: float = 0.5  # [m] least depth inside a lane for that
 
-    def prepare(self, scan: Scan, sensors: SensorArray) -> tuple[SortedScan, NDArray]:
-        """The M detections under the mask, sorted, and the index (M,) of each in the scan.
+    def prepare(self, scan: Scan, sensors: SensorArray, road: RoadMap | None = None) -> tuple[SortedScan, NDArray]:
+        """The M detections under the mask, sorted, and their indices (M,) in the scan; road is the map of the lanes.
 
         The order is that of the values, so a permutation of the scan gives the same result to the last digit.
         """
@@ -77,16 +80,22 @@ class Association:
         sigma_g = np.hypot(noise[:, 2], sideways * noise[:, 1])  # (MOT.4)
         static = np.abs(rate) < np.maximum(self.static_rate, 3 * sigma_g)  # (MOT.5)
         clutter = np.where(np.isnan(rate), sensors.clutter_density_2d[sensor], sensors.clutter_density[sensor])
+        xy, var_along = sorted_scan.xy, noise[:, 0] ** 2  # (MOT.3)
+        var_across = (sorted_scan.polar[:, 0] * noise[:, 1]) ** 2  # (MOT.3)
+        in_lane = static.copy()
+        in_lane[static] = False if road is None else road.locate(xy[static])[0] > self.static_inside  # (MOT.28)
+        of_static = np.where(in_lane, self.static_density[1], self.static_density[0])
         return SortedScan(
             scan=sorted_scan,
-            xy=sorted_scan.xy,
+            xy=xy,
             sight=sight,
             rate=rate,
-            var_along=noise[:, 0] ** 2,  # (MOT.3)
-            var_across=(sorted_scan.polar[:, 0] * noise[:, 1]) ** 2,  # (MOT.3)
+            var_along=var_along,
+            var_across=var_across,
             sensor=sensor,
             static=static,
-            clutter=clutter + np.where(static, self.static_density, 0.0),  # (MOT.6)
+            in_lane=in_lane,
+            clutter=clutter + np.where(static, of_static, 0.0),  # (MOT.6)
         ), order
 
     def claim(

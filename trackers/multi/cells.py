@@ -83,5 +83,5 @@ def cut(
                 continue
             other = label.max() + 1
             waiting += [label[mine[0]], other]
-            label[mine[gaps.argmax() + least :]] = other  # (LIFE.9)
+            label[mine[gaps.argmax() + least :]] = other  # (LIFE.10)
     return label

@@ -57,7 +57,7 @@ class Course:
         odds = np.where(lanes.on_lane, *self.any_log_odds)
         priors = ((along, lane, 0.0), (-along, lane, 0.0), (np.zeros_like(along), broad, odds))
         fits = [self._fit(loose, W, mean, cov) for mean, cov, _ in priors]
-        best = np.argmax([fit[2] + odds for fit, (*_, odds) in zip(fits, priors, strict=True)], 0)  # (LIFE.13)
+        best = np.argmax([fit[2] + odds for fit, (*_, odds) in zip(fits, priors, strict=True)], 0)  # (LIFE.14)
         b = np.arange(len(W))
         velocity, cov = (np.stack([fit[k] for fit in fits])[best, b] for k in (0, 1))
         velocity = np.where(standing[:, None], 0.0, velocity)  # abeam, range rates would leave the speed undetermined
@@ -66,12 +66,12 @@ class Course:
 
     def _with_heading(self, velocity: NDArray, cov: NDArray, lane: NDArray, in_lane: NDArray) -> Motion:
         """Headings: of the lane (B,) [rad] for slow cells in_lane (B,) bool, else where the velocity may lead."""
-        power, axis = np.linalg.eigh(outer(velocity) + cov)  # (LIFE.14)
+        power, axis = np.linalg.eigh(outer(velocity) + cov)  # (LIFE.15)
         axis = axis[..., 1] * np.where(dot(axis[..., 1], velocity) < 0, -1.0, 1.0)[:, None]
         speed = np.hypot(velocity[:, 0], velocity[:, 1])
         slow = in_lane & (speed < self.above)
         heading = np.where(slow, lane, np.arctan2(axis[:, 1], axis[:, 0]))
-        std = np.sqrt(power[:, 0] / np.maximum(power[:, 1], self.above**2))  # (LIFE.14)
+        std = np.sqrt(power[:, 0] / np.maximum(power[:, 1], self.above**2))  # (LIFE.15)
         return Motion(velocity, cov, heading, np.clip(np.where(slow, self.slow_std, std), *self.std_bounds))
 
     def _fit(self, loose: Loose, W: NDArray, mean: NDArray, cov: NDArray) -> tuple[NDArray, NDArray, NDArray]:
@@ -82,11 +82,11 @@ class Course:
         u, w = loose.sight, W.astype(float)
         S = (w @ (u[:, :, None] * u[:, None]).reshape(-1, 4)).reshape(-1, 2, 2) / self.sigma_rate**2
         r, square = w @ (u * loose.rate[:, None]) / self.sigma_rate**2, w @ loose.rate**2 / self.sigma_rate**2
-        information = np.linalg.inv(cov) + S  # (LIFE.10)
+        information = np.linalg.inv(cov) + S  # (LIFE.11)
         Sm = (S @ mean[..., None])[..., 0]
-        score = r - Sm  # (LIFE.10)
-        posterior = np.linalg.inv(information)  # (LIFE.11)
-        shift = (posterior @ score[..., None])[..., 0]  # (LIFE.11)
-        chi2 = square - (2 * r * mean - Sm * mean + score * shift).sum(-1)  # (LIFE.12)
-        log_det = np.linalg.slogdet(information)[1] + np.linalg.slogdet(cov)[1]  # (LIFE.12)
+        score = r - Sm  # (LIFE.11)
+        posterior = np.linalg.inv(information)  # (LIFE.12)
+        shift = (posterior @ score[..., None])[..., 0]  # (LIFE.12)
+        chi2 = square - (2 * r * mean - Sm * mean + score * shift).sum(-1)  # (LIFE.13)
+        log_det = np.linalg.slogdet(information)[1] + np.linalg.slogdet(cov)[1]  # (LIFE.13)
         return mean + shift, posterior, -0.5 * (chi2 + log_det)

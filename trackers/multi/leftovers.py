@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from trackers.estimate import Estimate
 from trackers.geometry import to_frame
 from trackers.multi.association import SortedScan
-from trackers.multi.road import RoadMap
 from trackers.multi.window import Loose
 
 
@@ -36,7 +35,6 @@ class Near(NamedTuple):
 class Suppression:
     """Where nothing is born: beside tracks, and standing things off the lanes."""
 
-    static_inside: float = 0.5  # [m] least depth inside a lane, plus one standard deviation, of a static candidate
     along: float = 0.8  # [m] margins of a track's box inside which nothing is born
     across: float = 0.5  # [m]
     above: float = 0.3  # existence of a track that suppresses births
@@ -44,20 +42,13 @@ class Suppression:
     grow_across: float = 0.4  # [m] beside it
     grow_rate: float = 1.5  # [m/s] difference of the ground range rate from that of the track
 
-    def leftovers(
-        self, z: SortedScan, owner: NDArray, estimate: Estimate, existence: NDArray, road: RoadMap | None
-    ) -> Leftovers:
+    def leftovers(self, z: SortedScan, owner: NDArray, estimate: Estimate, existence: NDArray) -> Leftovers:
         """Sort the unowned detections into those that may start a track and those that a track should grow over.
 
         owner (M,) is the row of each detection's track, -1 for none; estimate and existence (T,). A static detection
         may start a track on a lane of the map only, and without a map nowhere.
         """
-        free = (owner < 0) & np.isfinite(z.rate)
-        standing = np.flatnonzero(free & z.static)
-        free[standing] = False
-        if road is not None and len(standing):
-            margin = self.static_inside + np.sqrt(np.maximum(z.var_along, z.var_across)[standing])
-            free[standing] = road.locate(z.xy[standing])[0] > margin  # (MOT.28)
+        free = (owner < 0) & np.isfinite(z.rate) & (~z.static | z.in_lane)  # (MOT.28)
         T = len(existence)
         reach = np.zeros((T, 2))
         j = np.flatnonzero(free)

@@ -35,7 +35,7 @@ class SizePrior:
 
     def at_birth(self, length: NDArray) -> tuple[NDArray, NDArray]:
         """Size (..., 2) [m] and its std (..., 2) [m] of a new track whose cell is length (...) [m] long."""
-        truck = (np.asarray(length) > self.truck_above)[..., None]  # (LIFE.15)
+        truck = (np.asarray(length) > self.truck_above)[..., None]  # (LIFE.16)
         size = np.where(truck, self.truck, self.car)
         return size, size * np.where(truck, self.truck_birth_std, self.birth_std)
 

@@ -18,6 +18,7 @@ from trackers.multi.exclusion import Exclusion
 from trackers.multi.existence import Existence
 from trackers.multi.initiation import Births, Initiation
 from trackers.multi.leftovers import Suppression
+from trackers.multi.reidentification import Gone, Reidentification
 from trackers.multi.road import RoadMap
 from trackers.multi.silence import Silence, without
 from trackers.multi.sizes import SizePrior, stretch
@@ -42,6 +43,7 @@ class MultiObjectTracker:
     silence: Silence = field(default_factory=Silence)
     suppression: Suppression = field(default_factory=Suppression)
     initiation: Initiation = field(default_factory=Initiation)
+    reidentification: Reidentification = field(default_factory=Reidentification)
     exclusion: Exclusion = field(default_factory=Exclusion)
     sizes: SizePrior = field(default_factory=SizePrior)
     prune_below: float = 0.02  # existence below which a track dies
@@ -59,7 +61,7 @@ class MultiObjectTracker:
     def __post_init__(self) -> None:
         if not self.sensors:
             raise ValueError("sensors must name at least one SensorModel; take them from Radar.models")
-        least = min(self.initiation.born_above, self.initiation.static_existence)
+        least = self.initiation.least_existence
         if least <= self.prune_below:
             raise ValueError(
                 f"prune_below {self.prune_below} must be under the least existence at birth, {least}, or births are "
@@ -127,24 +129,25 @@ class MultiObjectTracker:
 
         """
         self._check(scan, dt)
-        z, order = self.association.prepare(scan, self.sensor_array)
+        z, order = self.association.prepare(scan, self.sensor_array, self.road)
         tracks = self._predict(tracks, dt)
-        view = self._view(tracks, scan)
+        view, out = self._view(tracks, scan)
         visible = view.share.max(0, initial=0.0) > 0
         tracks = tracks._replace(existence=self.existence.survive(tracks.existence, visible, view.in_view, dt))
+        tracks = tracks._replace(memory=tracks.memory._replace(out=out))
         gate = tracks.estimate if self.reaching is None else self.reaching.reach(tracks.state)
         claims = self.association.claim(self.spatial, tracks.state, gate, tracks.existence, view.expected, z)
         updated, info = self._update(tracks, view, claims, z)
-        leftovers = self.suppression.leftovers(z, claims.owner, updated.estimate, updated.existence, self.road)
+        leftovers = self.suppression.leftovers(z, claims.owner, updated.estimate, updated.existence)
         if self.size == "relax":
             updated = self._grow(updated, leftovers.reach)
         owner = np.full(scan.mask.shape[-1], -1)
         owner[order] = np.where(claims.owner >= 0, tracks.id[claims.owner], -1) if len(tracks.id) else -1
+        updated, died = self._prune(updated)
         updated, born = self._initiate(updated, z, leftovers.candidate, dt)
         updated, merged = self._exclude(updated)
-        updated, died = self._prune(updated)
         fresh = (updated.existence > REPORT_ABOVE) & ~updated.confirmed
-        events = [*info.events, *born, *merged, *died]
+        events = [*info.events, *died, *born, *merged]
         events += [
             Event("confirmed", int(i), f"existence {q:.2f}")
             for i, q in zip(updated.id[fresh], updated.existence[fresh])
@@ -181,16 +184,19 @@ class MultiObjectTracker:
         state = self._resize(state, size, size_std)
         return tracks._replace(state=state, estimate=self.layered.estimate(state), age=tracks.age + dt)
 
-    def _view(self, tracks: Tracks, scan: Scan) -> Visibility:
-        """What the sensors that deliver should see of the predicted tracks."""
+    def _view(self, tracks: Tracks, scan: Scan) -> tuple[Visibility, NDArray]:
+        """What the sensors should see of the predicted tracks, and the probability (S,) that each delivers nothing."""
         occluder = (tracks.existence > self.occlude_above) & (tracks.hits > self.occlude_hits)
         view = predict_visibility(tracks.estimate, occluder, self.sensor_array, scan.platform, self.rate_factor)
         if scan.delivered is not None:
-            return without(view, 1.0 - scan.delivered)
-        sensor = (scan.sensor + np.zeros(len(scan.mask), int))[scan.mask]
-        heard = np.bincount(sensor, minlength=len(self.sensors)) > 0
-        clutter = self.sensor_array.clutter
-        return without(view, self.silence.probability(heard, view.expected, tracks.existence, clutter))
+            out = 1.0 - scan.delivered
+        else:
+            sensor = (scan.sensor + np.zeros(len(scan.mask), int))[scan.mask]
+            heard = np.bincount(sensor, minlength=len(self.sensors)) > 0
+            before = np.zeros(len(self.sensors)) if tracks.memory.out is None else tracks.memory.out
+            clutter = self.sensor_array.clutter
+            out = self.silence.probability(before, heard, view.expected, tracks.existence, clutter)
+        return without(view, out), out
 
     def _resize(self, state: object, size: NDArray, size_std: NDArray) -> object:
         """State with another size and std (T, 2) [m]; a filter without `resize` starts again from its own estimate."""
@@ -254,7 +260,8 @@ class MultiObjectTracker:
         loose = take(loose, self.suppression.unexplained(loose, tracks.estimate, tracks.existence))
         clutter, time = self.sensor_array.clutter, memory.time + dt
         births = self.initiation.births(z, candidate, loose, clutter, time, dt, self.road)
-        tracks = tracks._replace(memory=memory._replace(time=time, loose=births.loose))
+        gone = None if memory.gone is None else self.reidentification.predict(memory.gone, dt, self.road)
+        tracks = tracks._replace(memory=memory._replace(time=time, loose=births.loose, gone=gone))
         events = []
         if births.crowd:
             reason = f"{births.crowd} unexplained detections; births need three of one scan"
@@ -265,23 +272,37 @@ class MultiObjectTracker:
         return tracks, [*events, *born]
 
     def _bear(self, tracks: Tracks, z: SortedScan, births: Births) -> tuple[Tracks, list[Event]]:
-        """The tracks and those born, updated with their detections of this scan."""
-        B = len(births.existence)
+        """The tracks and those born, updated with their detections of this scan; a lost vehicle gets its id back."""
+        B, memory, gone = len(births.existence), tracks.memory, tracks.memory.gone
+        state, hits, returned = self.layered.init(births.estimate), births.hits, np.zeros(B, bool)
+        id = tracks.next_id + np.arange(B)
+        if gone is not None and len(gone.id):
+            row = self.reidentification.match(gone, births.estimate, births.length)
+            returned = row >= 0
+            old = take(gone, np.maximum(row, 0))
+            known = self.initiation.sized(births, old.estimate.size, old.estimate.size_std)
+            state = select(returned, self._restart(old.state, known), state)
+            hits = hits + np.where(returned, old.hits, 0)
+            id = np.where(returned, old.id, tracks.next_id + np.cumsum(~returned) - 1)
+            memory = memory._replace(gone=take(gone, ~np.isin(gone.id, id)))
         index = shares(births.owner, B, self.most_detections)
-        state, _ = self.layered.update(self.layered.init(births.estimate), gather(z, index))
+        state, _ = self.layered.update(state, gather(z, index))
         born = Tracks(
-            id=tracks.next_id + np.arange(B),
+            id=id,
             existence=births.existence,
-            hits=births.hits,
+            hits=hits,
             age=np.zeros(B),
-            confirmed=np.zeros(B, bool),
+            confirmed=returned,
             state=state,
             estimate=self.layered.estimate(state),
-            next_id=tracks.next_id + B,
-            memory=tracks.memory,
+            next_id=tracks.next_id + int((~returned).sum()),
+            memory=memory,
         )
         events = [
-            Event("born", int(i), f"{n} detections that no track explains") for i, n in zip(born.id, births.detections)
+            Event("returned", int(i), "where the lost vehicle should be by now")
+            if back
+            else Event("born", int(i), f"{n} detections that no track explains")
+            for i, n, back in zip(id, births.detections, returned, strict=True)
         ]
         return tracks.and_born(born), events
 
@@ -309,7 +330,10 @@ class MultiObjectTracker:
             Event("died", int(tracks.id[t]), "position too uncertain" if vague[t] else "nothing seen of it any more")
             for t in np.flatnonzero(unsure | vague)
         ]
-        return tracks.rows(~(unsure | vague)), events
+        lost = take(tracks._replace(next_id=None, memory=None), (unsure | vague) & tracks.confirmed)  # type: ignore[arg-type]
+        died = Gone(lost.id, lost.hits, np.zeros(len(lost.id)), lost.estimate, lost.state)
+        memory = tracks.memory._replace(gone=self.reidentification.remember(tracks.memory.gone, died))
+        return tracks.rows(~(unsure | vague))._replace(memory=memory), events
 
 
 def events_of(note: Note, ids: NDArray) -> list[Event]:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from trackers.batch import concatenate, take
 from trackers.estimate import Estimate
+from trackers.multi.reidentification import Gone
 from trackers.multi.window import EMPTY, Loose
 
 REPORT_ABOVE = 0.5  # existence probability above which a track is output, (MOT.48)
@@ -17,7 +18,7 @@ REPORT_ABOVE = 0.5  # existence probability above which a track is output, (MOT.
 class Event(NamedTuple):
     """One decision about one track."""
 
-    kind: str  # born, confirmed, merged, died, crowded, or the kind of a filter's `Note`
+    kind: str  # born, confirmed, merged, died, returned, crowded, or the kind of a filter's `Note`
     track: int  # id; -1 for an event of the whole scan
     reason: str  # one readable clause
     contours: NDArray | None = None  # (2, C, 2) [m] outlines on the body's axes, before and after a change
@@ -28,12 +29,14 @@ class Memory(NamedTuple):
 
     time: float = 0.0  # [s] since the first scan
     loose: Loose = EMPTY  # unexplained detections of the last scans
+    out: NDArray | None = None  # (S,) probability that a sensor delivered nothing in the last scan; None before it
+    gone: Gone | None = None  # confirmed tracks that died; None before the first
 
 
 class Tracks(NamedTuple):
     """T tracks as one batch."""
 
-    id: NDArray  # (T,) int, never reused
+    id: NDArray  # (T,) int, used again only when the vehicle of a dead track returns
     existence: NDArray  # (T,) probability
     hits: NDArray  # (T,) int, scans with a detection
     age: NDArray  # (T,) [s] since birth

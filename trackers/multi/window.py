@@ -28,16 +28,8 @@ class Loose(NamedTuple):
     sensor: NDArray  # (P,) int
     place: NDArray  # (P, 2) [m] of the sensor
     course: NDArray  # (P,) [rad] direction of the lane where it was seen; of the ego off the lanes
+    off_lane: NDArray  # (P,) bool, off the lanes of the map
     age: NDArray  # (P,) [s], 0: of the present scan
-
-    @classmethod
-    def of(cls, z: SortedScan, j: NDArray, course: NDArray) -> "Loose":
-        """Those of a scan with rows j (P,) and directions course (P,) [rad] of their lanes."""
-        scan, clutter = z.scan, z.clutter[j]
-        return cls(
-            z.xy[j], z.sight[j], z.rate[j], z.var_along[j], z.var_across[j], clutter, z.sensor[j],
-            scan.pose[j, :2], course, np.zeros(len(j)),
-        )  # fmt: skip
 
     @property
     def now(self) -> NDArray:
@@ -53,7 +45,7 @@ class Loose(NamedTuple):
 NO_POINTS, NO_VALUES = np.zeros((0, 2)), np.zeros(0)
 EMPTY = Loose(
     NO_POINTS, NO_POINTS, NO_VALUES, NO_VALUES, NO_VALUES, NO_VALUES, NO_VALUES.astype(int), NO_POINTS, NO_VALUES,
-    NO_VALUES,
+    NO_VALUES.astype(bool), NO_VALUES,
 )  # fmt: skip
 
 
@@ -61,24 +53,39 @@ EMPTY = Loose(
 class Window:
     """How long unexplained detections are remembered, and which."""
 
-    span: float = 0.4  # [s]
+    span: float = 0.4  # [s] of what moves
+    span_standing: float = 1.5  # [s] of what stands
     along_sight: float = 0.7  # least cosine of line of sight and lane: abeam the range rate does not give the speed
     beyond: float = 30.0  # [m] least range: near vehicles give enough detections in one scan
-    moving: float = 1.0  # [m/s] least magnitude of the ground range rate: what stands is not told from rails by time
+    moving: float = 1.0  # [m/s] least magnitude of the ground range rate of what moves
     beside_lane: float = 1.0  # [m] a detection so near to a lane has its direction
+
+    def candidates(self, z: SortedScan, j: NDArray, road: RoadMap | None) -> Loose:
+        """The detections with rows j (P,) of a scan."""
+        scan = z.scan
+        course, on_lane = self.courses(z.xy[j], road, float(scan.platform[2]))
+        off_lane = ~on_lane & (road is not None)
+        return Loose(
+            z.xy[j], z.sight[j], z.rate[j], z.var_along[j], z.var_across[j], z.clutter[j], z.sensor[j],
+            scan.pose[j, :2], course, off_lane, np.zeros(len(j)),
+        )  # fmt: skip
 
     def predict(self, loose: Loose, dt: float) -> Loose:
         """The window after dt [s]: detections move along their lanes by their own range rates; old ones go."""
-        along = unit(loose.course)
-        speed = loose.rate / dot(loose.sight, along)
+        along, moving = unit(loose.course), self.moves(loose)
+        speed = np.where(moving, loose.rate / dot(loose.sight, along), 0.0)
         moved = loose._replace(xy=loose.xy + (speed * dt)[:, None] * along, age=loose.age + dt)  # (LIFE.1)
-        return take(moved, moved.age < self.span + 1e-9)
+        return take(moved, moved.age < np.where(moving, self.span, self.span_standing) + 1e-9)
+
+    def moves(self, loose: Loose) -> NDArray:
+        """Mask (P,) of those that move."""
+        return np.abs(loose.rate) > self.moving
 
     def keep(self, loose: Loose) -> Loose:
-        """Those whose motion follows from their range rate."""
+        """Those that stand, or whose motion follows from their range rate."""
         along = np.abs(dot(loose.sight, unit(loose.course)))
         d = loose.xy - loose.place
-        keep = (along > self.along_sight) & (np.abs(loose.rate) > self.moving) & (np.hypot(*d.T) > self.beyond)
+        keep = ((along > self.along_sight) | ~self.moves(loose)) & (np.hypot(*d.T) > self.beyond)
         return take(loose, keep)  # (LIFE.2)
 
     def courses(self, xy: NDArray, road: RoadMap | None, heading: float) -> tuple[NDArray, NDArray]:

@@ -345,7 +345,7 @@ def test_two_detections_just_ahead_of_a_box_are_in_reach_and_one_is_not(tracker)
         polar[:, 2] = (scan.sight * (tracks.estimate.velocity[0] - velocity)).sum(-1)
         full = Scan(polar, scan.mask, pose[None], velocity[None], np.array([[0.15, 0.01, 0.1]]), platform=road.ego)
         z, _ = tracker.association.prepare(full, tracker.sensor_array)
-        got = tracker.suppression.leftovers(z, np.full(len(xy), -1), tracks.estimate, tracks.existence, None)
+        got = tracker.suppression.leftovers(z, np.full(len(xy), -1), tracks.estimate, tracks.existence)
         np.testing.assert_allclose(got.reach[0], [expected, 0], atol=0.01)  # the heading is estimated
         assert not got.candidate.any()
 

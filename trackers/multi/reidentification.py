@@ -1,0 +1,95 @@
+"""Reidentification: a vehicle that appears where one that was lost should be by now gets its id back.
+
+Equations: docs/methods/life-cycle-of-tracks.md, section 5.
+"""
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.batch import concatenate, take
+from trackers.estimate import Estimate
+from trackers.geometry import rotation, wrap_angle
+from trackers.linalg import quadratic
+from trackers.multi.road import RoadMap
+
+
+class Gone(NamedTuple):
+    """D confirmed tracks that died."""
+
+    id: NDArray  # (D,) int
+    hits: NDArray  # (D,) int
+    age: NDArray  # (D,) [s] since death
+    estimate: Estimate  # (D,) at death, moved since
+    state: Any  # the filter's, leading axis D, as at death
+
+
+@dataclass(frozen=True)
+class Reidentification:
+    """How long a lost vehicle is remembered, and how far from its predicted motion it may appear again."""
+
+    span: float = 8.0  # [s]
+    least_hits: int = 8  # of a track that is remembered
+    most: int = 50  # tracks remembered, the latest
+    wander: tuple[float, float] = (1.5, 0.3)  # [m/s in a second] of its velocity, along and across, growing as sqrt(t)
+    sudden: tuple[float, float] = (2.0, 0.5)  # [m/s] error of the velocity of a track that got lost
+    misplaced: tuple[float, float] = (1.5, 1.0)  # [m] error of its place along and across
+    newcomers: float = 1e-3  # [1/m^2] density of vehicles that no track has held, where one is born
+    newcomer_speed: float = 5.0  # [m/s] standard deviation of their speed among the traffic
+    sure: float = 0.5  # least probability of being the remembered one
+    longer: float = 1.5  # [m] by which a cell may be longer than the remembered vehicle
+
+    def remember(self, gone: Gone | None, died: Gone) -> Gone:
+        """The memory with the tracks that died and had been seen often enough."""
+        died = take(died, died.hits >= self.least_hits)
+        both = died if gone is None else concatenate([gone, died])
+        return take(both, np.arange(max(0, len(both.id) - self.most), len(both.id)))
+
+    def predict(self, gone: Gone, dt: float, road: RoadMap | None) -> Gone:
+        """The memory after dt [s]: vehicles drive on at their speed, and turn as their lane does."""
+        gone = take(gone, gone.age + dt < self.span)
+        e = gone.estimate
+        if not len(gone.id):
+            return gone
+        pose, velocity, cov = e.pose.copy(), e.velocity, e.cov.copy()
+        pose[:, :2] += velocity * dt  # (LIFE.24)
+        if road is not None:
+            (inside, before), (still, after) = road.locate(e.pose[:, :2]), road.locate(pose[:, :2])
+            along = np.abs(np.cos(before - e.pose[:, 2])) > 0.7
+            turn = np.where((inside > 0) & (still > 0) & along, wrap_angle(after - before), 0.0)
+            pose[:, 2] += turn
+            velocity = (rotation(turn) @ velocity[..., None])[..., 0]
+        F = np.eye(4) + dt * np.eye(4, k=2)
+        M = rotation(pose[:, 2])
+        cov = F @ cov @ F.T
+        cov[:, 2:, 2:] += (M * np.square(self.wander)) @ M.mT * dt  # (LIFE.25)
+        return gone._replace(age=gone.age + dt, estimate=e._replace(pose=pose, velocity=velocity, cov=cov))
+
+    def match(self, gone: Gone, born: Estimate, length: NDArray) -> NDArray:
+        """Row (B,) of the memory that each birth is, -1 for none; length (B,) [m] is that of its cell.
+
+        The filter's covariance at birth is that of the place and the velocity of `born` (B,).
+        """
+        B, D = len(length), len(gone.id)
+        if not B or not D:
+            return np.full(B, -1)
+        old = gone.estimate
+        x, y = (np.concatenate([e.pose[:, :2], e.velocity], -1) for e in (born, old))
+        M = rotation(old.pose[:, 2])
+        lost = np.zeros((D, 4, 4))
+        lost[:, 2:, 2:] = (M * np.square(self.sudden)) @ M.mT
+        lost[:, :2, :2] = lost[:, 2:, 2:] * (gone.age**2)[:, None, None] + (M * np.square(self.misplaced)) @ M.mT
+        S = born.cov[:, None] + (old.cov + lost)  # (B, D, 4, 4)
+        log_density = -0.5 * (quadratic(x[:, None] - y, S) + np.linalg.slogdet(2 * np.pi * S)[1])  # (LIFE.26)
+        fresh = (
+            np.log(self.newcomers)
+            - 0.5 * np.linalg.slogdet(2 * np.pi * (born.cov[:, 2:, 2:] + self.newcomer_speed**2 * np.eye(2)))[1]
+        )  # (LIFE.27)
+        ratio = np.exp(np.clip(log_density - fresh[:, None], -50, 50))
+        ratio *= length[:, None] < old.size[:, 0] + self.longer
+        rivals = 1 + ratio.sum(1, keepdims=True) + ratio.sum(0) - ratio
+        best = ratio.argmax(1)
+        p = (ratio / rivals)[np.arange(B), best]  # (LIFE.28)
+        return np.where(p > self.sure, best, -1)
