@@ -20,7 +20,7 @@ from trackers.protocols import Attentive, ContourFilter, Gaussian, Learning, Not
 from trackers.scan import Scan, check_scan
 from trackers.shared_motion.modes import Modes
 from trackers.shared_motion.places import corrected, likelihood
-from trackers.shared_motion.rates import ScanRates
+from trackers.shared_motion.rates import Body, ScanRates
 
 SIZE = OMEGA + 1  # first of the two components that hold the size
 ANGLES = (PHI,)
@@ -89,7 +89,7 @@ class SharedMotion:
             return state
         Pi = chain(len(self.modes), self.stay, dt / self.step)
         m, P, mu = mix(state.m, state.P, state.mu, Pi, angles=ANGLES)
-        m, P = self.motion.moved(m, P, self._length(m), dt)
+        m, P = self.motion.moved(m, P, self._size(m)[..., 0], dt)
         P[..., [SIZE, SIZE + 1], [SIZE, SIZE + 1]] += self.filter.size_walk**2 * dt  # (MODE.4)
         inner = state.inner if self.learning is None else self.learning.predict(state.inner, dt)  # its past too
         return self._collapsed(mu, m, P, inner)
@@ -105,7 +105,8 @@ class SharedMotion:
         m, P, log_l = corrected(state.m, state.P, likelihood(before, after), after)
         if not self.filter.log_size:
             m[..., SIZE:] = np.maximum(m[..., SIZE:], LEAST_SIZE)
-        m, P, more = self.rates.correct(m, P, self.motion.axle * self._length(m), scan)
+        size = self._size(m)
+        m, P, more = self.rates.correct(state.mu, m, P, Body(self.motion.axle * size[..., 0], size), scan)
         mu = reweight(state.mu, log_l + more)  # (MODE.20)
         m, P, turned = self._forward(mu, m, P)
         g = Gaussian(*moments(m, P, mu, ANGLES))  # (MODE.9)
@@ -187,9 +188,9 @@ class SharedMotion:
         g = Gaussian(*moments(m, P, mu, ANGLES))  # (MODE.9)
         return SharedMotionState(mu, m, P, self.filter.with_gaussian(inner, g))
 
-    def _length(self, m: NDArray) -> NDArray:
-        """Lengths (...) [m] of means m (..., 7)."""
-        return np.exp(m[..., SIZE]) if self.filter.log_size else m[..., SIZE]
+    def _size(self, m: NDArray) -> NDArray:
+        """Length and width (..., 2) [m] of means m (..., 7)."""
+        return np.exp(m[..., SIZE:]) if self.filter.log_size else m[..., SIZE:]
 
     def _located(self, inner: Any, scan: Scan) -> tuple[Any, Gaussian, Any]:
         """The inner filter's state, its Gaussian after the scan, and information; one that learns has not yet."""

@@ -4,14 +4,25 @@ Equations: docs/methods/motion-modes.md, section 4.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from trackers.geometry import cross, dot, perpendicular, unit
-from trackers.linalg import symmetrize
+from trackers.linalg import outer, symmetrize
 from trackers.motion import OMEGA, PHI, SPEED
 from trackers.scan import Scan
+
+
+MOVING = OMEGA + 1  # components of the state that a range rate depends on
+
+
+class Body(NamedTuple):
+    """What the modes take a body for."""
+
+    lever: NDArray  # (..., K) [m] from the axle to the centre
+    size: NDArray  # (..., K or 1, 2) [m] length and width
 
 
 @dataclass(frozen=True)
@@ -21,52 +32,64 @@ class ScanRates:
     std: float = 0.1  # [m/s] of each, beside the sensor's noise
     common_std: float = 0.1  # [m/s] of what all of one scan share
     clip: float = 2.5  # standard deviations from which on a residual counts less
-    sensor_std: float = 0.1  # [m/s] where a scan does not state it
+    sensor_std: tuple[float, float] = (
+        0.2,
+        0.1,
+    )  # [m] across the line of sight, [m/s], where a scan does not state them
 
-    def correct(self, m: NDArray, P: NDArray, lever: NDArray, scan: Scan) -> tuple[NDArray, NDArray, NDArray]:
-        """Means (..., K, 7) and covariances after the range rates, and log likelihoods (..., K) of the modes.
-
-        lever (..., K) [m] from the axle to the centre.
-        """
+    def correct(self, mu: NDArray, m: NDArray, P: NDArray, body: Body, scan: Scan) -> tuple[NDArray, NDArray, NDArray]:
+        """Means (..., K, 7) and covariances after the range rates, and log likelihoods (..., K) of the modes."""
         g = scan.ground_rate
         use = scan.mask & np.isfinite(g)
         if not use.any():
-            return m, P, np.zeros(lever.shape)
-        r, h = self._model(m, lever, scan, np.where(use, g, 0.0), use)
-        noise = np.broadcast_to(scan.noise[..., 2], g.shape)
-        variance = np.where(np.isnan(noise), self.sensor_std, noise) ** 2 + self.std**2
-        motion = P[..., : OMEGA + 1, : OMEGA + 1]
+            return m, P, np.zeros(mu.shape)
+        across, noise = self._noise(scan, use)
+        r, h, unknown = self._model(m, body, scan, np.where(use, g, 0.0), use, across)
+        yaw = (mu * (m[..., OMEGA] ** 2 + P[..., OMEGA, OMEGA])).sum(-1, keepdims=True)
+        variance = noise**2 + self.std**2 + yaw * (mu[..., None] * unknown).sum(-2)  # (MODE.17)
+        motion = P[..., :MOVING, :MOVING]
         S = ((h @ motion) * h).sum(-1) + (variance + self.common_std**2)[..., None, :]  # (..., K, M)
         zeta = np.sqrt((r**2 / S).min(-2))
-        w = np.where(use, np.minimum(1.0, self.clip / np.maximum(zeta, 1e-9)) / variance, 0.0)[
-            ..., None, :
-        ]  # (MODE.16)
+        w = np.minimum(1.0, self.clip / np.maximum(zeta, 1e-9)) / variance  # (MODE.18)
+        w = np.where(use, w, 0.0)[..., None, :]
         t = w.sum(-1) + 1 / self.common_std**2  # (..., 1)
         wh = w[..., None] * h
         a, rr = wh.sum(-2), (w * r).sum(-1)
         J, y = np.zeros(P.shape), np.zeros(m.shape)
-        J[..., : OMEGA + 1, : OMEGA + 1] = (
-            wh.mT @ h - a[..., :, None] * a[..., None, :] / t[..., None, None]
-        )  # (MODE.17)
-        y[..., : OMEGA + 1] = (wh * r[..., None]).sum(-2) - a * (rr / t)[..., None]  # (MODE.17)
-        q = (w * r**2).sum(-1) - rr**2 / t  # (MODE.17)
+        J[..., :MOVING, :MOVING] = wh.mT @ h - outer(a) / t[..., None, None]  # (MODE.19)
+        y[..., :MOVING] = (wh * r[..., None]).sum(-2) - a * (rr / t)[..., None]  # (MODE.19)
+        q = (w * r**2).sum(-1) - rr**2 / t  # (MODE.19)
         A = np.eye(m.shape[-1]) + P @ J
-        P = symmetrize(np.linalg.solve(A, P))  # (MODE.18)
-        x = (P @ y[..., None])[..., 0]  # (MODE.18)
-        log_l = -0.5 * q + 0.5 * (y * x).sum(-1) - 0.5 * np.linalg.slogdet(A)[1]  # (MODE.19)
+        P = symmetrize(np.linalg.solve(A, P))  # (MODE.20)
+        x = (P @ y[..., None])[..., 0]  # (MODE.20)
+        log_l = -0.5 * q + 0.5 * (y * x).sum(-1) - 0.5 * np.linalg.slogdet(A)[1]  # (MODE.21)
         return m + x, P, log_l
 
-    def _model(self, m: NDArray, lever: NDArray, scan: Scan, g: NDArray, use: NDArray) -> tuple[NDArray, NDArray]:
-        """Residuals (..., K, M) of range rates over ground g (..., M), and gradients (..., K, M, 5), 0 if unused."""
+    def _noise(self, scan: Scan, use: NDArray) -> tuple[NDArray, NDArray]:
+        """Standard deviations (..., M) of the place across the line of sight [m] and of the range rate [m/s]."""
+        azimuth, rate = (np.broadcast_to(scan.noise[..., i], use.shape) for i in (1, 2))
+        across = np.where(use, scan.polar[..., 0], 0.0) * azimuth
+        return tuple(np.where(np.isnan(a), b, a) for a, b in zip((across, rate), self.sensor_std, strict=True))
+
+    def _model(
+        self, m: NDArray, body: Body, scan: Scan, g: NDArray, use: NDArray, across: NDArray
+    ) -> tuple[NDArray, NDArray, NDArray]:
+        """Residuals (..., K, M) of range rates over ground g (..., M), their gradients (..., K, M, 5), 0 if unused.
+
+        The third array (..., K, M) [m^2] is the variance of what the body is turned by at the place of the detection.
+        """
         u = np.where(use[..., None], scan.sight, 0.0)[..., None, :, :]  # (..., 1, M, 2)
         z = np.where(use[..., None], scan.xy, 0.0)[..., None, :, :]
-        e = unit(m[..., PHI])
-        axle = m[..., :2] - lever[..., None] * e
-        v, omega, d = (a[..., None] for a in (m[..., SPEED], m[..., OMEGA], lever))
-        along = dot(u, e[..., None, :])
-        h = np.zeros((*along.shape, OMEGA + 1))
-        h[..., 0], h[..., 1] = -omega * u[..., 1], omega * u[..., 0]  # (MODE.15)
-        h[..., PHI] = v * dot(u, perpendicular(e)[..., None, :]) - omega * d * along  # (MODE.15)
+        e = unit(m[..., PHI])[..., None, :]
+        n = perpendicular(e)
+        v, omega, d = (a[..., None] for a in (m[..., SPEED], m[..., OMEGA], body.lever))
+        along, aside = dot(u, e), dot(u, n)
+        half = 0.5 * (np.abs(aside) * body.size[..., :1] + np.abs(along) * body.size[..., 1:])
+        spread = half**2 / 3  # (MODE.16)
+        gain = spread / np.maximum(spread + across[..., None, :] ** 2, 1e-9)  # (MODE.16)
+        h = np.zeros((*along.shape, MOVING))
+        h[..., 0], h[..., 1] = -gain * omega * u[..., 1], gain * omega * u[..., 0]  # (MODE.15)
+        h[..., PHI] = v * aside - omega * d * along  # (MODE.15)
         h[..., SPEED] = along  # (MODE.15)
-        h[..., OMEGA] = np.where(use[..., None, :], cross(z - axle[..., None, :], u), 0.0)  # (MODE.15)
-        return g[..., None, :] - v * along - omega * h[..., OMEGA], h  # (MODE.14)
+        h[..., OMEGA] = np.where(use[..., None, :], gain * cross(z - m[..., None, :2], u) + d * cross(e, u), 0.0)
+        return g[..., None, :] - v * along - omega * h[..., OMEGA], h, (1 - gain) * spread  # (MODE.14)
