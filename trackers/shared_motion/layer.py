@@ -107,7 +107,7 @@ class SharedMotion:
             m[..., SIZE:] = np.maximum(m[..., SIZE:], LEAST_SIZE)
         size = self._size(m)
         m, P, more = self.rates.correct(state.mu, m, P, Body(self.motion.axle * size[..., 0], size), scan)
-        mu = reweight(state.mu, log_l + more)  # (MODE.20)
+        mu = reweight(state.mu, log_l + more)  # (MODE.22)
         m, P, turned = self._forward(mu, m, P)
         g = Gaussian(*moments(m, P, mu, ANGLES))  # (MODE.9)
         if self.learning is None:
@@ -134,14 +134,14 @@ class SharedMotion:
         d = (length * mean)[..., None]
         J = np.zeros((*m.shape[:-1], 4, OMEGA + 1))
         J[..., 0, 0] = J[..., 1, 1] = 1.0
-        J[..., 2:, PHI] = v * across - omega * d * along  # (MODE.23)
-        J[..., 2:, SPEED], J[..., 2:, OMEGA] = along, d * across  # (MODE.23)
+        J[..., 2:, PHI] = v * across - omega * d * along  # (MODE.25)
+        J[..., 2:, SPEED], J[..., 2:, OMEGA] = along, d * across  # (MODE.25)
         cov = symmetrize(J @ P[..., : OMEGA + 1, : OMEGA + 1] @ J.mT) + ROUNDING
         axle_var = (state.mu * self.motion.axle**2).sum(-1) - mean**2 + AXLE_STD**2
-        more = P[..., PHI, PHI] * P[..., SPEED, SPEED] + (length * m[..., OMEGA]) ** 2 * axle_var  # (MODE.24)
-        cov[..., 2:, 2:] += more[..., None, None] * outer(across)  # (MODE.24)
+        more = P[..., PHI, PHI] * P[..., SPEED, SPEED] + (length * m[..., OMEGA]) ** 2 * axle_var  # (MODE.26)
+        cov[..., 2:, 2:] += more[..., None, None] * outer(across)  # (MODE.26)
         cov[..., :2, :2] = box.cov[..., :2, :2]  # with what the outline adds
-        return box._replace(velocity=v * along + omega * d * across, cov=cov)  # (MODE.22)
+        return box._replace(velocity=v * along + omega * d * across, cov=cov)  # (MODE.24)
 
     def resize(self, state: SharedMotionState, size: NDArray, size_std: NDArray) -> SharedMotionState:
         """State with another size (..., 2) [m] of standard deviation size_std (..., 2) [m], in every mode."""
@@ -150,10 +150,10 @@ class SharedMotion:
         before, after = (g.P.diagonal(axis1=-2, axis2=-1)[..., SIZE:] for g in (old, new))
         gain = np.ones(state.m.shape)
         gain[..., SIZE:] = np.sqrt(np.minimum(after / before, 1.0))[..., None, :]
-        m, P = state.m.copy(), gain[..., :, None] * state.P * gain[..., None, :]  # (MODE.25)
+        m, P = state.m.copy(), gain[..., :, None] * state.P * gain[..., None, :]  # (MODE.27)
         d = m[..., SIZE:] - old.m[..., None, SIZE:]
-        m[..., SIZE:] = new.m[..., None, SIZE:] + gain[..., SIZE:] * d  # (MODE.25)
-        P[..., [SIZE, SIZE + 1], [SIZE, SIZE + 1]] += np.maximum(after - before, 0.0)[..., None, :]  # (MODE.25)
+        m[..., SIZE:] = new.m[..., None, SIZE:] + gain[..., SIZE:] * d  # (MODE.27)
+        P[..., [SIZE, SIZE + 1], [SIZE, SIZE + 1]] += np.maximum(after - before, 0.0)[..., None, :]  # (MODE.27)
         return state._replace(m=m, P=P, inner=inner)
 
     def shift(self, state: SharedMotionState, d: NDArray) -> SharedMotionState:
@@ -203,10 +203,10 @@ class SharedMotion:
         """Modes with the heading turned round where (...) the body would move backwards too fast."""
         mean, cov = moments(m, P, mu, ANGLES)
         v, std = mean[..., SPEED], np.sqrt(cov[..., SPEED, SPEED])
-        turned = np.asarray((v < -self.backwards) & (-v > 3 * std))  # (MODE.21)
+        turned = np.asarray((v < -self.backwards) & (-v > 3 * std))  # (MODE.23)
         sign = np.where(turned[..., None] & (np.arange(m.shape[-1]) == SPEED), -1.0, 1.0)[..., None, :]
         m = m * sign
-        m[..., PHI] += np.pi * turned[..., None]  # (MODE.21)
+        m[..., PHI] += np.pi * turned[..., None]  # (MODE.23)
         return m, P * sign[..., :, None] * sign[..., None, :], turned
 
 

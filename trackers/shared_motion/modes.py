@@ -46,6 +46,7 @@ class Modes:
     table: tuple[Mode, ...] = FIVE
     curvature: float = 0.15  # kappa [1/m], the sharpest turn
     slow_yaw: float = 0.02  # omega_0 [rad/s] of a standing body
+    fast: float = 10.0  # [m/s] from which on the acceleration across falls with the speed
     bound_time: float = 1.0  # [s] in which the bound of the yaw rate counts as one measurement
     birth_yaw_std: float = 0.3  # [rad/s] of all modes but the first, which has the prior's
     first: float = 0.69  # probability of the first mode at birth; the others share the rest
@@ -53,10 +54,11 @@ class Modes:
     def __post_init__(self) -> None:
         if not self.table:
             raise ValueError("table must hold at least one Mode; one mode is a filter without interaction")
-        if not (0 < self.first <= 1 and min(self.curvature, self.slow_yaw, self.bound_time, self.birth_yaw_std) > 0):
+        positive = (self.curvature, self.slow_yaw, self.fast, self.bound_time, self.birth_yaw_std)
+        if not (0 < self.first <= 1 and min(positive) > 0):
             raise ValueError(
-                "first must be within 0 and 1, curvature, slow_yaw, bound_time and birth_yaw_std positive, got "
-                f"{self.first}, {self.curvature}, {self.slow_yaw}, {self.bound_time}, {self.birth_yaw_std}"
+                "first must be within 0 and 1, curvature, slow_yaw, fast, bound_time and birth_yaw_std positive, got "
+                f"{self.first} and {', '.join(map(str, positive))}"
             )
 
     @property
@@ -111,7 +113,9 @@ class Modes:
 
     def _possible(self, u: NDArray) -> NDArray:
         """Variance (..., K) of the yaw rate that a mean square speed u (..., K) [m^2/s^2] allows."""
-        return np.minimum(self.curvature**2 * u, self._lateral**2 / np.maximum(u, 1e-9))  # (MODE.6)
+        u = np.maximum(u, 1e-9)
+        lateral = self._lateral**2 * np.minimum(1.0, self.fast**2 / u)  # (MODE.6)
+        return np.minimum(self.curvature**2 * u, lateral / u)  # (MODE.6)
 
     def _bounded(self, m: NDArray, P: NDArray, dt: float) -> tuple[NDArray, NDArray]:
         """Moments after a pseudo-measurement of yaw rate 0."""

@@ -14,7 +14,6 @@ from trackers.linalg import outer, symmetrize
 from trackers.motion import OMEGA, PHI, SPEED
 from trackers.scan import Scan
 
-
 MOVING = OMEGA + 1  # components of the state that a range rate depends on
 
 
@@ -69,7 +68,8 @@ class ScanRates:
         """Standard deviations (..., M) of the place across the line of sight [m] and of the range rate [m/s]."""
         azimuth, rate = (np.broadcast_to(scan.noise[..., i], use.shape) for i in (1, 2))
         across = np.where(use, scan.polar[..., 0], 0.0) * azimuth
-        return tuple(np.where(np.isnan(a), b, a) for a, b in zip((across, rate), self.sensor_std, strict=True))
+        across_std, rate_std = self.sensor_std
+        return np.where(np.isnan(across), across_std, across), np.where(np.isnan(rate), rate_std, rate)
 
     def _model(
         self, m: NDArray, body: Body, scan: Scan, g: NDArray, use: NDArray, across: NDArray

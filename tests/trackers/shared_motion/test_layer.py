@@ -13,6 +13,7 @@ from trackers.geometry import rotation, unit, wrap_angle
 from trackers.protocols import Attentive, Resizable, Restartable, Shiftable, SpatialModel
 from trackers.shared_motion import FIVE, Modes, ScanRates, SharedMotion
 from trackers.shared_motion.layer import without_rates
+from trackers.shared_motion.rates import Body
 
 BASES = ("htg-map", "pmht-spline", "pmht-spline-adaptive")
 EITHER = pytest.mark.parametrize("base", BASES)
@@ -194,15 +195,39 @@ def test_reversing_slowly_is_not_turned_round():
 
 
 def test_range_rates_that_err_together_say_less_than_those_that_do_not():
-    m, P = MAP.motion.at_birth(*MAP.filter.gaussian(MAP.filter.init(prior((30.0, 0.0, 0.0), velocity=(8.0, 0.0)))))[1:]
-    scan = seen_body(
-        np.random.default_rng(0), np.array([30.0, 0.0]), np.array(0.0), np.array([8.0, 0.0]), np.array(0.0), 40
-    )
-    lever = MAP.motion.axle * CAR[0]
-    std = [np.sqrt(ScanRates(common_std=c).correct(m, P, lever, scan)[1][..., 3, 3]) for c in (0.01, 0.1, 0.3)]
+    mu, m, P = MAP.motion.at_birth(*MAP.filter.gaussian(MAP.filter.init(prior((30.0, 0.0, 0.0), velocity=(8.0, 0.0)))))
+    where, velocity = np.array([30.0, 0.0]), np.array([8.0, 0.0])
+    scan = seen_body(np.random.default_rng(0), where, np.array(0.0), velocity, np.array(0.0), 40)
+    body = Body(MAP.motion.axle * CAR[0], CAR[None])
+    std = [np.sqrt(ScanRates(common_std=c).correct(mu, m, P, body, scan)[1][..., 3, 3]) for c in (0.01, 0.1, 0.3)]
     assert (std[0] < 0.05).all()
     assert (np.diff(std, axis=0) > 0).all()
     assert (std[2] > 0.25).all()
+
+
+def yaw_rate_nees(azimuth_std, runs=300, yaw_rate=0.4, seed=5):
+    """Squared errors of the yaw rate over its variance after one scan of a far body, of which all else is known.
+
+    azimuth_std [rad] is what the scan says; it is 0.015.
+    """
+    rng, lead = np.random.default_rng(seed), (runs,)
+    lever = rng.uniform(-0.5, 0.5, (runs, 20, 1)) * CAR[1] * np.array([0.0, 1.0]) - [CAR[0] / 2, 0.0]
+    z = np.array([60.0, 0.0]) + lever
+    velocity = np.array([8.0, 0.0]) + yaw_rate * np.stack([-lever[..., 1], lever[..., 0]], -1)
+    polar = np.stack([np.hypot(z[..., 0], z[..., 1]), np.arctan2(z[..., 1], z[..., 0]), np.zeros((runs, 20))], -1)
+    rates = (z / polar[..., :1] * velocity).sum(-1) + rng.normal(0, 0.1, (runs, 1)) + rng.normal(0, 0.14, (runs, 20))
+    polar[..., 1] += rng.normal(0, 0.015, (runs, 20))
+    scan = Scan(np.concatenate([polar[..., :2], rates[..., None]], -1), np.ones((runs, 20), bool), np.zeros((1, 3)),
+                np.zeros((1, 2)), np.array([[0.1, azimuth_std, 0.1]]))  # fmt: skip
+    m = np.broadcast_to([60.0, 0.0, 0.0, 8.0, 0.0, 0.0, 0.0], (*lead, 1, 7))
+    P = np.broadcast_to(np.diag([1e-6, 1e-6, 1e-6, 1e-6, 0.4**2, 1e-6, 1e-6]), (*lead, 1, 7, 7))
+    m, P, _ = ScanRates().correct(np.ones((*lead, 1)), m, P, Body(np.zeros((*lead, 1)), CAR[None]), scan)
+    return (m[:, 0, 4] - yaw_rate) ** 2 / P[:, 0, 4, 4]
+
+
+def test_the_noise_of_a_far_place_is_not_evidence_that_a_body_does_not_turn():
+    assert 0.5 < yaw_rate_nees(0.015).mean() < 1.6
+    assert yaw_rate_nees(1e-6).mean() > 5.0
 
 
 def test_a_range_rate_of_a_wheel_is_an_outlier_for_all_modes_alike():
