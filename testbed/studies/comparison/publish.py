@@ -64,16 +64,16 @@ def replace_trackers(folder: Path, target: Path) -> tuple[str, ...]:
     """Replace the results of some trackers by those of the runs in a folder; returns their names.
 
     Their wall times stay, which compare with those of the other trackers only if all are made together. The report
-    page stays too: its figures need the rows of all trackers.
+    page stays too: its figures need the rows of all trackers. The digest of the code that all share stays: `refresh`
+    proves that it gives the same results, and writes it.
 
     Raises:
-        ValueError: the folder has other settings, versions, code, scenarios or seeds, or a tracker that was not
-            published.
+        ValueError: the folder has other settings, versions, scenarios or seeds, or a tracker that was not published.
     """
     results = collect(stored_comparison(folder))
     before, known, tables = read(target)
     new, trackers = about(results), results.comparison.trackers
-    shared = [key for key in known["identity"] if not key.startswith("code of ")]
+    shared = [key for key in known["identity"] if not key.startswith("code")]
     pairs = [(key, new[key], known[key]) for key in ("scenarios", "seeds")]
     for what, mine, theirs in pairs + [(key, new["identity"].get(key), known["identity"][key]) for key in shared]:
         if mine != theirs:
