@@ -2,6 +2,7 @@
 
 import shlex
 import sys
+import warnings
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -81,6 +82,7 @@ def run(
     Example: [bold]testbed run merge --tracker htg-map --tracker rm-feldmann --radar front --seed 3[/bold]
     """
     from scenarios import find
+    from testbed.files import LostFileWarning
     from testbed.run import RunConfig, check
     from testbed.run import run as run_once
 
@@ -89,7 +91,9 @@ def run(
         check(config)
     with user_input((OSError,)), progress_bar("{task.completed:.1f} / {task.total:.1f} s") as bar:
         task = bar.add_task(f"{scenario}, seed {seed}", total=duration or find(scenario).duration)
-        result = run_once(config, lambda done, total: bar.update(task, completed=done, total=total))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", LostFileWarning)  # said below, with the exit status
+            result = run_once(config, lambda done, total: bar.update(task, completed=done, total=total))
     console.print(tables.metrics(result.result))
     for line in tables.EXPLAINED:
         console.print(line)
@@ -97,10 +101,13 @@ def run(
     console.print(tables.drive(result.result))
     if result.interrupted:
         console.print("[yellow]interrupted: the tables and files hold what was run until then[/yellow]")
-    console.print(f"results  {result.json}", soft_wrap=True)
+    if result.json is not None:
+        console.print(f"results  {result.json}", soft_wrap=True)
     if result.rrd is not None:
         console.print(f"log      {result.rrd}", soft_wrap=True)
         console.print(f"open it  testbed review {shlex.quote(str(result.rrd))}", soft_wrap=True)
+    for sentence in result.lost:
+        print(f"testbed: {sentence}", file=sys.stderr)
     raise typer.Exit(result.exit_status)
 
 

@@ -1,5 +1,6 @@
 """One closed-loop run from start to table."""
 
+import warnings
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
@@ -15,7 +16,7 @@ from scenarios import find as find_scenario
 from sensors import find as find_radar
 from testbed.command_line.interruption import interruptible
 from testbed.evaluation.tracking import jsonable
-from testbed.files import make_directory
+from testbed.files import LostFileWarning, make_directory
 from testbed.frame import Observer
 from testbed.log.record import LEVELS
 from testbed.planners import find as find_planner
@@ -57,14 +58,15 @@ class RunResult:
 
     config: RunConfig
     result: dict[str, Any]  # see `Recorder.result`
-    json: Path
-    rrd: Path | None
-    exit_status: int  # 0, or 128 + signal where one ended the run early
+    json: Path | None  # None where it could not be written
+    rrd: Path | None  # None where there is no log
+    exit_status: int  # 0, 128 + signal where one ended the run early, 2 where something could not be written
+    lost: tuple[str, ...] = ()  # what could not be written, in sentences
 
     @property
     def interrupted(self) -> bool:
         """Whether there is more of the scenario than was run."""
-        return self.exit_status != 0
+        return bool(self.result["interrupted"])
 
 
 def check(config: RunConfig) -> None:
@@ -107,10 +109,11 @@ def run(
     Observers are called with a `Frame` after every scan, see `TrackedEnv.attach`.
 
     Ctrl-C or SIGTERM ends the run after the decision at hand: what was measured until then is written and returned.
+    A disk that becomes full on the way does not end it: a `LostFileWarning` and `RunResult.lost` say what is missing.
 
     Raises:
         LookupError: an unknown scenario, tracker, radar or planner; the nearest name is suggested.
-        OSError: log or results cannot be written, also when the disk becomes full on the way.
+        OSError: log or results cannot be written where they belong; raised before the run begins.
     """
     planner = find_planner(config.planner)
     with interruptible() as interrupt, closing(make_env(config)) as env:
@@ -132,6 +135,10 @@ def run(
             timing = {**tracked.seconds, **recorder.seconds, "wall": perf_counter() - start}
             timing["cpu"] = process_time() - cpu
             timing["trackers"] = {name: jsonable(cost.row()) for name, cost in tracked.costs.items()}
-            result = recorder.close(interrupted=not done, timing=timing)
-    status = 0 if done else interrupt.exit_status
-    return RunResult(config, result, recorder.json_path, recorder.log.path, status)
+            try:
+                recorder.close(interrupted=not done, timing=timing)
+            except OSError as error:
+                warnings.warn(str(error), LostFileWarning, stacklevel=2)
+    status = (0 if done else interrupt.exit_status) or (2 if recorder.lost else 0)
+    files = recorder.written, recorder.log.file
+    return RunResult(config, recorder.close(), *files, status, tuple(recorder.lost))

@@ -17,7 +17,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from testbed.command_line.tables import light_table
-from testbed.files import make_directory, write_json
+from testbed.files import check_target, make_directory, write_json
 from testbed.learn.detections import Progress, TrainingDetections, check_sampler, read, without_folders
 from trackers.htg import bins as tables
 from trackers.htg.bins import HTGTable
@@ -94,8 +94,7 @@ def check_out(path: Path) -> None:
     """Raise ValueError or OSError, in one sentence, where a table cannot be written; nothing is written yet."""
     if path.suffix != ".json":
         raise ValueError(f"out must be a .json file, got {path}")
-    if path.is_dir():
-        raise ValueError(f"out must be a .json file, got the directory {path}")
+    check_target(path)
     make_directory(path.parent)
     if path.exists() and not os.access(path, os.W_OK):
         raise ValueError(f"out: {path} is write-protected; choose another file")

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from testbed.files import check_target
 from testbed.log.reader import complete, span
 from testbed.log.screenshot import existing, render, viewer_command
 
@@ -24,6 +25,7 @@ def check(logs: Sequence[str | Path], png: str | Path | None = None, at: float |
         raise ValueError(f"a screenshot shows one log, got {len(logs)}; call once for each")
     if Path(png).suffix.lower() != ".png":
         raise ValueError(f"a screenshot is a .png file, got {png}")
+    check_target(Path(png))
     first, last = span(logs[0])
     if at is not None and not first <= at <= last:
         raise ValueError(f"--at must lie within the run, {first:g} to {last:g} s, got {at:g} s")

@@ -111,6 +111,8 @@ def write_one(task: Task, comparison: Comparison, path: Path) -> Outcome:
                 done = run_live(config)
                 if done.interrupted:
                     raise KeyboardInterrupt  # a signal that ended this run ends all of them
+                for sentence in done.lost:
+                    raise OSError(sentence)
                 assert done.rrd is not None  # its level is full
                 made = done.rrd
             made.with_suffix(".json").replace(path.with_suffix(".json"))

@@ -140,7 +140,7 @@ def test_the_hint_for_a_killed_run_repairs_it(tmp_path):
     for record in log_runs.records(3):
         log.step(*record)
     cut = tmp_path / "cut.rrd"
-    cut.write_bytes((tmp_path / "a.rrd").read_bytes())
+    cut.write_bytes(log.file.read_bytes())
     log.close()
     assert not reader.complete(cut)
     command = re.search(r"`rerun (.*?)`", unfinished_hint(cut))[1].split()
