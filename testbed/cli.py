@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Annotated, TypeVar
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
@@ -14,6 +14,9 @@ import testbed
 from testbed.command_line import tables
 from testbed.command_line.terminal import console, progress_bar, user_input
 from trackers import DEFAULT
+
+if TYPE_CHECKING:
+    from testbed.run import RunResult
 
 Learned = TypeVar("Learned")
 
@@ -94,6 +97,15 @@ def run(
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", LostFileWarning)  # said below, with the exit status
             result = run_once(config, lambda done, total: bar.update(task, completed=done, total=total))
+    try:
+        _show(result)
+    finally:  # also where the tables go to the same full disk
+        for sentence in result.lost:
+            print(f"testbed: {sentence}", file=sys.stderr)
+    raise typer.Exit(result.exit_status)
+
+
+def _show(result: "RunResult") -> None:
     console.print(tables.metrics(result.result))
     for line in tables.EXPLAINED:
         console.print(line)
@@ -106,9 +118,6 @@ def run(
     if result.rrd is not None:
         console.print(f"log      {result.rrd}", soft_wrap=True)
         console.print(f"open it  testbed review {shlex.quote(str(result.rrd))}", soft_wrap=True)
-    for sentence in result.lost:
-        print(f"testbed: {sentence}", file=sys.stderr)
-    raise typer.Exit(result.exit_status)
 
 
 @app.command()

@@ -22,7 +22,7 @@ class BlockFile:
         """Make its directory and open it; raises OSError, in one sentence, where it cannot be written."""
         check_target(path)
         self.path = path
-        self.part = path.with_name(f"{path.stem}.unfinished-{token_hex(4)}{path.suffix}")
+        self.part = path.with_name(f"{path.stem}.unfinished-{token_hex(4)}{path.suffix}")  # where it lies now
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             self._file = open(self.part, "xb", buffering=0)  # noqa: SIM115 - open until `finish`
@@ -56,7 +56,7 @@ class BlockFile:
     def finish(self, replace: bool) -> None:
         """Write the rest, after rerun has closed its end of the pipe, and give the file its name if `replace`.
 
-        Raises OSError, in one sentence, where the rest cannot be written.
+        Raises OSError, in one sentence, where the rest cannot be written, or the file not be renamed.
         """
         os.close(self._pipe)
         self._reader.join()
@@ -65,7 +65,13 @@ class BlockFile:
         finally:
             self._file.close()
             if replace:
-                self.part.replace(self.path)
+                self._rename()
+
+    def _rename(self) -> None:
+        try:
+            self.part = self.part.replace(self.path)
+        except OSError as error:
+            raise OSError(f"cannot write the log {self.path}: {error.strerror}; it is {self.part.name}") from None
 
     def _read(self, source: int) -> None:
         with open(source, "rb", buffering=0) as pipe:

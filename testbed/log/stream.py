@@ -127,7 +127,7 @@ class Stream:
 
     @property
     def path(self) -> Path:
-        """Where the file lies until it is closed."""
+        """Where the file lies now."""
         return self._file.part
 
     def static(self, path: str, data: rr.AsComponents) -> None:

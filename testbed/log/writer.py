@@ -255,11 +255,12 @@ class RunLog(NullLog):
         """Close the file, and check that everything arrived."""
         assert self._stream is not None
         self._closed = True
-        self.file = self._path if replace else self._stream.path
         try:
             self._stream.close(replace)
         except OSError as error:
             raise self._ending(error) from error
+        finally:
+            self.file = self._stream.path
         if not self._stopped and not _is_whole(self.file):
             raise OSError(f"the log {self.file} does not read back; delete it and run again")
 

@@ -135,7 +135,7 @@ def test_two_runs_at_once_leave_whole_files(tmp_path):
         (["run", "cut-in", "--planner", "me"], ["planner 'me'", "idle"]),
         (["run", "cut-in", "--log", "loud"], ["log", "'loud'", "metrics"]),
         (["run", "cut-in", "--seed", "-1"], ["seed", "-1"]),
-        (["run", "cut-in", "--seed", "x"], ["--seed", "not a valid int", "testbed run --help"]),
+        (["run", "cut-in", "--seed", "x"], ["--seed", "valid int", "testbed run --help"]),
         (["run", "cut-in", "--duration", "0"], ["duration", "0.0 s"]),
         (["run", "cut-in", "--duration", "inf"], ["duration", "inf s"]),
         (["run", "cut-in", "--out", "FILE"], ["out: cannot write to", "choose another directory"]),

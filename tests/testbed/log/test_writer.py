@@ -233,6 +233,23 @@ def test_a_disk_without_room_for_the_beginning_is_one_sentence(tmp_path, limit_f
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_log_that_was_damaged_on_the_disk_does_not_pass_for_whole(tmp_path):
+    log = begun(tmp_path / "a.rrd", 20)
+    with open(log.file, "r+b") as file:
+        file.write(b"nonsense")
+    with pytest.raises(OSError, match=r"^the log .*a\.rrd does not read back; delete it and run again$"):
+        log.close()
+
+
+def test_a_log_whose_name_is_taken_is_one_sentence(tmp_path):
+    log = begun(tmp_path / "a.rrd", 20)
+    (tmp_path / "a.rrd").mkdir()
+    with pytest.raises(OSError, match=r"^cannot write the log .*a\.rrd: Is a directory; it is a\.unfinished-.*\.rrd"):
+        log.close()
+    assert log.file.match("a.unfinished-*.rrd")
+    assert reader.complete(log.file)
+
+
 def test_two_logs_of_one_name_are_both_whole_and_the_last_one_stays(tmp_path):
     path = tmp_path / "a.rrd"
     first, second = begun(path, 20), begun(path, 3)
