@@ -17,7 +17,7 @@ from testbed.log import layers, palette, paths
 from testbed.log.modes import class_names, modes_of
 from testbed.log.record import RoadGeometry, RunMeta, SmoothedTracks
 from testbed.log.text import config_text, flat_properties, flat_summary, summary_text, unfinished_text
-from trackers.multi.tracks import Event, StepInfo, Tracks
+from trackers.multi.tracks import NO_TRACK, Event, StepInfo, Tracks
 from trackers.scan import SensorModel
 
 if TYPE_CHECKING:
@@ -335,9 +335,8 @@ class RunLog(NullLog):
     def _decisions(self, name: str, tracks: Tracks, info: StepInfo) -> None:
         confirmed = self._confirmed[name]
         for event in info.events:
-            self.event(
-                _level(event, event.track in confirmed), f"{name}: track {event.track} {event.kind}, {event.reason}"
-            )
+            which = "scan" if event.track == NO_TRACK else f"track {event.track}"
+            self.event(_level(event, event.track in confirmed), f"{name}: {which} {event.kind}, {event.reason}")
         confirmed |= set(tracks.id[tracks.confirmed].tolist())
 
     def _name_objects(self, objects: Objects) -> None:
@@ -353,7 +352,9 @@ class RunLog(NullLog):
 
 
 def _level(event: Event, confirmed: bool) -> str:
-    """DEBUG for births and for deaths of tracks that were never reported, WARN for deaths of reported ones."""
+    """WARN for deaths of reported tracks and for detections left out, DEBUG for births and for other deaths."""
+    if event.kind in ("implausible", "overload", "skipped"):
+        return "WARN"
     if event.kind == "died":
         return "WARN" if confirmed else "DEBUG"
     return "DEBUG" if event.kind == "born" else "INFO"

@@ -15,6 +15,7 @@ from scipy.special import ndtr
 from trackers.estimate import Estimate
 from trackers.geometry import cross, dot, rotation, to_frame, unit
 from trackers.multi.visibility import SensorArray
+from trackers.parameters import check_numbers
 from trackers.protocols import SpatialModel
 from trackers.range_rate import over_ground
 from trackers.scan import Scan
@@ -55,6 +56,9 @@ class Association:
     least_expected: float = 0.5  # a track expects at least so many detections where one falls into its gates
     static_rate: float = 0.4  # [m/s] least threshold below which a detection counts as static
     static_density: float = 0.02  # [1/(m^2 m/s)] returns of standing things, added to the false alarms
+
+    def __post_init__(self) -> None:
+        check_numbers(self, positive=("position_gate", "rate_gate", "rate_std"))
 
     def prepare(self, scan: Scan, sensors: SensorArray) -> tuple[SortedScan, NDArray]:
         """The M detections under the mask, sorted, and the index (M,) of each in the scan.

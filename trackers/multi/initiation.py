@@ -14,6 +14,7 @@ from trackers.geometry import dot, perpendicular, to_frame, unit
 from trackers.multi.association import SortedScan
 from trackers.multi.road import RoadMap
 from trackers.multi.sizes import SizePrior
+from trackers.parameters import check_numbers
 from trackers.random_matrix.surface import visible_offset
 
 
@@ -79,6 +80,13 @@ class Initiation:
     grow_rate: float = 1.5  # [m/s] difference of the ground range rate from that of the track
     sizes: SizePrior = field(default_factory=SizePrior)
 
+    def __post_init__(self) -> None:
+        check_numbers(
+            self,
+            positive=("link_along", "link_across", "link_rate", "sigma_rate", "lane_std", "crossing_std"),
+            signed=("crossing_log_odds",),
+        )
+
     def leftovers(
         self, z: SortedScan, owner: NDArray, estimate: Estimate, existence: NDArray, road: RoadMap | None
     ) -> Leftovers:
@@ -114,10 +122,15 @@ class Initiation:
         reach[beyond.sum(1) < 2] = 0.0
         return Leftovers(free, reach)
 
+    def overload(self, candidate: NDArray) -> int:
+        """Number of candidates (M,) bool where they are too many for births, else 0."""
+        count = int(candidate.sum())
+        return count if count > self.most_candidates else 0
+
     def births(self, z: SortedScan, candidate: NDArray, road: RoadMap | None = None) -> Births | None:
         """New tracks from the candidates (M,) bool, in the order of their mean position; None without any."""
         j = np.flatnonzero(candidate)
-        if len(j) < self.least_far or len(j) > self.most_candidates:
+        if len(j) < self.least_far or self.overload(candidate):
             return None
         label = self._cut(z, j, self._cells(z, j))
         n = np.bincount(label)

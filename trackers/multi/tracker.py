@@ -4,12 +4,14 @@ Order of a step and equations: docs/methods/multi-object-tracking.md. The tracke
 `Tracks`, which `step` takes and returns.
 """
 
+import warnings
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.admission import Admitted, admit, check_step
 from trackers.batch import concatenate, select
 from trackers.estimate import Estimate, prior
 from trackers.linalg import largest_eigenvalue
@@ -19,10 +21,13 @@ from trackers.multi.existence import Existence
 from trackers.multi.initiation import Initiation
 from trackers.multi.road import RoadMap
 from trackers.multi.sizes import SizePrior, stretch
-from trackers.multi.tracks import REPORT_ABOVE, Event, StepInfo, Tracks
+from trackers.multi.tracks import NO_TRACK, REPORT_ABOVE, Event, StepInfo, Tracks
 from trackers.multi.visibility import SensorArray, Visibility, predict_visibility
+from trackers.parameters import check_numbers
 from trackers.protocols import Classifying, Filter, Note, Resizable, Restartable, SpatialModel
-from trackers.scan import Scan, SensorModel, check_scan
+from trackers.scan import Scan, SensorModel
+
+OVERLOAD = "a scan has too many unexplained detections for births; StepInfo.overload counts them"
 
 
 @dataclass(frozen=True)
@@ -47,6 +52,7 @@ class MultiObjectTracker:
     road: RoadMap | None = None  # map of the lanes; without it no standing vehicle is born
 
     def __post_init__(self) -> None:
+        check_numbers(self, positive=("most_detections", "growth_std"), unlimited=("prune_position_std",))
         if not self.sensors:
             raise ValueError("sensors must name at least one SensorModel; take them from Radar.models")
         if self.initiation.fast_existence[0] <= self.prune_below:
@@ -92,10 +98,11 @@ class MultiObjectTracker:
         """Tracks after one scan (M,) of all sensors, dt [s] after the scan before, and what was decided.
 
         Raises:
-            ValueError: a scan of wrong shape, not finite, or of sensors that the tracker does not have; dt < 0.
+            ValueError: a scan of wrong shape, not finite, or of sensors that the tracker does not have; a time step
+                that is not finite, negative or longer than a minute. The error names the field.
 
         """
-        self._check(scan, dt)
+        scan, implausible = self._admit(scan, dt)
         z, order = self.association.prepare(scan, self.sensor_array)
         tracks = self._predict(tracks, dt)
         occluder = (tracks.existence > self.occlude_above) & (tracks.hits > self.occlude_hits)
@@ -112,27 +119,27 @@ class MultiObjectTracker:
         updated, merged = self._exclude(updated)
         updated, died = self._prune(updated)
         fresh = (updated.existence > REPORT_ABOVE) & ~updated.confirmed
-        events = [*info.events, *born, *merged, *died]
+        overload = self.initiation.overload(leftovers.candidate)
+        events = [*events_of_scan(int(implausible), overload), *info.events, *born, *merged, *died]
         events += [
             Event("confirmed", int(i), f"existence {q:.2f}")
             for i, q in zip(updated.id[fresh], updated.existence[fresh])
         ]
         tracks_new = updated._replace(confirmed=updated.confirmed | fresh)
-        return tracks_new, info._replace(owner=owner, events=tuple(events))
+        return tracks_new, info._replace(
+            owner=owner, events=tuple(events), implausible=int(implausible), overload=overload
+        )
 
-    def _check(self, scan: Scan, dt: float) -> None:
-        check_scan(scan)
-        if scan.mask.ndim != 1:
-            raise ValueError(f"scan.mask must be (M,) for many objects, got {scan.mask.shape}; step one run at a time")
-        if scan.platform.shape != (6,):
-            raise ValueError(f"scan.platform must be (6,), got {scan.platform.shape}")
-        if not (np.isfinite(dt) and dt >= 0):
-            raise ValueError(f"dt must be finite and >= 0 s, got {dt}; scans come in the order of time")
+    def _admit(self, scan: Scan, dt: float) -> Admitted:
+        """The scan without implausible detections; raises ValueError for one, or a time step, of no use."""
+        check_step(dt)
+        admitted = admit(scan, ())
         if scan.sensor.size and not (scan.sensor.min() >= 0 and scan.sensor.max() < len(self.sensors)):
             raise ValueError(
                 f"scan.sensor must index the tracker's {len(self.sensors)} sensors, got up to {scan.sensor.max()}; "
                 "build the tracker with the models of the radar that made the scan"
             )
+        return admitted
 
     def _predict(self, tracks: Tracks, dt: float) -> Tracks:
         state = self.filter.predict(tracks.state, dt)
@@ -203,7 +210,7 @@ class MultiObjectTracker:
             return tracks, []
         B = len(births.existence)
         index = shares(births.owner, B, self.most_detections)
-        state, _ = self.filter.update(self.filter.init(births.estimate), gather(z, index))
+        state, info = self.filter.update(self.filter.init(births.estimate), gather(z, index))
         born = Tracks(
             id=tracks.next_id + np.arange(B),
             existence=births.existence,
@@ -215,6 +222,7 @@ class MultiObjectTracker:
         )
         count = np.bincount(births.owner[births.owner >= 0], minlength=B)
         events = [Event("born", int(i), f"{n} detections that no track explains") for i, n in zip(born.id, count)]
+        events += [event for note in getattr(info, "notes", ()) for event in events_of(note, born.id)]
         joined = concatenate([tracks._replace(next_id=None), born._replace(next_id=None)])  # type: ignore[arg-type]
         return joined._replace(next_id=tracks.next_id + B), events
 
@@ -243,6 +251,17 @@ class MultiObjectTracker:
             for t in np.flatnonzero(unsure | vague)
         ]
         return tracks.rows(~(unsure | vague)), events
+
+
+def events_of_scan(implausible: int, overload: int) -> list[Event]:
+    """Events about the detections of a scan that were masked, and about those that are too many for births."""
+    events = []
+    if implausible:
+        events.append(Event("implausible", NO_TRACK, f"{implausible} detections beyond what radars measure left out"))
+    if overload:
+        events.append(Event("overload", NO_TRACK, f"nothing is born from {overload} unexplained detections"))
+        warnings.warn(OVERLOAD, RuntimeWarning, stacklevel=3)
+    return events
 
 
 def events_of(note: Note, ids: NDArray) -> list[Event]:

@@ -10,14 +10,15 @@ from numpy.typing import NDArray
 from trackers.batch import take
 from trackers.estimate import Estimate
 
+NO_TRACK = -1  # id in an event about a scan
 REPORT_ABOVE = 0.5  # existence probability above which a track is output, (MOT.48)
 
 
 class Event(NamedTuple):
-    """One decision about one track."""
+    """One decision about one track, or about a scan."""
 
-    kind: str  # born, confirmed, merged, died, or the kind of a filter's `Note`
-    track: int  # id
+    kind: str  # born, confirmed, merged, died, or the kind of a filter's `Note`; of a scan: implausible, overload
+    track: int  # id; NO_TRACK of a scan
     reason: str  # one readable clause
     contours: NDArray | None = None  # (2, C, 2) [m] outlines on the body's axes, before and after a change
 
@@ -59,3 +60,5 @@ class StepInfo(NamedTuple):
     nis: NDArray  # (T,) normalised innovation squared of the centroid, NaN without detection
     events: tuple[Event, ...]
     mode: NDArray | None = None  # (T, K) probabilities of the motion models, where the filter mixes some
+    implausible: int = 0  # detections of the scan beyond what radars measure, masked before anything else
+    overload: int = 0  # unexplained detections where they were too many for births, else 0

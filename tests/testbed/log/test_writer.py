@@ -90,6 +90,7 @@ def test_events_have_levels_that_tell_lost_tracks_from_noise(log):
     events = {(e.step, e.text): e.level for e in reader.events(log)}
     assert events[20, "htg-map: track 102 died, no detection for 1 s"] == "WARN"
     assert events[20, "htg-map: track 150 born, 3 detections no track explains"] == "DEBUG"
+    assert events[20, "htg-map: scan implausible, 2 detections left out"] == "WARN"
     assert events[30, "veh_01 starts a lane change"] == "INFO"
 
 
