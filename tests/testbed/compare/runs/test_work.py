@@ -9,7 +9,6 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 import pytest
-from distributed import LocalCluster
 
 from testbed.compare.runs import tasks as runs
 from testbed.compare.runs.config import SETTINGS, Comparison, Settings, Task
@@ -137,14 +136,6 @@ def test_a_folder_of_other_settings_is_refused_before_anything_is_made(copied):
 def test_two_processes_give_the_rows_of_one(whole, tmp_path):
     comparison = replace(WANTED, out=str(tmp_path / "two"))
     assert again(comparison, jobs=2).done == 4
-    assert_same_results(whole, comparison.out)
-
-
-@pytest.mark.slow
-def test_a_cluster_gives_the_rows_of_one_process(whole, tmp_path):
-    comparison = replace(WANTED, out=str(tmp_path / "cluster"))
-    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0", silence_logs=50) as made:
-        assert again(comparison, dask=made.scheduler_address).done == 4
     assert_same_results(whole, comparison.out)
 
 
