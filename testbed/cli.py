@@ -3,7 +3,8 @@
 import shlex
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeVar
@@ -13,6 +14,7 @@ import typer
 import testbed
 from testbed.command_line import tables
 from testbed.command_line.terminal import console, progress_bar, user_input
+from testbed.files import LostFileWarning
 from trackers import DEFAULT
 
 if TYPE_CHECKING:
@@ -85,7 +87,6 @@ def run(
     Example: [bold]testbed run merge --tracker htg-map --tracker rm-feldmann --radar front --seed 3[/bold]
     """
     from scenarios import find
-    from testbed.files import LostFileWarning
     from testbed.run import RunConfig, check
     from testbed.run import run as run_once
 
@@ -94,15 +95,20 @@ def run(
         check(config)
     with user_input((OSError,)), progress_bar("{task.completed:.1f} / {task.total:.1f} s") as bar:
         task = bar.add_task(f"{scenario}, seed {seed}", total=duration or find(scenario).duration)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", LostFileWarning)  # said below, with the exit status
-            result = run_once(config, lambda done, total: bar.update(task, completed=done, total=total))
-    try:
+        result = run_once(config, lambda done, total: bar.update(task, completed=done, total=total))
+    with _losses(result.lost):
         _show(result)
-    finally:  # also where the tables go to the same full disk
-        for sentence in result.lost:
-            print(f"testbed: {sentence}", file=sys.stderr)
     raise typer.Exit(result.exit_status)
+
+
+@contextmanager
+def _losses(lost: Iterable[str]) -> Iterator[None]:
+    """Say at the end what could not be written, also where the tables go to the same full disk."""
+    try:
+        yield
+    finally:
+        for sentence in lost:
+            print(f"testbed: {sentence}", file=sys.stderr)
 
 
 def _show(result: "RunResult") -> None:
@@ -360,13 +366,15 @@ def reproduce(
             out,
             lambda done, total, what: bar.update(task, completed=done, total=total, description=what),
         )
-    for table in done.report.tables():
-        console.print(table)
-    if done.report.interrupted:
-        console.print("[yellow]interrupted: tables and file hold the rows run until then, without verdicts[/yellow]")
-    console.print(f"results  {done.json}", soft_wrap=True)
-    for figure in done.report.figures:
-        console.print(f"figure   {figure}", soft_wrap=True)
+    with _losses(done.report.lost):
+        for table in done.report.tables():
+            console.print(table)
+        if done.report.interrupted:
+            console.print("[yellow]interrupted: tables and file hold the rows run until then, no verdicts[/yellow]")
+        if done.report.json is not None:
+            console.print(f"results  {done.report.json}", soft_wrap=True)
+        for figure in done.report.figures:
+            console.print(f"figure   {figure}", soft_wrap=True)
     raise typer.Exit(done.exit_status)
 
 
@@ -389,6 +397,7 @@ def calibrate(
 
 def main() -> None:
     """Entry point of the `testbed` command."""
+    warnings.simplefilter("ignore", LostFileWarning)  # commands say it at their end
     try:
         status = app(standalone_mode=False)
     except typer.TyperException as error:

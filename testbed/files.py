@@ -3,6 +3,7 @@
 import json
 import os
 import stat
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from importlib.metadata import version
@@ -25,6 +26,16 @@ KINDS = {
 
 class LostFileWarning(UserWarning):
     """A file of a run could not be written, or not completely; the run went on."""
+
+
+@contextmanager
+def noting_losses(lost: list[str]) -> Iterator[None]:
+    """Go on where something cannot be written: its sentence goes into `lost`, and into a `LostFileWarning`."""
+    try:
+        yield
+    except OSError as error:
+        lost.append(str(error))
+        warnings.warn(str(error), LostFileWarning, stacklevel=3)
 
 
 def versions() -> dict[str, str]:

@@ -1,6 +1,5 @@
 """One closed-loop run from start to table."""
 
-import warnings
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
@@ -16,7 +15,7 @@ from scenarios import find as find_scenario
 from sensors import find as find_radar
 from testbed.command_line.interruption import interruptible
 from testbed.evaluation.tracking import jsonable
-from testbed.files import LostFileWarning, make_directory
+from testbed.files import make_directory, noting_losses
 from testbed.frame import Observer
 from testbed.log.record import LEVELS
 from testbed.planners import find as find_planner
@@ -135,10 +134,8 @@ def run(
             timing = {**tracked.seconds, **recorder.seconds, "wall": perf_counter() - start}
             timing["cpu"] = process_time() - cpu
             timing["trackers"] = {name: jsonable(cost.row()) for name, cost in tracked.costs.items()}
-            try:
+            with noting_losses(recorder.lost):
                 recorder.close(interrupted=not done, timing=timing)
-            except OSError as error:
-                warnings.warn(str(error), LostFileWarning, stacklevel=2)
     status = (0 if done else interrupt.exit_status) or (2 if recorder.lost else 0)
     files = recorder.written, recorder.log.file
     return RunResult(config, recorder.close(), *files, status, tuple(recorder.lost))

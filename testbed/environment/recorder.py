@@ -1,9 +1,8 @@
 """Recorder of one episode: compares every frame with the truth, writes the review log and a JSON of the results."""
 
-import warnings
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from time import perf_counter
 from types import MappingProxyType
@@ -16,7 +15,7 @@ from testbed.environment.smoothing import StateHistory
 from testbed.evaluation.driving import DriveEvaluator
 from testbed.evaluation.histories import LOST_AFTER, TIME_ROUNDING
 from testbed.evaluation.tracking import Evaluator, jsonable
-from testbed.files import LostFileWarning, check_target, make_directory, reserve, write_json
+from testbed.files import check_target, make_directory, noting_losses, reserve, write_json
 from testbed.frame import Frame, FrameScore
 from testbed.log.record import LEVELS, RoadGeometry, RunMeta
 from testbed.log.writer import NullLog, RunLog
@@ -61,13 +60,12 @@ class Recorder:
         self._room = reserve(self.directory)  # for the results
         finalize(self, self._room.close)
         self.written: Path | None = None  # the JSON, once it is
-        self.lost: list[str] = []  # what could not be written, in sentences
+        self.lost: list[str] = []  # what could not be written of the log, in sentences
         self.evaluators = {name: Evaluator(name, self.phases) for name in meta.trackers}
         self.drive = DriveEvaluator()
         self.log: NullLog = NullLog()
         if level != "off":
             path = self.directory / f"{meta.run_id}.rrd"
-            check_target(path)
             self.log = RunLog(path, meta, level="full" if level == "full" else "metrics", focus=focus)
             self.log.static(road or RoadGeometry(), sensors)
         kept = trackers.items() if level == "full" else ()
@@ -149,9 +147,6 @@ class Recorder:
                 try:
                     write_json(self.json_path, self._result)
                     self.written = self.json_path
-                except OSError as error:
-                    self.lost.append(str(error))
-                    raise
                 finally:
                     self._close_log(interrupted, replace=self.written is not None)
         return self._result
@@ -177,14 +172,9 @@ class Recorder:
 
     @contextmanager
     def _writing_log(self) -> Iterator[None]:
-        """Keep the sentence about a log that cannot be written, and warn with it; before the first frame raise it."""
-        try:
+        """Go on where the log cannot be written, but not before it has a first frame."""
+        with noting_losses(self.lost) if self._frames else nullcontext():
             yield
-        except OSError as error:
-            if self._frames == 0:
-                raise
-            self.lost.append(str(error))
-            warnings.warn(str(error), LostFileWarning, stacklevel=2)
 
     def _phase_events(self, scene: Scene) -> list[tuple[str, str]]:
         return [

@@ -61,11 +61,10 @@ PAPERS: Mapping[str, Paper] = MappingProxyType(
 
 
 class Reproduction(NamedTuple):
-    """The report of a reproduction, its file, and how the command ends."""
+    """The report of a reproduction, and how the command ends."""
 
     report: PaperReport
-    json: Path
-    exit_status: int  # 0; 1 where a claim is not confirmed; 128 + signal where one ended it early
+    exit_status: int  # 0; 1 where a claim is not confirmed; 2 where a file is missing; 128 + signal: it ended early
 
 
 def find(name: str) -> Paper:
@@ -96,5 +95,5 @@ def reproduce(name: str, runs: int, seed: int, out: Path, progress: Progress) ->
             progress(done, total, what)
 
         report = find(name).run(runs, out, stoppable, seed)
-    status = request.exit_status if report.interrupted else int(not report.holds)
-    return Reproduction(report, out / report.file, status)
+    status = request.exit_status if report.interrupted else 2 if report.lost else int(not report.holds)
+    return Reproduction(report, status)

@@ -8,7 +8,9 @@ import pytest
 
 from testbed.environment.perception import Cost
 from testbed.environment.wrapper import TrackedEnv
+from testbed.files import LostFileWarning
 from testbed.log import reader
+from testbed.log.record import run_id
 from testbed.run import RunConfig, check, make_env, run
 from trackers import DEFAULT
 from trackers.multi.tracks import StepInfo
@@ -152,6 +154,18 @@ def test_an_error_on_the_way_leaves_partial_results_and_is_raised(tmp_path):
     assert found["interrupted"]
     assert found["drive"]["elapsed"] == pytest.approx(0.6)
     assert reader.complete(log)
+
+
+def test_results_that_cannot_be_written_are_returned_and_told(tmp_path):
+    config = short(tmp_path, log="off")
+    name = f"{run_id('cut-in', config.trackers, config.radar, config.planner, 0, config.duration)}.json"
+    with pytest.warns(
+        LostFileWarning, match=rf"^cannot write .*{name}: it is a directory; choose another file$"
+    ) as told:
+        done = run(config, lambda done, total: (tmp_path / name).mkdir(exist_ok=True))
+    assert done.lost == (str(told[0].message),)
+    assert (done.json, done.rrd, done.exit_status, done.interrupted) == (None, None, 2, False)
+    assert done.result["drive"]["elapsed"] == pytest.approx(2.0)
 
 
 @pytest.mark.parametrize(

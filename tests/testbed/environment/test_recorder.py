@@ -2,6 +2,8 @@
 
 import json
 import os
+from contextlib import suppress
+from pathlib import Path
 
 import gymnasium as gym
 import pytest
@@ -11,7 +13,7 @@ import testbed  # noqa: F401  (registers the ids)
 import trackers
 from testbed.environment.recorder import Recorder
 from testbed.evaluation.tracking import Evaluator, jsonable
-from testbed.files import LostFileWarning, make_directory
+from testbed.files import ROOM, LostFileWarning, make_directory
 from testbed.log import reader
 from testbed.log.record import RunMeta, run_id
 from trackers import DEFAULT, MultiObjectTracker
@@ -188,6 +190,37 @@ def test_checking_a_directory_leaves_nothing_in_it(tmp_path):
     assert list((tmp_path / "a" / "b").iterdir()) == []
 
 
+def nameless_files(folder):
+    """Size [bytes] of each open file in a folder that has no name."""
+    sizes = []
+    for number in os.listdir("/proc/self/fd"):
+        with suppress(OSError):
+            if Path(os.readlink(f"/proc/self/fd/{number}")).parent == folder:
+                found = os.stat(f"/proc/self/fd/{number}")
+                sizes += [found.st_size] if found.st_nlink == 0 else []
+    return sizes
+
+
+@pytest.mark.skipif(not Path("/proc/self/fd").exists(), reason="this system does not list open files")
+def test_room_for_the_results_is_kept_until_they_are_written(tmp_path):
+    env = gym.make("testbed/cut-in-v0", out=str(tmp_path), log="off", **QUICK)
+    env.reset(seed=0)
+    recorder = env.recorder
+    assert nameless_files(tmp_path) == [ROOM]
+    recorder.close()
+    assert nameless_files(tmp_path) == []
+    env.close()
+
+
+def test_a_disk_without_room_for_the_beginning_of_the_log_is_one_sentence(tmp_path, limit_files):
+    env = gym.make("testbed/cut-in-v0", **QUICK)
+    env.attach(Recorder(RunMeta("a", "cut-in", 0, "front", (DEFAULT,), "idm", {}, {}), tmp_path))
+    limit_files(1000)
+    with pytest.raises(OSError, match=r"^cannot write the log .*a\.rrd: File too large; choose another directory$"):
+        env.reset(seed=0)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_full_disk_ends_the_log_with_a_warning_and_the_run_goes_on(tmp_path, limit_files):
     env = gym.make("testbed/cut-in-v0", out=str(tmp_path), **QUICK)
     env.reset(seed=0)
@@ -218,7 +251,7 @@ def test_results_that_cannot_be_written_are_one_sentence_and_older_ones_stay(tmp
     ):
         env.close()
     assert (results.read_text(), log.read_text()) == ("old", "old")
-    assert len(recorder.lost) == 2
+    assert len(recorder.lost) == 1
     assert sorted(tmp_path.iterdir()) == sorted([results, log, recorder.log.file])
 
 

@@ -120,6 +120,7 @@ def test_arrays_may_change_after_the_step(tmp_path):
     assert reader.digests(tmp_path / "spoilt.rrd") == reader.digests(kept)
 
 
+@pytest.mark.filterwarnings("error")
 def test_closing_twice_writes_once(tmp_path):
     log = RunLog(tmp_path / "a.rrd", log_runs.META)
     for record in log_runs.records(3):
@@ -129,6 +130,8 @@ def test_closing_twice_writes_once(tmp_path):
     assert reader.properties(tmp_path / "a.rrd")["summary"] == {"steps": 3}
     with pytest.raises(ValueError, match="is closed"):
         log.step(*next(log_runs.records(1)))
+    del log
+    gc.collect()  # does not close it once more
 
 
 def test_an_exception_leaves_a_complete_log_that_names_it(tmp_path):
