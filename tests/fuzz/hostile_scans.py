@@ -10,6 +10,7 @@ from trackers import Scan
 from trackers.geometry import rotation, unit
 
 ABSURD = (0.0, -0.0, 1e-300, -1e-300, 1e-9, -1.0, 1e3, -1e3, 1e6, 1e9, -1e9, 1e18, -1e18, 1e150, 1e300, -1e300)
+EXTREME = (499.0, -499.0, 9.9e3, -9.9e3, 9.9e5, 9.9e6, -9.9e6)  # just within the limits of one field or another
 NOT_FINITE = (np.nan, np.inf, -np.inf)
 FIELDS = ("polar", "pose", "velocity", "noise", "platform")
 NOISE = (0.15, 0.01, 0.1)  # [m], [rad], [m/s]
@@ -100,6 +101,11 @@ def not_a_number(scan: Scan, rng: np.random.Generator) -> Scan:
     return a_number(scan, rng, NOT_FINITE)
 
 
+def an_extreme(scan: Scan, rng: np.random.Generator) -> Scan:
+    """One number of a field is as large as the field allows, or a column of them."""
+    return a_number(scan, rng, EXTREME)
+
+
 def one_place(scan: Scan, rng: np.random.Generator) -> Scan:
     """All detections in one place, or on the sensor."""
     polar = scan.polar.copy()
@@ -144,12 +150,14 @@ def malformed(scan: Scan, rng: np.random.Generator) -> Scan:
     """The scan with one field of another type or shape."""
     name = Scan._fields[int(rng.integers(len(Scan._fields)))]
     value = getattr(scan, name)
+    with np.errstate(over="ignore"):  # an absurd number may be none of float32
+        single = value.astype(np.float32)
     others = (
         None,
         value.tolist(),
         value.astype(complex),
         value.astype(object),
-        value.astype(np.float32),
+        single,
         value.astype(str),
         value[..., :-1],
         value[None],
@@ -158,4 +166,16 @@ def malformed(scan: Scan, rng: np.random.Generator) -> Scan:
     return scan._replace(**{name: others[int(rng.integers(len(others)))]})
 
 
-KINDS = (a_number, a_number, not_a_number, one_place, many, wrong_units, sure, no_rates, elsewhere)
+KINDS = (
+    a_number,
+    a_number,
+    an_extreme,
+    an_extreme,
+    not_a_number,
+    one_place,
+    many,
+    wrong_units,
+    sure,
+    no_rates,
+    elsewhere,
+)

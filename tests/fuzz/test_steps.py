@@ -10,7 +10,7 @@ import pytest
 from tests.fuzz.steps import DONE, REFUSED, Tally, drive_filter, drive_tracker
 from trackers import TRACKERS, find
 
-STEPS = 60  # of each filter and each tracker in every test run
+STEPS = 35  # of each filter and each tracker, some and most scans spoilt, in every test run
 SLOW = {"filter": 1800, "tracker": 3100}  # steps of each: a filter's step is a prediction and an update, 10^5 in all
 DRIVES = {"filter": drive_filter, "tracker": drive_tracker}
 
@@ -18,10 +18,11 @@ DRIVES = {"filter": drive_filter, "tracker": drive_tracker}
 @pytest.mark.parametrize("name", TRACKERS)
 @pytest.mark.parametrize("drive", DRIVES)
 def test_no_scan_and_no_time_step_leaves_a_state_that_cannot_be_used(name, drive):
-    tally = DRIVES[drive](find(name), 0, STEPS)
-    assert not tally.wrong, str(tally)
-    assert tally.clear[REFUSED] > 0
-    assert tally.clear[DONE] > tally.tried / 2
+    some, most = (DRIVES[drive](find(name), seed, STEPS) for seed in (0, 1))
+    for tally in (some, most):
+        assert not tally.wrong, str(tally)
+        assert tally.clear[REFUSED] > 0
+    assert some.clear[DONE] > 0.8 * some.tried
 
 
 @pytest.mark.slow

@@ -145,6 +145,32 @@ def test_an_object_whose_update_is_of_no_use_keeps_its_state_and_the_others_do_n
     np.testing.assert_array_equal(new.m[0], alone.m)
 
 
+def test_an_object_without_a_detection_keeps_every_bit_of_a_covariance_that_is_not_definite():
+    f = find("rm-feldmann")
+    state = f.init(prior([[21.0, 3.0, 0.1]] * 2, velocity=(10.0, 0.0)))
+    P = state.P.copy()
+    P[1, 4, 4] = 0.0  # certain of its yaw rate
+    scan = Scan(*(np.stack([field] * 2) for field in scan_of()))._replace(mask=np.array([[True] * 3, [False] * 3]))
+    new, _ = f.update(state._replace(P=P), scan)
+    np.testing.assert_array_equal(new.P[1], P[1])
+    assert (np.linalg.eigvalsh(new.P[0]) > 0).all()
+
+
+def test_the_size_of_an_object_outlasts_minutes_without_a_detection():
+    f = find("rm-feldmann")
+    state = f.init(prior([21.0, 3.0, 0.0], size=(4.6, 1.9)))
+    for _ in range(10):
+        state = f.predict(state, 30.0)
+    np.testing.assert_allclose(f.estimate(state).size, [4.6, 1.9], rtol=1e-5)
+
+
+def test_detections_of_something_else_do_not_make_a_body_of_kilometres():
+    f = find("htg-map")
+    state = f.init(prior([21.0, 3.0, 0.1], velocity=(10.0, 0.0), size=(5e3, 5e3), size_std=(1.0, 1.0)))
+    new, _ = f.update(state, scan_of())
+    assert (f.estimate(new).size <= 1000.0 * (1 + 1e-12)).all()
+
+
 class Centre(NamedTuple):
     """Gaussian of a position."""
 
