@@ -1,6 +1,5 @@
 """What is compared: all combinations of scenarios, trackers and seeds, with settings that all runs share."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from math import isfinite
@@ -15,6 +14,7 @@ from testbed.files import make_directory, versions, write_json
 from testbed.planners import find as find_planner
 from trackers import TRACKERS
 from trackers import find as find_tracker
+from trackers.json_file import read_json
 
 LOOPS = ("open", "closed")
 ALL = "all"
@@ -131,12 +131,8 @@ def check(comparison: Comparison) -> None:
     folder = Path(comparison.out)
     make_directory(folder)
     wanted = identity(comparison.settings, comparison.trackers)
-    try:
-        text = (folder / SETTINGS).read_text()
-    except FileNotFoundError:
-        return
-    found = _parse(text, folder)
-    for key in wanted:
+    found = _read(folder)
+    for key in wanted if found else ():
         if key.startswith("code of ") and key not in found:  # no run of this tracker in the folder yet
             continue
         if found.get(key) != wanted[key]:
@@ -148,11 +144,10 @@ def check(comparison: Comparison) -> None:
 
 def write_settings(comparison: Comparison) -> None:
     """Write into the folder what its runs have in common, and the digest of the code of each tracker."""
-    path = Path(comparison.out) / SETTINGS
-    found = _parse(path.read_text(), path.parent) if path.exists() else {}
+    found = _read(Path(comparison.out))
     wanted = {**identity(comparison.settings, comparison.trackers), **found}  # what is known already stays
     if wanted != found:
-        write_json(path, wanted)
+        write_json(Path(comparison.out) / SETTINGS, wanted)
 
 
 def read_settings(folder: Path) -> tuple[Settings, dict[str, Any]]:
@@ -160,11 +155,13 @@ def read_settings(folder: Path) -> tuple[Settings, dict[str, Any]]:
 
     Raises ValueError where there are none.
     """
+    found = _read(folder)
+    if not found:
+        raise ValueError(f"out: {folder} holds no comparison; make one with `testbed compare --out {folder}`")
     try:
-        found = _parse((folder / SETTINGS).read_text(), folder)
-    except FileNotFoundError:
-        raise ValueError(f"out: {folder} holds no comparison; make one with `testbed compare --out {folder}`") from None
-    return Settings(**{f.name: found[f.name] for f in fields(Settings)}), found
+        return Settings(**{f.name: found[f.name] for f in fields(Settings)}), found
+    except (KeyError, ValueError):
+        raise ValueError(_damaged(folder)) from None
 
 
 def identity(settings: Settings, trackers: Sequence[str] = ()) -> dict[str, Any]:
@@ -177,11 +174,18 @@ def identity(settings: Settings, trackers: Sequence[str] = ()) -> dict[str, Any]
     }
 
 
-def _parse(text: str, folder: Path) -> dict[str, Any]:
+def _read(folder: Path) -> dict[str, Any]:
+    """What stands in the file of settings, nothing where there is none; ValueError where it is damaged."""
     try:
-        found = json.loads(text)
-    except json.JSONDecodeError:
-        found = None
-    if not isinstance(found, dict):
-        raise ValueError(f"out: {folder / SETTINGS} is damaged; delete the folder, or choose another directory")
+        found = read_json(folder / SETTINGS)
+    except FileNotFoundError:
+        return {}
+    except (ValueError, OSError):
+        raise ValueError(_damaged(folder)) from None
+    if not isinstance(found, dict) or not found:
+        raise ValueError(_damaged(folder))
     return found
+
+
+def _damaged(folder: Path) -> str:
+    return f"out: {folder / SETTINGS} is damaged; delete the folder, or choose another directory"
