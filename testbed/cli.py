@@ -143,13 +143,9 @@ def review(
     from testbed.log import review as reviewing
 
     with user_input():
-        reviewing.check(path, screenshot, at)
-    with user_input():
-        if screenshot is not None:
-            reviewing.screenshot(path[0], screenshot, at)
-            console.print(f"picture  {screenshot}", soft_wrap=True)
-        else:
-            reviewing.review(path, web=web)
+        reviewing.review(path, web, screenshot, at)
+    if screenshot is not None:
+        console.print(f"picture  {screenshot}", soft_wrap=True)
 
 
 @app.command()

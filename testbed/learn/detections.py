@@ -277,6 +277,8 @@ def read_recording(file: Path, kind: str) -> TrainingDetections:
     sigmas = np.array([(model.sigma_range, model.sigma_azimuth, model.sigma_rate) for model in models])
     keep = np.isin(got.kind, TRUE_KINDS[kind])
     sensor, pose, size, xy = (column[keep] for column in (got.sensor, got.pose, got.size, got.xy))
+    if len(sensor) and not (0 <= sensor.min() and sensor.max() < len(models)):
+        raise ValueError(f"data: {file} has detections of a sensor that the radar {got.radar} does not have")
     place = compose(got.platform[keep], mounts[sensor])
     noise = Scan.from_xy(xy, pose=place, noise=sigmas[sensor]).position_noise()
     aspect = aspect_angle(pose[:, :2], pose[:, 2], place[:, :2])

@@ -36,6 +36,7 @@ class Call(NamedTuple):
     files: tuple[tuple[str, bytes], ...] = ()  # that take the place of those that were made
     encoding: str = "utf-8"  # of stdout and stderr
     stdout: str = "stdout"
+    seconds: float = ENOUGH  # after which it is at work
 
     def __str__(self) -> str:
         return f"testbed {' '.join(repr(a) if len(a) < 60 else repr(a[:50]) + '...' for a in self.args)}"
@@ -95,7 +96,7 @@ def outcomes(calls: Sequence[Call], template: Path, scratch: Path) -> list[Outco
         while goes_on and len(found) < len(calls):
             start = time.monotonic()
             try:
-                reply = receiver.recv() if receiver.poll(DEADLINE) else Reply(None, False, "")
+                reply = receiver.recv() if receiver.poll(calls[len(found)].seconds + DEADLINE) else Reply(None, False, "")
             except EOFError:  # it was killed
                 process.join()
                 reply = Reply(process.exitcode, False, (scratch / "stderr").read_text(errors="replace"))
@@ -145,26 +146,38 @@ def _redirect(call: Call, folder: Path) -> None:
     sys.stderr = open(2, "w", errors="backslashreplace", buffering=1, **options)  # noqa: SIM115
 
 
+class Ending:
+    """Around a call: stores its exit status; a traceback goes where Python puts it."""
+
+    status = 0
+
+    def __enter__(self) -> "Ending":
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> bool:
+        if isinstance(error, SystemExit):
+            self.status = error.code if isinstance(error.code, int) else int(error.code is not None)
+        elif isinstance(error, AtWork):
+            self.status = AT_WORK
+        elif error is not None:
+            self.status = 1
+            traceback.print_exception(error)
+        return True
+
+
 def _end(number: int, frame: object) -> None:
     raise AtWork
 
 
 def _status(call: Call) -> int:
-    """Exit status of a call; a traceback goes where Python puts it."""
+    """Exit status of a call."""
     sys.argv = ["testbed", *call.args]
-    signal.setitimer(signal.ITIMER_REAL, ENOUGH, ENOUGH)
-    try:
-        cli.main()
-    except SystemExit as ended:
-        code = ended.code
-        sys.stdout.flush()
-        return code if isinstance(code, int) else int(code is not None)
-    except AtWork:
-        return AT_WORK
-    except BaseException:
-        traceback.print_exc()
-        return 1
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        sys.stderr.flush()
-    raise AssertionError("main returns by SystemExit")
+    with Ending() as ending:
+        signal.setitimer(signal.ITIMER_REAL, call.seconds, 1.0)
+        try:
+            cli.main()
+        finally:
+            sys.stdout.flush()
+            signal.setitimer(signal.ITIMER_REAL, 0)
+    sys.stderr.flush()
+    return ending.status

@@ -3,10 +3,11 @@
 from pathlib import Path
 from typing import Any
 
-from tests.fuzz.calls import Call
+from tests.fuzz.calls import ENOUGH, Call
 from tests.fuzz.damage import damaged
 from tests.fuzz.declared import line
 
+SLOW = 15.0  # [s] for a command that reads a log, in a process of its own
 RUN = "cut-in_rm-feldmann_seed0"
 RESUME = line("compare", out="done")
 READERS: tuple[tuple[str, tuple[str, ...]], ...] = (  # file, and a command that reads it
@@ -28,4 +29,5 @@ READERS: tuple[tuple[str, tuple[str, ...]], ...] = (  # file, and a command that
 
 def calls(template: Path, file: str, args: tuple[str, ...], seeds: Any) -> list[Call]:
     """The command on damaged copies of the file."""
-    return [Call(args, ((file, damaged(template / file, seed)),)) for seed in seeds]
+    seconds = SLOW if file.endswith(".rrd") else ENOUGH
+    return [Call(args, ((file, damaged(template / file, seed)),), seconds=seconds) for seed in seeds]
