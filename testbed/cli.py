@@ -13,7 +13,14 @@ import typer
 
 import testbed
 from testbed.command_line import tables
-from testbed.command_line.terminal import console, progress_bar, user_input
+from testbed.command_line.terminal import (
+    complain,
+    console,
+    drop_stdout,
+    lenient_streams,
+    progress_bar,
+    user_input,
+)
 from testbed.files import LostFileWarning
 from trackers import DEFAULT
 
@@ -394,12 +401,19 @@ def calibrate(
 def main() -> None:
     """Entry point of the `testbed` command."""
     warnings.simplefilter("ignore", LostFileWarning)  # commands say it at their end
+    lenient_streams()
     try:
         status = app(standalone_mode=False)
+        sys.stdout.flush()
     except typer.TyperException as error:
         status = 2
         context = getattr(error, "ctx", None)
         if text := error.format_message():  # empty where the help was shown
             command = context.command_path if context else "testbed"
-            print(f"testbed: {text.rstrip('.')}; see `{command} --help`", file=sys.stderr)
+            complain(f"{text.rstrip('.')}; see `{command} --help`")
+    except OSError as error:
+        if not drop_stdout():
+            raise
+        complain(f"cannot write to standard output: {error.strerror}; what goes into files is there")
+        status = 2
     sys.exit(status)
