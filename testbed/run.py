@@ -3,8 +3,6 @@
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
-from math import inf
-from numbers import Integral, Real
 from pathlib import Path
 from time import perf_counter, process_time
 from typing import Any
@@ -17,6 +15,7 @@ from testbed.command_line.interruption import interruptible
 from testbed.evaluation.tracking import jsonable
 from testbed.files import make_directory, noting_losses
 from testbed.frame import Observer
+from testbed.limits import check_duration, check_folder, check_names, check_seeds
 from testbed.log.record import LEVELS
 from testbed.planners import find as find_planner
 from trackers import DEFAULT
@@ -37,18 +36,10 @@ class RunConfig:
     log: str = "full"
 
     def __post_init__(self) -> None:
-        if isinstance(self.trackers, str):
-            raise ValueError(f"trackers must be a tuple of names, got the string {self.trackers!r}; put it in a tuple")
-        if not self.trackers:
-            raise ValueError("trackers must name at least one tracker, got none")
-        if self.duration is not None and not (isinstance(self.duration, Real) and 0 < self.duration < inf):
-            raise ValueError(
-                f"duration must be positive and finite, got {self.duration!r} s; leave it out for the scenario's own"
-            )
-        if not isinstance(self.seed, Integral):
-            raise ValueError(f"seed must be a whole number, got {self.seed!r}; take 0 or more")
-        if self.seed < 0:
-            raise ValueError(f"seed must not be negative, got {self.seed}; take 0 or more")
+        check_names("trackers", self.trackers)
+        check_duration(self.duration)
+        check_seeds(self.seed)
+        check_folder(self.out)
 
 
 @dataclass(frozen=True)
@@ -77,8 +68,6 @@ def check(config: RunConfig) -> None:
     find_planner(config.planner)
     if config.log not in LEVELS:
         raise ValueError(f"log must be one of {', '.join(LEVELS)}, got {config.log!r}")
-    if len(set(config.trackers)) < len(config.trackers):
-        raise ValueError(f"trackers must have different names, got {', '.join(config.trackers)}; drop the repetition")
     make_directory(Path(config.out))
 
 

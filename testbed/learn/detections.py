@@ -25,6 +25,7 @@ from scenarios.contours import CONTOURS
 from sensors.radar import Radar
 from sensors.scene import Bodies, Scene, boxes_scene
 from testbed.learn.archive import check_unit_coordinates, detection_arrays, read_extract_arrays
+from testbed.limits import MOST_DETECTIONS, check_seeds, check_whole
 from testbed.log.detections import read_detections
 from testbed.log.review import readable
 from trackers.geometry import compose, rotation, to_frame, to_world, unit
@@ -85,10 +86,8 @@ TRACTOR_SHARE, COUPLED = 6.0 / 16.5, 13.6 / 16.5  # lengths of tractor unit and 
 
 def check_sampler(count: int, seed: int) -> None:
     """Raise ValueError for numbers that the sampler cannot take."""
-    if count < 1:
-        raise ValueError(f"count must be at least 1 detection, got {count}")
-    if seed < 0:
-        raise ValueError(f"seed must be 0 or more, got {seed}")
+    check_whole("count", count, 1, MOST_DETECTIONS)
+    check_seeds(seed)
 
 
 def read(
@@ -277,7 +276,7 @@ def read_recording(file: Path, kind: str) -> TrainingDetections:
     sigmas = np.array([(model.sigma_range, model.sigma_azimuth, model.sigma_rate) for model in models])
     keep = np.isin(got.kind, TRUE_KINDS[kind])
     sensor, pose, size, xy = (column[keep] for column in (got.sensor, got.pose, got.size, got.xy))
-    if len(sensor) and not (0 <= sensor.min() and sensor.max() < len(models)):
+    if len(sensor) and not (sensor.min() >= 0 and sensor.max() < len(models)):
         raise ValueError(f"data: {file} has detections of a sensor that the radar {got.radar} does not have")
     place = compose(got.platform[keep], mounts[sensor])
     noise = Scan.from_xy(xy, pose=place, noise=sigmas[sensor]).position_noise()

@@ -9,12 +9,15 @@ from typing import NamedTuple
 
 from testbed.command_line.interruption import interruptible
 from testbed.files import make_directory
+from testbed.limits import check_seeds, check_whole
 from testbed.papers.hoher2022 import experiment as hoher2022
 from testbed.papers.report import PaperReport, Progress, Stopped
 from testbed.papers.xia2020 import experiment as xia2020
 from testbed.papers.xu2023 import experiment as xu2023
 from testbed.papers.yao2021 import experiment as yao2021
 from trackers.lookup import look_up
+
+MOST_RUNS = 100_000  # of each case
 
 
 @dataclass(frozen=True)
@@ -75,10 +78,8 @@ def find(name: str) -> Paper:
 def check(name: str, runs: int, seed: int, out: Path) -> None:
     """Raise LookupError, ValueError or OSError, in one sentence, for what cannot be run."""
     find(name)
-    if runs < 1:
-        raise ValueError(f"runs must be at least 1, got {runs}")
-    if seed < 0:
-        raise ValueError(f"seed must not be negative, got {seed}; take 0 or more")
+    check_whole("runs", runs, 1, MOST_RUNS)
+    check_seeds(seed)
     make_directory(out)
 
 

@@ -96,7 +96,9 @@ def outcomes(calls: Sequence[Call], template: Path, scratch: Path) -> list[Outco
         while goes_on and len(found) < len(calls):
             start = time.monotonic()
             try:
-                reply = receiver.recv() if receiver.poll(calls[len(found)].seconds + DEADLINE) else Reply(None, False, "")
+                reply = (
+                    receiver.recv() if receiver.poll(calls[len(found)].seconds + DEADLINE) else Reply(None, False, "")
+                )
             except EOFError:  # it was killed
                 process.join()
                 reply = Reply(process.exitcode, False, (scratch / "stderr").read_text(errors="replace"))

@@ -1,10 +1,9 @@
-"""Damaged copies of files: bytes that flip or end early, values of another type or shape, another thing of that name."""
+"""Damaged copies of files: bytes that flip or end early, values of another type or shape."""
 
 import io
 import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 

@@ -92,9 +92,7 @@ def line(command: str, **changed: str) -> tuple[str, ...]:
 
 def hostile(command: str) -> list[Call]:
     """Calls of a command, each with one hostile value."""
-    calls = [
-        Call(line(command, **{name: value})) for name, _, type_ in parameters(command) for value in VALUES[type_]
-    ]
+    calls = [Call(line(command, **{name: value})) for name, _, type_ in parameters(command) for value in VALUES[type_]]
     for name, option, _ in parameters(command):
         if option:
             calls.append(Call((*line(command), option)))  # without its value, or once more

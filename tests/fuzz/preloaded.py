@@ -10,7 +10,6 @@ for module in pkgutil.walk_packages(testbed.__path__, "testbed."):
         import_module(module.name)
 
 from testbed.compare.runs.config import Settings, identity  # noqa: E402
-from testbed.regress.suite import Suite, prepare_folder  # noqa: E402
 from trackers import TRACKERS  # noqa: E402
 
 identity(Settings(), tuple(TRACKERS))  # digests of all code are kept

@@ -182,9 +182,9 @@ def test_results_that_cannot_be_written_are_returned_and_told(tmp_path):
         ({"duration": float("nan")}, ValueError, "duration must be positive and finite, got nan s"),
         ({"duration": "x"}, ValueError, "duration must be positive and finite, got 'x' s"),
         ({"seed": 1.5}, ValueError, "seed must be a whole number, got 1.5"),
-        ({"trackers": "rm-koch"}, ValueError, "trackers must be a tuple of names, got the string 'rm-koch'"),
-        ({"trackers": ()}, ValueError, "at least one tracker"),
-        ({"trackers": ("rm-surface", "rm-surface")}, ValueError, "different names, got rm-surface, rm-surface"),
+        ({"trackers": "rm-koch"}, ValueError, "trackers must be a tuple of names, got 'rm-koch'"),
+        ({"trackers": ()}, ValueError, "trackers must name at least one"),
+        ({"trackers": ("rm-surface", "rm-surface")}, ValueError, "trackers must differ, got rm-surface, rm-surface"),
     ],
 )
 def test_what_cannot_be_run_is_refused_before_anything_is_written(tmp_path, settings, error, message):

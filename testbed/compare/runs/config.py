@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
-from math import isfinite
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,6 +10,7 @@ from scenarios import find as find_scenario
 from sensors import find as find_radar
 from testbed.compare.runs.identity import shared_digest, tracker_digest
 from testbed.files import make_directory, versions, write_json
+from testbed.limits import LARGEST_SEED, MOST_RUNS, check_duration, check_folder, check_names, check_seeds
 from testbed.planners import find as find_planner
 from trackers import TRACKERS
 from trackers import find as find_tracker
@@ -46,10 +46,7 @@ class Settings:
     def __post_init__(self) -> None:
         if self.loop not in LOOPS:
             raise ValueError(f"loop must be one of {', '.join(LOOPS)}, got {self.loop!r}; choose one of them")
-        if self.duration is not None and not (self.duration > 0 and isfinite(self.duration)):
-            raise ValueError(
-                f"duration must be positive and finite, got {self.duration} s; leave it out for that of the scenario"
-            )
+        check_duration(self.duration)
 
     def seconds(self, scenario: str) -> float:
         """Simulated time [s] of a run."""
@@ -68,14 +65,16 @@ class Comparison:
     out: str = "runs/compare"
 
     def __post_init__(self) -> None:
-        for what in ("scenarios", "trackers", "seeds"):
-            values = getattr(self, what)
-            if not values:
-                raise ValueError(f"{what} must name at least one of them, got none; see `testbed compare --help`")
-            if len(set(values)) < len(values):
-                raise ValueError(f"{what} must differ, got {', '.join(map(str, values))}; drop the repetition")
-        if min(self.seeds) < 0:
-            raise ValueError(f"seeds must not be negative, got {min(self.seeds)}; take 0 or more")
+        check_names("scenarios", self.scenarios)
+        check_names("trackers", self.trackers)
+        if not self.seeds:
+            raise ValueError("seeds must name at least one of them, got none; see `testbed compare --help`")
+        check_seeds(*self.seeds, name="seeds")
+        if len(set(self.seeds)) < len(self.seeds):
+            raise ValueError(f"seeds must differ, got {', '.join(map(str, self.seeds))}; drop the repetition")
+        if (runs := len(self.scenarios) * len(self.trackers) * len(self.seeds)) > MOST_RUNS:
+            raise ValueError(f"a comparison has at most {MOST_RUNS} runs, got {runs}; take fewer seeds or trackers")
+        check_folder(self.out)
         if self.reference is not None and self.reference not in self.trackers:
             raise ValueError(
                 f"reference {self.reference!r} is not compared; choose one of {', '.join(self.trackers)}, or add it"
@@ -101,14 +100,16 @@ def parse_seeds(text: str) -> tuple[int, ...]:
     try:
         if ":" in text:
             first, last = (int(part) for part in text.split(":"))
-            found = tuple(range(first, last))
+            found: Sequence[int] = range(first, last)
         else:
-            found = tuple(int(part) for part in text.split(","))
+            found = [int(part) for part in text.split(",")]
     except ValueError:
         raise ValueError(f"seeds must read like 0:20, 0,3,7 or 5, got {text!r}") from None
     if not found:
         raise ValueError(f"seeds {text!r} are empty; the range 0:20 has the seeds 0 to 19")
-    return found
+    if found[-1] - found[0] > LARGEST_SEED or len(found) > MOST_RUNS:
+        raise ValueError(f"seeds {text!r} are too many, or too large; a comparison has at most {MOST_RUNS} runs")
+    return tuple(found)
 
 
 def expand(names: list[str], what: str) -> tuple[str, ...]:

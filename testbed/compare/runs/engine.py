@@ -17,6 +17,7 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from testbed.compare.runs import cluster
 from testbed.compare.runs.tasks import FAILED, Outcome
+from testbed.limits import check_jobs
 
 PARENT_CHECK = 1.0  # [s] from one check of a worker that its parent lives to the next
 MOST_CRASHES = 3  # of workers in a row without a finished task, before the tasks that had begun are tried alone
@@ -31,8 +32,7 @@ class Engine(NamedTuple):
 
 def check(engine: Engine) -> None:
     """Raise ValueError or OSError, in one sentence, for processes or a cluster that cannot do any task."""
-    if engine.jobs == 0 or engine.jobs < -1:
-        raise ValueError(f"jobs must be 1 or more, or -1 for all cores, got {engine.jobs}")
+    check_jobs(engine.jobs)
     if engine.dask is not None:
         with cluster.connected(engine.dask):
             pass
