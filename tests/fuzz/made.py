@@ -7,7 +7,7 @@ import numpy as np
 
 from testbed.compare.runs.config import Comparison, Settings
 from testbed.compare.runs.engine import Engine
-from testbed.compare.runs.results import collect
+from testbed.compare.runs.results import collect, write_runs
 from testbed.compare.runs.work import execute
 from testbed.regress.command import COMMITTED
 from testbed.run import RunConfig, run
@@ -24,7 +24,7 @@ def make(folder: Path) -> Path:
     np.savez(folder / "points.npz", **points(400))
     done = Comparison(("cut-in",), ("rm-feldmann",), (0,), Settings("front", duration=0.2), out=str(folder / "done"))
     execute(done, Engine())
-    collect(done)
+    write_runs(collect(done))
     (folder / "real").mkdir()
     np.savez(folder / "real" / "objects.npz", **extract(40, 10))
     for name in ("folder", "folder.json", "folder.rrd", "folder.npz", "folder.png", "folder.parquet"):
