@@ -55,7 +55,10 @@ class StateHistory:
         for r in rows:
             try:
                 tracks.append(self._one(int(number[r[0]]), frame[r], time, take(states, r)))
-            except np.linalg.LinAlgError:  # a filter diverged; the other tracks are smoothed all the same
+            except (
+                np.linalg.LinAlgError,
+                ValueError,
+            ):  # a filter diverged, or refuses the state; the others are smoothed
                 failed.append(int(number[r[0]]))
         return SmoothedTracks(step, time, tuple(tracks), tuple(failed))
 
