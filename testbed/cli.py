@@ -2,17 +2,30 @@
 
 import shlex
 import sys
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import Annotated, TypeVar
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
 import testbed
 from testbed.command_line import tables
-from testbed.command_line.terminal import console, progress_bar, user_input
+from testbed.command_line.terminal import (
+    complain,
+    console,
+    drop_stdout,
+    lenient_streams,
+    progress_bar,
+    user_input,
+)
+from testbed.files import LostFileWarning
 from trackers import DEFAULT
+
+if TYPE_CHECKING:
+    from testbed.run import RunResult
 
 Learned = TypeVar("Learned")
 
@@ -90,6 +103,22 @@ def run(
     with user_input((OSError,)), progress_bar("{task.completed:.1f} / {task.total:.1f} s") as bar:
         task = bar.add_task(f"{scenario}, seed {seed}", total=duration or find(scenario).duration)
         result = run_once(config, lambda done, total: bar.update(task, completed=done, total=total))
+    with _losses(result.lost):
+        _show(result)
+    raise typer.Exit(result.exit_status)
+
+
+@contextmanager
+def _losses(lost: Iterable[str]) -> Iterator[None]:
+    """Say at the end what could not be written, also where the tables go to the same full disk."""
+    try:
+        yield
+    finally:
+        for sentence in lost:
+            print(f"testbed: {sentence}", file=sys.stderr)
+
+
+def _show(result: "RunResult") -> None:
     console.print(tables.metrics(result.result))
     for line in tables.EXPLAINED:
         console.print(line)
@@ -97,11 +126,11 @@ def run(
     console.print(tables.drive(result.result))
     if result.interrupted:
         console.print("[yellow]interrupted: the tables and files hold what was run until then[/yellow]")
-    console.print(f"results  {result.json}", soft_wrap=True)
+    if result.json is not None:
+        console.print(f"results  {result.json}", soft_wrap=True)
     if result.rrd is not None:
         console.print(f"log      {result.rrd}", soft_wrap=True)
         console.print(f"open it  testbed review {shlex.quote(str(result.rrd))}", soft_wrap=True)
-    raise typer.Exit(result.exit_status)
 
 
 @app.command()
@@ -121,13 +150,9 @@ def review(
     from testbed.log import review as reviewing
 
     with user_input():
-        reviewing.check(path, screenshot, at)
-    with user_input():
-        if screenshot is not None:
-            reviewing.screenshot(path[0], screenshot, at)
-            console.print(f"picture  {screenshot}", soft_wrap=True)
-        else:
-            reviewing.review(path, web=web)
+        reviewing.review(path, web, screenshot, at)
+    if screenshot is not None:
+        console.print(f"picture  {screenshot}", soft_wrap=True)
 
 
 @app.command()
@@ -344,13 +369,15 @@ def reproduce(
             out,
             lambda done, total, what: bar.update(task, completed=done, total=total, description=what),
         )
-    for table in done.report.tables():
-        console.print(table)
-    if done.report.interrupted:
-        console.print("[yellow]interrupted: tables and file hold the rows run until then, without verdicts[/yellow]")
-    console.print(f"results  {done.json}", soft_wrap=True)
-    for figure in done.report.figures:
-        console.print(f"figure   {figure}", soft_wrap=True)
+    with _losses(done.report.lost):
+        for table in done.report.tables():
+            console.print(table)
+        if done.report.interrupted:
+            console.print("[yellow]interrupted: tables and file hold the rows run until then, no verdicts[/yellow]")
+        if done.report.json is not None:
+            console.print(f"results  {done.report.json}", soft_wrap=True)
+        for figure in done.report.figures:
+            console.print(f"figure   {figure}", soft_wrap=True)
     raise typer.Exit(done.exit_status)
 
 
@@ -373,12 +400,20 @@ def calibrate(
 
 def main() -> None:
     """Entry point of the `testbed` command."""
+    warnings.simplefilter("ignore", LostFileWarning)  # commands say it at their end
+    lenient_streams()
     try:
         status = app(standalone_mode=False)
+        sys.stdout.flush()
     except typer.TyperException as error:
         status = 2
         context = getattr(error, "ctx", None)
         if text := error.format_message():  # empty where the help was shown
             command = context.command_path if context else "testbed"
-            print(f"testbed: {text.rstrip('.')}; see `{command} --help`", file=sys.stderr)
+            complain(f"{text.rstrip('.')}; see `{command} --help`")
+    except OSError as error:
+        if not drop_stdout():
+            raise
+        complain(f"cannot write to standard output: {error.strerror}; what goes into files is there")
+        status = 2
     sys.exit(status)

@@ -1,16 +1,41 @@
 """Files and folders that results go to: written atomically, or refused in one sentence."""
 
 import json
+import os
+import stat
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from importlib.metadata import version
 from pathlib import Path
 from secrets import token_hex
 from tempfile import TemporaryFile
-from typing import Any, BinaryIO
+from typing import IO, Any, BinaryIO
 
-ROOM = 1 << 20  # [bytes] a log needs to begin; its layout alone is a quarter of that
+ROOM = 1 << 20  # [bytes] of the disk that the results of a run take at most
 PACKAGES = ("eot-testbed", "highway-env", "gymnasium", "numpy", "scipy", "rerun-sdk", "shapely")
+KINDS = {
+    stat.S_IFLNK: "a symbolic link",
+    stat.S_IFDIR: "a directory",
+    stat.S_IFIFO: "a named pipe",
+    stat.S_IFSOCK: "a socket",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+}
+
+
+class LostFileWarning(UserWarning):
+    """A file of a run could not be written, or not completely; the run went on."""
+
+
+@contextmanager
+def noting_losses(lost: list[str]) -> Iterator[None]:
+    """Go on where something cannot be written: its sentence goes into `lost`, and into a `LostFileWarning`."""
+    try:
+        yield
+    except OSError as error:
+        lost.append(str(error))
+        warnings.warn(str(error), LostFileWarning, stacklevel=3)
 
 
 def versions() -> dict[str, str]:
@@ -19,37 +44,59 @@ def versions() -> dict[str, str]:
 
 
 def make_directory(directory: Path) -> None:
-    """Make it with its parents; raises OSError in one sentence where that cannot be."""
+    """Make it with its parents; raises OSError, in one sentence, where that cannot be or where there is no `ROOM`."""
     try:
         directory.mkdir(parents=True, exist_ok=True)
-        TemporaryFile(dir=directory).close()
+        reserve(directory).close()
     except OSError as error:
         raise OSError(f"out: cannot write to {directory}: {error.strerror}; choose another directory") from None
 
 
-def make_room(path: Path) -> None:
-    """Empty the file of a log; raises OSError without room for its beginning, for which rerun would wait for ever."""
+def reserve(directory: Path) -> IO[bytes]:
+    """A file without a name that keeps `ROOM` of the disk for results, until it is closed."""
+    file = TemporaryFile(dir=directory)  # noqa: SIM115 - the caller closes it
     try:
-        path.write_bytes(bytes(ROOM))
-        path.unlink()
+        file.write(bytes(ROOM))
+        file.flush()
+    except OSError:
+        with suppress(OSError):  # once more what could not be written
+            file.close()
+        raise
+    return file
+
+
+def check_target(path: Path) -> None:
+    """Raise OSError, in one sentence, where anything but a regular file, or nothing, is at `path`.
+
+    What a link points to, and what reads a pipe, belongs to somebody else.
+    """
+    try:
+        kind = stat.S_IFMT(path.lstat().st_mode)
+    except FileNotFoundError:
+        return
     except OSError as error:
-        raise OSError(f"cannot write the log {path}: {error.strerror}; choose another directory") from None
+        raise OSError(f"cannot write {path}: {error.strerror}; choose another directory") from None
+    if kind != stat.S_IFREG:
+        raise OSError(f"cannot write {path}: it is {KINDS.get(kind, 'no regular file')}; choose another file")
 
 
 @contextmanager
 def atomic_file(path: Path) -> Iterator[BinaryIO]:
     """A file to write to, which takes the place of `path` when the block ends.
 
-    It lies beside `path` under a name of its own until then, so a reader, and whoever comes after a process that was
-    killed, finds the old file or the complete new one. A symbolic link at `path` is replaced, not followed.
+    It lies beside `path` under a name of its own until it is complete on the disk, so a reader, and whoever comes after
+    a process that was killed, finds the old file or the complete new one.
 
     Raises:
-        OSError: it cannot be written; `path` is as it was.
+        OSError: it cannot be written, or `path` is not a regular file, see `check_target`; `path` is as it was.
     """
+    check_target(path)
     part = path.with_name(f".{path.name}.{token_hex(4)}.part")  # other processes may write the same file
     try:
         with open(part, "xb") as file:
             yield file
+            file.flush()
+            os.fsync(file.fileno())
         part.replace(path)
     except OSError as error:
         raise OSError(f"cannot write {path}: {error.strerror or error}; choose another directory") from error

@@ -3,8 +3,6 @@
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
-from math import inf
-from numbers import Integral, Real
 from pathlib import Path
 from time import perf_counter, process_time
 from typing import Any
@@ -16,8 +14,9 @@ from sensors import find as find_radar
 from testbed.command_line.interruption import interruptible
 from testbed.environment.perception import tracker_of
 from testbed.evaluation.tracking import jsonable
-from testbed.files import make_directory
+from testbed.files import make_directory, noting_losses
 from testbed.frame import Observer
+from testbed.limits import check_duration, check_folder, check_names, check_seeds
 from testbed.log.record import LEVELS
 from testbed.planners import find as find_planner
 from trackers import DEFAULT
@@ -37,18 +36,10 @@ class RunConfig:
     log: str = "full"
 
     def __post_init__(self) -> None:
-        if isinstance(self.trackers, str):
-            raise ValueError(f"trackers must be a tuple of names, got the string {self.trackers!r}; put it in a tuple")
-        if not self.trackers:
-            raise ValueError("trackers must name at least one tracker, got none")
-        if self.duration is not None and not (isinstance(self.duration, Real) and 0 < self.duration < inf):
-            raise ValueError(
-                f"duration must be positive and finite, got {self.duration!r} s; leave it out for the scenario's own"
-            )
-        if not isinstance(self.seed, Integral):
-            raise ValueError(f"seed must be a whole number, got {self.seed!r}; take 0 or more")
-        if self.seed < 0:
-            raise ValueError(f"seed must not be negative, got {self.seed}; take 0 or more")
+        check_names("trackers", self.trackers)
+        check_duration(self.duration)
+        check_seeds(self.seed)
+        check_folder(self.out)
 
 
 @dataclass(frozen=True)
@@ -57,14 +48,15 @@ class RunResult:
 
     config: RunConfig
     result: dict[str, Any]  # see `Recorder.result`
-    json: Path
-    rrd: Path | None
-    exit_status: int  # 0, or 128 + signal where one ended the run early
+    json: Path | None  # None where it could not be written
+    rrd: Path | None  # None where there is no log
+    exit_status: int  # 0, 128 + signal where one ended the run early, 2 where something could not be written
+    lost: tuple[str, ...] = ()  # what could not be written, in sentences
 
     @property
     def interrupted(self) -> bool:
         """Whether there is more of the scenario than was run."""
-        return self.exit_status != 0
+        return bool(self.result["interrupted"])
 
 
 def check(config: RunConfig) -> None:
@@ -76,8 +68,6 @@ def check(config: RunConfig) -> None:
     find_planner(config.planner)
     if config.log not in LEVELS:
         raise ValueError(f"log must be one of {', '.join(LEVELS)}, got {config.log!r}")
-    if len(set(config.trackers)) < len(config.trackers):
-        raise ValueError(f"trackers must have different names, got {', '.join(config.trackers)}; drop the repetition")
     make_directory(Path(config.out))
 
 
@@ -107,10 +97,11 @@ def run(
     Observers are called with a `Frame` after every scan, see `TrackedEnv.attach`.
 
     Ctrl-C or SIGTERM ends the run after the decision at hand: what was measured until then is written and returned.
+    A disk that becomes full on the way does not end it: a `LostFileWarning` and `RunResult.lost` say what is missing.
 
     Raises:
         LookupError: an unknown scenario, tracker, radar or planner; the nearest name is suggested.
-        OSError: log or results cannot be written, also when the disk becomes full on the way.
+        OSError: log or results cannot be written where they belong; raised before the run begins.
     """
     planner = find_planner(config.planner)
     with interruptible() as interrupt, closing(make_env(config)) as env:
@@ -132,6 +123,8 @@ def run(
             timing = {**tracked.seconds, **recorder.seconds, "wall": perf_counter() - start}
             timing["cpu"] = process_time() - cpu
             timing["trackers"] = {name: jsonable(cost.row()) for name, cost in tracked.costs.items()}
-            result = recorder.close(interrupted=not done, timing=timing)
-    status = 0 if done else interrupt.exit_status
-    return RunResult(config, result, recorder.json_path, recorder.log.path, status)
+            with noting_losses(recorder.lost):
+                recorder.close(interrupted=not done, timing=timing)
+    status = (0 if done else interrupt.exit_status) or (2 if recorder.lost else 0)
+    files = recorder.written, recorder.log.file
+    return RunResult(config, recorder.close(), *files, status, tuple(recorder.lost))

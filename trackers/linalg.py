@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 I2 = np.eye(2)
+ROUNDING = 1e-13  # share of a covariance that rounding may take from the next one
 
 
 def symmetrize(A: NDArray) -> NDArray:
@@ -47,3 +48,34 @@ def inverse_sqrtm(A: NDArray) -> NDArray:
 def quadratic(d: NDArray, A: NDArray) -> NDArray:
     """d^T A^-1 d (...) of vectors d (..., n) and positive definite A (..., n, n)."""
     return (d * np.linalg.solve(A, d[..., None])[..., 0]).sum(-1)
+
+
+def root(P: NDArray) -> NDArray:
+    """Lower triangular L (..., n, n) with L L^T = P, positive definite; where rounding took that away, `floored`."""
+    try:
+        return np.linalg.cholesky(P)
+    except np.linalg.LinAlgError:
+        return np.linalg.cholesky(floored(P, P))
+
+
+def floored(P: NDArray, before: NDArray) -> NDArray:
+    """Covariance P (..., n, n), definite again where rounding has made eigenvalues 0 or less; else as it came.
+
+    The floor of the eigenvalues is `ROUNDING`, in units of the standard deviations of `before` (..., n, n), the
+    covariance that P was computed from. A matrix that is not finite stays as it is.
+    """
+    try:
+        np.linalg.cholesky(P)
+        return P
+    except np.linalg.LinAlgError:
+        out = P.copy()
+    square = (-1, *P.shape[-2:])
+    for A, B in zip(out.reshape(square), before.reshape(square), strict=True):  # each alone: the others keep every bit
+        try:
+            np.linalg.cholesky(A)
+        except np.linalg.LinAlgError:
+            if np.isfinite(A).all():
+                std = np.sqrt(np.maximum(B.diagonal(), max(ROUNDING * B.diagonal().max(), np.finfo(float).tiny)))
+                value, vector = np.linalg.eigh(A / std[:, None] / std)
+                A[:] = (vector * np.maximum(value, ROUNDING)) @ vector.T * std[:, None] * std
+    return out

@@ -21,8 +21,8 @@ def look_up(name: str, catalogue: Mapping[str, T], what: str) -> T:
     """
     try:
         return catalogue[name]
-    except KeyError:
-        close = get_close_matches(name, catalogue, n=1)
+    except (KeyError, TypeError):  # TypeError: no name at all
+        close = get_close_matches(name, catalogue, n=1) if isinstance(name, str) else []
         hint = f"did you mean {close[0]!r}?" if close else f"known: {', '.join(catalogue)}"
         raise LookupError(f"no {what} {name!r}; {hint}") from None
 

@@ -9,20 +9,6 @@ from trackers.estimate import Estimate
 from trackers.scan import Scan
 
 
-class UpdateInfo(NamedTuple):
-    """The information of every update: the innovation of the centroid."""
-
-    n: NDArray  # (...) detections used
-    eps: NDArray  # (..., 2) [m] innovation
-    S: NDArray  # (..., 2, 2) [m^2] its covariance
-
-    @property
-    def nis(self) -> NDArray:
-        """Normalised innovation squared (...), NaN without a detection."""
-        d = np.linalg.solve(self.S, self.eps[..., None])[..., 0]
-        return np.where(self.n > 0, (self.eps * d).sum(-1), np.nan)  # (MET.13)
-
-
 class Note(NamedTuple):
     """An event of a filter for some of its objects, to be logged: `notes` of its update information."""
 
@@ -30,6 +16,21 @@ class Note(NamedTuple):
     reason: str  # one readable clause
     where: NDArray  # (...) bool
     contours: NDArray | None = None  # (..., 2, C, 2) [m] outlines on the body's axes, before and after a change
+
+
+class UpdateInfo(NamedTuple):
+    """The information of every update: the innovation of the centroid."""
+
+    n: NDArray  # (...) detections used
+    eps: NDArray  # (..., 2) [m] innovation
+    S: NDArray  # (..., 2, 2) [m^2] its covariance
+    notes: tuple[Note, ...] = ()
+
+    @property
+    def nis(self) -> NDArray:
+        """Normalised innovation squared (...), NaN without a detection."""
+        d = np.linalg.solve(self.S, self.eps[..., None])[..., 0]
+        return np.where(self.n > 0, (self.eps * d).sum(-1), np.nan)  # (MET.13)
 
 
 class Filter(Protocol):

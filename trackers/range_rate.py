@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from trackers.geometry import cross, dot, unit
 from trackers.linalg import symmetrize
 from trackers.motion import OMEGA, PHI, SPEED
+from trackers.parameters import check_numbers
 from trackers.scan import Scan
 
 Pair = NDArray | tuple[NDArray, NDArray]
@@ -43,11 +44,7 @@ class RangeRates:
     clip: float = 1.5  # [m/s] larger residuals count as this
 
     def __post_init__(self) -> None:
-        if not (self.weight >= 0 and self.std > 0 and self.clip > 0):
-            raise ValueError(
-                f"weight must be >= 0, std and clip positive, got {self.weight}, {self.std}, {self.clip}; "
-                "weight 0 leaves range rates out"
-            )
+        check_numbers(self, positive=("std", "clip"), unlimited=("clip",))  # weight 0 leaves range rates out
 
     def correct(self, m: NDArray, P: NDArray, scan: Scan, xy: NDArray) -> tuple[NDArray, NDArray]:
         """Moments m (..., n), P (..., n, n) after the range rates of the scan; components as in `trackers.motion`.

@@ -35,7 +35,10 @@ class Scan(NamedTuple):
         pose: ArrayLike | None = None,
         noise: ArrayLike | None = None,
     ) -> "Scan":
-        """Cartesian detections xy (..., M, 2) [m] of a resting sensor at pose (3,), without range rate."""
+        """Cartesian detections xy (..., M, 2) [m] of a resting sensor at pose (3,), without range rate.
+
+        Trackers mask what is farther from the pose than a radar reaches: with map coordinates, give a pose nearby.
+        """
         xy = np.asarray(xy, float)
         if xy.ndim < 2 or xy.shape[-1] != 2:
             raise ValueError(f"xy must be (..., M, 2), got {xy.shape}; one detection is xy[None]")
@@ -73,29 +76,6 @@ class Scan(NamedTuple):
         std = np.stack([along, across], -1)
         std = np.where(np.isnan(std), default, std)
         return (R * std[..., None, :] ** 2) @ R.mT  # (MOT.3)
-
-
-def check_scan(scan: Scan) -> None:
-    """Raise ValueError, in one sentence, for a scan that no tracker can use."""
-    if scan.polar.ndim < 2 or scan.polar.shape[-2:] != (scan.mask.shape[-1], 3):
-        raise ValueError(
-            f"scan.polar must be (..., M, 3) with mask (..., M), got {scan.polar.shape} and {scan.mask.shape}; "
-            "Cartesian detections go through Scan.from_xy"
-        )
-    if scan.mask.dtype != bool:
-        raise ValueError(f"scan.mask must be boolean, got {scan.mask.dtype}; use mask.astype(bool)")
-    for name, width in (("pose", 3), ("velocity", 2), ("noise", 3)):
-        shape = getattr(scan, name).shape
-        if len(shape) < 2 or shape[-1] != width or shape[-2] not in (1, scan.mask.shape[-1]):
-            raise ValueError(f"scan.{name} must be (..., M or 1, {width}) with M = {scan.mask.shape[-1]}, got {shape}")
-    if not np.isfinite(scan.platform).all():
-        raise ValueError(f"scan.platform must be finite, got {scan.platform}; the ego motion is missing")
-    bad = scan.mask & ~np.isfinite(scan.polar[..., :2]).all(-1)
-    if bad.any():
-        raise ValueError(
-            f"scan.polar has {int(bad.sum())} detections under the mask without a finite range and azimuth; "
-            "only the range rate may be NaN: set mask to false there"
-        )
 
 
 @dataclass(frozen=True)

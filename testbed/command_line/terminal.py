@@ -1,14 +1,18 @@
 """What commands share on the terminal: the console, bars on stderr, and one sentence for a wrong input."""
 
+import os
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from io import TextIOWrapper
+from typing import IO, Any, cast
 
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 console = Console()
+LONGEST = 600  # characters of a sentence
 INPUT_FAULTS = (LookupError, ValueError, OSError)
 
 
@@ -21,9 +25,37 @@ def user_input(faults: tuple[type[Exception], ...] = INPUT_FAULTS) -> Iterator[N
     try:
         yield
     except faults as error:
-        text = error.args[0] if len(error.args) == 1 else str(error)
-        print(f"testbed: {text}", file=sys.stderr)
+        complain(error.args[0] if len(error.args) == 1 else error)
         raise typer.Exit(2) from None
+
+
+def complain(sentence: object) -> None:
+    """Print what is wrong on stderr: one line, without control characters, its middle left out where it is long."""
+    text = "".join(c if c.isprintable() else repr(c)[1:-1] for c in f"testbed: {sentence}")
+    if len(text) > LONGEST:
+        text = f"{text[: LONGEST // 2]} [...] {text[-LONGEST // 2 :]}"
+    with suppress(OSError):  # nothing else can be done where stderr cannot be written
+        print(text, file=sys.stderr, flush=True)
+
+
+def lenient_streams() -> None:
+    """Let stdout and stderr show a question mark for what their encoding does not have, and take all where closed."""
+    sys.stdout = sys.stdout or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115 - open to the end
+    sys.stderr = sys.stderr or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="replace")
+
+
+def drop_stdout() -> bool:
+    """Whether stdout cannot be written; what is still to be printed then goes nowhere, or the process would fail."""
+    with suppress(OSError):
+        print(flush=True)
+        return False
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, sys.stdout.fileno())
+    os.close(nowhere)
+    return True
 
 
 def progress_bar(amount: str, window: float = 30.0) -> Progress:
@@ -39,7 +71,26 @@ def progress_bar(amount: str, window: float = 30.0) -> Progress:
         TextColumn("left"),
         TimeRemainingColumn(),
     )
-    return Progress(*columns, console=Console(stderr=True), speed_estimate_period=window)
+    console = Console(file=cast(IO[str], LossyStderr()))
+    return Progress(*columns, console=console, speed_estimate_period=window)
+
+
+class LossyStderr:
+    """Stderr for bars: what cannot be written is dropped, for a bar must not end a run when the disk is full."""
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(sys.stderr, name)
+
+    def write(self, text: str) -> int:
+        """Write the text if that is possible."""
+        with suppress(OSError):
+            sys.stderr.write(text)
+        return len(text)
+
+    def flush(self) -> None:
+        """Flush if that is possible."""
+        with suppress(OSError):
+            sys.stderr.flush()
 
 
 def stages(bar: Progress, prefix: str = "") -> Callable[[int, int, str], None]:

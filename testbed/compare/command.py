@@ -14,7 +14,7 @@ from testbed.compare.report.report import write_report
 from testbed.compare.runs.config import Comparison
 from testbed.compare.runs.engine import Engine
 from testbed.compare.runs.measures import MAIN
-from testbed.compare.runs.results import Results, collect
+from testbed.compare.runs.results import Results, collect, write_runs
 from testbed.compare.runs.work import Progress, Tally, execute
 from testbed.compare.statistics import analysis
 
@@ -32,10 +32,12 @@ def compare(comparison: Comparison, engine: Engine, console: Console, bar: Bar) 
     if results.runs.empty:
         return tally.exit_status or 1
     overview(results, console)
+    with user_input((OSError,)):
+        table = write_runs(results)
     if tally.interrupted:
         console.print("[yellow]interrupted: tables of the runs made so far; the same command makes the rest[/yellow]")
         return tally.exit_status
-    console.print(f"runs     {Path(comparison.out) / 'runs.parquet'}", soft_wrap=True)
+    console.print(f"runs     {table}", soft_wrap=True)
     for task in bar.task_ids:
         bar.remove_task(task)
     with interruptible() as request, user_input((OSError,)), bar:

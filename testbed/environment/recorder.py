@@ -2,11 +2,12 @@
 
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from time import perf_counter
 from types import MappingProxyType
 from typing import Any
+from weakref import finalize
 
 from scenarios.lanes import LaneShape, is_dashed, is_drawn
 from sensors.scene import Scene
@@ -14,7 +15,7 @@ from testbed.environment.smoothing import StateHistory
 from testbed.evaluation.driving import DriveEvaluator
 from testbed.evaluation.histories import LOST_AFTER, TIME_ROUNDING
 from testbed.evaluation.tracking import Evaluator, jsonable
-from testbed.files import make_directory, make_room, write_json
+from testbed.files import check_target, make_directory, noting_losses, reserve, write_json
 from testbed.frame import Frame, FrameScore
 from testbed.log.record import LEVELS, RoadGeometry, RunMeta
 from testbed.log.writer import NullLog, RunLog
@@ -24,6 +25,9 @@ from trackers.scan import SensorModel
 
 class Recorder:
     """Observer of a `TrackedEnv`: attach it before `reset`, close it after the last step.
+
+    A disk that becomes full on the way ends the log with a `LostFileWarning`, whose sentence goes into `lost`. The run
+    goes on, and there is room for its results.
 
     Args:
         meta: what identifies the run.
@@ -52,13 +56,16 @@ class Recorder:
         self.meta, self.phases = meta, tuple(phases)
         self.directory = Path(directory)
         make_directory(self.directory)
-        self._drop_old_results()
+        check_target(self.json_path)
+        self._room = reserve(self.directory)  # for the results
+        finalize(self, self._room.close)
+        self.written: Path | None = None  # the JSON, once it is
+        self.lost: list[str] = []  # what could not be written of the log, in sentences
         self.evaluators = {name: Evaluator(name, self.phases) for name in meta.trackers}
         self.drive = DriveEvaluator()
         self.log: NullLog = NullLog()
         if level != "off":
             path = self.directory / f"{meta.run_id}.rrd"
-            make_room(path)
             self.log = RunLog(path, meta, level="full" if level == "full" else "metrics", focus=focus)
             self.log.static(road or RoadGeometry(), sensors)
         kept = trackers.items() if level == "full" else ()
@@ -121,7 +128,7 @@ class Recorder:
         }
 
     def close(self, interrupted: bool = False, timing: Mapping[str, Any] | None = None) -> dict[str, Any]:
-        """Finish log and JSON, once; nothing is written of an episode without a frame.
+        """Write the JSON, then finish the log, once; nothing is written of an episode without a frame.
 
         Args:
             interrupted: whether the run ended before the scenario did.
@@ -131,27 +138,30 @@ class Recorder:
             What `result` gives, with `interrupted` and `timing`.
 
         Raises:
-            OSError: log or results cannot be written.
+            OSError: the results cannot be written; those of an older run stay, and the log keeps its unfinished name.
         """
         if self._result is None:
             self._result = self.result() | {"interrupted": interrupted, "timing": dict(timing or self.seconds)}
+            self._room.close()
             if self._frames:
                 try:
-                    self._close_log(interrupted)
-                finally:
                     write_json(self.json_path, self._result)
+                    self.written = self.json_path
+                finally:
+                    self._close_log(interrupted, replace=self.written is not None)
         return self._result
 
-    def _close_log(self, interrupted: bool) -> None:
+    def _close_log(self, interrupted: bool, replace: bool) -> None:
         if interrupted:
             self.log.event("WARN", "the run was interrupted")
         summary: dict[str, Any] = {name: e.summary() for name, e in self.evaluators.items()}
-        with self._writing_log():
-            try:
+        try:
+            with self._writing_log():
                 for name in self._past:
                     self._smooth(name)
-            finally:  # the log is closed even where smoothing fails
-                self.log.close({**{f"drive_{k}": v for k, v in self.drive.summary().items()}, **summary})
+        finally:  # the log is closed even where smoothing fails
+            with self._writing_log():
+                self.log.close({**{f"drive_{k}": v for k, v in self.drive.summary().items()}, **summary}, replace)
 
     def _smooth(self, name: str) -> None:
         """Add the smoothed tracks of one tracker to the log."""
@@ -162,18 +172,9 @@ class Recorder:
 
     @contextmanager
     def _writing_log(self) -> Iterator[None]:
-        """Raise OSError where the disk fails, which rerun reports as a RuntimeError of its writer."""
-        try:
+        """Go on where the log cannot be written, but not before it has a first frame."""
+        with noting_losses(self.lost) if self._frames else nullcontext():
             yield
-        except RuntimeError as error:
-            raise OSError(f"cannot write the log {self.log.path}: {error}; is the disk full?") from error
-
-    def _drop_old_results(self) -> None:
-        """Delete the results of an older run: a killed run must not leave them beside its own log."""
-        try:
-            self.json_path.unlink(missing_ok=True)
-        except OSError as error:
-            raise OSError(f"cannot replace {self.json_path}: {error.strerror}; choose another directory") from error
 
     def _phase_events(self, scene: Scene) -> list[tuple[str, str]]:
         return [

@@ -55,7 +55,7 @@ class StateHistory:
         for r in rows:
             try:
                 tracks.append(self._one(int(number[r[0]]), frame[r], time, take(states, r)))
-            except np.linalg.LinAlgError:  # a filter diverged; the other tracks are smoothed all the same
+            except (np.linalg.LinAlgError, ValueError):  # it diverged, or its filter refuses the state
                 failed.append(int(number[r[0]]))
         return SmoothedTracks(step, time, tuple(tracks), tuple(failed))
 

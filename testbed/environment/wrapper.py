@@ -306,9 +306,13 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
         if self.out is None:
             return
         core, perception = self._core, self._perception
-        scenario = core.scenario.name if isinstance(core, ScenarioEnv) else core.spec.id
+        ours = isinstance(core, ScenarioEnv)
+        scenario = core.scenario.name if ours else core.spec.id
         names, radar = tuple(perception.trackers), label(self._radar)
-        name = run_id(scenario, names, radar, self.planner, core.np_random_seed)
+        usual = core.scenario.duration if ours else core.default_config().get("duration")
+        duration = core.config.get("duration", usual)
+        named = None if duration == usual else duration
+        name = run_id(scenario, names, radar, self.planner, core.np_random_seed, named)
         keys = ("simulation_frequency", "policy_frequency", "duration")
         meta = RunMeta(
             run_id=name if self._episode == 0 else f"{name}-episode{self._episode}",

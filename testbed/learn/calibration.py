@@ -20,6 +20,7 @@ import sensors
 from scenarios.contours import CONTOURS
 from sensors.radar import Radar
 from sensors.scene import Scene, boxes_scene
+from testbed.learn.archive import read_extract_arrays
 from trackers.geometry import to_frame, wrap_angle
 
 EXTRACT = "astyx_hires2019_extract"  # folder of the real detections, in a folder `data` beside the project
@@ -67,19 +68,13 @@ class Cars(NamedTuple):
 
 
 def read_real(data: Path | None = None) -> Cars:
-    """The real cars in our frame: y mirrored."""
-    file = (DATA if data is None else Path(data)) / "objects.npz"
-    if not file.exists():
-        raise ValueError(f"no real detections at {file}; pass the folder that holds objects.npz")
-    with np.load(file, allow_pickle=False) as arrays:
-        objects = dict(zip(arrays["columns"].tolist(), arrays["objects"].T.astype(float), strict=True))
-        points, offsets = arrays["points"][:, :2].astype(float), arrays["offsets"]
-        wanted = objects["class"] == arrays["classes"].tolist().index("Car")
-    row = np.repeat(np.arange(len(wanted)), np.diff(offsets))
+    """The real cars in our frame: y mirrored; raises ValueError, in one sentence, where there are none to be read."""
+    extract = read_extract_arrays(DATA if data is None else Path(data), ["Car"])
+    objects, row, wanted = extract.objects, extract.row, extract.of_class(["Car"])
     pose = np.stack([objects["cx"], -objects["cy"], -objects["yaw"]], -1)[wanted]
     size = np.stack([objects["length"], objects["width"]], -1)[wanted]
     keep = wanted[row]
-    return Cars(pose, size, points[keep] * [1.0, -1.0], (np.cumsum(wanted) - 1)[row[keep]])
+    return Cars(pose, size, extract.points[keep] * [1.0, -1.0], (np.cumsum(wanted) - 1)[row[keep]])
 
 
 def lone_car(pose: NDArray, size: NDArray) -> Scene:

@@ -24,7 +24,8 @@ import sensors
 from scenarios.contours import CONTOURS
 from sensors.radar import Radar
 from sensors.scene import Bodies, Scene, boxes_scene
-from testbed.learn.archive import check_unit_coordinates, detection_arrays, need, open_arrays
+from testbed.learn.archive import check_unit_coordinates, detection_arrays, read_extract_arrays
+from testbed.limits import MOST_DETECTIONS, check_seeds, check_whole
 from testbed.log.detections import read_detections
 from testbed.log.review import readable
 from trackers.geometry import compose, rotation, to_frame, to_world, unit
@@ -78,7 +79,6 @@ CLASSES: dict[str, tuple[Make, ...]] = {  # the catalogue of contour classes, se
     "tractor": (Make("tractor", (4.2, 5.8), (2.2, 2.6), 1.0),),
     "motorcycle": (Make("motorcycle", (1.9, 2.5), (0.7, 0.9), 1.0),),
 }
-EXTRACT = ("columns", "objects", "points", "offsets", "classes")  # arrays of the real extract
 LABELS = {"car": ("Car",), "truck": ("Truck", "Bus")}  # classes of the real extract
 TRUE_KINDS = {"car": ("car", "van"), "truck": ("truck", "bus", "articulated")}  # classes of our scenes
 TRACTOR_SHARE, COUPLED = 6.0 / 16.5, 13.6 / 16.5  # lengths of tractor unit and trailer in an articulated truck
@@ -86,10 +86,8 @@ TRACTOR_SHARE, COUPLED = 6.0 / 16.5, 13.6 / 16.5  # lengths of tractor unit and 
 
 def check_sampler(count: int, seed: int) -> None:
     """Raise ValueError for numbers that the sampler cannot take."""
-    if count < 1:
-        raise ValueError(f"count must be at least 1 detection, got {count}")
-    if seed < 0:
-        raise ValueError(f"seed must be 0 or more, got {seed}")
+    check_whole("count", count, 1, MOST_DETECTIONS)
+    check_seeds(seed)
 
 
 def read(
@@ -221,19 +219,12 @@ def lone_vehicle(contour: str, pose: NDArray, size: NDArray) -> Scene:
 
 def read_extract(folder: Path, kind: str) -> TrainingDetections:
     """Real detections within 1.2 times the box of annotated vehicles; y mirrored into our frame, noise unknown."""
-    file = folder / "objects.npz"
-    if not file.is_file():
-        raise ValueError(f"data: no objects.npz in {folder}; give the folder of the real extract")
-    arrays = open_arrays(file)
-    need(arrays, EXTRACT, file)
-    objects = dict(zip(arrays["columns"].tolist(), arrays["objects"].T.astype(float), strict=True))
-    points, offsets = arrays["points"][:, :2].astype(float), arrays["offsets"]
-    classes = arrays["classes"].tolist()
-    row = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
+    extract = read_extract_arrays(folder, LABELS[kind])
+    objects, row = extract.objects, extract.row
     pose = np.stack([objects["cx"], -objects["cy"], -objects["yaw"]], -1)
     size = np.stack([objects["length"], objects["width"]], -1)
-    u = unit_coordinates(points * [1.0, -1.0], pose[row], size[row])
-    wanted = np.isin(objects["class"], [classes.index(label) for label in LABELS[kind]])
+    u = unit_coordinates(extract.points * [1.0, -1.0], pose[row], size[row])
+    wanted = extract.of_class(LABELS[kind])
     keep = wanted[row] & (np.abs(u) < GROWN).all(-1)
     aspect = aspect_angle(pose[:, :2], pose[:, 2], np.zeros(2))[row]
     labels = " and ".join(LABELS[kind])
@@ -285,6 +276,8 @@ def read_recording(file: Path, kind: str) -> TrainingDetections:
     sigmas = np.array([(model.sigma_range, model.sigma_azimuth, model.sigma_rate) for model in models])
     keep = np.isin(got.kind, TRUE_KINDS[kind])
     sensor, pose, size, xy = (column[keep] for column in (got.sensor, got.pose, got.size, got.xy))
+    if len(sensor) and not (sensor.min() >= 0 and sensor.max() < len(models)):
+        raise ValueError(f"data: {file} has detections of a sensor that the radar {got.radar} does not have")
     place = compose(got.platform[keep], mounts[sensor])
     noise = Scan.from_xy(xy, pose=place, noise=sigmas[sensor]).position_noise()
     aspect = aspect_angle(pose[:, :2], pose[:, 2], place[:, :2])

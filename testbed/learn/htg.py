@@ -17,14 +17,16 @@ from rich.markup import escape
 from rich.table import Table
 
 from testbed.command_line.tables import light_table
-from testbed.files import make_directory, write_json
+from testbed.files import check_target, make_directory, write_json
 from testbed.learn.detections import Progress, TrainingDetections, check_sampler, read, without_folders
+from testbed.limits import check_whole
 from trackers.htg import bins as tables
 from trackers.htg.bins import HTGTable
 from trackers.htg.density import log_mass
 from trackers.htg.learning import FitOptions, TableFit, fit_table
 
 PACKAGES = ("eot-testbed", "numpy", "scipy")
+MOST_BINS = 360  # one a degree
 COLUMNS = ("aspect", "number", "log p", "rho", "a1", "a2", "b1", "b2", "theta", "r1", "r2", "c_D")
 ADVICE = (
     "A bin with few detections wants more data or fewer --bins. A side at its limit is open. Next to no c_D suits "
@@ -45,8 +47,7 @@ class LearnConfig:
     seed: int = 0  # of the sampler
 
     def __post_init__(self) -> None:
-        if self.bins < 1:
-            raise ValueError(f"bins must be at least 1, got {self.bins}")
+        check_whole("bins", self.bins, 1, MOST_BINS)
         check_sampler(self.count, self.seed)
         self.options  # noqa: B018  raises for a mass_min that is none
 
@@ -94,8 +95,7 @@ def check_out(path: Path) -> None:
     """Raise ValueError or OSError, in one sentence, where a table cannot be written; nothing is written yet."""
     if path.suffix != ".json":
         raise ValueError(f"out must be a .json file, got {path}")
-    if path.is_dir():
-        raise ValueError(f"out must be a .json file, got the directory {path}")
+    check_target(path)
     make_directory(path.parent)
     if path.exists() and not os.access(path, os.W_OK):
         raise ValueError(f"out: {path} is write-protected; choose another file")

@@ -35,7 +35,6 @@ class SplineConfig:
 
     def __post_init__(self) -> None:
         check_sampler(self.count, self.seed)
-        models.chain(self.options.ellipses, self.options.points, models.DEGREE)
 
     def command(self, out: str | Path) -> str:
         """The command line that does the same, where the data lie."""

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import pyarrow as pa
 from numpy.typing import NDArray
 
 from testbed.log import paths
@@ -12,6 +13,7 @@ from testbed.log.layers import NOSE
 from testbed.log.reader import properties, rows
 from trackers.geometry import to_frame
 
+HUGE = 1e7  # [m] that no place of a run reaches
 TRUE = ("contour", "volume")  # kinds of detections that come from a vehicle
 
 Box = tuple[NDArray, NDArray]  # pose (3,), size (2,)
@@ -32,7 +34,22 @@ class LoggedDetections(NamedTuple):
 
 
 def read_detections(path: str | Path) -> LoggedDetections:
-    """Every true detection of a log; raises ValueError for one without geometry."""
+    """Every true detection of a log; raises ValueError, in one sentence, for one that is damaged or has no geometry."""
+    try:
+        found = _read(path)
+    except (pa.ArrowException, LookupError, ValueError, TypeError, AttributeError, OverflowError) as error:
+        raise ValueError(f"data: the log {path} is damaged, or not that of a run ({error})") from None
+    if found is None:
+        raise ValueError(f"data: the log {path} has no detections of vehicles; record it with --log full")
+    for name in ("xy", "platform", "pose", "size"):
+        if not (np.abs(getattr(found, name)) < HUGE).all():
+            raise ValueError(f"data: the log {path} is damaged: {name} has numbers that are not finite or are absurd")
+    if (found.size <= 0).any():
+        raise ValueError(f"data: the log {path} is damaged: a vehicle has the size {found.size.min():g} m")
+    return found
+
+
+def _read(path: str | Path) -> LoggedDetections | None:
     kinds, boxes, ego = _kinds(path), _boxes(path), _platforms(path)
     parts = []
     for kind in TRUE:
@@ -51,7 +68,7 @@ def read_detections(path: str | Path) -> LoggedDetections:
             truth = (np.array(ids), np.array([kinds[i] for i in ids]), *(np.array(c) for c in zip(*own, strict=True)))
             parts.append((*columns, *truth))
     if not parts:
-        raise ValueError(f"data: the log {path} has no detections of vehicles; record it with --log full")
+        return None
     joined = [np.concatenate(column) for column in zip(*parts, strict=True)]
     return LoggedDetections(str(properties(path)["run"]["radar"]), *joined)
 

@@ -1,6 +1,8 @@
 """Reads review logs: numbers, events, properties, and a digest of the content.
 
-Works on logs of finished runs and of runs that were killed; the latter have no footer, see `complete`.
+Works on logs of finished runs and of runs that were killed; the latter have no footer, see `complete`. Raises
+ValueError for a damaged log; at some damages rerun ends the process, so a log that comes from elsewhere goes through
+`testbed.log.review.readable` before.
 """
 
 import hashlib
@@ -31,9 +33,12 @@ class LoggedEvent(NamedTuple):
 
 def _batches(path: str | Path, content: str | None = None) -> Iterator[tuple[str, pa.RecordBatch]]:
     """Entity path with a leading slash, and the rows of each chunk."""
-    stream = _open(path).stream()
-    for chunk in (stream.filter(content=content) if content else stream).to_chunks():
-        yield chunk.entity_path, chunk.to_record_batch()
+    try:
+        stream = _open(path).stream()
+        for chunk in (stream.filter(content=content) if content else stream).to_chunks():
+            yield chunk.entity_path, chunk.to_record_batch()
+    except RuntimeError as error:
+        raise ValueError(f"the log {path} is damaged ({error}); `testbed review` says what can be done") from None
 
 
 def complete(path: str | Path) -> bool:

@@ -39,9 +39,16 @@ class RunMeta(NamedTuple):
     versions: dict[str, str]  # package -> version
 
 
-def run_id(scenario: str, trackers: Sequence[str], radar: str, planner: str, seed: int) -> str:
-    """Name of a run's files: the same settings give the same name, and replace each other."""
-    return "_".join([scenario, "+".join(trackers), radar, planner, f"seed{seed}"]).replace("/", "-")
+def run_id(
+    scenario: str, trackers: Sequence[str], radar: str, planner: str, seed: int, duration: float | None = None
+) -> str:
+    """Name of a run's files: the same settings give the same name, and replace each other.
+
+    duration [s]: None for the scenario's own, which is not in the name.
+    """
+    parts = [scenario, "+".join(trackers), radar, planner, f"seed{seed}"]
+    parts += [] if duration is None else [f"{float(duration)!r}s".replace(".0s", "s")]
+    return "_".join(parts).replace("/", "-")
 
 
 class RoadGeometry(NamedTuple):

@@ -6,6 +6,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from testbed.files import check_target
+from testbed.log.intact import damage
 from testbed.log.reader import complete, span
 from testbed.log.screenshot import existing, render, viewer_command
 
@@ -14,8 +16,7 @@ def check(logs: Sequence[str | Path], png: str | Path | None = None, at: float |
     """Raise ValueError or OSError, in one sentence, for what cannot be shown."""
     if not logs:
         raise ValueError("review needs at least one log; `testbed run` with --log full writes one")
-    for log in logs:
-        readable(log)
+    readable(*logs)
     if png is None:
         if at is not None:
             raise ValueError(f"a time, --at {at:g}, goes with --screenshot only; the viewer has a time line")
@@ -24,22 +25,34 @@ def check(logs: Sequence[str | Path], png: str | Path | None = None, at: float |
         raise ValueError(f"a screenshot shows one log, got {len(logs)}; call once for each")
     if Path(png).suffix.lower() != ".png":
         raise ValueError(f"a screenshot is a .png file, got {png}")
+    check_target(Path(png))
     first, last = span(logs[0])
     if at is not None and not first <= at <= last:
         raise ValueError(f"--at must lie within the run, {first:g} to {last:g} s, got {at:g} s")
 
 
-def readable(log: str | Path) -> None:
-    """Raise FileNotFoundError or ValueError, in one sentence, for a file that is missing or no log."""
-    try:
-        complete(existing(log))
-    except RuntimeError as error:
-        raise ValueError(f"{log} is not a review log; give the .rrd file of a run ({error})") from None
+def readable(*logs: str | Path) -> None:
+    """Raise FileNotFoundError or ValueError, in one sentence, for files that are missing, no logs or damaged."""
+    if found := damage([existing(log) for log in logs]):
+        log, reason = found
+        raise ValueError(
+            f"{log} is not a review log, or is damaged ({reason}); give the .rrd file of a run, or save what can be "
+            f"read of it: {_rescue(log)}"
+        )
 
 
-def review(logs: Sequence[str | Path], web: bool = False) -> int:
-    """Show logs with their layout in place until the viewer is closed; returns its exit status."""
-    check(logs)
+def review(
+    logs: Sequence[str | Path], web: bool = False, png: str | Path | None = None, at: float | None = None
+) -> int:
+    """Show logs with their layout in place until the viewer is closed; returns its exit status.
+
+    With `png`, a picture of one log is rendered instead, at `at` [s], by default in the middle of the run. Raises
+    OSError or ValueError as `check` does.
+    """
+    check(logs, png, at)
+    if png is not None:
+        render(logs[0], png, middle(logs[0]) if at is None else at)
+        return 0
     for log in logs:
         if not complete(log):
             print(f"{log}: {unfinished_hint(log)}", file=sys.stderr)
@@ -53,17 +66,13 @@ def review(logs: Sequence[str | Path], web: bool = False) -> int:
             return 0
 
 
-def screenshot(log: str | Path, png: str | Path, at: float | None = None) -> list[str]:
-    """Render a log at `at` [s], by default in the middle of the run; returns the viewer's error reports."""
-    check([log], png, at)
-    return render(log, png, middle(log) if at is None else at)
-
-
 def unfinished_hint(log: str | Path) -> str:
     """What to do with a log of a run that was killed."""
-    path = Path(log)
-    repaired = path.with_name(f"{path.stem}-repaired.rrd")
-    return f"the run was interrupted, the log ends there; `rerun rrd optimize {path} -o {repaired}` closes the file"
+    return f"the run was interrupted, the log ends there; {_rescue(Path(log))} closes the file"
+
+
+def _rescue(log: Path) -> str:
+    return f"`rerun rrd optimize {log} -o {log.with_name(f'{log.stem}-repaired.rrd')}`"
 
 
 def middle(log: str | Path) -> float:

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
+from weakref import finalize
 
 import numpy as np
 import pyarrow as pa
@@ -16,6 +17,7 @@ import rerun.blueprint as rrb
 from rerun.error_utils import catch_and_log_exceptions
 
 from testbed.log import paths
+from testbed.log.block_file import BlockFile
 from testbed.log.layers import Row, Strips
 
 Entry = tuple[int, int, Row]  # step, time [ns], row
@@ -103,25 +105,37 @@ def _indexes(when: tuple[tuple[int, int], ...]) -> list[rr.TimeColumn]:
 
 
 class Stream:
-    """One open file with its blueprint."""
+    """One open log with its blueprint; without `close` it ends when the stream is collected, or the process exits."""
 
     def __init__(self, path: Path, run_id: str, blueprint: rrb.Blueprint) -> None:
-        """Open the file; raise OSError where it cannot be written."""
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.open("wb").close()
-        except OSError as error:
-            raise OSError(f"cannot write the log {path}: {error.strerror}; choose another output directory") from error
+        """Open the file and write the blueprint; raises OSError, in one sentence, where that cannot be."""
+        self._file = BlockFile(path)
         self._stream = rr.RecordingStream(paths.APPLICATION, recording_id=run_id)
         rr.set_log_time_enabled(False, recording=self._stream)
-        self._stream.save(path, default_blueprint=blueprint)
+        opened = False
+        try:
+            self._stream.save(self._file.pipe, default_blueprint=blueprint)
+            self._write()
+            opened = True
+        except OSError as error:
+            raise OSError(f"{error}; choose another directory") from error
+        finally:
+            if not opened:
+                end(self._stream, self._file, replace=False)
+                self._file.part.unlink()
+        self._forgotten = finalize(self, end, self._stream, self._file)
+
+    @property
+    def path(self) -> Path:
+        """Where the file lies now."""
+        return self._file.part
 
     def static(self, path: str, data: rr.AsComponents) -> None:
         """Log data without a time."""
         self._stream.log(path, data, static=True, strict=True)
 
     def send(self, block: Block) -> None:
-        """Write all rows of a block and hand them to the operating system."""
+        """Write all rows of a block and hand them to the operating system; raises OSError where that cannot be."""
         times: dict[tuple[tuple[int, int], ...], list[rr.TimeColumn]] = {}
         with catch_and_log_exceptions(strict=True):
             for (path, components), entries in block.items():
@@ -130,13 +144,24 @@ class Stream:
                     times[when] = _indexes(when)
                 columns = [column(name, [row[name] for _, _, row in entries]) for name in components]
                 self._stream.send_columns(path, times[when], columns)
-        self._stream.flush()
+        self._write()
 
     def property(self, name: str, values: Mapping[str, str | int | float | bool]) -> None:
         """Write flat values that become columns of a table of runs."""
         with catch_and_log_exceptions(strict=True):
             self._stream.send_property(name, rr.AnyValues(**values))
 
-    def close(self) -> None:
-        """Write the footer and close the file."""
-        self._stream.disconnect()
+    def close(self, replace: bool = True) -> None:
+        """Write the footer, close the file, give it its name if `replace`; raises OSError where that cannot be."""
+        self._forgotten.detach()
+        end(self._stream, self._file, replace)
+
+    def _write(self) -> None:
+        self._stream.flush()
+        self._file.write()
+
+
+def end(stream: rr.RecordingStream, file: BlockFile, replace: bool = True) -> None:
+    """Let rerun write the footer, and finish the file."""
+    stream.disconnect()
+    file.finish(replace)

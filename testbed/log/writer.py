@@ -17,7 +17,7 @@ from testbed.log import layers, palette, paths
 from testbed.log.modes import class_names, modes_of
 from testbed.log.record import RoadGeometry, RunMeta, SmoothedTracks
 from testbed.log.text import config_text, flat_properties, flat_summary, summary_text, unfinished_text
-from trackers.multi.tracks import Event, StepInfo, Tracks
+from trackers.multi.tracks import NO_TRACK, Event, StepInfo, Tracks
 from trackers.scan import SensorModel
 
 if TYPE_CHECKING:
@@ -35,7 +35,8 @@ CHANGE_SHOWN = 10**9  # [ns] a contour that has changed is drawn so long, where 
 class NullLog:
     """A log that keeps nothing, in place of `RunLog`."""
 
-    path: Path | None = None
+    path: Path | None = None  # the name of the closed file
+    file: Path | None = None  # where the file lies now
 
     def static(self, road: RoadGeometry, sensors: tuple[SensorModel, ...]) -> None:
         """Ignore the road and the radars."""
@@ -49,7 +50,7 @@ class NullLog:
     def event(self, level: str, text: str) -> None:
         """Ignore an event."""
 
-    def close(self, summary: Summary | None = None) -> None:
+    def close(self, summary: Summary | None = None, replace: bool = True) -> None:
         """Do nothing."""
 
     def __enter__(self) -> Self:
@@ -63,7 +64,8 @@ class RunLog(NullLog):
     """Log of one run in `path` (.rrd), opened at the first step; use as a context manager.
 
     Args:
-        path: file to write; its directory is made, an older file is replaced.
+        path: file to write; its directory is made, an older file is replaced when the log is closed. Until then the log
+            is `file`, beside it.
         meta: what identifies the run; `run_id` must be unique, viewers merge recordings of one id.
         level: "full" with all geometry, "metrics" with numbers and events only.
         every: steps in a block; a run that is killed loses at most the last block.
@@ -85,7 +87,7 @@ class RunLog(NullLog):
             raise ValueError(f"every must be at least 1 step, got {every}")
         for name in meta.trackers:
             paths.part(name)
-        self.path = self._file = Path(path)
+        self.path = self._path = Path(path)
         self.meta = meta
         self._level, self._every, self._focus = level, every, focus
         self._modes = modes_of(meta.trackers)
@@ -93,7 +95,9 @@ class RunLog(NullLog):
         self._road, self._middle = RoadGeometry(), layers.strip_middle(RoadGeometry())
         self._sensors: tuple[SensorModel, ...] = ()
         self._stream: Stream | None = None
+        self._stopped = False  # by the first error of the disk
         self._closed = False
+        self._written = 0  # [ns] time of the last step in the file
         self._block: Block = {}
         self._waiting = 0
         self._step, self._time = -1, 0
@@ -122,8 +126,11 @@ class RunLog(NullLog):
 
         Raises:
             ValueError: the log is closed, the step does not grow, or the scores are of other trackers.
+            OSError: the file cannot be written; what follows is ignored.
         """
         self._check(frame, scores)
+        if self._stopped:
+            return
         self._step, self._time = frame.step, round(frame.time * 1e9)
         if self._stream is None:
             self._open(frame, scores)
@@ -140,15 +147,14 @@ class RunLog(NullLog):
 
     def smoothed(self, name: str, smoothed: SmoothedTracks) -> None:
         """Write the smoothed tracks of one tracker at the times of their frames, which lie in the past."""
-        if self._level != "full" or self._stream is None or len(smoothed.step) == 0:
+        if self._level != "full" or self._stream is None or self._stopped or len(smoothed.step) == 0:
             return
         when = list(zip(smoothed.step.tolist(), np.rint(smoothed.time * 1e9).astype(int).tolist(), strict=True))
         rows, way = layers.smoothed_extents(smoothed), layers.smoothed_paths(smoothed)
-        self._stream.send(
+        extents = [(*t, row) for t, row in zip(when, rows, strict=True)]
+        self._write(
             {
-                (paths.smoothed(name, "extent"), tuple(rows[0])): [
-                    (*t, row) for t, row in zip(when, rows, strict=True)
-                ],
+                (paths.smoothed(name, "extent"), tuple(rows[0])): extents,
                 (paths.smoothed(name, "path"), tuple(way)): [(*when[0], way)],
             }
         )
@@ -161,10 +167,15 @@ class RunLog(NullLog):
             raise ValueError(f"the log {self.path} is closed; no event can follow")
         self._put(paths.EVENTS, {"TextLog:text": [text], "TextLog:level": [level]})
 
-    def close(self, summary: Summary | None = None) -> None:
+    def close(self, summary: Summary | None = None, replace: bool = True) -> None:
         """Write the rest and the summary, once; later calls do nothing.
 
-        `summary` holds facts of the run, and by tracker name its metrics.
+        Args:
+            summary: facts of the run, and by tracker name its metrics.
+            replace: whether the file takes its name; without, it keeps the name of an unfinished one.
+
+        Raises:
+            OSError: the end of the log cannot be written, or it does not read back as complete.
         """
         if self._closed:
             return
@@ -172,13 +183,14 @@ class RunLog(NullLog):
         if self._stream is None:
             self._open()
         assert self._stream is not None
-        self._send()
-        if summary is not None:
-            self._write_text(paths.SUMMARY, summary_text(self.meta, summary))
-            if flat:
-                self._stream.property("summary", flat)
-        self._stream.close()
-        self._closed = True
+        try:
+            self._send()
+            if summary is not None and not self._stopped:
+                self._write_text(paths.SUMMARY, summary_text(self.meta, summary))
+                if flat:
+                    self._stream.property("summary", flat)
+        finally:
+            self._finish(replace)
 
     def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
         if error is not None and self._stream is None:
@@ -206,7 +218,8 @@ class RunLog(NullLog):
         metrics = {name: tuple(score.mean) for name, score in scores.items()}
         focus = _focus(self._focus, first) if first else None
         blueprint = layout(self.meta, metrics, focus, self._road, self._level == "full", self._modes)
-        self._stream = Stream(self._file, self.meta.run_id, blueprint)
+        self._stream = Stream(self._path, self.meta.run_id, blueprint)
+        self.file = self._stream.path
         self._stream.property("run", flat_properties(self.meta))
         self._write_text(paths.CONFIG, config_text(self.meta))
         self._write_text(paths.SUMMARY, unfinished_text(self.meta))
@@ -224,9 +237,35 @@ class RunLog(NullLog):
         self._block.setdefault((path, tuple(row)), []).append(entry)
 
     def _send(self) -> None:
+        if not self._stopped:
+            block, self._block, self._waiting = self._block, {}, 0
+            self._write(block)
+            self._written = self._time
+
+    def _write(self, block: "Block") -> None:
+        """Send a block; the first error of the disk stops the log, which then ends with the block before."""
         assert self._stream is not None
-        block, self._block, self._waiting = self._block, {}, 0
-        self._stream.send(block)
+        try:
+            self._stream.send(block)
+        except OSError as error:
+            self._stopped = True
+            raise self._ending(error) from error
+
+    def _finish(self, replace: bool) -> None:
+        """Close the file, and check that everything arrived."""
+        assert self._stream is not None
+        self._closed = True
+        try:
+            self._stream.close(replace)
+        except OSError as error:
+            raise self._ending(error) from error
+        finally:
+            self.file = self._stream.path
+        if not self._stopped and not _is_whole(self.file):
+            raise OSError(f"the log {self.file} does not read back; delete it and run again")
+
+    def _ending(self, error: OSError) -> OSError:
+        return OSError(f"{error}; it ends at {self._written / 1e9:.1f} s")
 
     # -- one frame ----------------------------------------------------------------------------------------------
 
@@ -296,8 +335,8 @@ class RunLog(NullLog):
     def _decisions(self, name: str, tracks: Tracks, info: StepInfo) -> None:
         confirmed = self._confirmed[name]
         for event in info.events:
-            track = f"track {event.track} " if event.track >= 0 else ""
-            self.event(_level(event, event.track in confirmed), f"{name}: {track}{event.kind}, {event.reason}")
+            which = "scan" if event.track == NO_TRACK else f"track {event.track}"
+            self.event(_level(event, event.track in confirmed), f"{name}: {which} {event.kind}, {event.reason}")
         confirmed |= set(tracks.id[tracks.confirmed].tolist())
 
     def _name_objects(self, objects: Objects) -> None:
@@ -313,12 +352,22 @@ class RunLog(NullLog):
 
 
 def _level(event: Event, confirmed: bool) -> str:
-    """DEBUG for births and for deaths of tracks never reported, WARN for deaths of reported ones and for crowds."""
-    if event.kind == "crowded":
+    """WARN for deaths of reported tracks and for detections left out, DEBUG for births and for other deaths."""
+    if event.kind in ("implausible", "crowded", "skipped"):
         return "WARN"
     if event.kind == "died":
         return "WARN" if confirmed else "DEBUG"
     return "DEBUG" if event.kind == "born" else "INFO"
+
+
+def _is_whole(log: Path) -> bool:
+    """Whether a log reads back, and has its footer."""
+    from testbed.log.reader import complete
+
+    try:
+        return complete(log)
+    except RuntimeError:
+        return False
 
 
 def _focus(asked: int | None, first: Frame) -> int | None:

@@ -9,12 +9,15 @@ from typing import NamedTuple
 
 from testbed.command_line.interruption import interruptible
 from testbed.files import make_directory
+from testbed.limits import check_seeds, check_whole
 from testbed.papers.hoher2022 import experiment as hoher2022
 from testbed.papers.report import PaperReport, Progress, Stopped
 from testbed.papers.xia2020 import experiment as xia2020
 from testbed.papers.xu2023 import experiment as xu2023
 from testbed.papers.yao2021 import experiment as yao2021
 from trackers.lookup import look_up
+
+MOST_RUNS = 100_000  # of each case
 
 
 @dataclass(frozen=True)
@@ -61,11 +64,10 @@ PAPERS: Mapping[str, Paper] = MappingProxyType(
 
 
 class Reproduction(NamedTuple):
-    """The report of a reproduction, its file, and how the command ends."""
+    """The report of a reproduction, and how the command ends."""
 
     report: PaperReport
-    json: Path
-    exit_status: int  # 0; 1 where a claim is not confirmed; 128 + signal where one ended it early
+    exit_status: int  # 0; 1 where a claim is not confirmed; 2 where a file is missing; 128 + signal: it ended early
 
 
 def find(name: str) -> Paper:
@@ -76,10 +78,8 @@ def find(name: str) -> Paper:
 def check(name: str, runs: int, seed: int, out: Path) -> None:
     """Raise LookupError, ValueError or OSError, in one sentence, for what cannot be run."""
     find(name)
-    if runs < 1:
-        raise ValueError(f"runs must be at least 1, got {runs}")
-    if seed < 0:
-        raise ValueError(f"seed must not be negative, got {seed}; take 0 or more")
+    check_whole("runs", runs, 1, MOST_RUNS)
+    check_seeds(seed)
     make_directory(out)
 
 
@@ -96,5 +96,5 @@ def reproduce(name: str, runs: int, seed: int, out: Path, progress: Progress) ->
             progress(done, total, what)
 
         report = find(name).run(runs, out, stoppable, seed)
-    status = request.exit_status if report.interrupted else int(not report.holds)
-    return Reproduction(report, out / report.file, status)
+    status = request.exit_status if report.interrupted else 2 if report.lost else int(not report.holds)
+    return Reproduction(report, status)

@@ -15,7 +15,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from testbed.command_line.tables import light_table
-from testbed.files import write_json
+from testbed.files import noting_losses, write_json
 from testbed.papers.verdict import Verdict
 
 Progress = Callable[[float, float, str], None]  # done, total, what is being done; may raise Stopped
@@ -52,6 +52,8 @@ class PaperReport:
     verdicts: tuple[Verdict, ...] = ()
     figures: tuple[Path, ...] = ()
     interrupted: bool = False  # it was stopped: rows are missing, and with them the verdicts
+    lost: tuple[str, ...] = ()  # what could not be written, in sentences
+    json: Path | None = None  # where it was written
 
     @property
     def file(self) -> str:
@@ -160,21 +162,25 @@ def carry_out(
     """Run an experiment and report on it: `blank` with rows and verdicts; with a folder `out`, also figures and JSON.
 
     A Stopped from `progress`, which the experiment calls too, ends it: the report then holds the rows that are finished
-    and no verdicts. Raises ValueError for fewer than one run.
+    and no verdicts. What cannot be written is a `LostFileWarning`, and a sentence in `lost`.
+
+    Raises ValueError for fewer than one run.
     """
     if blank.settings["runs"] < 1:
         raise ValueError(f"runs must be at least 1, got {blank.settings['runs']}")
-    report = replace(blank, interrupted=True)
+    report, lost = replace(blank, interrupted=True), list[str]()
     with suppress(Stopped):
         experiment()
         progress(1, 1, "claims")
         judged = verdicts()
         progress(1, 1, "figures")
         if out is not None:
-            out.mkdir(parents=True, exist_ok=True)
-            report = replace(report, figures=draw(out))
+            with noting_losses(lost):
+                out.mkdir(parents=True, exist_ok=True)
+                report = replace(report, figures=draw(out))
         report = replace(report, verdicts=judged, interrupted=False)
     report = replace(report, rows=tuple(rows()))
     if out is not None:
-        report.write(out)
-    return report
+        with noting_losses(lost):
+            report = replace(report, json=report.write(out))
+    return replace(report, lost=tuple(lost))

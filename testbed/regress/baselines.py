@@ -19,6 +19,7 @@ from testbed.files import write_atomic
 from testbed.regress.spread import pooled_spread
 from testbed.regress.suite import TOLERANCES, Suite
 from testbed.regress.verdict import Values
+from trackers.json_file import read_json
 
 LAYOUT = 1
 DIGITS = 6  # significant ones, a thousandth of any tolerance
@@ -47,16 +48,16 @@ def load(path: Path, suite: Suite) -> Baselines:
     """Read the baselines.
 
     Raises:
-        FileNotFoundError, ValueError: in one sentence, where there are none, or none that a suite like this can use.
+        OSError, ValueError: in one sentence, where there are none, or none that a suite like this can use.
     """
     try:
-        found = json.loads(path.read_text())
+        found = read_json(path)
     except FileNotFoundError:
         raise FileNotFoundError(f"baselines: {path} is not there; make it with `testbed regress --update`") from None
     except OSError as error:
-        raise OSError(f"baselines: cannot read {path}: {error.strerror}; choose another file") from None
+        raise OSError(f"baselines: {error}") from None
     except ValueError as error:
-        raise ValueError(_damaged(path, error)) from None
+        raise ValueError(f"baselines: {error}; {REMEDY}") from None
     layout = found.get("layout") if isinstance(found, dict) else None
     if layout != LAYOUT:
         raise ValueError(f"baselines: {path} has layout {layout!r}, not {LAYOUT}; {REMEDY}")

@@ -17,10 +17,10 @@ from testbed.compare.runs.config import check as check_comparison
 from testbed.compare.runs.engine import Engine
 from testbed.compare.runs.engine import check as check_engine
 from testbed.compare.runs.replay import write_log
-from testbed.compare.runs.results import Results, collect
+from testbed.compare.runs.results import Results, collect, write_runs
 from testbed.compare.runs.tasks import RecordingTask, obtain
 from testbed.compare.runs.work import execute
-from testbed.files import make_directory, versions
+from testbed.files import check_target, make_directory, versions
 from testbed.regress import junit, tables
 from testbed.regress.baselines import NONE, Baselines, Update, load, merge, save
 from testbed.regress.findings import Findings, examine, measured, orphans, worst_run
@@ -87,13 +87,12 @@ def starting_point(options: Options) -> Baselines:
 
 
 def _check_file(name: str, path: Path) -> None:
-    """Raise OSError where a file cannot be written."""
-    if path.is_dir():
-        raise IsADirectoryError(f"{name}: {path} is a directory; name a file in it")
+    """Raise OSError, in one sentence, where a file cannot be written."""
     try:
+        check_target(path)
         make_directory(path.parent)
     except OSError as error:
-        raise OSError(f"{name}{str(error).removeprefix('out')}") from None
+        raise OSError(f"{name}: {str(error).removeprefix('out: ')}") from None
 
 
 def regress(options: Options, baselines: Baselines, console: Console, bar: Progress) -> int:
@@ -115,6 +114,7 @@ def regress(options: Options, baselines: Baselines, console: Console, bar: Progr
         if options.junit is not None:
             junit.write(findings, options.junit)
             console.print(f"junit    {options.junit}", soft_wrap=True, highlight=False)
+        write_runs(results)
     return status
 
 

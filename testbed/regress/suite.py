@@ -8,13 +8,12 @@ import json
 import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path
 from typing import NamedTuple
 
 from scenarios import SCENARIOS
 from testbed.compare.runs.config import SETTINGS, Comparison, Settings, identity
-from testbed.compare.runs.identity import PACKAGES, code_digest
+from testbed.compare.runs.identity import project_digest
 from testbed.compare.runs.results import RUNS
 from testbed.compare.runs.tasks import RECORDINGS
 from testbed.compare.runs.tasks import ROWS as RUN_ROWS
@@ -110,10 +109,4 @@ def prepare_folder(suite: Suite) -> None:
 
 def _identity(suite: Suite) -> dict[str, object]:
     """Everything that decides about results, with a digest of all our code but this package's."""
-    return {**identity(suite.comparison.settings), "all code": _digest()}
-
-
-def _digest() -> str:
-    roots = [Path(str(files(package))) for package in PACKAGES]
-    paths = [p for root in roots for p in root.rglob("*") if p.suffix in (".py", ".json")]
-    return code_digest(path for path in paths if Path(__file__).parent not in path.parents)
+    return {**identity(suite.comparison.settings), "all code": project_digest()}

@@ -11,7 +11,7 @@ from testbed.compare.runs.config import Comparison, Settings
 from testbed.compare.runs.engine import Engine
 from testbed.compare.runs.recording import load
 from testbed.compare.runs.replay import write_log
-from testbed.compare.runs.results import collect
+from testbed.compare.runs.results import collect, write_runs
 from testbed.compare.runs.work import execute
 
 PAGE = Path(__file__).parents[2] / "docs" / "comparing.md"
@@ -23,7 +23,7 @@ def folder(tmp_path_factory):
     out = home / "runs" / "compare"
     comparison = Comparison(("xia2020-lane",), ("rm-feldmann",), (0, 1), Settings(duration=1.0), out=str(out))
     assert execute(comparison, Engine()).done == 2
-    collect(comparison)
+    write_runs(collect(comparison))
     for seed in (0, 1):
         recording = load(out / "recordings" / f"xia2020-lane_seed{seed}.npz", "xia2020-lane", seed, "surround")
         write_log(recording, ("rm-feldmann",), out / "logs")

@@ -1,5 +1,6 @@
 """What tests of several commands share."""
 
+import resource
 import sys
 from typing import NamedTuple
 
@@ -14,6 +15,14 @@ class Done(NamedTuple):
     status: int
     out: str
     err: str
+
+
+@pytest.fixture
+def limit_files():
+    """limit_files(n): from now on no file of this process may be larger than n bytes, as on a disk that is full."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    yield lambda size: resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
 @pytest.fixture

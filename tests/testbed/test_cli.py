@@ -5,6 +5,7 @@ What runs for long, and what ends otherwise than by itself, has a process of its
 
 import json
 import os
+import re
 import resource
 import signal
 import subprocess
@@ -56,7 +57,7 @@ def has_frames(log):
 def test_a_run_prints_its_tables_and_where_its_files_are(tmp_path):
     done = call("run", "cut-in", "--radar", "front", "--duration", 1, "--seed", 3, "--out", tmp_path)
     assert done.returncode == 0, done.stderr
-    name = f"cut-in_{DEFAULT}_front_idm_seed3"
+    name = f"cut-in_{DEFAULT}_front_idm_seed3_1s"
     for line in ("GOSPA [m]", "GOSPA: ", "NEES: ", "position RMSE [m]", "hardest braking [m/s^2]"):
         assert line in done.stdout
     assert f"testbed review {tmp_path / name}.rrd" in done.stdout
@@ -86,23 +87,43 @@ def test_a_killed_run_leaves_a_readable_log_and_no_results(tmp_path):
     process.kill()
     process.communicate(timeout=60)
     (log,) = tmp_path.iterdir()
-    assert log.suffix == ".rrd"
+    assert log.match("*_600s.unfinished-*.rrd")
     assert not reader.complete(log)
     steps = reader.steps(log).tolist()
     assert steps == list(range(len(steps)))
     assert steps
 
 
-def test_a_disk_that_fills_up_is_one_sentence_and_does_not_hang(tmp_path):
+def test_a_disk_that_fills_up_costs_the_rest_of_the_log_and_nothing_else(tmp_path):
     def limit():
         resource.setrlimit(resource.RLIMIT_FSIZE, (1_200_000, 1_200_000))
 
-    done = call("run", "dense-traffic", "--duration", 20, "--out", tmp_path, preexec_fn=limit)
+    done = call("run", "dense-traffic", "--duration", 8, "--out", tmp_path, preexec_fn=limit)
     assert done.returncode == 2, done.stderr
-    assert "Traceback" not in done.stderr
-    assert "testbed: cannot write the log" in done.stderr
-    (results,) = tmp_path.glob("*.json")
-    assert json.loads(results.read_text())["interrupted"]
+    _, sentence = done.stderr.strip().splitlines()  # the first is the bar
+    assert sentence.startswith("testbed: cannot write the log ")
+    assert "dense-traffic_" in sentence
+    assert re.search(r"\.rrd: File too large; it ends at [1-6]\.\d s$", sentence)
+    assert "GOSPA [m]" in done.stdout
+    assert "interrupted" not in done.stdout
+    (results,), (log,) = tmp_path.glob("*.json"), tmp_path.glob("*.rrd")
+    assert json.loads(results.read_text())["drive"]["elapsed"] == pytest.approx(8.0)
+    first, last = reader.span(log)
+    assert first == 0.0
+    assert f"ends at {last:.1f} s" in sentence
+
+
+def test_two_runs_at_once_leave_whole_files(tmp_path):
+    command = [*TESTBED, "run", "cut-in", "--radar", "front", "--duration", "1", "--out", str(tmp_path)]
+    both = [subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, env=PLAIN) for _ in range(2)]
+    for process in both:
+        _, err = process.communicate(timeout=120)
+        assert process.returncode == 0, err
+    (results,), (log,) = tmp_path.glob("*.json"), tmp_path.glob("*.rrd")
+    assert len(list(tmp_path.iterdir())) == 2
+    scans = json.loads(results.read_text())["trackers"][DEFAULT]["scans"]
+    assert reader.complete(log)
+    assert reader.steps(log).tolist() == list(range(scans))
 
 
 @pytest.mark.parametrize(
@@ -114,7 +135,7 @@ def test_a_disk_that_fills_up_is_one_sentence_and_does_not_hang(tmp_path):
         (["run", "cut-in", "--planner", "me"], ["planner 'me'", "idle"]),
         (["run", "cut-in", "--log", "loud"], ["log", "'loud'", "metrics"]),
         (["run", "cut-in", "--seed", "-1"], ["seed", "-1"]),
-        (["run", "cut-in", "--seed", "x"], ["--seed", "not a valid int", "testbed run --help"]),
+        (["run", "cut-in", "--seed", "x"], ["--seed", "valid int", "testbed run --help"]),
         (["run", "cut-in", "--duration", "0"], ["duration", "0.0 s"]),
         (["run", "cut-in", "--duration", "inf"], ["duration", "inf s"]),
         (["run", "cut-in", "--out", "FILE"], ["out: cannot write to", "choose another directory"]),

@@ -1,11 +1,13 @@
 """Files that are written completely or not at all."""
 
 import json
+import os
+import socket
 from pathlib import Path
 
 import pytest
 
-from testbed.files import atomic_file, write_atomic, write_json
+from testbed.files import ROOM, atomic_file, check_target, make_directory, reserve, write_atomic, write_json
 
 
 def test_text_and_bytes_come_back_and_nothing_else_is_left(tmp_path):
@@ -42,39 +44,68 @@ def test_whatever_stops_the_writer_leaves_the_old_file_and_no_part(tmp_path, err
     assert list(tmp_path.iterdir()) == [path]
 
 
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full on this system")
-def test_a_full_disk_is_one_sentence(tmp_path):
+def test_a_file_that_has_no_room_is_one_sentence_and_the_old_one_stays(tmp_path, limit_files):
     path = tmp_path / "table.csv"
+    write_atomic(path, "old")
+    limit_files(1000)
+    with pytest.raises(OSError, match=r"^cannot write .*table\.csv: File too large; choose another directory$"):
+        write_atomic(path, "new" * 1000)
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
 
-    def write():
-        with atomic_file(path), open("/dev/full", "wb") as full:
-            full.write(b"x")
 
-    with pytest.raises(OSError, match=r"cannot write .*table\.csv: No space left on device; choose another directory"):
-        write()
-    assert list(tmp_path.iterdir()) == []
+def test_room_is_taken_from_the_disk_without_a_name(tmp_path):
+    with reserve(tmp_path) as file:
+        assert os.fstat(file.fileno()).st_blocks * 512 >= ROOM
+        assert list(tmp_path.iterdir()) == []
+
+
+def test_a_directory_without_room_for_results_is_refused(tmp_path, limit_files):
+    limit_files(ROOM - 1)
+    with pytest.raises(OSError, match=r"^out: cannot write to .*runs: File too large; choose another directory$"):
+        make_directory(tmp_path / "runs")
+    assert list((tmp_path / "runs").iterdir()) == []
 
 
 def test_a_place_that_cannot_be_is_one_sentence(tmp_path):
     (tmp_path / "file").touch()
-    (tmp_path / "folder").mkdir()
-    for place, why in (
-        ("missing/a", "No such file or directory"),
-        ("file/a", "Not a directory"),
-        ("folder", "Is a directory"),
-    ):
+    for place, why in (("missing/a", "No such file or directory"), ("file/a", "Not a directory")):
         with pytest.raises(OSError, match=f"^cannot write .*{place}: {why}; choose another directory$"):
             write_atomic(tmp_path / place, "text")
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "folder"]
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
-def test_a_symbolic_link_is_replaced_and_what_it_points_to_stays(tmp_path):
+def make_socket(path):
+    with socket.socket(socket.AF_UNIX) as made:
+        made.bind(path.name)  # a path of a socket must be short
+
+
+IN_THE_WAY = {
+    "a symbolic link": lambda path: path.symlink_to("kept"),
+    "a directory": lambda path: path.mkdir(),
+    "a named pipe": os.mkfifo,
+    "a socket": make_socket,
+}
+
+
+@pytest.mark.parametrize("kind", IN_THE_WAY)
+def test_only_a_regular_file_is_replaced(tmp_path, monkeypatch, kind):
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "table.csv"
     (tmp_path / "kept").write_text("kept")
-    (tmp_path / "link").symlink_to(tmp_path / "kept")
-    write_atomic(tmp_path / "link", "new")
+    IN_THE_WAY[kind](path)
+    before = path.lstat()
+    with pytest.raises(OSError, match=rf"^cannot write .*table\.csv: it is {kind}; choose another file$"):
+        write_atomic(path, "new")
     assert (tmp_path / "kept").read_text() == "kept"
-    assert not (tmp_path / "link").is_symlink()
-    assert (tmp_path / "link").read_text() == "new"
+    assert (path.lstat().st_ino, path.lstat().st_mode) == (before.st_ino, before.st_mode)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["kept", "table.csv"]
+
+
+def test_a_device_is_refused():
+    """Nothing is written here: as root, a fault would replace the device for the whole machine."""
+    with pytest.raises(OSError, match=rf"^cannot write {os.devnull}: it is a device; choose another file$"):
+        check_target(Path(os.devnull))
 
 
 def test_json_is_indented_and_takes_no_nan(tmp_path):

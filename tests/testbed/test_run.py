@@ -8,7 +8,9 @@ import pytest
 
 from testbed.environment.perception import Cost
 from testbed.environment.wrapper import TrackedEnv
+from testbed.files import LostFileWarning
 from testbed.log import reader
+from testbed.log.record import run_id
 from testbed.run import RunConfig, check, make_env, run
 from trackers import DEFAULT
 from trackers.multi.tracks import StepInfo
@@ -154,6 +156,18 @@ def test_an_error_on_the_way_leaves_partial_results_and_is_raised(tmp_path):
     assert reader.complete(log)
 
 
+def test_results_that_cannot_be_written_are_returned_and_told(tmp_path):
+    config = short(tmp_path, log="off")
+    name = f"{run_id('cut-in', config.trackers, config.radar, config.planner, 0, config.duration)}.json"
+    with pytest.warns(
+        LostFileWarning, match=rf"^cannot write .*{name}: it is a directory; choose another file$"
+    ) as told:
+        done = run(config, lambda done, total: (tmp_path / name).mkdir(exist_ok=True))
+    assert done.lost == (str(told[0].message),)
+    assert (done.json, done.rrd, done.exit_status, done.interrupted) == (None, None, 2, False)
+    assert done.result["drive"]["elapsed"] == pytest.approx(2.0)
+
+
 @pytest.mark.parametrize(
     ("settings", "error", "message"),
     [
@@ -168,9 +182,9 @@ def test_an_error_on_the_way_leaves_partial_results_and_is_raised(tmp_path):
         ({"duration": float("nan")}, ValueError, "duration must be positive and finite, got nan s"),
         ({"duration": "x"}, ValueError, "duration must be positive and finite, got 'x' s"),
         ({"seed": 1.5}, ValueError, "seed must be a whole number, got 1.5"),
-        ({"trackers": "rm-koch"}, ValueError, "trackers must be a tuple of names, got the string 'rm-koch'"),
-        ({"trackers": ()}, ValueError, "at least one tracker"),
-        ({"trackers": ("rm-surface", "rm-surface")}, ValueError, "different names, got rm-surface, rm-surface"),
+        ({"trackers": "rm-koch"}, ValueError, "trackers must be a tuple of names, got 'rm-koch'"),
+        ({"trackers": ()}, ValueError, "trackers must name at least one"),
+        ({"trackers": ("rm-surface", "rm-surface")}, ValueError, "trackers must differ, got rm-surface, rm-surface"),
     ],
 )
 def test_what_cannot_be_run_is_refused_before_anything_is_written(tmp_path, settings, error, message):

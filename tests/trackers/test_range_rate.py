@@ -77,6 +77,6 @@ def test_without_weight_or_rates_nothing_changes():
 
 
 def test_numbers_that_make_no_sense_are_refused():
-    for kw in ({"weight": -0.1}, {"std": 0.0}, {"clip": 0.0}):
-        with pytest.raises(ValueError, match="weight must be >= 0, std and clip positive"):
-            RangeRates(**kw)
+    for name, value in (("weight", -0.1), ("std", 0.0), ("clip", 0.0)):
+        with pytest.raises(ValueError, match=f"RangeRates.{name} must be"):
+            RangeRates(**{name: value})

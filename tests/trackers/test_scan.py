@@ -11,7 +11,6 @@ from trackers.geometry import box_corners, compose, extent_matrix, point_velocit
 from trackers.linalg import sqrtm
 from trackers.motion import coordinated_turn
 from trackers.random_matrix.surface import visible_offset
-from trackers.scan import check_scan
 
 angles = st.floats(-20, 20)
 coordinate = st.floats(-100, 100)
@@ -86,24 +85,6 @@ def test_noise_is_along_and_across_the_line_of_sight():
     scan = Scan.from_xy([[0.0, 50.0]], noise=(0.1, 0.02, 0.1))
     np.testing.assert_allclose(scan.position_noise()[0], [[1.0, 0], [0, 0.01]], atol=1e-12)
     np.testing.assert_allclose(Scan.from_xy([[0.0, 50.0]]).position_noise(0.2)[0], 0.04 * np.eye(2), atol=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"polar": np.zeros((3, 2))}, r"scan\.polar must be \(\.\.\., M, 3\)"),
-        ({"mask": np.ones(3)}, "must be boolean"),
-        ({"pose": np.zeros((2, 3))}, r"scan\.pose must be"),
-        ({"velocity": np.zeros(2)}, r"scan\.velocity must be"),
-        ({"polar": np.full((3, 3), np.nan)}, "3 detections under the mask without a finite range"),
-        ({"platform": np.full(6, np.nan)}, "ego motion is missing"),
-    ],
-)
-def test_a_scan_that_cannot_be_used_is_named(change, message):
-    good = Scan.from_xy(np.ones((3, 2)))
-    check_scan(good)
-    with pytest.raises(ValueError, match=message):
-        check_scan(good._replace(**change))
 
 
 def test_shapes_of_the_doors():

@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers import linalg
+from trackers.admission import guarded_predict, guarded_update
 from trackers.dra import motion, parameters, region_prior
 from trackers.dra.constraints import heading, rectangle
 from trackers.dra.flat_scan import FlatScan, flatten
@@ -39,8 +41,9 @@ from trackers.dra.state import (
 from trackers.estimate import Estimate, check_estimate
 from trackers.imm import LEAST, chain, mix, moments, reweight
 from trackers.linalg import symmetrize
+from trackers.parameters import check_numbers
 from trackers.protocols import Gaussian, Smoothable
-from trackers.scan import Scan, check_scan
+from trackers.scan import Scan
 
 PRIORS = ("uniform", "rays")
 FORMS = ("sequential", "soft")
@@ -69,8 +72,7 @@ class DataRegion:
             raise ValueError(f"prior must be one of {', '.join(PRIORS)}, got {self.prior!r}")
         if isinstance(self.form, str) and self.form not in FORMS:
             raise ValueError(f"form must be one of {', '.join(FORMS)} or a RegionUpdate, got {self.form!r}")
-        if self.passes < 1:
-            raise ValueError(f"passes must be at least 1, got {self.passes}")
+        check_numbers(self, positive=("passes", "sigma_range", "sigma_azimuth", "sigma_rate"))
         chain(len(self.models), self.numbers.stay, 1.0)
 
     @cached_property
@@ -92,10 +94,9 @@ class DataRegion:
         P = np.repeat(P[..., None, :, :], K, -3)
         return DataRegionState(np.full(m.shape[:-1], 1 / K), m, P)
 
+    @guarded_predict
     def predict(self, state: DataRegionState, dt: float) -> DataRegionState:
         """Time update over dt [s] >= 0: mixing, then the prediction of each model; with dt = 0 nothing changes."""
-        if not dt >= 0:
-            raise ValueError(f"dt must be >= 0 s, got {dt}; scans come in the order of time")
         if dt == 0:
             return state
         m, P, mu = self._mix(state, dt)
@@ -109,9 +110,9 @@ class DataRegion:
             P[..., stiff, :, :] = swung(m[..., stiff, :], P[..., stiff, :, :], variance)  # (DRA.33)
         return DataRegionState(mu, m, P)
 
+    @guarded_update
     def update(self, state: DataRegionState, scan: Scan) -> tuple[DataRegionState, DataRegionInfo]:
         """Measurement update; without a detection the state is returned as it came."""
-        check_scan(scan)
         lead, K = state.mu.shape[:-1], len(self.models)
         n = scan.mask.sum(-1)
         rows = DataRegionState(state.mu.reshape(-1, K), state.m.reshape(-1, K, N), state.P.reshape(-1, K, N, N))
@@ -233,7 +234,7 @@ def root(m: NDArray, P: NDArray) -> NDArray:
         T[..., i, i] = T[..., j, j] = along[..., 0]
         T[..., j, i], T[..., i, j] = along[..., 1], -along[..., 1]
     T = T[..., ORDER]
-    return T @ np.linalg.cholesky(T.mT @ P @ T + ROUNDING)  # (DRA.14)
+    return T @ linalg.root(T.mT @ P @ T + ROUNDING)  # (DRA.14)
 
 
 def most_likely(mu: NDArray, m: NDArray) -> NDArray:

@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
+from trackers.parameters import check_numbers
+
 MODELS = ("cv", "ca", "ct")
 
 
@@ -17,6 +19,9 @@ class ProcessNoise:
     accel: float  # [(m/s^2)^2]
     yaw_rate: float  # [(rad/s)^2]
     vertex: float  # [m^2] of each coordinate
+
+    def __post_init__(self) -> None:
+        check_numbers(self)
 
 
 @dataclass(frozen=True)
@@ -42,6 +47,12 @@ class Parameters:
     far: float = 0.1  # of the hidden ones; the interior has the rest
     accel_prior_std: float = 0.5  # [m/s^2] of a new object
     shear_prior_std: float = 0.05  # [m] of each coordinate of the vertices of a new object, beside size and heading
+
+    def __post_init__(self) -> None:
+        soft = ("rectangle_std", "heading_std")  # constraints, none where infinite
+        check_numbers(self, positive=("step", "independence", *soft), unlimited=soft)
+        if self.near + self.far > 1:
+            raise ValueError(f"near and far must be shares of at most 1 together, got {self.near} and {self.far}")
 
 
 # A single model has to cover braking and turning. Its yaw rate is drawn anew in every step and explains range rates

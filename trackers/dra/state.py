@@ -12,6 +12,7 @@ from trackers.estimate import Estimate
 from trackers.geometry import dot, perpendicular, unit
 from trackers.imm import moments
 from trackers.linalg import quadratic, symmetrize
+from trackers.protocols import Note
 
 #          left
 #   p4 ------------- p1
@@ -45,6 +46,7 @@ class DataRegionInfo(NamedTuple):
     S: NDArray  # (..., 2, 2) [m^2] its covariance
     mode: NDArray  # (..., K) probabilities of the motion models
     log_likelihood: NDArray  # (...) of all detections, 0 without any
+    notes: tuple[Note, ...] = ()
 
     @property
     def nis(self) -> NDArray:

@@ -5,7 +5,6 @@ The aspect angle (HTG.12) is 0 when the sensor sees the rear and +-pi when it se
 Equations: docs/methods/hierarchical-truncated-gaussians.md.
 """
 
-import json
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
@@ -16,11 +15,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from trackers.geometry import unit, wrap_angle
 from trackers.htg.density import HTG, log_mass
+from trackers.json_file import read_json
 
 FORMAT = "htg-table-1"
 SHIPPED = Path(__file__).parent / "tables"
 TYPICAL = (4.6, 1.86)  # [m] length and width of a car
 TRUCK_ABOVE = 6.5  # [m] no car is longer, and hardly a truck shorter
+HUGE = 1e6  # that no number of a table reaches, an open side apart
 PAPER_FRAME = (("anchor", 0.0), ("scale", 1.0), ("shift", 0.0))
 PARAMETERS = ("rho", "a1", "a2", "b1", "b2", "theta", "r1", "r2")
 
@@ -199,7 +200,7 @@ def as_json(table: HTGTable, provenance: dict[str, Any] | None = None) -> dict[s
 
 @lru_cache(maxsize=64)
 def load(name_or_path: str) -> HTGTable:
-    """A shipped table by name, or one of your own by the path of its JSON file; see `save` for the keys.
+    """A shipped table by name, or one of your own by the path of its JSON file; see `as_json` for the keys.
 
     Raises:
         LookupError: neither a shipped table nor a file.
@@ -212,7 +213,7 @@ def load(name_or_path: str) -> HTGTable:
     if not path.is_file():
         known = ", ".join(sorted(file.stem for file in SHIPPED.glob("*.json"))) or "none"
         raise LookupError(f"no table {name_or_path!r}; shipped: {known}; or give the path of a .json file")
-    return parse(json.loads(path.read_text()), path.stem)
+    return parse(read_json(path), path.stem)
 
 
 def resolve(table: str | HTGTable) -> HTGTable:
@@ -234,31 +235,41 @@ def parse(content: dict[str, Any], name: str) -> HTGTable:
     missing = {*PARAMETERS, "centred", "mean", "cov"} - set(content)
     if missing:
         raise ValueError(f"{name} lacks {', '.join(sorted(missing))}; make it again with `testbed learn-htg`")
-    column = {k: np.array([np.inf if x is None else x for x in content[k]], float) for k in PARAMETERS}
+    column = {k: _numbers(name, k, content[k]) for k in PARAMETERS}
+    mean, cov = _numbers(name, "mean", content["mean"]), _numbers(name, "cov", content["cov"])
+    B = len(column["rho"]) if column["rho"].ndim else 0
+    if any(c.shape != (B,) for c in column.values()) or mean.shape != (B, 2) or cov.shape != (B, 2, 2) or B == 0:
+        found = ", ".join(f"{k} {a.shape}" for k, a in {**column, "mean": mean, "cov": cov}.items())
+        raise ValueError(f"{name} has {B} bins, but {found}; expected ({B},) each, mean ({B}, 2) and cov ({B}, 2, 2)")
     p = HTG(
         rho=column["rho"],
         bounds=np.stack([column[k] for k in ("a1", "a2", "b1", "b2")], -1),
         theta=column["theta"],
         r=np.stack([column["r1"], column["r2"]], -1),
     )
-    mean, cov = np.asarray(content["mean"], float), np.asarray(content["cov"], float)
-    B = len(p.rho)
-    if mean.shape != (B, 2) or cov.shape != (B, 2, 2):
-        raise ValueError(
-            f"{name} has {B} bins, but mean {mean.shape} and cov {cov.shape}; expected ({B}, 2), ({B}, 2, 2)"
-        )
-    if not ((p.rho > 0).all() and (p.r > 0).all() and (p.bounds >= 0).all() and np.isfinite(p.bounds).any(-1).all()):
+    if not all((np.abs(leaf) < HUGE).all() for leaf in (p.rho, p.theta, p.r, mean, cov)):
+        raise ValueError(f"{name} needs finite numbers below {HUGE:g}, open sides apart")
+    if not ((p.rho > 0).all() and (p.r > 0).all() and (p.bounds >= 0).all() and (p.bounds < HUGE).any(-1).all()):
         raise ValueError(f"{name} needs rho > 0, r > 0, bounds >= 0 and a finite bound in every bin")
-    frame = {k: np.asarray(content.get(k, [[default] * 2]), float) for k, default in PAPER_FRAME}
+    frame = {k: _numbers(name, k, content.get(k, [[default] * 2])) for k, default in PAPER_FRAME}
     for key, leaf in frame.items():
-        if leaf.shape not in ((1, 2), (B, 2)) or not np.isfinite(leaf).all():
+        if leaf.shape not in ((1, 2), (B, 2)) or not (np.abs(leaf) < HUGE).all():
             raise ValueError(f"{name} needs {key} as ({B}, 2) finite numbers, got {leaf.tolist()}")
     if np.abs(frame["anchor"]).max() > 1 or frame["scale"].min() <= 0:
         raise ValueError(
             f"{name} needs anchors within -1 and 1 and scales > 0, got {frame['anchor']} and {frame['scale']}"
         )
-    size = tuple(float(x) for x in content.get("size", TYPICAL))
-    if len(size) != 2 or not min(size) > 0:
-        raise ValueError(f"{name} needs size as two positive lengths, got {size}")
+    size = _numbers(name, "size", content.get("size", TYPICAL))
+    if size.shape != (2,) or not ((size > 0) & (size < HUGE)).all():
+        raise ValueError(f"{name} needs size as two positive lengths, got {size.tolist()}")
     anchor, scale, shift = (frame[k] for k, _ in PAPER_FRAME)
-    return HTGTable(p, mean, cov, bool(content["centred"]), name, anchor, size, scale, shift)
+    return HTGTable(p, mean, cov, bool(content["centred"]), name, anchor, tuple(size.tolist()), scale, shift)
+
+
+def _numbers(name: str, key: str, value: Any) -> NDArray:
+    """An array of numbers from JSON, in which null is infinite; ValueError where it is none."""
+    try:
+        found = np.array(value, float)  # null becomes NaN
+    except (ValueError, TypeError, OverflowError):
+        raise ValueError(f"{name} needs {key} as numbers, in rows of equal lengths") from None
+    return np.where(np.isnan(found), np.inf, found)

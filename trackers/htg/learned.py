@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.admission import guarded_update
 from trackers.batch import select
 from trackers.estimate import Estimate
 from trackers.htg.bins import HTGTable, resolve
@@ -18,9 +19,10 @@ from trackers.htg.pseudo import Hole, body_axes, correct, fill, length, mean_ext
 from trackers.htg.spatial import log_spatial
 from trackers.linalg import sqrtm
 from trackers.motion import PHI
+from trackers.parameters import check_numbers
 from trackers.protocols import Extent, Gaussian, UpdateInfo
 from trackers.random_matrix.feldmann import RandomMatrix, RMState
-from trackers.scan import Scan, check_scan
+from trackers.scan import Scan
 
 LEAST_SHARE = 1e-3  # of the Gaussian outside the hole: N = n / c_D must stay finite
 
@@ -34,6 +36,9 @@ class HTGLearned:
     sigma: float = 0.0  # [m] noise beside the table's of detections whose scan does not state it
     iterations: int = 5
     n_count: bool = False  # information of the n detections alone, (HTG.20); else of all N as in the paper
+
+    def __post_init__(self) -> None:
+        check_numbers(self, positive=("iterations",))
 
     def model(self) -> HTGTable:
         """The table; raises ValueError for one that is not in the unit coordinates of the paper, (HTG.1)."""
@@ -52,9 +57,9 @@ class HTGLearned:
         """Time update over dt [s] >= 0, coordinated turn."""
         return self.rm.predict(state, dt)
 
+    @guarded_update
     def update(self, state: RMState, scan: Scan) -> tuple[RMState, UpdateInfo]:
         """Measurement update; without a detection the state is returned as it came."""
-        check_scan(scan)
         s = sample_of(scan, self.sigma)
         some = s._replace(n=np.maximum(s.n, 1))  # rows without a detection must stay regular
         table, X_hat = self.model(), mean_extent(state)

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.admission import guarded_predict, guarded_update
 from trackers.estimate import Estimate, check_estimate
 from trackers.geometry import rotation, unit, wrap_angle
 from trackers.htg.bins import HTGTable, metric_ends, resolve
@@ -21,8 +22,11 @@ from trackers.htg.objective import LOG_L, LOG_W, OMEGA, PHI, SPEED, Objective, P
 from trackers.htg.spatial import log_spatial
 from trackers.linalg import symmetrize
 from trackers.motion import cartesian_covariance, coordinated_turn, polar_moments, turn_noise
+from trackers.parameters import check_numbers
 from trackers.protocols import Gaussian, UpdateInfo
-from trackers.scan import Scan, check_scan
+from trackers.scan import Scan
+
+LOG_SIZES = np.log((0.01, 1e3))  # [m] detections of something else, scan after scan, draw the sizes no further
 
 
 class MotionSizeState(NamedTuple):
@@ -53,6 +57,10 @@ class HTGMap:
     contest: int = 2  # rounds after which the better start goes on alone
     size_step: float = 0.2  # largest change of a log size in a step
 
+    def __post_init__(self) -> None:
+        positive = ("alpha", "rate_std", "rate_clip", "rounds", "contest", "size_step")
+        check_numbers(self, positive, unlimited=("rate_clip",))
+
     def model(self) -> HTGTable:
         """The table, with its near ends as anchors unless it has anchors of its own."""
         table = resolve(self.table)
@@ -71,10 +79,9 @@ class HTGMap:
         P[..., LOG_L, LOG_L], P[..., LOG_W, LOG_W] = variance[..., 0], variance[..., 1]
         return MotionSizeState(m, P)
 
+    @guarded_predict
     def predict(self, state: MotionSizeState, dt: float) -> MotionSizeState:
         """Time update over dt [s] >= 0: coordinated turn, sizes a random walk."""
-        if not dt >= 0:
-            raise ValueError(f"dt must be >= 0 s, got {dt}; scans come in the order of time")
         m, P = state
         m5, G5 = coordinated_turn(m[..., :LOG_L], dt)  # (RM.9a)
         G = np.zeros(P.shape)
@@ -86,9 +93,9 @@ class HTGMap:
         P[..., LOG_W, LOG_W] += self.size_walk**2 * dt  # (HTG.29)
         return MotionSizeState(np.concatenate([m5, m[..., LOG_L:]], -1), symmetrize(P))
 
+    @guarded_update
     def update(self, state: MotionSizeState, scan: Scan) -> tuple[MotionSizeState, UpdateInfo]:
         """Measurement update; without a detection the state is returned as it came."""
-        check_scan(scan)
         n = scan.mask.sum(-1)
         eps, S = np.zeros((*n.shape, 2)), np.zeros((*n.shape, 2, 2)) + np.eye(2)
         if not n.any():
@@ -113,6 +120,7 @@ class HTGMap:
         eps, S, K = centroid(table, objective, P)
         starts = np.stack([m, m + (K @ eps[..., None])[..., 0]]) if self.two_starts else m[None]  # (HTG.37)
         xi = self._maximise(objective, gain, starts)
+        np.clip(xi[:, LOG_L:], *LOG_SIZES, out=xi[:, LOG_L:])
         cov = np.linalg.inv(precision + self.alpha * J_place + self.rate_alpha * J_rate)  # (HTG.38)
         return xi, symmetrize(cov), eps, S
 

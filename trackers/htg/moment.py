@@ -11,6 +11,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.admission import guarded_update
 from trackers.batch import select
 from trackers.estimate import Estimate
 from trackers.htg.bins import HTGTable, resolve
@@ -18,9 +19,10 @@ from trackers.htg.pseudo import body_axes, inverse_axes, length, mean_extent, sa
 from trackers.htg.spatial import log_spatial
 from trackers.linalg import inverse, inverse_sqrtm, outer, sqrtm, symmetrize
 from trackers.motion import PHI
+from trackers.parameters import check_numbers
 from trackers.protocols import Extent, Gaussian, UpdateInfo
 from trackers.random_matrix.feldmann import RandomMatrix, RMState
-from trackers.scan import Scan, check_scan
+from trackers.scan import Scan
 
 
 @dataclass(frozen=True)
@@ -31,6 +33,9 @@ class HTGMoment:
     rm: RandomMatrix = field(default_factory=RandomMatrix)  # motion, forgetting, range rates
     sigma: float = 0.2  # [m] noise, in the association, of detections whose scan does not state it
     iterations: int = 2
+
+    def __post_init__(self) -> None:
+        check_numbers(self, positive=("iterations",))
 
     def model(self) -> HTGTable:
         """The table."""
@@ -44,9 +49,9 @@ class HTGMoment:
         """Time update over dt [s] >= 0, coordinated turn."""
         return self.rm.predict(state, dt)
 
+    @guarded_update
     def update(self, state: RMState, scan: Scan) -> tuple[RMState, UpdateInfo]:
         """Measurement update; without a detection the state is returned as it came."""
-        check_scan(scan)
         table, s = self.model(), sample_of(scan, self.sigma)
         m, P, nu, V = state
         count = np.maximum(s.n, 1)[..., None, None]

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.admission import guarded_update
 from trackers.batch import put, select, take
 from trackers.estimate import Estimate
 from trackers.htg.density import HTG, log_density, truncated
@@ -30,9 +31,10 @@ from trackers.htg.pseudo import (
 from trackers.htg.sides import BoundProblem, fit
 from trackers.linalg import I2, sqrtm
 from trackers.motion import PHI
+from trackers.parameters import check_numbers
 from trackers.protocols import Extent, Gaussian, UpdateInfo
 from trackers.random_matrix.feldmann import RandomMatrix, RMState
-from trackers.scan import Scan, check_scan
+from trackers.scan import Scan
 
 AXIS = np.array([0, 1, 0, 1])  # of the sides a1, a2, b1, b2: rear, right, front, left
 SIGN = np.array([-1.0, -1.0, 1.0, 1.0])
@@ -66,6 +68,9 @@ class HTGOnline:
     start: float = 0.7  # bounds of a new object
     least_weight: float = 0.3  # a side with fewer detections keeps its bound
 
+    def __post_init__(self) -> None:
+        check_numbers(self, positive=("iterations", "rounds", "cap"))
+
     def init(self, estimate: Estimate) -> OnlineState:
         """State from a prior; raises ValueError for a prior that is not finite, positive, definite."""
         rm = self.rm.init(estimate)
@@ -75,9 +80,9 @@ class HTGOnline:
         """Time update over dt [s] >= 0, coordinated turn."""
         return state._replace(rm=self.rm.predict(state.rm, dt))
 
+    @guarded_update
     def update(self, state: OnlineState, scan: Scan) -> tuple[OnlineState, UpdateInfo]:
         """Measurement update; without a detection the state is returned as it came."""
-        check_scan(scan)
         every = sample_of(scan, self.rm.sigma)
         some = every.n > 0
         s, (old, bounds) = take(every, some), take(state, some)

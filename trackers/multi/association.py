@@ -16,6 +16,7 @@ from trackers.estimate import Estimate
 from trackers.geometry import cross, dot, rotation, to_frame, unit
 from trackers.multi.road import RoadMap
 from trackers.multi.visibility import SensorArray
+from trackers.parameters import check_numbers
 from trackers.protocols import SpatialModel
 from trackers.range_rate import over_ground
 from trackers.scan import Scan
@@ -58,6 +59,9 @@ class Association:
     static_rate: float = 0.4  # [m/s] least threshold below which a detection counts as static
     static_density: tuple[float, float] = (0.02, 0.002)  # [1/(m^2 m/s)] of returns of what stands: anywhere, in lanes
     static_inside: float = 0.5  # [m] least depth inside a lane for that
+
+    def __post_init__(self) -> None:
+        check_numbers(self, positive=("position_gate", "rate_gate", "rate_std"))
 
     def prepare(self, scan: Scan, sensors: SensorArray, road: RoadMap | None = None) -> tuple[SortedScan, NDArray]:
         """The M detections under the mask, sorted, and their indices (M,) in the scan; road is the map of the lanes.

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from trackers.batch import take
 from trackers.estimate import Estimate
 from trackers.geometry import UNIT_BOX, to_frame, to_world, unit
+from trackers.parameters import check_numbers
 
 GRID = np.stack(np.meshgrid(np.linspace(-0.4, 0.4, 5), np.linspace(-1 / 3, 1 / 3, 3), indexing="ij"), -1).reshape(-1, 2)
 
@@ -36,6 +37,9 @@ class Exclusion:
     speed: float = 1.5  # [m/s] difference
     gap: tuple[float, float, float] = (7.5, 0.8, 0.0125)  # bumper gap below min(a, b + c v^2) [m]: one vehicle
     longest: float = 20.5  # [m] of a union
+
+    def __post_init__(self) -> None:
+        check_numbers(self)
 
     def apply(self, estimate: Estimate, score: NDArray) -> ExclusionResult:
         """Go through T tracks from the best score (T,) down; each drops, or unites with, the worse ones it excludes."""

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.parameters import check_numbers
+
 
 @dataclass(frozen=True)
 class Existence:
@@ -22,6 +24,13 @@ class Existence:
     missing: float = 0.3  # taken off the log ratio for each expected detection
     bounds: tuple[float, float] = (-1.0, 8.0)  # of the log ratio of a scan with detections
     most: float = 0.9999  # greatest existence probability
+
+    def __post_init__(self) -> None:
+        check_numbers(
+            self,
+            positive=("life_visible", "life_hidden", "life_outside", "dispersion", "miss_floor"),
+            signed=("bounds",),
+        )
 
     def survive(self, q: NDArray, visible: NDArray, in_view: NDArray, dt: float) -> NDArray:
         """Existence (T,) after dt [s]; visible, in_view (T,) bool."""

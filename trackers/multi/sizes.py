@@ -3,7 +3,7 @@
 Equations: docs/methods/multi-object-tracking.md, sections 2, 7 and 8.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from trackers.estimate import Estimate
 from trackers.geometry import unit
 from trackers.linalg import outer
+from trackers.parameters import check_numbers
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,9 @@ class SizePrior:
     tau: float = 3.0  # [s]
     least: tuple[float, float] = (2.0, 0.8)  # [m] smallest length and width, of a motorcycle
     most: tuple[float, float] = (20.0, 2.9)  # [m] greatest length and width
+
+    def __post_init__(self) -> None:
+        check_numbers(self, positive=[field.name for field in fields(self)])
 
     def of(self, size: NDArray) -> tuple[NDArray, NDArray]:
         """Mean size [m] of the class, and std of its logarithms, (..., 2) each, of objects with size (..., 2) [m]."""

@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.admission import Admitted, admit, check_step
 from trackers.batch import select, take
 from trackers.estimate import Estimate, prior
 from trackers.linalg import largest_eigenvalue
@@ -22,10 +23,11 @@ from trackers.multi.reidentification import Gone, Reidentification
 from trackers.multi.road import RoadMap
 from trackers.multi.silence import Silence, without
 from trackers.multi.sizes import SizePrior, stretch
-from trackers.multi.tracks import REPORT_ABOVE, Event, StepInfo, Tracks
+from trackers.multi.tracks import NO_TRACK, REPORT_ABOVE, Event, StepInfo, Tracks
 from trackers.multi.visibility import SensorArray, Visibility, predict_visibility
+from trackers.parameters import check_numbers
 from trackers.protocols import Attentive, Classifying, Filter, Note, Reaching, Resizable, Restartable, SpatialModel
-from trackers.scan import Scan, SensorModel, check_scan
+from trackers.scan import Scan, SensorModel
 from trackers.shared_motion import SharedMotion
 from trackers.size.ends import Ends
 
@@ -59,6 +61,7 @@ class MultiObjectTracker:
     motion: bool = False  # velocity and heading are those of `trackers.shared_motion`
 
     def __post_init__(self) -> None:
+        check_numbers(self, positive=("most_detections", "growth_std"), unlimited=("prune_position_std",))
         if not self.sensors:
             raise ValueError("sensors must name at least one SensorModel; take them from Radar.models")
         least = self.initiation.least_existence
@@ -125,10 +128,11 @@ class MultiObjectTracker:
         """Tracks after one scan (M,) of all sensors, dt [s] after the scan before, and what was decided.
 
         Raises:
-            ValueError: a scan of wrong shape, not finite, or of sensors that the tracker does not have; dt < 0.
+            ValueError: a scan of wrong shape, not finite, or of sensors that the tracker does not have; a time step
+                that is not finite, negative or longer than a minute. The error names the field.
 
         """
-        self._check(scan, dt)
+        scan, implausible = self._admit(scan, dt)
         z, order = self.association.prepare(scan, self.sensor_array, self.road)
         tracks = self._predict(tracks, dt)
         view, out = self._view(tracks, scan)
@@ -147,32 +151,29 @@ class MultiObjectTracker:
         updated, born = self._initiate(updated, z, leftovers.candidate, dt)
         updated, merged = self._exclude(updated)
         fresh = (updated.existence > REPORT_ABOVE) & ~updated.confirmed
-        events = [*info.events, *died, *born, *merged]
+        events = [*events_of_scan(int(implausible)), *info.events, *died, *born, *merged]
         events += [
             Event("confirmed", int(i), f"existence {q:.2f}")
             for i, q in zip(updated.id[fresh], updated.existence[fresh])
         ]
         tracks_new = updated._replace(confirmed=updated.confirmed | fresh)
-        return tracks_new, info._replace(owner=owner, events=tuple(events))
+        return tracks_new, info._replace(owner=owner, events=tuple(events), implausible=int(implausible))
 
-    def _check(self, scan: Scan, dt: float) -> None:
-        check_scan(scan)
-        if scan.mask.ndim != 1:
-            raise ValueError(f"scan.mask must be (M,) for many objects, got {scan.mask.shape}; step one run at a time")
-        if scan.platform.shape != (6,):
-            raise ValueError(f"scan.platform must be (6,), got {scan.platform.shape}")
+    def _admit(self, scan: Scan, dt: float) -> Admitted:
+        """The scan without implausible detections; raises ValueError for one, or a time step, of no use."""
+        check_step(dt)
+        admitted = admit(scan, ())
         S = len(self.sensors)
-        if scan.delivered is not None and (scan.delivered.shape != (S,) or scan.delivered.dtype != bool):
+        if scan.delivered is not None and scan.delivered.shape != (S,):
             raise ValueError(
                 f"scan.delivered must be bool ({S},), one for each sensor of the tracker, got {scan.delivered!r}"
             )
-        if not (np.isfinite(dt) and dt >= 0):
-            raise ValueError(f"dt must be finite and >= 0 s, got {dt}; scans come in the order of time")
         if scan.sensor.size and not (scan.sensor.min() >= 0 and scan.sensor.max() < len(self.sensors)):
             raise ValueError(
                 f"scan.sensor must index the tracker's {len(self.sensors)} sensors, got up to {scan.sensor.max()}; "
                 "build the tracker with the models of the radar that made the scan"
             )
+        return admitted
 
     def _predict(self, tracks: Tracks, dt: float) -> Tracks:
         state = self.layered.predict(tracks.state, dt)
@@ -265,7 +266,7 @@ class MultiObjectTracker:
         events = []
         if births.crowd:
             reason = f"{births.crowd} unexplained detections; births need three of one scan"
-            events.append(Event("crowded", -1, reason))
+            events.append(Event("crowded", NO_TRACK, reason))
         if not len(births.existence):
             return tracks, events
         tracks, born = self._bear(tracks, z, births)
@@ -286,7 +287,7 @@ class MultiObjectTracker:
             id = np.where(returned, old.id, tracks.next_id + np.cumsum(~returned) - 1)
             memory = memory._replace(gone=take(gone, ~np.isin(gone.id, id)))
         index = shares(births.owner, B, self.most_detections)
-        state, _ = self.layered.update(state, gather(z, index))
+        state, info = self.layered.update(state, gather(z, index))
         born = Tracks(
             id=id,
             existence=births.existence,
@@ -304,6 +305,7 @@ class MultiObjectTracker:
             else Event("born", int(i), f"{n} detections that no track explains")
             for i, n, back in zip(id, births.detections, returned, strict=True)
         ]
+        events += [event for note in getattr(info, "notes", ()) for event in events_of(note, id)]
         return tracks.and_born(born), events
 
     def _exclude(self, tracks: Tracks) -> tuple[Tracks, list[Event]]:
@@ -334,6 +336,13 @@ class MultiObjectTracker:
         died = Gone(lost.id, lost.hits, np.zeros(len(lost.id)), lost.estimate, lost.state)
         memory = tracks.memory._replace(gone=self.reidentification.remember(tracks.memory.gone, died))
         return tracks.rows(~(unsure | vague))._replace(memory=memory), events
+
+
+def events_of_scan(implausible: int) -> list[Event]:
+    """The event about the detections of a scan that were masked."""
+    if not implausible:
+        return []
+    return [Event("implausible", NO_TRACK, f"{implausible} detections beyond what radars measure left out")]
 
 
 def events_of(note: Note, ids: NDArray) -> list[Event]:

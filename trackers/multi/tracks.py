@@ -12,14 +12,15 @@ from trackers.estimate import Estimate
 from trackers.multi.reidentification import Gone
 from trackers.multi.window import EMPTY, Loose
 
+NO_TRACK = -1  # id in an event about a scan
 REPORT_ABOVE = 0.5  # existence probability above which a track is output, (MOT.48)
 
 
 class Event(NamedTuple):
-    """One decision about one track."""
+    """One decision about one track, or about a scan."""
 
-    kind: str  # born, confirmed, merged, died, returned, crowded, or the kind of a filter's `Note`
-    track: int  # id; -1 for an event of the whole scan
+    kind: str  # born, confirmed, merged, died, returned, or that of a `Note`; of a scan: implausible, crowded
+    track: int  # id; NO_TRACK of a scan
     reason: str  # one readable clause
     contours: NDArray | None = None  # (2, C, 2) [m] outlines on the body's axes, before and after a change
 
@@ -77,3 +78,4 @@ class StepInfo(NamedTuple):
     nis: NDArray  # (T,) normalised innovation squared of the centroid, NaN without detection
     events: tuple[Event, ...]
     mode: NDArray | None = None  # (T, K) probabilities of the motion models, where the filter mixes some
+    implausible: int = 0  # detections of the scan beyond what radars measure, masked before anything else

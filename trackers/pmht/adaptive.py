@@ -18,10 +18,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.admission import guarded_predict, guarded_update
 from trackers.batch import put, select, take
 from trackers.estimate import Estimate, check_estimate
 from trackers.geometry import rotation, to_frame, to_world
 from trackers.motion import PHI
+from trackers.parameters import check_numbers
 from trackers.pmht import pool as pools
 from trackers.pmht import window as windows
 from trackers.pmht.adaptation import moved
@@ -54,16 +56,7 @@ class AdaptiveSpline:
     out_of_class: float = 3.0  # standard deviations of log length beyond which a restart forgets the class
 
     def __post_init__(self) -> None:
-        if min(self.window, self.kept, self.at_once, self.bins, self.room) < 1:
-            raise ValueError(
-                "window, kept, at_once, bins and room must be at least 1, got "
-                f"{self.window}, {self.kept}, {self.at_once}, {self.bins}, {self.room}"
-            )
-        limits = (self.span, self.least, self.hysteresis, self.out_of_class)
-        if not min(limits) >= 0:
-            raise ValueError(
-                f"span, least, hysteresis and out_of_class must be at least 0, got {', '.join(map(str, limits))}"
-            )
+        check_numbers(self, positive=("window", "kept", "at_once", "bins", "room"))
 
     @property
     def spline(self) -> SplinePmht:
@@ -119,10 +112,9 @@ class AdaptiveSpline:
             complete=np.ones(lead, bool),
         )
 
+    @guarded_predict
     def predict(self, state: AdaptiveState, dt: float) -> AdaptiveState:
         """Time update over dt [s] >= 0; the contour stays."""
-        if not dt >= 0:
-            raise ValueError(f"dt must be >= 0 s, got {dt}; scans come in the order of time")
         if dt == 0:
             return state
         moved = predicted(state.m, state.P, self.spline.walk, dt)
@@ -130,6 +122,7 @@ class AdaptiveSpline:
         window = state.window._replace(time=state.window.time + dt)
         return state._replace(m=moved.mean, P=moved.cov, cross=cross, window=window)
 
+    @guarded_update
     def update(self, state: AdaptiveState, scan: Scan) -> tuple[AdaptiveState, SplineInfo]:
         """Measurement update, then at most `at_once` objects learn; without a detection the state is as it came."""
         gaussian, info = self.located(state, scan)

@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.parameters import check_numbers
 from trackers.pmht.association import RelativeDetections, log_density, responsibilities, synthesise
 from trackers.pmht.ellipses import BOX_COLUMN
 from trackers.pmht.filter import typical_visibility
@@ -56,18 +57,12 @@ class Catalogue:
     grazing: float = 0.5  # (PMHT.21)
 
     def __post_init__(self) -> None:
-        if len(self.shares) != len(self.names) or min(self.shares) <= 0:
-            raise ValueError(
-                f"shares must be one positive number for each of {len(self.names)} names, got {self.shares}"
-            )
-        positive = (self.counts, self.length_std, self.width_std, self.place_std, self.outliers, self.iterations)
-        if not (0 <= self.unseen <= 1 and 0 <= self.grazing <= 1):
-            raise ValueError(f"unseen and grazing must be within 0 and 1, got {self.unseen} and {self.grazing}")
-        if not (min(positive) > 0 and self.blur >= 0):
-            raise ValueError(
-                "counts, length_std, width_std, place_std, outliers and iterations must be positive and blur at least "
-                f"0, got {', '.join(map(str, positive))} and {self.blur}"
-            )
+        if len(self.shares) != len(self.names):
+            raise ValueError(f"shares must be one number for each of {len(self.names)} names, got {self.shares}")
+        positive = ("shares", "counts", "length_std", "width_std", "place_std", "outliers", "iterations")
+        check_numbers(self, positive)
+        if max(self.unseen, self.grazing) > 1:
+            raise ValueError(f"unseen and grazing must be at most 1, got {self.unseen} and {self.grazing}")
 
     @cached_property
     def models(self) -> tuple[SplineModel, ...]:

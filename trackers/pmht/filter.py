@@ -10,11 +10,13 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.admission import guarded_predict, guarded_update
 from trackers.batch import select
 from trackers.estimate import Estimate, check_estimate
 from trackers.geometry import rotation
 from trackers.linalg import outer
 from trackers.motion import PHI
+from trackers.parameters import check_numbers
 from trackers.pmht import joint
 from trackers.pmht.association import RelativeDetections, log_density, responsibilities, synthesise
 from trackers.pmht.ellipses import UnitEllipses, interior_density, place, unit_ellipses
@@ -28,7 +30,7 @@ from trackers.pmht.symmetric import columns, polar_noise
 from trackers.pmht.visibility import directions, visibility_table, weights
 from trackers.protocols import Gaussian
 from trackers.range_rate import RangeRates
-from trackers.scan import Scan, check_scan
+from trackers.scan import Scan
 
 VISIBILITIES = ("rays", "none")
 FORMS = ("joint",)
@@ -62,12 +64,11 @@ class SplinePmht:
             raise ValueError(f"visibility must be one of {', '.join(VISIBILITIES)}, got {self.visibility!r}")
         if isinstance(self.form, str) and self.form not in FORMS:
             raise ValueError(f"form must be {', '.join(FORMS)} or an EllipseUpdate, got {self.form!r}")
-        if self.iterations < 1:
-            raise ValueError(f"iterations must be at least 1, got {self.iterations}")
-        if not (self.eps >= 0 and self.inflation > 1 and 0 <= self.lost_below <= 1 and 0 <= self.unseen <= 1):
+        check_numbers(self, positive=("iterations", "sigma", "widened"))
+        if not (self.inflation > 1 and self.lost_below <= 1 and self.unseen <= 1):
             raise ValueError(
-                f"eps must be >= 0, inflation > 1, lost_below and unseen within 0 and 1, got {self.eps}, "
-                f"{self.inflation}, {self.lost_below}, {self.unseen}"
+                f"inflation must be > 1, lost_below and unseen at most 1, got {self.inflation}, {self.lost_below}, "
+                f"{self.unseen}"
             )
 
     @property
@@ -114,16 +115,15 @@ class SplinePmht:
         m, P = moments_of(estimate)
         return SplineState(m, P, *self._contours(m[..., LENGTH]))
 
+    @guarded_predict
     def predict(self, state: SplineState, dt: float) -> SplineState:
         """Time update over dt [s] >= 0: coordinated turn; the contour stays."""
-        if not dt >= 0:
-            raise ValueError(f"dt must be >= 0 s, got {dt}; scans come in the order of time")
         moved = predicted(state.m, state.P, self.walk, dt)
         return state._replace(m=moved.mean, P=moved.cov)
 
+    @guarded_update
     def update(self, state: SplineState, scan: Scan) -> tuple[SplineState, SplineInfo]:
         """Measurement update; without a detection the state is returned as it came."""
-        check_scan(scan)
         n = scan.mask.sum(-1)
         if not n.any():
             return state, nothing(n)

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from trackers.batch import select
 from trackers.geometry import rotation
 from trackers.motion import PHI
+from trackers.parameters import check_numbers
 from trackers.pmht import pool as pools
 from trackers.pmht import window as windows
 from trackers.pmht.adaptation import partial_shift, shifted
@@ -52,10 +53,10 @@ class Learner:
     sure: float = 0.9  # probability of a class above which the object takes its contour
 
     def __post_init__(self) -> None:
-        if not (min(self.enough, self.turns - 1, self.seen_from, self.compared) >= 1 and 0.5 < self.sure <= 1):
+        check_numbers(self, positive=("enough", "seen_from", "compared"))
+        if self.turns < 2 or not 0.5 < self.sure <= 1:
             raise ValueError(
-                "enough, turns - 1, seen_from and compared must be at least 1 and sure above .5 and up to 1, got "
-                f"{self.enough}, {self.turns - 1}, {self.seen_from}, {self.compared}, {self.sure}"
+                f"turns must be at least 2 and sure above .5 and up to 1, got {self.turns} and {self.sure}"
             )
 
     @cached_property

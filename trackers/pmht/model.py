@@ -4,7 +4,6 @@ Equations: docs/methods/spline-pmht.md. In the unit frame, in which a vehicle is
 to the left.
 """
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -15,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.geometry import dot
+from trackers.json_file import read_json
 from trackers.pmht.spline import basis, chain
 
 FORMAT = "spline-model-1"
@@ -41,7 +41,7 @@ class SplineModel:
             raise ValueError(f"{self.name}: points must be finite and spread positive definite; learn the model again")
         if not 0 <= self.interior < 1:
             raise ValueError(f"{self.name}: interior must be a share of at least 0 and below 1, got {self.interior}")
-        if not min(self.size) > 0:
+        if not all(0 < s < np.inf for s in self.size):
             raise ValueError(f"{self.name}: size must be positive, got {self.size}; it is length and width in metres")
 
     @classmethod
@@ -109,7 +109,7 @@ def as_json(model: SplineModel, provenance: Mapping[str, Any] | None = None) -> 
 def load(path: Path) -> SplineModel:
     """The model in a JSON file; raises ValueError for a file that holds none."""
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = read_json(path)
         if data["format"] != FORMAT:
             raise ValueError(f"its format is {data['format']!r}, not {FORMAT!r}")
         points = tuple((float(x), float(y)) for x, y in data["points"])
@@ -117,7 +117,7 @@ def load(path: Path) -> SplineModel:
         length, width = data["size"]
         interior = float(data.get("interior", 0.0))
         return SplineModel(str(data["name"]), points, spread, (float(length), float(width)), interior)
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, OverflowError, np.linalg.LinAlgError) as error:
         raise ValueError(f"{path} holds no spline model ({error}); `testbed learn-spline` writes one") from None
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.motion import OMEGA, PHI, PX, PY, SPEED
+from trackers.parameters import check_numbers
 from trackers.pmht.state import LENGTH, WIDTH, N, rotating_root
 from trackers.unscented import STANDARD, Transformed, moments
 
@@ -25,9 +26,7 @@ class Walk:
     size: float = 1e-5  # [m / sqrt(s)] of length and width
 
     def __post_init__(self) -> None:
-        for name in ("speed", "yaw_rate", "size"):
-            if not getattr(self, name) >= 0:
-                raise ValueError(f"walk.{name} must be >= 0, got {getattr(self, name)}; 0 keeps the quantity")
+        check_numbers(self)  # 0 keeps the quantity
 
     def covariance(self, dt: float) -> NDArray:
         """Q (7, 7) over dt [s]."""

@@ -17,7 +17,7 @@ from trackers.pmht.association import LOG_2PI
 from trackers.pmht.ellipses import BOX
 from trackers.pmht.learning import ContourEM, EllipseStatistics, SplineContour, centres, rectangle_start
 from trackers.pmht.model import DEGREE
-from trackers.pmht.spline import chain
+from trackers.pmht.spline import MOST_ELLIPSES
 from trackers.pmht.visibility import visibility_table, weights
 
 PART = 4000  # detections worked on together
@@ -58,7 +58,11 @@ class OfflineLearning:
     def __post_init__(self) -> None:
         if self.visibility not in ("rays", "none"):
             raise ValueError(f"visibility must be one of rays, none, got {self.visibility!r}")
-        chain(self.ellipses, self.points, DEGREE)
+        if not DEGREE < self.points <= self.ellipses <= MOST_ELLIPSES:
+            raise ValueError(
+                f"ellipses must be at most {MOST_ELLIPSES} and points between {DEGREE + 1} and their number, got "
+                f"{self.ellipses} ellipses and {self.points} points"
+            )
         if self.iterations < 1 or not 0 <= self.interior < 1:
             raise ValueError(
                 f"iterations must be at least 1 and interior a share below 1, got {self.iterations}, {self.interior}"

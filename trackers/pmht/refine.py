@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from trackers.geometry import cross
 from trackers.linalg import outer, symmetrize
+from trackers.parameters import check_numbers
 from trackers.pmht.association import RelativeDetections, log_density, responsibilities
 from trackers.pmht.ellipses import BOX_COLUMN
 from trackers.pmht.learning import EllipseStatistics, SplineContour, centres, control_points
@@ -34,11 +35,7 @@ class Refine:
     iterations: int = 1  # in one update of the filter
 
     def __post_init__(self) -> None:
-        if not (self.stiffness > 0 and self.prior >= 0 and self.eps >= 0 and self.floor > 0 and self.iterations > 0):
-            raise ValueError(
-                f"stiffness, floor and iterations must be positive, prior and eps at least 0, got {self.stiffness}, "
-                f"{self.floor}, {self.iterations}, {self.prior}, {self.eps}; without stiffness unseen sides run away"
-            )
+        check_numbers(self, positive=("stiffness", "floor", "iterations"))  # without stiffness unseen sides run away
 
     def run(
         self, start: SplineContour, off: SplineContour, data: Decoupled, log_pi: NDArray | float, interior: float

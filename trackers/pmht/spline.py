@@ -9,6 +9,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+MOST_ELLIPSES = 1000  # of a chain; a body has some dozens
+
 
 def cardinal(t: NDArray, degree: int) -> NDArray:
     """The B-spline B_d(t) (...) with knots 0, 1, ..., d + 1, at t (...)."""
@@ -39,6 +41,8 @@ def parameters(count: int, n_c: int) -> NDArray:
 @lru_cache(maxsize=64)
 def chain(L: int, n_c: int, degree: int = 3) -> NDArray:
     """N (L, n_c), read-only: mu = N p are the centres of L ellipses, (PMHT.3)."""
+    if L > MOST_ELLIPSES:
+        raise ValueError(f"L must be at most {MOST_ELLIPSES} ellipses, got {L}")
     if n_c > L:
         raise ValueError(f"L must be at least n_c = {n_c} for every control point to count, got {L}")
     return _frozen(basis(parameters(L, n_c), n_c, degree))

@@ -13,6 +13,8 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.parameters import check_numbers
+
 # theta (..., C, D), C candidates side by side -> eps (..., C, D) and whether theta is a possible ellipse (..., C)
 Difference = Callable[[NDArray], tuple[NDArray, NDArray]]
 
@@ -49,6 +51,9 @@ class Lms:
     gain: float = 0.1
     iterations: int = 2
 
+    def __post_init__(self) -> None:
+        check_numbers(self, positive=("gain", "iterations"))
+
     def step(self, theta: NDArray, difference: Difference, variances: Variances) -> tuple[NDArray, NDArray]:
         """The identity (VM.18), and the identity for the sensitivity."""
         D = theta.shape[-1]
@@ -64,6 +69,9 @@ class GaussNewton:
     iterations: int = 1
     damping: float = 0.1
     delta: float = 0.02  # [m] of the central differences
+
+    def __post_init__(self) -> None:
+        check_numbers(self, positive=("gain", "iterations", "damping", "delta"))
 
     def step(self, theta: NDArray, difference: Difference, variances: Variances) -> tuple[NDArray, NDArray]:
         """(J^T J + damping I)^-1 J^T and J."""
@@ -83,6 +91,9 @@ class Bayes:
     iterations: int = 1
     delta: float = 0.02  # [m] of the central differences
     model_std: float = 0.3  # [m] of the virtual statistics: real bodies are no ellipses and no boxes
+
+    def __post_init__(self) -> None:
+        check_numbers(self, positive=("gain", "iterations", "delta", "model_std"))
 
     def step(self, theta: NDArray, difference: Difference, variances: Variances) -> tuple[NDArray, NDArray]:
         """P J^T (J P J^T + R)^-1 and J, with the variances on the diagonals of P and R."""

@@ -9,16 +9,19 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.admission import guarded_predict, guarded_update
 from trackers.batch import select
 from trackers.estimate import Estimate, check_estimate
 from trackers.geometry import extent_matrix, rotation, unit, wrap_angle
 from trackers.linalg import I2, inverse, inverse_sqrtm, outer, sqrtm, symmetrize
 from trackers.motion import OMEGA, PHI, SPEED, cartesian_covariance, coordinated_turn, polar_moments, turn_noise
+from trackers.parameters import check_numbers
 from trackers.protocols import Extent, Gaussian, UpdateInfo
 from trackers.random_matrix.surface import visible_offset
 from trackers.range_rate import RangeRates
-from trackers.scan import Scan, check_scan
+from trackers.scan import Scan
 
+NU_REST = 1e-9  # of nu above 6 that no forgetting takes: at 0 the mean of the extent does not exist
 NU_MIN = 8.5  # the variance of the extent exists for nu > 8 only
 
 
@@ -66,6 +69,9 @@ class RandomMatrix:
     rate_weight: float = 0.3  # information of a range rate, because those of one vehicle are not independent
     rate_clip: float = 1.5  # [m/s] larger residuals count as this
 
+    def __post_init__(self) -> None:
+        check_numbers(self, positive=("tau", "rho", "rate_std", "rate_clip"), unlimited=("tau", "rate_clip"))
+
     @property
     def rates(self) -> RangeRates:
         """The correction by range rates."""
@@ -83,24 +89,23 @@ class RandomMatrix:
         nu = degrees_of_freedom(estimate.size, estimate.size_std)
         return RMState(m, P, nu, (nu - 6)[..., None, None] * extent_matrix(heading, estimate.size))  # (RM.4)
 
+    @guarded_predict
     def predict(self, state: RMState, dt: float) -> RMState:
         """Time update over dt [s] >= 0, coordinated turn."""
-        if not dt >= 0:
-            raise ValueError(f"dt must be >= 0 s, got {dt}; scans come in the order of time")
         m, P, nu, V = state
         m_new, G = coordinated_turn(m, dt)
-        decay = np.exp(-dt / self.tau)
+        decay = np.minimum(np.maximum(np.exp(-dt / self.tau), NU_REST / (nu - 6)), 1.0)
         E = rotation(m[..., OMEGA] * dt)
         return RMState(
             m=m_new,  # (RM.9a)
             P=G @ P @ G.mT + turn_noise(m[..., PHI], dt, self.accel_std, self.yaw_accel_std),  # (RM.9b)
             nu=6 + decay * (nu - 6),  # (RM.9c)
-            V=decay * E @ V @ E.mT,  # (RM.9d)
+            V=decay[..., None, None] * E @ V @ E.mT,  # (RM.9d)
         )
 
+    @guarded_update
     def update(self, state: RMState, scan: Scan) -> tuple[RMState, UpdateInfo]:
         """Measurement update; without a detection the state is returned as it came."""
-        check_scan(scan)
         m, P, nu, V = state
         xy = scan.xy
         n, z_bar, Z = moments(xy, scan.mask)

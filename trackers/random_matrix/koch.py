@@ -11,14 +11,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.admission import guarded_predict, guarded_update
 from trackers.batch import select
 from trackers.estimate import Estimate, check_estimate
 from trackers.geometry import extent_matrix, perpendicular, rotation, unit, wrap_angle
 from trackers.linalg import inverse, outer, symmetrize
+from trackers.parameters import check_numbers
 from trackers.protocols import Extent, Gaussian, UpdateInfo
 from trackers.random_matrix.feldmann import moments
 from trackers.range_rate import over_ground
-from trackers.scan import Scan, check_scan
+from trackers.scan import Scan
 
 NU_LEAST = 3.5  # the mean of the extent exists above 3
 NU_SPREAD = 5.5  # its variance above 5
@@ -54,6 +56,10 @@ class Koch:
     rate_weight: float = 0.0  # information of a range rate; 0: not used, as in the paper
     rate_clip: float = 1.5  # [m/s] larger residuals count as this
 
+    def __post_init__(self) -> None:
+        positive = ("theta", "tau", "var_a", "sigmas", "rate_std", "rate_clip")
+        check_numbers(self, positive, unlimited=("tau", "rate_clip"))
+
     def init(self, estimate: Estimate) -> KochState:
         """State from a prior; raises ValueError for a prior that is not finite, positive, definite."""
         check_estimate(estimate)
@@ -66,10 +72,9 @@ class Koch:
         P[..., 2, 2] = self.var_a  # (RM.18)
         return KochState(x, P, nu, (nu - 3)[..., None, None] * X_hat, heading.copy())  # (RM.18)
 
+    @guarded_predict
     def predict(self, state: KochState, dt: float) -> KochState:
         """Time update over dt [s] >= 0, Singer's model."""
-        if not dt >= 0:
-            raise ValueError(f"dt must be >= 0 s, got {dt}; scans come in the order of time")
         x, P, nu, X, heading = state
         F, D = singer(dt, self.theta)
         moved = x @ np.kron(F, np.eye(2)).T
@@ -84,9 +89,9 @@ class Koch:
             heading=heading + np.where(fast, wrap_angle(course(moved) - course(x)), 0.0),
         )
 
+    @guarded_update
     def update(self, state: KochState, scan: Scan) -> tuple[KochState, UpdateInfo]:
         """Measurement update; without a detection the state is returned as it came."""
-        check_scan(scan)
         return self.correct(state, scan, np.zeros(2))
 
     def correct(self, state: KochState, scan: Scan, offset: NDArray) -> tuple[KochState, UpdateInfo]:

@@ -12,16 +12,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.admission import guarded_update
 from trackers.batch import select
 from trackers.estimate import Estimate
 from trackers.geometry import rotation, to_frame, unit, wrap_angle
+from trackers.parameters import check_numbers
 from trackers.protocols import Gaussian, UpdateInfo
 from trackers.random_matrix.adaptation import Descent, Difference, GaussNewton, Rule, Variances, descend
 from trackers.random_matrix.box import box_hits, box_outline, box_sector
 from trackers.random_matrix.ellipse import near_hits, outline, root_of, sector_fan, tangent_sector
 from trackers.random_matrix.feldmann import masked_mean, moments
 from trackers.random_matrix.koch import Koch, KochState
-from trackers.scan import Scan, check_scan
+from trackers.scan import Scan
 
 LEAST_SIZE = 0.02  # [m] of a contour that may be proposed
 LEAST_DETECTIONS = 3  # fewer have no spread to compare with
@@ -67,6 +69,7 @@ class VirtualMeasurements:
     def __post_init__(self) -> None:
         if self.body not in BODIES:
             raise ValueError(f"body must be one of {', '.join(BODIES)}, got {self.body!r}")
+        check_numbers(self, positive=("surface",))
         if self.rays < 3:
             raise ValueError(f"rays must be at least 3 to have a spread, got {self.rays}")
 
@@ -86,9 +89,9 @@ class VirtualMeasurements:
             tilt=state.tilt + (koch.heading - state.koch.heading),  # (VM.9)
         )
 
+    @guarded_update
     def update(self, state: ContourState, scan: Scan) -> tuple[ContourState, UpdateInfo]:
         """Measurement update of filter and contour; without a detection the state is returned as it came."""
-        check_scan(scan)
         koch, info = self.correct(state, scan)
         updated = state._replace(koch=koch, tilt=self.tilt_of(state, koch), steps=state.steps + (info.n > 0))
         return select(info.n > 0, self.adapt(updated, scan), state), info

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.admission import guarded_predict, guarded_update
 from trackers.batch import select
 from trackers.estimate import Estimate
 from trackers.geometry import perpendicular, unit
@@ -17,7 +18,7 @@ from trackers.imm import chain, mix, moments, reweight
 from trackers.linalg import outer, symmetrize
 from trackers.motion import OMEGA, PHI, ROUNDING, SPEED
 from trackers.protocols import Attentive, ContourFilter, Gaussian, Learning, Note, Restartable
-from trackers.scan import Scan, check_scan
+from trackers.scan import Scan
 from trackers.shared_motion.modes import Modes
 from trackers.shared_motion.places import corrected, likelihood
 from trackers.shared_motion.rates import Body, ScanRates
@@ -81,6 +82,7 @@ class SharedMotion:
         """State from a prior; raises ValueError for a prior that is not finite, positive, definite."""
         return self._started(self.filter.init(estimate))
 
+    @guarded_predict
     def predict(self, state: SharedMotionState, dt: float) -> SharedMotionState:
         """Time update over dt [s] >= 0: mixing, then the motion of each mode; with dt = 0 nothing changes."""
         if not dt >= 0:
@@ -94,9 +96,9 @@ class SharedMotion:
         inner = state.inner if self.learning is None else self.learning.predict(state.inner, dt)  # its past too
         return self._collapsed(mu, m, P, inner)
 
+    @guarded_update
     def update(self, state: SharedMotionState, scan: Scan) -> tuple[SharedMotionState, SharedMotionInfo]:
         """Measurement update; without a detection the state is returned as it came."""
-        check_scan(scan)
         before, blind = self.filter.gaussian(state.inner), without_rates(scan)
         inner, after, info = self._located(state.inner, blind)
         some = np.asarray(scan.mask.any(-1))

@@ -10,12 +10,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.admission import guarded_predict, guarded_update
 from trackers.batch import select
 from trackers.estimate import Estimate
 from trackers.geometry import rotation, to_frame, to_world
 from trackers.linalg import symmetrize
 from trackers.protocols import Attentive, Filter, Resizable, Restartable, Shiftable
-from trackers.scan import Scan, SensorModel, check_scan
+from trackers.scan import Scan, SensorModel
 from trackers.size.belief import Belief, believe
 from trackers.size.claim import log_claim
 from trackers.size.fleet import Fleet
@@ -81,6 +82,7 @@ class Ends:
         belief = self._belief(np.exp(length), np.exp(width))
         return EndsState(inner, np.zeros((*lead, 2)), length, width, belief, np.ones(lead, bool))
 
+    @guarded_predict
     def predict(self, state: EndsState, dt: float) -> EndsState:
         """Time update over dt [s] >= 0: detections are forgotten, the offset spreads."""
         inner = self.filter.predict(state.inner, dt)
@@ -99,9 +101,9 @@ class Ends:
             inner = self.filter.learn_where(inner, where)
         return state._replace(inner=inner, whole=where)
 
+    @guarded_update
     def update(self, state: EndsState, scan: Scan) -> tuple[EndsState, Any]:
         """Measurement update; without a detection the state is returned as it came. The information is the filter's."""
-        check_scan(scan)
         before = self.filter.estimate(state.inner).pose[..., 2]
         inner, info = self.filter.update(state.inner, scan)
         some = np.asarray(scan.mask.any(-1))

@@ -107,7 +107,7 @@ def _legend(figure: Figure, data: TimeData, quantity: str, more: list[Patch]) ->
     names = dict.fromkeys(s.tracker for s in data.series if s.quantity == quantity and np.isfinite(s.mean).any())
     handles: list[Line2D | Patch] = [Line2D([], [], label=_name(data.results, n), **data.styles[n].line) for n in names]
     handles += more
-    if quantity in ("gospa", "position") and len(data.results.comparison.seeds) >= FEWEST:
+    if names and quantity in ("gospa", "position") and len(data.results.comparison.seeds) >= FEWEST:
         handles.append(Patch(color=data.styles[next(iter(names))].color, alpha=BAND, label="95 % band"))
     if data.times:
         handles += [Patch(color=ONSET, label="onset"), Patch(color=DURING, label="maneuver")]

@@ -12,7 +12,7 @@ from testbed.compare.runs.config import Comparison, Task
 from testbed.compare.runs.engine import Engine, perform
 from testbed.compare.runs.replay import REPLAY, write_log
 from testbed.compare.runs.results import Results
-from testbed.compare.runs.tasks import DONE, FAILED, FOUND, Outcome, RecordingTask, obtain
+from testbed.compare.runs.tasks import DONE, FAILED, FOUND, Outcome, RecordingTask, obtain, recording_path
 from testbed.files import make_directory
 from testbed.log.record import run_id
 from testbed.run import RunConfig
@@ -74,35 +74,42 @@ def log_path(task: Task, comparison: Comparison, out: Path) -> Path:
 def write(
     results: Results,
     found: Sequence[Pick],
-    out: Path,
     engine: Engine = Engine(),  # noqa: B008 - frozen
     progress: Callable[[int, int], None] | None = None,
 ) -> list[Outcome]:
-    """Write the logs of the picks into OUT/logs, beside what is there already; progress(done, total) after each."""
-    comparison = results.comparison
+    """Write the logs of the picks into the folder of the results, beside those that are there already, which are kept.
+
+    progress(done, total) after each. Raises OSError, in one sentence, where the folder cannot be written or a cluster
+    cannot be used.
+    """
+    comparison, out = results.comparison, Path(results.comparison.out)
     make_directory(out / FOLDER)
     tasks = list(dict.fromkeys(pick.task for pick in found))
-    work = [(task, comparison, log_path(task, comparison, out)) for task in tasks]
-    outcomes: list[Outcome] = []
-    with closing(perform(write_one, work, engine)) as finished:
+    outcomes = [Outcome(task.name, FOUND) for task in tasks if log_path(task, comparison, out).exists()]
+    work = [(task, comparison, out) for task in tasks if not log_path(task, comparison, out).exists()]
+    with closing(perform(write_one, work, engine, _reads)) as finished:
         if progress:
-            progress(0, len(work))
+            progress(len(outcomes), len(tasks))
         for outcome in finished:
             outcomes.append(outcome)
             if progress:
-                progress(len(outcomes), len(work))
+                progress(len(outcomes), len(tasks))
     return outcomes
 
 
-def write_one(task: Task, comparison: Comparison, path: Path) -> Outcome:
-    """Write one log, which appears when it is complete; a log that is there is kept."""
-    if path.exists():
-        return Outcome(task.name, FOUND)
+def _reads(task: Task, comparison: Comparison, out: Path) -> list[Path]:
+    """What a log is made from: in open loop a recording, in closed loop nothing."""
+    return [recording_path(RecordingTask(task.scenario, task.seed), out)] if comparison.settings.loop == "open" else []
+
+
+def write_one(task: Task, comparison: Comparison, out: Path) -> Outcome:
+    """Write one log into the folder of the results, where it appears when it is complete."""
+    path = log_path(task, comparison, out)
     trackers, settings = side_by_side(task, comparison.baseline), comparison.settings
     try:
         with TemporaryDirectory(dir=path.parent, prefix=".part-") as part:
             if settings.loop == "open":
-                recording = obtain(RecordingTask(task.scenario, task.seed), settings, Path(comparison.out))
+                recording = obtain(RecordingTask(task.scenario, task.seed), settings, out)
                 made = write_log(recording, trackers, Path(part))
             else:
                 config = RunConfig(
@@ -111,6 +118,8 @@ def write_one(task: Task, comparison: Comparison, path: Path) -> Outcome:
                 done = run_live(config)
                 if done.interrupted:
                     raise KeyboardInterrupt  # a signal that ended this run ends all of them
+                for sentence in done.lost:
+                    raise OSError(sentence)
                 assert done.rrd is not None  # its level is full
                 made = done.rrd
             made.with_suffix(".json").replace(path.with_suffix(".json"))

@@ -53,8 +53,9 @@ def write_report(
     Args:
         results: of a folder.
         tally: how the runs ended; without it the page shows which are missing, but not why.
-        out: where page, figures and logs go; None: the folder of the results.
-        logs: whether to replay, or to drive again, the best, the median and the worst run of each tracker.
+        out: where page and figures go; None: the folder of the results.
+        logs: whether to replay, or to drive again, the best, the median and the worst run of each tracker. Their logs
+            go into the folder of the results, and only a page there has links to them.
         engine: on which the logs are made.
         progress: progress(done, total, what) with what is being made: tables, figures, then logs.
 
@@ -214,7 +215,7 @@ def _logs(
     found = log_files.picks(results)
     notes: dict[str, str] = {}
     if wanted:
-        outcomes = log_files.write(results, found, folder, engine, progress)
+        outcomes = log_files.write(results, found, engine, progress)
         notes = {outcome.name: outcome.note for outcome in outcomes if outcome.status == FAILED}
     links = []
     for pick in found:

@@ -1,9 +1,7 @@
 """What is compared: all combinations of scenarios, trackers and seeds, with settings that all runs share."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
-from math import isfinite
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,8 +10,10 @@ from scenarios import find as find_scenario
 from sensors import find as find_radar
 from testbed.compare.runs.identity import shared_digest, tracker_digest
 from testbed.files import make_directory, versions, write_json
+from testbed.limits import LARGEST_SEED, MOST_RUNS, check_duration, check_folder, check_names, check_seeds
 from testbed.planners import find as find_planner
 from trackers import TRACKERS, build
+from trackers.json_file import read_json
 
 LOOPS = ("open", "closed")
 ALL = "all"
@@ -45,10 +45,7 @@ class Settings:
     def __post_init__(self) -> None:
         if self.loop not in LOOPS:
             raise ValueError(f"loop must be one of {', '.join(LOOPS)}, got {self.loop!r}; choose one of them")
-        if self.duration is not None and not (self.duration > 0 and isfinite(self.duration)):
-            raise ValueError(
-                f"duration must be positive and finite, got {self.duration} s; leave it out for that of the scenario"
-            )
+        check_duration(self.duration)
 
     def seconds(self, scenario: str) -> float:
         """Simulated time [s] of a run."""
@@ -67,14 +64,16 @@ class Comparison:
     out: str = "runs/compare"
 
     def __post_init__(self) -> None:
-        for what in ("scenarios", "trackers", "seeds"):
-            values = getattr(self, what)
-            if not values:
-                raise ValueError(f"{what} must name at least one of them, got none; see `testbed compare --help`")
-            if len(set(values)) < len(values):
-                raise ValueError(f"{what} must differ, got {', '.join(map(str, values))}; drop the repetition")
-        if min(self.seeds) < 0:
-            raise ValueError(f"seeds must not be negative, got {min(self.seeds)}; take 0 or more")
+        check_names("scenarios", self.scenarios)
+        check_names("trackers", self.trackers)
+        if not self.seeds:
+            raise ValueError("seeds must name at least one of them, got none; see `testbed compare --help`")
+        check_seeds(*self.seeds, name="seeds")
+        if len(set(self.seeds)) < len(self.seeds):
+            raise ValueError(f"seeds must differ, got {', '.join(map(str, self.seeds))}; drop the repetition")
+        if (runs := len(self.scenarios) * len(self.trackers) * len(self.seeds)) > MOST_RUNS:
+            raise ValueError(f"a comparison has at most {MOST_RUNS} runs, got {runs}; take fewer seeds or trackers")
+        check_folder(self.out)
         if self.reference is not None and self.reference not in self.trackers:
             raise ValueError(
                 f"reference {self.reference!r} is not compared; choose one of {', '.join(self.trackers)}, or add it"
@@ -100,14 +99,16 @@ def parse_seeds(text: str) -> tuple[int, ...]:
     try:
         if ":" in text:
             first, last = (int(part) for part in text.split(":"))
-            found = tuple(range(first, last))
+            found: Sequence[int] = range(first, last)
         else:
-            found = tuple(int(part) for part in text.split(","))
+            found = [int(part) for part in text.split(",")]
     except ValueError:
         raise ValueError(f"seeds must read like 0:20, 0,3,7 or 5, got {text!r}") from None
     if not found:
         raise ValueError(f"seeds {text!r} are empty; the range 0:20 has the seeds 0 to 19")
-    return found
+    if found[-1] - found[0] > LARGEST_SEED or len(found) > MOST_RUNS:
+        raise ValueError(f"seeds {text!r} are too many, or too large; a comparison has at most {MOST_RUNS} runs")
+    return tuple(found)
 
 
 def expand(names: list[str], what: str) -> tuple[str, ...]:
@@ -130,12 +131,8 @@ def check(comparison: Comparison) -> None:
     folder = Path(comparison.out)
     make_directory(folder)
     wanted = identity(comparison.settings, comparison.trackers)
-    try:
-        text = (folder / SETTINGS).read_text()
-    except FileNotFoundError:
-        return
-    found = _parse(text, folder)
-    for key in wanted:
+    found = _read(folder)
+    for key in wanted if found else ():
         if key.startswith("code of ") and key not in found:  # no run of this tracker in the folder yet
             continue
         if found.get(key) != wanted[key]:
@@ -147,11 +144,10 @@ def check(comparison: Comparison) -> None:
 
 def write_settings(comparison: Comparison) -> None:
     """Write into the folder what its runs have in common, and the digest of the code of each tracker."""
-    path = Path(comparison.out) / SETTINGS
-    found = _parse(path.read_text(), path.parent) if path.exists() else {}
+    found = _read(Path(comparison.out))
     wanted = {**identity(comparison.settings, comparison.trackers), **found}  # what is known already stays
     if wanted != found:
-        write_json(path, wanted)
+        write_json(Path(comparison.out) / SETTINGS, wanted)
 
 
 def read_settings(folder: Path) -> tuple[Settings, dict[str, Any]]:
@@ -159,11 +155,13 @@ def read_settings(folder: Path) -> tuple[Settings, dict[str, Any]]:
 
     Raises ValueError where there are none.
     """
+    found = _read(folder)
+    if not found:
+        raise ValueError(f"out: {folder} holds no comparison; make one with `testbed compare --out {folder}`")
     try:
-        found = _parse((folder / SETTINGS).read_text(), folder)
-    except FileNotFoundError:
-        raise ValueError(f"out: {folder} holds no comparison; make one with `testbed compare --out {folder}`") from None
-    return Settings(**{f.name: found[f.name] for f in fields(Settings)}), found
+        return Settings(**{f.name: found[f.name] for f in fields(Settings)}), found
+    except (KeyError, ValueError):
+        raise ValueError(_damaged(folder)) from None
 
 
 def identity(settings: Settings, trackers: Sequence[str] = ()) -> dict[str, Any]:
@@ -176,11 +174,18 @@ def identity(settings: Settings, trackers: Sequence[str] = ()) -> dict[str, Any]
     }
 
 
-def _parse(text: str, folder: Path) -> dict[str, Any]:
+def _read(folder: Path) -> dict[str, Any]:
+    """What stands in the file of settings, nothing where there is none; ValueError where it is damaged."""
     try:
-        found = json.loads(text)
-    except json.JSONDecodeError:
-        found = None
-    if not isinstance(found, dict):
-        raise ValueError(f"out: {folder / SETTINGS} is damaged; delete the folder, or choose another directory")
+        found = read_json(folder / SETTINGS)
+    except FileNotFoundError:
+        return {}
+    except (ValueError, OSError):
+        raise ValueError(_damaged(folder)) from None
+    if not isinstance(found, dict) or not found:
+        raise ValueError(_damaged(folder))
     return found
+
+
+def _damaged(folder: Path) -> str:
+    return f"out: {folder / SETTINGS} is damaged; delete the folder, or choose another directory"

@@ -1,21 +1,24 @@
-"""Many tasks on many processes, here or on a cluster; tasks of a worker that was killed are done again."""
+"""Many tasks on many processes, here or on a cluster; tasks of a worker that was killed are done again.
+
+A task is a tuple. Its last element is the folder where its files lie; the first has a name.
+"""
 
 import os
 import signal
-import sys
 import threading
 import time
 import warnings
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from joblib import Parallel, delayed, parallel_config
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
+from testbed.compare.runs import cluster
 from testbed.compare.runs.tasks import FAILED, Outcome
+from testbed.limits import check_jobs
 
-CONNECT_TIMEOUT = 5  # [s] for a cluster to answer
 PARENT_CHECK = 1.0  # [s] from one check of a worker that its parent lives to the next
 MOST_CRASHES = 3  # of workers in a row without a finished task, before the tasks that had begun are tried alone
 
@@ -28,16 +31,46 @@ class Engine(NamedTuple):
 
 
 def check(engine: Engine) -> None:
-    """Raise ValueError, in one sentence, for an impossible number of processes."""
-    if engine.jobs == 0 or engine.jobs < -1:
-        raise ValueError(f"jobs must be 1 or more, or -1 for all cores, got {engine.jobs}")
+    """Raise ValueError or OSError, in one sentence, for processes or a cluster that cannot do any task."""
+    check_jobs(engine.jobs)
+    if engine.dask is not None:
+        with cluster.connected(engine.dask):
+            pass
 
 
-def perform(function: Callable[..., Outcome], tasks: Sequence[tuple[Any, ...]], engine: Engine) -> Generator[Outcome]:
+def nothing(*task: Any) -> Sequence[Path]:
+    """The files that a task reads, where it reads none."""
+    return ()
+
+
+def perform(
+    function: Callable[..., Outcome],
+    tasks: Sequence[tuple[Any, ...]],
+    engine: Engine,
+    reads: Callable[..., Sequence[Path]] = nothing,
+) -> Generator[Outcome]:
     """Outcomes of function(*task) in the order in which they are finished. Close the iterator to stop early.
 
-    A task whose worker is killed again and again is reported as failed; tasks that had begun beside it are tried alone.
+    A task whose worker is killed again and again is reported as failed, and stops no other.
+
+    Args:
+        function: writes nowhere but in the folder of the task.
+        tasks: tuples, of which the last element is that folder.
+        engine: where they are done.
+        reads: the paths in its folder that function(*task) reads where they are there.
+
+    Raises:
+        ValueError, OSError: in one sentence, for a cluster that cannot be used, or was lost.
     """
+    if engine.dask is None:
+        return _perform_here(function, tasks, engine)
+    return cluster.perform(function, tasks, engine.dask, reads)
+
+
+def _perform_here(
+    function: Callable[..., Outcome], tasks: Sequence[tuple[Any, ...]], engine: Engine
+) -> Generator[Outcome]:
+    """As `perform`; tasks that had begun beside one that kills its processes are tried alone."""
     remaining = dict(enumerate(tasks))
     crashes = 0
     while remaining:
@@ -49,8 +82,6 @@ def perform(function: Callable[..., Outcome], tasks: Sequence[tuple[Any, ...]], 
                 yield outcome
         except TerminatedWorkerError:
             crashes += 1
-        except _killed_on_cluster():
-            crashes = MOST_CRASHES  # the cluster itself has tried that often
         if crashes == MOST_CRASHES:
             for key, task in [entry for entry in begun if entry[0] in remaining]:
                 del remaining[key]
@@ -75,18 +106,11 @@ def _noting(tasks: Iterable[tuple[int, tuple[Any, ...]]], begun: list[tuple[int,
         yield task
 
 
-def _killed_on_cluster() -> tuple[type[Exception], ...]:
-    """What a cluster raises when a task has killed worker after worker; nothing where there is none."""
-    distributed = sys.modules.get("distributed")
-    return (distributed.KilledWorker,) if distributed else ()
-
-
 def _finished(
     function: Callable[..., Outcome], tasks: Iterable[tuple[int, tuple[Any, ...]]], engine: Engine
 ) -> Iterator[tuple[int, Outcome]]:
-    jobs = -1 if engine.dask else engine.jobs
     with _backend(engine), warnings.catch_warnings():
-        parallel = Parallel(n_jobs=jobs, return_as="generator_unordered", batch_size=1)  # takes the backend of here
+        parallel = Parallel(n_jobs=engine.jobs, return_as="generator_unordered", batch_size=1)
         warnings.filterwarnings("ignore", ".*tasks which were still being processed", UserWarning)
         results = parallel(delayed(_keyed)(key, function, *task) for key, task in tasks)
         try:
@@ -95,33 +119,7 @@ def _finished(
             results.close()
 
 
-@contextmanager
-def cluster(engine: Engine) -> Iterator[None]:
-    """Connection to the cluster, if there is one; OSError in one sentence where none answers."""
-    if engine.dask is None:
-        yield
-        return
-    try:
-        from distributed import Client
-    except ImportError:
-        raise ValueError("dask is not installed; install the extra with `pip install 'eot-testbed[dask]'`") from None
-    try:
-        client = Client(engine.dask, timeout=CONNECT_TIMEOUT)
-    except (OSError, ValueError, MemoryError) as error:  # the last where something else answers
-        raise OSError(f"dask: no scheduler answers at {engine.dask!r} ({error}); is the cluster running?") from None
-    with client:
-        workers = client.scheduler_info(n_workers=-1)["workers"]
-        if not workers:
-            raise OSError(f"dask: the cluster at {engine.dask!r} has no workers; start `dask worker {engine.dask}`")
-        most = max(worker["nthreads"] for worker in workers.values())
-        if most > 1:  # highway-env keeps state in its classes, which threads share
-            raise ValueError(f"dask: workers must have one thread, got {most}; start them with `--nthreads 1`")
-        yield
-
-
 def _backend(engine: Engine) -> Any:
-    if engine.dask:
-        return parallel_config(backend="dask")
     if engine.jobs == 1:
         return parallel_config(backend="sequential")
     return parallel_config(backend="loky", initializer=_start_worker, initargs=(os.getpid(),))

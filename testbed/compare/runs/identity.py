@@ -37,6 +37,13 @@ def shared_digest() -> str:
     return code_digest([*whole, *modules, *map(_file, closure(ROOTS))])
 
 
+def project_digest() -> str:
+    """Short digest of all our code and data but those of `testbed regress`, which hold results of runs."""
+    held = _root("testbed") / "regress"
+    paths = [p for package in PACKAGES for p in _root(package).rglob("*") if p.suffix in (".py", ".json")]
+    return code_digest(path for path in paths if held not in path.parents)
+
+
 def tracker_digest(name: str) -> str:
     """Short digest of a tracker: its parameters, and all of `trackers` that the modules of its filter import."""
     tracker = build(name, (SensorModel(),))

@@ -4,14 +4,11 @@ The ego is driven by the planner that knows the truth, so that what there is to 
 recording is one `.npz` file of flat arrays: a ragged series is stored as its parts joined, with their lengths beside.
 """
 
-import zlib
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from pathlib import Path
 from time import perf_counter
-from tokenize import TokenError
 from typing import Any, NamedTuple
-from zipfile import BadZipFile
 
 import gymnasium as gym
 import numpy as np
@@ -21,6 +18,7 @@ from scenarios.lanes import lane_shapes
 from scenarios.stage import Phase
 from sensors.origin import Origin
 from sensors.scene import Bodies, Ego, Objects, Scene
+from testbed.arrays import read_arrays
 from testbed.environment.recorder import road_geometry
 from testbed.files import atomic_file
 from testbed.frame import TRUTH, Frame
@@ -31,10 +29,6 @@ from trackers.scan import Scan
 
 Arrays = dict[str, NDArray]
 LINES = ("edges", "lane_lines", "surface")
-DAMAGES = (  # what comes out of a damaged archive, depending on where it is damaged
-    BadZipFile, zlib.error, EOFError, OSError, NotImplementedError, RuntimeError, ValueError, LookupError, TypeError,
-    SyntaxError, TokenError,
-)  # fmt: skip
 
 
 class RecordedFrame(NamedTuple):
@@ -102,8 +96,7 @@ def save(recording: Recording, path: Path) -> None:
 def load(path: Path, scenario: str, seed: int, radar: str) -> Recording:
     """The recording in a file; raises ValueError, in one sentence, where the file is damaged."""
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
+        arrays = read_arrays(path)
         lines = {name: tuple(_parts(arrays, f"drawn.{name}")) for name in LINES}
         return Recording(
             scenario,
@@ -118,16 +111,15 @@ def load(path: Path, scenario: str, seed: int, radar: str) -> Recording:
             RoadGeometry(**lines, half_width=tuple(arrays["drawn.half_width"].tolist())),
             dict(zip(("simulation", "sensing"), arrays["seconds"].tolist(), strict=True)),
         )
-    except DAMAGES as error:
+    except (ValueError, LookupError, TypeError, OverflowError) as error:
         raise ValueError(f"the recording {path} is damaged ({error}); delete it and it is made again") from None
 
 
 def read_seconds(path: Path) -> dict[str, float]:
     """Wall time that a recording took: simulation, sensing; ValueError as in `load`."""
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            return dict(zip(("simulation", "sensing"), archive["seconds"].tolist(), strict=True))
-    except DAMAGES as error:
+        return dict(zip(("simulation", "sensing"), read_arrays(path, ["seconds"])["seconds"].tolist(), strict=True))
+    except (ValueError, TypeError) as error:
         raise ValueError(f"the recording {path} is damaged ({error}); delete it and it is made again") from None
 
 

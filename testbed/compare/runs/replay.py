@@ -48,7 +48,10 @@ def replay(recording: Recording, trackers: Sequence[str], observers: Sequence[Ob
 
 
 def write_log(recording: Recording, trackers: Sequence[str], out: Path) -> Path:
-    """The review log of a replay, with the trackers side by side; returns its path."""
+    """The review log of a replay, with the trackers side by side; returns its path.
+
+    Raises OSError, in one sentence, where it cannot be written completely.
+    """
     meta = RunMeta(
         run_id(recording.scenario, trackers, recording.radar, REPLAY, recording.seed),
         recording.scenario, recording.seed, recording.radar, tuple(trackers), REPLAY, {}, versions(),
@@ -59,4 +62,6 @@ def write_log(recording: Recording, trackers: Sequence[str], out: Path) -> Path:
         replay(recording, trackers, [recorder])
     finally:
         recorder.close()
+    for sentence in recorder.lost:
+        raise OSError(sentence)
     return out / f"{meta.run_id}.rrd"

@@ -49,7 +49,7 @@ class Results(NamedTuple):
 
 
 def collect(comparison: Comparison) -> Results:
-    """Read what is known of every run, and write it as one table into the folder."""
+    """Read what is known of every run."""
     out = Path(comparison.out)
     spans: list[dict[str, Any]] = []
     seconds: list[dict[str, Any]] = []
@@ -72,10 +72,7 @@ def collect(comparison: Comparison) -> Results:
         seconds.append({**task._asdict(), **spent})
     columns = dict.fromkeys(key for span in spans for key in span)  # of runs, then those that only phases have
     frame = pd.DataFrame(spans, columns=list(columns) or ["phase"])
-    results = Results(comparison, frame, pd.DataFrame(seconds), missing)
-    if spans:
-        _write(frame, out / RUNS)
-    return results
+    return Results(comparison, frame, pd.DataFrame(seconds), missing)
 
 
 def _recording_seconds(task: RecordingTask, out: Path) -> dict[str, float]:
@@ -86,10 +83,15 @@ def _recording_seconds(task: RecordingTask, out: Path) -> dict[str, float]:
         return {}
 
 
-def _write(frame: pd.DataFrame, path: Path) -> None:
-    """Write the table with the units of its columns."""
-    table = pa.Table.from_pandas(frame, preserve_index=False)
+def write_runs(results: Results) -> Path:
+    """Write what is known of every run as one table into the folder, with the units of its columns.
+
+    Raises OSError, in one sentence, where it cannot be written.
+    """
+    path = Path(results.comparison.out) / RUNS
+    table = pa.Table.from_pandas(results.spans, preserve_index=False)
     units = {name: KEYS[name].unit if name in KEYS else SPAN_UNITS[name] for name in table.column_names}
     fields = [field.with_metadata({"unit": units[field.name]}) for field in table.schema]
     with atomic_file(path) as file:
         pq.write_table(table.cast(pa.schema(fields, table.schema.metadata)), file)
+    return path

@@ -27,7 +27,7 @@ class Outcome(NamedTuple):
 
     name: str
     status: str  # done, found (it has a valid file already), failed
-    note: str = ""  # traceback of a failure; which damaged file was replaced and why
+    note: str = ""  # sentence or traceback of a failure; which damaged file was replaced and why
 
 
 class RecordingTask(NamedTuple):
@@ -148,9 +148,14 @@ def _driven(task: Task, settings: Settings, out: Path) -> tuple[Rows, dict[str, 
 
 
 def _outcome(name: str, work: Callable[[], str]) -> Outcome:
-    """A run that fails must not stop the others: any error is caught here, and reported with its traceback."""
+    """A run that fails must not stop the others: any error is caught here, and reported with its traceback.
+
+    Of a file that cannot be written or read the sentence is enough.
+    """
     try:
         note = work()
+    except OSError as error:
+        return Outcome(name, FAILED, str(error))
     except Exception:
         return Outcome(name, FAILED, traceback.format_exc())
     return Outcome(name, FOUND) if note == FOUND else Outcome(name, DONE, note)

@@ -13,10 +13,10 @@ import numpy as np
 
 from testbed.command_line.interruption import InterruptRequest, interruptible
 from testbed.compare.runs import tasks as works
-from testbed.compare.runs.config import Comparison, Task, check, write_settings
-from testbed.compare.runs.engine import Engine, cluster, perform
+from testbed.compare.runs.config import Comparison, Settings, Task, check, write_settings
+from testbed.compare.runs.engine import Engine, nothing, perform
 from testbed.compare.runs.rows import check_part
-from testbed.compare.runs.tasks import DONE, FAILED, RECORDINGS, ROWS, Outcome, RecordingTask, rows_path
+from testbed.compare.runs.tasks import DONE, FAILED, RECORDINGS, ROWS, Outcome, RecordingTask, recording_path, rows_path
 from testbed.files import make_directory
 
 Progress = Callable[[int, int, str], None]
@@ -56,12 +56,13 @@ def execute(comparison: Comparison, engine: Engine, progress: Progress | None = 
     Ctrl-C or SIGTERM ends it when the runs that have begun are finished; the next call makes the rest.
 
     Raises:
-        LookupError, ValueError, OSError: in one sentence, for what cannot be run, see `config.check`.
+        LookupError, ValueError, OSError: in one sentence, for what cannot be run, see `config.check` and
+            `engine.perform`.
     """
     check(comparison)
     out = Path(comparison.out)
     tally, start = Tally(), perf_counter()
-    with interruptible() as request, cluster(engine):
+    with interruptible() as request:
         write_settings(comparison)
         for folder in (ROWS, RECORDINGS):
             make_directory(out / folder)
@@ -70,15 +71,22 @@ def execute(comparison: Comparison, engine: Engine, progress: Progress | None = 
         tasks = [t for t in tasks if not _is_found(t, out, request, tally)]
         if comparison.settings.loop == "open":
             missing = {RecordingTask(t.scenario, t.seed) for t in tasks}
+            missing = {r for r in missing if not recording_path(r, out).exists()}
             needed = [(r, comparison.settings, out) for r in recordings if r in missing]
-            for _ in _stage(works.record, needed, engine, request, "recording", progress):
+            for _ in _stage(works.record, nothing, needed, engine, request, "recording", progress):
                 pass  # its runs try again what failed here, and report it
         work = [(task, comparison.settings, out) for task in tasks]
-        for outcome in _stage(works.run, work, engine, request, "runs", progress):
+        for outcome in _stage(works.run, _reads, work, engine, request, "runs", progress):
             tally.add(outcome)
     tally.wall = perf_counter() - start
     tally.exit_status = request.exit_status
     return tally
+
+
+def _reads(task: Task, settings: Settings, out: Path) -> list[Path]:
+    """What a run reads: its recording, and its own rows, which it replaces where they are damaged."""
+    recording = [recording_path(RecordingTask(task.scenario, task.seed), out)] if settings.loop == "open" else []
+    return [*recording, rows_path(task, out)]
 
 
 def _is_found(task: Task, out: Path, request: InterruptRequest, tally: Tally) -> bool:
@@ -95,6 +103,7 @@ def _is_found(task: Task, out: Path, request: InterruptRequest, tally: Tally) ->
 
 def _stage(
     function: Callable[..., Outcome],
+    reads: Callable[..., Sequence[Path]],
     work: Sequence[tuple[Any, ...]],
     engine: Engine,
     request: InterruptRequest,
@@ -104,7 +113,7 @@ def _stage(
     """Outcomes of one kind of tasks, until an interruption is requested."""
     if request.signal is not None or not work:
         return
-    with closing(perform(function, work, engine)) as outcomes:
+    with closing(perform(function, work, engine, reads)) as outcomes:
         if progress:
             progress(0, len(work), what)
         for k, outcome in enumerate(outcomes, 1):

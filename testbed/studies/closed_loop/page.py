@@ -95,6 +95,8 @@ def simulate(config: RunConfig, progress: Callable[[float, float], None]) -> Sto
     done = run(config, progress, [probe])
     if done.interrupted:
         raise typer.Exit(done.exit_status)
+    for sentence in done.lost:
+        raise OSError(sentence)
     lengths = probe.samples
     with atomic_file(files(config)[1]) as file:
         arrays: dict[str, Any] = {name: np.stack(samples) for name, samples in lengths.items()}
@@ -104,7 +106,8 @@ def simulate(config: RunConfig, progress: Callable[[float, float], None]) -> Sto
 
 def files(config: RunConfig) -> tuple[Path, Path]:
     """Where a run leaves its results, and its length errors: `LengthSamples` as an array (3, n) for each tracker."""
-    stem = run_id(config.scenario, config.trackers, config.radar, config.planner, config.seed)
+    duration = None if duration_of(config) == find(config.scenario).duration else config.duration
+    stem = run_id(config.scenario, config.trackers, config.radar, config.planner, config.seed, duration)
     return Path(config.out) / f"{stem}.json", Path(config.out) / f"{stem}.npz"
 
 
@@ -114,8 +117,6 @@ def stored(config: RunConfig) -> StoredRun | None:
     if not lengths.exists():
         return None
     result = json.loads(results.read_text())
-    if float(result["run"]["config"]["duration"]) != duration_of(config):
-        return None
     with np.load(lengths, allow_pickle=False) as arrays:
         samples = {name: LengthSamples(*arrays[name]) for name in config.trackers}
     return StoredRun(result, samples, datetime.fromtimestamp(lengths.stat().st_mtime, UTC))

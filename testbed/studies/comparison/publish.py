@@ -21,7 +21,7 @@ from scenarios import SCENARIOS
 from testbed.command_line.terminal import console, user_input
 from testbed.compare.report.report import write_report
 from testbed.compare.runs.config import Comparison, Settings, Task, read_settings
-from testbed.compare.runs.measures import KEYS
+from testbed.compare.runs.measures import COSTS, KEYS
 from testbed.compare.runs.results import Results, collect
 from testbed.compare.runs.rows import read_meta
 from testbed.compare.runs.tasks import ROWS
@@ -32,6 +32,7 @@ from trackers.lookup import parse
 
 ABOUT, RUNS = "comparison.json", "runs.parquet"
 TABLES = ("range", "visible", "consistency")  # .csv
+KEY = ["scenario", "tracker", "seed", "phase"]  # of a row of `runs.parquet`
 DIGITS = 6  # significant, of the tables
 
 
@@ -54,20 +55,65 @@ def stored_comparison(folder: Path, reference: str | None = None) -> Comparison:
 
 def publish(folder: Path, target: Path, report: Path, reference: str | None = None) -> None:
     """Write the small results of all runs in a folder, and the report page without its logs."""
-    comparison = stored_comparison(folder, reference)
-    results = collect(comparison)
+    results = collect(stored_comparison(folder, reference))
     target.mkdir(parents=True, exist_ok=True)
-    keys = ["scenario", "tracker", "seed", "phase"]
+    _write(target, *_small(results), about(results))
+    write_report(results, out=report, logs=False)
+
+
+def replace_trackers(folder: Path, target: Path) -> tuple[str, ...]:
+    """Replace the results of some trackers by those of the runs in a folder; returns their names.
+
+    Their wall times stay, which compare with those of the other trackers only if all are made together. The report
+    page stays too: its figures need the rows of all trackers. The digest of the code that all share stays: `refresh`
+    proves that it gives the same results, and writes it.
+
+    Raises:
+        ValueError: the folder has other settings, versions, scenarios or seeds, or a tracker that was not published.
+    """
+    results = collect(stored_comparison(folder))
+    before, known, tables = read(target)
+    new, trackers = about(results), results.comparison.trackers
+    shared = [key for key in known["identity"] if not key.startswith("code")]
+    pairs = [(key, new[key], known[key]) for key in ("scenarios", "seeds")]
+    for what, mine, theirs in pairs + [(key, new["identity"].get(key), known["identity"][key]) for key in shared]:
+        if mine != theirs:
+            raise ValueError(f"folder: {folder} has {what} {mine!r}, published is {theirs!r}; make the runs with that")
+    if strange := set(trackers) - set(known["trackers"]):
+        raise ValueError(f"folder: {folder} has {', '.join(sorted(strange))}, not published yet; publish all runs")
+    spans, found = _small(results)
+    costs = [key for key in COSTS if key in before.spans]
+    spans = spans.drop(columns=costs).merge(before.spans[[*KEY, *costs]], on=KEY, how="left")
+
+    def put(old: pd.DataFrame, mine: pd.DataFrame, key: list[str]) -> pd.DataFrame:
+        """The old table with the rows of these trackers replaced, in the order that it has."""
+        where = pd.MultiIndex.from_frame(old[key])
+        kept = old[~old["tracker"].isin(trackers)]
+        joined = pd.concat([kept, mine[old.columns]]).set_index(key, drop=False)
+        return joined.reindex(where).reset_index(drop=True)
+
+    digests = {key: new["identity"][key] for key in (f"code of {tracker}" for tracker in trackers)}
+    keys = (["tracker", "band"], ["tracker", "band"], ["tracker", "phase"])
+    merged = [put(tables[name], frame, key) for name, frame, key in zip(TABLES, found, keys, strict=True)]
+    _write(target, put(before.spans, spans, KEY), merged, known | {"identity": known["identity"] | digests})
+    return trackers
+
+
+def _small(results: Results) -> tuple[pd.DataFrame, list[pd.DataFrame]]:
+    """The measures of every run and phase, and the tables in the order of `TABLES`."""
     measures = [key for key in KEYS if key in results.spans]
-    spans = results.spans[keys + measures].astype(dict.fromkeys(measures, "float32"))
+    spans = results.spans[KEY + measures].astype(dict.fromkeys(measures, "float32"))
+    return spans, [by_band(results, "range"), by_band(results, "visible"), consistency(results)]
+
+
+def _write(target: Path, spans: pd.DataFrame, tables: Sequence[pd.DataFrame], known: dict[str, Any]) -> None:
     table = pa.Table.from_pandas(spans, preserve_index=False)
     described = [f.with_metadata({"unit": KEYS[f.name].unit if f.name in KEYS else ""}) for f in table.schema]
     with atomic_file(target / RUNS) as file:
         pq.write_table(table.cast(pa.schema(described, table.schema.metadata)), file, compression="zstd")
-    for name, found in zip(TABLES, (by_band(results, "range"), by_band(results, "visible"), consistency(results))):
+    for name, found in zip(TABLES, tables, strict=True):
         write_atomic(target / f"{name}.csv", found.to_csv(index=False, float_format=f"%.{DIGITS}g"))
-    write_json(target / ABOUT, about(results))
-    write_report(results, out=report, logs=False)
+    write_json(target / ABOUT, known)
 
 
 def about(results: Results) -> dict[str, Any]:
@@ -112,8 +158,15 @@ def main(
     target: Annotated[Path, typer.Argument(help="Directory for the small results.")] = Path("docs/results"),
     report: Annotated[Path, typer.Argument(help="Directory for the report page.")] = Path("docs/comparison"),
     reference: Annotated[str | None, typer.Option(help="The tracker that the others are compared with.")] = None,
+    replace: Annotated[
+        bool,
+        typer.Option("--replace", help="FOLDER has some trackers of TARGET: replace these only."),
+    ] = False,
 ) -> None:
     """Make the results of a complete comparison small enough to be committed."""
     with user_input((OSError, ValueError)):
-        publish(folder, target, report, reference)
+        if replace:
+            console.print(f"replaced {', '.join(replace_trackers(folder, target))}", highlight=False)
+        else:
+            publish(folder, target, report, reference)
     console.print(f"results  {target}, {report}", soft_wrap=True)

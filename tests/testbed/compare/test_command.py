@@ -18,7 +18,7 @@ from testbed.cli import app
 from testbed.compare.runs.config import Comparison, Settings
 from testbed.compare.runs.engine import Engine
 from testbed.compare.runs.measures import COSTS
-from testbed.compare.runs.results import RUNS, collect
+from testbed.compare.runs.results import RUNS, collect, write_runs
 from testbed.compare.runs.rows import check_part
 from testbed.compare.runs.tasks import ROWS, rows_path
 from testbed.compare.runs.work import execute
@@ -66,6 +66,14 @@ def test_an_out_that_cannot_be_is_one_sentence(tmp_path):
 def test_a_folder_of_other_settings_is_one_sentence(tmp_path):
     (tmp_path / "comparison.json").write_text('{"radar": "front"}')
     assert "holds runs with radar 'front', wanted is 'surround'" in refused(tmp_path)
+
+
+def test_tables_are_printed_where_they_cannot_be_written(tmp_path, command):
+    (tmp_path / RUNS).mkdir()
+    done = command(*ASKED[:-1], "0", "--tracker", "rm-koch", "--out", tmp_path)
+    assert done.status == 2
+    assert "GOSPA [m]" in done.out
+    assert done.err.splitlines()[-1].startswith(f"testbed: cannot write {tmp_path / RUNS}: it is a directory;")
 
 
 def started(out):
@@ -123,6 +131,6 @@ def test_it_goes_on_and_ends_with_the_tables_of_an_uninterrupted_one(interrupted
         a, b = (pq.read_table(rows_path(task, Path(c.out))) for c in (resumed, whole))
         assert a.equals(b, check_metadata=True)
     for comparison in (resumed, whole):
-        collect(comparison)
+        write_runs(collect(comparison))
     frames = [pd.read_parquet(Path(c.out) / RUNS).drop(columns=list(COSTS)) for c in (resumed, whole)]
     pd.testing.assert_frame_equal(*frames, check_exact=True)

@@ -1,6 +1,8 @@
 """The recorder: what it writes, what it leaves behind when something goes wrong."""
 
 import json
+import os
+from contextlib import suppress
 from pathlib import Path
 
 import gymnasium as gym
@@ -11,7 +13,7 @@ import testbed  # noqa: F401  (registers the ids)
 import trackers
 from testbed.environment.recorder import Recorder
 from testbed.evaluation.tracking import Evaluator, jsonable
-from testbed.files import make_directory
+from testbed.files import ROOM, LostFileWarning, make_directory
 from testbed.log import reader
 from testbed.log.record import RunMeta, run_id
 from trackers import DEFAULT, MultiObjectTracker
@@ -54,10 +56,12 @@ def test_each_episode_has_its_files_and_nothing_is_written_before_reset(tmp_path
     env = gym.make("testbed/cut-in-v0", out=str(out), **QUICK)
     assert not out.exists()
     drive(env, seed=5)
-    first = f"cut-in_{DEFAULT}_front_idm_seed5"
-    assert {p.name for p in out.iterdir()} == {f"{first}.rrd"}
+    first = f"cut-in_{DEFAULT}_front_idm_seed5_1s"
+    (log,) = out.iterdir()
+    assert log.match(f"{first}.unfinished-*.rrd")
     env.reset()
-    assert {p.name for p in out.iterdir()} == {f"{first}.rrd", f"{first}.json", f"{first}-episode1.rrd"}
+    assert {p.name for p in out.iterdir()} > {f"{first}.rrd", f"{first}.json"}
+    assert [p.name for p in out.glob(f"{first}-episode1.*")] == [env.recorder.log.file.name]
     env.close()
     assert {p.name for p in out.glob("*.json")} == {f"{first}.json", f"{first}-episode1.json"}
     for log in out.glob("*.rrd"):
@@ -115,14 +119,35 @@ def test_an_object_is_logged_as_lost_one_second_after_its_last_track(tmp_path):
     assert min(lost) == 10 + 15
 
 
-def test_results_of_an_older_run_do_not_survive_beside_a_new_log(tmp_path):
-    old = tmp_path / f"cut-in_{DEFAULT}_front_idm_seed0.json"
-    old.write_text("{}")
+NAME = f"cut-in_{DEFAULT}_front_idm_seed0_1s"
+
+
+def older_run(folder):
+    """Files of an older run of the same name."""
+    files = [folder / f"{NAME}.json", folder / f"{NAME}.rrd"]
+    for file in files:
+        file.write_text("old")
+    return files
+
+
+def test_files_of_an_older_run_stay_until_those_of_the_new_one_are_complete(tmp_path):
+    results, log = older_run(tmp_path)
     env = gym.make("testbed/cut-in-v0", out=str(tmp_path), **QUICK)
-    env.reset(seed=0)
-    assert not old.exists()
+    drive(env)
+    assert (results.read_text(), log.read_text()) == ("old", "old")
     env.close()
-    assert json.loads(old.read_text())["run"]["seed"] == 0
+    assert json.loads(results.read_text())["run"]["seed"] == 0
+    assert reader.complete(log)
+    assert sorted(tmp_path.iterdir()) == [results, log]
+
+
+def test_a_name_has_the_duration_where_it_is_not_the_scenarios_own(tmp_path):
+    settings = {"radar": "front", "log": "off", "out": str(tmp_path)}
+    for config in ({}, {"duration": 20.0}, {"duration": 1}, {"duration": 1.25}):
+        env = gym.make("testbed/cut-in-v0", config=config, **settings)
+        env.reset(seed=0)
+        env.close()
+    assert {path.stem.partition("seed0")[2] for path in tmp_path.iterdir()} == {"", "_1s", "_1.25s"}
 
 
 @pytest.mark.parametrize("kept", ["off", "metrics", "full"])
@@ -165,22 +190,76 @@ def test_checking_a_directory_leaves_nothing_in_it(tmp_path):
     assert list((tmp_path / "a" / "b").iterdir()) == []
 
 
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full on this system")
-def test_a_full_disk_is_one_sentence(tmp_path):
-    (tmp_path / f"cut-in_{DEFAULT}_front_idm_seed0.rrd").symlink_to("/dev/full")
+def nameless_files(folder):
+    """Size [bytes] of each open file in a folder that has no name."""
+    sizes = []
+    for number in os.listdir("/proc/self/fd"):
+        with suppress(OSError):
+            if Path(os.readlink(f"/proc/self/fd/{number}")).parent == folder:
+                found = os.stat(f"/proc/self/fd/{number}")
+                sizes += [found.st_size] if found.st_nlink == 0 else []
+    return sizes
+
+
+@pytest.mark.skipif(not Path("/proc/self/fd").exists(), reason="this system does not list open files")
+def test_room_for_the_results_is_kept_until_they_are_written(tmp_path):
+    env = gym.make("testbed/cut-in-v0", out=str(tmp_path), log="off", **QUICK)
+    env.reset(seed=0)
+    recorder = env.recorder
+    assert nameless_files(tmp_path) == [ROOM]
+    recorder.close()
+    assert nameless_files(tmp_path) == []
+    env.close()
+
+
+def test_a_disk_without_room_for_the_beginning_of_the_log_is_one_sentence(tmp_path, limit_files):
+    env = gym.make("testbed/cut-in-v0", **QUICK)
+    env.attach(Recorder(RunMeta("a", "cut-in", 0, "front", (DEFAULT,), "idm", {}, {}), tmp_path))
+    limit_files(1000)
+    with pytest.raises(OSError, match=r"^cannot write the log .*a\.rrd: File too large; choose another directory$"):
+        env.reset(seed=0)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_full_disk_ends_the_log_with_a_warning_and_the_run_goes_on(tmp_path, limit_files):
     env = gym.make("testbed/cut-in-v0", out=str(tmp_path), **QUICK)
+    env.reset(seed=0)
+    recorder = env.recorder
+    limit_files(recorder.log.file.stat().st_size + 1000)
 
-    def episode():
-        drive(env)
-        env.close()
+    def go_on():
+        for _ in range(5):
+            env.step(1)
 
-    with pytest.raises(OSError, match=r"cannot write .*No space left on device; choose another"):
-        episode()
+    with pytest.warns(LostFileWarning, match=r"^cannot write the log .*: File too large; it ends at 0\.0 s$") as told:
+        go_on()
+    env.close()
+    assert recorder.lost == [str(told[0].message)]
+    assert json.loads((tmp_path / f"{NAME}.json").read_text())["drive"]["elapsed"] == pytest.approx(1.0)
+    assert not reader.complete(tmp_path / f"{NAME}.rrd")
 
 
-def test_results_that_cannot_be_written_are_one_sentence(tmp_path):
-    env = gym.make("testbed/cut-in-v0", out=str(tmp_path), **QUICK)
+def test_results_that_cannot_be_written_are_one_sentence_and_older_ones_stay(tmp_path, limit_files):
+    results, log = older_run(tmp_path)
+    env = gym.make("testbed/cut-in-v0", out=str(tmp_path), log="metrics", **QUICK)
     drive(env)
-    (tmp_path / f"cut-in_{DEFAULT}_front_idm_seed0.json").mkdir()
-    with pytest.raises(OSError, match=r"cannot write .*json: Is a directory; choose another directory"):
+    recorder = env.recorder
+    limit_files(1000)
+    with (
+        pytest.warns(LostFileWarning, match="cannot write the log"),
+        pytest.raises(OSError, match=r"^cannot write .*json: File too large; choose another directory$"),
+    ):
         env.close()
+    assert (results.read_text(), log.read_text()) == ("old", "old")
+    assert len(recorder.lost) == 1
+    assert sorted(tmp_path.iterdir()) == sorted([results, log, recorder.log.file])
+
+
+@pytest.mark.parametrize("suffix", ["json", "rrd"])
+@pytest.mark.parametrize("make", [os.mkfifo, lambda path: path.symlink_to("kept")])
+def test_what_is_no_file_of_ours_is_refused_before_the_run(tmp_path, suffix, make):
+    make(tmp_path / f"{NAME}.{suffix}")
+    env = gym.make("testbed/cut-in-v0", out=str(tmp_path), **QUICK)
+    with pytest.raises(OSError, match=rf"^cannot write .*{suffix}: it is a .*; choose another file$"):
+        env.reset(seed=0)
+    assert [path.name for path in tmp_path.iterdir()] == [f"{NAME}.{suffix}"]

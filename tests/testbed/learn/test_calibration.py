@@ -37,7 +37,7 @@ def test_cars_are_sorted_by_range_and_by_the_side_they_show():
 
 
 def test_absent_data_are_reported_in_one_sentence(tmp_path):
-    with pytest.raises(ValueError, match=r"no real detections at .*objects.npz; pass the folder"):
+    with pytest.raises(ValueError, match=r"no real detections, no objects.npz in .*; give the folder"):
         read_real(tmp_path)
 
 

@@ -309,7 +309,7 @@ def test_what_cannot_be_written_or_learned_is_refused(tmp_path):
     with pytest.raises(ValueError, match=r"out must be a \.json file"):
         learn(LearnConfig("sampler:surround"), tmp_path / "table.npz")
     (tmp_path / "folder.json").mkdir()
-    with pytest.raises(ValueError, match="got the directory"):
+    with pytest.raises(OSError, match="it is a directory"):
         learn(LearnConfig("sampler:surround"), tmp_path / "folder.json")
     file = write(tmp_path / "a.npz", u=np.zeros((0, 2)), aspect=np.zeros(0))
     with pytest.raises(ValueError, match="has no detection of that class"):

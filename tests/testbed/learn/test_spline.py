@@ -70,7 +70,7 @@ def test_the_command_line_writes_the_same_file(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
-        (["sampler:surround:car", "--ellipses", "8"], "at least n_c"),
+        (["sampler:surround:car", "--ellipses", "8"], "between 4 and their number"),
         (["sampler:surround:car", "--visibility", "some"], "visibility must be one of rays, none"),
         (["sampler:surround:car", "--count", "0"], "count must be at least 1"),
         (["no-such-file"], "there is no no-such-file"),

@@ -10,7 +10,7 @@ from testbed.frame import Frame, FrameScore
 from testbed.log import RoadGeometry, RunMeta
 from trackers.estimate import prior
 from trackers.geometry import box_corners, unit
-from trackers.multi.tracks import Event, StepInfo, Tracks
+from trackers.multi.tracks import NO_TRACK, Event, StepInfo, Tracks
 from trackers.scan import Scan, SensorModel
 
 DT = 1 / 15
@@ -113,6 +113,7 @@ def output_of(scene, origin, rng, noise, step):
         events = [Event("confirmed", int(i), "existence above one half") for i in tracks.reported.id]
     if step == 20:
         events = [Event("died", 102, "no detection for 1 s"), Event("born", 150, "3 detections no track explains")]
+        events += [Event("implausible", NO_TRACK, "2 detections left out")]
     n = len(tracks.id)
     owner = np.where(origin.object >= 0, origin.object + 100, -1)
     info = StepInfo(

@@ -10,7 +10,6 @@ from PIL import Image
 from testbed.log import blueprint, paths, reader, screenshot
 from testbed.log.record import RoadGeometry
 from testbed.log.review import check, middle, review, unfinished_hint
-from testbed.log.review import screenshot as picture
 from tests.testbed.log import log_runs
 
 META = log_runs.META
@@ -79,7 +78,7 @@ def test_the_overview_fits_the_shape_of_the_road(length, width, overview):
 
 @pytest.mark.skipif(bool(screenshot.renderer_missing()), reason=screenshot.renderer_missing() or "drawn here")
 def test_the_viewer_draws_the_log_without_a_complaint(log, tmp_path):
-    assert picture(log, tmp_path / "deep" / "run.png", at=2.0) == []
+    assert screenshot.render(log, tmp_path / "deep" / "run.png", at=2.0) == []
     image = Image.open(io.BytesIO((tmp_path / "deep" / "run.png").read_bytes())).convert("RGB")
     colors = {color for _, color in image.getcolors(maxcolors=2**24)}
     assert image.width >= 1280
@@ -93,7 +92,7 @@ def test_missing_renderer_is_one_sentence(log, tmp_path, monkeypatch):
     for name in ("VK_DRIVER_FILES", "VK_ICD_FILENAMES"):
         monkeypatch.delenv(name, raising=False)
     with pytest.raises(screenshot.NoRenderer, match="no Vulkan driver is installed"):
-        picture(log, tmp_path / "run.png")
+        review([log], png=tmp_path / "run.png")
 
 
 def test_pictures_are_taken_in_the_middle_of_a_run(log):
@@ -140,7 +139,7 @@ def test_the_hint_for_a_killed_run_repairs_it(tmp_path):
     for record in log_runs.records(3):
         log.step(*record)
     cut = tmp_path / "cut.rrd"
-    cut.write_bytes((tmp_path / "a.rrd").read_bytes())
+    cut.write_bytes(log.file.read_bytes())
     log.close()
     assert not reader.complete(cut)
     command = re.search(r"`rerun (.*?)`", unfinished_hint(cut))[1].split()

@@ -1,3 +1,4 @@
+import gc
 import os
 import signal
 import subprocess
@@ -89,6 +90,7 @@ def test_events_have_levels_that_tell_lost_tracks_from_noise(log):
     events = {(e.step, e.text): e.level for e in reader.events(log)}
     assert events[20, "htg-map: track 102 died, no detection for 1 s"] == "WARN"
     assert events[20, "htg-map: track 150 born, 3 detections no track explains"] == "DEBUG"
+    assert events[20, "htg-map: scan implausible, 2 detections left out"] == "WARN"
     assert events[30, "veh_01 starts a lane change"] == "INFO"
 
 
@@ -118,6 +120,7 @@ def test_arrays_may_change_after_the_step(tmp_path):
     assert reader.digests(tmp_path / "spoilt.rrd") == reader.digests(kept)
 
 
+@pytest.mark.filterwarnings("error")
 def test_closing_twice_writes_once(tmp_path):
     log = RunLog(tmp_path / "a.rrd", log_runs.META)
     for record in log_runs.records(3):
@@ -127,6 +130,8 @@ def test_closing_twice_writes_once(tmp_path):
     assert reader.properties(tmp_path / "a.rrd")["summary"] == {"steps": 3}
     with pytest.raises(ValueError, match="is closed"):
         log.step(*next(log_runs.records(1)))
+    del log
+    gc.collect()  # does not close it once more
 
 
 def test_an_exception_leaves_a_complete_log_that_names_it(tmp_path):
@@ -170,8 +175,122 @@ def test_a_killed_run_is_readable_up_to_its_last_block(tmp_path):
     folder = str(Path(__file__).parents[3])
     killed = subprocess.run([sys.executable, "-c", KILLED, str(path), folder], timeout=60, check=False)
     assert killed.returncode == -signal.SIGKILL
-    assert len(reader.steps(path)) >= 37 - 10
+    (left,) = tmp_path.iterdir()
+    assert left.match("killed.unfinished-*.rrd")
+    assert len(reader.steps(left)) >= 37 - 10
+    assert not reader.complete(left)
+
+
+def begun(path, steps, **options):
+    """A log that is open after some steps."""
+    log = RunLog(path, log_runs.META, **options)
+    log.static(log_runs.road(), log_runs.SENSORS)
+    for record in log_runs.records(steps):
+        log.step(*record)
+    return log
+
+
+@pytest.fixture(scope="module")
+def size(tmp_path_factory):
+    """Bytes of an open log after 30 steps: two blocks."""
+    log = begun(tmp_path_factory.mktemp("open") / "a.rrd", 30)
+    found = log.file.stat().st_size
+    log.close()
+    return found
+
+
+def test_a_full_disk_stops_the_log_at_its_last_block(tmp_path, limit_files, size, capfd):
+    path = tmp_path / "a.rrd"
+    log = begun(path, 29)
+    limit_files(size + 1000)
+    *_, last = log_runs.records(30)
+    log.step(*last)
+    refused = []
+    for record in list(log_runs.records(61))[30:]:
+        try:
+            log.step(*record)
+        except OSError as error:
+            refused.append((record.frame.step, str(error)))
+    log.event("INFO", "nobody reads this")
+    log.close(log_runs.SUMMARY)
+    assert refused == [(44, f"cannot write the log {path}: File too large; it ends at 1.9 s")]
+    assert list(tmp_path.iterdir()) == [path]
+    assert reader.steps(path).tolist() == list(range(30))
     assert not reader.complete(path)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_disk_that_is_full_at_the_end_of_the_log_is_one_sentence(tmp_path, limit_files, size):
+    path = tmp_path / "a.rrd"
+    log = begun(path, 30)
+    limit_files(size + 1000)
+    with pytest.raises(OSError, match=r"^cannot write the log .*a\.rrd: File too large; it ends at 1\.9 s$"):
+        log.close(log_runs.SUMMARY)
+    log.close()
+    assert reader.steps(path).tolist() == list(range(30))
+
+
+def test_a_disk_without_room_for_the_beginning_is_one_sentence(tmp_path, limit_files):
+    limit_files(10_000)
+    with pytest.raises(OSError, match=r"^cannot write the log .*: File too large; choose another directory$"):
+        begun(tmp_path / "a.rrd", 1)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_log_that_was_damaged_on_the_disk_does_not_pass_for_whole(tmp_path):
+    log = begun(tmp_path / "a.rrd", 20)
+    with open(log.file, "r+b") as file:
+        file.write(b"nonsense")
+    with pytest.raises(OSError, match=r"^the log .*a\.rrd does not read back; delete it and run again$"):
+        log.close()
+
+
+def test_a_log_whose_name_is_taken_is_one_sentence(tmp_path):
+    log = begun(tmp_path / "a.rrd", 20)
+    (tmp_path / "a.rrd").mkdir()
+    with pytest.raises(OSError, match=r"^cannot write the log .*a\.rrd: Is a directory; it is a\.unfinished-.*\.rrd"):
+        log.close()
+    assert log.file.match("a.unfinished-*.rrd")
+    assert reader.complete(log.file)
+
+
+def test_two_logs_of_one_name_are_both_whole_and_the_last_one_stays(tmp_path):
+    path = tmp_path / "a.rrd"
+    first, second = begun(path, 20), begun(path, 3)
+    assert len(set(tmp_path.iterdir())) == 2
+    first.close()
+    assert reader.complete(path)
+    assert len(reader.steps(path)) == 20
+    second.close()
+    assert reader.complete(path)
+    assert len(reader.steps(path)) == 3
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_an_older_log_stays_until_the_new_one_is_closed(tmp_path):
+    path = log_runs.write(tmp_path / "a.rrd", steps=3)
+    log = begun(path, 20)
+    assert len(reader.steps(path)) == 3
+    log.close(replace=False)
+    assert len(reader.steps(path)) == 3
+    assert reader.complete(log.file)
+    assert len(reader.steps(log.file)) == 20
+
+
+def test_a_log_that_nobody_closes_is_closed_when_it_goes(tmp_path):
+    log = begun(tmp_path / "a.rrd", 20)
+    del log
+    gc.collect()
+    assert reader.complete(tmp_path / "a.rrd")
+    assert len(reader.steps(tmp_path / "a.rrd")) == 15
+
+
+@pytest.mark.parametrize("make", [os.mkfifo, lambda path: path.symlink_to("kept")])
+def test_a_log_replaces_neither_a_pipe_nor_a_link(tmp_path, make):
+    make(tmp_path / "a.rrd")
+    with pytest.raises(OSError, match=r"^cannot write .*a\.rrd: it is a .*; choose another file$"):
+        begun(tmp_path / "a.rrd", 1)
+    assert [path.name for path in tmp_path.iterdir()] == ["a.rrd"]
 
 
 def test_directories_are_made_and_old_files_replaced(tmp_path):
@@ -184,7 +303,7 @@ def test_directories_are_made_and_old_files_replaced(tmp_path):
 def test_a_path_that_cannot_be_written_is_one_sentence(tmp_path):
     (tmp_path / "file").write_text("in the way")
     log = RunLog(tmp_path / "file" / "a.rrd", log_runs.META)
-    with pytest.raises(OSError, match=r"cannot write the log .*a\.rrd: .*; choose another output directory"):
+    with pytest.raises(OSError, match=r"cannot write .*a\.rrd: Not a directory; choose another directory"):
         log.step(*next(log_runs.records(1)))
 
 

@@ -6,6 +6,7 @@ import json
 import pytest
 from rich.console import Console
 
+from testbed.files import LostFileWarning
 from testbed.papers.report import MethodRow, PaperReport, Stopped, carry_out, cell
 from testbed.papers.verdict import CONFIRMED, Claim, Verdict
 
@@ -38,6 +39,17 @@ def test_a_finished_experiment_has_rows_verdicts_figures_and_a_file(tmp_path):
     written = json.loads((out / "p.json").read_text())
     assert (written["rows"][0]["case"], written["figures"], written["interrupted"]) == ("c", ["p.png"], False)
     assert written["verdicts"][0]["claim"] == "better"
+
+
+def test_figures_that_cannot_be_written_are_told_and_the_rest_is_there(tmp_path):
+    def draw(folder):
+        raise OSError("cannot write p.png: the disk is full")
+
+    with pytest.warns(LostFileWarning, match=r"cannot write p\.png"):
+        report = carry_out(blank(), lambda: None, lambda: (), lambda: (VERDICT,), draw, tmp_path)
+    assert report.lost == ("cannot write p.png: the disk is full",)
+    assert (report.verdicts, report.figures, report.interrupted) == ((VERDICT,), (), False)
+    assert json.loads((tmp_path / "p.json").read_text())["figures"] == []
 
 
 @pytest.mark.parametrize("at", ["experiment", "claims", "figures"])

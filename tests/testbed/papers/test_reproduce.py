@@ -46,7 +46,7 @@ def reproduce(monkeypatch, tmp_path, *outcomes, stop_after=None):
 def test_the_answer_is_no_when_a_claim_holds_under_no_condition(monkeypatch, tmp_path, outcomes, status):
     done, calls, written = reproduce(monkeypatch, tmp_path, *outcomes)
     assert done.exit_status == status
-    assert done.json == tmp_path / "p.json"
+    assert done.report.json == tmp_path / "p.json"
     assert calls == [*((k, 3, f"case {k}") for k in range(3)), (1, 1, "claims"), (1, 1, "figures")]
     assert written["rows"][0]["measured"]["gwd2"] == 5.0  # runs and seed arrive
     assert not written["interrupted"]
@@ -103,6 +103,18 @@ def test_the_command_prints_tables_verdicts_and_paths(tmp_path, monkeypatch, com
     for part in ("p: case 2", "p: claims", REFUTED, f"results  {tmp_path / 'p.json'}"):
         assert part in out
     assert len(err.strip().splitlines()) == 1  # the bar does not flood a file
+
+
+def test_tables_are_printed_where_the_results_cannot_be_written(tmp_path, monkeypatch, command):
+    monkeypatch.setattr(catalogue, "PAPERS", {"p": made_up("p", (CONFIRMED, REFUTED))})
+    (tmp_path / "p.json").mkdir()
+    status, out, err = command("reproduce", "p", "--runs", 2, "--out", tmp_path)
+    assert status == 2
+    assert "p: claims" in out
+    assert "results" not in out
+    assert (
+        err.splitlines()[-1] == f"testbed: cannot write {tmp_path / 'p.json'}: it is a directory; choose another file"
+    )
 
 
 def test_ctrl_c_in_a_real_reproduction_leaves_its_finished_rows(tmp_path, monkeypatch, command):

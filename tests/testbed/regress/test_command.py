@@ -158,7 +158,7 @@ def test_ctrl_c_ends_it_and_the_next_call_goes_on(told, tmp_path):
         (["--tracker", "htg-map", "--tracker", "htg-map"], "trackers must differ"),
         (["--jobs", "0"], "jobs must be 1 or more"),
         (["--baselines", "no/such.json"], "make it with `testbed regress --update`"),
-        (["--junit", "."], "junit: . is a directory"),
+        (["--junit", "."], "junit: cannot write .: it is a directory"),
         (["--junit", "/proc/none/j.xml"], "junit: cannot write to /proc/none"),
         (["--out", "/proc/none"], "out: cannot write to /proc/none"),
     ],

@@ -230,7 +230,7 @@ def test_bad_parameters_are_named():
         ({"prior": "ray"}, "prior must be one of"),
         ({"form": "parallel"}, "form must be one of"),
         ({"parameters": "papers"}, "parameters must be one of"),
-        ({"passes": 0}, "passes must be at least 1"),
+        ({"passes": 0}, "passes must be a whole number > 0"),
         ({"parameters": Parameters(stay=0.2)}, "stay must lie between"),
     ):
         with pytest.raises(ValueError, match=match):

@@ -1,5 +1,6 @@
 """The multi-object tracker: laws, bad scans, and what it must do in a small world."""
 
+import warnings
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,7 +18,7 @@ from trackers.multi.exclusion import GRID, Exclusion
 from trackers.multi.existence import Existence
 from trackers.multi.sizes import SizePrior, stretch
 from trackers.multi.tracker import events_of
-from trackers.multi.tracks import Tracks
+from trackers.multi.tracks import NO_TRACK, Tracks
 from trackers.multi.visibility import SensorArray, predict_visibility, ray_box
 from trackers.multi.window import EMPTY
 from trackers.protocols import Note
@@ -142,19 +143,39 @@ def test_no_scan_ever_corrupts_a_state(tracker):
     scans = [empty(road.ego), crowd(burst), crowd(np.tile(base.polar[:1], (3000, 1))), crowd(no_rate), base]
     for scan in scans:
         for dt in (0.0, road.dt, 2.0):
-            after, _ = tracker.step(tracks, scan, dt)
+            with warnings.catch_warnings():
+                warnings.filterwarnings("ignore", "a scan has too many unexplained")
+                after, _ = tracker.step(tracks, scan, dt)
             assert all(np.isfinite(a).all() for a in leaves(after))
             assert np.linalg.eigvalsh(after.estimate.cov).min(initial=1) > 0
             assert ((after.existence >= 0) & (after.existence < 1)).all()
 
 
+def test_implausible_detections_are_counted_and_the_rest_is_tracked_as_if_they_were_padding(tracker):
+    road = Road(CARS)
+    tracks, _ = drive(tracker, road, 1.0)
+    scan = road.scan()
+    wrong, masked = scan.polar.copy(), scan.mask.copy()
+    wrong[:2, 0], masked[:2] = 1e9, False
+    got, info = tracker.step(tracks, scan._replace(polar=wrong), road.dt)
+    want, quiet = tracker.step(tracks, scan._replace(mask=masked), road.dt)
+    assert (info.implausible, quiet.implausible) == (2, 0)
+    assert [e.kind for e in info.events] == ["implausible", *(e.kind for e in quiet.events)]
+    assert info.events[0].track == NO_TRACK
+    for a, b in zip(leaves(got), leaves(want), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"mask": np.ones((2, 3), bool), "polar": np.ones((2, 3, 3))}, r"scan\.mask must be \(M,\)"),
-        ({"polar": np.full((3, 3), np.nan)}, "without a finite range"),
+        (
+            {"mask": np.ones((2, 3), bool), "polar": np.ones((2, 3, 3))},
+            r"scan\.polar has leading axes \(2,\)",
+        ),
+        ({"polar": np.full((3, 3), np.nan)}, r"scan\.polar is not finite for 3 detections"),
         ({"sensor": np.array([7])}, "scan.sensor must index the tracker's 1 sensors"),
-        ({"platform": np.zeros(3)}, r"scan\.platform must be \(6,\)"),
+        ({"platform": np.zeros(3)}, r"scan\.platform must be \(\.\.\., 6\)"),
         ({"platform": np.full(6, np.inf)}, "ego motion is missing"),
     ],
 )
@@ -167,7 +188,7 @@ def test_impossible_scans_get_one_clear_error(tracker, change, message):
 
 @pytest.mark.parametrize("dt", [-0.1, np.nan, np.inf])
 def test_impossible_time_steps_get_one_clear_error(tracker, dt):
-    with pytest.raises(ValueError, match="dt must be finite and >= 0"):
+    with pytest.raises(ValueError, match="dt must be finite, >= 0"):
         tracker.step(tracker.start(), empty(np.zeros(6)), dt)
 
 

@@ -274,8 +274,8 @@ def test_the_density_over_the_body_is_that_of_the_update_and_integrates_to_one()
     [
         ({"visibility": "some"}, "visibility must be one of rays, none"),
         ({"form": "both"}, "form must be joint or an EllipseUpdate"),
-        ({"iterations": 0}, "iterations must be at least 1"),
-        ({"inflation": 1.0}, "inflation > 1"),
+        ({"iterations": 0}, "iterations must be a whole number > 0"),
+        ({"inflation": 1.0}, "inflation must be > 1"),
     ],
 )
 def test_parameters_that_make_no_sense_are_refused(change, text):

@@ -297,9 +297,9 @@ def test_resizing_changes_the_size_and_nothing_else():
 def test_bad_input_is_named():
     f = RandomMatrix()
     state = f.init(prior((0.0, 0.0, 0.0)))
-    with pytest.raises(ValueError, match="dt must be >= 0"):
+    with pytest.raises(ValueError, match="dt must be finite, >= 0"):
         f.predict(state, -0.1)
-    with pytest.raises(ValueError, match="dt must be >= 0"):
+    with pytest.raises(ValueError, match="dt must be finite, >= 0"):
         f.predict(state, np.nan)
     with pytest.raises(ValueError, match=r"estimate\.cov must be positive definite"):
         f.init(prior((0.0, 0.0, 0.0))._replace(cov=np.zeros((4, 4))))

@@ -210,5 +210,5 @@ def test_the_mean_follows_a_turning_object():
 
 def test_bad_time_steps_are_named():
     f = Koch()
-    with pytest.raises(ValueError, match="dt must be >= 0"):
+    with pytest.raises(ValueError, match="dt must be finite, >= 0"):
         f.predict(f.init(prior((0.0, 0.0, 0.0))), -0.1)

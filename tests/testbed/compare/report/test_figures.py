@@ -48,8 +48,9 @@ def test_every_figure_has_a_title_and_a_caption(drawn):
     assert all(d.title and d.caption.endswith(".") for d in drawn)
 
 
-def test_one_seed_one_tracker_and_a_tracker_that_holds_nothing_are_drawn(tmp_path):
-    comparison = Comparison(("cut-in",), ("blind",), (3,), out=str(tmp_path))
+@pytest.mark.parametrize("seeds", [(3,), (0, 1, 2)])
+def test_one_tracker_that_holds_nothing_is_drawn(tmp_path, seeds):
+    comparison = Comparison(("cut-in",), ("blind",), seeds, out=str(tmp_path))
     names = {d.name for d in draw(make(comparison, blind="blind"), tmp_path)}
     assert names == {"distributions", "cost", "time_gospa", "time_position"}
 

@@ -1,6 +1,8 @@
 """The page of a comparison: what it says, where it leads, and what it does with little or odd input."""
 
 import json
+import shutil
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote
@@ -287,12 +289,14 @@ def test_logs_are_written_from_the_recording_and_linked(recorded):
 
 
 def test_logs_that_are_there_are_kept(recorded, tmp_path):
-    results = collect(recorded[0])
+    copied = replace(recorded[0], out=str(shutil.copytree(recorded[0].out, tmp_path / "copy")))
+    shutil.rmtree(tmp_path / "copy" / "logs", ignore_errors=True)
+    results = collect(copied)
     found = logs.picks(results)
-    kept = logs.log_path(found[0].task, results.comparison, tmp_path)
+    kept = logs.log_path(found[0].task, copied, tmp_path / "copy")
     kept.parent.mkdir()
     kept.write_text("mine")
-    outcomes = logs.write(results, found, tmp_path)
+    outcomes = logs.write(results, found)
     assert [o.status for o in outcomes] == ["found", "done"]
     assert kept.read_text() == "mine"
 
@@ -302,5 +306,5 @@ def test_logs_of_closed_loops_are_driven_again(tmp_path):
     comparison = Comparison(("cut-in",), ("rm-feldmann",), (1,), settings, out=str(tmp_path))
     assert not execute(comparison, Engine()).failed
     results = collect(comparison)
-    assert [o.status for o in logs.write(results, logs.picks(results), tmp_path)] == ["done"]
+    assert [o.status for o in logs.write(results, logs.picks(results))] == ["done"]
     assert (tmp_path / "logs" / "cut-in_rm-feldmann_surround_idm_seed1.rrd").is_file()

@@ -11,7 +11,7 @@ import pytest
 
 from testbed.compare.runs.config import Comparison, Task
 from testbed.compare.runs.measures import KEYS
-from testbed.compare.runs.results import collect
+from testbed.compare.runs.results import collect, write_runs
 from testbed.compare.runs.rows import COLUMNS, NAMES, SCHEMA, write
 from testbed.compare.runs.tasks import ROWS, rows_path
 from testbed.compare.statistics import analysis
@@ -120,7 +120,7 @@ def test_a_run_that_is_gone_is_named_and_the_others_are_read(results):
 
 
 def test_every_column_of_the_runs_has_its_unit(results):
-    schema = pq.read_schema(folder(results) / "runs.parquet")
+    schema = pq.read_schema(write_runs(results))
     assert {"start", "end", "phase", *KEYS} <= set(schema.names)
     assert all(b"unit" in field.metadata for field in schema)
     assert schema.field("gospa").metadata[b"unit"] == b"m"

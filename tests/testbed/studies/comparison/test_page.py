@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 
 from testbed.compare.runs.config import Settings
+from testbed.compare.runs.results import collect, write_runs
 from testbed.papers.catalogue import PAPERS
 from testbed.studies.comparison import committed
 from testbed.studies.comparison.page import render
@@ -32,7 +33,9 @@ def test_a_folder_that_lacks_a_run_is_refused_with_its_name(folder, tmp_path):
 
 def test_published_runs_are_those_of_the_folder(folder, published):
     results, known, tables = read(published)
-    whole = pd.read_parquet(folder / "runs.parquet").set_index(["scenario", "tracker", "seed", "phase"])["gospa"]
+    whole = pd.read_parquet(write_runs(collect(stored_comparison(folder)))).set_index(
+        ["scenario", "tracker", "seed", "phase"]
+    )["gospa"]
     kept = results.spans.set_index(["scenario", "tracker", "seed", "phase"])["gospa"]
     pd.testing.assert_series_equal(kept, whole, check_dtype=False, rtol=1e-6)
     assert known["reference"] == results.comparison.baseline == "htg-mm"

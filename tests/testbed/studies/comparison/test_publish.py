@@ -1,0 +1,76 @@
+"""Committed results of which some trackers are replaced."""
+
+import json
+import shutil
+from dataclasses import replace
+
+import pandas as pd
+import pytest
+
+from testbed.compare.runs.config import Comparison, Settings
+from testbed.compare.runs.engine import Engine
+from testbed.compare.runs.work import execute
+from testbed.studies.comparison.publish import ABOUT, RUNS, TABLES, replace_trackers
+
+PART = Comparison(("xia2020-lane",), ("htg-mm",), (0, 1, 2), Settings(duration=1.0))
+
+
+@pytest.fixture(scope="module")
+def part(tmp_path_factory):
+    """Runs of one tracker alone."""
+    out = tmp_path_factory.mktemp("part") / "runs"
+    execute(replace(PART, out=str(out)), Engine())
+    return out
+
+
+@pytest.fixture
+def older(published, tmp_path):
+    """Committed results in which that tracker has other numbers and another digest."""
+    target = tmp_path / "results"
+    shutil.copytree(published, target)
+    runs = pd.read_parquet(target / RUNS)
+    runs.loc[runs["tracker"] == "htg-mm", ["gospa", "rmse_length"]] += 1
+    runs.to_parquet(target / RUNS)
+    known = json.loads((target / ABOUT).read_text())
+    known["identity"]["code of htg-mm"] = "ba9876543210"
+    (target / ABOUT).write_text(json.dumps(known))
+    for name in TABLES:
+        table = pd.read_csv(target / f"{name}.csv")
+        numbers = table.select_dtypes("number").columns
+        table.loc[table["tracker"] == "htg-mm", numbers] += 1
+        table.to_csv(target / f"{name}.csv", index=False)
+    return target
+
+
+def test_replacing_a_tracker_gives_what_publishing_all_gives(part, older, published):
+    times = pd.read_parquet(published / RUNS)
+    assert replace_trackers(part, older) == ("htg-mm",)
+    pd.testing.assert_frame_equal(pd.read_parquet(older / RUNS), times)  # wall times too: they are kept
+    for name in TABLES:
+        assert (older / f"{name}.csv").read_text() == (published / f"{name}.csv").read_text()
+    assert json.loads((older / ABOUT).read_text()) == json.loads((published / ABOUT).read_text())
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "sentence"),
+    [
+        ("seeds", [0, 1], "has seeds"),
+        ("scenarios", ["cut-in"], "has scenarios"),
+        ("trackers", ["rm-koch"], "publish all"),
+    ],
+)
+def test_runs_that_do_not_fit_are_refused(part, older, key, value, sentence):
+    known = json.loads((older / ABOUT).read_text()) | {key: value}
+    (older / ABOUT).write_text(json.dumps(known | {"reference": "rm-koch"} if key == "trackers" else known))
+    before = (older / RUNS).read_bytes()
+    with pytest.raises(ValueError, match=sentence):
+        replace_trackers(part, older)
+    assert (older / RUNS).read_bytes() == before
+
+
+def test_the_digest_that_all_share_is_left_to_refresh(part, older):
+    known = json.loads((older / ABOUT).read_text())
+    known["identity"]["code"] = "0123456789ab"
+    (older / ABOUT).write_text(json.dumps(known))
+    replace_trackers(part, older)
+    assert json.loads((older / ABOUT).read_text())["identity"]["code"] == "0123456789ab"
