@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers import Scan
+from trackers.batch import stack
 from trackers.geometry import rotation, unit
 
 ABSURD = (0.0, -0.0, 1e-300, -1e-300, 1e-9, -1.0, 1e3, -1e3, 1e6, 1e9, -1e9, 1e18, -1e18, 1e150, 1e300, -1e300)
@@ -69,7 +70,7 @@ def together(scans: Sequence[Scan]) -> Scan:
         return np.concatenate([field, rest if field.dtype.kind in "bi" else np.full_like(rest, np.nan)])
 
     rows = [Scan(*(padded(field) for field in scan[:-1]), scan.platform) for scan in scans]
-    return Scan(*(np.stack(field) for field in zip(*rows, strict=True)))
+    return stack(rows)
 
 
 def time_step(rng: np.random.Generator) -> float:

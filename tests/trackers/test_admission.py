@@ -7,6 +7,7 @@ import pytest
 
 from trackers import TRACKERS, Scan, find, prior
 from trackers.admission import LARGEST, MAX_RANGE, MAX_STEP, admit, guarded_update
+from trackers.batch import stack
 from trackers.linalg import floored
 from trackers.protocols import UpdateInfo
 
@@ -108,7 +109,7 @@ def test_an_update_says_what_it_left_out_and_of_which_object(name):
     f = find(name)
     state = f.init(prior([[21.0, 3.0, 0.1], [21.0, 3.0, 0.1]], velocity=(10.0, 0.0)))
     one, bad = scan_of(), put("polar", 1, 2, 1e9)
-    scan = Scan(*(np.stack([a, b]) for a, b in zip(one, bad, strict=True)))
+    scan = stack([one, bad])
     _, info = f.update(state, scan)
     np.testing.assert_array_equal(info.n, [3, 2])
     (note,) = (note for note in info.notes if note.kind == "implausible")
@@ -133,7 +134,7 @@ def test_an_object_whose_update_is_of_no_use_keeps_its_state_and_the_others_do_n
     far = state.m.copy()
     far[1] *= LARGEST
     state = state._replace(m=far)
-    both = Scan(*(np.stack([field] * 3) for field in scan))
+    both = stack([scan] * 3)
     new, info = f.update(state, both)
     np.testing.assert_array_equal(info.n, [3, 0, 3])
     (note,) = info.notes
@@ -150,7 +151,7 @@ def test_an_object_without_a_detection_keeps_every_bit_of_a_covariance_that_is_n
     state = f.init(prior([[21.0, 3.0, 0.1]] * 2, velocity=(10.0, 0.0)))
     P = state.P.copy()
     P[1, 4, 4] = 0.0  # certain of its yaw rate
-    scan = Scan(*(np.stack([field] * 2) for field in scan_of()))._replace(mask=np.array([[True] * 3, [False] * 3]))
+    scan = stack([scan_of()] * 2)._replace(mask=np.array([[True] * 3, [False] * 3]))
     new, _ = f.update(state._replace(P=P), scan)
     np.testing.assert_array_equal(new.P[1], P[1])
     assert (np.linalg.eigvalsh(new.P[0]) > 0).all()
@@ -193,7 +194,7 @@ class Exact:
 
 def test_one_singular_matrix_does_not_cost_the_others_their_update():
     P = np.stack([np.eye(2), np.zeros((2, 2)), np.eye(2)])
-    state, scan = Centre(np.zeros((3, 2)), P), Scan(*(np.stack([field] * 3) for field in scan_of()))
+    state, scan = Centre(np.zeros((3, 2)), P), stack([scan_of()] * 3)
     new, info = Exact().update(state, scan)
     np.testing.assert_array_equal(info.n, [3, 0, 3])
     np.testing.assert_allclose(new.m, [XY.mean(0), [0, 0], XY.mean(0)])

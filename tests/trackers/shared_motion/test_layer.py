@@ -408,7 +408,7 @@ def test_no_time_changes_nothing_and_time_does_not_run_backwards(base):
     f = SharedMotion(find(base))
     state = f.init(random_prior(np.random.default_rng(0), (3,)))
     assert_equal_states(f.predict(state, 0.0), state, 0, 0)
-    with pytest.raises(ValueError, match="dt must be >= 0"):
+    with pytest.raises(ValueError, match="dt must be finite, >= 0"):
         f.predict(state, -0.1)
 
 
