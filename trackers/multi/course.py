@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import expit
 
 from trackers.geometry import dot, perpendicular, unit
 from trackers.linalg import outer
@@ -35,6 +36,9 @@ class Motion(NamedTuple):
     heading_std: NDArray  # (B,) [rad]
 
 
+Fit = tuple[NDArray, NDArray, NDArray]  # velocity (B, 2), covariance (B, 2, 2), log evidence (B,)
+
+
 @dataclass(frozen=True)
 class Course:
     """Priors of the velocity: with the lane, against it, in any direction."""
@@ -49,8 +53,11 @@ class Course:
     standing_std: float = 1.0  # [m/s] of the velocity of a standing cell
 
     def of(self, loose: Loose, W: NDArray, lanes: Lanes, standing: NDArray) -> Motion:
-        """Motion of the cells W (B, P) of detections; standing (B,) bool those that do not move."""
-        along = np.where(standing, 0.0, lanes.ego_speed)[:, None] * unit(lanes.direction)
+        """Motion of the cells W (B, P) of detections; standing (B,) bool those that seem not to move.
+
+        A lane seen from abeam hides the speed on it: such a cell may stand, or drive.
+        """
+        along = lanes.ego_speed * unit(lanes.direction)
         M = np.stack([unit(lanes.direction), perpendicular(unit(lanes.direction))], -1)
         lane = M * np.square(self.lane_std) @ M.mT
         broad = np.broadcast_to(self.any_std**2 * np.eye(2), lane.shape)
@@ -60,8 +67,10 @@ class Course:
         best = np.argmax([fit[2] + odds for fit, (*_, odds) in zip(fits, priors, strict=True)], 0)  # (LIFE.14)
         b = np.arange(len(W))
         velocity, cov = (np.stack([fit[k] for fit in fits])[best, b] for k in (0, 1))
-        velocity = np.where(standing[:, None], 0.0, velocity)  # abeam, range rates would leave the speed undetermined
-        cov = np.where(standing[:, None, None], self.standing_std**2 * np.eye(2), cov)
+        still = self._fit(loose, W, np.zeros_like(along), np.broadcast_to(self.standing_std**2 * np.eye(2), lane.shape))
+        either = mixture(still, fits[0])
+        velocity = np.where(standing[:, None], either[0], velocity)
+        cov = np.where(standing[:, None, None], either[1], cov)
         return self._with_heading(velocity, cov, lanes.direction, (best < 2) | standing)
 
     def _with_heading(self, velocity: NDArray, cov: NDArray, lane: NDArray, in_lane: NDArray) -> Motion:
@@ -74,7 +83,7 @@ class Course:
         std = np.sqrt(power[:, 0] / np.maximum(power[:, 1], self.above**2))  # (LIFE.15)
         return Motion(velocity, cov, heading, np.clip(np.where(slow, self.slow_std, std), *self.std_bounds))
 
-    def _fit(self, loose: Loose, W: NDArray, mean: NDArray, cov: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+    def _fit(self, loose: Loose, W: NDArray, mean: NDArray, cov: NDArray) -> Fit:
         """Velocity (B, 2), covariance (B, 2, 2) and log evidence (B,) of the range rates under Gaussian priors.
 
         mean (B, 2) and cov (B, 2, 2) are those of the priors.
@@ -90,3 +99,11 @@ class Course:
         chi2 = square - (2 * r * mean - Sm * mean + score * shift).sum(-1)  # (LIFE.13)
         log_det = np.linalg.slogdet(information)[1] + np.linalg.slogdet(cov)[1]  # (LIFE.13)
         return mean + shift, posterior, -0.5 * (chi2 + log_det)
+
+
+def mixture(a: Fit, b: Fit) -> tuple[NDArray, NDArray]:
+    """Mean (B, 2) and covariance (B, 2, 2) of two Gaussians weighed by their evidence."""
+    w = expit(b[2] - a[2])[:, None]  # (LIFE.29)
+    d = b[0] - a[0]
+    cov = (1 - w)[..., None] * a[1] + w[..., None] * b[1] + (w * (1 - w))[..., None] * outer(d)  # (LIFE.29)
+    return a[0] + w * d, cov  # (LIFE.29)

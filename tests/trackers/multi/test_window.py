@@ -11,6 +11,7 @@ from tests.trackers.multi.known_objects import KnownObjects, scan_of, tracks_of
 from trackers import MultiObjectTracker, RandomMatrix, Scan, SensorModel, prior
 from trackers.geometry import unit
 from trackers.multi.cells import Linkage
+from trackers.multi.course import Course, Lanes
 from trackers.multi.initiation import Initiation
 from trackers.multi.road import RoadMap
 from trackers.multi.window import EMPTY, Loose, Window
@@ -228,6 +229,27 @@ def test_a_crossing_car_without_a_map_keeps_its_id_and_gets_its_velocity():
     assert {int(i) for tracks, _ in steps for i in tracks.reported.id} == {0}
     tracks = steps[-1][0]
     assert np.hypot(*(tracks.estimate.velocity[0] - [0.0, 11.0])) < 2
+
+
+def seeming_to_stand(direction):
+    """Motion of one cell 20 m ahead of an ego at 10 m/s, without a range rate, on a lane with this direction [rad]."""
+    n = 3
+    xy = np.array([20.0, 0.0]) + np.arange(n)[:, None] * [0.2, 0.5]
+    one, zero = np.ones(n), np.zeros(n)
+    cell = Loose(
+        xy, unit(np.arctan2(xy[:, 1], xy[:, 0])), zero, one, one, one, zero.astype(int), np.zeros((n, 2)),
+        direction * one, zero > 0, zero,
+    )  # fmt: skip
+    lanes = Lanes(np.array([direction]), np.array([True]), 10.0)
+    return Course().of(cell, np.ones((1, n), bool), lanes, np.array([True]))
+
+
+def test_what_shows_no_range_rate_stands_in_a_lane_ahead_and_may_drive_in_one_that_crosses():
+    ahead, across = seeming_to_stand(0.0), seeming_to_stand(np.pi / 2)
+    assert np.hypot(*ahead.velocity[0]) < 0.2
+    assert np.sqrt(ahead.cov[0, 0, 0]) < 1.0
+    assert np.sqrt(across.cov[0, 1, 1]) > 4.0
+    assert across.heading[0] == pytest.approx(np.pi / 2, abs=0.1)
 
 
 def test_a_narrow_prior_along_the_ego_would_lose_the_crossing_car():
