@@ -69,7 +69,7 @@ def together(scans: Sequence[Scan]) -> Scan:
         rest = np.zeros((M - len(field), *field.shape[1:]), field.dtype)
         return np.concatenate([field, rest if field.dtype.kind in "bi" else np.full_like(rest, np.nan)])
 
-    rows = [Scan(*(padded(field) for field in scan[:-1]), scan.platform) for scan in scans]
+    rows = [Scan(*(padded(field) for field in scan[:6]), scan.platform) for scan in scans]
     return stack(rows)
 
 
@@ -150,7 +150,7 @@ def elsewhere(scan: Scan, rng: np.random.Generator) -> Scan:
 def malformed(scan: Scan, rng: np.random.Generator) -> Scan:
     """The scan with one field of another type or shape."""
     name = Scan._fields[int(rng.integers(len(Scan._fields)))]
-    value = getattr(scan, name)
+    value = np.ones(1, bool) if name == "delivered" else getattr(scan, name)
     with np.errstate(over="ignore"):  # an absurd number may be none of float32
         single = value.astype(np.float32)
     others = (

@@ -86,6 +86,8 @@ def test_an_implausible_detection_is_masked_and_counted_and_its_number_gone(fiel
     np.testing.assert_array_equal(got.scan.mask, [True, False, True])
     assert getattr(got.scan, field)[1, column] == 0
     for name in Scan._fields[2:]:
+        if getattr(got.scan, name) is None:
+            continue
         np.testing.assert_array_equal(getattr(got.scan, name)[[0, 2]], getattr(scan_of(), name)[[0, 2]][: len(XY)])
 
 

@@ -13,6 +13,7 @@ from scipy.spatial import cKDTree
 
 from trackers.geometry import dot, perpendicular, unit
 from trackers.multi.window import Loose
+from trackers.parameters import check_numbers
 
 
 @dataclass(frozen=True)
@@ -24,6 +25,9 @@ class Linkage:
     rate: float = 2.0  # [m/s] greatest difference of the ground range rates within a scan
     rate_between: float = 1.0  # [m/s] the same between scans
     thin: float = 0.25  # [m] and [m/s] grid of crowded scans, of which each cell is linked as one detection
+
+    def __post_init__(self) -> None:
+        check_numbers(self, positive=("along", "across", "rate", "rate_between", "thin"))
 
     def label(self, loose: Loose) -> NDArray:
         """Cell (P,) of each detection, counted from 0."""

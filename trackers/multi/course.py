@@ -13,6 +13,7 @@ from scipy.special import expit
 from trackers.geometry import dot, perpendicular, unit
 from trackers.linalg import outer
 from trackers.multi.window import Loose
+from trackers.parameters import check_numbers
 
 
 class Lanes(NamedTuple):
@@ -51,6 +52,13 @@ class Course:
     slow_std: float = 0.1  # [rad] of the heading below it
     std_bounds: tuple[float, float] = (0.03, 0.3)  # [rad] of the heading above it
     standing_std: float = 1.0  # [m/s] of the velocity of a standing cell
+
+    def __post_init__(self) -> None:
+        check_numbers(
+            self,
+            positive=("sigma_rate", "lane_std", "any_std", "slow_std", "std_bounds", "standing_std"),
+            signed=("any_log_odds",),
+        )
 
     def of(self, loose: Loose, W: NDArray, lanes: Lanes, standing: NDArray) -> Motion:
         """Motion of the cells W (B, P) of detections; standing (B,) bool those that seem not to move.

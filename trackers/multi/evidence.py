@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.special import expit, logit
 
 from trackers.multi.window import Loose
+from trackers.parameters import check_numbers
 
 
 class Cells(NamedTuple):
@@ -40,6 +41,11 @@ class Evidence:
     static_scans: int = 5  # of the window, in which a standing cell has a detection, where it has few in one
     static_time: float = 0.6  # [s] between the first and the last of them
     static_drift: float = 3.0  # [m/s] greatest speed of its place
+
+    def __post_init__(self) -> None:
+        check_numbers(
+            self, positive=("least", "intensity", "intensity_first", "first_decay", "off_lane", "clutter_factor")
+        )
 
     def clutter(self, loose: Loose, label: NDArray, false_alarms: NDArray) -> NDArray:
         """Clutter intensity (P,) [1/(m^2 m/s)], measured by the number of cells of each sensor in the present scan.

@@ -20,6 +20,7 @@ from trackers.multi.evidence import Cells, Evidence
 from trackers.multi.road import RoadMap
 from trackers.multi.sizes import SizePrior
 from trackers.multi.window import EMPTY, Loose, Window, join
+from trackers.parameters import check_numbers
 from trackers.random_matrix.surface import visible_offset
 
 
@@ -53,6 +54,9 @@ class Initiation:
     evidence: Evidence = field(default_factory=Evidence)
     course: Course = field(default_factory=Course)
     sizes: SizePrior = field(default_factory=SizePrior)
+
+    def __post_init__(self) -> None:
+        check_numbers(self, positive=("most_births", "crowd"))
 
     @property
     def least_existence(self) -> float:

@@ -13,6 +13,7 @@ from trackers.estimate import Estimate
 from trackers.geometry import to_frame
 from trackers.multi.association import SortedScan
 from trackers.multi.window import Loose
+from trackers.parameters import check_numbers
 
 
 class Leftovers(NamedTuple):
@@ -41,6 +42,9 @@ class Suppression:
     grow_along: float = 3.0  # [m] beyond the ends of a box, within which detections make its track grow
     grow_across: float = 0.4  # [m] beside it
     grow_rate: float = 1.5  # [m/s] difference of the ground range rate from that of the track
+
+    def __post_init__(self) -> None:
+        check_numbers(self)
 
     def leftovers(self, z: SortedScan, owner: NDArray, estimate: Estimate, existence: NDArray) -> Leftovers:
         """Sort the unowned detections into those that may start a track and those that a track should grow over.

@@ -14,6 +14,7 @@ from trackers.estimate import Estimate
 from trackers.geometry import rotation, wrap_angle
 from trackers.linalg import quadratic
 from trackers.multi.road import RoadMap
+from trackers.parameters import check_numbers
 
 
 class Gone(NamedTuple):
@@ -40,6 +41,9 @@ class Reidentification:
     newcomer_speed: float = 5.0  # [m/s] standard deviation of their speed among the traffic
     sure: float = 0.5  # least probability of being the remembered one
     longer: float = 1.5  # [m] by which a cell may be longer than the remembered vehicle
+
+    def __post_init__(self) -> None:
+        check_numbers(self, positive=("most", "newcomer_speed"))
 
     def remember(self, gone: Gone | None, died: Gone) -> Gone:
         """The memory with the tracks that died and had been seen often enough."""

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.special import expit, logit
 
 from trackers.multi.visibility import Visibility
+from trackers.parameters import check_numbers
 
 
 @dataclass(frozen=True)
@@ -20,6 +21,9 @@ class Silence:
     lasts: float = 0.9  # probability that it goes on
     dispersion: float = 2.0  # k of the negative binomial count
     clutter_share: float = 0.8  # of the data sheet's false alarms that are sure to come
+
+    def __post_init__(self) -> None:
+        check_numbers(self, positive=("dispersion",))
 
     def probability(
         self, before: NDArray, heard: NDArray, expected: NDArray, existence: NDArray, clutter: NDArray

@@ -14,6 +14,7 @@ from trackers.batch import concatenate, take
 from trackers.geometry import dot, unit
 from trackers.multi.association import SortedScan
 from trackers.multi.road import RoadMap
+from trackers.parameters import check_numbers
 
 
 class Loose(NamedTuple):
@@ -59,6 +60,9 @@ class Window:
     beyond: float = 30.0  # [m] least range: near vehicles give enough detections in one scan
     moving: float = 1.0  # [m/s] least magnitude of the ground range rate of what moves
     beside_lane: float = 1.0  # [m] a detection so near to a lane has its direction
+
+    def __post_init__(self) -> None:
+        check_numbers(self)
 
     def candidates(self, z: SortedScan, j: NDArray, road: RoadMap | None) -> Loose:
         """The detections with rows j (P,) of a scan."""

@@ -17,6 +17,7 @@ from trackers.geometry import perpendicular, unit
 from trackers.imm import chain, mix, moments, reweight
 from trackers.linalg import outer, symmetrize
 from trackers.motion import OMEGA, PHI, ROUNDING, SPEED
+from trackers.parameters import check_numbers
 from trackers.protocols import Attentive, ContourFilter, Gaussian, Learning, Note, Restartable
 from trackers.scan import Scan
 from trackers.shared_motion.modes import Modes
@@ -61,6 +62,7 @@ class SharedMotion:
     backwards: float = 2.0  # [m/s] faster than this nothing reverses; its heading is wrong
 
     def __post_init__(self) -> None:
+        check_numbers(self, positive=("step",))
         if not isinstance(self.filter, ContourFilter):
             raise ValueError(
                 f"motion needs a filter of place, polar velocity and size, got {type(self.filter).__name__}; "

@@ -4,7 +4,7 @@ Equations: docs/methods/motion-modes.md, sections 1 and 2. x = [px, py, phi, v, 
 of the box, v [m/s] the speed along the heading of the point that does not slide sideways, the axle.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from trackers.geometry import perpendicular, unit
 from trackers.linalg import outer, symmetrize
 from trackers.motion import OMEGA, PHI, SPEED, coordinated_turn
+from trackers.parameters import check_numbers
 
 SLOW = 3.0  # [m/s] below which a yaw rate may differ from 0 by `Modes.slow_yaw`, whatever the speed
 LEAST_BOUND = 1e-6  # [rad^2/s^2]
@@ -28,6 +29,9 @@ class Mode:
     yaw_walk: float  # q [rad/s/sqrt(s)]
     axle: float  # lambda: the axle lies this share of the length behind the centre
     lateral: float  # L [m/s^2] acceleration across that bounds the yaw rate at speed
+
+    def __post_init__(self) -> None:
+        check_numbers(self, positive=("lateral",))
 
 
 FIVE = (
@@ -54,12 +58,9 @@ class Modes:
     def __post_init__(self) -> None:
         if not self.table:
             raise ValueError("table must hold at least one Mode; one mode is a filter without interaction")
-        positive = (self.curvature, self.slow_yaw, self.fast, self.bound_time, self.birth_yaw_std)
-        if not (0 < self.first <= 1 and min(positive) > 0):
-            raise ValueError(
-                "first must be within 0 and 1, curvature, slow_yaw, fast, bound_time and birth_yaw_std positive, got "
-                f"{self.first} and {', '.join(map(str, positive))}"
-            )
+        check_numbers(self, positive=[field.name for field in fields(self)])
+        if self.first > 1:
+            raise ValueError(f"Modes.first must be a probability, got {self.first}")
 
     @property
     def names(self) -> tuple[str, ...]:

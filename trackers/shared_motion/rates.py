@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from trackers.geometry import cross, dot, perpendicular, unit
 from trackers.linalg import outer, symmetrize
 from trackers.motion import OMEGA, PHI, SPEED
+from trackers.parameters import check_numbers
 from trackers.scan import Scan
 
 MOVING = OMEGA + 1  # components of the state that a range rate depends on
@@ -31,10 +32,10 @@ class ScanRates:
     std: float = 0.1  # [m/s] of each, beside the sensor's noise
     common_std: float = 0.1  # [m/s] of what all of one scan share
     clip: float = 2.5  # standard deviations from which on a residual counts less
-    sensor_std: tuple[float, float] = (
-        0.2,
-        0.1,
-    )  # [m] across the line of sight, [m/s], where a scan does not state them
+    sensor_std: tuple[float, float] = (0.2, 0.1)  # [m] across the line of sight, [m/s], of a scan that states none
+
+    def __post_init__(self) -> None:
+        check_numbers(self, positive=("clip", "sensor_std"))
 
     def correct(self, mu: NDArray, m: NDArray, P: NDArray, body: Body, scan: Scan) -> tuple[NDArray, NDArray, NDArray]:
         """Means (..., K, 7) and covariances after the range rates, and log likelihoods (..., K) of the modes."""

@@ -15,6 +15,7 @@ from trackers.batch import select
 from trackers.estimate import Estimate
 from trackers.geometry import rotation, to_frame, to_world
 from trackers.linalg import symmetrize
+from trackers.parameters import check_numbers
 from trackers.protocols import Attentive, Filter, Resizable, Restartable, Shiftable
 from trackers.scan import Scan, SensorModel
 from trackers.size.belief import Belief, believe
@@ -58,6 +59,11 @@ class Ends:
     part_weight: float = 0.3  # of scans that show a part of the width
     impossible: float = 1e-3  # probability of a greater size above which the gates reach so far
     sigma: float = 0.2  # [m] noise of detections whose scan does not state it
+
+    def __post_init__(self) -> None:
+        check_numbers(
+            self, positive=("outliers", "independent", "memory", "offset_tau", "least_pin", "impossible", "sigma")
+        )
 
     @cached_property
     def grids(self) -> tuple[Grid, Grid]:
@@ -138,7 +144,7 @@ class Ends:
         return self._placed(state, box, size, b.offset_var)._replace(size_std=np.zeros(size.shape), contour=None)
 
     def _placed(self, state: EndsState, box: Estimate, size: NDArray, var: NDArray) -> Estimate:
-        """The box, of another size (..., 2) [m], about the same anchor ends; var (..., 2) [m^2] is added along its axes."""
+        """The box with another size (..., 2) [m] and the same anchor ends; var (..., 2) [m^2] is added to its axes."""
         M = rotation(box.pose[..., 2])
         body = state.anchor * (state.belief.offset + (box.size - size) / 2)  # (ENDS.21)
         pose, cov = box.pose.copy(), box.cov.copy()

@@ -9,6 +9,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.parameters import check_numbers
+
 
 @dataclass(frozen=True)
 class VehicleClass:
@@ -18,6 +20,9 @@ class VehicleClass:
     share: float
     length: tuple[float, float]
     width: tuple[float, float]
+
+    def __post_init__(self) -> None:
+        check_numbers(self, positive=("share", "length", "width"))
 
 
 FLEET = (
@@ -38,6 +43,7 @@ class Fleet:
     floor: float = 1e-4  # probability spread evenly over all sizes, so that none is impossible
 
     def __post_init__(self) -> None:
+        check_numbers(self)
         shares = [c.share for c in self.classes]
         if not shares or min(shares) <= 0 or not 0 < self.floor < 1:
             raise ValueError(

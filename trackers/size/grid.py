@@ -4,12 +4,14 @@ Equations: docs/methods/size-from-both-ends.md, sections 1 and 4. A[k, n] is the
 density of all detections so far given size L_k and offset o_n.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
+
+from trackers.parameters import check_numbers
 
 VACATED = -300.0  # [nat] log likelihood of cells that nothing is known of, below the maximum
 LEAST = 1e-300  # probabilities below this count as this before their logarithm is taken
@@ -28,16 +30,12 @@ class Grid:
     span: float  # [m] over which detections of something else are spread
 
     def __post_init__(self) -> None:
+        check_numbers(self, positive=[field.name for field in fields(self)])
         whole = [(self.last - self.first) / self.step, self.reach / self.step]
-        if not (0 < self.first < self.last and self.reach > 0 and np.allclose(whole, np.round(whole))):
+        if not (self.first < self.last and np.allclose(whole, np.round(whole))):
             raise ValueError(
                 f"sizes from first to last and the reach must be whole numbers of steps, got {self.first} to "
                 f"{self.last} and {self.reach} m in steps of {self.step} m"
-            )
-        if min(self.birth_std, self.offset_std, self.span) <= 0:
-            raise ValueError(
-                "birth_std, offset_std and span must be positive, got "
-                f"{self.birth_std}, {self.offset_std} and {self.span} m"
             )
 
     @cached_property

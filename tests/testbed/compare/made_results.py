@@ -70,11 +70,13 @@ def _rows(task: Task, size: float, blind: bool, rng: np.random.Generator) -> lis
     errors = {name: size * wander * rng.normal(size=n) for name in ERRORS}
     errors |= {name: np.abs(errors[name]) for name in ("position", "velocity", "gwd", "gwd2")}
     errors |= {name: size * rng.chisquare(2, n) for name in ("nees_position", "nees_velocity")}
+    errors |= {name: size * rng.chisquare(1, n) for name in ("nees_heading", "nees_length", "nees_width")}
     values = {
         "scenario": np.full(n, task.scenario), "tracker": np.full(n, task.tracker), "seed": np.full(n, task.seed),
         "time": times, "phase": phase, "status": np.where(held, "pair", "missed"),
         "object": np.tile(np.arange(OBJECTS), n // OBJECTS), "kind": np.full(n, "car"),
         "track": _where(held, np.tile(np.arange(OBJECTS), n // OBJECTS)), "range": rng.uniform(5, 140, n),
+        "bearing": rng.uniform(0, 180, n), "age": times, "ends": np.minimum(times, 2).astype(int),
         "visible": rng.choice([0, 0.1, 0.4, 0.6, 0.9, 1.0], n), "expected": rng.uniform(1, 9, n),
         "detections": _where(held, rng.integers(0, 9, n)),
         "gospa2": np.where(held, errors["position"] ** 2, 50.0),

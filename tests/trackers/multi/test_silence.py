@@ -78,5 +78,5 @@ def test_sensors_with_nothing_in_view_are_out_with_the_others_but_not_alone():
 
 @pytest.mark.parametrize("delivered", [np.array([True]), np.array([1, 0]), np.ones((2, 2), bool)])
 def test_a_mask_that_does_not_fit_the_sensors_is_refused(delivered):
-    with pytest.raises(ValueError, match="scan.delivered must be "):
+    with pytest.raises(ValueError, match=r"scan\.delivered must be "):
         TRACKER.step(TRACKER.start(), NOTHING._replace(delivered=delivered), 0.0)

@@ -85,7 +85,7 @@ def test_at_birth_the_yaw_rate_is_what_speed_and_mode_allow():
     assert (wrap_angle(m_k[..., PHI]) == 0).all()
 
 
-@pytest.mark.parametrize("wrong", [{"table": ()}, {"first": 0.0}, {"curvature": 0.0}, {"bound_time": -1.0}])
+@pytest.mark.parametrize("wrong", [{"table": ()}, {"first": 1.1}, {"curvature": 0.0}, {"bound_time": -1.0}])
 def test_modes_that_cannot_be_are_refused(wrong):
-    with pytest.raises(ValueError, match=r"table must hold|first must be within"):
+    with pytest.raises(ValueError, match=f"{next(iter(wrong))} must"):
         Modes(**wrong)

@@ -71,5 +71,5 @@ def test_a_width_says_which_lengths_are_likely():
 def test_a_fleet_without_shares_is_refused():
     with pytest.raises(ValueError, match="shares"):
         Fleet(classes=())
-    with pytest.raises(ValueError, match="shares"):
+    with pytest.raises(ValueError, match="share"):
         Fleet(classes=(VehicleClass("car", 0.0, (4.5, 0.4), (1.8, 0.1)),))
