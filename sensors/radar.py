@@ -3,7 +3,7 @@
 Order of a scan and equations: docs/methods/radar.md.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 
 import numpy as np
@@ -23,7 +23,7 @@ from sensors.scattering import (
 )
 from sensors.scene import Scene
 from trackers.geometry import compose, point_velocity, rotation, wrap_angle
-from trackers.scan import Scan, SensorModel
+from trackers.scan import DepthProfile, Scan, SensorModel
 
 
 @dataclass(frozen=True)
@@ -56,12 +56,13 @@ class Sensor:
     static_density: float = 0.25  # [1/m] returns of a wall at 15 m; falls off as counts do
     rate: float = np.inf  # [1/s] of its measurements; inf: one in every scan of the rig
     phase: float = 0.0  # share of its period by which the first measurement is late
+    profile: DepthProfile = field(default_factory=DepthProfile)  # where its detections lie on a body, as far as known
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = np.asarray(getattr(self, field.name))
-            if np.isnan(value).any() or (field.name != "mount" and (value < 0).any()):
-                raise ValueError(f"sensor.{field.name} must be a number of at least 0, got {getattr(self, field.name)}")
+        for name in numeric():
+            value = np.asarray(getattr(self, name))
+            if np.isnan(value).any() or (name != "mount" and (value < 0).any()):
+                raise ValueError(f"sensor.{name} must be a number of at least 0, got {getattr(self, name)}")
         if self.rate == 0:
             raise ValueError("sensor.rate must be positive, got 0; leave a sensor that never measures out of the rig")
         if self.phase >= 1:
@@ -95,7 +96,13 @@ class Sensor:
             count_falloff=self.count_falloff,
             count_max=self.count_max * self.detection_probability,  # (RAD.10)
             clutter=self.clutter,
+            profile=self.profile,
         )
+
+
+def numeric() -> list[str]:
+    """Names of the fields of a `Sensor` that are numbers."""
+    return [one.name for one in fields(Sensor) if one.name != "profile"]
 
 
 @dataclass(frozen=True)
@@ -120,7 +127,7 @@ class Radar:
 
     @cached_property
     def _columns(self) -> dict[str, NDArray]:
-        return {f.name: np.array([getattr(s, f.name) for s in self.sensors], float) for f in fields(Sensor)}
+        return {name: np.array([getattr(s, name) for s in self.sensors], float) for name in numeric()}
 
     def column(self, name: str, scale: float = 1.0) -> NDArray:
         """One parameter (S,) of all sensors."""

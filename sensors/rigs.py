@@ -16,6 +16,7 @@ import numpy as np
 
 from sensors.radar import Radar, Sensor
 from trackers.lookup import look_up
+from trackers.scan import DepthProfile
 
 NOSE, FLANK = 2.35, 0.85  # [m] of the mounts from the centre of the car
 
@@ -24,6 +25,12 @@ def facing(sensor: Sensor, x: float, y: float, heading_deg: float) -> Sensor:
     """The same radar mounted elsewhere."""
     return replace(sensor, mount=(x, y, float(np.radians(heading_deg))))
 
+
+# Detections of the outline alone: their error is that no outline is a box, which is the same in each scan.
+OUTLINE = DepthProfile(
+    inside=0.02, depth=0.1, depth_std=0.07, surface_std=0.1, weight=0.35, rounding=(0.1, 0.08),
+    rounding_std=(0.1, 0.05), least_room=(0.5, 0.1), hides_within=0.0105,
+)  # fmt: skip
 
 LONG_RANGE = Sensor(
     max_range=174.0, fov_deg=20.0, spacing_deg=0.05, sigma_range=0.25, sigma_azimuth_deg=0.5, sigma_rate=0.10,
@@ -46,12 +53,12 @@ NUSCENES = Sensor(
 LIDAR = Sensor(
     max_range=100.0, fov_deg=360.0, spacing_deg=1.0, sigma_range=0.03, sigma_azimuth_deg=0.05, sigma_rate=0.3,
     count_at_15m=12.0, count_falloff=1.0, count_max=100.0, count_shape=np.inf, share_volume=0.0,
-    depth_contour=0.0, clutter=0.0, static_density=0.5,
+    depth_contour=0.0, clutter=0.0, static_density=0.5, profile=OUTLINE,
 )  # fmt: skip
 IDEAL = Sensor(
     max_range=150.0, fov_deg=360.0, spacing_deg=0.1, sigma_range=0.0, sigma_azimuth_deg=0.0, sigma_rate=0.0,
     count_at_15m=20.0, count_falloff=0.0, count_shape=0.0, share_volume=0.0, depth_contour=0.0, clutter=0.0,
-    static_density=0.0,
+    static_density=0.0, profile=replace(OUTLINE, hides_within=0.0035),
 )  # fmt: skip
 
 SIDES = tuple(

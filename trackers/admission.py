@@ -181,7 +181,7 @@ def guarded_update(update: Method) -> Method:
     """
 
     @wraps(update)
-    def checked(self: Any, state: Any, scan: Scan) -> tuple[Any, Any]:
+    def checked(self: Any, state: Any, scan: Scan, *rest: Any) -> tuple[Any, Any]:
         lead = next(arrays(state)).shape[:-1]
         scan, implausible = admit(scan, lead)
 
@@ -189,7 +189,7 @@ def guarded_update(update: Method) -> Method:
             """New state, information, and the objects (...) whose state can be used."""
             try:
                 with np.errstate(divide="ignore", over="ignore", invalid="ignore"):  # the result is checked instead
-                    new, info = update(self, state, scan._replace(mask=mask))
+                    new, info = update(self, state, scan._replace(mask=mask), *rest)
             except np.linalg.LinAlgError:
                 return state, None, np.zeros(lead, bool)
             if new is not state:
@@ -200,7 +200,7 @@ def guarded_update(update: Method) -> Method:
         if not good.all():
             if info is None:  # a matrix of some object is singular; each alone shows of which
                 good = np.array([attempt(scan.mask & one[..., None])[2][one] for one in _each(lead)]).reshape(lead)
-            new, info = update(self, state, scan._replace(mask=scan.mask & good[..., None]))
+            new, info = update(self, state, scan._replace(mask=scan.mask & good[..., None]), *rest)
             new = without_rounding(new, state)
         return new, _noted(info, np.broadcast_to(implausible > 0, lead), ~good & scan.mask.any(-1))
 

@@ -105,6 +105,14 @@ class Reaching(Protocol):
 
 
 @runtime_checkable
+class Surveying(Protocol):
+    """A filter that uses what other detections of a scan hide of its objects."""
+
+    def update_among(self, state: Any, scan: Scan, every: Scan, owner: NDArray) -> tuple[Any, Any]:
+        """Update of objects (T,) by `scan`, given the scan `every` (M,) and the rows owner (M,) of its detections."""
+
+
+@runtime_checkable
 class SpatialModel(Protocol):
     """A filter with its own density of detections over the body."""
 

@@ -85,24 +85,28 @@ class DepthProfile:
     Equations: docs/methods/size-from-both-ends.md, sections 2 and 3.
     """
 
-    inside: float = 0.2  # v, share of the detections that come from anywhere inside
+    inside: float = 0.2  # nu, share of the detections that come from inside
+    inside_depth: float = np.inf  # [m] their mean depth along the line of sight; inf: even over the body
     depth: float = 0.15  # [m] mean depth behind a face of the others
+    depth_std: float = 0.105  # [m] and its spread
     grazing: float = 0.5  # 0: these spread over the projected outline; 1: over its true length
     surface_std: float = 0.1  # [m] roughness of the body, added to the noise
     weight: float = 0.5  # alpha, information of a detection: those of one scan are not independent
     rounding: tuple[float, float] = (0.0, 0.0)  # [m] by how much sooner than the body its sides end, along and across
     rounding_std: tuple[float, float] = (0.0, 0.0)  # [m]
     least_room: tuple[float, float] = (1.0, 0.0)  # [m] least visible part of length and width
+    hides_within: float = 0.0  # [rad] a detection hides what is behind it, so far to either side; 0: it hides nothing
+    hides_behind: float = 0.7  # [m] and so much further away
 
     def __post_init__(self) -> None:
         shares = (self.inside, self.grazing, self.weight)
         if not (min(shares) >= 0 and max(shares) <= 1):
             raise ValueError(f"inside, grazing and weight must be within 0 and 1, got {shares}")
-        lengths = (self.depth, *self.rounding, *self.rounding_std, *self.least_room)
-        if not (min(lengths) >= 0 and self.surface_std > 0):
+        lengths = (self.depth, self.depth_std, *self.rounding, *self.rounding_std, *self.least_room)
+        if not (min(lengths) >= 0 and min(self.surface_std, self.inside_depth) > 0):
             raise ValueError(
-                "depth, rounding, rounding_std and least_room must be at least 0 and surface_std positive, got "
-                f"{self.depth}, {self.rounding}, {self.rounding_std}, {self.least_room} and {self.surface_std} m"
+                "depth, depth_std, rounding, rounding_std and least_room must be at least 0, surface_std and "
+                f"inside_depth positive, got {lengths}, {self.surface_std} and {self.inside_depth} m"
             )
 
 

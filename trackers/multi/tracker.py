@@ -26,7 +26,17 @@ from trackers.multi.sizes import SizePrior, stretch
 from trackers.multi.tracks import NO_TRACK, REPORT_ABOVE, Event, StepInfo, Tracks
 from trackers.multi.visibility import SensorArray, Visibility, predict_visibility
 from trackers.parameters import check_numbers
-from trackers.protocols import Attentive, Classifying, Filter, Note, Reaching, Resizable, Restartable, SpatialModel
+from trackers.protocols import (
+    Attentive,
+    Classifying,
+    Filter,
+    Note,
+    Reaching,
+    Resizable,
+    Restartable,
+    SpatialModel,
+    Surveying,
+)
 from trackers.scan import Scan, SensorModel
 from trackers.shared_motion import SharedMotion
 from trackers.size.ends import Ends
@@ -110,6 +120,11 @@ class MultiObjectTracker:
     def spatial(self) -> SpatialModel | None:
         """The filter if it has its own density of detections over the body, else None."""
         return self.layered if isinstance(self.layered, SpatialModel) else None
+
+    @cached_property
+    def surveying(self) -> Surveying | None:
+        """The filter if it uses what other detections hide, else None."""
+        return self.layered if isinstance(self.layered, Surveying) else None
 
     @cached_property
     def reaching(self) -> Reaching | None:
@@ -225,7 +240,10 @@ class MultiObjectTracker:
             share = gather(z, shares(claims.owner, T, self.most_detections))
             if self.attentive is not None:
                 state = self.attentive.learn_where(state, view.complete > self.complete_above)
-            state, info = self.layered.update(state, share)
+            if self.surveying is not None:
+                state, info = self.surveying.update_among(state, share, z.scan, claims.owner)
+            else:
+                state, info = self.layered.update(state, share)
             nis, mode, notes = info.nis, getattr(info, "mode", None), getattr(info, "notes", ())
         updated = tracks._replace(
             state=state,

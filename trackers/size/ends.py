@@ -22,6 +22,7 @@ from trackers.size.belief import Belief, believe
 from trackers.size.claim import log_claim
 from trackers.size.fleet import Fleet
 from trackers.size.grid import LENGTH, WIDTH, Grid
+from trackers.size.hidden import Around
 from trackers.size.hits import Boxes, hits_of
 from trackers.size.look import evidence, facing
 from trackers.size.profile import Profiles
@@ -110,6 +111,17 @@ class Ends:
     @guarded_update
     def update(self, state: EndsState, scan: Scan) -> tuple[EndsState, Any]:
         """Measurement update; without a detection the state is returned as it came. The information is the filter's."""
+        return self._updated(state, scan, None)
+
+    @guarded_update
+    def update_among(self, state: EndsState, scan: Scan, every: Scan, owner: NDArray) -> tuple[EndsState, Any]:
+        """The update of objects (T,) by their detections in the scan `every` (M,), whose others hide parts of them.
+
+        owner (M,) is the row of each detection's object, -1 for none.
+        """
+        return self._updated(state, scan, Around(every, owner))
+
+    def _updated(self, state: EndsState, scan: Scan, around: Around | None) -> tuple[EndsState, Any]:
         before = self.filter.estimate(state.inner).pose[..., 2]
         inner, info = self.filter.update(state.inner, scan)
         some = np.asarray(scan.mask.any(-1))
@@ -118,7 +130,7 @@ class Ends:
         box = self.filter.estimate(inner)
         turned = np.cos(box.pose[..., 2] - before) < 0  # front and rear changed places
         anchor = np.where(turned[..., None], -state.anchor, state.anchor)
-        new = self._look(state._replace(inner=inner), box, anchor, scan)
+        new = self._look(state._replace(inner=inner), box, anchor, scan, around)
         return (new if some.all() else select(some, new, state)), info
 
     def estimate(self, state: EndsState) -> Estimate:
@@ -190,7 +202,7 @@ class Ends:
             return self.filter.restart(inner, self._pinned(estimate))
         return self.filter.init(self._pinned(estimate))
 
-    def _look(self, state: EndsState, box: Estimate, anchor: NDArray, scan: Scan) -> EndsState:
+    def _look(self, state: EndsState, box: Estimate, anchor: NDArray, scan: Scan, around: Around | None) -> EndsState:
         """Grids with the detections of a scan, and the inner filter pinned again, for the objects with detections."""
         lead = scan.mask.shape[:-1]
         index = np.nonzero(scan.mask)
@@ -208,7 +220,9 @@ class Ends:
             if other.any():
                 A[other] = self.grids[axis].flipped(A[other], size[other, axis])
         boxes = Boxes(pose, size, faced)
-        more = evidence(self.grids, hits, boxes, start, whole, self.outliers, self.independent, self.part_weight)
+        more = evidence(
+            self.grids, hits, boxes, start, whole, self.outliers, self.independent, self.part_weight, around
+        )
         length, width = (A - A.max((-2, -1), keepdims=True) for A in (length + more[0], width + more[1]))
         belief = self._belief(np.exp(length), np.exp(width))
         step = np.array([grid.step for grid in self.grids])

@@ -49,6 +49,12 @@ class Grid:
         half = round(self.reach / self.step)
         return self.step * np.arange(-half, half + 1)
 
+    @cached_property
+    def differences(self) -> NDArray:
+        """The values (K + N - 1,) [m] of o_n - L_k, in rising order; that of k, n is number K - 1 - k + n."""
+        K, N = len(self.sizes), len(self.offsets)
+        return self.offsets[0] - self.sizes[0] + self.step * np.arange(1 - K, N)
+
     def born(self, lead: tuple[int, ...]) -> NDArray:
         """A (..., K, N) of objects without a detection: all sizes alike, the offset that of a new object."""
         flat = np.zeros((*lead, len(self.sizes), len(self.offsets)))

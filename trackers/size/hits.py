@@ -13,7 +13,10 @@ from trackers.scan import Scan
 from trackers.size.grid import Grid
 from trackers.size.likelihood import Depths
 from trackers.size.profile import Profiles
-from trackers.size.visible import DEPTHS, room
+from trackers.size.visible import Cells, Room, in_view, room
+
+ALONG = Cells(-3.0, 1.0, 26)
+LEAST_SLOPE = 0.1  # of a line of sight along an axis: a face at grazing incidence is not seen
 
 
 class Boxes(NamedTuple):
@@ -33,6 +36,7 @@ class Hits(NamedTuple):
     place: NDArray  # (G, 2) [m] of the sensor in these axes
     pose: NDArray  # (G, 3) of the sensor in the world
     sigma: NDArray  # (G, 2) [m] noise along the axes, roughness of the surface included
+    which: NDArray  # (G,) int, sensor
     sensor: Profiles  # (G,)
 
 
@@ -45,7 +49,8 @@ def hits_of(
     """
     shape = scan.mask.shape
     polar, mount, noise = (np.broadcast_to(a, (*shape, 3))[index] for a in (scan.polar, scan.pose, scan.noise))
-    sensor = profiles.at(np.broadcast_to(scan.sensor, shape)[index])
+    which = np.broadcast_to(scan.sensor, shape)[index]
+    sensor = profiles.at(which)
     u = unit(polar[:, 1] + mount[:, 2])
     into = rotation(-pose[row, 2])
 
@@ -58,7 +63,7 @@ def hits_of(
     across = np.where(np.isnan(noise[:, 1]), sigma, polar[:, 0] * noise[:, 1])
     var = (along[:, None] * sight) ** 2 + (across[:, None] * sight[:, ::-1]) ** 2  # (ENDS.6)
     std = np.sqrt(var + sensor.surface_std[:, None] ** 2)  # (ENDS.6)
-    return Hits(row, place + polar[:, :1] * sight, sight, place, mount, std, sensor)
+    return Hits(row, place + polar[:, :1] * sight, sight, place, mount, std, which, sensor)
 
 
 def lit(hits: Hits, boxes: Boxes) -> tuple[NDArray, NDArray]:
@@ -70,38 +75,56 @@ def lit(hits: Hits, boxes: Boxes) -> tuple[NDArray, NDArray]:
     return end, np.where(end != 0, shown, 0.0)  # (ENDS.4)
 
 
-def faces(hits: Hits, shown: NDArray) -> NDArray:
-    """Probability (G, 2) of each detection to come from the end and from the side that face its sensor."""
+def faces(hits: Hits, shown: NDArray) -> tuple[NDArray, NDArray]:
+    """Probabilities (G, 2) of each detection to be on the end or side that faces its sensor, and to be behind it."""
     total = shown.sum(-1, keepdims=True)
     share = shown / np.where(total > 0, total, 1.0)  # eta and 1 - eta, (ENDS.4)
-    return (1 - hits.sensor.inside[:, None]) * share
+    inside = hits.sensor.inside[:, None]
+    return (1 - inside) * share, inside * share
 
 
-def depths(grids: tuple[Grid, Grid], hits: Hits, boxes: Boxes) -> tuple[Depths, Depths]:
-    """The detections along the length and along the width."""
+def depths(hits: Hits, boxes: Boxes, rooms: list[list[Room]]) -> list[Depths]:
+    """The detections along the length and along the width, with the rooms of each."""
     end, shown = lit(hits, boxes)
-    face = faces(hits, shown)
+    for axis, some in enumerate(rooms):
+        for one in some:  # the cells along one axis lie on the face that belongs to the other
+            shown[one.rows, 1 - axis] *= one.share  # (ENDS.4)
+    face, entered = faces(hits, shown)
+    inside = inside_depth(hits)
     half, anchor = boxes.size[hits.row] / 2, boxes.anchor[hits.row]
     d = half - anchor * hits.xy  # (ENDS.2)
-    rooms = (visible_length(grids[0], hits, boxes), np.broadcast_to(grids[1].sizes, (len(d), len(grids[1].sizes))))
-    return tuple(  # type: ignore[return-value]
+    return [
         Depths(
             d[:, axis],
             hits.sigma[:, axis],
             face[:, axis],
             end[:, axis] < 0,
-            np.maximum(rooms[axis] - hits.sensor.rounding[:, axis, :1], hits.sensor.least_room[:, axis, None]),
+            entered[:, axis],
+            inside[:, axis],
+            rooms[axis],
+            hits.sensor.least_room[:, axis],
             hits.sensor.depth,
             hits.sensor.rounding[:, axis],
         )
         for axis in range(2)
-    )
+    ]
 
 
-def visible_length(grid: Grid, hits: Hits, boxes: Boxes) -> NDArray:
-    """Part (G, K) [m] of a body of each length that the sensor of each detection has in view."""
+def inside_depth(hits: Hits) -> NDArray:
+    """Mean depth (G, 2) [m] along the axes of detections from inside, inf where they are even over the body."""
+    return hits.sensor.inside_depth[:, None] * np.maximum(np.abs(hits.sight), LEAST_SLOPE)  # (ENDS.31)
+
+
+def length_in_view(grid: Grid, hits: Hits, boxes: Boxes) -> Room:
+    """Rooms of the lengths that range and field of view leave, of the detections where those cut the body off.
+
+    A cell counts if the next one is in view, too.
+    """
     pose, half, anchor = (a[hits.row] for a in (boxes.pose, boxes.size / 2, boxes.anchor))
-    points = np.empty((len(pose), len(DEPTHS), 2))
-    points[..., 0] = anchor[:, :1] * (half[:, :1] - DEPTHS)
+    points = np.empty((len(pose), ALONG.number, 2))
+    points[..., 0] = anchor[:, :1] * (half[:, :1] - ALONG.middles)
     points[..., 1] = np.clip(hits.place[:, 1], -half[:, 1], half[:, 1])[:, None]  # the side that the sensor sees
-    return room(to_world(pose, points), hits.pose, hits.sensor.max_range, hits.sensor.fov, grid.sizes)
+    seen = in_view(to_world(pose, points), hits.pose, hits.sensor.max_range, hits.sensor.fov)
+    seen[:, :-1] &= seen[:, 1:].copy()  # (ENDS.8)
+    rows = np.flatnonzero(~seen.all(-1))
+    return room(grid, ALONG, seen[rows], rows, 2 * half[rows, 0])

@@ -9,12 +9,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
-from scipy.special import ndtr
+from scipy.special import log_ndtr, ndtr
 
 from trackers.size.grid import Grid
+from trackers.size.visible import Room
 
 TOGETHER = 64  # detections whose likelihoods, of 0.003 or more, are multiplied before the logarithm is taken
-FACE_SPREAD = 0.7  # standard deviation of the depth behind a face, as a share of its mean
 
 
 class Depths(NamedTuple):
@@ -24,8 +24,11 @@ class Depths(NamedTuple):
     sigma: NDArray  # (G,) [m] noise along the axis
     face: NDArray  # (G,) probability to come from the end that faces the sensor
     far: NDArray  # (G,) bool, that is the far end
-    room: NDArray  # (G, K) [m] part of a body of size L_k that the sensor could see
-    behind: NDArray  # (G,) [m] mean depth behind a face
+    entered: NDArray  # (G,) probability to come from inside, through that end
+    inside: NDArray  # (G,) [m] mean depth along the axis of those; inf: even over the body
+    rooms: list[Room]  # of those whose sensors could not see all of the body
+    least: NDArray  # (G,) [m] least room
+    behind: NDArray  # (G, 2) [m] mean depth behind a face, and its spread
     rounding: NDArray  # (G, 2) [m] by how much sooner the sides end than the body, and the spread of that
 
 
@@ -34,24 +37,51 @@ def log_likelihood(grid: Grid, z: Depths, start: NDArray, eps: float) -> NDArray
 
     start (H,) is the first detection of each object, eps the share of detections that are of something else.
     """
-    K, N = len(grid.sizes), len(grid.offsets)
+    N = len(grid.offsets)
     d = z.depth[:, None] + grid.offsets  # (G, N) behind the anchor end, (ENDS.2)
-    e = z.depth[:, None] - grid.reach - grid.sizes[0] + grid.step * np.arange(1 - K, N)  # (G, K + N - 1): d - L
+    e = z.depth[:, None] + grid.differences  # (G, K + N - 1): d - L
     inner, spread = z.rounding.T[..., None]
     sigma = z.sigma[:, None]
     to_anchor = ndtr(d / sigma)
     to_far = ndtr((e + inner) / np.hypot(sigma, spread))
     p = to_anchor[:, None] - by_size_and_offset(to_far, N)  # (ENDS.5)
-    p *= ((1 - eps) * (1 - z.face)[:, None] / z.room)[..., None]  # (ENDS.5)
-    var = z.sigma**2 + (FACE_SPREAD * z.behind) ** 2
+    shallow = np.isfinite(z.inside) & (z.entered > 0)
+    even = 1 - z.face - np.where(shallow, z.entered, 0.0)
+    length = np.maximum(grid.sizes - inner, z.least[:, None])
+    for room in z.rooms:
+        g = room.rows
+        open_ = by_size_and_offset(room.far, N) - room.near[:, None] - inner[g, None]
+        p[g] *= length[g, :, None] / np.maximum(open_, z.least[g, None, None])  # (ENDS.5)
+    p *= ((1 - eps) * even[:, None] / length)[..., None]  # (ENDS.5)
+    behind, var = z.behind[:, 0], z.sigma**2 + z.behind[:, 1] ** 2
     height = (1 - eps) * z.face / np.sqrt(2 * np.pi * var)
     near, far = ~z.far & (z.face > 0), z.far & (z.face > 0)
     floor = np.full(d.shape, eps / grid.span)  # (ENDS.3)
-    floor[near] += _bump(d[near], height[near], z.behind[near], var[near])  # (ENDS.4)
+    floor[near] += _bump(d[near], height[near], behind[near], var[near])  # (ENDS.4)
     p += floor[:, None]
     if far.any():
-        p[far] += by_size_and_offset(_bump(-e[far], height[far], z.behind[far], var[far]), N)  # (ENDS.4)
+        p[far] += by_size_and_offset(_bump(-e[far], height[far], behind[far], var[far]), N)  # (ENDS.4)
+    if shallow.any():
+        _add_shallow(grid, z, np.flatnonzero(shallow), 1 - eps, d, e, p)
     return _log_products(p, start)
+
+
+def _add_shallow(grid: Grid, z: Depths, rows: NDArray, share: float, d: NDArray, e: NDArray, p: NDArray) -> None:
+    """Add the densities (ENDS.31) of the detections rows (R,) to p (G, K, N), in place."""
+    N, mean, far = d.shape[-1], z.inside[rows, None], z.far[rows, None, None]
+    sigma = z.sigma[rows, None]
+    fall = np.exp(-grid.sizes / mean)  # (R, K)
+    ends = decay(np.where(far[..., 0], -d[rows], d[rows]), sigma, mean)[:, None]
+    others = by_size_and_offset(decay(np.where(far[..., 0], -e[rows], e[rows]), sigma, mean), N)
+    first, last = np.where(far, others, ends), np.where(far, ends, others)
+    height = share * z.entered[rows, None] / (mean * (1 - fall))
+    p[rows] += height[..., None] * (first - fall[..., None] * last)  # (ENDS.31)
+
+
+def decay(x: NDArray, sigma: NDArray, mean: NDArray) -> NDArray:
+    """exp(-x / mean) for x > 0, blurred by noise of std sigma, (ENDS.31)."""
+    blur = sigma / mean
+    return np.exp(np.minimum(0.5 * blur**2 - x / mean + log_ndtr(x / sigma - blur), 0.0))
 
 
 def by_size_and_offset(values: NDArray, N: int) -> NDArray:

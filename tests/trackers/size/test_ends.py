@@ -378,7 +378,7 @@ def test_length_errors_are_as_large_as_they_are_said_to_be():
 
 def test_a_filter_that_expects_no_detections_from_inside_is_caught():
     few = SensorModel(max_range=200.0, fov=2 * np.pi)
-    few = replace(few, profile=replace(few.profile, inside=0.9, depth=1.5, weight=1.0))
+    few = replace(few, profile=replace(few.profile, inside=0.9, depth=1.5, depth_std=1.0, weight=1.0))
     assert length_nees(Ends(INNER, (few,), independent=100)).mean() > 3.0
 
 

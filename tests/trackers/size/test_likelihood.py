@@ -2,35 +2,58 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import trapezoid
 from scipy.stats import norm
 
 from trackers.size.grid import LENGTH, WIDTH
-from trackers.size.likelihood import Depths, log_likelihood
-from trackers.size.visible import DEPTHS, room
+from trackers.size.hits import ALONG
+from trackers.size.likelihood import Depths, by_size_and_offset, log_likelihood
+from trackers.size.visible import Room, in_view, room
 
 EPS = 0.04
 
 
 def drawn(grid, G, rng):
+    N = len(grid.offsets)
     return Depths(
         depth=rng.uniform(-1, grid.sizes[-1], G),
         sigma=rng.uniform(0.1, 0.5, G),
-        face=rng.uniform(0, 0.8, G) * (rng.random(G) < 0.7),
+        face=rng.uniform(0, 0.6, G) * (rng.random(G) < 0.7),
         far=rng.random(G) < 0.3,
-        room=rng.uniform(1, 5, (G, len(grid.sizes))),
-        behind=rng.uniform(0.05, 0.3, G),
+        entered=rng.uniform(0, 0.4, G),
+        inside=np.where(rng.random(G) < 0.5, rng.uniform(0.1, 2.0, G), np.inf),
+        rooms=[
+            Room(
+                np.array([1, 4]), rng.uniform(0, 1, (2, N)), rng.uniform(1, 5, (2, len(grid.sizes) + N - 1)), np.ones(2)
+            ),
+            Room(np.array([2]), rng.uniform(0, 1, (1, N)), rng.uniform(1, 5, (1, len(grid.sizes) + N - 1)), np.ones(1)),
+        ],
+        least=rng.uniform(0.5, 1.0, G),
+        behind=rng.uniform(0.05, 0.3, (G, 2)),
         rounding=np.stack([rng.uniform(0, 0.3, G), rng.uniform(0, 0.2, G)], -1),
     )
 
 
-def by_hand(grid, z, j, L, o, k):
-    """(ENDS.3) to (ENDS.5) of one detection, size and offset."""
+def by_hand(grid, z, j, k, n):
+    """(ENDS.3) to (ENDS.5) and (ENDS.31) of one detection, size and offset; the latter by an integral."""
+    L, o = grid.sizes[k], grid.offsets[n]
     d = z.depth[j] + o
     delta = L - d if z.far[j] else d
-    face = z.face[j] * norm.pdf(delta, z.behind[j], np.hypot(z.sigma[j], 0.7 * z.behind[j]))
+    mean, spread = z.behind[j]
+    face = z.face[j] * norm.pdf(delta, mean, np.hypot(z.sigma[j], spread))
     r, s_r = z.rounding[j]
     even = norm.cdf(d / z.sigma[j]) - norm.cdf((d - L + r) / np.hypot(z.sigma[j], s_r))
-    return (1 - EPS) * (face + (1 - z.face[j]) * even / z.room[j, k]) + EPS / grid.span
+    room = L
+    for one in z.rooms:
+        for i in np.flatnonzero(one.rows == j):
+            room = one.far[i, len(grid.sizes) - 1 - k + n] - one.near[i, n]
+    m, inside, share = z.inside[j], 0.0, 1 - z.face[j]
+    if np.isfinite(m):
+        share -= z.entered[j]
+        x = np.linspace(0, L, 4001)
+        fall = np.exp(-x / m) / (m * (1 - np.exp(-L / m)))
+        inside = z.entered[j] * trapezoid(fall * norm.pdf(delta - x, 0, z.sigma[j]), x)
+    return (1 - EPS) * (face + inside + share * even / max(room - r, z.least[j])) + EPS / grid.span
 
 
 @pytest.mark.parametrize("grid", [LENGTH, WIDTH], ids=["length", "width"])
@@ -41,8 +64,8 @@ def test_the_likelihood_equals_a_loop_over_detections_sizes_and_offsets(grid):
     for h, rows in enumerate(np.split(np.arange(7), start[1:])):
         for k in rng.integers(0, len(grid.sizes), 12):
             for n in rng.integers(0, len(grid.offsets), 5):
-                each = [np.log(by_hand(grid, z, j, grid.sizes[k], grid.offsets[n], k)) for j in rows]
-                assert got[h, k, n] == pytest.approx(sum(each), rel=1e-9)
+                each = [np.log(by_hand(grid, z, j, k, n)) for j in rows]
+                assert got[h, k, n] == pytest.approx(sum(each), rel=1e-5)
 
 
 def test_many_detections_neither_underflow_nor_overflow():
@@ -54,23 +77,23 @@ def test_many_detections_neither_underflow_nor_overflow():
     np.testing.assert_allclose(got[1], parts[10:].sum(0), rtol=1e-9, atol=1e-9)
 
 
-def along(distance):
-    """Middles of the cells (1, 20, 2) of a body that begins so far ahead of the origin."""
-    return np.stack([distance + DEPTHS, np.zeros(len(DEPTHS))], -1)[None]
-
-
 def seen(distance, max_range, fov=2 * np.pi, heading=0.0):
-    pose = np.array([[0.0, 0.0, heading]])
-    return room(along(distance), pose, np.array([max_range]), np.array([fov]), LENGTH.sizes)[0]
+    """Length [m] that a sensor at the origin leaves room for, (K, N), of a body that begins so far ahead."""
+    points = np.stack([distance + ALONG.middles, np.zeros(ALONG.number)], -1)[None]
+    mask = in_view(points, np.array([[0.0, 0.0, heading]]), np.array([max_range]), np.array([fov]))
+    got = room(LENGTH, ALONG, mask, np.array([0]), np.array([10.0]))
+    assert got.share[0] == pytest.approx(np.clip(max_range - distance, 0, 10) / 10 if fov > 1 else 0.0)
+    return (by_size_and_offset(got.far, len(LENGTH.offsets)) - got.near[:, None])[0]
 
 
 def test_of_a_body_in_view_all_could_be_seen():
-    np.testing.assert_allclose(seen(20.0, 100.0), LENGTH.sizes)
+    np.testing.assert_allclose(seen(20.0, 100.0), np.tile(LENGTH.sizes[:, None], 21), atol=1e-9)
 
 
 def test_beyond_the_range_nothing_more_could_be_seen():
-    np.testing.assert_allclose(seen(20.0, 25.0), np.minimum(LENGTH.sizes, 4.0))  # the cell to 25 m is the last in view
+    """Five metres behind the box's anchor end; a body whose anchor end lies further out has more of it in range."""
+    np.testing.assert_allclose(seen(20.0, 25.0), np.minimum(LENGTH.sizes[:, None], 5.0 + LENGTH.offsets), atol=1e-9)
 
 
 def test_out_of_the_field_of_view_nothing_could_be_seen():
-    np.testing.assert_allclose(seen(20.0, 100.0, fov=0.5, heading=1.0), 1.0)
+    np.testing.assert_allclose(seen(20.0, 100.0, fov=0.5, heading=1.0), 0.0)

@@ -1,0 +1,95 @@
+"""What other detections hide of a body."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.trackers.size.bodies import DT, INNER
+from trackers import Scan, SensorModel, find, prior
+from trackers.batch import stack
+from trackers.geometry import unit
+from trackers.scan import DepthProfile
+from trackers.size import Ends
+from trackers.size.hidden import Around, open_rooms
+from trackers.size.hits import Boxes, hits_of, lit
+from trackers.size.profile import Profiles
+
+STEP = np.radians(0.2)
+OUTLINE = DepthProfile(inside=0.02, surface_std=0.05, weight=0.35, least_room=(0.5, 0.1), hides_within=0.7 * STEP)
+GRIDS = (Ends(INNER).length, Ends(INNER).width)
+
+
+def ray_ends(azimuths, boxes):
+    """First points (M, 2) and box (M,) of rays from the origin that meet boxes (x from, x to, y from, y to)."""
+    points, owners = [], []
+    for a in azimuths:
+        u = unit(a)
+        best = (np.inf, -1)
+        for k, (x0, x1, y0, y1) in enumerate(boxes):
+            with np.errstate(divide="ignore"):
+                t = np.sort([np.array([x0, x1]) / u[0], np.array([y0, y1]) / u[1]], axis=1)
+            enter, leave = t[:, 0].max(), t[:, 1].min()
+            if 0 < enter < leave:
+                best = min(best, (enter, k))
+        if best[1] >= 0:
+            points.append(best[0] * u)
+            owners.append(best[1])
+    return np.array(points), np.array(owners)
+
+
+def view(boxes, seam=0.0):
+    """A scan of the boxes by rays, whose the detections are, and the sensor's share of it; the sensor may be turned."""
+    xy, owner = ray_ends(np.arange(-0.6, 0.6, STEP), boxes)
+    return Scan.from_xy(xy, pose=(0.0, 0.0, seam), noise=(0.02, 0.001, np.nan)), owner
+
+
+BEHIND = (30.0, 34.5, -0.9, 0.9)  # a car
+BEFORE = (10.0, 14.5, -3.0, 0.05)  # hides the right of its rear: of y < 0.15 at 30 m nothing is seen
+
+
+@pytest.mark.parametrize("seam", [0.0, np.pi])
+def test_of_a_rear_behind_another_car_the_part_that_is_not_hidden_is_open(seam):
+    scan, owner = view([BEHIND, BEFORE], seam)
+    mine = owner == 0
+    boxes = Boxes(np.array([[32.25, 0.0, 0.0]]), np.array([[4.5, 1.8]]), np.array([[-1.0, 1.0]]))
+    profiles = Profiles.of((SensorModel(max_range=200.0, fov=7.0, profile=OUTLINE),))
+    hits = hits_of(scan, (np.flatnonzero(mine),), np.zeros(mine.sum(), int), boxes.pose, profiles, 0.2)
+    end, _ = lit(hits, boxes)
+    of_length, of_width = open_rooms(GRIDS, hits, boxes, end, Around(scan, owner))
+    assert of_length == []  # the sensor sees no side
+    n = 5  # no offset
+    got = of_width[0].far[0, len(GRIDS[1].sizes) - 1 - np.arange(len(GRIDS[1].sizes)) + n] - of_width[0].near[0, n]
+    seen = 0.9 - 30.0 * 0.05 / 14.5
+    np.testing.assert_allclose(got, np.minimum(GRIDS[1].sizes, seen), atol=0.15)
+    alone, _ = view([BEHIND])
+    nobody = np.zeros(alone.mask.shape, int)
+    whole = open_rooms(GRIDS, hits, boxes, end, Around(alone, nobody))[1][0]
+    lengths = GRIDS[1].sizes
+    np.testing.assert_allclose(whole.far[0, len(lengths) - 1 - np.arange(len(lengths)) + n] - whole.near[0, n], lengths)
+    assert whole.share[0] == pytest.approx(1.0)
+
+
+def width_after(profile, scans=25):
+    """Width and its std of a car of which 0.75 m are seen, between the others of the scan.
+
+    The inner filter is one of contours: the others take the part that is seen for the middle of the rear.
+    """
+    ends = Ends(find("pmht-spline"), (SensorModel(max_range=200.0, fov=7.0, profile=profile),))
+    scan, owner = view([BEHIND, BEFORE])
+    share = Scan.from_xy(scan.xy[owner == 0][None], noise=(0.02, 0.001, np.nan))
+    state = ends.init(stack([prior((32.25, 0.0, 0.0), size=(4.5, 1.8))]))
+    for _ in range(scans):
+        state = ends.update_among(ends.predict(state, DT), share, scan, np.where(owner == 0, 0, -1))[0]
+    e = ends.estimate(state)
+    return e.size[0, 1], e.size_std[0, 1]
+
+
+def test_a_car_whose_rear_is_partly_hidden_is_no_narrower():
+    width, _ = width_after(OUTLINE)
+    assert width > 1.6
+
+
+def test_where_nothing_hides_the_same_car_is_taken_for_a_narrow_vehicle():
+    width, _ = width_after(replace(OUTLINE, hides_within=0.0))
+    assert width < 1.3
