@@ -113,7 +113,7 @@ TRACKERS: Mapping[str, Entry] = MappingProxyType(
 
 LAYERS = frozenset(f.name for f in fields(MultiObjectTracker)) - {"filter", "sensors", "road"}
 
-DEFAULT = "edra-imm"  # what commands and environments use where no tracker is named
+DEFAULT = "imm-spline"  # what commands and environments use where no tracker is named
 
 
 def find(name: str, **parameters: Any) -> Filter:

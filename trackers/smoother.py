@@ -5,8 +5,7 @@ Equations: docs/methods/smoothing.md, after Yao et al. (2021). Of a filter only 
 
 Extents of random matrices are smoothed by a rule of ours, (SM.8): their prediction forgets a share of the information,
 so every step of a smoothed extent counts all detections, past and future, with a weight that falls with their distance
-in time. With `between`, the extent stays the filter's: a size prior would have to be applied on the way back, too, or
-biased detections outweigh it.
+in time.
 
 Sizes that are part of the Gaussian (htg-map, dra, pmht-spline) are smoothed with it. The contour of rm-vmm keeps its
 size and moves with its centre.
@@ -27,7 +26,6 @@ from trackers.linalg import symmetrize
 from trackers.protocols import Extent, Gaussian, Interacting, Smoothable, SmoothableExtent
 
 T = TypeVar("T", bound=tuple)
-Between = Callable[[Any, float], Any]  # predicted state, dt [s] -> what the update started from
 
 
 class Predicted(NamedTuple):
@@ -39,7 +37,7 @@ class Predicted(NamedTuple):
     D: NDArray  # (K - 1, ..., n, n) cross covariances of the step before and the predicted mean
 
 
-def smooth(filter: Any, states: Sequence[T], dt: ArrayLike, between: Between | None = None) -> list[T]:
+def smooth(filter: Any, states: Sequence[T], dt: ArrayLike) -> list[T]:
     """The states after each update given the detections of all updates; the last one is unchanged.
 
     Args:
@@ -47,7 +45,6 @@ def smooth(filter: Any, states: Sequence[T], dt: ArrayLike, between: Between | N
         states: after each update, in the order of time, with the same leading axes. A scan without detections is a
             predicted state or is left out.
         dt: [s] between them, one number or one less than there are states.
-        between: function of a predicted state and its dt [s] that was applied before the update, such as a size prior.
 
     Raises:
         TypeError: the filter is not `Smoothable`.
@@ -57,11 +54,11 @@ def smooth(filter: Any, states: Sequence[T], dt: ArrayLike, between: Between | N
     """
     if len(states) == 0:
         raise ValueError("states must be at least one state, got none; smooth what was updated once or more")
-    smoothed = smooth_stacked(filter, stack(states), dt, between)
+    smoothed = smooth_stacked(filter, stack(states), dt)
     return [take(smoothed, np.asarray(k)) for k in range(len(states))]
 
 
-def smooth_stacked(filter: Any, states: T, dt: ArrayLike, between: Between | None = None) -> T:
+def smooth_stacked(filter: Any, states: T, dt: ArrayLike) -> T:
     """`smooth` for K states stacked along a new first axis."""
     if not isinstance(filter, Smoothable):
         raise TypeError(
@@ -76,16 +73,16 @@ def smooth_stacked(filter: Any, states: T, dt: ArrayLike, between: Between | Non
         raise ValueError(f"dt must be one number or {len(m) - 1} for {len(m)} states, got shape {steps.shape}")
     if len(m) == 1:
         return states
-    predicted = predict_all(filter, states, np.broadcast_to(steps, len(m) - 1), between)
+    predicted = predict_all(filter, states, np.broadcast_to(steps, len(m) - 1))
     start, (m_pred, P_pred) = predicted.start, filter.gaussian(predicted.state)
     updated = (np.concatenate([start.m, m[-1:]]), np.concatenate([start.P, P[-1:]]))
-    # A covariance below that of the state itself, from a linearisation or from `between`, would pass too much back.
+    # A covariance below that of the state itself, from a linearisation, would pass too much back.
     consistent = P_pred + positive_part(predicted.cov - P_pred)
     D = predicted.D @ np.linalg.solve(consistent, P_pred)  # (SM.6)
     previous = [np.concatenate([a[:1], a]) for a in (m_pred, P_pred, D)]
     ms, Ps = smooth_moments(*updated, previous[0], previous[1], previous[2], filter.angles)
     smoothed = filter.with_gaussian(states, Gaussian(ms, Ps))
-    if not isinstance(filter, SmoothableExtent) or between is not None:
+    if not isinstance(filter, SmoothableExtent):
         return smoothed
     return filter.with_extent(smoothed, smooth_extents(filter.extent(states), filter.extent(predicted.state)))
 
@@ -139,23 +136,22 @@ def positive_part(A: NDArray) -> NDArray:
     return (vector * np.maximum(value, 0.0)[..., None, :]) @ vector.mT
 
 
-def predict_all(filter: Any, states: Any, dt: NDArray, between: Between | None) -> Predicted:
+def predict_all(filter: Any, states: Any, dt: NDArray) -> Predicted:
     """All K - 1 predictions of K states; those with the same dt, (K - 1,) [s], in one call."""
     order, found = [], []
     for value in np.unique(dt):
         rows = np.flatnonzero(dt == value)
         order.append(rows)
-        found.append(predict_some(filter, take(states, rows), float(value), between))
+        found.append(predict_some(filter, take(states, rows), float(value)))
     rows = np.argsort(np.concatenate(order))
     return take(concatenate(found), rows)
 
 
-def predict_some(filter: Any, state: Any, dt: float, between: Between | None) -> Predicted:
+def predict_some(filter: Any, state: Any, dt: float) -> Predicted:
     """Predictions of states (N, ...) over dt [s]."""
 
     def predict(one: Any, old: Any) -> Any:
-        new = one.predict(old, dt)
-        return between(new, dt) if between is not None and type(new) is type(state) else new
+        return one.predict(old, dt)
 
     mixed = filter.mixed(state, dt) if isinstance(filter, Interacting) else None
     if mixed is not None:

@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 
 from testbed.log.record import SmoothedTrack, SmoothedTracks
 from trackers.batch import concatenate, take
-from trackers.multi.smoothing import smooth_track
+from trackers.multi.smoothing import may_be_smoothed, smooth_track
 from trackers.multi.tracker import MultiObjectTracker
 from trackers.multi.tracks import Tracks
-from trackers.protocols import Smoothable
 
 FRAMES = 1000  # kept at most, some 10 to 100 MB in dense traffic; a longer run is smoothed in pieces
 DECIMALS = 9  # of a time step [s]; equal steps stay equal despite rounding
@@ -46,7 +45,7 @@ class StateHistory:
         """The smoothed tracks over the frames kept so far; these are dropped."""
         step, time, kept = np.array(self._steps, int), np.array(self._times, float), self._kept
         self._steps, self._times, self._kept = [], [], []
-        if not kept or not isinstance(self.tracker.layered, Smoothable):
+        if not kept or not may_be_smoothed(self.tracker):
             return SmoothedTracks(step, time, ())
         frame = np.repeat(np.arange(len(kept)), [len(ids) for ids, _ in kept])
         number, states = np.concatenate([ids for ids, _ in kept]), concatenate([state for _, state in kept])

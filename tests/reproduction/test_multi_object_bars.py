@@ -51,7 +51,7 @@ def without_doppler(tracker: MultiObjectTracker) -> MultiObjectTracker:
         tracker,
         filter=replace(tracker.filter, rate_weight=0.0),
         association=replace(tracker.association, rate_std=40.0),  # flat over the +-60 m/s of the false alarms
-        suppression=replace(tracker.suppression, grow_rate=1e3),
+        suppression=replace(tracker.suppression, end_rate=1e3),
         initiation=replace(tracker.initiation, linkage=Linkage(rate=1e3, rate_between=1e3)),
     )
 

@@ -18,7 +18,7 @@ from trackers.multi.cells import Linkage, cut
 from trackers.multi.course import Course, Lanes
 from trackers.multi.evidence import Cells, Evidence
 from trackers.multi.road import RoadMap
-from trackers.multi.sizes import SizePrior
+from trackers.multi.sizes import BirthSize
 from trackers.multi.window import EMPTY, Loose, Window, join
 from trackers.parameters import check_numbers
 from trackers.random_matrix.surface import visible_offset
@@ -53,7 +53,8 @@ class Initiation:
     linkage: Linkage = field(default_factory=Linkage)
     evidence: Evidence = field(default_factory=Evidence)
     course: Course = field(default_factory=Course)
-    sizes: SizePrior = field(default_factory=SizePrior)
+    sizes: BirthSize = field(default_factory=BirthSize)
+    widest: float = 2.9  # [m] cells wider than any vehicle are cut
 
     def __post_init__(self) -> None:
         check_numbers(self, positive=("most_births", "crowd"))
@@ -125,7 +126,7 @@ class Initiation:
         W = label == wide[:, None]
         mean = W @ loose.xy / cells.detections[wide, None]
         heading = self.course.of(loose, W, self._lanes(z, road, mean), cells.standing[wide]).heading
-        return cut(loose, label, wide, heading, self.sizes.most[1], least, self.cut_gap)
+        return cut(loose, label, wide, heading, self.widest, least, self.cut_gap)
 
     def sized(self, births: Births, size: NDArray, size_std: NDArray) -> Estimate:
         """Estimates (B,) of births whose size (B, 2) [m] and its std (B, 2) are known from elsewhere."""
@@ -145,7 +146,7 @@ class Initiation:
         axis, of_now = loose.xy @ along.T, (W & loose.now).T  # (P, B)
         length = np.where(of_now, axis, -np.inf).max(0, initial=-np.inf)
         length -= np.where(of_now, axis, np.inf).min(0, initial=np.inf)
-        size, size_std = self.sizes.at_birth(length)
+        size, size_std = self.sizes.of(length)
         pose = np.concatenate([mean, motion.heading[:, None]], -1)
         pose[:, :2] -= self.depth * visible_offset(pose, size, place)  # (LIFE.17)
         born = prior(

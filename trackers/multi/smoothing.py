@@ -5,27 +5,32 @@ from typing import Any, TypeVar
 from numpy.typing import ArrayLike
 
 from trackers.multi.tracker import MultiObjectTracker
-from trackers.protocols import Resizable
+from trackers.protocols import Smoothable
+from trackers.size.ends import Ends
 from trackers.smoother import smooth_stacked
 
 T = TypeVar("T", bound=tuple)
 
 
+def may_be_smoothed(tracker: MultiObjectTracker) -> bool:
+    """Whether the tracker's filter is `Smoothable`, under the layer of sizes if there is one."""
+    return isinstance(_moving(tracker), Smoothable)
+
+
 def smooth_track(tracker: MultiObjectTracker, states: T, dt: ArrayLike) -> T:
     """Smooth the K states of one track, stacked along the first axis in the order of time, dt (K - 1,) [s] apart.
 
+    Sizes of `Ends` are what they were at each instant.
+
     Raises:
-        TypeError: the tracker's filter, with its layers, is not `Smoothable`.
+        TypeError: the filter is not `Smoothable`.
 
     """
+    if isinstance(tracker.layered, Ends):
+        inner: Any = states
+        return inner._replace(inner=smooth_stacked(_moving(tracker), inner.inner, dt))
+    return smooth_stacked(_moving(tracker), states, dt)
 
-    def with_size_prior(state: Any, dt: float) -> Any:
-        """The prediction with the size prior, as `MultiObjectTracker.step` has it before the update, (MOT.7)."""
-        filter = tracker.layered
-        estimate = filter.estimate(state)
-        size, size_std = tracker.sizes.relax(estimate.size, estimate.size_std, dt)
-        if isinstance(filter, Resizable):
-            return filter.resize(state, size, size_std)
-        return filter.init(estimate._replace(size=size, size_std=size_std, contour=None))
 
-    return smooth_stacked(tracker.layered, states, dt, with_size_prior)
+def _moving(tracker: MultiObjectTracker) -> Any:
+    return tracker.layered.filter if isinstance(tracker.layered, Ends) else tracker.layered

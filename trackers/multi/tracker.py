@@ -22,26 +22,15 @@ from trackers.multi.leftovers import Suppression
 from trackers.multi.reidentification import Gone, Reidentification
 from trackers.multi.road import RoadMap
 from trackers.multi.silence import Silence, without
-from trackers.multi.sizes import SizePrior, stretch
 from trackers.multi.tracks import NO_TRACK, REPORT_ABOVE, Event, StepInfo, Tracks
 from trackers.multi.visibility import SensorArray, Visibility, predict_visibility
 from trackers.parameters import check_numbers
-from trackers.protocols import (
-    Attentive,
-    Classifying,
-    Filter,
-    Note,
-    Reaching,
-    Resizable,
-    Restartable,
-    SpatialModel,
-    Surveying,
-)
+from trackers.protocols import Attentive, Filter, Note, Reaching, Restartable, SpatialModel, Surveying
 from trackers.scan import Scan, SensorModel
 from trackers.shared_motion import SharedMotion
 from trackers.size.ends import Ends
 
-SIZES = ("relax", "ends")
+SIZES = ("off", "ends")
 
 
 @dataclass(frozen=True)
@@ -57,7 +46,6 @@ class MultiObjectTracker:
     initiation: Initiation = field(default_factory=Initiation)
     reidentification: Reidentification = field(default_factory=Reidentification)
     exclusion: Exclusion = field(default_factory=Exclusion)
-    sizes: SizePrior = field(default_factory=SizePrior)
     prune_below: float = 0.02  # existence below which a track dies
     prune_position_std: float = 5.0  # [m] above which it dies
     most_detections: int = 16  # of a scan, for the update of one track: those of one vehicle are not independent
@@ -65,13 +53,12 @@ class MultiObjectTracker:
     occlude_hits: int = 4  # and its hits, to be exceeded
     rate_factor: float = 0.8  # of the data sheets' expected counts
     complete_above: float = 0.75  # visible share of an object's span from which an update teaches its class
-    growth_std: float = 0.2  # std of log length of a track with detections just beyond its ends
     road: RoadMap | None = None  # map of the lanes; without it no standing vehicle is born
-    size: str = "relax"  # "ends": sizes are those of `trackers.size.Ends`; "relax": the filter's, drawn to `sizes`
+    size: str = "off"  # "ends": sizes are those of `trackers.size.Ends`; "off": the filter's own
     motion: bool = False  # velocity and heading are those of `trackers.shared_motion`
 
     def __post_init__(self) -> None:
-        check_numbers(self, positive=("most_detections", "growth_std"), unlimited=("prune_position_std",))
+        check_numbers(self, positive=("most_detections",), unlimited=("prune_position_std",))
         if not self.sensors:
             raise ValueError("sensors must name at least one SensorModel; take them from Radar.models")
         least = self.initiation.least_existence
@@ -97,19 +84,9 @@ class MultiObjectTracker:
         return SensorArray.of(self.sensors)
 
     @cached_property
-    def resizable(self) -> Resizable | None:
-        """The filter if it has `resize`, else None; cached, because `isinstance` of a protocol is slow."""
-        return self.layered if isinstance(self.layered, Resizable) else None
-
-    @cached_property
     def restartable(self) -> Restartable | None:
-        """The filter if it has `restart`, else None."""
+        """The filter if it has `restart`, else None; cached, because `isinstance` of a protocol is slow."""
         return self.layered if isinstance(self.layered, Restartable) else None
-
-    @cached_property
-    def classifying(self) -> Classifying | None:
-        """The filter if it classifies its objects, else None."""
-        return self.layered if isinstance(self.layered, Classifying) else None
 
     @cached_property
     def attentive(self) -> Attentive | None:
@@ -157,13 +134,11 @@ class MultiObjectTracker:
         gate = tracks.estimate if self.reaching is None else self.reaching.reach(tracks.state)
         claims = self.association.claim(self.spatial, tracks.state, gate, tracks.existence, view.expected, z)
         updated, info = self._update(tracks, view, claims, z)
-        leftovers = self.suppression.leftovers(z, claims.owner, updated.estimate, updated.existence)
-        if self.size == "relax":
-            updated = self._grow(updated, leftovers.reach)
+        candidate = self.suppression.candidates(z, claims.owner, updated.estimate, updated.existence)
         owner = np.full(scan.mask.shape[-1], -1)
         owner[order] = np.where(claims.owner >= 0, tracks.id[claims.owner], -1) if len(tracks.id) else -1
         updated, died = self._prune(updated)
-        updated, born = self._initiate(updated, z, leftovers.candidate, dt)
+        updated, born = self._initiate(updated, z, candidate, dt)
         updated, merged = self._exclude(updated)
         fresh = (updated.existence > REPORT_ABOVE) & ~updated.confirmed
         events = [*events_of_scan(int(implausible)), *info.events, *died, *born, *merged]
@@ -192,12 +167,6 @@ class MultiObjectTracker:
 
     def _predict(self, tracks: Tracks, dt: float) -> Tracks:
         state = self.layered.predict(tracks.state, dt)
-        if self.size == "ends":
-            return tracks._replace(state=state, estimate=self.layered.estimate(state), age=tracks.age + dt)
-        estimate = self.layered.estimate(state)
-        usual = None if self.classifying is None else self.classifying.class_size(state)
-        size, size_std = self.sizes.relax(estimate.size, estimate.size_std, dt, usual)
-        state = self._resize(state, size, size_std)
         return tracks._replace(state=state, estimate=self.layered.estimate(state), age=tracks.age + dt)
 
     def _view(self, tracks: Tracks, scan: Scan) -> tuple[Visibility, NDArray]:
@@ -213,12 +182,6 @@ class MultiObjectTracker:
             clutter = self.sensor_array.clutter
             out = self.silence.probability(before, heard, view.expected, tracks.existence, clutter)
         return without(view, out), out
-
-    def _resize(self, state: object, size: NDArray, size_std: NDArray) -> object:
-        """State with another size and std (T, 2) [m]; a filter without `resize` starts again from its own estimate."""
-        if self.resizable is not None:
-            return self.resizable.resize(state, size, size_std)
-        return self._restart(state, self.layered.estimate(state)._replace(size=size, size_std=size_std, contour=None))
 
     def _restart(self, state: object, estimate: Estimate) -> object:
         """State that starts again from an estimate."""
@@ -253,24 +216,6 @@ class MultiObjectTracker:
         )
         events = tuple(event for note in notes for event in events_of(note, tracks.id))
         return updated, StepInfo(np.zeros(0, int), tracks.id, Gam, view.in_view, n, log_ratio, nis, events, mode)
-
-    def _grow(self, tracks: Tracks, reach: NDArray) -> Tracks:
-        """Let tracks become longer over the detections just beyond their ends; reach (T, 2) [m] ahead and behind.
-
-        A random matrix grows over them with the next scan once its length is uncertain. A filter with a density of
-        detections over the body would not: its box is stretched, and the next scans decide whether that holds.
-        """
-        grows = np.asarray(reach.any(1))
-        if not grows.any():
-            return tracks
-        if self.spatial is not None:
-            longer = self._restart(tracks.state, stretch(tracks.estimate, reach, self.growth_std))
-        else:
-            size, size_std = tracks.estimate.size, tracks.estimate.size_std.copy()
-            size_std[:, 0] = np.maximum(size_std[:, 0], self.growth_std * size[:, 0])
-            longer = self._resize(tracks.state, size, size_std)
-        state = select(grows, longer, tracks.state)
-        return tracks._replace(state=state, estimate=self.layered.estimate(state))
 
     def _initiate(self, tracks: Tracks, z: SortedScan, candidate: NDArray, dt: float) -> tuple[Tracks, list[Event]]:
         """The tracks and those born of the candidates (M,) bool and of the window, which goes on."""

@@ -147,6 +147,21 @@ class SharedMotion:
         cov[..., :2, :2] = box.cov[..., :2, :2]  # with what the outline adds
         return box._replace(velocity=v * along + omega * d * across, cov=cov)  # (MODE.24)
 
+    @property
+    def angles(self) -> tuple[int, ...]:
+        """The heading."""
+        return ANGLES
+
+    def gaussian(self, state: SharedMotionState) -> Gaussian:
+        """The moments of all modes together."""
+        return self.filter.gaussian(state.inner)
+
+    def with_gaussian(self, state: SharedMotionState, gaussian: Gaussian) -> SharedMotionState:
+        """The state with another mean and covariance, the same in every mode."""
+        K = len(self.modes)
+        m, P = np.stack([gaussian.m] * K, -2), np.stack([gaussian.P] * K, -3)
+        return state._replace(m=m, P=P, inner=self.filter.with_gaussian(state.inner, gaussian))
+
     def resize(self, state: SharedMotionState, size: NDArray, size_std: NDArray) -> SharedMotionState:
         """State with another size (..., 2) [m] of standard deviation size_std (..., 2) [m], in every mode."""
         inner = self.filter.resize(state.inner, size, size_std)

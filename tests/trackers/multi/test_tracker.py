@@ -16,7 +16,6 @@ from trackers.multi.association import shares
 from trackers.multi.cells import Linkage
 from trackers.multi.exclusion import GRID, Exclusion
 from trackers.multi.existence import Existence
-from trackers.multi.sizes import SizePrior, stretch
 from trackers.multi.tracker import events_of
 from trackers.multi.tracks import NO_TRACK, Tracks
 from trackers.multi.visibility import SensorArray, predict_visibility, ray_box
@@ -296,18 +295,6 @@ def test_outside_every_field_of_view_nothing_is_expected():
     assert (view.expected == 0).all()
 
 
-def test_sizes_are_drawn_to_what_a_filter_holds_for_usual_where_it_knows():
-    sizes, size, std = SizePrior(), np.tile([5.0, 2.2], (2, 1)), np.tile([0.3, 0.1], (2, 1))
-    usual = np.array([[5.0, 2.5], [np.nan, np.nan]]), np.array([[0.12, 0.05], [np.nan, np.nan]])
-    known, known_std = sizes.relax(size, std, 60.0, usual)
-    plain, plain_std = sizes.relax(size, std, 60.0)
-    np.testing.assert_allclose(known[0], [5.0, 2.5], rtol=1e-6)
-    np.testing.assert_allclose(known_std[0], [0.6, 0.125], rtol=1e-6)
-    np.testing.assert_array_equal(known[1], plain[1])
-    np.testing.assert_array_equal(known_std[1], plain_std[1])
-    np.testing.assert_allclose(plain[0], sizes.car, rtol=1e-6)
-
-
 def test_a_box_is_complete_but_for_what_an_edge_cuts_off_and_others_hide():
     edge = 20.0 * np.tan(RADAR.fov / 2)
     e = prior(np.array([[20.0, 0, 0], [20.0 + 2.3, edge, 0], [60.0, 0.9, 0], [-20.0, 0, 0]]))
@@ -328,47 +315,21 @@ def test_existence_by_hand():
     np.testing.assert_allclose(alive, np.exp([-1.5 / 60, -1.5 / 8, -1]))
 
 
-def test_the_size_prior_pulls_back_and_keeps_inside_what_vehicles_are():
-    sizes = SizePrior()
-    size, std = sizes.relax(np.array([[4.0, 1.7], [30.0, 0.5]]), np.full((2, 2), 0.01), 0.0)
-    np.testing.assert_allclose(size, [[4.0, 1.7], [20.0, 0.8]])
-    size, std = sizes.relax(np.array([[4.0, 1.7]]), np.full((1, 2), 0.01), 1e6)
-    np.testing.assert_allclose(size, [[4.6, 1.86]])
-    np.testing.assert_allclose(std, [[4.6 * 0.08, 1.86 * 0.05]])
-
-
-def test_stretching_moves_one_end_only():
-    """Hand-computed: 2 m ahead of a box 5 m long at heading 30 degrees, and 3 m behind another."""
-    e = prior(np.array([[10.0, 4.0, np.pi / 6], [0, 0, 0], [1, 2, 0]]), size=(5.0, 2.0), size_std=0.1)
-    reach = np.array([[2.0, 0.0], [0.0, 3.0], [0.0, 0.0]])
-    longer = stretch(e, reach, 0.2)
-    np.testing.assert_allclose(longer.size[:, 0], [7, 8, 5])
-    np.testing.assert_allclose(longer.size[:, 1], 2)
-    np.testing.assert_allclose(longer.pose[:2, :2], [[10 + np.sqrt(3) / 2, 4.5], [-1.5, 0]])
-    ends = lambda e, sign: e.pose[:, :2] + sign * e.size[:, :1] / 2 * unit(e.pose[:, 2])  # noqa: E731
-    np.testing.assert_allclose(ends(longer, -1)[0], ends(e, -1)[0])
-    np.testing.assert_allclose(ends(longer, 1)[1], ends(e, 1)[1])
-    np.testing.assert_allclose(longer.size_std[:, 0], [1.4, 1.6, 1.0])
-    np.testing.assert_allclose(longer.cov[1, 0, 0] - e.cov[1, 0, 0], 1.5**2)
-    assert e.size[0, 0] == 5
-
-
-def test_two_detections_just_ahead_of_a_box_are_in_reach_and_one_is_not(tracker):
+def test_what_lies_just_ahead_of_a_box_and_moves_like_it_starts_no_track(tracker):
     """A car is tracked; then a scan has returns up to 2.5 m ahead of it, as a longer vehicle would give them."""
     road = Road([(30, 0, 0, 25.0)], clutter=0)
     tracks, _ = drive(tracker, road, 1)
     front = tracks.estimate.pose[0, 0] + tracks.estimate.size[0, 0] / 2
-    for beyond, expected in (((1.0, 2.5), 2.5), ((2.5,), 0.0)):
-        pose, velocity = RADAR.poses(road.ego), RADAR.velocity(road.ego)
-        xy = np.stack([front + np.array(beyond), np.full(len(beyond), tracks.estimate.pose[0, 1])], -1)
+    pose, velocity = RADAR.poses(road.ego), RADAR.velocity(road.ego)
+    for faster, free in ((0.0, False), (5.0, True)):
+        xy = np.stack([front + np.array([1.0, 2.5]), np.full(2, tracks.estimate.pose[0, 1])], -1)
         scan = Scan.from_xy(xy, pose=pose)
         polar = scan.polar.copy()
-        polar[:, 2] = (scan.sight * (tracks.estimate.velocity[0] - velocity)).sum(-1)
+        polar[:, 2] = (scan.sight * (tracks.estimate.velocity[0] - velocity)).sum(-1) + faster
         full = Scan(polar, scan.mask, pose[None], velocity[None], np.array([[0.15, 0.01, 0.1]]), platform=road.ego)
         z, _ = tracker.association.prepare(full, tracker.sensor_array)
-        got = tracker.suppression.leftovers(z, np.full(len(xy), -1), tracks.estimate, tracks.existence)
-        np.testing.assert_allclose(got.reach[0], [expected, 0], atol=0.01)  # the heading is estimated
-        assert not got.candidate.any()
+        got = tracker.suppression.candidates(z, np.full(len(xy), -1), tracks.estimate, tracks.existence)
+        np.testing.assert_array_equal(got, [free and ahead > tracker.suppression.along for ahead in (1.0, 2.5)])
 
 
 def test_shares_hold_every_owned_detection_once_and_never_too_many():

@@ -15,7 +15,7 @@ from trackers.batch import stack
 from trackers.dra.state import P1, P2, PLACE, VELOCITY, VX, W, X
 from trackers.geometry import box_corners, cross, rotation, wrap_angle
 from trackers.imm import moments
-from trackers.multi.sizes import SizePrior
+from trackers.size import Ends
 
 TRACKERS = ("dra", "dra-imm", "edra-imm")
 FORMS = ("sequential", "soft", pytest.param(Enumeration(), id="joint", marks=pytest.mark.slow))
@@ -81,7 +81,7 @@ def u_turn():
     return first, steps
 
 
-def follow(filter, world, sizes=None):
+def follow(filter, world):
     """Estimates, labels (steps, ...) as the signed area of the body, and true headings, over all steps.
 
     sizes is the prior of sizes that the multi-object tracker sets against the drift of the vertices.
@@ -95,11 +95,9 @@ def follow(filter, world, sizes=None):
     estimates, areas, headings = [], [], []
     for x, scan in steps:
         state = filter.predict(state, STEP)
-        if sizes is not None:
-            e = filter.estimate(state)
-            state = filter.resize(state, *sizes.relax(e.size, e.size_std, STEP))
         state, _ = filter.update(state, scan)
-        m, _ = moments(state.m, state.P, state.mu)
+        inner = state.inner if isinstance(filter, Ends) else state
+        m, _ = moments(inner.m, inner.P, inner.mu)
         along = x[..., P1] + x[..., P2]
         estimates.append(filter.estimate(state))
         areas.append(cross(m[..., P2], m[..., P1]))
@@ -121,8 +119,8 @@ MINUTES = [
 
 @pytest.mark.parametrize(("name", "form", "world"), MINUTES)
 def test_a_minute_straight_behind_leaves_a_car_and_the_names_of_its_vertices(name, form, world):
-    """With the sizes of the class, as in the multi-object tracker; on the paper's radar and on ours."""
-    estimate, area, heading = follow(find(name, form=form), world(), SizePrior())
+    """With the sizes of the layer around it; on the paper's radar and on ours."""
+    estimate, area, heading = follow(Ends(find(name, form=form)), world())
     assert (estimate.size[-1] > LOW).all()
     assert (estimate.size[-1] < HIGH).all()
     assert area.min() > 0.5 * CAR.prod() / 2
@@ -140,7 +138,7 @@ def test_alone_the_prior_of_rays_keeps_the_length_and_an_even_one_does_not():
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("name", TRACKERS)
 def test_the_body_keeps_its_shape_and_heading_through_a_u_turn(name, form):
-    estimate, area, heading = follow(find(name, form=form), u_turn(), SizePrior())
+    estimate, area, heading = follow(Ends(find(name, form=form)), u_turn())
     np.testing.assert_allclose(estimate.size[-1], CAR, rtol=0.2)
     assert area.min() > 0.5 * CAR.prod() / 2
     error = np.abs(wrap_angle(estimate.pose[..., 2] - heading))
