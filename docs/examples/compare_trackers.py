@@ -4,14 +4,14 @@
 
 For many seeds and scenarios, with 95 % intervals, figures and a report page, use the command line:
 
-    testbed compare cut-in merge --tracker edra-imm --tracker rm-feldmann --seeds 0:20 --jobs 2
+    testbed compare cut-in merge --tracker imm-spline --tracker rm-feldmann --seeds 0:20 --jobs 2
 """
 
 import numpy as np
 
 from testbed.run import RunConfig, run
 
-TRACKERS = ("edra-imm", "rm-feldmann")  # the first one's tracks go to the planner
+TRACKERS = ("imm-spline", "rm-feldmann")  # the first one's tracks go to the planner
 MEASURES = {  # keys of the results, see docs/results.md
     "gospa": "GOSPA [m]",
     "rmse_position": "position RMSE [m]",
