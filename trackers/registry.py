@@ -11,6 +11,7 @@ from trackers.htg.map import HTGMap
 from trackers.htg.moment import HTGMoment
 from trackers.htg.online import HTGOnline
 from trackers.lookup import look_up, parse
+from trackers.multi.ground import GroundTest
 from trackers.multi.tracker import MultiObjectTracker
 from trackers.pmht import AdaptiveSpline, Learner, SplinePmht, Walk
 from trackers.protocols import Filter
@@ -42,7 +43,7 @@ SPLINE = SplinePmht(
 DRA = DataRegion(models=("cv",), prior="uniform", parameters="alone", centre_std=0.4)  # as in rm-vmm
 DRA_IMM = replace(DRA, models=("cv", "ca", "ct"), parameters="recommended", form="soft")  # as good here, and cheaper
 
-LAYERED = MappingProxyType({"size": "ends", "motion": True})  # of `MultiObjectTracker`
+LAYERED = MappingProxyType({"size": "ends", "motion": True, "ground": GroundTest()})  # of `MultiObjectTracker`
 
 TRACKERS: Mapping[str, Entry] = MappingProxyType(
     {

@@ -41,11 +41,16 @@ class Exclusion:
     def __post_init__(self) -> None:
         check_numbers(self)
 
-    def apply(self, estimate: Estimate, score: NDArray) -> ExclusionResult:
-        """Go through T tracks from the best score (T,) down; each drops, or unites with, the worse ones it excludes."""
+    def apply(self, estimate: Estimate, score: NDArray, divided: NDArray | None = None) -> ExclusionResult:
+        """Go through T tracks from the best score (T,) down; each drops, or unites with, the worse ones it excludes.
+
+        divided (T,) bool: tracks with empty ground at one end, which are not united with others, however small the gap.
+        """
         T = len(score)
         keep, into, joined = np.ones(T, bool), np.full(T, -1), np.zeros(T, bool)
         same, one = self.overlapping(estimate), self.one_vehicle(estimate)
+        if divided is not None:
+            one &= ~(divided[:, None] | divided)
         if not (same | one).any():
             return ExclusionResult(keep, into, joined, estimate)
         estimate = take(estimate, np.arange(T))  # a copy: unions are written into it

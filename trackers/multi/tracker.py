@@ -11,12 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.admission import Admitted, admit, check_step
-from trackers.batch import select, take
+from trackers.batch import put, select, take
 from trackers.estimate import Estimate, prior
 from trackers.linalg import largest_eigenvalue
 from trackers.multi.association import Association, Claims, SortedScan, gather, shares
 from trackers.multi.exclusion import Exclusion
 from trackers.multi.existence import Existence
+from trackers.multi.ground import GroundTest, piece
 from trackers.multi.initiation import Births, Initiation
 from trackers.multi.leftovers import Suppression
 from trackers.multi.reidentification import Gone, Reidentification
@@ -55,6 +56,7 @@ class MultiObjectTracker:
     complete_above: float = 0.75  # visible share of an object's span from which an update teaches its class
     road: RoadMap | None = None  # map of the lanes; without it no standing vehicle is born
     size: str = "off"  # "ends": sizes are those of `trackers.size.Ends`; "off": the filter's own
+    ground: GroundTest | None = None  # divides long tracks over empty ground; None: they stay one
     motion: bool = False  # velocity and heading are those of `trackers.shared_motion`
 
     def __post_init__(self) -> None:
@@ -134,6 +136,7 @@ class MultiObjectTracker:
         gate = tracks.estimate if self.reaching is None else self.reaching.reach(tracks.state)
         claims = self.association.claim(self.spatial, tracks.state, gate, tracks.existence, view.expected, z)
         updated, info = self._update(tracks, view, claims, z)
+        updated, divided = self._divide(updated, view, z, dt)
         candidate = self.suppression.candidates(z, claims.owner, updated.estimate, updated.existence)
         owner = np.full(scan.mask.shape[-1], -1)
         owner[order] = np.where(claims.owner >= 0, tracks.id[claims.owner], -1) if len(tracks.id) else -1
@@ -141,7 +144,7 @@ class MultiObjectTracker:
         updated, born = self._initiate(updated, z, candidate, dt)
         updated, merged = self._exclude(updated)
         fresh = (updated.existence > REPORT_ABOVE) & ~updated.confirmed
-        events = [*events_of_scan(int(implausible)), *info.events, *died, *born, *merged]
+        events = [*events_of_scan(int(implausible)), *info.events, *divided, *died, *born, *merged]
         events += [
             Event("confirmed", int(i), f"existence {q:.2f}")
             for i, q in zip(updated.id[fresh], updated.existence[fresh])
@@ -271,9 +274,42 @@ class MultiObjectTracker:
         events += [event for note in getattr(info, "notes", ()) for event in events_of(note, id)]
         return tracks.and_born(born), events
 
+    def _divide(self, tracks: Tracks, view: Visibility, z: SortedScan, dt: float) -> tuple[Tracks, list[Event]]:
+        """The tracks after those with empty ground in them became two; the rear part keeps the id."""
+        if not self.ground:  # None, or "off" in the name of a tracker
+            return tracks, []
+        d = self.ground.examined(tracks.estimate, tracks.existence)
+        ground = self.ground.predict(tracks.memory.ground, tracks.id[d], take(tracks.estimate, d), dt)
+        if not len(d):
+            return tracks._replace(memory=tracks.memory._replace(ground=ground)), []
+        ground = self.ground.observe(ground, d, tracks.estimate, view, z, self.sensor_array)
+        split = self.ground.split(ground, take(tracks.estimate, d))
+        memory = tracks.memory._replace(ground=take(ground, ~split.where))
+        if not split.where.any():
+            return tracks._replace(memory=memory), []
+        split, d = take(split, split.where), d[split.where]
+        old, new_id = tracks.rows(d), tracks.next_id + np.arange(len(d))
+        rear, front = (self._restart(old.state, piece(old.estimate, span)) for span in (split.rear, split.front))
+        both = np.concatenate([old.id, new_id])
+        memory = memory._replace(divided=np.union1d(np.intersect1d(memory.divided, tracks.id), both))
+        born = old._replace(
+            id=new_id,
+            age=np.zeros(len(d)),
+            state=front,
+            estimate=self.layered.estimate(front),
+            next_id=tracks.next_id + len(d),
+            memory=memory,
+        )
+        state = put(tracks.state, d, rear)
+        events = [
+            Event("divided", int(i), f"{g:.1f} m of empty ground in it; the front part is track {n}")
+            for i, n, g in zip(old.id, new_id, split.front[:, 0] - split.rear[:, 1], strict=True)
+        ]
+        return tracks._replace(state=state, estimate=self.layered.estimate(state)).and_born(born), events
+
     def _exclude(self, tracks: Tracks) -> tuple[Tracks, list[Event]]:
         score = tracks.existence * np.minimum(tracks.hits, 50)
-        result = self.exclusion.apply(tracks.estimate, score)
+        result = self.exclusion.apply(tracks.estimate, score, np.isin(tracks.id, tracks.memory.divided))
         if result.keep.all():
             return tracks, []
         state = tracks.state

@@ -5,10 +5,12 @@ Life cycle of a track: docs/methods/multi-object-tracking.md, section 10.
 
 from typing import Any, NamedTuple
 
+import numpy as np
 from numpy.typing import NDArray
 
 from trackers.batch import concatenate, take
 from trackers.estimate import Estimate
+from trackers.multi.ground import NOTHING, Ground
 from trackers.multi.reidentification import Gone
 from trackers.multi.window import EMPTY, Loose
 
@@ -19,7 +21,7 @@ REPORT_ABOVE = 0.5  # existence probability above which a track is output, (MOT.
 class Event(NamedTuple):
     """One decision about one track, or about a scan."""
 
-    kind: str  # born, confirmed, merged, died, returned, or that of a `Note`; of a scan: implausible, crowded
+    kind: str  # born, confirmed, merged, divided, died, returned, or that of a `Note`; of a scan: implausible, crowded
     track: int  # id; NO_TRACK of a scan
     reason: str  # one readable clause
     contours: NDArray | None = None  # (2, C, 2) [m] outlines on the body's axes, before and after a change
@@ -32,6 +34,8 @@ class Memory(NamedTuple):
     loose: Loose = EMPTY  # unexplained detections of the last scans
     out: NDArray | None = None  # (S,) probability that a sensor delivered nothing in the last scan; None before it
     gone: Gone | None = None  # confirmed tracks that died; None before the first
+    ground: Ground = NOTHING  # what was seen along the long tracks
+    divided: NDArray = np.zeros(0, int)  # (A,) ids of tracks with empty ground at one end
 
 
 class Tracks(NamedTuple):

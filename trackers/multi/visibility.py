@@ -30,6 +30,10 @@ class SensorArray(NamedTuple):
     clutter_density_2d: NDArray  # (S,) the same integrated over the range rate, per m^2
     rates: NDArray  # (S, 3) count_at_15m, count_falloff, count_max
 
+    def poses(self, platform: NDArray) -> NDArray:
+        """World poses (S, 3) on a platform (6,)."""
+        return compose(platform[:3], self.mount)
+
     @classmethod
     def of(cls, sensors: tuple[SensorModel, ...]) -> "SensorArray":
         """Arrays of the data sheets."""
@@ -90,7 +94,7 @@ def predict_visibility(
     expected, share = np.zeros((S, T)), np.zeros((S, T))
     if T == 0:
         return Visibility(expected, np.zeros(0, bool), share, np.zeros(0))
-    poses = compose(platform[:3], sensors.mount)  # (S, 3)
+    poses = sensors.poses(platform)
     low, high, nearest = angular_spans(estimate, poses)
     edge, uncut = sensors.fov[:, None] / 2, high - low
     low, high = np.maximum(low, -edge), np.minimum(high, edge)  # (MOT.8)

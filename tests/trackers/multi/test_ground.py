@@ -1,0 +1,112 @@
+"""Empty ground under a track: two vehicles in file are told from a long one, and from one of which a part is hidden."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.trackers.multi.known_objects import KnownObjects, scan_of, tracks_of
+from trackers import MultiObjectTracker, SensorModel, prior
+from trackers.batch import take
+from trackers.multi.ground import GroundTest
+
+DT = 1 / 15
+SIDE = SensorModel(max_range=30.0, fov=2 * np.pi, sigma_azimuth=0.02, count_at_15m=7.0, count_falloff=0.6, clutter=1.5)
+NOISE = (0.15, 0.02, 0.1)
+CARS, LONG = ((-5.0, -0.5), (0.5, 5.0)), ((-5.0, 5.0),)  # [m] along the lane
+
+
+def side_of(rng, bodies, even=False, count=14, y=4.0):
+    """Detections of the nearer sides of bodies beside a radar at the origin: even over the angle, or the length."""
+    x = rng.uniform(-7.5, 7.5, 8 * count) if even else 3.1 * np.tan(rng.uniform(-1.18, 1.18, 2 * count))
+    x = x[np.any([(a < x) & (x < b) for a, b in bodies], 0)][: 2 * count]
+    depth = np.where(rng.random(len(x)) < 0.2, rng.uniform(0, 1.8, len(x)), rng.exponential(0.12, len(x)))
+    return np.c_[x, y - 0.9 + depth] + rng.normal(0, 0.05, (len(x), 2))
+
+
+def box(centre=0.0, length=10.2, y=4.0, speed=0.0):
+    return prior([(centre, y, 0.0)], velocity=(speed, 0.0), size=(length, 1.8), position_std=0.1)
+
+
+def after(bodies, scans, estimate=None, seed=0, even=False):
+    """The tracks after so many scans of the bodies, and the events of them all."""
+    rng, events = np.random.default_rng(seed), []
+    tracker = MultiObjectTracker(KnownObjects(), (SIDE,), ground=GroundTest())
+    tracks = tracks_of(box() if estimate is None else estimate, existence=0.99)
+    for _ in range(scans):
+        tracks, info = tracker.step(tracks, scan_of(side_of(rng, bodies, even), NOISE, 0.0), DT)
+        events += info.events
+    return tracks, [e for e in events if e.kind in ("divided", "merged")]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_two_cars_in_a_queue_held_for_one_become_two_and_stay_so(seed):
+    tracks, events = after(CARS, 45, seed=seed)
+    assert [(e.kind, e.track) for e in events] == [("divided", 0)]
+    assert sorted(tracks.id.tolist()) == [0, 1]
+    order = np.argsort(tracks.estimate.pose[:, 0])
+    np.testing.assert_allclose(tracks.estimate.pose[order, 0], [-2.8, 2.8], atol=0.4)
+    np.testing.assert_allclose(tracks.estimate.size[:, 0], 4.6, atol=0.6)
+    assert tracks.memory.divided.tolist() == [0, 1]
+    assert tracks.confirmed.all()
+
+
+@pytest.mark.parametrize("even", [False, True])
+@pytest.mark.parametrize("seed", range(3))
+def test_one_long_vehicle_stays_one_however_its_detections_spread_along_it(seed, even):
+    tracks, events = after(LONG, 150, seed=seed, even=even)
+    assert events == []
+    assert tracks.id.tolist() == [0]
+
+
+def test_three_in_file_become_three():
+    three = ((-7.0, -2.9), (-2.0, 2.0), (2.9, 7.0))
+    tracks, events = after(three, 90, box(length=14.2))
+    assert [e.kind for e in events] == ["divided", "divided"]
+    np.testing.assert_allclose(np.sort(tracks.estimate.pose[:, 0]), [-5, 0, 5], atol=0.5)
+    assert tracks.memory.divided.tolist() == [0, 1, 2]
+
+
+@pytest.mark.parametrize(("tracked", "divided"), [(True, 0), (False, 1)])
+def test_a_part_that_another_vehicle_hides_is_not_empty_ground(tracked, divided):
+    """A handcart in between, whose own returns keep its track; without that track the part would look empty."""
+    e = prior([(0.0, 4.0, 0.0), (0.0, 1.6, np.pi / 2)], size=[(10.2, 1.8), (1.2, 1.1)], position_std=0.1)
+    tracker, rng = MultiObjectTracker(KnownObjects(), (SIDE,), ground=GroundTest()), np.random.default_rng(0)
+    tracks, events = tracks_of(take(e, np.arange(1 + tracked)), existence=0.99), []
+    for _ in range(60):
+        cart = np.c_[rng.uniform(-0.5, 0.5, 5), np.full(5, 1.05)]
+        scan = scan_of(np.concatenate([side_of(rng, ((-5.0, -1.8), (1.8, 5.0))), cart]), NOISE, 0.0)
+        tracks, info = tracker.step(tracks, scan, DT)
+        events += [e for e in info.events if e.kind == "divided"]
+    assert len(events) == divided
+
+
+def test_a_part_out_of_the_field_of_view_is_not_empty_ground():
+    views = tuple(replace(SIDE, mount=(0.0, 0.0, a), fov=np.deg2rad(60)) for a in np.deg2rad([45.0, 135.0]))
+    tracker = MultiObjectTracker(KnownObjects(), views, ground=GroundTest())
+    rng, tracks = np.random.default_rng(0), tracks_of(box(), existence=0.99)
+    for _ in range(90):
+        xy = side_of(rng, ((-5.0, -0.9), (0.9, 5.0)))  # nothing within 15 degrees of abeam
+        scan = scan_of(xy, NOISE, 0.0)
+        tracks, info = tracker.step(tracks, scan._replace(sensor=(xy[:, 0] < 0).astype(int)), DT)
+        assert not [e for e in info.events if e.kind == "divided"]
+
+
+@pytest.mark.parametrize(("rule", "speed", "events"), [
+    (GroundTest(), 20.0, 0), (GroundTest(headway=0.0), 20.0, 1),
+])  # fmt: skip
+def test_at_speed_nobody_drives_so_close(rule, speed, events):
+    """The same gap of 1 m: a cab and its load. Without the rule it is two vehicles."""
+    rng, tracker = np.random.default_rng(0), MultiObjectTracker(KnownObjects(), (SIDE,), ground=rule)
+    tracks, seen = tracks_of(box(speed=speed), existence=0.99), []
+    for k in range(45):
+        scan = scan_of(side_of(rng, CARS), NOISE, 0.0)
+        x = speed * (k + 1) * DT
+        tracks = tracks._replace(estimate=box(x, speed=speed), state=box(x, speed=speed))
+        platform = np.array([x, 0.0, 0.0, speed, 0.0, 0.0])
+        moved = scan._replace(pose=scan.pose + platform[:3], velocity=scan.velocity + platform[3:5], platform=platform)
+        tracks, info = tracker.step(tracks, moved, DT)
+        seen += [e for e in info.events if e.kind == "divided"]
+        if seen:
+            break
+    assert len(seen) == events

@@ -1,0 +1,177 @@
+"""The ground under a track: one long vehicle, or two in file with empty ground between them.
+
+Detections lie all along the visible side of one vehicle. Where many are expected and few are seen for long, while there
+are some on both sides, there are two. Equations: docs/methods/life-cycle-of-tracks.md, section 6.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.batch import take
+from trackers.estimate import Estimate
+from trackers.geometry import dot, to_frame, to_world, unit, wrap_angle
+from trackers.multi.association import SortedScan
+from trackers.multi.visibility import SensorArray, Visibility, ray_box
+from trackers.parameters import check_numbers
+
+STEP, CELLS = 0.25, 128  # [m] and number of the cells along a track: 16 m to both sides of the origin
+PLACE = STEP * (np.arange(CELLS) - CELLS // 2 + 0.5)  # [m] of the cells
+COARSE = 4  # cells for which one ray decides whether they are seen
+
+
+class Ground(NamedTuple):
+    """What was seen along D long tracks; it fades."""
+
+    id: NDArray  # (D,) int
+    origin: NDArray  # (D, 2) [m] of the cells; moves with the velocity of the track, not with its box
+    seen: NDArray  # (D, CELLS) detections
+    expected: NDArray  # (D, CELLS) of as many detections on one vehicle
+
+
+class Split(NamedTuple):
+    """Which of D tracks are two vehicles, and where these lie along its heading, from its centre."""
+
+    where: NDArray  # (D,) bool
+    ratio: NDArray  # (D,) log likelihood ratio
+    rear: NDArray  # (D, 2) [m] from, to
+    front: NDArray  # (D, 2) [m] from, to
+
+
+NOTHING = Ground(np.zeros(0, int), np.zeros((0, 2)), np.zeros((0, CELLS)), np.zeros((0, CELLS)))
+
+
+@dataclass(frozen=True)
+class GroundTest:
+    """When a track is two vehicles in file."""
+
+    memory: float = 1.5  # [s]
+    longer: float = 5.5  # [m] length from which a track may be two vehicles
+    above: float = 0.5  # existence from which it is looked at
+    aside: float = 0.4  # [m] beside the box, up to which detections count as its own
+    rate: float = 2.0  # [m/s] difference of the range rate up to which they do
+    gaps: tuple[int, ...] = (2, 3, 4, 6, 8, 12, 16, 24, 32)  # [cells] widths of empty ground that are tried
+    beside: int = 6  # [cells] on each side of the gap, from which the density in it is foretold
+    denser: float = 2.5  # most by which more detections than expected beside a gap, no wider than that, count for it
+    thin: float = 0.5  # share of the expected detections that one vehicle may show in a stretch
+    stray: float = 0.1  # share of them that noise carries into a gap
+    independent: float = 20.0  # a sensor with more detections of a track in a scan counts as so many
+    surer: float = 4.0  # log likelihood ratio from which it is two
+    least: float = 4.0  # detections on each side of the gap
+    headway: float = 0.0125  # [s^2/m] least gap over the square of the speed: at speed nobody drives closer
+
+    def __post_init__(self) -> None:
+        check_numbers(self)
+
+    def examined(self, estimate: Estimate, existence: NDArray) -> NDArray:
+        """Rows (D,) of the tracks (T,) that may be two vehicles."""
+        return np.flatnonzero((existence > self.above) & (estimate.size[:, 0] > self.longer))
+
+    def predict(self, ground: Ground, id: NDArray, estimate: Estimate, dt: float) -> Ground:
+        """What was seen of the D tracks of these ids, moved with them and faded over dt [s]; nothing of new ones."""
+        new = Ground(id, estimate.pose[:, :2], np.zeros((len(id), CELLS)), np.zeros((len(id), CELLS)))
+        _, here, there = np.intersect1d(id, ground.id, assume_unique=True, return_indices=True)
+        origin = ground.origin[there] + estimate.velocity[here] * dt  # (LIFE.30)
+        near = np.hypot(*(origin - estimate.pose[here, :2]).T) < STEP * CELLS / 8
+        here, there = here[near], there[near]
+        new.origin[here] = origin[near]
+        new.seen[here], new.expected[here] = (np.exp(-dt / self.memory) * a[there] for a in ground[2:])  # (LIFE.30)
+        return new
+
+    def observe(
+        self, ground: Ground, d: NDArray, estimate: Estimate, view: Visibility, z: SortedScan, sensors: SensorArray
+    ) -> Ground:
+        """The ground of tracks d (D,) after a scan of M detections, among T tracks."""
+        e = take(estimate, d)
+        shift = shift_of(ground, e)
+        seen, expected = ground.seen.copy(), ground.expected.copy()
+        for k, pose in enumerate(sensors.poses(z.scan.platform)):
+            rows = np.flatnonzero(view.expected[k, d] > 0)
+            if len(rows):
+                density = self._density(take(e, rows), shift[rows], d[rows], estimate, pose, k, sensors)
+                n = self._seen(take(e, rows), shift[rows], pose, z, z.sensor == k) * (density > 0)
+                total = n.sum(1, keepdims=True)
+                weight = np.minimum(1.0, self.independent / np.maximum(total, 1.0))
+                share = density / np.maximum(density.sum(1, keepdims=True), 1e-9)
+                seen[rows] += weight * n  # (LIFE.32)
+                expected[rows] += weight * total * share  # (LIFE.32)
+        return ground._replace(seen=seen, expected=expected)
+
+    def _seen(self, e: Estimate, shift: NDArray, pose: NDArray, z: SortedScan, mine: NDArray) -> NDArray:
+        """Detections (D, CELLS), whoever owns them, on the halves of the bodies that face a sensor at pose (3,)."""
+        body = to_frame(e.pose, z.xy)  # (D, M, 2)
+        cell = np.floor((body[..., 0] + shift) / STEP).astype(int) + CELLS // 2
+        towards = body[..., 1] * np.sign(to_frame(e.pose, pose[None, :2])[..., 1])
+        half = (towards > 0) & (towards < e.size[:, 1:] / 2 + self.aside + np.sqrt(z.var_across))
+        rate = ~(np.abs(z.rate - e.velocity @ z.sight.T) > self.rate)  # one that is not measured counts
+        along = np.abs(body[..., 0]) < e.size[:, :1] / 2 + STEP
+        d, m = np.nonzero(half & rate & along & mine & (cell >= 0) & (cell < CELLS))
+        seen = np.zeros((len(e.pose), CELLS))
+        np.add.at(seen, (d, cell[d, m]), 1.0)
+        return seen
+
+    def _density(
+        self, e: Estimate, shift: NDArray, d: NDArray, estimate: Estimate, pose: NDArray, sensor: int,
+        sensors: SensorArray,
+    ) -> NDArray:  # fmt: skip
+        """Relative density (D, CELLS) of a sensor's detections along the sides of tracks d (D,), 0 where hidden."""
+        x = PLACE.reshape(-1, COARSE).mean(-1) - shift  # (D, C) in the body frame
+        half = e.size[:, 1:] / 2
+        aside = to_frame(e.pose, pose[None, :2])[:, 0, 1:]  # of the sensor
+        side = np.broadcast_to(np.sign(aside) * half, x.shape)
+        v = to_world(e.pose, np.stack([x, side], -1)) - pose[:2]  # (D, C, 2)
+        r = np.hypot(v[..., 0], v[..., 1])
+        sees = np.abs(wrap_angle(np.arctan2(v[..., 1], v[..., 0]) - pose[2])) < sensors.fov[sensor] / 2
+        sees &= (r < sensors.max_range[sensor]) & (np.abs(x) < e.size[:, :1] / 2 + STEP)
+        hit = ray_box(pose[None, :2], (v / r[..., None]).reshape(1, -1, 2), estimate.pose, estimate.size)[0]
+        hit = hit.reshape(*r.shape, -1)
+        hit[np.arange(len(d)), :, d] = np.inf
+        sees &= hit.min(-1) > r
+        lit = np.maximum(np.abs(aside) - half, 0.0) / r  # sine of the angle under which the side is seen
+        return np.repeat(np.where(sees, np.sqrt(lit) / r, 0.0), COARSE, axis=1)  # (LIFE.31)
+
+    def split(self, ground: Ground, estimate: Estimate) -> Split:
+        """Which of D tracks are two vehicles; estimate (D,) is theirs."""
+        D, b = len(ground.id), self.beside
+        none = np.zeros((D, 1))
+        S, X = (np.concatenate([none, np.cumsum(a, 1)], 1) for a in (ground.seen, ground.expected))
+        edge = STEP * (np.arange(CELLS + 1) - CELLS // 2) - shift_of(ground, estimate)  # (D, CELLS + 1) of the body
+        half, closest = estimate.size[:, :1] / 2 + STEP, self.headway * dot(estimate.velocity, estimate.velocity)
+        best, gap = np.full(D, -np.inf), np.zeros((D, 2))
+        for w in self.gaps:
+            i = np.arange(b, CELLS + 1 - w - b)  # first edge of the gap
+            left, right = S[:, i] - S[:, i - b], S[:, i + w + b] - S[:, i + w]
+            flank = [
+                np.minimum(n / np.maximum(x, 1e-9), self.denser if w <= b else 1.0)
+                for n, x in ((left, X[:, i] - X[:, i - b]), (right, X[:, i + w + b] - X[:, i + w]))
+            ]
+            foretold = (X[:, i + w] - X[:, i]) * np.minimum(*flank)  # (LIFE.33)
+            n = S[:, i + w] - S[:, i]
+            ratio = (self.thin - self.stray) * foretold - np.log(self.thin / self.stray) * n  # (LIFE.34)
+            inside = (edge[:, i - b] > -half) & (edge[:, i + w + b] < half)
+            ratio = np.where(inside & (np.minimum(left, right) >= self.least), ratio, -np.inf)
+            ratio[STEP * w < closest] = -np.inf
+            k = ratio.argmax(1)
+            better = ratio[np.arange(D), k] > best
+            best = np.where(better, ratio[np.arange(D), k], best)
+            rows = np.arange(D)
+            found = np.stack([edge[rows, i[k]], edge[rows, i[k] + w]], -1)
+            gap = np.where(better[:, None], found, gap)
+        ends = estimate.size[:, 0] / 2
+        return Split(best > self.surer, best, np.stack([-ends, gap[:, 0]], -1), np.stack([gap[:, 1], ends], -1))
+
+
+def shift_of(ground: Ground, estimate: Estimate) -> NDArray:
+    """How far (D, 1) [m] the centres lie ahead of the origins of the cells."""
+    return dot(estimate.pose[:, :2] - ground.origin, unit(estimate.pose[:, 2]))[:, None]
+
+
+def piece(estimate: Estimate, span: NDArray) -> Estimate:
+    """The boxes cut to span (D, 2) [m] along their headings, from their centres."""
+    pose, size, std = estimate.pose.copy(), estimate.size.copy(), estimate.size_std.copy()
+    pose[:, :2] += span.mean(1)[:, None] * unit(pose[:, 2])
+    size[:, 0] = np.maximum(np.ptp(span, axis=1), 1.5)
+    std[:, 0] = np.maximum(0.1 * size[:, 0], 0.3)
+    return estimate._replace(pose=pose, size=size, size_std=std, contour=None)
