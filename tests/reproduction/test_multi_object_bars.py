@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from testbed.environment.perception import truth_tracks
 from testbed.evaluation.histories import losses
@@ -22,7 +23,7 @@ from trackers import MultiObjectTracker
 from trackers.multi.association import SortedScan
 from trackers.multi.cells import Linkage
 from trackers.multi.exclusion import Exclusion
-from trackers.multi.leftovers import Leftovers, Suppression
+from trackers.multi.leftovers import Suppression
 
 SEEDS = (10, 11, 12)  # none of which was used while the tracker was changed
 FILTERS = ("rm-feldmann", "rm-surface")
@@ -32,8 +33,8 @@ Row = dict[str, float]
 class BearsFromRails(Suppression):
     """Births without the rule that nothing is born standing."""
 
-    def leftovers(self, z: SortedScan, *rest: Any) -> Leftovers:
-        return super().leftovers(z._replace(static=np.zeros_like(z.static)), *rest)
+    def candidates(self, z: SortedScan, *rest: Any) -> NDArray:
+        return super().candidates(z._replace(static=np.zeros_like(z.static)), *rest)
 
 
 def unchanged(tracker: MultiObjectTracker) -> MultiObjectTracker:

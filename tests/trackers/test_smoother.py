@@ -352,19 +352,6 @@ def test_models_that_are_all_alike_are_smoothed_as_one():
     np.testing.assert_allclose(got.P, want.P, rtol=1e-7, atol=1e-9)
 
 
-def test_what_was_done_to_a_prediction_before_its_update_is_taken_into_account():
-    """A state that was moved by hand between prediction and update, and then not updated, changes nothing before it."""
-    f, states, _, _ = follow(RandomMatrix(), seed=10, K=8, missing=(99, 99))
-
-    def moved(state, dt):
-        return state._replace(m=state.m + 0.3 * np.eye(5)[0])
-
-    more = [*states, moved(f.predict(states[-1], DT), DT)]
-    with_it = smooth(f, more, DT, lambda s, dt: moved(s, dt))[-2]
-    np.testing.assert_allclose(with_it.m, states[-1].m, atol=1e-12)
-    assert np.abs(smooth(f, more, DT)[-2].m - states[-1].m).max() > 0.01
-
-
 def test_a_box_seen_at_last_is_turned_back_with_the_vehicle():
     """A turning vehicle whose extent becomes known at the end: the smoothed box keeps to the heading of its time."""
     f = RandomMatrix(accel_std=0.1, yaw_accel_std=0.01)

@@ -390,7 +390,7 @@ def test_a_step_before_reset_is_an_error():
     ("arguments", "error", "message"),
     [
         ({"tracker": "rm-feldman"}, LookupError, "did you mean 'rm-feldmann'"),
-        ({"tracker": None}, TypeError, "tracker must be a name, .* got None; try 'edra-imm'"),
+        ({"tracker": None}, TypeError, "tracker must be a name, .* got None; try 'imm-spline'"),
         ({"tracker": MultiObjectTracker}, TypeError, "tracker must be a name, .* got <class"),
         ({"tracker": {"sigma": 0.3}}, ValueError, "tracker .* has no key 'name'"),
         ({"tracker": {"name": None}}, TypeError, "the name of a tracker must be a string, got None"),

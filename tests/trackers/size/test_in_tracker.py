@@ -25,8 +25,8 @@ def test_sizes_are_those_of_ends_and_stay_open_while_one_end_is_seen():
     assert e.class_probability.shape == (3, len(Fleet().names))
     assert (e.size_std[:, 0] > 0.15).all()  # rears only: no size is drawn to one of a class
     assert (e.size_std[:, 0] < 1.5).all()
-    relaxed, _ = drive(MultiObjectTracker(INNER, (RADAR,)), Road(CARS), 2.0)
-    assert relaxed.reported.estimate.class_probability is None
+    alone, _ = drive(MultiObjectTracker(INNER, (RADAR,)), Road(CARS), 2.0)
+    assert alone.reported.estimate.class_probability is None
 
 
 def test_order_and_padding_of_detections_change_nothing():
@@ -46,5 +46,5 @@ def test_order_and_padding_of_detections_change_nothing():
 
 
 def test_no_other_sizes_are_known():
-    with pytest.raises(ValueError, match="size must be one of relax, ends"):
+    with pytest.raises(ValueError, match="size must be one of off, ends"):
         MultiObjectTracker(INNER, (RADAR,), size="end")
