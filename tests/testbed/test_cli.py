@@ -96,7 +96,7 @@ def test_a_killed_run_leaves_a_readable_log_and_no_results(tmp_path):
 
 def test_a_disk_that_fills_up_costs_the_rest_of_the_log_and_nothing_else(tmp_path):
     def limit():
-        resource.setrlimit(resource.RLIMIT_FSIZE, (1_200_000, 1_200_000))
+        resource.setrlimit(resource.RLIMIT_FSIZE, (4_000_000, 4_000_000))
 
     done = call("run", "dense-traffic", "--duration", 8, "--out", tmp_path, preexec_fn=limit)
     assert done.returncode == 2, done.stderr
