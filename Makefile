@@ -62,7 +62,8 @@ reproduce: $(STAMP)
 	$(BIN)/python -m testbed.studies verdicts
 
 comparison: $(STAMP)  # an hour on two idle cores; the same command goes on where it was interrupted
-	$(BIN)/testbed compare all --seeds 0:8 --duration 6 --jobs -1 --reference rm-feldmann --out runs/comparison
+	$(BIN)/testbed compare all --tracker all --tracker imm-spline:size=off --tracker imm-spline:motion=off \
+		--seeds 0:8 --duration 6 --jobs -1 --reference rm-feldmann --out runs/comparison
 	$(BIN)/python -m testbed.studies publish runs/comparison --reference rm-feldmann
 	$(MAKE) comparison-page
 

@@ -47,7 +47,7 @@ def _draw(axes: Axes, frame: Frame, tracker: str) -> None:
         inside = REACH[0] < centre[0] < REACH[1] and REACH[2] < centre[1] < REACH[3]
         if inside:
             text = f"{size[0]:.1f} ± {std[0]:.1f}"
-            axes.text(*centre, text, fontsize=7, ha="center", va="center", color="#107040")
+            axes.text(centre[0], centre[1], text, fontsize=7, ha="center", va="center", color="#107040")
     axes.set(aspect="equal", xlim=REACH[:2], ylim=REACH[2:], xlabel="ahead of the ego [m]", ylabel="left [m]")
     axes.set_axisbelow(True)
     axes.grid(visible=True, color="0.93")

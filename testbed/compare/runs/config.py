@@ -112,9 +112,9 @@ def parse_seeds(text: str) -> tuple[int, ...]:
 
 
 def expand(names: list[str], what: str) -> tuple[str, ...]:
-    """Names of scenarios or trackers; `all` stands for the catalogue."""
+    """Names of scenarios or trackers; `all` among them stands for the catalogue."""
     catalogue = SCENARIOS if what == "scenarios" else TRACKERS
-    return tuple(catalogue) if names == [ALL] else tuple(names)
+    return tuple(name for one in names for name in (catalogue if one == ALL else (one,)))
 
 
 def check(comparison: Comparison) -> None:

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -19,6 +20,7 @@ from testbed.log.text import markdown_table
 from testbed.studies.comparison import committed
 from testbed.studies.comparison.publish import read
 from testbed.studies.page import DOCS, Docs, Page
+from trackers import DEFAULT
 
 BY_SCENARIO = ("gospa", "rmse_position", "rmse_length")
 ERRORS = ("position", "velocity", "length")
@@ -48,6 +50,12 @@ Tracker minus reference on the same seeds; negative is better. For the NEES it i
 A verdict is given where the interval leaves out zero.
 
 {differences}
+
+## What each layer earns
+
+`{default}` without a layer, minus `{default}` complete: what the layer takes off ([layers.md](layers.md)).
+
+{layers}
 
 {by_scenario}
 
@@ -117,6 +125,8 @@ def render(folder: Path) -> str:
         reference=baseline,
         overview=markdown(tables.overview(main_cells, baseline)),
         differences=markdown(tables.differences(main_cells, baseline).only(*DIFFERENCES)),
+        default=DEFAULT,
+        layers=layers(results),
         by_scenario="\n\n".join(scenario_part(results, measure) for measure in BY_SCENARIO),
         by_phase=markdown(tables.by_phase(list(cells(results, ("gospa",), by="phase")), baseline, every=True)),
         by_range=bands(frames["range"]),
@@ -125,6 +135,16 @@ def render(folder: Path) -> str:
         verdicts=verdicts(committed.read(folder / "reproduce")),
         calibration=calibration(json.loads((folder / "calibration.json").read_text())),
     )
+
+
+def layers(results: Results) -> str:
+    """The default tracker with a layer off, held against the complete one."""
+    ablated = [name for name in results.comparison.trackers if name.startswith(f"{DEFAULT}:")]
+    if not ablated:
+        return "No run was made without a layer."
+    held = replace(results.comparison, reference=DEFAULT)
+    found = [cell for cell in cells(results._replace(comparison=held), MAIN) if cell.tracker in (DEFAULT, *ablated)]
+    return markdown(tables.differences(found, DEFAULT).only(*DIFFERENCES))
 
 
 def scenario_part(results: Results, measure: str) -> str:

@@ -7,13 +7,14 @@ import shutil
 import pandas as pd
 import pytest
 
-from testbed.compare.runs.config import Settings
+from testbed.compare.runs.config import Comparison, Settings
 from testbed.compare.runs.results import collect, write_runs
 from testbed.papers.catalogue import PAPERS
 from testbed.studies.comparison import committed
-from testbed.studies.comparison.page import render
+from testbed.studies.comparison.page import layers, render
 from testbed.studies.comparison.publish import read, stored_comparison
 from testbed.studies.page import frame, notes_of
+from tests.testbed.compare.made_results import make
 from tests.testbed.studies.comparison.conftest import DOCS, TRACKERS
 
 
@@ -51,6 +52,16 @@ def test_the_page_shows_every_tracker_scenario_paper_and_the_calibration(publish
     papers = committed.read(published / "reproduce")
     assert page.count("not reproduced yet") == sum(not paper["verdicts"] for paper in papers)
     assert "real/simulated" in page
+
+
+def test_layers_are_held_against_the_complete_tracker_and_not_against_the_reference(tmp_path):
+    """Errors of made results rise in the order of the trackers, so the tracker without a layer is worse."""
+    names = ("rm-feldmann", "imm-spline", "imm-spline:size=off")
+    table = layers(make(Comparison(("cut-in",), names, (0, 1, 2, 3), out=str(tmp_path))))
+    assert "rm-feldmann" not in table
+    (row,) = [line for line in table.splitlines() if "size=off" in line and "GOSPA" in line]
+    assert float(row.split("|")[3].split("[")[0]) > 0
+    assert "without a layer" in layers(make(Comparison(("cut-in",), names[:2], (0, 1), out=str(tmp_path / "plain"))))
 
 
 def test_the_report_is_published_without_logs(published):
