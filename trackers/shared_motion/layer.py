@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from trackers.admission import guarded_predict, guarded_update
 from trackers.batch import select
 from trackers.estimate import Estimate
-from trackers.geometry import perpendicular, unit
+from trackers.geometry import dot, perpendicular, unit
 from trackers.imm import chain, mix, moments, reweight
 from trackers.linalg import outer, symmetrize
 from trackers.motion import OMEGA, PHI, ROUNDING, SPEED
@@ -59,6 +59,7 @@ class SharedMotion:
     rates: ScanRates = field(default_factory=ScanRates)
     stay: float = 0.98  # probability to keep the mode for `step`
     step: float = 0.1  # [s]
+    course: float = 0.3  # share of a shift across the body that is taken for motion
     backwards: float = 2.0  # [m/s] faster than this nothing reverses; its heading is wrong
 
     def __post_init__(self) -> None:
@@ -176,10 +177,17 @@ class SharedMotion:
         return state._replace(m=m, P=P, inner=inner)
 
     def shift(self, state: SharedMotionState, d: NDArray) -> SharedMotionState:
-        """State with d (..., 2) [m], in the world, added to the centre in every mode."""
-        m = state.m.copy()
+        """State with d (..., 2) [m], in the world, added to the centre in every mode.
+
+        Of a body that is found beside its box again and again the heading is wrong: a share of the part of d across
+        the body corrects heading, speed and yaw rate, as they are correlated with the place.
+        """
+        m, moving = state.m.copy(), slice(PHI, SIZE)
+        n = perpendicular(unit(m[..., PHI]))
+        gain = (state.P[..., moving, :2] @ np.linalg.solve(state.P[..., :2, :2], n[..., None]))[..., 0]  # (MODE.28)
         m[..., :2] += d[..., None, :]
-        return state._replace(m=m, inner=self.filter.shift(state.inner, d))
+        m[..., moving] += self.course * dot(n, d[..., None, :])[..., None] * gain  # (MODE.28)
+        return self._collapsed(state.mu, m, state.P, self.filter.shift(state.inner, d))
 
     def restart(self, state: SharedMotionState, estimate: Estimate) -> SharedMotionState:
         """State that starts again from an estimate; the modes start anew, the inner filter keeps what it learned."""

@@ -263,15 +263,40 @@ def test_the_verbs_are_those_of_the_protocols(base):
 
 
 @EITHER
-def test_a_shift_moves_the_estimate_and_nothing_else(base):
-    f, rng = SharedMotion(find(base)), np.random.default_rng(2)
+@pytest.mark.parametrize("course", [0.0, 0.3])
+def test_a_shift_moves_the_estimate_and_along_the_body_nothing_else(base, course):
+    f, rng = SharedMotion(find(base), course=course), np.random.default_rng(2)
     state = updated(f, rng)
-    d = rng.normal(0, 2, (4, 2))
+    straight = np.arange(len(f.modes)) == 0  # with several modes there is no one direction along the body
+    state = state._replace(mu=np.zeros(state.mu.shape) + straight, m=state.m[:, :1] + 0 * state.m)
+    d = rng.normal(0, 2, (4, 1)) * (unit(state.m[:, 0, 2]) if course else 1.0) + np.zeros((4, 2))
+    state = f.shift(state, np.zeros((4, 2)))
     before, after = f.estimate(state), f.estimate(f.shift(state, d))
     pose = before.pose.copy()
     pose[:, :2] += d
     contour = None if before.contour is None else before.contour + d[:, None]
     assert_equal_states(after, before._replace(pose=pose, contour=contour))
+
+
+def heading_after_shifts(f, off=0.1, scans=30, dt=0.1):
+    """Heading [rad] of a car that drives along x, started off it, which is put back on its course after every scan."""
+    rng, ahead = np.random.default_rng(6), np.array([1.0, 0.0])
+    start = prior((20.0, 3.0, off), velocity=12.0 * unit(off), size=CAR, size_std=(0.1, 0.05), heading_std=0.1)
+    state = f.init(start)
+    for k in range(scans):
+        centre = np.array([20.0, 3.0]) + 12.0 * dt * k * ahead
+        scan = seen_body(rng, centre[None], np.zeros(1), 12.0 * ahead[None], np.zeros(1), 2, noise=0.4)
+        scan = Scan.from_xy(scan.xy[0] + np.array([0.0, 0.3]), noise=(1.0, 0.05, 0.1))
+        state, _ = f.update(f.predict(state, dt) if k else state, scan)
+        state = f.shift(state, centre - f.estimate(state).pose[:2])
+    return f.estimate(state).pose[2]
+
+
+@EITHER
+def test_shifts_across_the_body_put_its_heading_right(base):
+    """A filter around this one that knows the place, and puts the box there, also says where the body goes."""
+    f = SharedMotion(find(base))
+    assert abs(heading_after_shifts(f)) < 0.5 * abs(heading_after_shifts(replace(f, course=0.0)))
 
 
 @EITHER
