@@ -27,6 +27,7 @@ from trackers.size.hits import Boxes, hits_of
 from trackers.size.look import evidence, facing
 from trackers.size.profile import Profiles
 
+ABEAM = np.sin(np.radians(10.0))  # a line of sight further off the axis meets sides behind the front of a load
 ROLLED_ABOVE = 0.75  # steps of mean offset from which the box is moved instead
 
 
@@ -39,6 +40,7 @@ class EndsState(NamedTuple):
     width: NDArray  # (..., K', N')
     belief: Belief
     whole: NDArray  # (...) bool, the next scan shows the complete object
+    abeam: NDArray  # (...) number of detections from another side than the front and the rear, older ones forgotten
 
 
 @dataclass(frozen=True)
@@ -58,6 +60,7 @@ class Ends:
     pin: float = 0.03  # standard deviation of the size in the inner filter, as a share of it
     least_pin: float = 0.02  # [m]
     part_weight: float = 0.3  # of scans that show a part of the width
+    enough_abeam: float = 5.0  # detections from beside an object after which they show all of its length
     impossible: float = 1e-3  # probability of a greater size above which the gates reach so far
     sigma: float = 0.2  # [m] noise of detections whose scan does not state it
 
@@ -86,8 +89,9 @@ class Ends:
         inner = self.filter.init(self._pinned(estimate))
         lead = estimate.pose.shape[:-1]
         length, width = self.length.born(lead), self.width.born(lead)
-        belief = self._belief(np.exp(length), np.exp(width))
-        return EndsState(inner, np.zeros((*lead, 2)), length, width, belief, np.ones(lead, bool))
+        anchor, abeam = np.zeros((*lead, 2)), np.zeros(lead)
+        belief = self._belief(np.exp(length), np.exp(width), anchor, abeam)
+        return EndsState(inner, anchor, length, width, belief, np.ones(lead, bool), abeam)
 
     @guarded_predict
     def predict(self, state: EndsState, dt: float) -> EndsState:
@@ -99,7 +103,9 @@ class Ends:
             grid.predicted(A, dt, self.memory, self.offset_tau, self.lost_rate)
             for grid, A in zip(self.grids, (state.length, state.width), strict=True)
         )
-        return EndsState(inner, state.anchor, np.log(p), np.log(q), self._belief(p, q), state.whole)
+        abeam = np.exp(-dt / self.memory) * state.abeam
+        belief = self._belief(p, q, state.anchor, abeam)
+        return EndsState(inner, state.anchor, np.log(p), np.log(q), belief, state.whole, abeam)
 
     def learn_where(self, state: EndsState, where: NDArray) -> EndsState:
         """State whose next scan shows the complete objects where (...) is true; by default it shows all of them so."""
@@ -184,11 +190,13 @@ class Ends:
         width = self.width.restarted(np.log(np.maximum(of_width, 1e-300)))  # (ENDS.24)
         width = width - width.max((-2, -1), keepdims=True)
         length = length - length.max((-2, -1), keepdims=True)
-        belief = self._belief(np.exp(length), np.exp(width))
-        return EndsState(inner, state.anchor, length, width, belief, state.whole)
+        abeam = np.maximum(state.abeam, 2 * self.enough_abeam)  # the length is that of complete bodies
+        belief = self._belief(np.exp(length), np.exp(width), state.anchor, abeam)
+        return EndsState(inner, state.anchor, length, width, belief, state.whole, abeam)
 
-    def _belief(self, length: NDArray, width: NDArray) -> Belief:
-        return believe(self.grids, self.fleet, length, width)
+    def _belief(self, length: NDArray, width: NDArray, anchor: NDArray, abeam: NDArray) -> Belief:
+        behind = np.where(anchor[..., 0] < 0, np.exp(-abeam / self.enough_abeam), 0.0)  # (ENDS.34)
+        return believe(self.grids, self.fleet, length, width, behind)
 
     def _pin_std(self, size: NDArray) -> NDArray:
         return np.maximum(self.pin * size, self.least_pin)
@@ -209,8 +217,9 @@ class Ends:
         every = np.ravel_multi_index(index[:-1], lead) if lead else np.zeros(len(index[0]), int)
         rows, start, row = np.unique(every, return_index=True, return_inverse=True)  # H objects with detections
         axes = len(lead)
-        pose, size, anchor, length, width, whole = (
-            flat(a, axes)[rows] for a in (box.pose, box.size, anchor, state.length, state.width, state.whole)
+        pose, size, anchor, length, width, whole, abeam = (
+            flat(a, axes)[rows]
+            for a in (box.pose, box.size, anchor, state.length, state.width, state.whole, state.abeam)
         )
         hits = hits_of(scan, index, row, pose, self.profiles, self.sigma)
         place = np.add.reduceat(hits.place, start, axis=0) / np.diff(start, append=len(row))[:, None]
@@ -224,7 +233,8 @@ class Ends:
             self.grids, hits, boxes, start, whole, self.outliers, self.independent, self.part_weight, around
         )
         length, width = (A - A.max((-2, -1), keepdims=True) for A in (length + more[0], width + more[1]))
-        belief = self._belief(np.exp(length), np.exp(width))
+        abeam = abeam + np.add.reduceat((np.abs(hits.sight[:, 1]) > ABEAM).astype(float), start)
+        belief = self._belief(np.exp(length), np.exp(width), faced, abeam)
         step = np.array([grid.step for grid in self.grids])
         steps = np.where(np.abs(belief.offset) > ROLLED_ABOVE * step, np.round(belief.offset / step), 0.0)
         length, width = (
@@ -241,6 +251,7 @@ class Ends:
             width=written(state.width, rows, width, axes),
             belief=Belief(*(written(old, rows, new, axes) for old, new in fields)),
             whole=state.whole,
+            abeam=written(state.abeam, rows, abeam, axes),
         )
 
     def _moved(self, inner: Any, box: Estimate, rows: NDArray, size: NDArray, body: NDArray) -> Any:

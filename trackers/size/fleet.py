@@ -14,22 +14,25 @@ from trackers.parameters import check_numbers
 
 @dataclass(frozen=True)
 class VehicleClass:
-    """Share of the traffic, and mean and standard deviation [m] of length and width."""
+    """Share of the traffic, mean and standard deviation [m] of length and width, and what a load hides of the cab."""
 
     name: str
     share: float
     length: tuple[float, float]
     width: tuple[float, float]
+    load: tuple[float, float] = (0.0, 1.0)  # share without detections, from behind, beyond so much of the length
 
     def __post_init__(self) -> None:
         check_numbers(self, positive=("share", "length", "width"))
+        if max(self.load) > 1 or self.load[1] <= 0:
+            raise ValueError(f"load must be a probability and a share of the length, got {self.load}")
 
 
 FLEET = (
     VehicleClass("motorcycle", 0.05, (2.2, 0.15), (0.82, 0.08)),
     VehicleClass("car", 0.62, (4.45, 0.42), (1.83, 0.09)),
     VehicleClass("van", 0.13, (5.8, 0.6), (2.03, 0.08)),
-    VehicleClass("truck", 0.10, (9.0, 1.75), (2.48, 0.07)),
+    VehicleClass("truck", 0.10, (9.0, 1.75), (2.48, 0.07), load=(0.8, 0.7)),
     VehicleClass("bus", 0.03, (12.2, 1.3), (2.55, 0.04)),
     VehicleClass("articulated", 0.07, (16.2, 1.1), (2.55, 0.04)),
 )
@@ -68,6 +71,20 @@ class Fleet:
     def of_width(self, widths: NDArray) -> NDArray:
         """Probabilities (C, K) of widths (K,) [m] given the class."""
         return _gaussians(tuple(c.width for c in self.classes), tuple(widths.tolist()), self.floor)
+
+    def behind_loads(self, lengths: NDArray) -> tuple[tuple[int, float, NDArray], ...]:
+        """Classes with loads: index, share and matrix (K, K) from a function of L_k to that of f L_k, (ENDS.33)."""
+        values = tuple(lengths.tolist())
+        some = [(c, *one.load) for c, one in enumerate(self.classes) if one.load[0] > 0]
+        return tuple((c, share, _shortened(part, values)) for c, share, part in some)
+
+
+@lru_cache(maxsize=32)
+def _shortened(share: float, values: tuple[float, ...]) -> NDArray:
+    """Matrix (K, K) that interpolates a function of evenly spaced values at a share of each of them."""
+    x = np.array(values)
+    at = np.clip((share * x - x[0]) / (x[1] - x[0]), 0, len(x) - 1)
+    return np.maximum(1 - np.abs(at[:, None] - np.arange(len(x))), 0.0)
 
 
 @lru_cache(maxsize=32)

@@ -6,8 +6,10 @@ import numpy as np
 
 from trackers import Scan, find, prior
 from trackers.size import Ends
+from trackers.size.fleet import FLEET, Fleet
 
 INNER = replace(find("htg-map"), shape_std=(0.03, 0.05))
+WHOLE = Fleet(tuple(replace(c, load=(0.0, 1.0)) for c in FLEET))  # detections are even over all of these bodies
 NEAR = 25.0  # [m] distance of the rear end
 NOISE = 0.1  # [m]
 DT = 1 / 15
@@ -42,7 +44,7 @@ def scan_of(xy):
 
 def seen(draw, scans, start, size, seed=0, ends=None):
     """Filter and state after so many scans of draw(rng), begun with a box of a size (2,) [m] at start (3,)."""
-    ends, rng = Ends(INNER) if ends is None else ends, np.random.default_rng(seed)
+    ends, rng = Ends(INNER, fleet=WHOLE) if ends is None else ends, np.random.default_rng(seed)
     state = ends.init(prior(start, size=size))
     for _ in range(scans):
         state = ends.update(ends.predict(state, DT), scan_of(draw(rng)))[0]

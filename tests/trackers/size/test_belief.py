@@ -68,6 +68,27 @@ def test_a_width_says_which_lengths_are_likely():
     assert got.kind[:3].sum() < 0.01
 
 
+def test_seen_from_behind_a_truck_may_be_longer_than_its_load():
+    """Detections that end 6.3 m from the rear: a truck of 6.3 m, or one of 9 m whose cab is hidden, (ENDS.33)."""
+    length = np.exp(LENGTH.born(()) - 0.5 * ((LENGTH.sizes - 6.3) / 0.1)[:, None] ** 2)
+    width = np.exp(WIDTH.born(()) - 0.5 * ((WIDTH.sizes - 2.5) / 0.05)[:, None] ** 2)
+    fleet = Fleet((VehicleClass("truck", 1.0, (9.0, 1.75), (2.48, 0.07), load=(0.5, 0.7)),))
+    behind, beside = believe(GRIDS, fleet, length, width, 1.0), believe(GRIDS, fleet, length, width, 0.0)
+    p = fleet.of_length(LENGTH.sizes)[0]
+    ell = length.sum(-1)
+    joint = p * (ell + np.interp(0.7 * LENGTH.sizes, LENGTH.sizes, ell)) / 2
+    np.testing.assert_allclose(behind.length, joint / joint.sum(), atol=1e-9)
+    assert behind.size[0] > 8.3
+    assert np.sqrt(behind.size_var[0]) > 1.0
+    assert beside.size[0] == pytest.approx(6.35, abs=0.1)
+
+
+@pytest.mark.parametrize("load", [(1.2, 0.7), (0.5, 0.0), (0.5, 1.3)])
+def test_a_load_that_is_no_share_is_refused(load):
+    with pytest.raises(ValueError, match="load"):
+        VehicleClass("truck", 1.0, (9.0, 1.75), (2.48, 0.07), load=load)
+
+
 def test_a_fleet_without_shares_is_refused():
     with pytest.raises(ValueError, match="shares"):
         Fleet(classes=())

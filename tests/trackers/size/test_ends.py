@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.trackers.size.bodies import DT, INNER, NEAR, behind_rear, beside, rear_start, scan_of, seen
+from tests.trackers.size.bodies import DT, INNER, NEAR, WHOLE, behind_rear, beside, rear_start, scan_of, seen
 from trackers import TRACKERS, Scan, SensorModel, find, prior
 from trackers.batch import select, stack, take
 from trackers.geometry import rotation, to_frame, wrap_angle
@@ -77,7 +77,7 @@ def test_a_side_in_full_view_gives_the_length(seed):
 
 def beyond_range(start, sensors, seed=0):
     """A body of 9 m, of which the sensors see the first 4 m."""
-    ends = Ends(INNER, sensors)
+    ends = Ends(INNER, sensors, WHOLE)
     draw = lambda rng: behind_rear(rng, 6, 9.0, 2.5, upto=NEAR + 4.0)  # noqa: E731
     f, state = seen(draw, 45, rear_start(start[0]), start, seed, ends)
     return f.estimate(state)
@@ -107,7 +107,8 @@ def test_one_scan_leaves_the_length_open_and_the_centre_with_it(seed):
 @pytest.mark.parametrize(("length", "width"), [(2.2, 0.8), (4.4, 1.8), (9.0, 2.5), (16.0, 2.55)])
 def test_twice_the_evidence_is_not_less_certain(length, width):
     f, state = seen(lambda rng: behind_rear(rng, 6, length, width), 15, rear_start(4.6), CAR)
-    twice = f._belief(*(np.exp(2 * (A - A.max())) for A in (state.length, state.width)))
+    likelihoods = (np.exp(2 * (A - A.max())) for A in (state.length, state.width))
+    twice = f._belief(*likelihoods, state.anchor, state.abeam)
     assert (twice.size_var <= state.belief.size_var).all()
 
 
@@ -119,7 +120,7 @@ def test_a_part_of_the_width_bounds_it_from_below_only():
         return xy + np.array([0.0, 0.6])
 
     def width(whole):
-        f, rng = Ends(INNER), np.random.default_rng(0)
+        f, rng = Ends(INNER, fleet=WHOLE), np.random.default_rng(0)
         state = f.init(prior((NEAR + 4.5, 0.0, 0.0), size=(9.0, 2.5)))
         for _ in range(30):
             state = f.learn_where(f.predict(state, DT), np.asarray(whole))
@@ -131,7 +132,7 @@ def test_a_part_of_the_width_bounds_it_from_below_only():
 
 
 def test_the_first_scan_chooses_the_anchor_and_the_other_end_takes_over_when_the_sensor_has_passed():
-    f = Ends(INNER)
+    f = Ends(INNER, fleet=WHOLE)
     state = f.init(prior((10.0, 5.0, 0.0), size=CAR))
     np.testing.assert_array_equal(state.anchor, 0.0)
     anchors = []
@@ -167,7 +168,7 @@ class Turning:
 
 
 def test_where_front_and_rear_are_exchanged_the_body_stays_and_its_ends_change_names():
-    f = Ends(Turning())
+    f = Ends(Turning(), fleet=WHOLE)
     rng = np.random.default_rng(0)
     state = f.init(prior(rear_start(4.6), size=CAR))
     for k in range(20):
@@ -310,13 +311,13 @@ def test_all_detections_at_one_point_leave_a_finite_state(name):
 
 
 def test_a_zero_time_step_changes_nothing():
-    f = Ends(INNER)
+    f = Ends(INNER, fleet=WHOLE)
     state = f.init(random_prior(np.random.default_rng(0), (3,)))
     assert_equal_states(f.predict(state, 0.0), state)
 
 
 def test_rows_of_a_state_can_be_chosen_and_stacked():
-    f, rng = Ends(INNER), np.random.default_rng(1)
+    f, rng = Ends(INNER, fleet=WHOLE), np.random.default_rng(1)
     a, b = (f.init(random_prior(rng)) for _ in range(2))
     both = stack([a, b])
     assert_equal_states(take(select(np.array([True, False]), both, both), np.array(1)), b)
@@ -373,18 +374,18 @@ def length_nees(ends, runs=60, scans=30, seed=3):
 
 
 def test_length_errors_are_as_large_as_they_are_said_to_be():
-    assert 0.3 < length_nees(Ends(INNER)).mean() < 1.5
+    assert 0.3 < length_nees(Ends(INNER, fleet=WHOLE)).mean() < 1.5
 
 
 def test_a_filter_that_expects_no_detections_from_inside_is_caught():
     few = SensorModel(max_range=200.0, fov=2 * np.pi)
     few = replace(few, profile=replace(few.profile, inside=0.9, depth=1.5, depth_std=1.0, weight=1.0))
-    assert length_nees(Ends(INNER, (few,), independent=100)).mean() > 3.0
+    assert length_nees(Ends(INNER, (few,), WHOLE, independent=100)).mean() > 3.0
 
 
 def test_the_noise_along_an_axis_is_that_of_range_and_azimuth_and_surface():
     scan = Scan.from_xy([[30.0, 40.0]], noise=(0.2, 0.01, np.nan))
-    sensors = Ends(INNER).profiles
+    sensors = Ends(INNER, fleet=WHOLE).profiles
     hits = hits_of(scan, (np.array([0]),), np.array([0]), np.array([[29.0, 40.0, 0.0]]), sensors, 0.2)
     expected = np.sqrt([(0.2 * 0.6) ** 2 + (0.5 * 0.8) ** 2 + 0.01, (0.2 * 0.8) ** 2 + (0.5 * 0.6) ** 2 + 0.01])
     np.testing.assert_allclose(hits.sigma[0], expected, rtol=1e-9)
