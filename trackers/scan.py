@@ -94,7 +94,7 @@ class DepthProfile:
     weight: float = 0.5  # alpha, information of a detection: those of one scan are not independent
     rounding: tuple[float, float] = (0.0, 0.0)  # [m] by how much sooner than the body its sides end, along and across
     rounding_std: tuple[float, float] = (0.0, 0.0)  # [m]
-    least_room: tuple[float, float] = (1.0, 0.0)  # [m] least visible part of length and width
+    least_room: tuple[float, float] = (1.0, 0.3)  # [m] least visible part of length and width
     hides_within: float = 0.0  # [rad] a detection hides what is behind it, so far to either side; 0: it hides nothing
     hides_behind: float = 0.7  # [m] and so much further away
 

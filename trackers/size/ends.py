@@ -229,6 +229,8 @@ class Ends:
             if other.any():
                 A[other] = self.grids[axis].flipped(A[other], size[other, axis])
         boxes = Boxes(pose, size, faced)
+        if around is not None:
+            around = around.among(rows)
         more = evidence(
             self.grids, hits, boxes, start, whole, self.outliers, self.independent, self.part_weight, around
         )

@@ -1,6 +1,7 @@
-"""The part of a body that other detections of the scan hide: a ray that ends before it has not seen it.
+"""The part of a body that a sensor can see: range and field of view cut it off, and other detections may hide it.
 
-For sensors with a ray for each small angle. Equations: docs/methods/size-from-both-ends.md, section 3.
+The latter for sensors with a ray for each small angle: one that ends before the body has not seen it. Equations:
+docs/methods/size-from-both-ends.md, section 3.
 """
 
 from typing import NamedTuple
@@ -8,13 +9,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.geometry import to_world, wrap_angle
+from trackers.geometry import box_corners, to_world, wrap_angle
 from trackers.scan import Scan
 from trackers.size.grid import Grid
-from trackers.size.hits import Boxes, Hits
+from trackers.size.hits import Boxes, Hits, lit
 from trackers.size.visible import Cells, Room, in_view, room
 
 CELLS = (Cells(-2.5, 0.25, 98), Cells(-0.5, 0.1, 39))  # along the side, and across the end
+DEEPER = (4, 1)  # cells further inwards that have to be in view, too
+WIDER = 1.0  # [m] by which a body may reach beyond its box
 
 
 class Around(NamedTuple):
@@ -23,34 +26,51 @@ class Around(NamedTuple):
     scan: Scan  # (M,)
     owner: NDArray  # (M,) row of the object, -1 for none
 
+    def among(self, rows: NDArray) -> "Around":
+        """The same where rows (H,) are all objects that count."""
+        place = np.full(max(self.owner.max(initial=-1), rows.max()) + 2, -1)  # the last one is that of none
+        place[rows] = np.arange(len(rows))
+        return Around(self.scan, place[self.owner])
 
-def open_rooms(grids: tuple[Grid, Grid], hits: Hits, boxes: Boxes, end: NDArray, around: Around) -> list[list[Room]]:
+
+def open_rooms(grids: tuple[Grid, Grid], hits: Hits, boxes: Boxes, around: Around | None) -> list[list[Room]]:
     """Rooms of length and of width that range, field of view and the detections of others leave to the detections.
 
-    end (G, 2) is which end and which side faces the sensor of each detection, as in `hits.lit`. Only detections by
-    sensors whose detections hide have one, and only for the faces that are seen.
+    Only detections of bodies that are cut off have one, and those of faces that are seen by sensors whose detections
+    hide.
     """
+    end, _ = lit(hits, boxes)
     key = hits.row * (hits.which.max() + 1) + hits.which
     _, first, pair = np.unique(key, return_index=True, return_inverse=True)  # P pairs of object and sensor
+    cut = _cut_off(hits, boxes, first)
+    hides = np.zeros(len(first), bool) if around is None else hits.sensor.hiding[first, 0] > 0
     rooms: list[list[Room]] = []
     for axis, grid in enumerate(grids):
-        chosen = np.flatnonzero((hits.sensor.hiding[first, 0] > 0) & (end[first, 1 - axis] != 0))
+        chosen = np.flatnonzero(cut | (hides & (end[first, 1 - axis] != 0)))
         g, rows = first[chosen], np.flatnonzero(np.isin(pair, chosen))
-        points = _on_face(hits, boxes, end, g, axis)
+        points = _on_face(hits, boxes, g, axis)
         seen = in_view(points, hits.pose[g], hits.sensor.max_range[g], hits.sensor.fov[g])
-        seen &= ~_hidden(points, hits, g, around)  # (ENDS.29)
+        seen[:, : -DEEPER[axis]] &= seen[:, DEEPER[axis] :].copy()  # (ENDS.8)
+        if around is not None:
+            seen &= ~_hidden(points, hits, g, around)  # (ENDS.29)
         size, cells = boxes.size[hits.row[rows], axis], seen[np.searchsorted(chosen, pair[rows])]
         rooms.append([room(grid, CELLS[axis], cells, rows, size)] if len(rows) else [])
     return rooms
 
 
-def _on_face(hits: Hits, boxes: Boxes, end: NDArray, g: NDArray, axis: int) -> NDArray:
-    """World points (P, C, 2) of the cells along an axis, on the face that detections g (P,) see."""
+def _cut_off(hits: Hits, boxes: Boxes, g: NDArray) -> NDArray:
+    """Mask (P,) of the detections g (P,) of bodies that range or field of view of their sensors may cut off."""
+    corners = box_corners(boxes.pose, boxes.size + 2 * WIDER)[hits.row[g]]
+    return np.asarray(~in_view(corners, hits.pose[g], hits.sensor.max_range[g], hits.sensor.fov[g]).all(-1))
+
+
+def _on_face(hits: Hits, boxes: Boxes, g: NDArray, axis: int) -> NDArray:
+    """World points (P, C, 2) of the cells along an axis, on the face that faces the sensors of detections g (P,)."""
     row, other = hits.row[g], 1 - axis
     anchor, half, depth = boxes.anchor[row], boxes.size[row] / 2, CELLS[axis].middles
     body = np.empty((len(g), len(depth), 2))
     body[..., axis] = anchor[:, axis, None] * (half[:, axis, None] - depth)
-    body[..., other] = (anchor * end[g] * half)[:, other, None]
+    body[..., other] = np.clip(hits.place[g], -half, half)[:, other, None]
     return to_world(boxes.pose[row], body)
 
 

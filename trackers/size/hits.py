@@ -8,14 +8,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.geometry import rotation, to_world, unit
+from trackers.geometry import rotation, unit
 from trackers.scan import Scan
-from trackers.size.grid import Grid
 from trackers.size.likelihood import Depths
 from trackers.size.profile import Profiles
-from trackers.size.visible import Cells, Room, in_view, room
+from trackers.size.visible import Room
 
-ALONG = Cells(-3.0, 1.0, 26)
 LEAST_SLOPE = 0.1  # of a line of sight along an axis: a face at grazing incidence is not seen
 
 
@@ -113,18 +111,3 @@ def depths(hits: Hits, boxes: Boxes, rooms: list[list[Room]]) -> list[Depths]:
 def inside_depth(hits: Hits) -> NDArray:
     """Mean depth (G, 2) [m] along the axes of detections from inside, inf where they are even over the body."""
     return hits.sensor.inside_depth[:, None] * np.maximum(np.abs(hits.sight), LEAST_SLOPE)  # (ENDS.31)
-
-
-def length_in_view(grid: Grid, hits: Hits, boxes: Boxes) -> Room:
-    """Rooms of the lengths that range and field of view leave, of the detections where those cut the body off.
-
-    A cell counts if the next one is in view, too.
-    """
-    pose, half, anchor = (a[hits.row] for a in (boxes.pose, boxes.size / 2, boxes.anchor))
-    points = np.empty((len(pose), ALONG.number, 2))
-    points[..., 0] = anchor[:, :1] * (half[:, :1] - ALONG.middles)
-    points[..., 1] = np.clip(hits.place[:, 1], -half[:, 1], half[:, 1])[:, None]  # the side that the sensor sees
-    seen = in_view(to_world(pose, points), hits.pose, hits.sensor.max_range, hits.sensor.fov)
-    seen[:, :-1] &= seen[:, 1:].copy()  # (ENDS.8)
-    rows = np.flatnonzero(~seen.all(-1))
-    return room(grid, ALONG, seen[rows], rows, 2 * half[rows, 0])

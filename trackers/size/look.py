@@ -6,12 +6,10 @@ Equations: docs/methods/size-from-both-ends.md, sections 1 to 3.
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.batch import take
 from trackers.size.grid import Grid
 from trackers.size.hidden import Around, open_rooms
-from trackers.size.hits import Boxes, Hits, depths, length_in_view, lit
+from trackers.size.hits import Boxes, Hits, depths, lit
 from trackers.size.likelihood import log_likelihood
-from trackers.size.visible import Room
 
 
 def facing(anchor: NDArray, size: NDArray, place: NDArray) -> NDArray:
@@ -33,7 +31,7 @@ def evidence(
     the complete scan, None where it is not known.
     """
     n = np.diff(start, append=len(hits.row))
-    both = depths(hits, boxes, could_see(grids, hits, boxes, around))
+    both = depths(hits, boxes, open_rooms(grids, hits, boxes, around))
     of_length, of_width = (log_likelihood(grid, z, start, outliers) for grid, z in zip(grids, both, strict=True))
     weight = np.add.reduceat(hits.sensor.weight, start) / n * np.minimum(1.0, independent / n)  # (ENDS.9)
     cut = ~whole & width_is_cut(hits, boxes, start)
@@ -41,16 +39,6 @@ def evidence(
         of_width[cut] = part_weight * np.maximum.accumulate(of_width[cut], axis=1)  # (ENDS.10)
     weight = weight[:, None, None]
     return weight * of_length, weight * of_width
-
-
-def could_see(grids: tuple[Grid, Grid], hits: Hits, boxes: Boxes, around: Around | None) -> list[list[Room]]:
-    """Rooms of length and width of the detections whose sensors could not see the complete body."""
-    in_view = length_in_view(grids[0], hits, boxes)
-    if around is None or not hits.sensor.hiding[:, 0].any():
-        return [[in_view], []]
-    rooms = open_rooms(grids, hits, boxes, lit(hits, boxes)[0], around)
-    finer = np.concatenate([np.zeros(0, int), *(one.rows for one in rooms[0])])
-    return [[take(in_view, ~np.isin(in_view.rows, finer)), *rooms[0]], rooms[1]]
 
 
 def width_is_cut(hits: Hits, boxes: Boxes, start: NDArray) -> NDArray:

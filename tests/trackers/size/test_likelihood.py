@@ -6,7 +6,7 @@ from scipy.integrate import trapezoid
 from scipy.stats import norm
 
 from trackers.size.grid import LENGTH, WIDTH
-from trackers.size.hits import ALONG
+from trackers.size.hidden import CELLS
 from trackers.size.likelihood import Depths, by_size_and_offset, log_likelihood
 from trackers.size.visible import Room, in_view, room
 
@@ -79,9 +79,9 @@ def test_many_detections_neither_underflow_nor_overflow():
 
 def seen(distance, max_range, fov=2 * np.pi, heading=0.0):
     """Length [m] that a sensor at the origin leaves room for, (K, N), of a body that begins so far ahead."""
-    points = np.stack([distance + ALONG.middles, np.zeros(ALONG.number)], -1)[None]
+    points = np.stack([distance + CELLS[0].middles, np.zeros(CELLS[0].number)], -1)[None]
     mask = in_view(points, np.array([[0.0, 0.0, heading]]), np.array([max_range]), np.array([fov]))
-    got = room(LENGTH, ALONG, mask, np.array([0]), np.array([10.0]))
+    got = room(LENGTH, CELLS[0], mask, np.array([0]), np.array([10.0]))
     assert got.share[0] == pytest.approx(np.clip(max_range - distance, 0, 10) / 10 if fov > 1 else 0.0)
     return (by_size_and_offset(got.far, len(LENGTH.offsets)) - got.near[:, None])[0]
 
