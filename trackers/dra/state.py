@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from trackers.estimate import Estimate
 from trackers.geometry import dot, perpendicular, unit
 from trackers.imm import moments
-from trackers.linalg import quadratic, symmetrize
+from trackers.linalg import ROUNDING, quadratic, symmetrize
 from trackers.protocols import Note
 
 #          left
@@ -127,7 +127,8 @@ def to_estimate(state: DataRegionState) -> Estimate:
     shape = P[..., P1X:, P1X:]
     across = perpendicular(along)
     directions = (_both(along, 1.0), _both(left, -1.0), _both(across, 1.0))
-    length_var, width_var, turn_var = (_variance(shape, v) for v in directions)  # (DRA.35)
+    rounding = ROUNDING * np.trace(shape, axis1=-2, axis2=-1)  # of directions that are known far better than others
+    length_var, width_var, turn_var = (np.maximum(_variance(shape, v), rounding) for v in directions)  # (DRA.35)
     cov = P[..., np.array(KINEMATIC)[:, None], KINEMATIC]
     return Estimate(
         pose=np.concatenate([m[..., PLACE], np.arctan2(along[..., 1], along[..., 0])[..., None]], -1),  # (DRA.35)

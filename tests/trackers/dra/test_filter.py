@@ -224,6 +224,18 @@ def test_resizing_changes_the_size_and_nothing_else(seed, grow, spread):
         np.testing.assert_allclose(getattr(after, name), getattr(before, name), rtol=1e-6, atol=1e-9)
 
 
+def test_directions_known_far_better_than_others_have_deviations_above_their_rounding():
+    for heading in np.random.default_rng(8).uniform(-np.pi, np.pi, 50):
+        m, wide = X.copy(), P.copy()
+        along = rotation(heading)[:, 0]
+        m[7:] = (m[7:].reshape(2, 2) @ rotation(heading).T).ravel()
+        v = np.concatenate([along, along])  # the length only
+        wide[7:, 7:] = 1e11 * v[:, None] * v
+        estimate = ALONE.estimate(STATE._replace(m=m[None], P=wide[None]))
+        assert (estimate.size_std > 0).all()
+        assert estimate.heading_std > 0
+
+
 def test_bad_parameters_are_named():
     for kw, match in (
         ({"models": ("cv", "cx")}, "models must be some of"),
