@@ -146,6 +146,8 @@ def build(text: str, sensors: Sequence[SensorModel], **parameters: Any) -> Multi
 
     """
     name, written = parse(text)
+    if written.get("size") is False:  # `size=off` is a word here, not a switch
+        written["size"] = "off"
     entry = look_up(name, TRACKERS, "tracker")
     wanted = {**written, **parameters}
     own = {key for key in wanted if key not in entry.filter.__dataclass_fields__ and key in LAYERS}

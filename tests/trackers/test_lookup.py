@@ -2,7 +2,10 @@
 
 import pytest
 
+from trackers import SensorModel, build
 from trackers.lookup import look_up, parse
+from trackers.shared_motion import SharedMotion
+from trackers.size import Ends
 
 PAGES = {"cut-in": 1, "cut-out": 2, "merge": 3}
 
@@ -32,3 +35,12 @@ def test_parameters_of_an_entry_are_literals_switches_or_text():
 def test_a_parameter_without_a_value_is_refused_in_a_sentence(text):
     with pytest.raises(ValueError, match=r"^'a:.*(write NAME:key=value,key=value|give it once)$"):
         parse(text)
+
+
+def test_layers_are_switched_off_by_name():
+    whole = build("imm-spline", (SensorModel(),))
+    alone = build("imm-spline:size=off,motion=off", (SensorModel(),))
+    assert isinstance(whole.layered, Ends)
+    assert isinstance(whole.layered.filter, SharedMotion)
+    assert alone.layered == alone.filter == whole.filter
+    assert not build("imm-spline:ground=off", (SensorModel(),)).ground
