@@ -26,10 +26,7 @@ from testbed.studies.closed_loop.figure import draw
 from testbed.studies.closed_loop.length_errors import FEWEST, LengthErrors, LengthSamples, joined
 from testbed.studies.page import DOCS, Docs, Page, command_line
 
-TRACKERS = (
-    "htg-map", "htg-mm", "htg-rm", "htg-rm-learned", "rm-feldmann", "rm-surface", "rm-vmm",
-    "dra", "dra-imm", "edra-imm", "pmht-spline", "pmht-spline-adaptive",
-)  # fmt: skip
+TRACKERS = ("imm-spline", "imm-htg", "htg-map", "edra-imm", "pmht-spline-adaptive", "rm-feldmann")
 LONGEST = 20.0  # [s] of a run; only the courses of papers are longer
 REUSE = "--reuse"
 MEANS = (  # key of a tracker's summary or cost, label, digits
@@ -151,7 +148,7 @@ def main(
     docs: Docs = DOCS,
     out: Annotated[Path, typer.Option(help="Directory for the results of the runs.")] = Path("runs/family"),
     tracker: Annotated[
-        list[str] | None, typer.Option(help="Repeat; the planner uses the first. Twelve of them without it.")
+        list[str] | None, typer.Option(help="Repeat; the planner uses the first. Six of them without it.")
     ] = None,
     scenario: Annotated[list[str] | None, typer.Option(help="Repeat; all without it.")] = None,
     seed: Annotated[list[int] | None, typer.Option(help="Repeat; 0 without it.")] = None,
