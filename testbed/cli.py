@@ -115,7 +115,7 @@ def _losses(lost: Iterable[str]) -> Iterator[None]:
         yield
     finally:
         for sentence in lost:
-            print(f"testbed: {sentence}", file=sys.stderr)
+            complain(sentence)
 
 
 def _show(result: "RunResult") -> None:
@@ -414,6 +414,6 @@ def main() -> None:
     except OSError as error:
         if not drop_stdout():
             raise
-        complain(f"cannot write to standard output: {error.strerror}; what goes into files is there")
+        complain(f"cannot write to standard output: {error.strerror}; send it elsewhere")
         status = 2
     sys.exit(status)

@@ -45,7 +45,7 @@ def check_duration(duration: Any) -> None:
         )
     if float(duration) > LONGEST:
         raise ValueError(
-            f"duration must be at most {LONGEST:g} s, got {duration:g} s; make several runs of other seeds"
+            f"duration must be at most {LONGEST:g} s, got {duration!r} s; make several runs of other seeds"
         )
 
 
@@ -62,6 +62,12 @@ def check_folder(out: Any) -> None:
     """A directory for results."""
     if not isinstance(out, str | PathLike):
         raise ValueError(f"out must be a directory, got {out!r}; write out='runs'")
+
+
+def check_choice(name: str, value: Any, choices: Sequence[str]) -> None:
+    """One of some words."""
+    if not isinstance(value, str) or value not in choices:
+        raise ValueError(f"{name} must be one of {', '.join(choices)}, got {value!r}; choose one of them")
 
 
 def check_names(what: str, names: Any) -> None:

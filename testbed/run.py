@@ -16,7 +16,7 @@ from testbed.environment.perception import tracker_of
 from testbed.evaluation.tracking import jsonable
 from testbed.files import make_directory, noting_losses
 from testbed.frame import Observer
-from testbed.limits import check_duration, check_folder, check_names, check_seeds
+from testbed.limits import check_choice, check_duration, check_folder, check_names, check_seeds
 from testbed.log.record import LEVELS
 from testbed.planners import find as find_planner
 from trackers import DEFAULT
@@ -66,8 +66,7 @@ def check(config: RunConfig) -> None:
     for name in config.trackers:
         tracker_of(name, radar)
     find_planner(config.planner)
-    if config.log not in LEVELS:
-        raise ValueError(f"log must be one of {', '.join(LEVELS)}, got {config.log!r}")
+    check_choice("log", config.log, LEVELS)
     make_directory(Path(config.out))
 
 

@@ -17,6 +17,7 @@ from testbed.evaluation.histories import LOST_AFTER, TIME_ROUNDING
 from testbed.evaluation.tracking import Evaluator, jsonable
 from testbed.files import check_target, make_directory, noting_losses, reserve, write_json
 from testbed.frame import Frame, FrameScore
+from testbed.limits import check_choice
 from testbed.log.record import LEVELS, RoadGeometry, RunMeta
 from testbed.log.writer import NullLog, RunLog
 from trackers.multi.tracker import MultiObjectTracker
@@ -51,8 +52,7 @@ class Recorder:
         focus: int | None = None,
         trackers: Mapping[str, Any] = MappingProxyType({}),
     ) -> None:
-        if level not in LEVELS:
-            raise ValueError(f"log must be one of {', '.join(LEVELS)}, got {level!r}; choose one of them")
+        check_choice("log", level, LEVELS)
         self.meta, self.phases = meta, tuple(phases)
         self.directory = Path(directory)
         make_directory(self.directory)

@@ -84,8 +84,10 @@ TRUE_KINDS = {"car": ("car", "van"), "truck": ("truck", "bus", "articulated")}  
 TRACTOR_SHARE, COUPLED = 6.0 / 16.5, 13.6 / 16.5  # lengths of tractor unit and trailer in an articulated truck
 
 
-def check_sampler(count: int, seed: int) -> None:
-    """Raise ValueError for numbers that the sampler cannot take."""
+def check_source(data: str, count: int, seed: int) -> None:
+    """Raise ValueError for what is no name of data, or numbers that the sampler cannot take."""
+    if not isinstance(data, str) or not data:
+        raise ValueError(f"data must be sampler:RIG or the name of a file or folder, got {data!r}")
     check_whole("count", count, 1, MOST_DETECTIONS)
     check_seeds(seed)
 

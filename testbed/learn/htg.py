@@ -9,6 +9,7 @@ import shlex
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from importlib.metadata import version
+from numbers import Real
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,7 +19,7 @@ from rich.table import Table
 
 from testbed.command_line.tables import light_table
 from testbed.files import check_target, make_directory, write_json
-from testbed.learn.detections import Progress, TrainingDetections, check_sampler, read, without_folders
+from testbed.learn.detections import Progress, TrainingDetections, check_source, read, without_folders
 from testbed.limits import check_whole
 from trackers.htg import bins as tables
 from trackers.htg.bins import HTGTable
@@ -48,7 +49,9 @@ class LearnConfig:
 
     def __post_init__(self) -> None:
         check_whole("bins", self.bins, 1, MOST_BINS)
-        check_sampler(self.count, self.seed)
+        check_source(self.data, self.count, self.seed)
+        if not isinstance(self.mass_min, Real):
+            raise ValueError(f"mass_min must be a number within 0 and 1, got {self.mass_min!r}; it is a probability")
         self.options  # noqa: B018  raises for a mass_min that is none
 
     @property

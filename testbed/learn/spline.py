@@ -15,7 +15,7 @@ from rich.table import Table
 
 from testbed.command_line.tables import light_table
 from testbed.files import write_json
-from testbed.learn.detections import Progress, TrainingDetections, check_sampler, read, without_folders
+from testbed.learn.detections import Progress, TrainingDetections, check_source, read, without_folders
 from testbed.learn.htg import PACKAGES, check_out
 from trackers.pmht import model as models
 from trackers.pmht.model import SplineModel
@@ -34,7 +34,11 @@ class SplineConfig:
     options: OfflineLearning = field(default_factory=OfflineLearning)
 
     def __post_init__(self) -> None:
-        check_sampler(self.count, self.seed)
+        if not isinstance(self.options, OfflineLearning):
+            raise ValueError(
+                f"options must be OfflineLearning, got {self.options!r}; leave it out for those of a command"
+            )
+        check_source(self.data, self.count, self.seed)
 
     def command(self, out: str | Path) -> str:
         """The command line that does the same, where the data lie."""

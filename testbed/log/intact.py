@@ -12,6 +12,7 @@ from pathlib import Path
 
 MEMORY = 4_000_000_000  # [bytes] of address space, and so many times the size of the log beside:
 TIMES = 8
+REFUSED = 3  # exit status of the program where rerun says what is wrong
 SECONDS, SPEED = 60.0, 1e6  # [s] that reading may take, and [bytes/s] of a slow disk
 
 
@@ -27,7 +28,7 @@ def damage(logs: Sequence[Path]) -> tuple[Path, str] | None:
         if done.returncode == 0:
             return None
         read, reason = done.stdout, "a block cannot be decoded"
-        if done.returncode == 1:
+        if done.returncode == REFUSED:
             reason = " ".join(done.stderr.decode(errors="replace").split())
     return logs[read.count(b"\n")], reason
 
@@ -61,5 +62,6 @@ if __name__ == "__main__":
         try:
             read_through(Path(name))
         except RuntimeError as error:
-            sys.exit(str(error).removeprefix(f"Failed to read RRD file at {name}: "))
+            print(str(error).removeprefix(f"Failed to read RRD file at {name}: "), file=sys.stderr)
+            sys.exit(REFUSED)
         print(flush=True)

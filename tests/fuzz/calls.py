@@ -78,10 +78,6 @@ class Reply(NamedTuple):
     err: str
 
 
-class AtWork(BaseException):
-    """Ends a call that has begun its work."""
-
-
 def outcomes(calls: Sequence[Call], template: Path, scratch: Path) -> list[Outcome]:
     """How the calls end, each in a new copy of the folder `template`."""
     context = multiprocessing.get_context("forkserver")
@@ -92,7 +88,9 @@ def outcomes(calls: Sequence[Call], template: Path, scratch: Path) -> list[Outco
         process = context.Process(target=work, args=(calls[len(found) :], template, scratch, sender))
         process.start()
         sender.close()
-        goes_on = receiver.poll(START) and receiver.recv()
+        goes_on = receiver.poll(START)
+        assert goes_on, "the process that makes calls does not start"
+        receiver.recv()
         while goes_on and len(found) < len(calls):
             start = time.monotonic()
             try:
@@ -116,8 +114,14 @@ def work(calls: Sequence[Call], template: Path, scratch: Path, sender: Connectio
     size = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (size + ROOM, size + ROOM))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    signal.signal(signal.SIGALRM, _end)
-    sender.send(True)
+
+    def end(number: int, frame: object) -> None:
+        """End the process of a call that goes on; an exception could be raised where it does harm."""
+        sender.send(Reply(AT_WORK, False, (scratch / "stderr").read_text(errors="replace")))
+        os._exit(0)
+
+    signal.signal(signal.SIGALRM, end)
+    sender.send(None)
     for call in calls:
         os.chdir("/")
         shutil.rmtree(scratch, ignore_errors=True)
@@ -159,27 +163,21 @@ class Ending:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> bool:
         if isinstance(error, SystemExit):
             self.status = error.code if isinstance(error.code, int) else int(error.code is not None)
-        elif isinstance(error, AtWork):
-            self.status = AT_WORK
         elif error is not None:
             self.status = 1
             traceback.print_exception(error)
         return True
 
 
-def _end(number: int, frame: object) -> None:
-    raise AtWork
-
-
 def _status(call: Call) -> int:
     """Exit status of a call."""
     sys.argv = ["testbed", *call.args]
     with Ending() as ending:
-        signal.setitimer(signal.ITIMER_REAL, call.seconds, 1.0)
+        signal.setitimer(signal.ITIMER_REAL, call.seconds)
         try:
             cli.main()
         finally:
             sys.stdout.flush()
-            signal.setitimer(signal.ITIMER_REAL, 0)
+    signal.setitimer(signal.ITIMER_REAL, 0)
     sys.stderr.flush()
     return ending.status

@@ -2,6 +2,7 @@
 
 import io
 import json
+import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -150,24 +151,15 @@ def other_header(content: bytes, rng: np.random.Generator) -> bytes:
     return _archive(arrays, {name: b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header + bytes(64)})
 
 
-def bomb(content: bytes, rng: np.random.Generator) -> bytes:
-    """A small archive that unpacks to eight gigabytes."""
-    import zipfile
+def claim(content: bytes, rng: np.random.Generator) -> bytes:
+    """An archive that says that its first array unpacks to four gigabytes."""
+    at = content.index(b"PK\x01\x02") + 24  # uncompressed size in the first entry of the central directory
+    return content[:at] + (2**32 - 16).to_bytes(4, "little") + content[at + 4 :]
 
-    found = io.BytesIO()
-    arrays = _arrays(content)
-    name = list(arrays)[rng.integers(len(arrays))]
-    with zipfile.ZipFile(found, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
-        for key, array in arrays.items():
-            with archive.open(f"{key}.npy", "w", force_zip64=True) as file:
-                if key != name:
-                    np.save(file, array)
-                    continue
-                header = b"{'descr': '<f8', 'fortran_order': False, 'shape': (1000000000,), }\n"
-                file.write(b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header)
-                for _ in range(800):
-                    file.write(bytes(10_000_000))
-    return found.getvalue()
+
+def with_array(content: bytes, name: str, array: np.ndarray) -> bytes:
+    """An archive with another array of that name."""
+    return _archive({**_arrays(content), name: array})
 
 
 def _arrays(content: bytes) -> dict[str, np.ndarray]:
@@ -176,8 +168,6 @@ def _arrays(content: bytes) -> dict[str, np.ndarray]:
 
 
 def _archive(arrays: dict[str, np.ndarray], raw: dict[str, bytes] | None = None) -> bytes:
-    import zipfile
-
     found = io.BytesIO()
     with zipfile.ZipFile(found, "w") as archive:
         for name, array in arrays.items():
@@ -190,7 +180,7 @@ def _archive(arrays: dict[str, np.ndarray], raw: dict[str, bytes] | None = None)
 DAMAGES: dict[str, tuple[Damage, ...]] = {
     ".rrd": BYTES,
     ".parquet": BYTES,
-    ".npz": (*BYTES, other_array, other_array, other_array, other_header),
+    ".npz": (*BYTES, other_array, other_array, other_array, other_header, claim),
     ".json": (*BYTES, other_value, other_value, other_value, other_document, other_document),
 }
 

@@ -23,6 +23,21 @@ STREAMS = (  # stdout that takes no letters, or nothing at all
     Call(("compare", "--help"), stdout="/dev/full"),
 )
 
+ABSURD = (
+    line("compare", seeds="0:1000000000000"),
+    line("compare", seeds="1" * 25),
+    line("run", seed="1" * 25),
+    line("reproduce", seed="1" * 25),
+    line("learn-htg", bins="1000000000"),
+    line("learn-spline", ellipses="1000000"),
+    line("learn-htg", count="1000000000000"),
+    line("run", duration="1e308"),
+    line("compare", jobs="1000000"),
+    line("regress", jobs="1000000"),
+    line("reproduce", runs="1000000000000"),
+    line("regress", baselines="fifo.json"),
+)
+
 
 def faults(calls, template, scratch):
     return [f"{found.call}: {found.fault}" for found in outcomes(calls, template, scratch) if found.fault]
@@ -36,6 +51,11 @@ def test_a_sample_of_hostile_values_ends_in_a_sentence_or_a_result(template, tmp
     every = [call for command in LINES for call in hostile(command)]
     chosen = np.random.default_rng(20261122).choice(len(every), SAMPLE, replace=False)
     assert faults([every[k] for k in chosen], template, tmp_path / "scratch") == []
+
+
+def test_numbers_that_would_take_all_memory_or_all_time_are_refused(template, tmp_path):
+    ended = outcomes([Call(args, seconds=10.0) for args in ABSURD], template, tmp_path / "scratch")
+    assert [(str(found.call), found.fault) for found in ended if found.fault or found.status != 2] == []
 
 
 def test_streams_that_take_nothing_are_no_traceback(template, tmp_path):

@@ -7,12 +7,16 @@ import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import numpy as np
 import pytest
 
-from tests.fuzz.calls import outcomes
+from tests.fuzz.calls import Call, outcomes
+from tests.fuzz.damage import NESTED, claim, with_array
+from tests.fuzz.declared import line
 from tests.fuzz.made import make
 from tests.fuzz.readers import READERS, calls
 
+REAL = ("columns", "objects", "points", "offsets", "classes")  # arrays of the real extract
 QUICK, MANY = 2, 60  # damaged copies of a file
 
 
@@ -28,6 +32,23 @@ def test_a_few_damaged_copies_of_every_file(template, tmp_path):
         if not reader[0].endswith(".rrd"):  # each of those is read in a process of its own: slow
             found += faults(reader, template, tmp_path / "scratch", range(QUICK))
     assert found == []
+
+
+def test_what_is_nested_flat_or_claims_to_be_huge_is_refused(template, tmp_path):
+    points, real = (template / name for name in ("points.npz", "real/objects.npz"))
+    rng = np.random.default_rng(0)
+    u = with_array(points.read_bytes(), "u", np.array(0.5))
+    damaged = (
+        (line("regress"), "baselines.json", b"[" * NESTED),
+        (line("compare", out="done"), "done/comparison.json", b'{"a":' * NESTED),
+        (line("learn-htg"), "points.npz", u),
+        (line("learn-spline"), "points.npz", u),
+        (line("learn-htg"), "points.npz", claim(points.read_bytes(), rng)),
+        *((line("calibrate"), "real/objects.npz", with_array(real.read_bytes(), name, np.array(1))) for name in REAL),
+    )
+    wanted = [Call(args, ((file, content),), seconds=10.0) for args, file, content in damaged]
+    ended = outcomes(wanted, template, tmp_path / "scratch")
+    assert [(str(found.call), found.fault) for found in ended if found.fault or found.status != 2] == []
 
 
 @pytest.mark.slow

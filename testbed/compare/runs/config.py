@@ -10,7 +10,7 @@ from scenarios import find as find_scenario
 from sensors import find as find_radar
 from testbed.compare.runs.identity import shared_digest, tracker_digest
 from testbed.files import make_directory, versions, write_json
-from testbed.limits import LARGEST_SEED, MOST_RUNS, check_duration, check_folder, check_names, check_seeds
+from testbed.limits import LARGEST_SEED, MOST_RUNS, check_choice, check_duration, check_folder, check_names, check_seeds
 from testbed.planners import find as find_planner
 from trackers import TRACKERS, build
 from trackers.json_file import read_json
@@ -43,8 +43,7 @@ class Settings:
     duration: float | None = None  # [s], None: the scenario's own
 
     def __post_init__(self) -> None:
-        if self.loop not in LOOPS:
-            raise ValueError(f"loop must be one of {', '.join(LOOPS)}, got {self.loop!r}; choose one of them")
+        check_choice("loop", self.loop, LOOPS)
         check_duration(self.duration)
 
     def seconds(self, scenario: str) -> float:
@@ -66,6 +65,8 @@ class Comparison:
     def __post_init__(self) -> None:
         check_names("scenarios", self.scenarios)
         check_names("trackers", self.trackers)
+        if isinstance(self.seeds, str | bytes) or not isinstance(self.seeds, Sequence):
+            raise ValueError(f"seeds must be a tuple of whole numbers, got {self.seeds!r}; put them in a tuple")
         if not self.seeds:
             raise ValueError("seeds must name at least one of them, got none; see `testbed compare --help`")
         check_seeds(*self.seeds, name="seeds")
@@ -73,8 +74,10 @@ class Comparison:
             raise ValueError(f"seeds must differ, got {', '.join(map(str, self.seeds))}; drop the repetition")
         if (runs := len(self.scenarios) * len(self.trackers) * len(self.seeds)) > MOST_RUNS:
             raise ValueError(f"a comparison has at most {MOST_RUNS} runs, got {runs}; take fewer seeds or trackers")
+        if not isinstance(self.settings, Settings):
+            raise ValueError(f"settings must be Settings, got {self.settings!r}; leave them out for those of a command")
         check_folder(self.out)
-        if self.reference is not None and self.reference not in self.trackers:
+        if self.reference is not None and not (isinstance(self.reference, str) and self.reference in self.trackers):
             raise ValueError(
                 f"reference {self.reference!r} is not compared; choose one of {', '.join(self.trackers)}, or add it"
             )
