@@ -65,6 +65,7 @@ comparison: $(STAMP)  # an hour on two idle cores; the same command goes on wher
 	$(BIN)/testbed compare all --tracker all --tracker imm-spline:size=off --tracker imm-spline:motion=off \
 		--seeds 0:8 --duration 6 --jobs -1 --reference rm-feldmann --out runs/comparison
 	$(BIN)/python -m testbed.studies publish runs/comparison --reference rm-feldmann
+	$(BIN)/python -m testbed.studies consistency runs/comparison --docs docs
 	$(MAKE) comparison-page
 
 comparison-page: $(STAMP)  # docs/comparison.md from the committed results
