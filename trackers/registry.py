@@ -41,7 +41,7 @@ SPLINE = SplinePmht(
     outward=1.0,
 )
 DRA = DataRegion(models=("cv",), prior="uniform", parameters="alone", centre_std=0.4)  # as in rm-vmm
-DRA_IMM = replace(DRA, models=("cv", "ca", "ct"), parameters="recommended", form="soft")  # as good here, and cheaper
+DRA_IMM = replace(DRA, models=("cv", "ca", "ct"), parameters="road", form="soft")  # as good here, and cheaper
 
 LAYERED = MappingProxyType({"size": "ends", "motion": True, "ground": GroundTest()})  # of `MultiObjectTracker`
 

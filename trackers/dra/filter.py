@@ -135,6 +135,8 @@ class DataRegion:
         """Mean of the mixture as a box along p1 + p2, (DRA.35)."""
         box = to_estimate(state)
         box.cov[..., [0, 1], [0, 1]] += self.centre_std**2
+        least = self.numbers.least_length_std * box.size[..., 0]
+        box.size_std[..., 0] = np.maximum(box.size_std[..., 0], least)  # (DRA.39)
         return box
 
     def resize(self, state: DataRegionState, size: NDArray, size_std: NDArray) -> DataRegionState:
@@ -212,7 +214,7 @@ class DataRegion:
         if np.isfinite(p.rectangle_std):
             m, P = rectangle(m, P, p.rectangle_std)  # (DRA.30)
         if np.isfinite(p.heading_std):
-            m, P = heading(m, P, p.heading_std)  # (DRA.31)
+            m, P = heading(m, P, p.heading_std, p.heading_speed)  # (DRA.31)
         return m, symmetrize(P), posterior.log_c1
 
     def _posterior(self, regions: LinearisedRegions, nu: RegionResiduals, flat: FlatScan) -> RegionPosterior:

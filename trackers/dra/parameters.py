@@ -4,7 +4,7 @@ The paper's own values are in `testbed.papers.xu2023.cases`.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 from trackers.parameters import check_numbers
@@ -42,6 +42,8 @@ class Parameters:
     gate_sigmas: float = 2.0  # margin in standard deviations of the measured position, (DRA.8)
     rectangle_std: float = 0.5  # [m^2] of |p1|^2 - |p2|^2, (DRA.30); inf: the body may be any parallelogram
     heading_std: float = 0.03  # [rad] of the length around the velocity's direction, (DRA.31); inf: independent
+    heading_speed: float = 0.0  # [m/s] from which on (DRA.31) holds, (DRA.38); 0: always
+    least_length_std: float = 0.0  # share of the length, least std of it in estimates, (DRA.39)
     independence: float = 1.0  # share of the information of detected places that counts, (DRA.18)
     near: float = 0.6  # prior of the visible sides, (DRA.13)
     far: float = 0.1  # of the hidden ones; the interior has the rest
@@ -55,11 +57,16 @@ class Parameters:
             raise ValueError(f"near and far must be shares of at most 1 together, got {self.near} and {self.far}")
 
 
+# On the road vehicles stand, and the direction of their velocity is noise: in every scan it turns the body, until front
+# and sides change places and the body grows. No vehicle is a rectangle, so its length is known less well than (DRA.35)
+# says.
+ROAD = Parameters(heading_speed=2.0, least_length_std=0.04)
+
 # A single model has to cover braking and turning. Its yaw rate is drawn anew in every step and explains range rates
 # that differ along a turning body; certain of 0, the filter takes them for another place on the body, and bends and
 # stretches it until vertices change sides.
-ALONE = Parameters(cv=ProcessNoise(1.5**2, 0.2**2, 1e-5), swing=0.05**2)
-PARAMETERS: Mapping[str, Parameters] = MappingProxyType({"recommended": Parameters(), "alone": ALONE})
+ALONE = replace(ROAD, cv=ProcessNoise(1.5**2, 0.2**2, 1e-5), swing=0.05**2)
+PARAMETERS: Mapping[str, Parameters] = MappingProxyType({"recommended": Parameters(), "road": ROAD, "alone": ALONE})
 
 
 def find(parameters: str | Parameters) -> Parameters:

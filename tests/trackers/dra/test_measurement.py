@@ -230,11 +230,11 @@ def test_a_rectangle_stays_and_a_sheared_body_becomes_one():
 def test_the_heading_follows_the_velocity_when_it_moves_and_not_at_standstill():
     m = X.copy()
     m[VELOCITY] = 30 * np.array([np.cos(0.1), np.sin(0.1)])
-    fast, _ = heading(m, P, 0.03)
+    fast, _ = heading(m, P, 0.03, 0.0)
     turned = np.arctan2(*(fast[P1] + fast[P2])[::-1])
     assert 0.02 < turned < 0.1
     m[VELOCITY] = [0.0, 0.01]  # across the body, by noise
-    slow, cov = heading(m, np.diag([0.25, 1e-2, 0.01, 0.25, 1e-2, 0.01, 0.01, 1e-3, 1e-3, 1e-3, 1e-3]), 0.03)
+    slow, cov = heading(m, np.diag([0.25, 1e-2, 0.01, 0.25, 1e-2, 0.01, 0.01, 1e-3, 1e-3, 1e-3, 1e-3]), 0.03, 0.0)
     assert abs(np.arctan2(*(slow[P1] + slow[P2])[::-1])) < 0.01
     np.linalg.cholesky(cov)
 
