@@ -32,6 +32,11 @@ OUTLINE = DepthProfile(
     rounding_std=(0.1, 0.05), least_room=(0.5, 0.1), hides_within=0.0105,
 )  # fmt: skip
 
+# Many detections of the inside, none of them deep: learned from the imaging radar, `python -m testbed.learn.profile`.
+SHALLOW = DepthProfile(
+    inside=0.636, inside_depth=0.567, depth=0.0382, depth_std=0.203, grazing=0.0, surface_std=0.125
+)  # fmt: skip
+
 LONG_RANGE = Sensor(
     max_range=174.0, fov_deg=20.0, spacing_deg=0.05, sigma_range=0.25, sigma_azimuth_deg=0.5, sigma_rate=0.10,
     count_at_15m=9.0, count_falloff=0.85, clutter=3.0,
@@ -44,7 +49,7 @@ SIDE = Sensor(
 IMAGING = Sensor(
     max_range=100.0, fov_deg=110.0, spacing_deg=0.1, sigma_range=0.12, sigma_azimuth_deg=0.4, sigma_rate=0.08,
     count_at_15m=80.0, count_falloff=0.78, count_max=75.0, clutter=8.0, grazing=0.1, share_volume=0.5,
-    depth_contour=0.1, depth_volume=0.7, share_scatter=0.6, scatter=0.28,
+    depth_contour=0.1, depth_volume=0.7, share_scatter=0.6, scatter=0.28, profile=SHALLOW,
 )  # fmt: skip
 NUSCENES = Sensor(
     max_range=100.0, fov_deg=120.0, spacing_deg=0.2, sigma_range=0.1, sigma_azimuth_deg=1.0, sigma_rate=0.1,
