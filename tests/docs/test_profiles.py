@@ -1,13 +1,16 @@
-"""The learned profiles of sensors on the page are those of the committed result."""
+"""The learned profiles of sensors, and what size earns by radar, are on the page as in the committed results."""
 
 import json
 from pathlib import Path
 
 import pytest
 
+import sensors
+
 DOCS = Path(__file__).parents[2] / "docs"
 PAGE = (DOCS / "methods" / "size-from-both-ends.md").read_text()
 RESULT = json.loads((DOCS / "results" / "profiles.json").read_text())
+RADARS = json.loads((DOCS / "results" / "size-by-radar.json").read_text())["rows"]
 
 
 @pytest.mark.parametrize("name", RESULT["profiles"])
@@ -16,3 +19,16 @@ def test_a_row_of_the_page_is_that_of_the_result(table, name):
     row = RESULT[table][name]
     learned_from = row if table == "profiles" else {key: row[key] for key in ("default", *RESULT["profiles"])}
     assert f"| {name} | " + " | ".join(f"{x:.2f}" for x in learned_from.values()) + " |\n" in PAGE
+
+
+def test_the_radars_on_the_page_are_those_of_the_result():
+    for row in RADARS:
+        head = f"| {row['radar']} | {row['scenario']} | {row['seed']} | {row['off']:.2f} | {row['ends']:.2f} |"
+        last = f" {row['default_profile']:.2f} |" if "default_profile" in row else " |"
+        assert f"{head}{last}\n" in PAGE
+
+
+def test_the_imaging_radar_has_the_learned_profile():
+    profile = sensors.find("imaging").sensors[0].profile
+    for name, value in RESULT["profiles"]["imaging"].items():
+        assert getattr(profile, name) == pytest.approx(value, abs=1e-9)
