@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from testbed.files import write_figure
 from testbed.studies.consistency.tables import QUANTITIES, Judged
@@ -27,6 +28,9 @@ def draw(groups: Mapping[str, Mapping[str, Mapping[str, Judged]]], path: Path) -
             axis.plot([found.mean.low, found.mean.high], [y, y], color=colour, linewidth=1.2)
             axis.plot(found.mean.value, y, "o", color=colour, markersize=4)
         axis.set(xscale="log", xlabel=f"NEES of {quantity.name}")
+        axis.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axis.xaxis.set_major_formatter("{x:g}")
+        axis.xaxis.set_minor_formatter(NullFormatter())
         axis.grid(alpha=0.3, axis="x")
     axes[0].set_yticks(place, [label for _, label in labels], fontsize=8)
     return write_figure(path, figure, dpi=90)
