@@ -157,7 +157,10 @@ def build(text: str, sensors: Sequence[SensorModel], **parameters: Any) -> Multi
         fault = TypeError if unknown & parameters.keys() else ValueError
         raise fault(f"{name} has no parameter {', '.join(sorted(unknown))}; it has {known}")
     filter = _changed(entry.filter, name, {key: value for key, value in wanted.items() if key not in own})
-    return MultiObjectTracker(filter, tuple(sensors), **{**entry.layers, **{key: wanted[key] for key in own}})
+    layers = {**entry.layers, **{key: wanted[key] for key in own}}
+    if layers.get("size") == "off":
+        layers.pop("ground", None)  # a filter that holds its own size takes the other part of a divided track in again
+    return MultiObjectTracker(filter, tuple(sensors), **layers)
 
 
 def _changed(filter: Any, name: str, parameters: Mapping[str, Any]) -> Any:

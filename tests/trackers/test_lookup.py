@@ -43,4 +43,5 @@ def test_layers_are_switched_off_by_name():
     assert isinstance(whole.layered, Ends)
     assert isinstance(whole.layered.filter, SharedMotion)
     assert alone.layered == alone.filter == whole.filter
+    assert alone.ground is None
     assert not build("imm-spline:ground=off", (SensorModel(),)).ground

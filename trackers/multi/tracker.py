@@ -56,7 +56,7 @@ class MultiObjectTracker:
     complete_above: float = 0.75  # visible share of an object's span from which an update teaches its class
     road: RoadMap | None = None  # map of the lanes; without it no standing vehicle is born
     size: str = "off"  # "ends": sizes are those of `trackers.size.Ends`; "off": the filter's own
-    ground: GroundTest | None = None  # divides long tracks over empty ground where sizes are those of `Ends`
+    ground: GroundTest | None = None  # divides long tracks over empty ground; None: they stay one
     motion: bool = False  # velocity and heading are those of `trackers.shared_motion`
 
     def __post_init__(self) -> None:
@@ -276,7 +276,7 @@ class MultiObjectTracker:
 
     def _divide(self, tracks: Tracks, view: Visibility, z: SortedScan, dt: float) -> tuple[Tracks, list[Event]]:
         """The tracks after those with empty ground in them became two; the rear part keeps the id."""
-        if not self.ground or self.size == "off":  # a filter that holds its own size takes the other part in again
+        if not self.ground:  # None, or off in the name of a tracker
             return tracks, []
         d = self.ground.examined(tracks.estimate, tracks.existence)
         ground = self.ground.predict(tracks.memory.ground, tracks.id[d], take(tracks.estimate, d), dt)
