@@ -11,7 +11,8 @@ from highway_env.envs.common.action import DiscreteMetaAction
 from highway_env.envs.common.finite_mdp import finite_mdp
 from numpy.typing import NDArray
 
-from scenarios.registry import Scenario, find
+from scenarios.record import Scenario
+from scenarios.registry import find
 from scenarios.stage import TARGET_SPEEDS, Phase
 from scenarios.vehicles import PedalEgo
 
@@ -105,14 +106,16 @@ class ScenarioEnv(AbstractEnv):
         }
 
     def configure(self, config: dict[str, Any] | None) -> None:
-        """Take over a config after checking it; the scenario's duration holds unless the config names one."""
-        if "duration" not in (config or {}) and self.config == self.default_config():
-            self.config["duration"] = self.scenario.duration
+        """Take over a config after checking it; what the scenario sets holds unless the config names it."""
+        if self.config == self.default_config():
+            self.config |= {"duration": self.scenario.duration, **self.scenario.defaults}
+            if not self.scenario.lateral:
+                self.config["action"] = {**self.config["action"], "lateral": False}
         self.config = build_config(self.config, config)
         super().configure(None)
 
     def _reset(self) -> None:
-        world = self.scenario.build(self.np_random)
+        world = self.scenario.build(self.np_random, {key: self.config[key] for key in self.scenario.defaults})
         self.road, self.walls, self.phases = world.road, world.walls, world.phases
         self.vehicle = world.ego
         if self.config["action"]["type"] != "DiscreteMetaAction":

@@ -1,58 +1,13 @@
 """SCENARIOS: the catalogue of regression scenes, readable without loading the simulator.
 
-A builder is named as `module:function` and imported when the first world is built, so that listing the catalogue and
-registering environments stay light. Users may pass a `Scenario` of their own with a function in its place.
+The probes, short scenes that are just safe on the truth, are a table of their own, `scenarios.probes.PROBES`.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from importlib import import_module
-from math import inf
-from numbers import Real
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
-import numpy as np
-
+from scenarios.probes import PROBES
+from scenarios.record import Scenario
 from trackers.lookup import look_up
-
-if TYPE_CHECKING:
-    from scenarios.stage import World
-
-Builder = Callable[[np.random.Generator], "World"]
-
-
-@dataclass(frozen=True)
-class Scenario:
-    """One regression scene; everything but the seed."""
-
-    name: str
-    purpose: str  # one sentence: what a tracker or planner has to show here
-    builder: str | Builder  # "module:function", or a function from a generator to a world
-    vehicles: int  # besides the ego
-    max_lateral: float = 4.0  # [m/s^2] bound on every prescribed course
-    duration: float = 20.0  # [s]
-
-    def __post_init__(self) -> None:
-        if not (isinstance(self.duration, Real) and 0 < self.duration < inf):
-            raise ValueError(f"{self.name}: duration must be positive and finite, got {self.duration!r}; give seconds")
-        if isinstance(self.builder, str) and self.builder.count(":") != 1:
-            raise ValueError(f"{self.name}: builder must read 'module:function', got {self.builder!r}")
-
-    def build(self, rng: np.random.Generator) -> "World":
-        """Road, vehicles, guard rails and phases of one episode, drawn from the generator."""
-        world = self._builder()(rng)
-        for vehicle in world.road.vehicles:
-            if hasattr(vehicle, "table"):
-                import_module("scenarios.courses").check(vehicle.table.rows, self.max_lateral)
-        return world
-
-    def _builder(self) -> Builder:
-        if not isinstance(self.builder, str):
-            return self.builder
-        module, function = self.builder.split(":")
-        return getattr(import_module(module), function)
-
 
 SCENARIOS = MappingProxyType({s.name: s for s in (
     Scenario(
@@ -194,5 +149,5 @@ SCENARIOS = MappingProxyType({s.name: s for s in (
 
 
 def find(name: str) -> Scenario:
-    """The scenario of that name; the error names the nearest one."""
-    return look_up(name, SCENARIOS, "scenario")
+    """The scenario or probe of that name; the error names the nearest one."""
+    return look_up(name, {**SCENARIOS, **PROBES}, "scenario")

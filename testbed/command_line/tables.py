@@ -95,13 +95,14 @@ def catalogues(what: str = "all") -> list[Table]:
 
 def entries() -> dict[str, list[tuple[str, str]]]:
     """Name and one line of each entry, by catalogue."""
-    from scenarios import SCENARIOS
+    from scenarios import PROBES, SCENARIOS
     from sensors import RADARS
     from testbed.planners import PLANNERS
     from trackers import TRACKERS
 
     return {
         "scenarios": [(s.name, s.purpose) for s in SCENARIOS.values()],
+        "probes": [(p.name, p.purpose) for p in PROBES.values()],
         "trackers": [(t.name, t.source) for t in TRACKERS.values()],
         "radars": [(r.name, r.note) for r in RADARS.values()],
         "planners": [(p.name, p.note) for p in PLANNERS.values()],

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from scenarios import CONTOURS, SCENARIOS, Contour, Scenario
+from scenarios import CONTOURS, PROBES, SCENARIOS, Contour, Scenario
 from sensors import RADARS
 from testbed.command_line.terminal import console
 from testbed.compare.runs.rows import COLUMNS, TEXT
@@ -29,6 +29,13 @@ Written by `make generated` from the registries; do not edit it by hand. `testbe
 registry is [scenarios/registry.py](../scenarios/registry.py). Vehicles are those besides the ego.
 
 {scenarios}
+
+## Probes
+
+Short scenes in which a planner on the truth is just safe, [scenarios/probes.py](../scenarios/probes.py). Their
+parameters say how hard they are: `gym.make("{probe}", config={{"gap": 26}})`. [probes.md](probes.md) shows each of them.
+
+{probes}
 
 ## Trackers
 
@@ -78,6 +85,11 @@ def catalogue() -> str:
             ("name", "what", "vehicles", "s", "code"),
             [(f"`{s.name}`", s.purpose, str(s.vehicles), f"{s.duration:g}", builder(s)) for s in SCENARIOS.values()],
         ),
+        probe=env_id("probe-brake"),
+        probes=markdown_table(
+            ("name", "what", "s", "parameters"),
+            [(f"`{p.name}`", p.purpose, f"{p.duration:g}", parameters(p)) for p in PROBES.values()],
+        ),
         trackers=markdown_table(
             ("name", "what", "code", "method"),
             [(f"`{t.name}`", t.source, source(t.filter), method(t.filter)) for t in TRACKERS.values()],
@@ -121,6 +133,11 @@ def builder(scenario: Scenario) -> str:
     """Link to the file in which the world of a scenario is built."""
     module = scenario.builder if isinstance(scenario.builder, str) else scenario.builder.__module__
     return link(module.partition(":")[0])
+
+
+def parameters(probe: Scenario) -> str:
+    """The parameters of a probe in words."""
+    return "; ".join(f"`{p.name}` = {p.default:g} {p.unit}, {p.note}" for p in probe.parameters)
 
 
 def source(filter: Any) -> str:

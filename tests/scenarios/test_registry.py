@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from shapely.geometry import Polygon
 
-from scenarios import SCENARIOS, Scenario, find
+from scenarios import PROBES, SCENARIOS, Scenario, find
 from scenarios.bodies import parts
 from scenarios.contours import CONTOURS
 from trackers.geometry import box_corners
@@ -17,7 +17,8 @@ PROMISED = {  # new ones need not be named here
     "u-turn", "s-curve", "stop-and-go", "six-radar-highway", "xia2020-lane", "xia2020-right-turn", "xia2020-s-curve",
     "hoher2022-u-turn", "xu2023", "yao2021-truck", "yao2021-tractor",
 }  # fmt: skip
-every_scenario = pytest.mark.parametrize("scenario", SCENARIOS.values(), ids=SCENARIOS)
+EVERY = {**SCENARIOS, **PROBES}
+every_scenario = pytest.mark.parametrize("scenario", EVERY.values(), ids=EVERY)
 
 
 def snapshot(world):

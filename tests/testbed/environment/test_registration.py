@@ -13,7 +13,7 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env
 
 import testbed
-from scenarios import SCENARIOS
+from scenarios import PROBES, SCENARIOS
 from testbed.environment.registration import env_id, register_scenarios
 from testbed.environment.wrapper import TrackedEnv
 
@@ -28,7 +28,7 @@ def python(code: str, path: Path | None = None) -> subprocess.CompletedProcess:
 
 def test_every_scenario_has_an_id_and_registering_again_changes_nothing():
     before = {key: spec for key, spec in gym.registry.items() if key.startswith("testbed/")}
-    assert before.keys() == {env_id(name) for name in SCENARIOS}
+    assert before.keys() == {env_id(name) for name in (*SCENARIOS, *PROBES)}
     register_scenarios()
     assert all(gym.registry[key] is spec for key, spec in before.items())
 
@@ -107,7 +107,7 @@ def test_public_names_are_there_and_others_are_not():
 
 
 @pytest.mark.filterwarnings("ignore:.*different from the unwrapped version", "ignore:.*infinity")
-@pytest.mark.parametrize("name", SCENARIOS)
+@pytest.mark.parametrize("name", [*SCENARIOS, *PROBES])
 def test_gymnasium_finds_nothing_wrong_with(name):
     env = gym.make(env_id(name), config={"duration": 5.0})
     check_env(env, skip_render_check=name != "cut-in")

@@ -1,0 +1,87 @@
+"""The record of a scenario: everything but the seed.
+
+A builder is named as `module:function` and imported when the first world is built, so that listing the catalogue and
+registering environments stay light. Users may pass a `Scenario` of their own with a function in its place.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from math import inf
+from numbers import Real
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from scenarios.stage import World
+
+Builder = Callable[..., "World"]
+
+
+class Parameter(NamedTuple):
+    """A number that says how hard a scenario is; `config={name: value}` of its environment sets it."""
+
+    name: str
+    default: float
+    easy: float  # the easiest value allowed
+    hard: float  # the hardest value allowed; it may lie below or above `easy`
+    unit: str
+    note: str  # what it is
+
+    def check(self, value: Any) -> float:
+        """The value as a number; ValueError for one that is none, or outside the range."""
+        low, high = sorted((self.easy, self.hard))
+        if not isinstance(value, Real) or isinstance(value, bool) or not low <= value <= high:
+            raise ValueError(f"{self.name} must be a number from {low:g} to {high:g} {self.unit}, got {value!r}")
+        return float(value)
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """One scene; everything but the seed."""
+
+    name: str
+    purpose: str  # one sentence: what a tracker or planner has to show here
+    builder: str | Builder  # "module:function", or a function from a generator (and the parameters) to a world
+    vehicles: int  # besides the ego
+    max_lateral: float = 4.0  # [m/s^2] bound on every prescribed course
+    duration: float = 20.0  # [s]
+    parameters: tuple[Parameter, ...] = ()  # the builder takes them by name
+    lateral: bool = True  # whether the ego may change lane, unless the config has an action of its own
+
+    def __post_init__(self) -> None:
+        if not (isinstance(self.duration, Real) and 0 < self.duration < inf):
+            raise ValueError(f"{self.name}: duration must be positive and finite, got {self.duration!r}; give seconds")
+        if isinstance(self.builder, str) and self.builder.count(":") != 1:
+            raise ValueError(f"{self.name}: builder must read 'module:function', got {self.builder!r}")
+
+    @property
+    def defaults(self) -> dict[str, float]:
+        """The parameters at their defaults."""
+        return {parameter.name: parameter.default for parameter in self.parameters}
+
+    def build(self, rng: np.random.Generator, values: Mapping[str, float] | None = None) -> "World":
+        """Road, vehicles, guard rails and phases of one episode, drawn from the generator.
+
+        `values` of parameters replace their defaults.
+
+        Raises:
+            ValueError: a value is outside the range of its parameter.
+        """
+        given = {**self.defaults, **(values or {})}
+        checked = {parameter.name: parameter.check(given.pop(parameter.name)) for parameter in self.parameters}
+        if given:
+            known = ", ".join(self.defaults) or "none"
+            raise ValueError(f"{self.name} has no parameter {', '.join(given)}; it has {known}")
+        world = self._builder()(rng, **checked)
+        for vehicle in world.road.vehicles:
+            if hasattr(vehicle, "table"):
+                import_module("scenarios.courses").check(vehicle.table.rows, self.max_lateral)
+        return world
+
+    def _builder(self) -> Builder:
+        if not isinstance(self.builder, str):
+            return self.builder
+        module, function = self.builder.split(":")
+        return getattr(import_module(module), function)
