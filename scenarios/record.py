@@ -32,7 +32,7 @@ class Parameter(NamedTuple):
     def check(self, value: Any) -> float:
         """The value as a number; ValueError for one that is none, or outside the range."""
         low, high = sorted((self.easy, self.hard))
-        if not isinstance(value, Real) or isinstance(value, bool) or not low <= value <= high:
+        if not isinstance(value, Real) or isinstance(value, bool) or not low <= float(value) <= high:
             raise ValueError(f"{self.name} must be a number from {low:g} to {high:g} {self.unit}, got {value!r}")
         return float(value)
 

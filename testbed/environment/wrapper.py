@@ -30,6 +30,7 @@ from testbed.environment.belief import BeliefView, RoadSwap, attach_view, belief
 from testbed.environment.observation import without_frames
 from testbed.environment.perception import Cost, Perception, label
 from testbed.environment.recorder import Recorder, road_geometry
+from testbed.evaluation.driving import drive_frame
 from testbed.files import versions
 from testbed.frame import Observer
 from testbed.log.record import LEVELS, RunMeta, run_id
@@ -174,6 +175,7 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
         self._episode = 0
         self._ended = False  # whether the episode is over
         self._belief: tuple[int, Road] | None = None  # frame, road
+        self._decided: Scene | None = None  # the truth at the last decision
         self.recorder: Recorder | None = None  # of the episode that goes on, when `out` is given
 
     # The last scan
@@ -237,6 +239,7 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
         self._swap.show()
         self._episode = 0 if seed is not None else self._episode + 1
         self._belief, self._action, self.plan = None, "reset", np.zeros((0, 2))
+        self._decided = None
         self._ended = False
         with self._viewed_from_the_start(), self._fence:
             observation, info = self.env.reset(seed=seed, options=options)
@@ -410,8 +413,16 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
             del core.define_spaces
 
     def _report(self, info: dict[str, Any]) -> dict[str, Any]:
-        """The environment's info with the numbers of reported tracks of the first tracker, and of detections."""
-        return {**info, "tracks": len(self.tracks.reported.id), "detections": int(self.scan.mask.sum())}
+        """The environment's info, the numbers of reported tracks of the first tracker and of detections, and the drive.
+
+        `info["drive"]` is a `DriveFrame` as a dict: the true risk ahead now, and the acceleration since the last
+        decision, NaN at the reset.
+        """
+        perception, frame = self._perception, self._perception.frame
+        scene = frame.scene if frame.step == perception.steps else self._read(perception.steps)
+        drive, self._decided = drive_frame(scene, self._decided)._asdict(), scene
+        counts = {"tracks": len(self.tracks.reported.id), "detections": int(self.scan.mask.sum())}
+        return {**info, **counts, "drive": drive}
 
 
 def scenario_env(

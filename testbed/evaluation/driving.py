@@ -1,11 +1,12 @@
-"""How the ego drove: collisions, distances, times to collision, progress and braking, measured on scenes alone.
+"""How the ego drove: collisions, risk ahead, progress, braking and comfort, measured on scenes alone.
 
 Every rigid body counts for itself: a bent articulated truck is two boxes, not the box around both. Equations:
 docs/methods/metrics.md, "The drive".
 """
 
-from dataclasses import dataclass, field
-from typing import NamedTuple
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
@@ -16,6 +17,10 @@ from testbed.evaluation.metrics import areas
 from trackers.geometry import box_corners, compose, point_velocity, rotation, to_frame, unit
 
 FAR = 1e4  # [m] end of the corridor ahead, farther than any road
+LONGEST = 10.0  # [s] a longer time to collision or headway counts as this, and so does none
+HARDEST = 20.0  # [m/s^2] DRAC is cut at this: one near miss would else rule every mean
+NEAR = 3.0  # [s] below this, a time to collision counts for TIT and J
+UNIT_SPEED, UNIT_BRAKING = 30.0, 8.0  # [m/s], [m/s^2] that are worth 1 s, and cost 0.5 s, of J a second
 
 
 class BodyBoxes(NamedTuple):
@@ -51,12 +56,37 @@ def headway_time(ego: Ego, boxes: BodyBoxes) -> NDArray:
 
     Hayward (1972), for what reaches into the straight corridor, as wide as the ego, ahead of its front bumper.
     """
+    gap, closing = ahead(ego, boxes)
+    return np.divide(gap, closing, out=np.full(len(gap), np.inf), where=closing > 0)  # (MET.21)
+
+
+def ahead(ego: Ego, boxes: BodyBoxes) -> tuple[NDArray, NDArray]:
+    """Gap (B,) [m] from the front bumper, inf outside the corridor ahead, and closing speed (B,) [m/s]."""
     front, half_width = ego.size / 2
     local = areas(to_frame(ego.pose, box_corners(boxes.pose, boxes.size)))
-    ahead = shapely.clip_by_rect(local, front, -half_width, FAR, half_width)
-    gap = np.where(shapely.area(ahead) > 0, shapely.bounds(ahead)[:, 0] - front, np.inf)
-    closing = (ego.velocity - boxes.velocity) @ unit(ego.pose[2])
-    return np.divide(gap, closing, out=np.full(len(gap), np.inf), where=closing > 0)  # (MET.21)
+    inside = shapely.clip_by_rect(local, front, -half_width, FAR, half_width)
+    gap = np.where(shapely.area(inside) > 0, shapely.bounds(inside)[:, 0] - front, np.inf)
+    return gap, (ego.velocity - boxes.velocity) @ unit(ego.pose[2])
+
+
+def deceleration_needed(gap: NDArray, closing: NDArray) -> NDArray:
+    """Deceleration rate to avoid a crash, DRAC (...) [m/s^2], at most `HARDEST`, of gaps [m] and closing speeds [m/s].
+
+    Almqvist, Hyden, Risser (1991): the constant braking with which the gap is used up as the speeds become equal.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        needed = closing**2 / (2 * gap)
+    return np.where(closing > 0, np.minimum(needed, HARDEST), 0.0)  # (MET.25)
+
+
+def drive_value(speed: NDArray, ttc: NDArray, braking: NDArray) -> NDArray:
+    """Rate (...) of J: speed, less the prices of a short time to collision and of braking; all (...).
+
+    `speed` [m/s], `ttc` [s], `braking` [m/s^2], 0 where the ego does not brake. One second at 30 m/s on a free road
+    is worth 1.
+    """
+    risk = np.maximum(0.0, 1 - ttc / NEAR) ** 2
+    return speed / UNIT_SPEED - 2 * risk - 0.5 * (braking / UNIT_BRAKING) ** 2  # (MET.28)
 
 
 def contact_time(ego: Ego, boxes: BodyBoxes) -> NDArray:
@@ -87,6 +117,131 @@ class DriveFrame(NamedTuple):
     ttc_plane: float  # [s] `contact_time`
     speed: float  # [m/s] along the heading
     acceleration: float  # [m/s^2] change of speed since the frame before, NaN at the first and in a crash
+    gap: float  # [m] to what is nearest in the corridor ahead
+    headway: float  # [s] the same, over the ego's speed
+    drac: float  # [m/s^2] `deceleration_needed`, 0 without a body that closes
+
+
+def drive_frame(scene: Scene, last: Scene | None) -> DriveFrame:
+    """The ego at one scene; `last` is the one before, from which the acceleration follows."""
+    ego, boxes = scene.ego, body_boxes(scene.bodies)
+    gap, closing = ahead(ego, boxes)
+    nearest, speed = _smallest(gap), float(ego.velocity @ unit(ego.pose[2]))
+    acceleration = np.nan
+    if last is not None and not ego.crashed:
+        before = float(last.ego.velocity @ unit(last.ego.pose[2]))
+        acceleration = (speed - before) / (scene.time - last.time)
+    return DriveFrame(
+        distance=_smallest(box_distance(ego, boxes)),
+        ttc=_smallest(np.divide(gap, closing, out=np.full(len(gap), np.inf), where=closing > 0)),
+        ttc_plane=_smallest(contact_time(ego, boxes)),
+        speed=speed,
+        acceleration=acceleration,
+        gap=nearest,
+        headway=nearest / speed if speed > 0 else np.inf,
+        drac=float(np.max(deceleration_needed(gap, closing), initial=0.0)),
+    )
+
+
+class DriveCurves(NamedTuple):
+    """A drive over its F frames: the time, and each field of `DriveFrame`, (F,)."""
+
+    time: NDArray  # [s]
+    distance: NDArray  # [m]
+    ttc: NDArray  # [s]
+    ttc_plane: NDArray  # [s]
+    speed: NDArray  # [m/s]
+    acceleration: NDArray  # [m/s^2]
+    gap: NDArray  # [m]
+    headway: NDArray  # [s]
+    drac: NDArray  # [m/s^2]
+
+    @property
+    def dt(self) -> NDArray:
+        """Time (F,) [s] since the frame before, 0 at the first."""
+        return np.diff(self.time, prepend=self.time[:1])
+
+    @property
+    def braking(self) -> NDArray:
+        """Braking (F,) [m/s^2], 0 where the ego does not brake, at the first frame and in a crash."""
+        return np.maximum(0.0, -np.nan_to_num(self.acceleration))
+
+    @property
+    def value(self) -> NDArray:
+        """Rate (F,) of J."""
+        return drive_value(self.speed, self.ttc, self.braking)
+
+
+@dataclass(frozen=True)
+class DriveMeasures:
+    """What one drive was like: risk, loss and comfort (docs/methods/metrics.md, "The drive")."""
+
+    elapsed: float  # [s]
+    collided: bool
+    ttc_min: float  # [s] least time to collision, at most `LONGEST`
+    ttc_5: float  # [s] its 5 % quantile over the frames
+    drac_max: float  # [m/s^2] hardest braking that was needed, at most `HARDEST`
+    tit: float  # [s^2] time-integrated time to collision below `NEAR`
+    headway_min: float  # [s] least time headway, at most `LONGEST`
+    brake_max: float  # [m/s^2] hardest braking
+    jerk: float  # [m/s^3] rms of the change of the acceleration, averaged over three frames
+    progress: float  # [m] along the heading
+    J: float  # [s] composite, `drive_value` over time
+
+    @classmethod
+    def of(cls, curves: DriveCurves, progress: float, collided: bool) -> "DriveMeasures":
+        """The measures of a drive of at least one frame."""
+        dt, ttc = curves.dt, np.minimum(curves.ttc, LONGEST)
+        return cls(
+            elapsed=float(curves.time[-1] - curves.time[0]),
+            collided=collided,
+            ttc_min=float(ttc.min()),
+            ttc_5=float(np.quantile(ttc, 0.05)),
+            drac_max=float(curves.drac.max()),
+            tit=float((np.maximum(0.0, NEAR - ttc) * dt).sum()),  # (MET.26)
+            headway_min=float(np.minimum(curves.headway, LONGEST).min()),
+            brake_max=float(curves.braking.max()),
+            jerk=rms_jerk(curves.acceleration, dt),
+            progress=progress,
+            J=float((curves.value * dt).sum()),
+        )
+
+
+def rms_jerk(acceleration: NDArray, dt: NDArray) -> float:
+    """Root mean square [m/s^3] of the change of the three-frame mean of the acceleration (F,) [m/s^2], dt (F,) [s].
+
+    0 for fewer than four frames that have one.
+    """
+    known = np.isfinite(acceleration)
+    if known.sum() < 4:
+        return 0.0
+    smooth = np.convolve(acceleration[known], np.full(3, 1 / 3), "valid")
+    return float(np.sqrt(np.mean((np.diff(smooth) / dt[known][3:]) ** 2)))  # (MET.27)
+
+
+def extra_braking(drive: DriveCurves, other: DriveCurves) -> float:
+    """Braking [m/s] of a drive beyond that of the other at equal times: integral of what is harder.
+
+    Both begin at the same time, with the same frames; after the end of the shorter nothing is compared.
+    """
+    n = min(len(drive.time), len(other.time))
+    return float((np.maximum(0.0, drive.braking[:n] - other.braking[:n]) * drive.dt[:n]).sum())  # (MET.29)
+
+
+def speed_difference(drive: DriveCurves, other: DriveCurves) -> float:
+    """Root mean square over time [m/s] of the difference of the speeds of two drives, as far as both go."""
+    n = min(len(drive.time), len(other.time))
+    return float(np.sqrt(np.mean((drive.speed[:n] - other.speed[:n]) ** 2)))
+
+
+def changed_decisions(actions: Sequence[Any], others: Sequence[Any]) -> float:
+    """Share of the decisions of two drives that differ, as far as both go; 0 without any.
+
+    >>> changed_decisions([1, 1, 0, 2], [1, 0, 0])
+    0.3333333333333333
+    """
+    pairs = list(zip(actions, others, strict=False))
+    return sum(not np.array_equal(a, b) for a, b in pairs) / len(pairs) if pairs else 0.0
 
 
 @dataclass
@@ -97,7 +252,7 @@ class DriveEvaluator:
     released: float = -2.0  # [m/s^2] it ends above this; in between it goes on
     _frames: list[DriveFrame] = field(default_factory=list, init=False, repr=False)
     _time: list[float] = field(default_factory=list, init=False, repr=False)
-    _last: Ego | None = field(default=None, init=False, repr=False)
+    _last: Scene | None = field(default=None, init=False, repr=False)
     _progress: float = field(default=0.0, init=False, repr=False)
     _collisions: int = field(default=0, init=False, repr=False)
 
@@ -108,48 +263,54 @@ class DriveEvaluator:
 
     def step(self, scene: Scene) -> DriveFrame:
         """Measures at one scene; scenes come in the order of time. Raises ValueError otherwise."""
-        if self._time and scene.time <= self._time[-1]:
+        last = self._last
+        if last is not None and scene.time <= last.time:
             raise ValueError(
-                f"scene.time must grow, got {scene.time} s after {self._time[-1]} s; one evaluator for each run"
+                f"scene.time must grow, got {scene.time} s after {last.time} s; one evaluator for each run"
             )
-        ego, boxes, last = scene.ego, body_boxes(scene.bodies), self._last
-        speed, acceleration = float(ego.velocity @ unit(ego.pose[2])), np.nan
         if last is not None:
-            ahead = unit(last.pose[2])
-            self._progress += float((ego.pose[:2] - last.pose[:2]) @ ahead)  # (MET.23)
-            if not ego.crashed:
-                acceleration = (speed - float(last.velocity @ ahead)) / (scene.time - self._time[-1])
-        self._collisions += bool(ego.crashed and (last is None or not last.crashed))
-        frame = DriveFrame(
-            distance=_smallest(box_distance(ego, boxes)),
-            ttc=_smallest(headway_time(ego, boxes)),
-            ttc_plane=_smallest(contact_time(ego, boxes)),
-            speed=speed,
-            acceleration=acceleration,
-        )
+            step = scene.ego.pose[:2] - last.ego.pose[:2]
+            self._progress += float(step @ unit(last.ego.pose[2]))  # (MET.23)
+        self._collisions += bool(scene.ego.crashed and (last is None or not last.ego.crashed))
+        frame = drive_frame(scene, last)
         self._frames.append(frame)
         self._time.append(scene.time)
-        self._last = ego
+        self._last = scene
         return frame
+
+    @property
+    def curves(self) -> DriveCurves:
+        """The drive so far."""
+        frames = np.array(self._frames, float).reshape(-1, len(DriveFrame._fields))
+        return DriveCurves(np.array(self._time), *frames.T)
+
+    @property
+    def measures(self) -> DriveMeasures:
+        """The measures of the drive so far; ValueError before the first frame."""
+        if not self._frames:
+            raise ValueError("a drive without a frame has no measures; call step first")
+        return DriveMeasures.of(self.curves, self._progress, self._collisions > 0)
 
     def summary(self) -> dict[str, float | int]:
         """The drive in one flat row; inf where no body was ever near, NaN where nothing was measured."""
-        frames = np.array(self._frames, float).reshape(-1, len(DriveFrame._fields))
-        distance, ttc, plane, speed, acceleration = frames.T
+        curves = self.curves
+        met = np.isfinite(curves.distance).any()
         elapsed = self._time[-1] - self._time[0] if self._time else 0.0
-        return {
+        row = {
             "elapsed": elapsed,
             "collisions": self._collisions,
-            "ttc_min": _smallest(ttc),
-            "ttc_plane_min": _smallest(plane),
-            "distance_min": _smallest(distance),
-            "distance_min_at": self._time[int(distance.argmin())] if np.isfinite(distance).any() else np.nan,
+            "ttc_min": _smallest(curves.ttc),
+            "ttc_plane_min": _smallest(curves.ttc_plane),
+            "distance_min": _smallest(curves.distance),
+            "distance_min_at": self._time[int(curves.distance.argmin())] if met else np.nan,
             "progress": self._progress,
             "speed_mean": self._progress / elapsed if elapsed > 0 else np.nan,
-            "speed_max": float(np.max(speed)) if len(speed) else np.nan,
-            "deceleration_max": abs(float(np.fmin.reduce(acceleration, initial=0.0))),
-            "harsh_braking": count_onsets(acceleration, self.harsh, self.released),
+            "speed_max": float(np.max(curves.speed)) if self._time else np.nan,
+            "deceleration_max": abs(float(np.fmin.reduce(curves.acceleration, initial=0.0))),
+            "harsh_braking": count_onsets(curves.acceleration, self.harsh, self.released),
         }
+        known = asdict(self.measures) if self._frames else {}
+        return row | {key: value for key, value in known.items() if key not in (*row, "collided", "brake_max")}
 
 
 def _smallest(values: NDArray) -> float:

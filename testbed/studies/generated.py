@@ -33,7 +33,7 @@ registry is [scenarios/registry.py](../scenarios/registry.py). Vehicles are thos
 ## Probes
 
 Short scenes in which a planner on the truth is just safe, [scenarios/probes.py](../scenarios/probes.py). Their
-parameters say how hard they are: `gym.make("{probe}", config={{"gap": 26}})`. [probes.md](probes.md) shows each of them.
+parameters say how hard they are: `gym.make("{probe}", config={{"gap": 26}})`. [probes.md](probes.md) shows each.
 
 {probes}
 

@@ -10,9 +10,14 @@ from testbed.evaluation.driving import (
     DriveEvaluator,
     body_boxes,
     box_distance,
+    changed_decisions,
     contact_time,
     count_onsets,
+    deceleration_needed,
+    drive_value,
+    extra_braking,
     headway_time,
+    speed_difference,
 )
 from testbed.evaluation.metrics import areas
 from trackers.geometry import box_corners, rotation, unit
@@ -31,14 +36,28 @@ def other(x, y, heading=0.0, speed=10.0, size=CAR):
 
 
 def drive(speeds, dt=0.1, crashed_from=None):
-    """An ego alone on the road with these speeds, scan by scan."""
+    """Summary of an ego alone on the road with these speeds, scan by scan."""
+    return driven(speeds, dt, crashed_from).summary()
+
+
+def driven(speeds, dt=0.1, crashed_from=None):
+    """Evaluator of an ego alone on the road with these speeds, scan by scan."""
     evaluator, x = DriveEvaluator(), 0.0
     for k, speed in enumerate(speeds):
         crashed = crashed_from is not None and k >= crashed_from
         none = np.zeros((0, 3)), np.zeros((0, 2))
         evaluator.step(boxes_scene(*none, ego=ego(x, speed, crashed=crashed), time=k * dt, dt=dt))
         x += speed * dt
-    return evaluator.summary()
+    return evaluator
+
+
+def behind(gaps, speed=20.0, leader=10.0, dt=0.1):
+    """Evaluator of an ego at these gaps [m] behind a leader, scan by scan."""
+    evaluator = DriveEvaluator()
+    for k, gap in enumerate(gaps):
+        scene = boxes_scene([[gap + 4.0, 0, 0]], [CAR], [[leader, 0]], ego=ego(0.0, speed), time=k * dt)
+        evaluator.step(scene)
+    return evaluator
 
 
 # name: other, distance [m], headway time [s], contact time [s]
@@ -150,3 +169,78 @@ def test_impossible_inputs_are_refused():
     evaluator.step(scene)
     with pytest.raises(ValueError, match=r"scene\.time must grow"):
         evaluator.step(scene)
+
+
+# Measures of a drive
+
+
+def test_the_braking_needed_uses_up_the_gap_as_the_speeds_become_equal():
+    assert deceleration_needed(np.array([10.0]), np.array([10.0])) == 5.0  # 10^2 / (2 * 10)
+    gaps, closing = np.array([10.0, 0.1, 0.0, np.inf]), np.array([-3.0, 10.0, 10.0, 10.0])
+    np.testing.assert_array_equal(deceleration_needed(gaps, closing), [0.0, 20.0, 20.0, 0.0])
+
+
+def test_a_constant_time_to_collision_of_two_seconds_for_one_second_is_a_tit_of_one():
+    measures = behind([20.0] * 11).measures  # 20 m over 10 m/s
+    assert measures.tit == pytest.approx(1.0)
+    assert [measures.ttc_min, measures.ttc_5, measures.drac_max] == pytest.approx([2.0, 2.0, 2.5])
+    assert measures.headway_min == pytest.approx(1.0)
+    assert behind([40.0] * 11).measures.tit == 0.0
+
+
+def test_the_five_percent_quantile_is_not_ruled_by_one_frame():
+    measures = behind([5.0, *[20.0] * 99]).measures
+    assert measures.ttc_min == pytest.approx(0.5)
+    assert measures.ttc_5 == pytest.approx(2.0)
+
+
+def test_the_measures_of_an_empty_road_are_those_of_no_risk():
+    measures = driven([20.0] * 11).measures
+    assert [measures.ttc_min, measures.ttc_5, measures.headway_min] == [10.0] * 3
+    assert [measures.drac_max, measures.tit, measures.brake_max, measures.jerk] == [0.0] * 4
+    np.testing.assert_allclose(measures.J, 20.0 / 30.0)
+
+
+def test_the_jerk_is_the_slope_of_the_acceleration():
+    t = 0.1 * np.arange(20)
+    assert driven(10.0 + t**2).measures.jerk == pytest.approx(2.0)  # a = 2 t
+    assert driven(10.0 + 3 * t).measures.jerk == pytest.approx(0.0, abs=1e-9)
+    # one spike of -1 m/s^2: its mean over three frames steps by 1/3 twice within 14 differences, by 1/3 / 0.1 s
+    speeds = 20.0 - 0.1 * (np.arange(18) > 8)
+    assert driven(speeds).measures.jerk == pytest.approx(np.sqrt(2 / 14) / 0.3)
+
+
+def test_a_second_is_worth_its_speed_less_risk_and_braking():
+    values = drive_value(np.array([30.0, 30.0, 15.0]), np.array([np.inf, 1.5, 3.0]), np.array([0.0, 0.0, 4.0]))
+    np.testing.assert_allclose(values, [1.0, 1.0 - 2 * 0.25, 0.5 - 0.5 * 0.25])
+    # 30 m/s, then one frame of braking with 8 m/s^2: 0.1 s (30 / 30) + 0.1 s (29.2 / 30 - 0.5)
+    np.testing.assert_allclose(driven([30.0, 30.0, 29.2]).measures.J, 0.1 + 0.1 * (29.2 / 30 - 0.5))
+
+
+def test_a_crash_ends_the_braking_but_not_the_risk():
+    evaluator = behind([10.0, 9.0])
+    last = boxes_scene([[4.0, 0, 0]], [CAR], [[10.0, 0]], ego=ego(0.0, 2.0, crashed=True), time=0.2)
+    evaluator.step(last)
+    measures = evaluator.measures
+    assert measures.collided
+    assert measures.brake_max == 0.0
+    assert measures.drac_max == pytest.approx(10.0**2 / (2 * 9.0))  # in the crash the ego is slower than the leader
+
+
+def test_extra_braking_counts_what_is_harder_than_in_the_other_drive():
+    hard, soft = driven([20.0, 19.7, 19.4, 19.4]).curves, driven([20.0, 19.9, 19.8, 19.4, 19.0]).curves
+    assert extra_braking(hard, soft) == pytest.approx(0.4)  # 3 against 1 m/s^2 for 0.2 s; later softer
+    assert extra_braking(soft, hard) == pytest.approx(0.4)  # 4 against 0 m/s^2 for 0.1 s
+    assert extra_braking(hard, hard) == 0.0
+    assert speed_difference(hard, soft) == pytest.approx(np.sqrt((0.2**2 + 0.4**2) / 4))
+
+
+def test_changed_decisions_are_a_share_of_those_that_both_drives_made():
+    assert changed_decisions([1, 1, 0], [1, 0, 0, 2]) == pytest.approx(1 / 3)
+    assert changed_decisions([np.array([0.1, 0.0])], [np.array([0.1, 0.0])]) == 0.0
+    assert changed_decisions([], [1]) == 0.0
+
+
+def test_a_drive_without_a_frame_has_no_measures():
+    with pytest.raises(ValueError, match="call step first"):
+        DriveEvaluator().measures  # noqa: B018
