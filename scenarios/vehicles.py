@@ -242,6 +242,12 @@ class PedalEgo(Sized, Vehicle):
         new.route = getattr(vehicle, "route", None)
         return new
 
+    def step(self, dt: float) -> None:
+        """Advance by dt [s]; at a standstill it stays, where highway-env would drive backwards."""
+        if not self.crashed and self.speed >= 0:
+            self.action["acceleration"] = max(self.action["acceleration"], -self.speed / dt)
+        super().step(dt)
+
 
 class CourseVehicle(Sized, Vehicle):
     """Follows a course table whatever happens: it is not controlled, does not swerve and is not pushed aside."""

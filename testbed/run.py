@@ -18,7 +18,9 @@ from testbed.files import make_directory, noting_losses
 from testbed.frame import Observer
 from testbed.limits import check_choice, check_duration, check_folder, check_names, check_seeds
 from testbed.log.record import LEVELS
+from testbed.planners import begin
 from testbed.planners import find as find_planner
+from testbed.planners import settings as planner_settings
 from trackers import DEFAULT
 
 
@@ -72,8 +74,8 @@ def check(config: RunConfig) -> None:
 
 def make_env(config: RunConfig) -> gym.Env:
     """The scenario's environment with radar and trackers, writing its files to `config.out`."""
-    settings = {} if config.duration is None else {"duration": config.duration}
     planner = find_planner(config.planner)
+    settings = planner_settings(planner) | ({} if config.duration is None else {"duration": config.duration})
     first = "truth" if planner.knows_truth else config.trackers[0]
     also = config.trackers if planner.knows_truth else config.trackers[1:]
     return gym.make(
@@ -108,6 +110,7 @@ def run(
         for observer in observers:
             tracked.attach(observer)
         env.reset(seed=config.seed)
+        begin(planner, env)
         recorder = tracked.recorder
         total = float(env.unwrapped.config["duration"])  # type: ignore[attr-defined]
         start, cpu, done = perf_counter(), process_time(), False

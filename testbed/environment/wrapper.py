@@ -26,7 +26,7 @@ from scenarios.lanes import lane_shapes
 from scenarios.vehicles import CourseVehicle
 from sensors.origin import Origin
 from sensors.scene import Scene
-from testbed.environment.belief import BeliefView, RoadSwap, attach_view, belief_road, mirror_road
+from testbed.environment.belief import BeliefView, RoadSwap, advance, attach_view, belief_road, mirror_road
 from testbed.environment.observation import without_frames
 from testbed.environment.perception import Cost, Perception, label
 from testbed.environment.recorder import Recorder, road_geometry
@@ -199,6 +199,13 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
     def tracks(self) -> Tracks:
         """All tracks of the first tracker after the last scan, unreported ones included."""
         return self._perception.tracks
+
+    @property
+    def current_tracks(self) -> Tracks:
+        """`tracks` predicted to the present frame, as on the belief road; for planners that want uncertainty."""
+        perception, tracks = self._perception, self.tracks
+        now = perception.steps / self._core.config["simulation_frequency"]
+        return tracks._replace(estimate=advance(tracks.estimate, now - perception.frame.time))
 
     @property
     def all_tracks(self) -> dict[str, Tracks]:

@@ -4,6 +4,6 @@ In: a highway-env environment whose road holds ego and tracks. Out: an action, a
 import highway-env and scenarios; no tracker, no truth.
 """
 
-from testbed.planners.registry import PLANNERS, Planner, find
+from testbed.planners.registry import PLANNERS, Planner, begin, find, settings
 
-__all__ = ["PLANNERS", "Planner", "find"]
+__all__ = ["PLANNERS", "Planner", "begin", "find", "settings"]

@@ -128,19 +128,25 @@ def path_ahead(
     return LanePath(points, heading, arc, np.gradient(heading, arc), limit, jump)
 
 
+def things_on(road: Road, ego: Vehicle, within: float) -> list[Any]:
+    """All solid vehicles and objects on the road but the ego, not farther than within [m]."""
+    things = (*road.vehicles, *road.objects)
+    return [v for v in things if v is not ego and v.solid and np.hypot(*(v.position - ego.position)) < within]
+
+
 def others_on(road: Road, ego: Vehicle, within: float) -> Others:
     """All solid vehicles and objects on the road but the ego, not farther than within [m]."""
-    things = [
-        v
-        for v in (*road.vehicles, *road.objects)
-        if v is not ego and v.solid and np.hypot(*(v.position - ego.position)) < within
-    ]
+    return others_of(things_on(road, ego, within))
+
+
+def others_of(things: Sequence[Any], significant: float = SIGNIFICANT) -> Others:
+    """Vehicles and objects; motion across the lane counts from so many standard deviations on."""
     position = np.array([v.position for v in things]).reshape(-1, 2)
     velocity = np.array([v.velocity for v in things]).reshape(-1, 2)
     heading = np.array([v.heading for v in things], float)
     size = np.array([(v.LENGTH, v.WIDTH) for v in things]).reshape(-1, 2)
     course, bend = np.array([_lane_under(v) for v in things], float).reshape(-1, 2).T
-    noise = SIGNIFICANT * np.array([getattr(v, "drift_std", 0.0) for v in things], float)
+    noise = significant * np.array([getattr(v, "drift_std", 0.0) for v in things], float)
     along = unit(course)
     drift = cross(along, velocity)
     straight = (velocity * along).sum(-1)[:, None] * along
@@ -177,7 +183,7 @@ def relate(path: LanePath, others: Others) -> Relation:
 
 def on_path(relation: Relation, width: float, later: float = 0.0) -> NDArray:
     """Which others (N,) bool are on the path of a vehicle of width [m], or will be later [s] if they drift on."""
-    return np.abs(relation.across + later * relation.drift) < relation.half[:, 1] + width / 2 + LANE_MARGIN
+    return np.abs(relation.across + later * relation.drift) < relation.half[..., 1] + width / 2 + LANE_MARGIN
 
 
 def forecast(others: Others, times: NDArray) -> tuple[NDArray, NDArray]:

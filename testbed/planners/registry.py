@@ -1,6 +1,8 @@
-"""The planners: each chooses the ego's next action from the belief road, and from nothing else.
+"""The planners: each chooses the ego's next action from the belief road, or from the tracks themselves.
 
-Planners have no state: the same belief road gives the same action.
+A planner may offer two things besides those of `Planner`. `action`, a dict, is the `config["action"]` that it needs:
+`settings` finds it. `begin(env)` is called after every reset, for planners that remember something; those of this table
+remember nothing, so that one object may drive in many environments.
 """
 
 from collections.abc import Mapping
@@ -14,6 +16,7 @@ from highway_env.envs.common.action import DiscreteAction, DiscreteMetaAction
 from numpy.typing import NDArray
 
 from testbed.planners.idm import Choice, IdmPlanner
+from testbed.planners.mpc import Caution, Mpc
 from trackers.lookup import look_up
 
 
@@ -75,7 +78,16 @@ class Idle:
 
 
 PLANNERS: Mapping[str, Planner] = MappingProxyType(
-    {p.name: p for p in (IdmPlanner(), Idle(), IdmPlanner("truth", "idm on the truth instead of tracks", True))}
+    {
+        p.name: p
+        for p in (
+            IdmPlanner(),
+            Mpc(),
+            Mpc("mpc-cautious", "mpc that allows for covariances and weighs tentative tracks", caution=Caution()),
+            Idle(),
+            IdmPlanner("truth", "idm on the truth instead of tracks", True),
+        )
+    }
 )
 
 
@@ -87,3 +99,21 @@ def find(name: str) -> Planner:
 
     """
     return look_up(name, PLANNERS, "planner")
+
+
+def settings(planner: Any) -> dict[str, Any]:
+    """The part of an environment's `config` that a planner needs: {"action": ...}, or nothing.
+
+    >>> settings(find("mpc"))["action"]["type"]
+    'ContinuousAction'
+    >>> settings(find("idm"))
+    {}
+    """
+    action = getattr(planner, "action", None)
+    return {} if action is None else {"action": dict(action)}
+
+
+def begin(planner: Any, env: gym.Env) -> None:
+    """Tell a planner that an episode begins, if it wants to know: call `planner.begin(env)`, after every reset."""
+    if hasattr(planner, "begin"):
+        planner.begin(env)

@@ -16,7 +16,9 @@ from testbed.compare.runs.rows import Rows, check_part, write
 from testbed.evaluation.driving import DriveEvaluator
 from testbed.evaluation.tracking import jsonable
 from testbed.frame import TRUTH, Frame
+from testbed.planners import begin
 from testbed.planners import find as find_planner
+from testbed.planners import settings as planner_settings
 
 ROWS, RECORDINGS = "rows", "recordings"  # folders of a comparison
 DONE, FOUND, FAILED = "done", "found", "failed"
@@ -114,7 +116,7 @@ def _replayed(task: Task, settings: Settings, out: Path) -> tuple[Rows, dict[str
 def _driven(task: Task, settings: Settings, out: Path) -> tuple[Rows, dict[str, Any]]:
     """In closed loop the trackers' worlds differ, but traffic and radar draw the same numbers for the same seed."""
     planner = find_planner(settings.planner)
-    config = {} if settings.duration is None else {"duration": settings.duration}
+    config = planner_settings(planner) | ({} if settings.duration is None else {"duration": settings.duration})
     first, *also = [TRUTH, task.tracker] if planner.knows_truth else [task.tracker]  # the planner uses the first
     make: dict[str, Any] = {"config": config, "tracker": first, "also": also, "radar": settings.radar}
     make["planner"] = settings.planner
@@ -135,6 +137,7 @@ def _driven(task: Task, settings: Settings, out: Path) -> tuple[Rows, dict[str, 
 
         tracked.attach(observe)
         env.reset(seed=task.seed)
+        begin(planner, env)
         done = False
         while not done:
             _, _, terminated, truncated, _ = env.step(planner.choose(env).action)

@@ -1,0 +1,199 @@
+"""Model predictive control of the acceleration: the cheapest of 156 speed profiles over 4 s in the ego's lane.
+
+A profile holds one acceleration, then another. Each is scored against the predicted tracks, and the first acceleration
+of the cheapest is applied until the next decision. The planner keeps its lane and its route, and steers along it; it
+needs continuous actions. Equations: docs/methods/planners.md.
+"""
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import gymnasium as gym
+import numpy as np
+from highway_env.envs.common.action import ContinuousAction, DiscreteAction
+from highway_env.vehicle.kinematics import Vehicle
+from numpy.typing import NDArray
+
+from testbed.planners.idm import Choice
+from testbed.planners.obstacles import Obstacles, among_tracks, on_belief_road
+from testbed.planners.prediction import LanePath, Others, along_path, forecast, on_path, path_ahead, relate
+from testbed.planners.steering import offset_from, steering_angle
+
+STEP = 0.2  # [s] between the instants of a prediction
+FIRST = np.array([-8.0, -7, -6, -5, -4, -3, -2, -1, -0.5, 0, 0.5, 1, 2])  # [m/s^2] before the switch
+THEN = np.array([-8.0, -5, -2.5, -1, 0, 1])  # [m/s^2] after it
+SWITCH = np.array([0.6, 1.4])  # [s]
+COLLIDES = 0.5  # [m] gaps below this count as a collision
+
+
+class Ahead(NamedTuple):
+    """K obstacles at H instants, relative to the ego's path."""
+
+    rear: NDArray  # (K, H) [m] along the path to the near end, inf while it is beside the path
+    speed: NDArray  # (K, H) [m/s] along the path
+    existence: NDArray  # (K,) probability
+
+
+class Decision(NamedTuple):
+    """What the planner chose, and the profiles that it chose from."""
+
+    acceleration: float  # [m/s^2] until the next decision
+    path: LanePath
+    arc: NDArray  # (H,) [m] predicted places of the ego along the path
+    profiles: NDArray  # (C, H) [m/s^2]
+    cost: NDArray  # (C,)
+
+
+@dataclass(frozen=True)
+class Caution:
+    """How a planner allows for what the tracker is not sure of."""
+
+    above: float = 0.1  # probability of existence from which a track counts, in proportion to it
+    quantile: float = 1.28  # standard deviations of the near bumper that are kept free besides: 90 % of a Gaussian
+
+
+@dataclass(frozen=True)
+class Mpc:
+    """Model predictive control on tracks that keep their speed; `caution` None takes the tracks as exact."""
+
+    name: str = "mpc"
+    note: str = "model predictive control of the acceleration on the estimates of the tracks"
+    knows_truth: bool = False
+    caution: Caution | None = None
+    horizon: float = 4.0  # [s]
+    reach: float = 150.0  # [m] range in which others matter, and length of the path
+    standstill: float = 2.0  # [m] wanted gap at standstill
+    headway: float = 0.9  # [s] wanted time gap
+    lateral_accel: float = 3.0  # [m/s^2] in curves
+    brake: float = 3.0  # [m/s^2] towards curves and speed limits
+    speed_cost: float = 0.04  # [1/(m/s)^2]
+    accel_cost: float = 0.12  # [1/(m/s^2)^2]
+    change_cost: float = 0.15  # [s/(m/s^2)^2] of a change of the acceleration
+    gap_cost: float = 0.02  # [1/m^2] of what is missing of the wanted gap
+    collision_cost: float = 60.0  # of an instant of a collision
+    closing_cost: float = 15.0  # [1/(m/s)] of its closing speed
+
+    @property
+    def action(self) -> dict[str, Any]:
+        """`config["action"]` of the environments that it drives in: the pedals and limits of `EgoVehicle`."""
+        return {"type": "ContinuousAction", "acceleration_range": [-8.0, 4.0]}
+
+    def act(self, env: gym.Env) -> NDArray:
+        """The action for the next period."""
+        return self.choose(env).action
+
+    def plan(self, env: gym.Env) -> NDArray:
+        """Where the ego will be until the end of the horizon."""
+        return self.choose(env).plan
+
+    def choose(self, env: gym.Env) -> Choice:
+        """The action for the next period, and the predicted places of the ego."""
+        decision, core = self.decide(env), _core(env)
+        action_type = _action_type(env)
+        wanted = [(decision.acceleration, action_type.acceleration_range)] if action_type.longitudinal else []
+        if action_type.lateral:
+            wanted.append((steering_angle(decision.path, core.vehicle), action_type.steering_range))
+        action = np.array([np.interp(value, limits, (-1.0, 1.0)) for value, limits in wanted], np.float32)
+        arc = np.concatenate([[0.0], decision.arc])
+        offset = offset_from(decision.path, core.vehicle) * np.exp(-arc / max(5.0, core.vehicle.speed))
+        return Choice(action, along_path(decision.path, arc, offset)[0])
+
+    def decide(self, env: gym.Env) -> Decision:
+        """The cheapest profile."""
+        core = _core(env)
+        ego, network = core.vehicle, core.road.network
+        path = path_ahead(network, ego.lane_index, getattr(ego, "route", None), ego.position, self.reach)
+        ahead = self.ahead(ego, path, self.obstacles(env))
+        lowest, highest = _action_type(env).acceleration_range
+        profiles = np.clip(_profiles(self._times), lowest, highest)
+        speed, arc = _drive(float(ego.speed), profiles)
+        target = min(_cruise_speed(env, ego), self.allowed_speed(path))
+        comfort = self.speed_cost * (speed - target) ** 2 + self.accel_cost * profiles**2
+        cost = STEP * (comfort + self.risk(ego, ahead, speed, arc)).sum(-1)  # (PLAN.5)
+        cost += self.change_cost * (profiles[:, 0] - ego.action["acceleration"]) ** 2
+        best = int(cost.argmin())
+        return Decision(float(profiles[best, 0]), path, arc[best], profiles, cost)
+
+    def obstacles(self, env: gym.Env) -> Obstacles:
+        """What it keeps clear of."""
+        if self.caution is None:
+            return on_belief_road(env, self.reach)
+        return among_tracks(env, self.reach, self.caution.above)
+
+    def ahead(self, ego: Vehicle, path: LanePath, obstacles: Obstacles) -> Ahead:
+        """What will be on the path ahead of the ego within the horizon."""
+        now = relate(path, obstacles.others)
+        obstacles = obstacles.rows(now.along > 0)
+        relation = relate_at(path, obstacles.others, self._times)
+        rear = relation.along - relation.half[..., 0]
+        if self.caution is not None:
+            rear = rear - self.caution.quantile * obstacles.edge_std(self._times)  # (PLAN.2)
+        rear = np.where(on_path(relation, ego.WIDTH), rear, np.inf)
+        near = np.isfinite(rear).any(-1)
+        return Ahead(rear[near], relation.speed[near], obstacles.existence[near])
+
+    def risk(self, ego: Vehicle, ahead: Ahead, speed: NDArray, arc: NDArray) -> NDArray:
+        """Cost (C, H) of the gaps to the worst obstacle, for speeds and places (C, H) of the ego."""
+        gap = ahead.rear - (arc[:, None] + ego.LENGTH / 2)  # (C, K, H), (PLAN.1)
+        missing = np.maximum(self.standstill + self.headway * speed[:, None] - gap, 0.0)
+        closing = np.maximum(speed[:, None] - ahead.speed, 0.0)
+        overlap = np.maximum(COLLIDES - gap, 0.0)
+        cost = self.gap_cost * missing**2 + 2.0 * overlap  # (PLAN.4)
+        cost += np.where(gap < COLLIDES, self.collision_cost, 0.0) + np.where(gap < 0, self.closing_cost * closing, 0.0)
+        return (ahead.existence[:, None] * cost).max(-2, initial=0.0)
+
+    def allowed_speed(self, path: LanePath) -> float:
+        """Highest speed [m/s] that the limits and curves of a path allow, with comfortable braking towards them."""
+        allowed = np.minimum(path.limit**2, self.lateral_accel / np.maximum(np.abs(path.bend), 1e-6))
+        return float(np.sqrt((allowed + 2 * self.brake * path.arc).min()))
+
+    @property
+    def _times(self) -> NDArray:
+        """The instants (H,) [s] of a prediction, the present left out."""
+        return STEP * np.arange(1, round(self.horizon / STEP) + 1)
+
+
+def relate_at(path: LanePath, others: Others, times: NDArray) -> Any:
+    """`Relation` of N others to a path at times (H,) [s], every field (N, H) and `half` (N, H, 2)."""
+    position, heading = forecast(others, times)
+    n, h = heading.shape
+    flat = Others(
+        position.reshape(-1, 2),
+        heading.ravel(),
+        *(np.repeat(part, h, 0) for part in others[2:]),
+    )
+    relation = relate(path, flat)
+    return type(relation)(*(part.reshape(n, h, *part.shape[1:]) for part in relation))
+
+
+def _profiles(times: NDArray) -> NDArray:
+    """Accelerations (C, H) [m/s^2] in the steps that end at times (H,) [s]; each pair of equal values once."""
+    first, then, switch = (part.reshape(-1, 1) for part in np.meshgrid(FIRST, THEN, SWITCH, indexing="ij"))
+    return np.where(times <= switch + 1e-9, first, then)
+
+
+def _drive(speed: float, profiles: NDArray) -> tuple[NDArray, NDArray]:
+    """Speeds [m/s] and places [m] (C, H) at the end of each step under accelerations (C, H); it never drives back."""
+    after = np.maximum(speed + np.cumsum(STEP * profiles, -1), 0.0)
+    before = np.concatenate([np.full((len(after), 1), speed), after[:, :-1]], -1)
+    return after, np.cumsum(STEP * (before + after) / 2, -1)
+
+
+def _core(env: gym.Env) -> Any:
+    """The highway-env environment: its road holds the belief."""
+    return env.unwrapped
+
+
+def _cruise_speed(env: gym.Env, ego: Vehicle) -> float:
+    """`TrackedEnv.cruise_speed`, or the present speed [m/s] in an environment that has none."""
+    return env.get_wrapper_attr("cruise_speed") if env.has_wrapper_attr("cruise_speed") else float(ego.speed)
+
+
+def _action_type(env: gym.Env) -> ContinuousAction:
+    action_type = _core(env).action_type
+    if not isinstance(action_type, ContinuousAction) or isinstance(action_type, DiscreteAction):
+        raise TypeError(
+            f"the planner needs config['action'] of type ContinuousAction, got {_core(env).config['action']}; "
+            "`testbed.planners.settings(planner)` is the config that it needs"
+        )
+    return action_type
