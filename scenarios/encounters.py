@@ -1,19 +1,22 @@
 """Builders of the probes: the ego meets one thing for which it must brake, or, in `passing`, must not.
 
 All vehicles follow prescribed courses. L, M, R are the lanes of a straight three-lane road, left to right; the ego
-starts in M at s = `START`. Parameters vary by 5 % from seed to seed (`about`).
+starts in M at s = `START` where nothing else is said. Parameters vary by 5 % from seed to seed (`about`).
 """
 
 import numpy as np
 
+from scenarios import networks
 from scenarios.courses import Segment, Shift, follow_lane
 from scenarios.longitudinal import AXIS, START, L, M, R
-from scenarios.networks import straight
+from scenarios.paths import of_lanes
 from scenarios.stage import EGO_SIZE, Stage, World, phases
 
 SIDE = {L: -4.0, M: 0.0, R: 4.0}  # [m] of the lanes from the middle one, to the right
 Y = 4.0  # [m] of the middle lane from the axis
 FRONT = EGO_SIZE[0] / 2  # [m] from the ego's centre to its front bumper
+ROAD = 1600.0  # [m] length of a straight road
+JOIN, RAMP = 500.0, 220.0  # [m] where the lane of the ramp begins, and where on it the ego starts
 
 
 def about(rng: np.random.Generator, value: float) -> float:
@@ -28,7 +31,7 @@ def _beside(stage: Stage, kind: str, lane: tuple[str, str, int], ahead: float, s
 
 def brake(rng: np.random.Generator, gap: float) -> World:
     """The leader brakes with 8 m/s^2 by 16 m/s; a car and a truck beside."""
-    stage = Stage(straight(), rng)
+    stage = Stage(networks.straight(), rng)
     speed, onset = rng.uniform(24.0, 26.0), rng.uniform(3.0, 4.0)
     stage.ego(M, START, speed)
     size = stage.size("car")
@@ -42,7 +45,7 @@ def brake(rng: np.random.Generator, gap: float) -> World:
 
 def cut_in(rng: np.random.Generator, gap: float, slower: float) -> World:
     """A car from the left moves in within 3 s; it is slower from the start."""
-    stage = Stage(straight(), rng)
+    stage = Stage(networks.straight(), rng)
     speed, onset, duration = rng.uniform(24.0, 26.0), rng.uniform(2.5, 3.5), 3.0
     stage.ego(M, START, speed)
     size, slower = stage.size("car"), about(rng, slower)
@@ -56,7 +59,7 @@ def cut_in(rng: np.random.Generator, gap: float, slower: float) -> World:
 
 def reveal(rng: np.random.Generator, distance: float) -> World:
     """A truck 22 m ahead swerves left in 2.5 s; a car that it had hidden stands in the lane."""
-    stage = Stage(straight(), rng)
+    stage = Stage(networks.straight(), rng)
     speed, onset, duration = rng.uniform(19.0, 21.0), rng.uniform(2.5, 3.5), 2.5
     stage.ego(M, START, speed)
     size = stage.size("truck")
@@ -71,7 +74,7 @@ def reveal(rng: np.random.Generator, distance: float) -> World:
 
 def jam(rng: np.random.Generator, gap: float) -> World:
     """A van brakes with 3 m/s^2 to a standstill, starts, and brakes with 3.6 m/s^2; queues beside do alike."""
-    stage = Stage(straight(), rng)
+    stage = Stage(networks.straight(), rng)
     speed, onset = 12.0, rng.uniform(2.5, 3.5)
     stage.ego(M, START, speed)
     size = stage.size("van")
@@ -88,7 +91,7 @@ def jam(rng: np.random.Generator, gap: float) -> World:
 
 def pull_out(rng: np.random.Generator, gap: float) -> World:
     """A van at 6 m/s on the right, hidden by the truck behind it, pulls out in 2.6 s and accelerates with 2 m/s^2."""
-    stage = Stage(straight(), rng)
+    stage = Stage(networks.straight(), rng)
     speed, onset, duration = rng.uniform(19.0, 21.0), rng.uniform(2.5, 3.5), 2.6
     slow = 6.0
     stage.ego(M, START, speed)
@@ -106,7 +109,7 @@ def pull_out(rng: np.random.Generator, gap: float) -> World:
 
 def passing(rng: np.random.Generator, weave: float) -> World:
     """The ego passes two trucks on the right, 6 m/s slower, that weave towards its lane and back; a car on the left."""
-    stage = Stage(straight(), rng)
+    stage = Stage(networks.straight(), rng)
     speed, onset, weave = rng.uniform(24.0, 26.0), rng.uniform(2.5, 3.5), about(rng, weave)
     stage.ego(M, START, speed)
     place = START + rng.uniform(26.0, 32.0)
@@ -116,3 +119,42 @@ def passing(rng: np.random.Generator, weave: float) -> World:
         stage.prescribe("truck", follow_lane(AXIS, place + 22.0 * k, speed - 6.0, (), shifts, Y + SIDE[R]))
     _beside(stage, "car", L, rng.uniform(-16.0, -10.0), speed)
     return stage.world(phases(onset, onset + 4.5, 10.0))
+
+
+def merge(rng: np.random.Generator, gap: float) -> World:
+    """The ego is on the lane of a ramp that ends; beside it is the gap between a truck and a car that lets it in.
+
+    Both are slower than the ego. Two seconds after the ego has been beside the middle of the gap the car slows down.
+    """
+    stage = Stage(networks.merge(), rng)
+    speed, beside = rng.uniform(19.0, 21.0), 2.5
+    slow = speed - rng.uniform(2.5, 3.5)
+    stage.ego(("b", "c", 2), RAMP, speed, route="d")
+    truck, car, gap = stage.size("truck"), stage.size("car"), about(rng, gap)
+    middle = JOIN + RAMP + (speed - slow) * beside
+    stage.prescribe("truck", follow_lane(AXIS, middle + (gap + truck[0]) / 2, slow, lateral=Y), truck)
+    yielding = (Segment(beside + 2.0), Segment(2.0, -2.0))
+    stage.prescribe("car", follow_lane(AXIS, middle - (gap + car[0]) / 2, slow, yielding, lateral=Y), car)
+    stage.prescribe("car", follow_lane(AXIS, middle + rng.uniform(-20.0, 20.0), speed + 2.0, lateral=0.0))
+    return stage.world(phases(beside, beside + 4.0, 12.0))
+
+
+def oncoming(rng: np.random.Generator, room: float) -> World:
+    """An oncoming car passes a tractor in the ego's lane and returns late; on its own lane a van follows."""
+    layout = networks.two_way()
+    stage = Stage(layout, rng)
+    speed, there, tractor = rng.uniform(18.0, 20.0), rng.uniform(19.0, 20.0), 8.0
+    onset, out, back = rng.uniform(0.5, 1.0), 2.6, 2.4
+    returns = onset + out + 1.6  # [s] when it begins to
+    stage.ego(("a", "b", 0), START, speed)
+    way = of_lanes((layout.network.get_lane(("c", "d", 0)),), smooth=1.0)
+    size = stage.size("car")
+    half_out = returns + back / 2
+    meets = START + speed * half_out + FRONT + about(rng, room) + size[0] / 2
+    place = ROAD - meets - there * half_out
+    shifts = (Shift(onset, out, -4.0), Shift(returns, back, 4.0))
+    stage.prescribe("car", follow_lane(way, place, there, (), shifts), size)
+    beside = place + there * (onset + out + 0.8)
+    stage.prescribe("tractor", follow_lane(way, beside - tractor * (onset + out + 0.8), tractor))
+    stage.prescribe("van", follow_lane(way, place - rng.uniform(35.0, 45.0), there))
+    return stage.world(phases(onset, returns + back, 10.0))

@@ -179,7 +179,8 @@ class DriveMeasures:
     elapsed: float  # [s]
     collided: bool
     ttc_min: float  # [s] least time to collision, at most `LONGEST`
-    ttc_5: float  # [s] its 5 % quantile over the frames
+    ttc_plane_min: float  # [s] the same in the plane, so also of what comes from the side or from behind
+    ttc_5: float  # [s] 5 % quantile of the time to collision over the frames
     drac_max: float  # [m/s^2] hardest braking that was needed, at most `HARDEST`
     tit: float  # [s^2] time-integrated time to collision below `NEAR`
     headway_min: float  # [s] least time headway, at most `LONGEST`
@@ -196,6 +197,7 @@ class DriveMeasures:
             elapsed=float(curves.time[-1] - curves.time[0]),
             collided=collided,
             ttc_min=float(ttc.min()),
+            ttc_plane_min=float(np.minimum(curves.ttc_plane, LONGEST).min()),
             ttc_5=float(np.quantile(ttc, 0.05)),
             drac_max=float(curves.drac.max()),
             tit=float((np.maximum(0.0, NEAR - ttc) * dt).sum()),  # (MET.26)

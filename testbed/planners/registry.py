@@ -82,6 +82,7 @@ PLANNERS: Mapping[str, Planner] = MappingProxyType(
         p.name: p
         for p in (
             IdmPlanner(),
+            IdmPlanner("idm-keen", "idm that takes small gaps to follow its route", imposed_brake=5.0, route_gain=8.0),
             Mpc(),
             Mpc("mpc-cautious", "mpc that allows for covariances and weighs tentative tracks", caution=Caution()),
             Idle(),
