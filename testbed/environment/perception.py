@@ -1,14 +1,14 @@
 """Radar and trackers of one vehicle: the scene is scanned whenever a scan is due, and every tracker gets the same scan.
 
-Of the truth nothing goes further: a `Scene` goes in, `Tracks` come out. The tracker called "truth" is the exception, by
-its name: its tracks are the scene itself, for comparisons with a planner that knows everything.
+Of the truth nothing goes further: a `Scene` goes in, `Tracks` come out. There are two exceptions, both for experiments
+that ask what tracking costs: the tracker called "truth", whose tracks are the scene itself, and `TruthBased` ones.
 """
 
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import fields, replace
 from time import perf_counter
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +49,20 @@ class TrackerLike(Protocol):
 
     def step(self, tracks: Tracks, scan: Scan, dt: float) -> tuple[Tracks, StepInfo]:
         """Tracks after a scan that came dt [s] after the one before."""
+
+
+@runtime_checkable
+class TruthBased(Protocol):
+    """What makes tracks from the truth, and perhaps from scans: an ideal tracker, or one with errors put in or removed.
+
+    Only experiments on the cost of tracking have such; a tracker has `step`, and gets the scan alone.
+    """
+
+    def start_on(self, road: RoadMap) -> Any:
+        """State at the start of an episode on a road."""
+
+    def step_on_truth(self, state: Any, scan: Scan, scene: Scene, origin: Origin) -> tuple[Any, Tracks, StepInfo]:
+        """New state, and the tracks that the planner gets; `scene.dt` [s] is the time since the scan before."""
 
 
 class Cost(NamedTuple):
@@ -95,8 +109,10 @@ def radar_of(radar: Any) -> RadarLike:
     return radar
 
 
-def tracker_of(tracker: Any, radar: RadarLike) -> TrackerLike | None:
+def tracker_of(tracker: Any, radar: RadarLike) -> TrackerLike | TruthBased | None:
     """The multi-object tracker behind a name, `NAME:key=value`, {"name": name, parameter: value} or a filter.
+
+    What is `TruthBased` is taken as it is.
 
     None for the truth.
 
@@ -110,6 +126,8 @@ def tracker_of(tracker: Any, radar: RadarLike) -> TrackerLike | None:
     if isinstance(tracker, Mapping):
         name, parameters = _split(tracker, "tracker")
         return trackers.build(name, radar.models, **parameters)
+    if isinstance(tracker, TruthBased) and not isinstance(tracker, type):
+        return tracker
     kinds = (("start", "step"), ("init", "predict", "update", "estimate"))
     complete = [not isinstance(tracker, type) and all(hasattr(tracker, part) for part in kind) for kind in kinds]
     if not any(complete):
@@ -174,7 +192,7 @@ class Perception:
 
     frame: Frame  # of the last scan
 
-    def __init__(self, radar: RadarLike, trackers: Mapping[str, TrackerLike | None]) -> None:
+    def __init__(self, radar: RadarLike, trackers: Mapping[str, TrackerLike | TruthBased | None]) -> None:
         """A radar and named trackers; the planner uses the first. None stands for the truth."""
         self.radar, self.trackers = radar, dict(trackers)
         self.observers: list[Observer] = []
@@ -218,8 +236,16 @@ class Perception:
             action: in the first frame, where no planner has chosen one.
         """
         self._read, self._rng, self._frequency, self.steps = read, rng, frequency, 0
-        self._mapped = {name: on_road(tracker, road) for name, tracker in self.trackers.items()}
-        self._tracks = {name: tracker.start() for name, tracker in self._mapped.items() if tracker is not None}
+        self._mapped: dict[str, TrackerLike | None] = {}
+        self._tracks: dict[str, Tracks] = {}
+        self._states: dict[str, Any] = {}  # of those that are truth-based
+        for name, tracker in self.trackers.items():
+            if isinstance(tracker, TruthBased):
+                self._states[name] = tracker.start_on(road)
+            else:
+                self._mapped[name] = mapped = on_road(tracker, road)
+                if mapped is not None:
+                    self._tracks[name] = mapped.start()
         self._scan(action, np.zeros((0, 2)))
 
     def step(self, action: str, plan: NDArray) -> None:
@@ -263,17 +289,19 @@ class Perception:
         scene = scene._replace(dt=scene.time - self.frame.time if self.steps else 0.0)
         scan, origin = self.radar.scan(scene, self._rng)
         scanned = perf_counter()
-        outputs = {name: self._track(name, scene, scan, origin) for name in self._mapped}
+        outputs = {name: self._track(name, scene, scan, origin) for name in self.trackers}
         self.frame = Frame(self.steps, scene, scan, origin, outputs, action, plan)
         self.seconds["sense"] += scanned - start
         self.seconds["track"] += perf_counter() - scanned
 
     def _track(self, name: str, scene: Scene, scan: Scan, origin: Origin) -> tuple[Tracks, StepInfo]:
-        start, tracker = perf_counter(), self._mapped[name]
-        if tracker is None:
+        start, tracker = perf_counter(), self.trackers[name]
+        if isinstance(tracker, TruthBased):
+            self._states[name], tracks, info = tracker.step_on_truth(self._states[name], scan, scene, origin)
+        elif (mapped := self._mapped[name]) is None:
             tracks, info = truth_tracks(scene), truth_info(scene, origin)
         else:
-            tracks, info = tracker.step(self._tracks[name], scan, scene.dt)
+            tracks, info = mapped.step(self._tracks[name], scan, scene.dt)
             self._tracks[name] = tracks
         self.costs[name] = self.costs[name].after(perf_counter() - start, info)
         return tracks, info

@@ -1,0 +1,88 @@
+"""What the planner gets in a drive, as text and as a source of tracks.
+
+    truth                everything
+    in-view              the truth of what is, or was within two seconds, visible
+    TRACKER              its tracks
+    TRACKER:EG           truth in view with existence and geometry of the tracker, see `substitution`
+    in-view+near_edge=1  with an injected error, see `injection`; also TRACKER+covariance=4
+
+TRACKER is a name of `trackers.TRACKERS`, or `NAME:key=value,key=value`.
+"""
+
+from typing import Any, NamedTuple
+
+import sensors
+import trackers
+from testbed.frame import TRUTH
+from testbed.regret.in_view import InView
+from testbed.regret.injection import NONE, Errors, Injected, parse_errors
+from testbed.regret.substitution import GROUPS, Substituted
+
+IN_VIEW = "in-view"
+
+
+class Condition(NamedTuple):
+    """A condition, taken apart."""
+
+    base: str  # truth, in-view, or a tracker
+    groups: str | None = None  # of errors that are taken from the tracker; None: its tracks as they are
+    errors: Errors = NONE
+
+    @property
+    def tracker(self) -> str | None:
+        """The tracker that runs, None in the conditions without one."""
+        return None if self.base in (TRUTH, IN_VIEW) else self.base
+
+    def __str__(self) -> str:
+        groups = "" if self.groups is None else f":{self.groups}"
+        errors = "" if self.errors == NONE else f"+{self.errors}"
+        return f"{self.base}{groups}{errors}"
+
+
+def parse(text: str) -> Condition:
+    """The condition of a text.
+
+    >>> parse("rm-koch:sigma=0.3:EG").groups, str(parse("in-view+near_edge=1.0"))
+    ('EG', 'in-view+near_edge=1')
+
+    Raises ValueError for errors that are put into the truth, or that cannot be.
+    """
+    base, plus, errors = text.partition("+")
+    base, groups = _groups(base)
+    found = Condition(base, groups, parse_errors(errors) if plus else NONE)
+    if found.tracker is None and groups is not None:
+        raise ValueError(f"the condition {text!r} has no tracker to take {groups} from; write TRACKER:{groups}")
+    if base == TRUTH and plus:
+        raise ValueError(f"errors are put into what is in view, or into tracks, got {text!r}; write in-view+{errors}")
+    return found
+
+
+def _groups(text: str) -> tuple[str, str | None]:
+    base, colon, last = text.rpartition(":")
+    if colon and last and set(last) <= set(GROUPS):
+        return base, "".join(g for g in GROUPS if g in last)
+    return text, None
+
+
+def source(condition: Condition, radar: str, seed: int) -> Any:
+    """What stands for the tracker in a `TrackedEnv`.
+
+    Args:
+        condition: names as in the catalogues.
+        radar: name of the radar, for the trackers.
+        seed: of the run, for the injected errors.
+
+    Raises:
+        LookupError, ValueError: an unknown tracker or parameter.
+    """
+    if condition.base == TRUTH:
+        return TRUTH
+    if condition.tracker is None:
+        found: Any = InView()
+    elif condition.groups is None and condition.errors == NONE:
+        return condition.tracker
+    else:
+        found = trackers.build(condition.tracker, sensors.find(radar).models)
+        if condition.groups is not None:
+            found = Substituted(found, condition.groups)
+    return found if condition.errors == NONE else Injected(found, condition.errors, seed)
