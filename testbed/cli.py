@@ -308,6 +308,68 @@ def compare(
 
 
 @app.command()
+def regret(
+    scenario: Annotated[
+        list[str] | None,
+        typer.Argument(help="Probes or other scenarios, also NAME:parameter=value. Without: all probes."),
+    ] = None,
+    planner: Annotated[list[str] | None, typer.Option(help="Repeat for several. Without it: idm.")] = None,
+    tracker: Annotated[
+        list[str] | None, typer.Option(help=f"Repeat for several. Without it: {DEFAULT}, unless errors are injected.")
+    ] = None,
+    seeds: Annotated[str, typer.Option(help="200:220 for 200 to 219, a list 0,3,7, or one number.")] = "200:220",
+    attribute: Annotated[
+        bool, typer.Option("--attribute", help="Also which group of errors costs what: existence, geometry, motion.")
+    ] = False,
+    inject: Annotated[
+        list[str] | None,
+        typer.Option(help="NAME=VALUE, an error put into what is in view; repeat for several doses."),
+    ] = None,
+    radar: Annotated[str, typer.Option(help="A name of `testbed list radars`.")] = "surround",
+    duration: Annotated[float | None, typer.Option(help="Seconds. Without it: the scenarios' own.")] = None,
+    jobs: Annotated[int, typer.Option(help="Number of processes; -1 for one a core.")] = 1,
+    dask: Annotated[str | None, typer.Option(help="Address of a Dask scheduler, in place of local processes.")] = None,
+    junit: Annotated[Path | None, typer.Option(help="Also write the findings to this file, as JUnit XML.")] = None,
+    out: Annotated[Path, typer.Option(help="Directory of the results; drives that lie there are kept.")] = Path(
+        "runs/regret"
+    ),
+) -> None:
+    """What tracking error costs in driving: drives on the truth, on what is in view, and on tracks, paired by seed.
+
+    Every finished drive has its file in OUT/drives, so after Ctrl-C the same
+    command does the rest. Exit status 1: some drives failed. docs/methods/regret.md
+    has the definitions.
+
+    Example: [bold]testbed regret probe-brake --tracker imm-spline --tracker rm-koch --seeds 200:208 --jobs 2[/bold]
+    Example: [bold]testbed regret probe-brake --inject velocity_lag=0.25 --inject velocity_lag=0.5[/bold]
+    """
+    from scenarios.probes import PROBES
+    from testbed.compare.runs.config import parse_seeds
+    from testbed.compare.runs.engine import Engine
+    from testbed.compare.runs.engine import check as check_engine
+    from testbed.regret import command
+    from testbed.regret.study import Settings, Study, check
+
+    with user_input():
+        study = Study(
+            tuple(scenario or PROBES),
+            tuple(planner or ["idm"]),
+            tuple(tracker or ([] if inject else [DEFAULT])),
+            parse_seeds(seeds),
+            Settings(radar, duration),
+            attribute,
+            tuple(inject or []),
+            str(out),
+        )
+        options = command.Options(Engine(jobs, dask), junit)
+        check(study)
+        check_engine(options.engine)
+    raise typer.Exit(
+        command.regret(study, options, console, progress_bar("{task.completed:.0f} / {task.total:.0f}", 600.0))
+    )
+
+
+@app.command()
 def regress(
     update: Annotated[bool, typer.Option("--update", help="Write the results as the new baselines.")] = False,
     tracker: Annotated[list[str] | None, typer.Option(help="Repeat for several. Without it: all.")] = None,

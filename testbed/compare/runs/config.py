@@ -131,9 +131,12 @@ def check(comparison: Comparison) -> None:
     for tracker in comparison.trackers:
         build(tracker, radar.models)
     find_planner(comparison.settings.planner)
-    folder = Path(comparison.out)
-    make_directory(folder)
-    wanted = identity(comparison.settings, comparison.trackers)
+    make_directory(Path(comparison.out))
+    check_identity(Path(comparison.out), identity(comparison.settings, comparison.trackers))
+
+
+def check_identity(folder: Path, wanted: dict[str, Any]) -> None:
+    """Raise ValueError, naming what differs, where a folder holds runs that cannot stand beside those wanted."""
     found = _read(folder)
     for key in wanted if found else ():
         if key.startswith("code of ") and key not in found:  # no run of this tracker in the folder yet
@@ -147,10 +150,15 @@ def check(comparison: Comparison) -> None:
 
 def write_settings(comparison: Comparison) -> None:
     """Write into the folder what its runs have in common, and the digest of the code of each tracker."""
-    found = _read(Path(comparison.out))
-    wanted = {**identity(comparison.settings, comparison.trackers), **found}  # what is known already stays
+    write_identity(Path(comparison.out), identity(comparison.settings, comparison.trackers))
+
+
+def write_identity(folder: Path, wanted: dict[str, Any]) -> None:
+    """Write what identifies the runs of a folder; what stands there already stays."""
+    found = _read(folder)
+    wanted = {**wanted, **found}
     if wanted != found:
-        write_json(Path(comparison.out) / SETTINGS, wanted)
+        write_json(folder / SETTINGS, wanted)
 
 
 def read_settings(folder: Path) -> tuple[Settings, dict[str, Any]]:

@@ -37,6 +37,13 @@ def shared_digest() -> str:
     return code_digest([*whole, *modules, *map(_file, closure(ROOTS))])
 
 
+def modules_digest(modules: Iterable[str]) -> str:
+    """Short digest of modules, and of all modules of packages, by their full names."""
+    paths = [_file(name) for name in modules]
+    whole = [path.parent.rglob("*.py") if path.name == "__init__.py" else [path] for path in paths]
+    return code_digest(path for group in whole for path in group)
+
+
 def project_digest() -> str:
     """Short digest of all our code and data but those of `testbed regress`, which hold results of runs."""
     held = _root("testbed") / "regress"

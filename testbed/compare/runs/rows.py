@@ -180,8 +180,8 @@ def write(table: pa.Table, meta: Mapping[str, Any], path: Path) -> None:
         writer.add_key_value_metadata({META: text, CHECKSUM: _checksum(text)})  # pages have theirs, this has not
 
 
-def read_meta(path: Path) -> dict[str, Any]:
-    """The metadata of a run.
+def read_meta(path: Path, layout: pa.Schema | None = None) -> dict[str, Any]:
+    """The metadata of a run; `layout` is that of its rows, None: `SCHEMA`.
 
     Raises:
         FileNotFoundError: it has not been made.
@@ -198,14 +198,18 @@ def read_meta(path: Path) -> dict[str, Any]:
         raise
     except (pa.ArrowException, KeyError, ValueError, OSError) as error:
         raise ValueError(f"{path} is damaged ({_one_line(error)})") from None
-    if found.get("layout") != VERSION or found.get("rows") != rows or not schema.equals(SCHEMA, check_metadata=True):
+    complete = found.get("layout") == VERSION and found.get("rows") == rows
+    if not (complete and schema.equals(layout or SCHEMA, check_metadata=True)):
         raise ValueError(f"{path} is of another layout or not complete")
     return found
 
 
-def check_part(path: Path, task: Task) -> None:
-    """Raise ValueError, naming the file, where the rows of a run are damaged or those of another run."""
-    meta = read_meta(path)
+def check_part(path: Path, task: Any, layout: pa.Schema | None = None) -> None:
+    """Raise ValueError, naming the file, where the rows of a run are damaged or those of another run.
+
+    `task` is a named tuple; `layout` as in `read_meta`.
+    """
+    meta = read_meta(path, layout)
     if meta.get("task") != task._asdict():
         raise ValueError(f"{path} holds the run {meta.get('task')}")
     try:

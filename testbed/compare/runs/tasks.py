@@ -63,7 +63,7 @@ def record(task: RecordingTask, settings: Settings, out: Path) -> Outcome:
         obtain(task, settings, out)
         return ""
 
-    return _outcome(f"recording {task.name}", work)
+    return outcome_of(f"recording {task.name}", work)
 
 
 def obtain(task: RecordingTask, settings: Settings, out: Path) -> recordings.Recording:
@@ -100,7 +100,7 @@ def run(task: Task, settings: Settings, out: Path) -> Outcome:
         write(table, meta, path)
         return note
 
-    return _outcome(task.name, work)
+    return outcome_of(task.name, work)
 
 
 def _replayed(task: Task, settings: Settings, out: Path) -> tuple[Rows, dict[str, Any]]:
@@ -150,7 +150,7 @@ def _driven(task: Task, settings: Settings, out: Path) -> tuple[Rows, dict[str, 
     return rows, {"seconds": seconds, "cost": jsonable(cost), "drive": jsonable(drive.summary())}
 
 
-def _outcome(name: str, work: Callable[[], str]) -> Outcome:
+def outcome_of(name: str, work: Callable[[], str]) -> Outcome:
     """A run that fails must not stop the others: any error is caught here, and reported with its traceback.
 
     Of a file that cannot be written or read the sentence is enough.

@@ -73,10 +73,10 @@ def execute(comparison: Comparison, engine: Engine, progress: Progress | None = 
             missing = {RecordingTask(t.scenario, t.seed) for t in tasks}
             missing = {r for r in missing if not recording_path(r, out).exists()}
             needed = [(r, comparison.settings, out) for r in recordings if r in missing]
-            for _ in _stage(works.record, nothing, needed, engine, request, "recording", progress):
+            for _ in stage(works.record, nothing, needed, engine, request, "recording", progress):
                 pass  # its runs try again what failed here, and report it
         work = [(task, comparison.settings, out) for task in tasks]
-        for outcome in _stage(works.run, _reads, work, engine, request, "runs", progress):
+        for outcome in stage(works.run, _reads, work, engine, request, "runs", progress):
             tally.add(outcome)
     tally.wall = perf_counter() - start
     tally.exit_status = request.exit_status
@@ -101,7 +101,7 @@ def _is_found(task: Task, out: Path, request: InterruptRequest, tally: Tally) ->
     return True
 
 
-def _stage(
+def stage(
     function: Callable[..., Outcome],
     reads: Callable[..., Sequence[Path]],
     work: Sequence[tuple[Any, ...]],
@@ -110,7 +110,7 @@ def _stage(
     what: str,
     progress: Progress | None,
 ) -> Generator[Outcome]:
-    """Outcomes of one kind of tasks, until an interruption is requested."""
+    """Outcomes of one kind of tasks, until an interruption is requested; progress(done, total, what) after each."""
     if request.signal is not None or not work:
         return
     with closing(perform(function, work, engine, reads)) as outcomes:

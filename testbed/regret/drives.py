@@ -1,0 +1,128 @@
+"""One drive: a scenario in closed loop under one condition, its curves and measures in a Parquet file."""
+
+from collections.abc import Sequence
+from contextlib import closing
+from dataclasses import asdict
+from pathlib import Path
+from time import process_time
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+from testbed.compare.runs.rows import check_part, write
+from testbed.compare.runs.tasks import FOUND, Outcome, outcome_of
+from testbed.evaluation.driving import DriveEvaluator
+from testbed.evaluation.tracking import Evaluator, jsonable
+from testbed.frame import Frame
+from testbed.planners import find as find_planner
+from testbed.regret import conditions
+from testbed.regret.curves import SCHEMA, Curves
+from testbed.regret.discrepancy import Discrepancy, largest
+from testbed.regret.study import Settings, Task, split_scenario
+
+FOLDER = "drives"
+TRACKING = (  # measures of the tracker in its own drive
+    "gospa", "missed_percent", "false_per_scan", "switches", "lost", "birth_delay",
+    "rmse_position", "rmse_velocity", "rmse_heading_deg", "rmse_length", "rmse_width", "nees_position",
+)  # fmt: skip
+
+
+def drive_path(task: Task, out: Path) -> Path:
+    """Where a drive lies."""
+    return out / FOLDER / f"{task.name}.parquet"
+
+
+def drive(task: Task, settings: Settings, out: Path) -> Outcome:
+    """Make a drive, unless it has a valid file."""
+
+    def work() -> str:
+        path, note = drive_path(task, out), ""
+        if path.exists():
+            try:
+                check_part(path, task, SCHEMA)
+                return FOUND
+            except ValueError as error:
+                note = str(error)
+        curves, meta = driven(task, settings)
+        write(curves.table(), {"task": task._asdict(), **meta}, path)
+        return note
+
+    return outcome_of(task.name, work)
+
+
+def reads(task: Task, settings: Settings, out: Path) -> Sequence[Path]:
+    """What a drive reads: its own file, which it replaces where it is damaged."""
+    return [drive_path(task, out)]
+
+
+class DriveObserver:
+    """Collects what is kept of a drive, scan by scan."""
+
+    def __init__(self, tracker: str | None) -> None:
+        self.drive = DriveEvaluator()
+        self.tracking = None if tracker is None else Evaluator(tracker)
+        self._pose: list[Any] = []
+        self._action: list[str] = []
+        self._found: list[Discrepancy] = []
+
+    def __call__(self, frame: Frame) -> None:
+        """Take one frame."""
+        tracks, info = next(iter(frame.outputs.values()))
+        self.drive.step(frame.scene)
+        if self.tracking is not None:
+            self.tracking.step(frame.time, frame.scene, frame.origin, tracks, info.owner)
+        self._pose.append(frame.scene.ego.pose)
+        self._action.append(frame.action)
+        self._found.append(largest(frame.scene, frame.origin.visible, tracks))
+
+    @property
+    def curves(self) -> Curves:
+        """The drive so far."""
+        sizes = np.array([d.size for d in self._found])
+        return Curves(self.drive.curves, np.array(self._pose), sizes, self._action, [d.text for d in self._found])
+
+
+def driven(task: Task, settings: Settings) -> tuple[Curves, dict[str, Any]]:
+    """Curves of a drive, and its measures, decisions, tracking errors and CPU time [s] as JSON types."""
+    condition = conditions.parse(task.condition)
+    observer = DriveObserver(task.condition if condition.groups is None and condition.tracker else None)
+    start = process_time()
+    with closing(make_env(task, settings)) as env:
+        planner = find_planner(task.planner)
+        env.get_wrapper_attr("attach")(observer)
+        env.reset(seed=task.seed)
+        getattr(planner, "begin", lambda env: None)(env)
+        decisions: list[list[float]] = []
+        times: list[float] = []
+        done = False
+        while not done:
+            action = planner.choose(env).action
+            times.append(env.get_wrapper_attr("truth").time)
+            decisions.append(np.ravel(action).astype(float).tolist())
+            _, _, terminated, truncated, _ = env.step(action)
+            done = terminated or truncated
+        cpu = process_time() - start
+    tracking = {} if observer.tracking is None else observer.tracking.summary()
+    return observer.curves, {
+        "measures": jsonable(asdict(observer.drive.measures)),
+        "tracking": jsonable({key: tracking[key] for key in TRACKING if key in tracking}),
+        "decisions": decisions,
+        "times": times,
+        "seconds": {"cpu": cpu},
+    }
+
+
+def make_env(task: Task, settings: Settings, **options: Any) -> gym.Env:
+    """The environment of a drive; options go to `TrackedEnv`."""
+    name, parameters = split_scenario(task.scenario)
+    planner = find_planner(task.planner)
+    config: dict[str, Any] = dict(parameters)
+    if settings.duration is not None:
+        config["duration"] = settings.duration
+    if action := getattr(planner, "action", None):
+        config["action"] = dict(action)
+    found = conditions.source(conditions.parse(task.condition), settings.radar, task.seed)
+    return gym.make(
+        f"testbed/{name}-v0", config=config, tracker=found, radar=settings.radar, planner=task.planner, **options
+    )

@@ -1,0 +1,89 @@
+"""Two drives of one seed side by side: how the second differs from the first, and where they part."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from testbed.evaluation.driving import extra_braking, speed_difference
+from testbed.regret.curves import Curves
+from testbed.regret.measures import MEASURES
+from testbed.regret.results import Drive
+
+HARD = 2.0  # [m/s^2] braking that counts as an event
+AFTER = 3.0  # [s] within which the other drive brakes for the same reason
+SAME = 0.05  # two actions within this are one decision: continuous ones span -1 to 1, others are whole numbers
+
+
+def same_decision(a: Sequence[float], b: Sequence[float]) -> bool:
+    """Whether two actions are one decision."""
+    return bool(np.max(np.abs(np.subtract(a, b)), initial=0.0) <= SAME)
+
+
+def difference(drive: Drive, other: Drive) -> dict[str, float]:
+    """Measures of a drive minus those of another one."""
+    return {m.key: float(drive.measures[m.key]) - float(other.measures[m.key]) for m in MEASURES}
+
+
+def paired(curves: Curves, others: Curves, drive: Drive, other: Drive) -> dict[str, float]:
+    """What only a pair has: extra braking [m/s], rms difference of the speeds [m/s], changed decisions [%]."""
+    return {
+        "extra_braking": extra_braking(curves.drive, others.drive),
+        "speed_difference": speed_difference(curves.drive, others.drive),
+        "changed": 100 * float(np.mean([not same_decision(a, b) for a, b in _both(drive, other)])),
+    }
+
+
+class Parting(NamedTuple):
+    """Where two drives part: the first decision that differs."""
+
+    time: float  # [s]
+    action: str  # of the drive
+    other: str  # of the one that it is compared with
+    cause: str  # the largest difference between tracks and truth then
+
+    def __str__(self) -> str:
+        return f"at {self.time:.1f} s {self.action} instead of {self.other}; {self.cause}"
+
+
+def parting(curves: Curves, others: Curves, drive: Drive, other: Drive) -> Parting | None:
+    """Where a drive parts from another one, None where all decisions agree."""
+    for k, (a, b) in enumerate(_both(drive, other)):
+        if not same_decision(a, b):
+            time = drive.times[k]
+            words = [c.action[int(np.searchsorted(c.drive.time, time + 1e-6))] for c in (curves, others)]
+            return Parting(time, *words, curves.cause[int(np.searchsorted(curves.drive.time, time - 1e-6))])
+    return None
+
+
+def _both(drive: Drive, other: Drive) -> list[tuple[list[float], list[float]]]:
+    """Decisions that both made at the same time."""
+    return list(zip(drive.decisions, other.decisions, strict=False))
+
+
+def events(curves: Curves, others: Curves) -> list[tuple[float, str]]:
+    """Time [s] and text: braking for nothing, and braking too late, each beside the other drive."""
+    time, own, ref = curves.drive.time, curves.drive.braking, others.drive.braking
+    found = []
+    for start in _onsets(own > HARD):
+        again = ref[(others.drive.time >= time[start] - AFTER) & (others.drive.time <= time[start] + AFTER)]
+        if not (again > HARD).any():
+            found.append((float(time[start]), f"brakes for nothing, {own[start : start + 15].max():.1f} m/s^2"))
+    mine = time[_onsets(own > HARD)]
+    for start in _onsets(ref > HARD):
+        at = others.drive.time[start]
+        later = mine[(mine >= at - AFTER) & (mine <= at + AFTER)]
+        if not len(later):
+            found.append((float(at), "does not brake where the other drive does"))
+        elif (delay := float(later[0] - at)) > 0.1:
+            found.append((float(later[0]), f"brakes {delay:.1f} s late"))
+    return sorted(found)
+
+
+def _onsets(active: NDArray) -> NDArray:
+    """Indices at which a series (F,) of bool becomes true, spans nearer than a second counted as one."""
+    starts = np.flatnonzero(active & ~np.concatenate([[False], active[:-1]]))
+    ends = np.flatnonzero(active & ~np.concatenate([active[1:], [False]]))
+    fresh = np.concatenate([[True], starts[1:] - ends[:-1] > 15]) if len(starts) else np.zeros(0, bool)
+    return starts[fresh]
