@@ -236,14 +236,16 @@ def speed_difference(drive: DriveCurves, other: DriveCurves) -> float:
     return float(np.sqrt(np.mean((drive.speed[:n] - other.speed[:n]) ** 2)))
 
 
-def changed_decisions(actions: Sequence[Any], others: Sequence[Any]) -> float:
+def changed_decisions(actions: Sequence[Any], others: Sequence[Any], within: float = 0.0) -> float:
     """Share of the decisions of two drives that differ, as far as both go; 0 without any.
+
+    Continuous actions that differ by no more than `within` are one decision.
 
     >>> changed_decisions([1, 1, 0, 2], [1, 0, 0])
     0.3333333333333333
     """
     pairs = list(zip(actions, others, strict=False))
-    return sum(not np.array_equal(a, b) for a, b in pairs) / len(pairs) if pairs else 0.0
+    return sum(not np.allclose(a, b, rtol=0.0, atol=within) for a, b in pairs) / len(pairs) if pairs else 0.0
 
 
 @dataclass

@@ -8,6 +8,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.stats import spearmanr
 
+from testbed.compare.runs.rows import content
 from testbed.compare.statistics.differences import PairedDifference, needed
 from testbed.evaluation.intervals import NO_INTERVAL, Interval, bootstrap_interval, measured
 from testbed.frame import TRUTH
@@ -89,7 +90,7 @@ class Attribution(NamedTuple):
     measure: str
     seeds: int  # with all eight drives
     total: Interval
-    share: dict[str, Interval]  # by group, (RGT.7)
+    share: dict[str, Interval]  # by group, (RGT.8)
     repaired: dict[str, Interval]  # change of the tracker's drive when one group is made perfect
 
 
@@ -133,7 +134,7 @@ def self_test(results: Results) -> dict[Task, bool]:
         base, colon, groups = task.condition.rpartition(":")
         own = task._replace(condition=base)
         if colon and groups == GROUPS and own in results.drives:
-            found[task] = results.curves(task).table().equals(results.curves(own).table())
+            found[task] = content(results.curves(task).table()) == content(results.curves(own).table())
     return found
 
 
@@ -142,7 +143,7 @@ class Correlation(NamedTuple):
 
     error: str  # key of `measures.TRACKING`
     rho: float  # Spearman's rank correlation with the regret J over means of (scenario, planner, tracker)
-    count: int
+    means: int
 
 
 def error_and_regret(results: Results, found: Pairs) -> pd.DataFrame:

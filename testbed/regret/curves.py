@@ -35,8 +35,7 @@ class Curves(NamedTuple):
 
     def table(self) -> pa.Table:
         """Columns of `SCHEMA`."""
-        found = {"time": self.drive.time, **dict(zip(("x", "y", "heading"), self.pose.T, strict=True))}
-        found |= self.drive.frames._asdict()
+        found = {**self.drive._asdict(), **dict(zip(("x", "y", "heading"), self.pose.T, strict=True))}
         found |= {"discrepancy": self.discrepancy, "action": list(self.action), "cause": list(self.cause)}
         return pa.table([pa.array(found[f.name], f.type) for f in SCHEMA], schema=SCHEMA)
 
@@ -47,7 +46,6 @@ class Curves(NamedTuple):
         def column(name: str) -> NDArray:
             return table[name].to_numpy()
 
-        frames = DriveFrame(*(column(name) for name in DriveFrame._fields))
         pose = np.stack([column(name) for name in ("x", "y", "heading")], -1)
         words = [table[name].to_pylist() for name in WORDS]
-        return cls(DriveCurves(column("time"), frames), pose, column("discrepancy"), *words)
+        return cls(DriveCurves(*map(column, DriveCurves._fields)), pose, column("discrepancy"), *words)

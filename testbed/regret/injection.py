@@ -144,7 +144,7 @@ class Injected:
             for i, v in zip(tracks.id.tolist(), tracks.estimate.velocity, strict=True)
         }
         estimate = disturb(tracks.estimate, [objects[i] for i in tracks.id.tolist()], scene.ego.pose, self.errors)
-        state = InjectionState(source, state.tracker, state.objects | objects, past, state.scans + 1)
+        state = InjectionState(source, state.tracker, {**state.objects, **objects}, past, state.scans + 1)
         tracks = tracks._replace(estimate=estimate)
         return state, self._present(tracks, objects, scene.time), info
 
@@ -202,7 +202,7 @@ def disturb(estimate: Estimate, own: list[ObjectPast], ego: NDArray, errors: Err
     if e.lateral_position:
         pose[:, :2] += e.lateral_position * noise[:, 2:3] * across
     if e.near_edge:
-        pose[:, :2] -= e.near_edge * near_side(pose, size, ego)
+        pose[:, :2] += e.near_edge * line_of_sight(pose, size, ego)  # (RGT.6)
     if e.length:
         pose, size = resize_keep_edge(pose, size, size + np.array([e.length, 0.0]), ego)
     if e.heading:
@@ -212,26 +212,30 @@ def disturb(estimate: Estimate, own: list[ObjectPast], ego: NDArray, errors: Err
 
 
 def near_side(pose: NDArray, size: NDArray, ego: NDArray) -> NDArray:
-    """Where the ego is as seen from T boxes, (T, 2) in the world frame, at most 1 along each axis of a box.
+    """The point of T boxes that is nearest to the ego, (T, 2) along the axes of each box, in halves of its size.
 
-    pose (T, 3), size (T, 2) [m], ego (3,). 1 is in front of, or beside, the box; less where the ego is level with it.
+    pose (T, 3), size (T, 2) [m], ego (3,). At most 1: the front, or the positive side; less beside.
     """
-    turn = rotation(pose[:, 2])
-    local = (turn.mT @ (ego[:2] - pose[:, :2])[..., None])[..., 0]
-    return (turn @ np.clip(local / (size / 2), -1, 1)[..., None])[..., 0]  # (RGT.5)
+    local = (rotation(pose[:, 2]).mT @ (ego[:2] - pose[:, :2])[..., None])[..., 0]
+    return np.clip(local / (size / 2), -1, 1)  # (RGT.5)
+
+
+def line_of_sight(pose: NDArray, size: NDArray, ego: NDArray) -> NDArray:
+    """Unit vectors (T, 2) from the ego to the nearest points of T boxes; arguments as in `near_side`."""
+    offset = (rotation(pose[:, 2]) @ (near_side(pose, size, ego) * size / 2)[..., None])[..., 0]
+    away = pose[:, :2] + offset - ego[:2]
+    return away / np.maximum(np.hypot(*away.T), 1e-9)[:, None]
 
 
 def resize_keep_edge(pose: NDArray, size: NDArray, new: NDArray, ego: NDArray) -> tuple[NDArray, NDArray]:
-    """Poses (T, 3) and sizes (T, 2) [m] of boxes that take a new size (T, 2) and keep the edge nearest to the ego.
+    """Poses (T, 3) and sizes (T, 2) [m] of boxes that take a new size (T, 2) and keep the point nearest to the ego.
 
     A size is at least .3 m.
     """
     new = np.maximum(new, 0.3)
-    turn = rotation(pose[:, 2])
-    local = (turn.mT @ (ego[:2] - pose[:, :2])[..., None])[..., 0]
-    shift = np.clip(local / (size / 2), -1, 1) * (size - new) / 2  # (RGT.6)
+    shift = near_side(pose, size, ego) * (size - new) / 2
     pose = pose.copy()
-    pose[:, :2] += (turn @ shift[..., None])[..., 0]
+    pose[:, :2] += (rotation(pose[:, 2]) @ shift[..., None])[..., 0]  # (RGT.7)
     return pose, new
 
 

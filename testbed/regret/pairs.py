@@ -1,12 +1,11 @@
 """Two drives of one seed side by side: how the second differs from the first, and where they part."""
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from testbed.evaluation.driving import extra_braking, speed_difference
+from testbed.evaluation.driving import changed_decisions, extra_braking, speed_difference
 from testbed.regret.curves import Curves
 from testbed.regret.measures import MEASURES
 from testbed.regret.results import Drive
@@ -14,11 +13,6 @@ from testbed.regret.results import Drive
 HARD = 2.0  # [m/s^2] braking that counts as an event
 AFTER = 3.0  # [s] within which the other drive brakes for the same reason
 SAME = 0.05  # two actions within this are one decision: continuous ones span -1 to 1, others are whole numbers
-
-
-def same_decision(a: Sequence[float], b: Sequence[float]) -> bool:
-    """Whether two actions are one decision."""
-    return bool(np.max(np.abs(np.subtract(a, b)), initial=0.0) <= SAME)
 
 
 def difference(drive: Drive, other: Drive) -> dict[str, float]:
@@ -31,7 +25,7 @@ def paired(curves: Curves, others: Curves, drive: Drive, other: Drive) -> dict[s
     return {
         "extra_braking": extra_braking(curves.drive, others.drive),
         "speed_difference": speed_difference(curves.drive, others.drive),
-        "changed": 100 * float(np.mean([not same_decision(a, b) for a, b in _both(drive, other)])),
+        "changed": 100 * changed_decisions(drive.decisions, other.decisions, SAME),
     }
 
 
@@ -49,17 +43,12 @@ class Parting(NamedTuple):
 
 def parting(curves: Curves, others: Curves, drive: Drive, other: Drive) -> Parting | None:
     """Where a drive parts from another one, None where all decisions agree."""
-    for k, (a, b) in enumerate(_both(drive, other)):
-        if not same_decision(a, b):
+    for k, (a, b) in enumerate(zip(drive.decisions, other.decisions, strict=False)):
+        if changed_decisions([a], [b], SAME):
             time = drive.times[k]
-            words = [c.action[int(np.searchsorted(c.drive.time, time + 1e-6))] for c in (curves, others)]
-            return Parting(time, *words, curves.cause[int(np.searchsorted(curves.drive.time, time - 1e-6))])
+            chosen, instead = (c.action[int(np.searchsorted(c.drive.time, time + 1e-6))] for c in (curves, others))
+            return Parting(time, chosen, instead, curves.cause[int(np.searchsorted(curves.drive.time, time - 1e-6))])
     return None
-
-
-def _both(drive: Drive, other: Drive) -> list[tuple[list[float], list[float]]]:
-    """Decisions that both made at the same time."""
-    return list(zip(drive.decisions, other.decisions, strict=False))
 
 
 def events(curves: Curves, others: Curves) -> list[tuple[float, str]]:

@@ -28,6 +28,6 @@ def shapley(values: Mapping[str, NDArray]) -> dict[str, NDArray]:
             if group not in subset:
                 weight = factorial(len(subset)) * factorial(n - len(subset) - 1) / factorial(n)
                 with_it = "".join(g for g in GROUPS if g in subset + group)
-                share = share + weight * (np.asarray(values[with_it]) - np.asarray(value))  # (RGT.7)
+                share = share + weight * (np.asarray(values[with_it]) - np.asarray(value))  # (RGT.8)
         shares[group] = share
     return shares

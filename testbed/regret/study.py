@@ -1,9 +1,7 @@
 """What is driven: all scenarios with all planners, conditions and seeds, and settings that all drives share."""
 
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import testbed.compare.runs.config as comparison
@@ -165,13 +163,13 @@ def write_settings(study: Study) -> None:
     comparison.write_identity(Path(study.out), identity(study))
 
 
-def identity(study: Study) -> Mapping[str, Any]:
+def identity(study: Study) -> dict[str, Any]:
     """Settings, versions of libraries, and digests of our code, as far as they decide about results."""
     trackers = dict.fromkeys(conditions.parse(t).tracker for t in study.trackers)
-    return MappingProxyType({
+    return {
         **asdict(study.settings),
         **{f"version of {name}": version for name, version in versions().items()},
         "code": shared_digest(),
         "code of the drives": modules_digest(DRIVES),
         **{f"code of {tracker}": tracker_digest(tracker) for tracker in trackers if tracker is not None},
-    })  # fmt: skip
+    }

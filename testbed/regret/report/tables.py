@@ -73,7 +73,7 @@ def attribution(found: Sequence[Attribution]) -> Grid:
 
 def correlation(found: Sequence[Correlation]) -> Grid:
     """Tracking errors down: how well each ranks the regret."""
-    lines = [Line(TRACKING[c.error][0], [Field(f"{c.rho:+.2f}"), Field(str(c.count))]) for c in found]
+    lines = [Line(TRACKING[c.error][0], [Field(f"{c.rho:+.2f}"), Field(str(c.means))]) for c in found]
     return Grid(
         "Spearman's rank correlation of an error of the tracker, in its own drives, with the regret J, over the means "
         "of all scenarios, planners and trackers.",
