@@ -9,16 +9,21 @@ import numpy as np
 from highway_env.envs.common.abstract import AbstractEnv
 from highway_env.envs.common.action import DiscreteMetaAction
 from highway_env.envs.common.finite_mdp import finite_mdp
+from highway_env.vehicle.objects import Obstacle
 from numpy.typing import NDArray
 
+from scenarios.bodies import parts
+from scenarios.corridor import drive_value, gap_ahead, time_to_collision
 from scenarios.record import Scenario
 from scenarios.registry import find
 from scenarios.stage import TARGET_SPEEDS, Phase
 from scenarios.vehicles import PedalEgo
+from trackers.geometry import box_corners, unit
 
 FEATURES = ("presence", "x", "y", "vx", "vy", "cos_h", "sin_h")
 SPEED_RANGE = (0.0, 30.0)  # [m/s] over which the reward rises
 MAX_FREQUENCY = 100  # [Hz] of simulated frames: no automotive radar scans faster, and each frame is a scan
+REWARDS = ("speed", "drive")  # speed as a share of the range; what `J` of a drive measures
 ACTION_TYPES = ("ContinuousAction", "DiscreteAction", "DiscreteMetaAction")
 
 
@@ -62,6 +67,8 @@ def build_config(default: dict[str, Any], config: dict[str, Any] | None) -> dict
     simulation, policy = merged["simulation_frequency"], merged["policy_frequency"]
     if simulation % policy != 0:
         raise ValueError(f"policy_frequency {policy} Hz must divide simulation_frequency {simulation} Hz")
+    if merged["reward"] not in REWARDS:
+        raise ValueError(f"config['reward'] must be one of {', '.join(REWARDS)}, got {merged['reward']!r}")
     if not is_positive(merged["duration"]):
         raise ValueError(f"config['duration'] must be positive and finite, got {merged['duration']!r}; give seconds")
     return merged
@@ -101,6 +108,7 @@ class ScenarioEnv(AbstractEnv):
             "simulation_frequency": 15,
             "policy_frequency": 5,
             "duration": 20.0,  # [s]
+            "reward": "speed",
             "collision_reward": 0.0,  # what a step that ends in a crash is worth
             "neighbour_vehicles_connected_lanes": True,
         }
@@ -137,9 +145,31 @@ class ScenarioEnv(AbstractEnv):
         }
 
     def _reward(self, action: Any) -> float:
-        """Speed along the lane as a share of 30 m/s, or the worth of a crash; in [0, 1]."""
-        terms = self._rewards(action)
-        return float(self.config["collision_reward"]) if terms["crashed"] else terms["speed"]
+        """What the step was worth: `collision_reward` after a crash, else by `config["reward"]`.
+
+        speed: that along the lane as a share of 30 m/s, in [0, 1]. drive: the rate of `J` at the end of the step times
+        the length of the step [s]; it has no lower bound.
+        """
+        if self.vehicle.crashed:
+            return float(self.config["collision_reward"])
+        if self.config["reward"] == "drive":
+            return self._drive_value() / self.config["policy_frequency"]
+        return self._rewards(action)["speed"]
+
+    def _drive_value(self) -> float:
+        """Rate of `J` now (MET.28)."""
+        ego, direction = self.vehicle, unit(self.vehicle.heading)
+        others = [v for v in self.road.vehicles if v is not ego]
+        others += [o for o in self.road.objects if isinstance(o, Obstacle) and o.solid]
+        bodies = [part for v in others for part in parts(v)]
+        pose = np.array([b.pose for b in bodies]).reshape(-1, 3)
+        size = np.array([b.size for b in bodies]).reshape(-1, 2)
+        closing = (ego.velocity - np.array([b.velocity for b in bodies]).reshape(-1, 2)) @ direction
+        own = np.array([*ego.position, ego.heading])
+        gap = gap_ahead(own, np.array([ego.LENGTH, ego.WIDTH]), box_corners(pose, size))
+        ttc = np.min(time_to_collision(gap, closing), initial=inf)
+        braking = max(0.0, -float(ego.action["acceleration"]))
+        return float(drive_value(ego.velocity @ direction, ttc, np.asarray(braking)))
 
     def _is_terminated(self) -> bool:
         return bool(self.vehicle.crashed)

@@ -47,7 +47,7 @@ PROBES = MappingProxyType({s.name: s for s in (
     Scenario(
         "probe-passing",
         "Two trucks weave a little while the ego passes them, and no more: braking here is for nothing.",
-        "scenarios.encounters:passing", 3, duration=10.0,
+        "scenarios.encounters:passing", 3, duration=10.0, calm=True,
         parameters=(Parameter("weave", 0.5, 0.0, 1.0, "m", "by which the trucks come towards the lane of the ego"),),
     ),
     Scenario(

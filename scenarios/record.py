@@ -49,6 +49,7 @@ class Scenario:
     duration: float = 20.0  # [s]
     parameters: tuple[Parameter, ...] = ()  # the builder takes them by name
     lateral: bool = True  # whether the ego may change lane, unless the config has an action of its own
+    calm: bool = False  # whether nothing in it calls for braking
 
     def __post_init__(self) -> None:
         if not (isinstance(self.duration, Real) and 0 < self.duration < inf):

@@ -370,6 +370,44 @@ def regret(
 
 
 @app.command()
+def probe(
+    name: Annotated[str, typer.Argument(help="A name of `testbed list probes`.")],
+    search: Annotated[
+        str | None, typer.Option(help="The parameter that is made harder. Without it: the first of the probe.")
+    ] = None,
+    planner: Annotated[str, typer.Option(help="A name of `testbed list planners`.")] = "idm",
+    tracker: Annotated[str, typer.Option(help="A name of `testbed list trackers`; compared with the truth.")] = DEFAULT,
+    radar: Annotated[str, typer.Option(help="A name of `testbed list radars`.")] = "surround",
+    seeds: Annotated[str, typer.Option(help="0:20 for 0 to 19, a list 0,3,7, or one number.")] = "0:20",
+    resolution: Annotated[float, typer.Option(help="In the unit of the parameter.")] = 0.5,
+    jobs: Annotated[int, typer.Option(help="Number of processes; -1 for one a core.")] = 1,
+    dask: Annotated[str | None, typer.Option(help="Address of a Dask scheduler, in place of local processes.")] = None,
+    out: Annotated[Path, typer.Option(help="Directory of the limits found; they are kept.")] = Path("runs/probe"),
+) -> None:
+    """Find the hardest setting of a probe that 95 % of the seeds survive, on the truth and on tracks.
+
+    The difference, in metres where the parameter is a distance, is what tracking
+    costs. Every seed's limit is found by bisection and has its file in OUT, so
+    after Ctrl-C the same command does the rest. Exit status 1: on tracks no
+    setting is survived, or some drives failed.
+
+    Example: [bold]testbed probe probe-brake --search gap --tracker rm-feldmann --jobs 2[/bold]
+    """
+    from testbed.compare.runs.config import parse_seeds
+    from testbed.compare.runs.engine import Engine
+    from testbed.compare.runs.engine import check as check_engine
+    from testbed.probing import command
+    from testbed.probing.drives import Setting
+
+    with user_input():
+        setting = Setting(name, planner, tracker, radar)
+        options = command.Options(setting, search, parse_seeds(seeds), resolution, Engine(jobs, dask), out)
+        options.check()
+        check_engine(options.engine)
+    raise typer.Exit(command.probe(options, console, progress_bar("{task.completed:.0f} / {task.total:.0f}", 600.0)))
+
+
+@app.command()
 def regress(
     update: Annotated[bool, typer.Option("--update", help="Write the results as the new baselines.")] = False,
     tracker: Annotated[list[str] | None, typer.Option(help="Repeat for several. Without it: all.")] = None,

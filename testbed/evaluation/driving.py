@@ -12,15 +12,13 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from scenarios.corridor import NEAR, drive_value, gap_ahead, time_to_collision
 from sensors.scene import Bodies, Ego, Scene
 from testbed.evaluation.metrics import areas
 from trackers.geometry import box_corners, compose, point_velocity, rotation, to_frame, unit
 
-FAR = 1e4  # [m] end of the corridor ahead, farther than any road
 LONGEST = 10.0  # [s] a longer time to collision or headway counts as this, and so does none
 HARDEST = 20.0  # [m/s^2] DRAC is cut at this: one near miss would else rule every mean
-NEAR = 3.0  # [s] below this, a time to collision counts for TIT and J
-UNIT_SPEED, UNIT_BRAKING = 30.0, 8.0  # [m/s], [m/s^2] that are worth 1 s, and cost 0.5 s, of J a second
 
 
 class BodyBoxes(NamedTuple):
@@ -56,16 +54,12 @@ def headway_time(ego: Ego, boxes: BodyBoxes) -> NDArray:
 
     Hayward (1972), for what reaches into the straight corridor, as wide as the ego, ahead of its front bumper.
     """
-    gap, closing = ahead(ego, boxes)
-    return np.divide(gap, closing, out=np.full(len(gap), np.inf), where=closing > 0)  # (MET.21)
+    return time_to_collision(*ahead(ego, boxes))  # (MET.21)
 
 
 def ahead(ego: Ego, boxes: BodyBoxes) -> tuple[NDArray, NDArray]:
     """Gap (B,) [m] from the front bumper, inf outside the corridor ahead, and closing speed (B,) [m/s]."""
-    front, half_width = ego.size / 2
-    local = areas(to_frame(ego.pose, box_corners(boxes.pose, boxes.size)))
-    inside = shapely.clip_by_rect(local, front, -half_width, FAR, half_width)
-    gap = np.where(shapely.area(inside) > 0, shapely.bounds(inside)[:, 0] - front, np.inf)
+    gap = gap_ahead(ego.pose, ego.size, box_corners(boxes.pose, boxes.size))
     return gap, (ego.velocity - boxes.velocity) @ unit(ego.pose[2])
 
 
@@ -77,16 +71,6 @@ def deceleration_needed(gap: NDArray, closing: NDArray) -> NDArray:
     with np.errstate(divide="ignore", invalid="ignore"):
         needed = closing**2 / (2 * gap)
     return np.where(closing > 0, np.minimum(needed, HARDEST), 0.0)  # (MET.25)
-
-
-def drive_value(speed: NDArray, ttc: NDArray, braking: NDArray) -> NDArray:
-    """Rate (...) of J: speed, less the prices of a short time to collision and of braking; all (...).
-
-    `speed` [m/s], `ttc` [s], `braking` [m/s^2], 0 where the ego does not brake. One second at 30 m/s on a free road
-    is worth 1.
-    """
-    risk = np.maximum(0.0, 1 - ttc / NEAR) ** 2
-    return speed / UNIT_SPEED - 2 * risk - 0.5 * (braking / UNIT_BRAKING) ** 2  # (MET.28)
 
 
 def contact_time(ego: Ego, boxes: BodyBoxes) -> NDArray:
@@ -133,7 +117,7 @@ def drive_frame(scene: Scene, last: Scene | None) -> DriveFrame:
         acceleration = (speed - before) / (scene.time - last.time)
     return DriveFrame(
         distance=_smallest(box_distance(ego, boxes)),
-        ttc=_smallest(np.divide(gap, closing, out=np.full(len(gap), np.inf), where=closing > 0)),
+        ttc=_smallest(time_to_collision(gap, closing)),
         ttc_plane=_smallest(contact_time(ego, boxes)),
         speed=speed,
         acceleration=acceleration,

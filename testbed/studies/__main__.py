@@ -13,6 +13,7 @@ from testbed.studies.contours import page as contours
 from testbed.studies.htg_tables import page as htg_tables
 from testbed.studies.modes import page as modes
 from testbed.studies.partial_view import page as partial_view
+from testbed.studies.probes import page as probes
 
 STUDIES: Mapping[str, Callable[..., None]] = {
     "closed-loop": closed_loop.main,
@@ -23,6 +24,7 @@ STUDIES: Mapping[str, Callable[..., None]] = {
     "layers": layers_figure.main,  # pictures for docs/layers.md
     "modes": modes.main,
     "partial-view": partial_view.main,
+    "probes": probes.main,
     "vehicles": vehicle_figure.main,  # a picture for docs/methods
     # committed results that the page of the comparison shows
     "publish": publish.main,

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import shapely
 
+from scenarios.corridor import drive_value
 from sensors.scene import Ego, boxes_scene
 from testbed.evaluation.driving import (
     BodyBoxes,
@@ -14,7 +15,6 @@ from testbed.evaluation.driving import (
     contact_time,
     count_onsets,
     deceleration_needed,
-    drive_value,
     extra_braking,
     headway_time,
     speed_difference,

@@ -1,0 +1,67 @@
+"""One drive of a probe, and whether it was survived."""
+
+from collections.abc import Mapping
+from contextlib import closing
+from typing import Any, NamedTuple
+
+import gymnasium as gym
+
+from scenarios import Scenario, find
+from scenarios.probes import PROBES
+from sensors import find as find_radar
+from testbed.environment.perception import tracker_of
+from testbed.environment.registration import env_id
+from testbed.evaluation.driving import DriveEvaluator, DriveMeasures
+from testbed.frame import Observer
+from testbed.planners import begin, settings
+from testbed.planners import find as find_planner
+from trackers.lookup import look_up
+
+FREE = 1.0  # [m/s^2] braking up to this is none, where nothing calls for it
+
+
+class Setting(NamedTuple):
+    """A probe and who drives in it; names as in the catalogues."""
+
+    probe: str
+    planner: str = "idm"
+    tracker: str = "truth"
+    radar: str = "surround"
+
+    def check(self) -> None:
+        """Raise LookupError, TypeError or ValueError, in one sentence, for what is not in the catalogues."""
+        look_up(self.probe, PROBES, "probe")
+        find_planner(self.planner)
+        tracker_of(self.tracker, find_radar(self.radar))
+
+
+def drive(
+    setting: Setting, seed: int, values: Mapping[str, float] | None = None, observer: Observer | None = None
+) -> DriveMeasures:
+    """Measures of one drive; `values` of the probe's parameters replace their defaults."""
+    planner, evaluator = find_planner(setting.planner), DriveEvaluator()
+    config = {**settings(planner), **(values or {})}
+    made = gym.make(env_id(setting.probe), tracker=setting.tracker, radar=setting.radar, config=config)
+    with closing(made) as env:
+        tracked: Any = env
+        tracked.attach(lambda frame: evaluator.step(frame.scene))
+        if observer is not None:
+            tracked.attach(observer)
+        env.reset(seed=seed)
+        begin(planner, env)
+        done = False
+        while not done:
+            action, tracked.plan = planner.choose(env)
+            _, _, terminated, truncated, _ = env.step(action)
+            done = terminated or truncated
+    return evaluator.measures
+
+
+def survived(probe: Scenario, measures: DriveMeasures) -> bool:
+    """Whether nothing was hit; in a probe in which nothing calls for braking, also whether the ego did not brake."""
+    return not measures.collided and (not probe.calm or measures.brake_max < FREE)
+
+
+def survives(setting: Setting, seed: int, values: Mapping[str, float]) -> bool:
+    """Whether a drive with these parameters is survived."""
+    return survived(find(setting.probe), drive(setting, seed, values))

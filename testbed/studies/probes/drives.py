@@ -1,0 +1,99 @@
+"""Drives of all probes on the truth, kept drive by drive, and what accepts a probe."""
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from scenarios.probes import PROBES
+from testbed.command_line.interruption import InterruptRequest
+from testbed.evaluation.driving import DriveMeasures
+from testbed.files import write_json
+from testbed.probing.drives import FREE, Setting, drive
+
+PLANNERS = {"probe-merge": "idm-keen"}  # that want what the probe is about; `PLANNER` in all others
+PLANNER = "idm"
+TTC = (1.5, 3.0)  # [s] in which the median of the least time to collision must lie
+SEEDS = 50
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What the drives of a probe on the truth were like."""
+
+    probe: str
+    planner: str
+    drives: int
+    collisions: int
+    ttc: tuple[float, float, float]  # [s] least, median, largest of the least time to collision of each drive
+    drac: float  # [m/s^2] median of the largest DRAC
+    braking: tuple[float, float]  # [m/s^2] median and largest of the hardest braking
+
+    @property
+    def accepted(self) -> bool:
+        """No collision; the median time to collision in `TTC`, or no braking where nothing calls for it."""
+        if PROBES[self.probe].calm:
+            return not self.collisions and self.braking[1] < FREE
+        return not self.collisions and TTC[0] <= self.ttc[1] <= TTC[1]
+
+
+def planner_of(probe: str) -> str:
+    """The planner with which a probe is accepted."""
+    return PLANNERS.get(probe, PLANNER)
+
+
+def verdict(probe: str, rows: Sequence[Mapping[str, Any]]) -> Verdict:
+    """The verdict on a probe from the measures of its drives.
+
+    The time to collision is that to anything, ahead or in the plane: a gap is entered from the side.
+    """
+    ttc = [min(row["ttc_min"], row["ttc_plane_min"]) for row in rows]
+    braking = [row["brake_max"] for row in rows]
+    return Verdict(
+        probe,
+        planner_of(probe),
+        len(rows),
+        sum(row["collided"] for row in rows),
+        (min(ttc), float(np.median(ttc)), max(ttc)),
+        float(np.median([row["drac_max"] for row in rows])),
+        (float(np.median(braking)), max(braking)),
+    )
+
+
+def all_drives(
+    seeds: Sequence[int], code: str, out: Path, progress: Callable[[str], None], request: InterruptRequest
+) -> dict[str, list[dict[str, Any]]]:
+    """Measures of the drives of each probe, those that lie in `out` from the same code included.
+
+    Ends early, with the drives made until then, when an interruption is requested.
+    """
+    found: dict[str, list[dict[str, Any]]] = {}
+    for probe in PROBES:
+        file = out / f"{probe}.json"
+        known = _known(file, code)
+        for seed in seeds:
+            if request.signal is not None:
+                break
+            progress(f"{probe}, seed {seed}")
+            if str(seed) not in known:
+                known[str(seed)] = row(drive(Setting(probe, planner_of(probe)), seed))
+                write_json(file, {"code": code, "drives": known})
+        found[probe] = [known[str(seed)] for seed in seeds if str(seed) in known]
+    return found
+
+
+def row(measures: DriveMeasures) -> dict[str, Any]:
+    """Measures as JSON types, rounded to what a page shows and more."""
+    return {key: value if isinstance(value, bool) else round(value, 4) for key, value in asdict(measures).items()}
+
+
+def _known(file: Path, code: str) -> dict[str, dict[str, Any]]:
+    """Drives of an earlier call by the same code, by seed."""
+    try:
+        found = json.loads(file.read_text())
+    except (FileNotFoundError, ValueError):
+        return {}
+    return found["drives"] if found["code"] == code else {}
