@@ -89,19 +89,8 @@ def driven(task: Task, settings: Settings) -> tuple[Curves, dict[str, Any]]:
     observer = DriveObserver(task.condition if condition.groups is None and condition.tracker else None)
     start = process_time()
     with closing(make_env(task, settings)) as env:
-        planner = find_planner(task.planner)
         env.get_wrapper_attr("attach")(observer)
-        env.reset(seed=task.seed)
-        getattr(planner, "begin", lambda env: None)(env)
-        decisions: list[list[float]] = []
-        times: list[float] = []
-        done = False
-        while not done:
-            action = planner.choose(env).action
-            times.append(env.get_wrapper_attr("truth").time)
-            decisions.append(np.ravel(action).astype(float).tolist())
-            _, _, terminated, truncated, _ = env.step(action)
-            done = terminated or truncated
+        times, decisions = drive_through(env, task)
         cpu = process_time() - start
     tracking = {} if observer.tracking is None else observer.tracking.summary()
     return observer.curves, {
@@ -111,6 +100,24 @@ def driven(task: Task, settings: Settings) -> tuple[Curves, dict[str, Any]]:
         "times": times,
         "seconds": {"cpu": cpu},
     }
+
+
+def drive_through(env: gym.Env, task: Task) -> tuple[list[float], list[list[float]]]:
+    """One episode with the planner and the seed of a task: time [s] and action of every decision."""
+    planner: Any = find_planner(task.planner)
+    times: list[float] = []
+    decisions: list[list[float]] = []
+    env.reset(seed=task.seed)
+    getattr(planner, "begin", lambda env: None)(env)
+    done = False
+    while not done:
+        choice = planner.choose(env)
+        env.set_wrapper_attr("plan", choice.plan)
+        times.append(env.get_wrapper_attr("truth").time)
+        decisions.append(np.ravel(choice.action).astype(float).tolist())
+        _, _, terminated, truncated, _ = env.step(choice.action)
+        done = terminated or truncated
+    return times, decisions
 
 
 def make_env(task: Task, settings: Settings, **options: Any) -> gym.Env:
