@@ -14,7 +14,7 @@ SITE := build/docs
 # Byte code is kept, also where the machine's default is not to.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo test test-all test-lowest lint types unit generated docs bench regress reproduce comparison comparison-page learning-docs family modes partial-view contours clean
+.PHONY: demo test test-all test-lowest lint types unit generated docs bench regress reproduce comparison comparison-page learning-docs family modes partial-view contours regret regret-page clean
 
 demo: $(STAMP)
 	@echo
@@ -79,6 +79,24 @@ modes: $(STAMP)  # two minutes
 
 partial-view: $(STAMP)  # eight minutes
 	$(BIN)/python -m testbed.studies partial-view --docs docs
+
+# Some hours on two idle cores; the same command goes on where it was interrupted. Seeds that no parameter was set on.
+REGRET_TRACKERS := imm-spline edra-imm htg-map rm-feldmann rm-koch
+REGRET_PLANNERS := idm mpc mpc-cautious search
+REGRET_DOSES := velocity_lag=0.25 velocity_lag=0.5 velocity_lag=1 lateral_velocity=0.5 lateral_velocity=1 near_edge=-1 \
+	near_edge=1 birth_delay=0.6 birth_delay=1.2 loss_rate=0.1 loss_rate=0.3 latency=0.2 latency=0.4
+CAUTION := probe-brake probe-reveal probe-pullout probe-passing
+REGRET := $(BIN)/testbed regret --jobs -1
+regret: $(STAMP)
+	$(REGRET) $(REGRET_PLANNERS:%=--planner %) $(REGRET_TRACKERS:%=--tracker %) --seeds 200:220 --out runs/regret/main
+	$(REGRET) --tracker imm-spline --tracker rm-feldmann --attribute --seeds 200:210 --out runs/regret/attribution
+	$(REGRET) $(REGRET_DOSES:%=--inject %) --seeds 200:210 --out runs/regret/doses
+	$(REGRET) $(CAUTION) --planner mpc --planner mpc-cautious --tracker imm-spline \
+		--tracker imm-spline+covariance=0.25 --tracker imm-spline+covariance=4 --seeds 240:280 --out runs/regret/caution
+	$(MAKE) regret-page FOLDERS="$(addprefix runs/regret/,main attribution doses caution)"
+
+regret-page: $(STAMP)  # docs/regret.md, from FOLDERS or else from the committed results
+	$(BIN)/python -m testbed.studies regret $(FOLDERS) --docs docs
 
 contours: $(STAMP)  # twelve minutes
 	$(BIN)/python -m testbed.studies contours --docs docs

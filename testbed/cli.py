@@ -364,6 +364,7 @@ def regret(
         options = command.Options(Engine(jobs, dask), junit)
         check(study)
         check_engine(options.engine)
+        options.check()
     raise typer.Exit(
         command.regret(study, options, console, progress_bar("{task.completed:.0f} / {task.total:.0f}", 600.0))
     )

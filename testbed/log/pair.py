@@ -86,8 +86,8 @@ def _add(block: Block, drive: LoggedDrive, middle: float | None) -> None:
     times = np.array([frame.time for frame in drive.frames])
     for time, text in drive.events:
         k = min(int(np.searchsorted(times, time - 1e-6)), len(steps) - 1)
-        row: layers.Row = {"TextLog:text": [f"{drive.title}: {text}"], "TextLog:level": ["INFO"]}
-        put(paths.EVENTS, steps[k], round(float(times[k]) * 1e9), row)
+        line: layers.Row = {"TextLog:text": [f"{drive.title}: {text}"], "TextLog:level": ["INFO"]}
+        put(paths.EVENTS, steps[k], round(float(times[k]) * 1e9), line)
 
 
 def _geometry(frame: Frame, middle: float | None) -> layers.Rows:

@@ -6,28 +6,18 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy.stats import spearmanr
 
 from testbed.compare.runs.rows import content
 from testbed.compare.statistics.differences import PairedDifference, needed
 from testbed.evaluation.intervals import NO_INTERVAL, Interval, bootstrap_interval, measured
-from testbed.frame import TRUTH
 from testbed.regret.conditions import IN_VIEW
-from testbed.regret.measures import BOTH_SIDES, KEYS, MEASURES, PAIRED, TRACKING
-from testbed.regret.pairs import Parting, difference, paired, parting
-from testbed.regret.results import Drive, Results
+from testbed.regret.measures import BOTH_SIDES, KEYS, TRACKING
+from testbed.regret.results import Results
 from testbed.regret.shapley import shapley
 from testbed.regret.study import Task
-from testbed.regret.substitution import GROUPS, subsets
+from testbed.regret.substitution import EXISTENCE, GROUPS, subsets
 
 ALL = "all"  # scenarios together
-
-
-class Pairs(NamedTuple):
-    """Differences of drives to the drives of a reference condition, on the same seeds."""
-
-    reference: str
-    table: pd.DataFrame  # scenario, planner, condition, seed, and every measure of `measures`: drive minus reference
 
 
 class Cell(NamedTuple):
@@ -48,24 +38,11 @@ class Cell(NamedTuple):
         return found
 
 
-def pairs(results: Results, reference: str, conditions: Sequence[str]) -> Pairs:
-    """All pairs of a reference condition that have both drives."""
-    rows = []
-    for task, drive in results.drives.items():
-        other = results.drives.get(task._replace(condition=reference))
-        if task.condition not in conditions or other is None:
-            continue
-        both = results.curves(task), results.curves(other.task)
-        rows.append({**task._asdict(), **difference(drive, other), **paired(*both, drive, other)})
-    columns = [*Task._fields, *(m.key for m in (*MEASURES, *PAIRED))]
-    return Pairs(reference, pd.DataFrame(rows, columns=columns))
-
-
-def cells(found: Pairs, scenarios: Sequence[str], measures: Sequence[str], together: bool = False) -> Iterator[Cell]:
-    """Changes by scenario, or over all scenarios together, each a stratum of its own."""
+def cells(pairs: pd.DataFrame, measures: Sequence[str], together: bool = False) -> Iterator[Cell]:
+    """Changes by scenario, or over all scenarios together, each a stratum of its own; `pairs` have one reference."""
+    scenarios = tuple(pairs["scenario"].unique())
     groups = [(ALL, scenarios)] if together else [(s, (s,)) for s in scenarios]
-    table = found.table
-    for (planner, condition), part in table.groupby(["planner", "condition"], sort=False):
+    for (planner, condition), part in pairs.groupby(["planner", "condition"], sort=False):
         for name, within in groups:
             strata = [part[part["scenario"] == s] for s in within]
             for key in measures:
@@ -94,37 +71,25 @@ class Attribution(NamedTuple):
     repaired: dict[str, Interval]  # change of the tracker's drive when one group is made perfect
 
 
-def attributions(results: Results, measures: Sequence[str]) -> Iterator[Attribution]:
-    """The attribution of every tracker that was driven with groups of errors."""
-    study = results.study
-    for scenario in study.scenarios:
-        for planner in study.planners:
-            for tracker in study.attributed:
-                drives = _subset_drives(results, scenario, planner, tracker)
-                for key in measures if drives else ():
-                    yield _attribution(scenario, planner, tracker, key, drives)
+def attributions(drives: pd.DataFrame, measures: Sequence[str]) -> Iterator[Attribution]:
+    """The attribution of every tracker that was driven with groups of errors, over the seeds with all eight drives."""
+    trackers = [c.removesuffix(f":{EXISTENCE}") for c in drives["condition"].unique() if c.endswith(f":{EXISTENCE}")]
+    for (scenario, planner), part in drives.groupby(["scenario", "planner"], sort=False):
+        for tracker in trackers:
+            names = {subset: f"{tracker}:{subset}" for subset in subsets()} | {"": IN_VIEW, GROUPS: tracker}
+            for key in measures:
+                table = part.pivot_table(index="seed", columns="condition", values=key)
+                if set(names.values()) <= set(table.columns):
+                    known = table[list(names.values())].dropna()
+                    values = {subset: known[name].to_numpy() for subset, name in names.items()}
+                    yield _attribution(scenario, planner, tracker, key, values)
 
 
-def _subset_drives(results: Results, scenario: str, planner: str, tracker: str) -> list[dict[str, Drive]]:
-    """For each seed the drives of all subsets; seeds that lack one are left out."""
-    names = {subset: f"{tracker}:{subset}" for subset in subsets()} | {"": IN_VIEW, GROUPS: tracker}
-    found = []
-    for seed in results.study.seeds:
-        tasks = {subset: Task(scenario, planner, name, seed) for subset, name in names.items()}
-        if all(task in results.drives for task in tasks.values()):
-            found.append({subset: results.drives[task] for subset, task in tasks.items()})
-    return found
-
-
-def _attribution(
-    scenario: str, planner: str, tracker: str, measure: str, drives: Sequence[dict[str, Drive]]
-) -> Attribution:
-    values = {s: np.array([float(d[s].measures[measure]) for d in drives]) for s in subsets()}
+def _attribution(scenario: str, planner: str, tracker: str, key: str, values: dict[str, NDArray]) -> Attribution:
     share = {g: bootstrap_interval([v]) for g, v in shapley(values).items()}
-    without = {g: GROUPS.replace(g, "") for g in GROUPS}
-    repaired = {g: bootstrap_interval([values[rest] - values[GROUPS]]) for g, rest in without.items()}
+    repaired = {g: bootstrap_interval([values[GROUPS.replace(g, "")] - values[GROUPS]]) for g in GROUPS}
     total = bootstrap_interval([values[GROUPS] - values[""]])
-    return Attribution(scenario, planner, tracker, measure, len(drives), total, share, repaired)
+    return Attribution(scenario, planner, tracker, key, len(values[""]), total, share, repaired)
 
 
 def self_test(results: Results) -> dict[Task, bool]:
@@ -139,52 +104,59 @@ def self_test(results: Results) -> dict[Task, bool]:
 
 
 class Correlation(NamedTuple):
-    """Whether a tracking error goes with regret, over the drives of all trackers."""
+    """Whether the trackers that have more of an error also have more regret, in the same scenario with one planner."""
 
     error: str  # key of `measures.TRACKING`
-    rho: float  # Spearman's rank correlation with the regret J over means of (scenario, planner, tracker)
-    means: int
+    rho: float  # rank correlation within scenarios and planners
+    means: int  # that it rests on, each of one tracker in one scenario with one planner
 
 
-def error_and_regret(results: Results, found: Pairs) -> pd.DataFrame:
+def error_and_regret(drives: pd.DataFrame, pairs: pd.DataFrame) -> pd.DataFrame:
     """One row a scenario, planner and tracker: mean regret J [s] and mean tracking errors, over the seeds."""
     keys = ["scenario", "planner", "condition"]
-    regret = (-found.table.set_index([*keys, "seed"])["J"]).rename("regret")
-    errors = results.table.set_index([*keys, "seed"])
+    regret = (-pairs.set_index([*keys, "seed"])["J"]).rename("regret")
+    errors = drives.set_index([*keys, "seed"])
     errors = errors[[key for key in TRACKING if key in errors]].astype(float)
-    return regret.to_frame().join(errors, how="inner").groupby(keys, sort=False).mean().reset_index()
+    joined = regret.to_frame().join(errors, how="inner").dropna(how="all", subset=list(errors.columns))
+    return joined.groupby(keys, sort=False).mean().reset_index()
 
 
 def correlations(table: pd.DataFrame) -> list[Correlation]:
-    """Spearman's rank correlation of every tracking error with the regret, the strongest first."""
+    """Rank correlation of every tracking error with the regret, the strongest first; table: of `error_and_regret`.
+
+    Spearman's, with ranks among the trackers of one scenario and planner: what makes a scenario hard does not count.
+    """
     found = []
     for key in TRACKING:
         if key not in table:
             continue
-        known = table[[key, "regret"]].dropna()
-        if len(known) > 3 and known[key].nunique() > 1 and known["regret"].nunique() > 1:
-            found.append(Correlation(key, float(spearmanr(known[key], known["regret"]).statistic), len(known)))
+        known = table[["scenario", "planner", key, "regret"]].dropna()
+        ranks = known.groupby(["scenario", "planner"])[[key, "regret"]].rank()
+        centred = ranks - ranks.groupby([known["scenario"], known["planner"]]).transform("mean")
+        a, b = centred[key].to_numpy(), centred["regret"].to_numpy()
+        scale = float(np.sqrt((a @ a) * (b @ b)))
+        if len(known) > 3 and scale > 0:
+            found.append(Correlation(key, float(a @ b) / scale, len(known)))
     return sorted(found, key=lambda c: -abs(c.rho))
 
 
 class WorstPair(NamedTuple):
-    """The drive of a tracker that lost most against the truth."""
+    """The drive of a tracker that lost most against the reference."""
 
     task: Task
     regret: float  # [s]
-    parting: Parting | None
+    parted: float  # [s] when it parts from the drive on the reference, NaN for never
+    parting: str  # the same in words
 
 
-def worst_pairs(results: Results, found: Pairs) -> list[WorstPair]:
-    """For each planner and tracker the pair with the largest regret J against the truth."""
+def worst_pairs(pairs: pd.DataFrame) -> list[WorstPair]:
+    """For each planner and tracker the pair with the largest regret J; `pairs` have one reference."""
     worst = []
-    for _, part in found.table.groupby(["planner", "condition"], sort=False):
+    for _, part in pairs.groupby(["planner", "condition"], sort=False):
         if part["J"].notna().any():
             row = part.loc[part["J"].idxmin()]
             task = Task(row["scenario"], row["planner"], row["condition"], int(row["seed"]))
-            other = task._replace(condition=found.reference)
-            where = parting(results.curves(task), results.curves(other), results.drives[task], results.drives[other])
-            worst.append(WorstPair(task, -float(row["J"]), where))
+            worst.append(WorstPair(task, -float(row["J"]), float(row["parted"]), row["parting"]))
     return worst
 
 
@@ -217,12 +189,7 @@ def unresolved(found: Sequence[Cell]) -> list[str]:
     return sentences
 
 
-def references(results: Results) -> dict[str, Pairs]:
-    """All pairs against the truth ("total"), against what is in view ("tracking"), and in-view against the truth."""
-    study = results.study
-    tracked = (*study.trackers, *study.injected)
-    return {
-        "total": pairs(results, TRUTH, tracked),
-        "tracking": pairs(results, IN_VIEW, tracked),
-        "sensing": pairs(results, TRUTH, (IN_VIEW,)),
-    }
+def compared_with(pairs: pd.DataFrame, reference: str, sensing: bool = False) -> pd.DataFrame:
+    """The pairs of one reference: of trackers and injected errors, or, for `sensing`, of what is in view."""
+    wanted = (pairs["condition"] == IN_VIEW) if sensing else (pairs["condition"] != IN_VIEW)
+    return pairs[(pairs["reference"] == reference) & wanted]

@@ -1,14 +1,18 @@
 """Two drives of one seed side by side: how the second differs from the first, and where they part."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from testbed.evaluation.driving import changed_decisions, extra_braking, speed_difference
+from testbed.frame import TRUTH
+from testbed.regret.conditions import IN_VIEW, parse
 from testbed.regret.curves import Curves
-from testbed.regret.measures import MEASURES
-from testbed.regret.results import Drive
+from testbed.regret.measures import MEASURES, PAIRED
+from testbed.regret.results import Drive, Results
+from testbed.regret.study import Task
 
 HARD = 2.0  # [m/s^2] braking that counts as an event
 AFTER = 3.0  # [s] within which the other drive brakes for the same reason
@@ -76,3 +80,29 @@ def _onsets(active: NDArray) -> NDArray:
     ends = np.flatnonzero(active & ~np.concatenate([active[1:], [False]]))
     fresh = np.concatenate([[True], starts[1:] - ends[:-1] > 15]) if len(starts) else np.zeros(0, bool)
     return starts[fresh]
+
+
+def table(results: Results) -> pd.DataFrame:
+    """All drives beside those on the truth, and beside those on what is in view: drive minus reference.
+
+    One row a pair: reference, scenario, planner, condition, seed, the measures, what only pairs have, `parted` [s] and
+    `parting` in words. Drives with groups of errors are left out: their attribution needs no pairs.
+    """
+    rows: list[dict[str, Any]] = []
+    for task, drive in results.drives.items():
+        if parse(task.condition).groups is not None:
+            continue
+        for reference in (TRUTH, IN_VIEW):
+            other = results.drives.get(task._replace(condition=reference))
+            if other is not None and task.condition not in (TRUTH, reference):
+                rows.append({"reference": reference, **task._asdict(), **_row(results, drive, other)})
+    columns = ["reference", *Task._fields, *(m.key for m in (*MEASURES, *PAIRED)), "parted", "parting"]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def _row(results: Results, drive: Drive, other: Drive) -> dict[str, Any]:
+    curves, others = results.curves(drive.task), results.curves(other.task)
+    where = parting(curves, others, drive, other)
+    words = "no decision differs" if where is None else str(where)
+    parted = np.nan if where is None else where.time
+    return {**difference(drive, other), **paired(curves, others, drive, other), "parted": parted, "parting": words}

@@ -14,7 +14,7 @@ from testbed.regret.curves import SCHEMA, Curves
 from testbed.regret.drives import drive_path
 from testbed.regret.study import Study, Task
 
-TABLE = "drives.parquet"
+DRIVES, PAIRS = "drives.parquet", "pairs.parquet"  # tables in the folder of a study
 
 
 class Drive(NamedTuple):
@@ -62,9 +62,9 @@ class Results:
         """The curves of a drive; ValueError where its file is damaged."""
         return Curves.of(pq.read_table(drive_path(task, Path(self.study.out))))
 
-    def write(self) -> Path:
-        """Write the table into the folder; raises OSError, in one sentence, where it cannot be written."""
-        path = Path(self.study.out) / TABLE
-        with atomic_file(path) as file:
-            pq.write_table(pa.Table.from_pandas(self.table, preserve_index=False), file)
-        return path
+
+def write_table(table: pd.DataFrame, path: Path) -> Path:
+    """Write a table of drives or of pairs; raises OSError, in one sentence, where it cannot be written."""
+    with atomic_file(path) as file:
+        pq.write_table(pa.Table.from_pandas(table, preserve_index=False), file)
+    return path

@@ -23,6 +23,7 @@ from trackers.multi.tracks import StepInfo, Tracks
 from trackers.scan import Scan
 
 EXISTENCE, GEOMETRY, MOTION = GROUPS = "EGV"
+GROUP_NAMES = {EXISTENCE: "existence", GEOMETRY: "geometry", MOTION: "motion"}
 GATE = 4.0  # [m] between centres; of long objects half the length and
 GATE_BEYOND = 1.5  # [m]
 

@@ -14,6 +14,7 @@ from testbed.studies.htg_tables import page as htg_tables
 from testbed.studies.modes import page as modes
 from testbed.studies.partial_view import page as partial_view
 from testbed.studies.probes import page as probes
+from testbed.studies.regret import page as regret
 
 STUDIES: Mapping[str, Callable[..., None]] = {
     "closed-loop": closed_loop.main,
@@ -25,6 +26,7 @@ STUDIES: Mapping[str, Callable[..., None]] = {
     "modes": modes.main,
     "partial-view": partial_view.main,
     "probes": probes.main,
+    "regret": regret.main,
     "vehicles": vehicle_figure.main,  # a picture for docs/methods
     # committed results that the page of the comparison shows
     "publish": publish.main,

@@ -22,6 +22,10 @@ LINES: dict[str, dict[str, str]] = {  # a correct and short call of each command
     "compare": {
         "scenario": "cut-in", "tracker": "rm-feldmann", "seeds": "0", "radar": "front", "duration": "0.2", "out": "out",
     },
+    "regret": {
+        "scenario": "probe-brake", "planner": "idle", "tracker": "rm-koch", "seeds": "0", "radar": "front",
+        "duration": "0.2", "out": "out",
+    },
     "regress": {
         "tracker": "rm-koch", "scenario": "cut-in", "jobs": "1", "baselines": "baselines.json", "out": "out",
     },

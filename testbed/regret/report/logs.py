@@ -5,6 +5,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 from numpy.typing import NDArray
 
 from scenarios.lanes import lane_shapes
@@ -53,8 +54,8 @@ def write_one(pair: WorstPair, settings: Settings, out: Path) -> Outcome:
         reference = replayed(pair.task._replace(condition=TRUTH), settings)
         tracked = replayed(pair.task, settings)
         beside = events(tracked.observer.curves, reference.observer.curves)
-        if pair.parting is not None:
-            beside = sorted([(pair.parting.time, f"parts from the truth: {pair.parting}"), *beside])
+        if np.isfinite(pair.parted):
+            beside = sorted([(pair.parted, f"parts from the truth: {pair.parting}"), *beside])
         drives = [
             LoggedDrive(TRUTH, "on the truth", reference.frames, _curves(reference), []),
             LoggedDrive(TRACKS, f"on {pair.task.condition}", tracked.frames, _curves(tracked), beside),
@@ -99,8 +100,7 @@ def _curves(drive: Replayed) -> dict[str, NDArray]:
 
 def _summary(pair: WorstPair) -> str:
     task = pair.task
-    where = "No decision differs." if pair.parting is None else f"The drives part {pair.parting}."
     return (
         f"# {task.scenario}, seed {task.seed}\n\nPlanner `{task.planner}`: truth above, `{task.condition}` "
-        f"below. Regret J {pair.regret:.2f} s.\n\n{where}\n"
+        f"below. Regret J {pair.regret:.2f} s.\n\nWhere the drives part: {pair.parting}.\n"
     )

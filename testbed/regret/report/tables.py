@@ -75,8 +75,8 @@ def correlation(found: Sequence[Correlation]) -> Grid:
     """Tracking errors down: how well each ranks the regret."""
     lines = [Line(TRACKING[c.error][0], [Field(f"{c.rho:+.2f}"), Field(str(c.means))]) for c in found]
     return Grid(
-        "Spearman's rank correlation of an error of the tracker, in its own drives, with the regret J, over the means "
-        "of all scenarios, planners and trackers.",
+        "Rank correlation of an error of the tracker, in its own drives, with the regret J: ranks among the trackers "
+        "of one scenario and planner, over all of these.",
         "error",
         ["rank correlation", "means"],
         lines,
@@ -85,14 +85,11 @@ def correlation(found: Sequence[Correlation]) -> Grid:
 
 def worst(found: Sequence[WorstPair]) -> Grid:
     """The worst pair of every planner and tracker, and where it parts from the truth."""
-    lines = [
-        Line(w.task.condition, [
-            Field(w.task.planner), Field(w.task.scenario), Field(str(w.task.seed)), Field(number(w.regret, 2)),
-            Field("no decision differs" if w.parting is None else str(w.parting)),
-        ])
-        for w in found
-    ]  # fmt: skip
     heads = ["planner", "scenario", "seed", "regret J [s]", "parts from the drive on the truth"]
+    lines = []
+    for w in found:
+        fields = map(Field, (w.task.planner, w.task.scenario, str(w.task.seed), number(w.regret, 2), w.parting))
+        lines.append(Line(w.task.condition, list(fields)))
     words = ("planner", "scenario", "parts from the drive on the truth")
     return Grid("The seed with the largest regret J against the truth.", "tracker", heads, lines, words=words)
 

@@ -1,12 +1,18 @@
 """`testbed regret` as a user meets it."""
 
+import re
+from xml.etree.ElementTree import parse
+
 import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
 from testbed.cli import app
+from testbed.log import reader
 
 ASKED = ["regret", "probe-brake", "--planner", "idle", "--tracker", "rm-koch", "--seeds", "0:3", "--duration", "0.4"]
+
+WHOLE = [*ASKED, "--attribute", "--inject", "velocity_lag=0.5"]
 
 
 def refused(out, *args):
@@ -44,7 +50,7 @@ def test_wrong_input_is_one_sentence(tmp_path, args, sentence):
 def first(tmp_path_factory):
     """A small study: its folder and what the command said."""
     out = tmp_path_factory.mktemp("regret")
-    done = CliRunner().invoke(app, [*ASKED, "--attribute", "--inject", "velocity_lag=0.5", "--out", str(out)])
+    done = CliRunner().invoke(app, [*WHOLE, "--junit", str(out / "regret.xml"), "--out", str(out)])
     assert done.exit_code == 0, done.output
     return out, done
 
@@ -55,9 +61,40 @@ def test_the_drives_are_in_one_table_and_the_same_command_finds_them(first):
     table = pd.read_parquet(out / "drives.parquet")
     assert len(table) == 31
     assert table["J"].notna().all()
-    again = CliRunner().invoke(app, [*ASKED, "--attribute", "--inject", "velocity_lag=0.5", "--out", str(out)])
+    again = CliRunner().invoke(app, [*WHOLE, "--out", str(out)])
     assert "0 runs made, 31 found, 0 failed" in again.output
 
 
 def test_drives_of_other_settings_are_refused(first):
     assert "holds runs with duration 0.4, wanted is None" in refused(first[0])
+
+
+def test_the_page_has_all_its_parts_and_its_links_lead_somewhere(first):
+    out, done = first
+    page = (out / "report.html").read_text()
+    ids = set(re.findall(r'id="([^"]+)"', page))
+    links = re.findall(r'(?:href|src)="([^"]+)"', page)
+    assert {"overview", "total", "tracking", "sensing", "attribution", "doses", "worst"} <= ids
+    assert [link for link in links if link.startswith("#") and link[1:] not in ids] == []
+    assert [link for link in links if not link.startswith("#") and not (out / link).exists()] == []
+    assert "existence" in page
+    assert "velocity_lag=0.5" in page
+
+
+def test_junit_has_a_case_a_scenario_and_the_self_test(first):
+    out, _ = first
+    root = parse(out / "regret.xml").getroot()
+    assert [suite.get("name") for suite in root] == ["idle rm-koch", "idle in-view+velocity_lag=0.5", "drives"]
+    assert [case.get("name") for case in root[0]] == ["probe-brake"]
+    assert [case.get("classname") for case in root[2]] == ["regret.self-test"]
+    assert root[2].get("failures") == "0"
+
+
+def test_the_worst_pair_is_one_log_with_both_drives_on_one_timeline(first):
+    (log,) = (first[0] / "logs").glob("*rm-koch*.rrd")
+    assert reader.complete(log)
+    drawn = {path.strip("/") for path in reader.entity_paths(log)}
+    assert {"truth/world/truth/contour", "tracks/world/trackers/tracks/extent"} <= drawn
+    curves = reader.scalars(log, "drive/speed/**")
+    assert [len(steps) for steps, _ in curves.values()] == [7, 7]  # 0.4 s at 15 Hz, with the first
+    assert reader.span(log) == (0.0, pytest.approx(0.4))

@@ -75,4 +75,3 @@ def test_results_read_back_what_was_driven(tmp_path):
     assert results.table["condition"].tolist() == ["truth", "in-view"]
     curves, _ = driven(study.tasks[0], study.settings)
     assert content(results.curves(study.tasks[0]).table()) == content(curves.table())
-    assert results.write().exists()

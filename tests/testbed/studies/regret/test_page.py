@@ -1,0 +1,78 @@
+"""The page of regret is made from two tables, with a part for each study that there is."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+
+from testbed.regret.measures import MEASURES, PAIRED
+from testbed.regret.results import DRIVES, PAIRS
+from testbed.regret.substitution import subsets
+from testbed.studies.__main__ import app
+from testbed.studies.regret.page import text
+
+ZERO = dict.fromkeys((m.key for m in (*MEASURES, *PAIRED)), 0.0)
+
+
+def made(worth, planners=("mpc", "mpc-cautious"), seeds=8):
+    """Tables of drives and of pairs; worth: condition -> J, to which the seed adds a little."""
+    rng = np.random.default_rng(5)
+    drives, pairs = [], []
+    for planner in planners:
+        for seed in range(seeds):
+            own = {c: value + 0.1 * rng.standard_normal() for c, value in worth.items()}
+            for condition, value in own.items():
+                what = {"scenario": "probe-brake", "planner": planner, "condition": condition, "seed": seed}
+                drives.append({**what, **ZERO, "J": value, "gospa": abs(value), "cpu": 1.0})
+                for reference in ("truth", "in-view"):
+                    if condition not in ("truth", reference):
+                        words = {"reference": reference, "parted": 1.0, "parting": "at 1.0 s"}
+                        pairs.append({**words, **what, **ZERO, "J": value - own[reference]})
+    return pd.DataFrame(drives), pd.DataFrame(pairs)
+
+
+def test_the_page_has_a_part_for_each_study_and_figures_of_the_tables():
+    parts = {f"t:{s}": -1.0 for s in subsets() if s not in ("", "EGV")}
+    found = {
+        "main": made({"truth": 5.0, "in-view": 5.0, "t": 3.0, "u": 4.5}),
+        "attribution": made({"truth": 5.0, "in-view": 5.0, "t": 3.0, **parts}),
+        "doses": made({"truth": 5.0, "in-view": 5.0, "in-view+latency=0.2": 4.0}),
+        "caution": made({"truth": 5.0, "in-view": 5.0, "t": 3.0, "t+covariance=4": 2.0}),
+    }
+    page = text(found)
+    mean = -found["main"][1].query("reference == 'truth' and condition == 't' and planner == 'mpc'")["J"].mean()
+    assert f"| `t` | {mean:+.2f} [" in page
+    titles = ("Regret by tracker", "Which group", "Injected errors", "Does knowing the uncertainty help?")
+    assert [title for title in titles if f"## {title}" not in page] == []
+    assert "| `in-view+latency=0.2` | probe-brake | mpc |" in page
+    assert "64 drives" in page
+    assert text({"main": found["main"]}).count("\n## ") == page.count("\n## ") - 3
+
+
+def test_tables_are_published_and_pictures_drawn_beside_the_page(tmp_path):
+    folder, docs = tmp_path / "study", tmp_path / "docs"
+    folder.mkdir()
+    drives, pairs = made({"truth": 5.0, "in-view": 5.0, "t": 3.0, "u": 4.0}, ("idm",))
+    drives.to_parquet(folder / DRIVES)
+    pairs.to_parquet(folder / PAIRS)
+    done = CliRunner().invoke(app, ["regret", str(folder), "--docs", str(docs)])
+    assert done.exit_code == 0, done.output
+    assert (docs / "results/regret/main" / PAIRS).exists()
+    assert (docs / "pictures/regret-regret.png").exists()
+    first = (docs / "regret.md").read_text()
+    assert CliRunner().invoke(app, ["regret", "--docs", str(docs)]).exit_code == 0
+    again = (docs / "regret.md").read_text()
+    assert again.splitlines()[3:] == first.splitlines()[3:]  # but for the command
+
+
+def test_a_folder_without_tables_is_refused(tmp_path):
+    done = CliRunner().invoke(app, ["regret", str(tmp_path), "--docs", str(tmp_path / "docs")])
+    assert done.exit_code == 2
+    assert "has no drives.parquet" in done.stderr
+
+
+@pytest.mark.parametrize("missing", ["t", "in-view"])
+def test_a_study_that_lacks_a_condition_has_a_page_still(missing):
+    drives, pairs = made({"truth": 5.0, "in-view": 5.0, "t": 3.0, "u": 4.0})
+    kept = (pairs["condition"] != missing) & (pairs["reference"] != missing)
+    assert "# What tracking error costs" in text({"main": (drives[drives["condition"] != missing], pairs[kept])})
