@@ -96,12 +96,12 @@ class IdmPlanner:
         path = decision.path
         arc = path.arc[path.arc <= max(20.0, 3.0 * speed)]
         offset = decision.offset * np.exp(-arc / max(5.0, speed))
-        action = _action_type(env).actions_indexes[decision.action]
+        action = meta_actions(env).actions_indexes[decision.action]
         return Choice(action, along_path(path, arc, offset)[0])
 
     def decide(self, env: gym.Env) -> Decision:
         """Lane first, then speed."""
-        action_type, world = _action_type(env), _world(env)
+        action_type, world = meta_actions(env), _world(env)
         ego, network = world.vehicle, world.road.network
         others = others_on(world.road, ego, self.reach)
         here = self._option(network, ego, ego.target_lane_index, others)
@@ -109,7 +109,7 @@ class IdmPlanner:
         if ego.lane_index[:2] == ego.target_lane_index[:2] and ego.lane_index != ego.target_lane_index:
             # During a lane change both lanes count, unless the target lane lies on the next road
             options.append(self._option(network, ego, ego.lane_index, others))
-        cruise = _cruise_speed(env, ego)
+        cruise = cruise_speed(env, ego)
         acceleration = min(self.acceleration(ego, option, min(cruise, option.top)) for option in options)
         offset = network.get_lane(ego.target_lane_index).local_coordinates(ego.position)[1]
         settled = world.steps >= self.change_after * world.config["simulation_frequency"]
@@ -239,14 +239,15 @@ def _world(env: gym.Env) -> Any:
     return env.unwrapped
 
 
-def _cruise_speed(env: gym.Env, ego: MDPVehicle) -> float:
+def cruise_speed(env: gym.Env, ego: MDPVehicle) -> float:
     """`TrackedEnv.cruise_speed`, or the highest target speed [m/s] in an environment that has none."""
     if env.has_wrapper_attr("cruise_speed"):
         return env.get_wrapper_attr("cruise_speed")
     return float(np.max(ego.target_speeds))
 
 
-def _action_type(env: gym.Env) -> DiscreteMetaAction:
+def meta_actions(env: gym.Env) -> DiscreteMetaAction:
+    """The meta-actions of an environment; TypeError where its actions are others, or lateral only."""
     action_type = _world(env).action_type
     if not (isinstance(action_type, DiscreteMetaAction) and action_type.longitudinal):
         raise TypeError(

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from testbed.planners.idm import Choice
 from testbed.planners.obstacles import Obstacles, among_tracks, on_belief_road
-from testbed.planners.prediction import LanePath, Others, along_path, forecast, on_path, path_ahead, relate
+from testbed.planners.prediction import LanePath, along_path, on_path, path_ahead, relate, relate_at
 from testbed.planners.steering import offset_from, steering_angle
 
 STEP = 0.2  # [s] between the instants of a prediction
@@ -65,8 +65,9 @@ class Mpc:
     standstill: float = 2.0  # [m] wanted gap at standstill
     headway: float = 0.9  # [s] wanted time gap
     lateral_accel: float = 3.0  # [m/s^2] in curves
-    brake: float = 3.0  # [m/s^2] towards curves and speed limits
+    brake: float = 3.0  # [m/s^2] towards curves, speed limits and what is slower
     speed_cost: float = 0.04  # [1/(m/s)^2]
+    speed_error: float = 3.0  # [m/s] beyond which that cost grows in proportion, so that it does not outweigh gaps
     accel_cost: float = 0.12  # [1/(m/s^2)^2]
     change_cost: float = 0.15  # [s/(m/s^2)^2] of a change of the acceleration
     gap_cost: float = 0.02  # [1/m^2] of what is missing of the wanted gap
@@ -108,8 +109,8 @@ class Mpc:
         profiles = np.clip(_profiles(self._times), lowest, highest)
         speed, arc = _drive(float(ego.speed), profiles)
         target = min(_cruise_speed(env, ego), self.allowed_speed(path))
-        comfort = self.speed_cost * (speed - target) ** 2 + self.accel_cost * profiles**2
-        cost = STEP * (comfort + self.risk(ego, ahead, speed, arc)).sum(-1)  # (PLAN.5)
+        comfort = self.speed_cost * huber(speed - target, self.speed_error) + self.accel_cost * profiles**2
+        cost = STEP * (comfort + self.risk(ego, ahead, speed, arc)).sum(-1)  # (PLAN.6)
         cost += self.change_cost * (profiles[:, 0] - ego.action["acceleration"]) ** 2
         best = int(cost.argmin())
         return Decision(float(profiles[best, 0]), path, arc[best], profiles, cost)
@@ -135,10 +136,12 @@ class Mpc:
     def risk(self, ego: Vehicle, ahead: Ahead, speed: NDArray, arc: NDArray) -> NDArray:
         """Cost (C, H) of the gaps to the worst obstacle, for speeds and places (C, H) of the ego."""
         gap = ahead.rear - (arc[:, None] + ego.LENGTH / 2)  # (C, K, H), (PLAN.1)
-        missing = np.maximum(self.standstill + self.headway * speed[:, None] - gap, 0.0)
-        closing = np.maximum(speed[:, None] - ahead.speed, 0.0)
+        speed = speed[:, None]
+        closing = np.maximum(speed - ahead.speed, 0.0)
+        stopping = np.maximum(speed**2 - np.maximum(ahead.speed, 0.0) ** 2, 0.0) / (2 * self.brake)
+        missing = np.maximum(self.standstill + self.headway * speed + stopping - gap, 0.0)  # (PLAN.4)
         overlap = np.maximum(COLLIDES - gap, 0.0)
-        cost = self.gap_cost * missing**2 + 2.0 * overlap  # (PLAN.4)
+        cost = self.gap_cost * missing**2 + 2.0 * overlap  # (PLAN.5)
         cost += np.where(gap < COLLIDES, self.collision_cost, 0.0) + np.where(gap < 0, self.closing_cost * closing, 0.0)
         return (ahead.existence[:, None] * cost).max(-2, initial=0.0)
 
@@ -153,17 +156,14 @@ class Mpc:
         return STEP * np.arange(1, round(self.horizon / STEP) + 1)
 
 
-def relate_at(path: LanePath, others: Others, times: NDArray) -> Any:
-    """`Relation` of N others to a path at times (H,) [s], every field (N, H) and `half` (N, H, 2)."""
-    position, heading = forecast(others, times)
-    n, h = heading.shape
-    flat = Others(
-        position.reshape(-1, 2),
-        heading.ravel(),
-        *(np.repeat(part, h, 0) for part in others[2:]),
-    )
-    relation = relate(path, flat)
-    return type(relation)(*(part.reshape(n, h, *part.shape[1:]) for part in relation))
+def huber(error: NDArray, bound: float) -> NDArray:
+    """The square of an error up to a bound, then its tangent.
+
+    >>> huber(np.array([-1.0, 3.0]), 2.0)
+    array([1., 8.])
+    """
+    small = np.minimum(np.abs(error), bound)
+    return small * (2 * np.abs(error) - small)
 
 
 def _profiles(times: NDArray) -> NDArray:

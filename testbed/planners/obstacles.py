@@ -28,7 +28,7 @@ class Obstacles(NamedTuple):
         return Obstacles(Others(*(part[index] for part in self.others)), *(part[index] for part in self[1:]))
 
     def edge_std(self, times: NDArray) -> NDArray:
-        """Standard deviations (N, H) [m] of the near bumper along its course, at constant velocity for times (H,) [s]."""
+        """Standard deviations (N, H) [m] of the near bumper along its course, predicted to times (H,) [s]."""
         along = unit(self.others.course)[:, None]  # (N, 1, 2)
         P = self.cov
         xx, xv, vv = ((along @ block @ along.mT)[..., 0] for block in (P[:, :2, :2], P[:, :2, 2:], P[:, 2:, 2:]))

@@ -201,6 +201,15 @@ def forecast(others: Others, times: NDArray) -> tuple[NDArray, NDArray]:
     return position, others.heading[:, None] + 2 * half_turn
 
 
+def relate_at(path: LanePath, others: Others, times: NDArray) -> Relation:
+    """Where the others will be relative to a path at times (H,) [s]: every field (N, H), and `half` (N, H, 2)."""
+    position, heading = forecast(others, times)
+    n, h = heading.shape
+    kept = (np.repeat(part, h, 0) for part in others[2:])
+    relation = relate(path, Others(position.reshape(-1, 2), heading.ravel(), *kept))
+    return Relation(*(part.reshape(n, h, *part.shape[1:]) for part in relation))
+
+
 def along_path(path: LanePath, arc: NDArray, offset: NDArray) -> tuple[NDArray, NDArray]:
     """Positions (..., 2) [m] and headings (...) [rad] at arc (...) [m] along and offset (...) [m] across a path."""
     heading = np.interp(arc, path.arc, path.heading)

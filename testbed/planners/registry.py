@@ -16,7 +16,9 @@ from highway_env.envs.common.action import DiscreteAction, DiscreteMetaAction
 from numpy.typing import NDArray
 
 from testbed.planners.idm import Choice, IdmPlanner
+from testbed.planners.learned import Learned
 from testbed.planners.mpc import Caution, Mpc
+from testbed.planners.tree import TreeSearch
 from trackers.lookup import look_up
 
 
@@ -85,6 +87,7 @@ PLANNERS: Mapping[str, Planner] = MappingProxyType(
             IdmPlanner("idm-keen", "idm that takes small gaps to follow its route", imposed_brake=5.0, route_gain=8.0),
             Mpc(),
             Mpc("mpc-cautious", "mpc that allows for covariances and weighs tentative tracks", caution=Caution()),
+            TreeSearch(),
             Idle(),
             IdmPlanner("truth", "idm on the truth instead of tracks", True),
         )
@@ -92,13 +95,19 @@ PLANNERS: Mapping[str, Planner] = MappingProxyType(
 )
 
 
+LEARNED = "learned:"  # before the file of a policy
+
+
 def find(name: str) -> Planner:
-    """The planner of that name.
+    """The planner of that name; `learned:FILE` is the policy in a file of `save_policy`.
 
     Raises:
         LookupError: no such planner; the nearest name is suggested.
+        ValueError: the file holds no policy.
 
     """
+    if isinstance(name, str) and name.startswith(LEARNED):
+        return Learned(name.removeprefix(LEARNED))
     return look_up(name, PLANNERS, "planner")
 
 

@@ -1,7 +1,6 @@
 """Planners on hand-made roads: what they choose, and that they change nothing."""
 
 from copy import deepcopy
-from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -23,33 +22,9 @@ from testbed.planners.prediction import (
     relate,
 )
 from testbed.planners.registry import PLANNERS, IdmPlanner, find, settings
+from tests.testbed.planners.roads import SPEEDS, blocked, place, world
 
 PLANNER = IdmPlanner()
-SPEEDS = [float(v) for v in np.arange(0.0, 35.1, 2.5)]
-
-
-def world(*others: dict, speed: float = 20.0, lane: int = 1, name: str = "highway-v0", **config: Any) -> gym.Env:
-    """A three-lane road, y = 0, 4, 8 m, with the ego at x = 200 m and others at {x, y, vx, vy, size}."""
-    action = {"type": "DiscreteMetaAction", "target_speeds": SPEEDS}
-    config = {"vehicles_count": 0, "lanes_count": 3, "policy_frequency": 5, "action": action, **config}
-    env = gym.make(name, config=config)
-    env.reset(seed=0)
-    core = env.unwrapped
-    core.steps = 1000  # long after the start
-    if name == "highway-v0":
-        place(core, MDPVehicle(core.road, [200.0, 4.0 * lane], speed=speed, target_speeds=SPEEDS))
-    for o in others:
-        velocity = np.array([o.get("vx", 0.0), o.get("vy", 0.0)])
-        position = np.array([o["x"], o["y"]], float)
-        size = o.get("size", (4.7, 1.9))
-        core.road.vehicles.append(TrackVehicle(core.road, position, speed=velocity[0], size=size, velocity=velocity))
-    return env
-
-
-def place(core: Any, ego: MDPVehicle) -> None:
-    """Make a vehicle the only one on the road, and the controlled one."""
-    core.road.vehicles = [ego]
-    core.vehicle = ego
 
 
 def action(env: gym.Env) -> str:
@@ -72,11 +47,6 @@ def test_it_brakes_for_what_stands_ahead_the_harder_the_closer():
     near, far = (world({"x": 200.0 + d, "y": 4.0}, blocked(0.0), blocked(8.0)) for d in (40.0, 90.0))
     assert action(near) == "SLOWER"
     assert acceleration(near) < acceleration(far) < acceleration(world())
-
-
-def blocked(y: float) -> dict:
-    """A long vehicle beside the ego, so that this lane is no way out."""
-    return {"x": 203.0, "y": y, "vx": 20.0, "size": (18.0, 2.5)}
 
 
 def test_gaps_are_measured_from_bumper_to_bumper():

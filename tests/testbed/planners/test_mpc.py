@@ -1,0 +1,172 @@
+"""Model predictive control on hand-made roads: gaps, what uncertainty does to them, steering."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from highway_env.vehicle.kinematics import Vehicle
+
+from testbed.planners.obstacles import Obstacles, on_belief_road
+from testbed.planners.prediction import Others, path_ahead
+from testbed.planners.registry import find, settings
+from testbed.planners.steering import steering_angle
+from tests.testbed.planners.roads import world
+
+MPC = find("mpc")
+
+
+def continuous(*others: dict, **more):
+    return world(*others, **{**settings(MPC), **more})
+
+
+def acceleration(env: gym.Env, planner=MPC) -> float:
+    return planner.decide(env).acceleration
+
+
+def drive(env: gym.Env, decisions: int) -> list[float]:
+    """The ego's speeds [m/s] after each decision."""
+    speeds = []
+    for _ in range(decisions):
+        env.step(MPC.act(env))
+        speeds.append(float(env.unwrapped.vehicle.speed))
+    return speeds
+
+
+def test_an_empty_road_is_driven_at_the_same_speed():
+    assert abs(acceleration(continuous(speed=23.0))) < 0.5
+
+
+def test_it_stops_behind_what_stands_in_its_lane():
+    env = continuous()
+    env.unwrapped.road.vehicles.append(Vehicle(env.unwrapped.road, [260.0, 4.0]))
+    speeds = drive(env, 80)
+    gap = 260.0 - env.unwrapped.vehicle.position[0] - 5.0  # both are 5 m long
+    assert not env.unwrapped.vehicle.crashed
+    assert speeds[-1] < 0.5
+    assert gap > 0.5
+
+
+def test_what_is_beside_the_lane_is_no_reason_to_brake_but_what_drifts_in_is():
+    beside = {"x": 212.0, "y": 8.0, "vx": 18.0}
+    assert acceleration(continuous(beside)) == pytest.approx(acceleration(continuous()), abs=0.6)
+    assert acceleration(continuous({**beside, "vy": -1.5})) < acceleration(continuous(beside)) - 1.0
+
+
+def test_the_action_is_the_acceleration_as_a_share_of_its_range():
+    env = continuous({"x": 225.0, "y": 4.0, "vx": 5.0})
+    low, high = settings(MPC)["action"]["acceleration_range"]
+    action = MPC.act(env)
+    assert action.shape == (2,)
+    assert low + (action[0] + 1) / 2 * (high - low) == pytest.approx(acceleration(env), abs=1e-5)
+    alone = continuous({"x": 225.0, "y": 4.0, "vx": 5.0}, action={**settings(MPC)["action"], "lateral": False})
+    np.testing.assert_allclose(MPC.act(alone), action[:1])
+
+
+def test_it_says_which_actions_it_needs():
+    with pytest.raises(TypeError, match=r"ContinuousAction, got .*DiscreteMetaAction"):
+        MPC.act(world())
+
+
+def obstacle(cov: np.ndarray, length_std: float = 0.0, existence: float = 1.0) -> Obstacles:
+    """One leader 30 m ahead in the ego's lane, as fast."""
+    others = Others(np.array([[230.0, 4.0]]), np.zeros(1), np.array([[20.0, 0.0]]), np.array([[4.0, 2.0]]), np.zeros(1),
+                    np.zeros(1))  # fmt: skip
+    return Obstacles(others, np.array([existence]), cov[None], np.array([length_std]))
+
+
+def test_the_near_bumper_is_as_uncertain_as_position_speed_and_half_the_length_together():
+    """PLAN.3 by hand: var = 1 + 2 t 0.5 + t^2 4 + (2 / 2)^2, so 2 at once and 20 after 2 s; nothing of y counts."""
+    cov = np.diag([1.0, 99.0, 4.0, 99.0])
+    cov[0, 2] = cov[2, 0] = 0.5
+    np.testing.assert_allclose(obstacle(cov, 2.0).edge_std(np.array([0.0, 2.0])), np.sqrt([[2.0, 20.0]]))
+    turned = obstacle(np.diag([99.0, 1.0, 99.0, 4.0]), 2.0)
+    turned = turned._replace(others=turned.others._replace(course=np.full(1, np.pi / 2)))
+    np.testing.assert_allclose(turned.edge_std(np.array([2.0])), np.sqrt([[18.0]]))
+
+
+def test_caution_keeps_the_quantile_of_the_near_bumper_free():
+    env = continuous()
+    ego = env.unwrapped.vehicle
+    path = path_ahead(env.unwrapped.road.network, ego.lane_index, None, ego.position, 150.0)
+    unsure = obstacle(np.diag([4.0, 0.0, 0.0, 0.0]), existence=0.3)
+    plain, cautious = (find(name).ahead(ego, path, unsure) for name in ("mpc", "mpc-cautious"))
+    np.testing.assert_allclose(plain.rear - cautious.rear, 1.28 * 2.0)
+    np.testing.assert_allclose(plain.rear[0, :2], [32.0, 36.0])  # 30 - 2 + 20 t
+    speed, arc = np.full((1, 20), 25.0), 25.0 * np.arange(0.2, 4.1, 0.2)[None]
+    certain = plain._replace(existence=np.ones(1))
+    np.testing.assert_allclose(MPC.risk(ego, plain, speed, arc), 0.3 * MPC.risk(ego, certain, speed, arc))
+    assert MPC.risk(ego, plain, speed, arc).max() > 0
+
+
+@pytest.fixture(scope="module")
+def tracked():
+    env = gym.make("testbed/hard-brake-v0", tracker="rm-feldmann", config=settings(MPC), warm_up=1.0)
+    env.reset(seed=3)
+    yield env
+    env.close()
+
+
+def test_with_perfect_tracks_caution_changes_nothing():
+    env = gym.make("testbed/hard-brake-v0", tracker="truth", config={**settings(MPC), "duration": 8.0})
+    env.reset(seed=1)
+    done, hardest = False, 0.0
+    while not done:
+        sure, cautious = (find(name).decide(env) for name in ("mpc", "mpc-cautious"))
+        assert sure.acceleration == cautious.acceleration
+        hardest = min(hardest, sure.acceleration)
+        *_, crashed, over, _ = env.step(MPC.act(env))
+        done = crashed or over
+    assert hardest <= -1.0
+    assert not env.unwrapped.vehicle.crashed
+
+
+def test_caution_sees_tentative_tracks_that_are_not_on_the_road(tracked):
+    all_tracks = tracked.current_tracks
+    on_road, seen = on_belief_road(tracked, 150.0), find("mpc-cautious").obstacles(tracked)
+    near = np.hypot(*(all_tracks.estimate.pose[:, :2] - tracked.unwrapped.vehicle.position).T) < 150.0
+    assert len(seen.existence) >= (near & (all_tracks.existence > 0.1)).sum()
+    assert set(np.round(on_road.others.position[:, 0], 6)) <= set(np.round(seen.others.position[:, 0], 6))
+
+
+@pytest.mark.parametrize(("y", "heading", "side"), [(5.0, 0.0, -1), (3.0, 0.0, 1), (4.0, 0.1, -1)])
+def test_it_steers_back_to_the_centre_of_the_lane(y, heading, side):
+    env = continuous()
+    ego = env.unwrapped.vehicle
+    ego.position, ego.heading = np.array([200.0, y]), heading
+    path = path_ahead(env.unwrapped.road.network, ("0", "1", 1), None, ego.position, 100.0)
+    assert np.sign(steering_angle(path, ego)) == side
+
+
+def test_a_lateral_error_fades_without_overshoot():
+    env = continuous()
+    env.unwrapped.vehicle.position[1] = 4.8
+    offsets = []
+    for _ in range(40):
+        env.step(MPC.act(env))
+        offsets.append(env.unwrapped.vehicle.position[1] - 4.0)
+    assert abs(offsets[-1]) < 0.05
+    assert min(offsets) > -0.1
+
+
+@pytest.mark.parametrize("name", ["s-curve", "roundabout", "merge"])
+def test_it_follows_bent_roads_and_routes(name):
+    env = gym.make(f"testbed/{name}-v0", tracker="truth", config={**settings(MPC), "duration": 8.0})
+    env.reset(seed=0)
+    done, offsets = False, []
+    while not done:
+        *_, crashed, over, _ = env.step(MPC.act(env))
+        ego = env.unwrapped.vehicle
+        offsets.append(abs(ego.lane.local_coordinates(ego.position)[1]))
+        done = crashed or over
+    assert not crashed
+    assert max(offsets) < 0.6
+
+
+def test_pedals_never_drive_backwards():
+    env = gym.make("testbed/following-v0", tracker="truth", config={**settings(MPC), "duration": 8.0})
+    env.reset(seed=0)
+    done, speeds = False, []
+    while not done:
+        *_, crashed, over, _ = env.step(np.array([-1.0, 0.0]))
+        speeds.append(env.unwrapped.vehicle.speed)
+        done = crashed or over
+    assert min(speeds) == 0.0 == speeds[-1]
