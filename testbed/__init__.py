@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from testbed.environment.track_observation import TrackObservation as TrackObservation
     from testbed.environment.wrapper import TrackedEnv as TrackedEnv
     from testbed.planners import PLANNERS as PLANNERS
     from testbed.planners import Planner as Planner
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     __version__: str
 
 _HOME = {
+    "TrackObservation": "testbed.environment.track_observation",
     "TrackedEnv": "testbed.environment.wrapper",
     "PLANNERS": "testbed.planners",
     "Planner": "testbed.planners",
@@ -24,7 +26,7 @@ _HOME = {
 _MARK = '__distribution__ = "eot-testbed"'  # a line of every package of this project
 _PIP = "python -m pip"
 
-__all__ = ["PLANNERS", "Planner", "TrackedEnv", "__version__"]
+__all__ = ["PLANNERS", "Planner", "TrackObservation", "TrackedEnv", "__version__"]
 
 
 def _check_neighbours() -> None:

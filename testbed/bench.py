@@ -19,9 +19,11 @@ from rich.table import Table
 from scenarios.adapter import SceneReader
 from scenarios.roads import cached as cached_road
 from sensors.raycast import cast_bodies
+from testbed.environment.track_observation import TrackObservation
 from testbed.environment.wrapper import TrackedEnv
-from testbed.planners import Planner
+from testbed.planners import PLANNERS, Planner
 from testbed.planners import find as find_planner
+from testbed.planners import settings as planner_settings
 from testbed.run import RunConfig, make_env
 from trackers import Scan, prior
 from trackers import find as find_tracker
@@ -39,13 +41,13 @@ CAR = (np.array([20.0, 3.0]), np.array([4.8, 1.8]), 30.0)  # [m] centre and size
 FRAME = 0.1  # [s]
 
 
-def seconds(function: Callable[[], Any], repeat: int) -> float:
-    """Median wall time [s] of a call."""
+def seconds(function: Callable[[], Any], repeat: int, clock: Callable[[], float] = perf_counter) -> float:
+    """Median time [s] of a call, on the wall unless another clock is given."""
     times = []
     for _ in range(repeat):
-        start = perf_counter()
+        start = clock()
         function()
-        times.append(perf_counter() - start)
+        times.append(clock() - start)
     return median(times)
 
 
@@ -180,6 +182,24 @@ def rays(repeat: int) -> Table:
     return table
 
 
+def decisions(repeat: int) -> Table:
+    """The observation of tracks and the planners, with the vehicles of `dense-traffic` in view, on the same tracks."""
+    table = _table("one decision in dense-traffic, CPU time", "what", "[ms]", "goal")
+    for name in ("observation of tracks", *PLANNERS):
+        planner: Any = PLANNERS.get(name)
+        with closing(gym.make("testbed/dense-traffic-v0", config=planner_settings(planner), warm_up=1.0)) as env:
+            env.reset(seed=0)
+            if planner is None:
+                watch = TrackObservation(env)
+                work: Callable[[], Any] = watch.observation
+            else:
+                work = partial(planner.choose, env)
+            work()
+            goal = "0.1" if planner is None else ""
+            table.add_row(name, f"{1e3 * seconds(work, repeat, process_time):.3f}", goal)
+    return table
+
+
 def scan_of(objects: int) -> Scan:
     """Detections (objects, 20) all over a car ahead, by a radar that moves with it."""
     rng, (centre, size, speed) = np.random.default_rng(0), CAR
@@ -230,6 +250,7 @@ def measure(quick: bool = False, progress: Progress | None = None) -> list[Table
         ("log", lambda: logging(4.0 if quick else 20.0)),
         ("roads", lambda: roads(steps)),
         ("rays", lambda: rays(10 * steps)),
+        ("decisions", lambda: decisions(10 * steps)),
         ("filters", lambda: filters(10 * steps)),
     )
     tables = []

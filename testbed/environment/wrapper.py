@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from scenarios.adapter import SceneReader
 from scenarios.constants import protect_idm_constants
-from scenarios.highway import ScenarioEnv, check_clock
+from scenarios.highway import ScenarioEnv, check_clock, is_positive
 from scenarios.lanes import lane_shapes
 from scenarios.vehicles import CourseVehicle
 from sensors.origin import Origin
@@ -129,6 +129,8 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
         out: str | None = None,
         log: str = "full",
         planner: Any = "idm",
+        warm_up: float = 0.0,
+        every_episode: int = 1,
     ) -> None:
         """Mount a radar and trackers on the first controlled vehicle.
 
@@ -143,12 +145,18 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
             log: what goes into the log: full, metrics, or off for results only.
             planner: the planner that will choose the actions, for the names of the files: a name of
                 `testbed.PLANNERS`, or an object with a `name`.
+            warm_up: seconds of traffic before the first observation, in which no action is taken, so that the trackers
+                have tracks by then. Scenes are timed from the reset; steps and duration of the episode count from the
+                first observation.
+            every_episode: of the episodes since the last seeded reset, only the first and every k-th after it has
+                files.
 
         Raises:
             TypeError: `env` is no highway-env environment; a tracker, radar or planner is neither a name nor an object
                 that can do its work; `also` is no sequence; an unknown parameter.
             ValueError: `env` has a radar already, or its frequencies make no frame; an unknown `log`, two trackers of
-                one name, a dict without "name", or a value of a parameter that is refused.
+                one name, a dict without "name", or a value of a parameter, `warm_up` or `every_episode` that is
+                refused.
             LookupError: an unknown tracker, radar or planner; the nearest name is suggested.
         """
         check_mountable(env)
@@ -158,11 +166,24 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
             raise TypeError(f"out must be a directory or None, got {out!r}; write out='runs'")
         also = list(also)
         gym.utils.RecordConstructorArgs.__init__(
-            self, tracker=tracker, radar=radar, also=also, out=out, log=log, planner=planner
+            self,
+            tracker=tracker,
+            radar=radar,
+            also=also,
+            out=out,
+            log=log,
+            planner=planner,
+            warm_up=warm_up,
+            every_episode=every_episode,
         )
         gym.Wrapper.__init__(self, env)
         if log not in LEVELS:
             raise ValueError(f"log must be one of {', '.join(LEVELS)}, got {log!r}")
+        if warm_up != 0 and not is_positive(warm_up):
+            raise ValueError(f"warm_up must be finite and not negative, got {warm_up!r}; give seconds")
+        if isinstance(every_episode, bool) or not isinstance(every_episode, int) or every_episode < 1:
+            raise ValueError(f"every_episode must be a whole number from 1 on, got {every_episode!r}")
+        self.warm_up, self.every_episode = warm_up, every_episode
         self.out, self.log, self.planner = out, log, planner_name(planner)
         self.plan: NDArray = np.zeros((0, 2))  # (P, 2) [m] the planner's path; set before `step`, for the observers
         self.cruise_speed = SLOWEST_CRUISE  # [m/s] of a planner on a free road
@@ -240,7 +261,7 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
     # The interface of gymnasium
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
-        """Start an episode; the first scan comes before the first observation."""
+        """Start an episode; the first scan and the warm-up come before the first observation."""
         if self._mounted is None or self._swap is None:
             return self.env.reset(seed=seed, options=options)
         self._swap.show()
@@ -251,10 +272,7 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
         with self._viewed_from_the_start(), self._fence:
             observation, info = self.env.reset(seed=seed, options=options)
         self.cruise_speed = max(SLOWEST_CRUISE, float(self._core.vehicle.speed))
-        belief = self._belief_now()
-        self._record()
-        self._swap.hide(belief)
-        self._mounted.notify()
+        self._swap.hide(self._belief_now())
         return observation, self._report(info)
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
@@ -310,10 +328,22 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
 
     # Inner workings
 
+    def _begin(self) -> None:
+        """The first scan, and the warm-up: traffic without an action of the ego."""
+        core, perception = self._core, self._perception
+        self._belief_now()
+        self._record()
+        perception.notify()
+        frequency = core.config["simulation_frequency"]
+        with frame_tap(core.road, self._on_frame):
+            for _ in range(round(self.warm_up * frequency)):
+                core.road.act()
+                core.road.step(1 / frequency)
+
     def _record(self) -> None:
         """Start the files of an episode, if files are wanted."""
         self._stop_recording()
-        if self.out is None:
+        if self.out is None or self._episode % self.every_episode:
             return
         core, perception = self._core, self._perception
         ours = isinstance(core, ScenarioEnv)
@@ -404,14 +434,19 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
 
     @contextmanager
     def _viewed_from_the_start(self) -> Iterator[None]:
-        """Let every observation type that the reset makes use the belief view, before its first observation."""
+        """Let every observation type that the reset makes use the belief view, before its first observation.
+
+        highway-env defines its spaces twice in a reset: before it makes the road, and just before it observes.
+        """
         core = self._core
-        define_spaces = core.define_spaces
+        define_spaces, last = core.define_spaces, core.road
 
         def define_and_attach() -> None:
             define_spaces()
             without_frames(core.observation_type)
             attach_view(core.observation_type, self._view)
+            if core.road is not last:
+                self._begin()
 
         core.define_spaces = define_and_attach
         try:
@@ -442,7 +477,9 @@ def scenario_env(
     planner: Any = "idm",
     config: dict[str, Any] | None = None,
     render_mode: str | None = None,
+    warm_up: float = 0.0,
+    every_episode: int = 1,
 ) -> TrackedEnv:
     """What `gym.make("testbed/SCENARIO-v0", ...)` calls; arguments as in `TrackedEnv` and highway-env."""
     env = ScenarioEnv(scenario=scenario, config=config, render_mode=render_mode)
-    return TrackedEnv(env, tracker=tracker, radar=radar, also=also, out=out, log=log, planner=planner)
+    return TrackedEnv(env, tracker, radar, also, out, log, planner, warm_up, every_episode)
