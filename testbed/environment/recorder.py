@@ -3,6 +3,7 @@
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
+from math import nan
 from pathlib import Path
 from time import perf_counter
 from types import MappingProxyType
@@ -12,7 +13,7 @@ from weakref import finalize
 from scenarios.lanes import LaneShape, is_dashed, is_drawn
 from sensors.scene import Scene
 from testbed.environment.smoothing import StateHistory
-from testbed.evaluation.driving import DriveEvaluator
+from testbed.evaluation.driving import HARDEST, LONGEST, DriveEvaluator, DriveFrame
 from testbed.evaluation.histories import LOST_AFTER, TIME_ROUNDING
 from testbed.evaluation.tracking import Evaluator, jsonable
 from testbed.files import check_target, make_directory, noting_losses, reserve, write_json
@@ -22,6 +23,8 @@ from testbed.log.record import LEVELS, RoadGeometry, RunMeta
 from testbed.log.writer import NullLog, RunLog
 from trackers.multi.tracker import MultiObjectTracker
 from trackers.scan import SensorModel
+
+DANGER = 8.0  # [m/s^2] the hardest braking of the ego
 
 
 class Recorder:
@@ -72,6 +75,7 @@ class Recorder:
         self._past = {name: StateHistory(tracker) for name, tracker in kept if isinstance(tracker, MultiObjectTracker)}
         self.seconds: dict[str, float] = defaultdict(float)  # wall time spent on metrics and on the log
         self._crashed: set[int] = set()
+        self._danger = False  # since DRAC has exceeded `DANGER`, until it falls below half of that
         self._missing: dict[str, dict[int, float]] = {name: {} for name in meta.trackers}  # object id -> since when
         self._held: dict[str, dict[int, int]] = {name: {} for name in meta.trackers}  # object id -> last track
         self._result: dict[str, Any] | None = None
@@ -88,17 +92,18 @@ class Recorder:
     def __call__(self, frame: Frame) -> None:
         """Score one frame and log it."""
         start = perf_counter()
-        self.drive.step(frame.scene)
+        drive = self.drive.step(frame.scene)
         scores = {}
         for name, evaluator in self.evaluators.items():
             tracks, info = frame.outputs[name]
             scores[name] = evaluator.step(frame.time, frame.scene, frame.origin, tracks, info.owner)
-        events = self._phase_events(frame.scene) + self._crash_events(frame.scene)
+        events = self._phase_events(frame.scene) + self._crash_events(frame.scene) + self._risk_events(drive)
         for name, score in scores.items():
             events += self._lost_events(name, frame.time, score)
         scored = perf_counter()
         with self._writing_log():
-            self.log.step(frame, scores, events)
+            ttc = drive.ttc if drive.ttc < LONGEST else nan
+            self.log.step(frame, scores, events, (ttc, drive.drac, max(0.0, -drive.acceleration)))
             for name, past in self._past.items():
                 past.keep(frame.step, frame.time, frame.outputs[name][0])
                 if past.full:
@@ -190,6 +195,14 @@ class Recorder:
             return []
         who = " and ".join("ego" if i == 0 else f"veh_{i:02d}" for i in sorted(new))
         return [("ERROR", f"collision: {who}")]
+
+    def _risk_events(self, drive: DriveFrame) -> list[tuple[str, str]]:
+        """The onset of a need for harder braking than `DANGER`."""
+        before, self._danger = self._danger, drive.drac > (DANGER / 2 if self._danger else DANGER)
+        if before or not self._danger:
+            return []
+        needed = f"{drive.drac:.0f} m/s^2" if drive.drac < HARDEST else f"{HARDEST:.0f} m/s^2 or more"
+        return [("WARN", f"braking with {needed} is needed, {drive.gap:.1f} m ahead")]
 
     def _lost_events(self, name: str, time: float, score: FrameScore) -> list[tuple[str, str]]:
         """Events of counted objects that have been without a track for `LOST_AFTER`."""

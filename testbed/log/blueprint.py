@@ -262,7 +262,11 @@ def _bottom() -> rrb.Horizontal:
     levels = rrb.TextLogRows(filter_by_log_level=["INFO", "WARN", "ERROR"])
     ego = rrb.Vertical(
         rrb.StateTimelineView(origin=f"/{paths.EGO_ACTION}", name="Ego action"),
-        rrb.TimeSeriesView(origin=f"/{paths.EGO_SPEED}", name="Ego speed [m/s]", plot_legend=_legend(False)),
+        rrb.Tabs(
+            rrb.TimeSeriesView(origin=f"/{paths.EGO_SPEED}", name="Ego speed [m/s]", plot_legend=_legend(False)),
+            rrb.TimeSeriesView(origin="/ego/risk", name="Risk ahead, braking", plot_legend=_legend()),
+            active_tab=0,
+        ),
     )
     pages = rrb.Tabs(
         rrb.TextDocumentView(origin=f"/{paths.SUMMARY}", name="Run summary"),

@@ -20,6 +20,7 @@ WALLS = "world/walls"
 TRUTH_CONTOUR, TRUTH_HEADING, TRUTH_EGO = "world/truth/contour", "world/truth/heading", "world/truth/ego"
 EGO_PLAN = "world/ego_plan"
 EGO_ACTION, EGO_SPEED = "ego/action", "ego/speed"
+EGO_TTC, EGO_DRAC, EGO_BRAKING = "ego/risk/ttc", "ego/risk/drac", "ego/risk/braking"
 EVENTS = "events"
 CONFIG, SUMMARY = "run/config", "run/summary"
 
@@ -31,6 +32,7 @@ SEEN = "radar"  # leaf of an object's entity: detections, expected number and vi
 
 STATIC = (RADAR_FOV, ROAD_SURFACE, ROAD_EDGES, ROAD_LANES, CONFIG, SUMMARY)
 NUMBERS = (EGO_ACTION, EGO_SPEED)
+RISK = (EGO_TTC, EGO_DRAC, EGO_BRAKING)  # where the drive is measured
 
 _PLAIN = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.\-]*")
 

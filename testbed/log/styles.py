@@ -12,6 +12,11 @@ from testbed.log.record import RoadGeometry
 from trackers.scan import SensorModel
 
 Static = tuple[str, rr.AsComponents]
+RISK_CURVES = (  # name and colour of each of `paths.RISK`
+    ("time to collision [s]", palette.tracker(1)),
+    ("braking needed [m/s^2]", palette.tracker(0)),
+    ("braking [m/s^2]", palette.EGO),
+)
 
 
 def road_layers(road: RoadGeometry) -> Iterator[Static]:
@@ -86,3 +91,5 @@ def styles(
             curve = rr.SeriesLines(colors=palette.tracker(index), names=name, widths=1.3)
             yield paths.metric(metric, name), curve
     yield paths.EGO_SPEED, rr.SeriesLines(colors=palette.EGO, names="ego", widths=1.3)
+    for path, (name, color) in zip(paths.RISK, RISK_CURVES, strict=True):
+        yield path, rr.SeriesLines(colors=color, names=name, widths=1.3)

@@ -4,7 +4,7 @@ A run that is killed loses at most the block that was not yet written. rerun is 
 that a run without a log never pays for it.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType, TracebackType
 from typing import TYPE_CHECKING, Literal, Self
@@ -41,7 +41,7 @@ class NullLog:
     def static(self, road: RoadGeometry, sensors: tuple[SensorModel, ...]) -> None:
         """Ignore the road and the radars."""
 
-    def step(self, frame: Frame, scores: Scores, events: LogEvents = ()) -> None:
+    def step(self, frame: Frame, scores: Scores, events: LogEvents = (), risk: Sequence[float] = ()) -> None:
         """Ignore a frame."""
 
     def smoothed(self, name: str, smoothed: SmoothedTracks) -> None:
@@ -121,8 +121,8 @@ class RunLog(NullLog):
         self._road, self._sensors = road, tuple(sensors)
         self._middle = layers.strip_middle(road)
 
-    def step(self, frame: Frame, scores: Scores, events: LogEvents = ()) -> None:
-        """Take one frame with the score of each tracker of the run; arrays are copied.
+    def step(self, frame: Frame, scores: Scores, events: LogEvents = (), risk: Sequence[float] = ()) -> None:
+        """Take one frame with the score of each tracker of the run, and numbers of `paths.RISK`; arrays are copied.
 
         Raises:
             ValueError: the log is closed, the step does not grow, or the scores are of other trackers.
@@ -137,6 +137,8 @@ class RunLog(NullLog):
         if self._level == "full":
             self._geometry(frame)
         self._numbers(frame, scores)
+        for path, value in zip(paths.RISK, risk, strict=False):
+            self._put(path, layers.scalar_row(value))
         for name in self.meta.trackers:
             self._decisions(name, *frame.outputs[name])
         for severity, text in events:

@@ -14,7 +14,7 @@ import trackers
 from testbed.environment.recorder import Recorder
 from testbed.evaluation.tracking import Evaluator, jsonable
 from testbed.files import ROOM, LostFileWarning, make_directory
-from testbed.log import reader
+from testbed.log import paths, reader
 from testbed.log.record import RunMeta, run_id
 from trackers import DEFAULT, MultiObjectTracker
 
@@ -263,3 +263,18 @@ def test_what_is_no_file_of_ours_is_refused_before_the_run(tmp_path, suffix, mak
     with pytest.raises(OSError, match=rf"^cannot write .*{suffix}: it is a .*; choose another file$"):
         env.reset(seed=0)
     assert [path.name for path in tmp_path.iterdir()] == [f"{NAME}.{suffix}"]
+
+
+def test_the_log_has_the_risk_ahead_and_says_once_when_hard_braking_is_needed(tmp_path):
+    env = gym.make("testbed/probe-brake-v0", tracker="truth", out=str(tmp_path), log="metrics", radar="front")
+    frames = []
+    env.attach(lambda frame: frames.append(frame.step))
+    env.reset(seed=0)
+    needed = [env.step(1)[-1]["drive"]["drac"] for _ in range(27)]  # 5.4 s at constant speed, not yet at the leader
+    env.close()
+    (log,) = tmp_path.glob("*.rrd")
+    steps, drac = reader.scalars(log, paths.EGO_DRAC)[paths.EGO_DRAC]
+    assert steps.tolist() == frames
+    assert drac[3::3].tolist() == needed
+    assert [event.level for event in reader.events(log) if "braking with" in event.text] == ["WARN"]
+    assert needed[-1] > 8.0

@@ -24,7 +24,7 @@ def log(tmp_path_factory):
 
 
 def expected_paths(objects, metrics):
-    numbers = {*paths.NUMBERS, paths.EVENTS, paths.CONFIG, paths.SUMMARY}
+    numbers = {*paths.NUMBERS, *paths.RISK, paths.EVENTS, paths.CONFIG, paths.SUMMARY}
     numbers |= {paths.metric(metric, name) for metric in metrics for name in TRACKERS}
     return numbers | {paths.of_object(i, leaf) for i in range(objects) for leaf in (*TRACKERS, paths.SEEN)}
 
