@@ -82,7 +82,7 @@ partial-view: $(STAMP)  # eight minutes
 
 # Some hours on two idle cores; the same command goes on where it was interrupted. Seeds that no parameter was set on.
 REGRET_TRACKERS := imm-spline edra-imm htg-map rm-feldmann rm-koch
-REGRET_PLANNERS := idm mpc mpc-cautious search
+REGRET_PLANNERS := idm mpc mpc-cautious tree
 REGRET_DOSES := velocity_lag=0.25 velocity_lag=0.5 velocity_lag=1 lateral_velocity=0.5 lateral_velocity=1 near_edge=-1 \
 	near_edge=1 birth_delay=0.6 birth_delay=1.2 loss_rate=0.1 loss_rate=0.3 latency=0.2 latency=0.4
 CAUTION := probe-brake probe-reveal probe-pullout probe-passing
