@@ -110,7 +110,7 @@ def pull_out(rng: np.random.Generator, gap: float) -> World:
 def passing(rng: np.random.Generator, weave: float) -> World:
     """The ego passes two trucks on the right, 6 m/s slower, that weave towards its lane and back; a car on the left."""
     stage = Stage(networks.straight(), rng)
-    speed, onset, weave = rng.uniform(24.0, 26.0), rng.uniform(2.5, 3.5), about(rng, weave)
+    speed, onset, weave = rng.uniform(24.4, 25.6), rng.uniform(2.5, 3.5), about(rng, weave)
     stage.ego(M, START, speed)
     place = START + rng.uniform(26.0, 32.0)
     for k in range(2):

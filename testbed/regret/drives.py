@@ -131,5 +131,11 @@ def make_env(task: Task, settings: Settings, **options: Any) -> gym.Env:
         config["action"] = dict(action)
     found = conditions.source(conditions.parse(task.condition), settings.radar, task.seed)
     return gym.make(
-        f"testbed/{name}-v0", config=config, tracker=found, radar=settings.radar, planner=task.planner, **options
+        f"testbed/{name}-v0",
+        config=config,
+        tracker=found,
+        radar=settings.radar,
+        planner=task.planner,
+        warm_up=settings.warm_up,
+        **options,
     )

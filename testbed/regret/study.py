@@ -44,6 +44,7 @@ class Settings:
 
     radar: str = "surround"
     duration: float | None = None  # [s], None: the scenario's own
+    warm_up: float = 1.0  # [s] before the first decision, so that no tracker starts blind; the truth waits as long
 
     def __post_init__(self) -> None:
         check_duration(self.duration)

@@ -96,5 +96,5 @@ def test_the_worst_pair_is_one_log_with_both_drives_on_one_timeline(first):
     drawn = {path.strip("/") for path in reader.entity_paths(log)}
     assert {"truth/world/truth/contour", "tracks/world/trackers/tracks/extent"} <= drawn
     curves = reader.scalars(log, "drive/speed/**")
-    assert [len(steps) for steps, _ in curves.values()] == [7, 7]  # 0.4 s at 15 Hz, with the first
-    assert reader.span(log) == (0.0, pytest.approx(0.4))
+    assert [len(steps) for steps, _ in curves.values()] == [22, 22]  # 1.4 s at 15 Hz, with the first
+    assert reader.span(log) == (0.0, pytest.approx(1.4))

@@ -9,7 +9,7 @@ from testbed.regret.drives import FOLDER, drive, drive_path, driven
 from testbed.regret.results import Results
 from testbed.regret.study import Settings, Study, Task
 
-SHORT = Settings(duration=2.0)
+SHORT = Settings(duration=2.0, warm_up=0.0)
 
 
 def made(condition, planner="idm", scenario="probe-passing"):
