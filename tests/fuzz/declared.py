@@ -26,6 +26,10 @@ LINES: dict[str, dict[str, str]] = {  # a correct and short call of each command
         "scenario": "probe-brake", "planner": "idle", "tracker": "rm-koch", "seeds": "0", "radar": "front",
         "duration": "0.2", "out": "out",
     },
+    "probe": {
+        "name": "probe-brake", "planner": "idle", "tracker": "rm-koch", "seeds": "0", "radar": "front",
+        "resolution": "100", "out": "out",
+    },
     "regress": {
         "tracker": "rm-koch", "scenario": "cut-in", "jobs": "1", "baselines": "baselines.json", "out": "out",
     },

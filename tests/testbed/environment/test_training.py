@@ -155,7 +155,7 @@ def test_observations_of_tracks_are_stacked_with_their_ids():
 
 
 def test_an_episode_can_be_filmed(tmp_path):
-    pytest.importorskip("moviepy", reason="the extra video is not installed")
+    pytest.importorskip("moviepy", reason="moviepy is not installed")
     env = gym.make(ID, tracker="truth", config=SHORT, render_mode="rgb_array")
     episodes(gym.wrappers.RecordVideo(env, str(tmp_path)), 1)
     assert list(tmp_path.glob("*.mp4"))
