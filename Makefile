@@ -14,7 +14,7 @@ SITE := build/docs
 # Byte code is kept, also where the machine's default is not to.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo test test-all test-lowest lint types unit generated docs bench regress reproduce comparison comparison-page learning-docs family modes partial-view contours regret regret-page clean
+.PHONY: demo test test-all test-lowest lint types unit generated docs bench regress reproduce comparison comparison-page learning-docs family modes partial-view contours probes regret regret-page clean
 
 demo: $(STAMP)
 	@echo
@@ -76,6 +76,9 @@ family: $(STAMP)  # half an hour or more; OPTIONS="--seed 0 --seed 1" for more
 
 modes: $(STAMP)  # two minutes
 	$(BIN)/python -m testbed.studies modes --docs docs
+
+probes: $(STAMP)  # five minutes
+	$(BIN)/python -m testbed.studies probes --docs docs
 
 partial-view: $(STAMP)  # eight minutes
 	$(BIN)/python -m testbed.studies partial-view --docs docs

@@ -65,9 +65,9 @@ the parameter is a distance. A drive is survived if nothing is hit, and in `prob
 
 ## The reward of highway-env is no measure of what tracking costs
 
-The default reward is the speed, and who brakes late is faster. On the probes a planner often earns more on bad tracks
-than on the truth: it saw the danger later. `config["reward"] = "drive"` rewards what `J` measures instead: speed, less
-the prices of a short time to collision and of braking ([MET.28](methods/metrics.md#the-drive)).
+The default reward is the speed: who brakes late is faster until then, so a planner whose tracks come late can earn more
+than on the truth. `config["reward"] = "drive"` rewards what `J` measures instead: speed, less the prices of a short
+time to collision and of braking ([MET.28](methods/metrics.md#the-drive)).
 
 {sections}
 """
