@@ -9,6 +9,7 @@ docs/methods/planners.md.
 from dataclasses import dataclass
 from heapq import heappop, heappush
 from itertools import count
+from math import exp
 from typing import Any, NamedTuple
 
 import gymnasium as gym
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 
 from testbed.planners.idm import Choice, cruise_speed, meta_actions
 from testbed.planners.prediction import (
+    LANE_MARGIN,
     LanePath,
     Relation,
     along_path,
@@ -33,6 +35,7 @@ from testbed.planners.steering import offset_from
 STEP = 0.2  # [s] between the instants of a prediction
 SIDES = {"IDLE": 0, "FASTER": 0, "SLOWER": 0, "LANE_LEFT": -1, "LANE_RIGHT": 1}  # by the lane index
 PEDALS = {"FASTER": 1, "SLOWER": -1}
+TOWARDS = 1 - exp(-STEP)  # of the way to the wanted lane, in a step
 SETTLED = 0.5  # [m] from the centre of the lane within which a lane change may begin
 
 
@@ -133,35 +136,32 @@ class TreeSearch:
 
     def after(self, scene: Scene, state: EgoState, action: str) -> tuple[EgoState, float, bool]:
         """The state after an action, its reward in [0, 1], and whether no braking can avoid a contact any more."""
-        places, new = self._move(scene, state, action)
-        hold = new.step - state.step
-        braked = np.maximum(new.speed - self.hard_brake * STEP * np.arange(round(self.braking / STEP)), 0.0)
-        arc = np.concatenate([places[:, 0], new.arc + np.cumsum(braked * STEP)])
-        offset = np.concatenate([places[:, 1], np.full(len(braked), places[-1, 1])])
-        if self._contact(scene, state.step, arc, offset):
+        places, new = self._move(scene, state, action, self.hold)
+        braked, _ = self._move(scene, new, "SLOWER", self.braking)
+        if self._contact(scene, state.step, *np.concatenate([places, braked]).T):
             return new, 0.0, True
         price = self.change_price if new.lane != state.lane else 0.0
-        room = self._room(scene, new, arc[hold - 1], places[-1, 1])
+        room = self._room(scene, new)
         speed = min(new.speed / scene.cruise, 1.0)
         return new, max((1 - self.room_share) * speed + self.room_share * room - price, 0.0), False  # (PLAN.7)
 
-    def _move(self, scene: Scene, state: EgoState, action: str) -> tuple[NDArray, EgoState]:
-        """Places (H, 2) [m] along and across the path while an action is held, and the state after it."""
+    def _move(self, scene: Scene, state: EgoState, action: str, hold: float) -> tuple[NDArray, EgoState]:
+        """Places (H, 2) [m] along and across the path while an action is held for hold [s], and the state after it."""
         _, arc, speed, target, offset, lane = state
         lane += SIDES[action]
-        held = round(self.hold / STEP)
-        every = max(held // scene.presses, 1)
-        places = np.empty((held, 2))
+        held = round(hold / STEP)
+        every = max(round(self.hold / STEP) // scene.presses, 1)
+        places = []
         for k in range(held):
             if k % every == 0 and action in PEDALS:
                 base = min(target, speed) if action == "SLOWER" else target
-                target = float(np.clip(base + PEDALS[action] * scene.step, 0.0, scene.top))
-            speed += STEP * float(np.clip(scene.gain * (target - speed), -self.hard_brake, self.accel))
+                target = min(max(base + PEDALS[action] * scene.step, 0.0), scene.top)
+            speed += STEP * min(max(scene.gain * (target - speed), -self.hard_brake), self.accel)
             speed = max(speed, 0.0)
             arc += STEP * speed
-            offset += (lane * scene.width - offset) * (1 - np.exp(-STEP))
-            places[k] = arc, offset
-        return places, EgoState(state.step + held, arc, speed, target, offset, lane)
+            offset += (lane * scene.width - offset) * TOWARDS
+            places.append((arc, offset))
+        return np.array(places), EgoState(state.step + held, arc, speed, target, offset, lane)
 
     def _contact(self, scene: Scene, step: int, arc: NDArray, offset: NDArray) -> bool:
         """Whether the ego touches a track at the places along arc (H,) and across offset (H,) [m], from a step on."""
@@ -171,15 +171,15 @@ class TreeSearch:
         across = np.abs(r.across[:, part] - offset) < r.half[:, part, 1] + (scene.size[1] + self.clearance[1]) / 2
         return bool((along & across).any())
 
-    def _room(self, scene: Scene, state: EgoState, arc: float, offset: float) -> float:
+    def _room(self, scene: Scene, state: EgoState) -> float:
         """Free road ahead as a share of the wanted gap, at most 1, in the lanes that the ego is in and enters."""
         r, k = scene.relation, state.step - 1
-        gap = r.along[:, k] - r.half[:, k, 0] - arc - scene.size[0] / 2
-        beside = np.minimum(np.abs(r.across[:, k] - offset), np.abs(r.across[:, k] - state.lane * scene.width))
-        ahead = (r.along[:, k] > arc) & (beside < r.half[:, k, 1] + scene.size[1] / 2)
+        gap = r.along[:, k] - r.half[:, k, 0] - state.arc - scene.size[0] / 2
+        beside = np.minimum(np.abs(r.across[:, k] - state.offset), np.abs(r.across[:, k] - state.lane * scene.width))
+        ahead = (r.along[:, k] > state.arc) & (beside < r.half[:, k, 1] + scene.size[1] / 2 + LANE_MARGIN)
         slower = np.maximum(state.speed**2 - np.maximum(r.speed[:, k], 0.0) ** 2, 0.0) / (2 * self.comfort)
         wanted = self.standstill + self.headway * state.speed + slower
-        return float(np.clip(gap / wanted, 0.0, 1.0)[ahead].min(initial=1.0))
+        return max(float((gap / wanted)[ahead].min(initial=1.0)), 0.0)
 
     def _possible(self, scene: Scene, state: EgoState) -> list[str]:
         """Actions in a state: lane changes only from the centre of a lane, into lanes that there are."""
@@ -222,7 +222,7 @@ class TreeSearch:
         """The path (P, 2) [m] of a sequence of actions, in the world."""
         places, state = [np.array([[root.arc, root.offset]])], root
         for action in actions:
-            piece, state = self._move(scene, state, action)
+            piece, state = self._move(scene, state, action, self.hold)
             places.append(piece)
         arc, offset = np.concatenate(places).T
         return along_path(path, arc, offset)[0]

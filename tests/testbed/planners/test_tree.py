@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from testbed.planners.prediction import LANE_MARGIN, Relation
 from testbed.planners.registry import find
+from testbed.planners.tree import EgoState, Scene
 from tests.testbed.planners.roads import blocked, world
 
 TREE = find("tree")
@@ -35,6 +37,27 @@ def test_where_no_action_avoids_a_contact_it_brakes():
 
 def test_a_follower_in_the_own_lane_is_no_reason_to_flee():
     assert action(world({"x": 188.0, "y": 4.0, "vx": 22.0}, blocked(0.0), blocked(8.0), speed=20.0)) != "SLOWER"
+
+
+def scene(along, across):
+    """A standing body of 4 x 2 m at a place relative to the path, for an ego of 4 x 2 m."""
+    steps = 40
+    fields = (np.full((1, steps), value) for value in (along, across, 0.0, 0.0))
+    relation = Relation(*fields, half=np.broadcast_to([2.0, 1.0], (1, steps, 2)))
+    return Scene(relation, np.array([4.0, 2.0]), range(1), 4.0, 20.0, 1 / 0.6, 2.5, 30.0, 3, ("SLOWER", "IDLE"))
+
+
+def test_braking_is_what_the_pedals_give():
+    now, place = EgoState(0, 0.0, 20.0, 20.0, 0.0, 0), scene(50.0, 0.0)
+    assert 20.0 * 0.6 + 20.0**2 / 16 + 4.5 < 50.0  # 8 m/s^2 would do
+    assert not TREE.after(place, now, "IDLE")[2]
+    assert TREE.after(place._replace(step=0.5), now, "IDLE")[2]  # a press of 0.5 m/s brakes less
+
+
+def test_what_is_just_beside_the_path_counts_as_ahead_of_the_ego():
+    now = EgoState(1, 0.0, 20.0, 20.0, 0.0, 0)
+    assert TREE._room(scene(15.0, 2.0 + 0.9 * LANE_MARGIN), now) < 0.5
+    assert TREE._room(scene(15.0, 2.0 + 1.1 * LANE_MARGIN), now) == 1.0
 
 
 def test_one_expansion_is_enough_for_an_action_and_more_look_farther_ahead():
