@@ -96,10 +96,10 @@ regret: $(STAMP)
 	$(REGRET) $(REGRET_DOSES:%=--inject %) --seeds 200:210 --out runs/regret/doses
 	$(REGRET) $(CAUTION) --planner mpc --planner mpc-cautious --tracker imm-spline \
 		--tracker imm-spline+covariance=0.25 --tracker imm-spline+covariance=4 --seeds 240:280 --out runs/regret/caution
-	$(MAKE) regret-page FOLDERS="$(addprefix runs/regret/,main attribution doses caution)"
+	$(MAKE) regret-page STUDIES="$(foreach part,main attribution doses caution,$(part)=runs/regret/$(part))"
 
-regret-page: $(STAMP)  # docs/regret.md, from FOLDERS or else from the committed results
-	$(BIN)/python -m testbed.studies regret $(FOLDERS) --docs docs
+regret-page: $(STAMP)  # docs/regret.md, from STUDIES or else from the committed results
+	$(BIN)/python -m testbed.studies regret $(STUDIES) --docs docs
 
 contours: $(STAMP)  # twelve minutes
 	$(BIN)/python -m testbed.studies contours --docs docs

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from shutil import copyfile
 from typing import Annotated
 
 import pandas as pd
@@ -15,7 +14,8 @@ from testbed.files import make_directory
 from testbed.regret.analysis import Attribution, Cell, one_sided, unresolved
 from testbed.regret.report import figures, tables
 from testbed.regret.report.page import drawable, find
-from testbed.regret.results import DRIVES, PAIRS
+from testbed.regret.results import DRIVES, PAIRS, write_table
+from testbed.regret.study import Task
 from testbed.studies.page import DOCS, Docs, Page
 from testbed.studies.regret.caution import differences
 
@@ -86,32 +86,71 @@ and by 4, which is dishonest. {facts}
 
 
 def main(
-    folders: Annotated[
-        list[Path] | None,
-        typer.Argument(help="Of `testbed regret --out`: main, attribution, doses, caution; without: as committed."),
+    studies: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[PART=FOLDER]...",
+            help=f"A folder of `testbed regret --out` for a part: {', '.join(PARTS)}; several folders for one part are "
+            "joined. Without any: as committed.",
+        ),
     ] = None,
+    add: Annotated[bool, typer.Option("--add", help="To what is committed, instead of in its place.")] = False,
     docs: Docs = DOCS,
 ) -> None:
-    """Write the page "What tracking error costs in driving" and the tables that it shows."""
+    """Write the page "What tracking error costs in driving" and the tables that it shows.
+
+    python -m testbed.studies regret main=runs/regret/main caution=runs/regret/caution --docs docs
+    """
     with user_input((OSError, ValueError)):
         results = docs / "results" / "regret"
-        for name, folder in zip(PARTS, folders or (), strict=False):
-            publish(folder, results / name)
+        for name, folders in by_part(studies or ()).items():
+            kept = [results / name] if add and (results / name / DRIVES).exists() else []
+            publish([*kept, *folders], results / name)
         found = {name: load(results / name) for name in PARTS if (results / name / DRIVES).exists()}
         if "main" not in found:
-            raise ValueError(f"{results} has no drives yet; give the folder of `testbed regret --out FOLDER`")
+            raise ValueError(f"{results} has no drives yet; give main=FOLDER of `testbed regret --out FOLDER`")
         page = Page("regret", docs)
         page.write(text(found, page))
 
 
-def publish(folder: Path, place: Path) -> None:
-    """Copy the tables of a study; ValueError where it has none."""
-    make_directory(place)
-    for name in (DRIVES, PAIRS):
-        if not (folder / name).exists():
-            raise ValueError(f"{folder} has no {name}; make it with `testbed regret --out {folder}`")
-        copyfile(folder / name, place / name)
+def by_part(studies: Sequence[str]) -> dict[str, list[Path]]:
+    """Folders by part, from `PART=FOLDER`; ValueError for anything else.
+
+    >>> by_part(["main=runs/a", "main=runs/b"])["main"] == [Path("runs/a"), Path("runs/b")]
+    True
+    """
+    found: dict[str, list[Path]] = {}
+    for study in studies:
+        name, equals, folder = study.partition("=")
+        if name not in PARTS or not (equals and folder):
+            raise ValueError(f"a study reads PART=FOLDER with PART one of {', '.join(PARTS)}, got {study!r}")
+        found.setdefault(name, []).append(Path(folder))
+    return found
+
+
+def publish(folders: Sequence[Path], place: Path) -> None:
+    """Join the tables of some folders in a place; ValueError where one has none, or two differ about a drive."""
+    for folder in folders:
+        for name in (DRIVES, PAIRS):
+            if not (folder / name).exists():
+                raise ValueError(f"{folder} has no {name}; make it with `testbed regret --out {folder}`")
+    for name, keys in ((DRIVES, [*Task._fields]), (PAIRS, ["reference", *Task._fields])):
+        table = joined([pd.read_parquet(folder / name) for folder in folders], keys)
+        make_directory(place)
+        write_table(table, place / name)
     console.print(f"tables   {place}", soft_wrap=True)
+
+
+def joined(tables: Sequence[pd.DataFrame], keys: list[str]) -> pd.DataFrame:
+    """One table of all rows, each drive once, in the order of the keys; ValueError where two rows of a drive differ.
+
+    The CPU time of a drive is its first one.
+    """
+    table = pd.concat(tables, ignore_index=True)
+    twice = table[table.duplicated(keys, keep=False)].drop(columns="cpu", errors="ignore")
+    if differing := twice.drop_duplicates().groupby(keys).size().loc[lambda n: n > 1].index.tolist():
+        raise ValueError(f"two folders differ about {differing[0]}; make both with the same code")
+    return table.drop_duplicates(keys).sort_values(keys, ignore_index=True)
 
 
 def load(place: Path) -> tuple[pd.DataFrame, pd.DataFrame]:

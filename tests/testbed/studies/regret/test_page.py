@@ -9,7 +9,7 @@ from testbed.regret.measures import MEASURES, PAIRED
 from testbed.regret.results import DRIVES, PAIRS
 from testbed.regret.substitution import subsets
 from testbed.studies.__main__ import app
-from testbed.studies.regret.page import text
+from testbed.studies.regret.page import joined, text
 
 ZERO = dict.fromkeys((m.key for m in (*MEASURES, *PAIRED)), 0.0)
 
@@ -55,7 +55,7 @@ def test_tables_are_published_and_pictures_drawn_beside_the_page(tmp_path):
     drives, pairs = made({"truth": 5.0, "in-view": 5.0, "t": 3.0, "u": 4.0}, ("idm",))
     drives.to_parquet(folder / DRIVES)
     pairs.to_parquet(folder / PAIRS)
-    done = CliRunner().invoke(app, ["regret", str(folder), "--docs", str(docs)])
+    done = CliRunner().invoke(app, ["regret", f"main={folder}", "--docs", str(docs)])
     assert done.exit_code == 0, done.output
     assert (docs / "results/regret/main" / PAIRS).exists()
     assert (docs / "pictures/regret-regret.png").exists()
@@ -66,9 +66,46 @@ def test_tables_are_published_and_pictures_drawn_beside_the_page(tmp_path):
 
 
 def test_a_folder_without_tables_is_refused(tmp_path):
-    done = CliRunner().invoke(app, ["regret", str(tmp_path), "--docs", str(tmp_path / "docs")])
+    done = CliRunner().invoke(app, ["regret", f"main={tmp_path}", "--docs", str(tmp_path / "docs")])
     assert done.exit_code == 2
     assert "has no drives.parquet" in done.stderr
+
+
+KEYS = ["scenario", "planner", "condition", "seed"]
+
+
+def test_folders_are_joined_and_a_drive_counts_once():
+    drives, _ = made({"truth": 5.0, "in-view": 5.0, "t": 3.0})
+    idm = drives[drives["planner"] == "mpc"]
+    again = idm.assign(cpu=7.0)[::-1]
+    both = joined([again, drives], KEYS)
+    assert len(both) == len(drives)
+    assert both["J"].sum() == pytest.approx(drives["J"].sum())
+    pd.testing.assert_frame_equal(both, joined([again, both, drives], KEYS))
+
+
+def test_folders_that_differ_about_a_drive_are_refused():
+    drives, _ = made({"truth": 5.0, "in-view": 5.0, "t": 3.0})
+    with pytest.raises(ValueError, match="two folders differ about"):
+        joined([drives, drives.assign(J=drives["J"] + 1e-6)], KEYS)
+
+
+@pytest.mark.parametrize("study", ["main", "main=", "mian=runs", "=runs"])
+def test_a_study_without_part_or_folder_is_refused(study, tmp_path):
+    done = CliRunner().invoke(app, ["regret", study, "--docs", str(tmp_path)])
+    assert done.exit_code == 2
+    assert "PART=FOLDER" in done.stderr
+
+
+def test_what_is_committed_stays_when_more_is_added(tmp_path):
+    docs, worth = tmp_path / "docs", {"truth": 5.0, "in-view": 5.0, "t": 3.0}
+    for planner in ("idm", "mpc"):
+        (folder := tmp_path / planner).mkdir()
+        for table, name in zip(made(worth, (planner,)), (DRIVES, PAIRS), strict=True):
+            table.to_parquet(folder / name)
+        args = ["regret", f"main={folder}", "--add", "--docs", str(docs)]
+        assert CliRunner().invoke(app, args).exit_code == 0
+    assert "planners `idm`, `mpc`" in (docs / "regret.md").read_text()
 
 
 @pytest.mark.parametrize("missing", ["t", "in-view"])
