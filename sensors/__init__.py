@@ -5,6 +5,7 @@ from sensors.radar import Radar, Sensor
 from sensors.raycast import cast, cast_bodies
 from sensors.rigs import RADARS, find
 from sensors.scene import Bodies, Ego, Objects, Scene
+from sensors.surroundings import Surroundings
 
 __distribution__ = "eot-testbed"  # `testbed` tells by this line that no other package of this name took its place
 
@@ -18,6 +19,7 @@ __all__ = [
     "Radar",
     "Scene",
     "Sensor",
+    "Surroundings",
     "cast",
     "cast_bodies",
     "find",

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sensors.illumination import Beams, Illuminated, Visible, beam_azimuths, illuminate
-from sensors.origin import CONTOUR, STATIC, VOLUME, Origin
+from sensors.origin import CONTOUR, VOLUME, Origin
 from sensors.raycast import Edges, outline_edges
-from sensors.returns import Returns, add_noise, false_alarms, join, merge_cells, rows
+from sensors.returns import Returns, add_noise, false_alarms, join, merge_cells, rows, standing
 from sensors.scattering import (
     choose_elements,
     draw_counts,
@@ -22,6 +22,7 @@ from sensors.scattering import (
     surface_points,
 )
 from sensors.scene import Scene
+from sensors.surroundings import Surroundings, surrounding_returns
 from trackers.geometry import compose, point_velocity, rotation, wrap_angle
 from trackers.scan import DepthProfile, Scan, SensorModel
 
@@ -57,6 +58,7 @@ class Sensor:
     rate: float = np.inf  # [1/s] of its measurements; inf: one in every scan of the rig
     phase: float = 0.0  # share of its period by which the first measurement is late
     profile: DepthProfile = field(default_factory=DepthProfile)  # where its detections lie on a body, as far as known
+    surroundings: Surroundings | None = None  # what stands beside the road but for guard rails; None: nothing
 
     def __post_init__(self) -> None:
         for name in numeric():
@@ -102,7 +104,7 @@ class Sensor:
 
 def numeric() -> list[str]:
     """Names of the fields of a `Sensor` that are numbers."""
-    return [one.name for one in fields(Sensor) if one.name != "profile"]
+    return [one.name for one in fields(Sensor) if one.name not in ("profile", "surroundings")]
 
 
 @dataclass(frozen=True)
@@ -162,7 +164,12 @@ class Radar:
         expected = self.expected(visible)
         vehicles = self._vehicles(scene, elements, edges, self._counts(expected, rng), pose, velocity, rng)
         walls = self._walls(scene, rail, pose, velocity, rng)
-        true = join((vehicles, walls))
+        around = [
+            surrounding_returns(sensor.surroundings, s, sensor.model, scene, pose[s], velocity[s], elements, rng)
+            for s, sensor in enumerate(self.sensors)
+            if sensor.surroundings is not None
+        ]
+        true = join((vehicles, walls, *around))
         merged = merge_cells(true, self.cells[true.sensor])
         seen = merged._replace(polar=add_noise(merged.polar, self.sigma[merged.sensor], rng))
         alarms = false_alarms(self.column("clutter"), self.column("max_range"),
@@ -252,8 +259,7 @@ class Radar:
         point = surface_points(pose[s, :2], elements.bearing[pick], spacing, a, b, rng)
         sight = point - pose[s, :2]
         rate = -(sight * velocity[s]).sum(-1) / np.maximum(np.hypot(sight[:, 0], sight[:, 1]), 1e-12)  # (RAD.20)
-        none = np.full(len(s), -1)
-        return Returns(polar_of(pose[s], point, rate), s, none, none, none, np.full(len(s), STATIC))
+        return standing(polar_of(pose[s], point, rate), s)
 
 
 def polar_of(pose: NDArray, point: NDArray, rate: NDArray) -> NDArray:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sensors.origin import CLUTTER
+from sensors.origin import CLUTTER, STATIC
 from trackers.geometry import wrap_angle
 
 
@@ -32,6 +32,12 @@ def join(parts: tuple[Returns, ...]) -> Returns:
 def rows(returns: Returns, index: NDArray) -> Returns:
     """The returns with these rows, int or bool."""
     return Returns(*(column[index] for column in returns))
+
+
+def standing(polar: NDArray, sensor: NDArray) -> Returns:
+    """Returns (M,) of what stands still and is no object."""
+    none = np.full(len(sensor), -1)
+    return Returns(polar, sensor, none, none, none, np.full(len(sensor), STATIC))
 
 
 def merge_cells(returns: Returns, cell: NDArray) -> Returns:

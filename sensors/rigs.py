@@ -15,6 +15,7 @@ from types import MappingProxyType
 import numpy as np
 
 from sensors.radar import Radar, Sensor
+from sensors.surroundings import Surroundings
 from trackers.lookup import look_up
 from trackers.scan import DepthProfile
 
@@ -51,6 +52,8 @@ IMAGING = Sensor(
     count_at_15m=80.0, count_falloff=0.78, count_max=75.0, clutter=8.0, grazing=0.1, share_volume=0.5,
     depth_contour=0.1, depth_volume=0.7, share_scatter=0.6, scatter=0.28, profile=SHALLOW,
 )  # fmt: skip
+# What stands beside guard rails, and the noise of range rates, of a real radar: docs/standing-returns.md.
+ROADSIDE = replace(IMAGING, sigma_rate=0.03, surroundings=Surroundings())
 NUSCENES = Sensor(
     max_range=100.0, fov_deg=120.0, spacing_deg=0.2, sigma_range=0.1, sigma_azimuth_deg=1.0, sigma_rate=0.1,
     count_at_15m=3.0, count_falloff=0.5, clutter=4.0, cell_range=0.4, cell_azimuth_deg=3.2, cell_rate=0.1,
@@ -83,6 +86,8 @@ RADARS = MappingProxyType({r.name: r for r in (
         facing(NUSCENES, -NOSE, FLANK, 170.0), facing(NUSCENES, -NOSE, -FLANK, -170.0)), rate=13.0),
     Radar("imaging", "high-resolution front radar, 100 m x 110 deg; calibrated on Meyer and Kuschk (2019)",
           (facing(IMAGING, NOSE, 0.0, 0.0),)),
+    Radar("imaging-roadside", "imaging with what stands beside guard rails, fitted to scans of Ding et al. (2022)",
+          (facing(ROADSIDE, NOSE, 0.0, 0.0),)),
     Radar("lidar-1deg", "a ray each degree, contour only, nearly without noise: the upper bound of a sensor",
           (LIDAR,)),
     Radar("ideal", "for tests: no noise, no clutter, every object in sight, fixed counts, contour only", (IDEAL,)),

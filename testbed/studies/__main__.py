@@ -15,6 +15,7 @@ from testbed.studies.modes import page as modes
 from testbed.studies.partial_view import page as partial_view
 from testbed.studies.probes import page as probes
 from testbed.studies.regret import page as regret
+from testbed.studies.standing import page as standing
 
 STUDIES: Mapping[str, Callable[..., None]] = {
     "closed-loop": closed_loop.main,
@@ -27,6 +28,7 @@ STUDIES: Mapping[str, Callable[..., None]] = {
     "partial-view": partial_view.main,
     "probes": probes.main,
     "regret": regret.main,
+    "standing": standing.main,  # docs/standing-returns.md
     "vehicles": vehicle_figure.main,  # a picture for docs/methods
     # committed results that the page of the comparison shows
     "publish": publish.main,

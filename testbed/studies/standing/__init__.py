@@ -1,0 +1,1 @@
+"""Returns of what stands still: those of a real radar beside those of ours."""
