@@ -14,7 +14,7 @@ SITE := build/docs
 # Byte code is kept, also where the machine's default is not to.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo test test-all test-lowest lint types unit generated docs bench regress reproduce comparison comparison-page learning-docs family modes partial-view contours probes regret regret-page clean
+.PHONY: demo test test-all test-lowest lint types unit generated docs bench regress reproduce comparison comparison-page learning-docs family modes partial-view contours probes regret regret-page standing surround clean
 
 demo: $(STAMP)
 	@echo
@@ -43,6 +43,7 @@ unit: $(STAMP)
 generated: $(STAMP)  # what the documentation says about the registries; after adding a scenario, tracker, radar, ...
 	$(BIN)/python -m testbed.studies generated
 	$(BIN)/python -m testbed.studies vehicles --docs docs
+	$(BIN)/python -m testbed.studies radars --docs docs
 
 docs: $(DOCS_STAMP)  # the pages and the API reference as a site; a warning or a broken link is an error
 	$(BIN)/sphinx-build --fail-on-warning --keep-going --quiet -c docs . $(SITE)
@@ -100,6 +101,13 @@ regret: $(STAMP)
 
 regret-page: $(STAMP)  # docs/regret.md, from STUDIES or else from the committed results
 	$(BIN)/python -m testbed.studies regret $(STUDIES) --docs docs
+
+surround: $(STAMP)  # five minutes: what other figures of the default rig would change, for docs/radars.md
+	$(BIN)/python -m testbed.studies surround
+	$(BIN)/python -m testbed.studies generated
+
+standing: $(STAMP)  # half a minute; DATA is the folder with frames.npz of the real radar
+	$(BIN)/python -m testbed.studies standing $(DATA) --docs docs
 
 contours: $(STAMP)  # twelve minutes
 	$(BIN)/python -m testbed.studies contours --docs docs

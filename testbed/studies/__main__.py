@@ -15,6 +15,8 @@ from testbed.studies.modes import page as modes
 from testbed.studies.partial_view import page as partial_view
 from testbed.studies.probes import page as probes
 from testbed.studies.regret import page as regret
+from testbed.studies.rigs import figure as rigs_figure
+from testbed.studies.rigs import sensitivity
 from testbed.studies.standing import page as standing
 
 STUDIES: Mapping[str, Callable[..., None]] = {
@@ -29,12 +31,14 @@ STUDIES: Mapping[str, Callable[..., None]] = {
     "probes": probes.main,
     "regret": regret.main,
     "standing": standing.main,  # docs/standing-returns.md
+    "radars": rigs_figure.main,  # a picture for docs/radars.md
     "vehicles": vehicle_figure.main,  # a picture for docs/methods
     # committed results that the page of the comparison shows
     "publish": publish.main,
     "refresh": refresh.main,
     "verdicts": committed.main,
     "calibration": calibration.main,
+    "surround": sensitivity.main,
     # what the documentation says about the registries
     "generated": generated.main,
 }

@@ -1,6 +1,6 @@
-"""What the documentation says about the registries: docs/catalogue.md, and the columns in docs/comparing.md.
+"""What the documentation says about the registries: catalogue.md, radars.md and the columns in comparing.md in docs/.
 
-`make generated` writes both in a second; tests/docs/test_generated.py holds them against the code.
+`make generated` writes them in a second; tests/docs/test_generated.py holds them against the code.
 """
 
 import re
@@ -17,6 +17,7 @@ from testbed.files import write_atomic
 from testbed.log.text import markdown_table
 from testbed.planners import PLANNERS
 from testbed.studies.page import Docs
+from testbed.studies.rigs.page import text as radars
 from trackers import DEFAULT, TRACKERS
 
 CATALOGUE = """# Catalogue
@@ -47,6 +48,7 @@ Filters of one object, each under the same [multi-object tracker](methods/multi-
 ## Radars
 
 The registry is [sensors/rigs.py](../sensors/rigs.py). Rate: scans a second; "frame" is one every simulated frame.
+[radars.md](radars.md) has every number with its source, and the fields of view.
 
 {radars}
 
@@ -73,7 +75,11 @@ def pages(docs: Path) -> dict[Path, str]:
     before, _, rest = comparing.read_text().partition(COLUMNS_START)
     after = rest.partition(COLUMNS_END)[2]
     table = f"{COLUMNS_START}\n\n{columns()}\n\n{COLUMNS_END}"
-    return {docs / "catalogue.md": catalogue(), comparing: f"{before}{table}{after}"}
+    return {
+        docs / "catalogue.md": catalogue(),
+        comparing: f"{before}{table}{after}",
+        docs / "radars.md": radars(docs),
+    }
 
 
 def catalogue() -> str:
@@ -159,7 +165,7 @@ def link(module: str) -> str:
 
 
 def main(docs: Docs = Path("docs")) -> None:
-    """Write what the documentation says about the registries: docs/catalogue.md, the columns in docs/comparing.md."""
+    """Write what the documentation says about the registries: catalogue.md, radars.md, the columns in comparing.md."""
     for page, text in pages(docs).items():
         write_atomic(page, text)
         console.print(f"page     {page}", soft_wrap=True)

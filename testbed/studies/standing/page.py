@@ -16,20 +16,22 @@ from testbed.studies.standing.scans import DURATION, EVERY, SCENARIOS, SEED, at_
 from testbed.studies.standing.statistics import STANDS, STILL, Judged, judge, runs, statistics
 
 OFF, ON, ON_ROAD = "imaging", "imaging-roadside", 0.015
+COMMAND = "python -m testbed.studies standing DATA --docs docs"  # where the data lie differs from machine to machine
 TITLE = """# What stands still
 
 Returns of guard rails, signs, trees, facades and bridges: how many a scan, where, and how well the motion of the ego
 explains their range rates. The real ones are {scans} scans of a 4-D radar at 10 Hz, the sample recordings of Ding et
-al. (2022): {runs} drives through towns, the ego at {slowest:.1f} to {fastest:.1f} m/s and standing; {repeated} of their
-{frames} frames repeat the scan before them and are left out. The simulated ones are those of the first radar of each
-rig in {scenarios}: {duration:g} s each of seed {seed}, every {every}th frame, all speeds scaled so that the ego drives as
-fast as the real one on average.
+al. (2022) in {runs} drives, the ego at {slowest:.1f} to {fastest:.1f} m/s or standing. Of {frames} frames {repeated}
+repeat the scan before them and are left out. The simulated ones are those of the first radar of each rig, with its
+traffic, in {scenarios}: {duration:g} s each of seed {seed}, every {every}th frame, all speeds scaled so that the ego is
+as fast as the real one on average.
 
 A detection *stands* if its range rate is within {still} m/s of that of ego motion; the *rest* is what is left over. The
 poses of the recordings jump by metres to hundreds of metres between frames, so the ego motion of a real scan is fitted
-to its range rates (Kellner et al. 2013); ours is known. "Ego motion found" is the share of scans in which the fit is
-within {still} m/s of it. Nothing is labelled: a standing vehicle cannot be told from what else stands, and slow traffic
-within {still} m/s counts as standing.
+to its range rates (Kellner et al. 2013); ours is known. "Ego motion found" is the share of simulated scans in which the
+same fit is within {still} m/s of the truth. Nothing is labelled: a standing vehicle cannot be told from what else
+stands, and slow traffic within {still} m/s counts as standing. *Across* is the part of the ego's velocity at right
+angles to the line of sight, by which an error of azimuth shows in the rest.
 
 ![places, ranges, azimuths and range rates left over](pictures/standing-returns.png)
 """
@@ -41,7 +43,8 @@ def main(
 ) -> None:
     """Write the page "What stands still" from scans of a real radar and simulated ones."""
     with user_input():
-        real = [judge(scan) for scan in read_real(data)]
+        scans, frames = read_real(data)
+        real = [judge(scan) for scan in scans]
         page = Page("standing-returns", docs)
     moving = [one for one in real if one.speed > STANDS]
     speed = float(np.mean([one.speed for one in moving]))
@@ -59,11 +62,11 @@ def main(
     groups = {"real, moving": moving, "real, standing": [one for one in real if one.speed <= STANDS]}
     groups |= {name: simulated[name] for name in rigs}
     text = TITLE.format(
-        scans=len(real), runs=len(runs(real)), frames=110, repeated=110 - len(real),
+        scans=len(real), runs=len(runs(real)), frames=frames, repeated=frames - len(real),
         slowest=min(one.speed for one in moving), fastest=max(one.speed for one in moving), still=STILL,
         scenarios=", ".join(f"`{name}`" for name in SCENARIOS), duration=DURATION, seed=SEED, every=EVERY,
     )  # fmt: skip
-    page.write("\n\n".join([text, compared(groups), by_drive(real, simulated[ON]), by_rig(simulated)]))
+    page.write("\n\n".join([text, compared(groups), by_drive(real, simulated[ON]), by_rig(simulated)]), COMMAND)
 
 
 def on_road(radar: Radar) -> Radar:

@@ -38,8 +38,8 @@ class RadarScan(NamedTuple):
         return r[:, None] * np.stack([np.cos(a), np.sin(a)], -1)
 
 
-def read_real(folder: Path) -> list[RadarScan]:
-    """The real scans, each once: some frames repeat the scan before them at places moved with the ego.
+def read_real(folder: Path) -> tuple[list[RadarScan], int]:
+    """The real scans, each once, and the number of frames, of which some repeat the scan before them, moved.
 
     Raises ValueError, in one sentence, where there are none to be read.
     """
@@ -60,7 +60,7 @@ def read_real(folder: Path) -> list[RadarScan]:
         if not np.array_equal(rows[:, 3:6], last):  # rate, cross section and power of a repeated scan are the same
             scans.append(RadarScan(f"run {run:.0f}", polar_of(rows)))
         last = rows[:, 3:6]
-    return scans
+    return scans, len(frames)
 
 
 def polar_of(rows: NDArray) -> NDArray:

@@ -120,6 +120,6 @@ def statistics(judged: Sequence[Judged]) -> dict[str, float]:
         found[f"rest where {low:.0f} to {high:.0f} m/s across"] = spread(c["rest"][chosen])
     for tail in TAILS:
         found[f"rest beyond {tail:g} m/s, share"] = float((np.abs(c["rest"]) > tail).mean())
-    apart = [float(np.hypot(*(one.fitted - one.velocity))) for one in judged]
-    found["ego motion found, share of scans"] = float(np.mean(np.array(apart) < STILL))
+    apart = [np.hypot(*(one.fitted - one.velocity)) < STILL for one in judged if one.scan.velocity is not None]
+    found["ego motion found, share of scans"] = float(np.mean(apart)) if apart else np.nan
     return found

@@ -1,0 +1,114 @@
+"""The page docs/radars.md: every number of every rig with its source, and what other ones would change."""
+
+import json
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sensors import RADARS, Radar, Sensor, Surroundings
+from testbed.evaluation.intervals import student_interval
+from testbed.log.text import markdown_table
+from testbed.studies.rigs.sensitivity import RIG
+from testbed.studies.rigs.sources import LEGEND, SENSORS, source
+
+TEXT = """# Radars and their sources
+
+Written by `make generated` from [sensors/rigs.py](../sensors/rigs.py), from the sources named in
+[sources.py](../testbed/studies/rigs/sources.py) and from [results/surround.json](results/surround.json); do not edit it
+by hand. How a radar detects: [radar.md](methods/radar.md), where the symbols and equations of each field are.
+
+![fields of view of every rig](pictures/radars.png)
+
+Each panel has a scale of its own; ahead is to the right, left is up. The number is that of the mounted radars.
+
+## Rigs
+
+{rigs}
+
+Mounts are choices: bumpers and corners of a car of 4.7 x 1.9 m. The directions of `surround` and `corners` are those
+of the world W below, the layout of `nuscenes-like` is after Caesar et al. (2020), and so is its rate.
+
+## Every number
+
+The letter behind a number says where it comes from:
+
+{legend}
+
+{numbers}
+
+`surroundings` of `ROADSIDE`: {surroundings}.
+
+## Does `surround` keep its figures?
+
+They are of no sensor. What that means for results is measured: the default tracker, `{tracker}`, on {scenarios}, seeds
+{seeds}, {duration:g} s each, on the same drives with one group of figures changed for all six radars. Differences to
+the rig as it is, with 95 % intervals over {units} drives; bold where the interval excludes zero.
+
+{sensitivity}
+
+{verdict}
+"""
+VERDICT = ""
+LABELS = {
+    "gospa": "GOSPA [m]", "missed_percent": "missed [%]", "false_per_scan": "false a scan",
+    "rmse_position": "position [m]", "rmse_velocity": "velocity [m/s]", "abs_length": "length [m]",
+}  # fmt: skip
+
+
+def text(docs: Path) -> str:
+    """The page, from the code and the committed results under `docs`."""
+    results = json.loads((docs / "results" / f"{RIG}.json").read_text())
+    values = {f.name: getattr(Surroundings(), f.name) for f in fields(Surroundings)}
+    return TEXT.format(
+        rigs=markdown_table(
+            ("name", "radars", "what", "mounts x, y [m], heading [deg]"),
+            [(f"`{r.name}`", str(len(r.sensors)), r.note, "; ".join(mounts(r))) for r in RADARS.values()],
+        ),
+        legend="\n".join(f"- **{key}** {what}" for key, what in LEGEND.items() if key != "-")
+        + f"\n- no letter: {LEGEND['-']}",
+        numbers=markdown_table(
+            ("field", *(f"`{name}`" for name in SENSORS)),
+            [(f"`{f.name}`", *(cell(name, f.name) for name in SENSORS)) for f in fields(Sensor) if f.name != "mount"],
+        ),
+        surroundings=", ".join(f"`{name}` {value:g}" for name, value in values.items()),
+        tracker=results["tracker"],
+        scenarios=", ".join(f"`{name}`" for name in results["scenarios"]),
+        seeds=", ".join(map(str, results["seeds"])),
+        duration=results["duration"],
+        units=len(results["scenarios"]) * len(results["seeds"]),
+        sensitivity=sensitivity(results["rows"]),
+        verdict=VERDICT.strip(),
+    )
+
+
+def mounts(radar: Radar) -> list[str]:
+    """Where each radar of a rig sits, in words."""
+    return [f"{x:g}, {y:g}, {np.degrees(a):g}" for x, y, a in (sensor.mount for sensor in radar.sensors)]
+
+
+def cell(sensor: str, name: str) -> str:
+    """A number and the letter of its source."""
+    value, key = getattr(SENSORS[sensor], name), source(sensor, name)
+    shown = f"{value:g}" if isinstance(value, float | int) else "off" if value is None else "see there"
+    return shown if key == "-" else f"{shown} {key}"
+
+
+def sensitivity(rows: dict[str, list[dict[str, Any]]]) -> str:
+    """The rig as it is, and differences to it for every change, a column a measure."""
+    base, *others = rows
+    columns = {name: {m: np.array([row[m] for row in found]) for m in LABELS} for name, found in rows.items()}
+    body = [(base, *(f"{columns[base][m].mean():.2f}" for m in LABELS))]
+    for name in others:
+        differences = (columns[name][m] - columns[base][m] for m in LABELS)
+        body.append((name, *(difference(d) for d in differences)))
+    return markdown_table(("", *LABELS.values()), body)
+
+
+def difference(values: NDArray) -> str:
+    """Mean of differences, one a drive, with its interval by Student's t."""
+    mean, half = student_interval(values)
+    shown = f"{mean:+.2f} ± {half:.2f}"
+    return f"**{shown}**" if abs(mean) > half else shown

@@ -1,0 +1,68 @@
+"""What other figures of the default rig would change for the default tracker: docs/results/surround.json."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from sensors import RADARS, Radar, Sensor, Surroundings
+from testbed.command_line.terminal import console
+from testbed.compare.runs.recording import Recording, record
+from testbed.compare.runs.replay import REPLAY
+from testbed.environment.perception import Perception
+from testbed.evaluation.tracking import Evaluator
+from testbed.files import write_json
+from testbed.frame import Frame
+from testbed.studies.page import steps
+from trackers import DEFAULT
+
+RIG = "surround"
+SCENARIOS, SEEDS, DURATION = ("cut-in", "merge", "truck-convoy"), (700, 701, 702), 4.0  # [s]
+MEASURES = ("gospa", "missed_percent", "false_per_scan", "rmse_position", "rmse_velocity", "abs_length")
+CHANGES: Mapping[str, Callable[[Sensor], Sensor]] = {
+    "as it is": lambda sensor: sensor,
+    "range rates of 0.03 m/s": lambda sensor: replace(sensor, sigma_rate=0.03),
+    "azimuths twice as good": lambda sensor: replace(sensor, sigma_azimuth_deg=sensor.sigma_azimuth_deg / 2),
+    "half the detections": lambda sensor: replace(sensor, count_at_15m=sensor.count_at_15m / 2),
+    "twice the detections": lambda sensor: replace(sensor, count_at_15m=sensor.count_at_15m * 2),
+    "no false alarms": lambda sensor: replace(sensor, clutter=0.0),
+    "surroundings": lambda sensor: replace(sensor, surroundings=Surroundings()),
+    "surroundings, also on the road": lambda sensor: replace(sensor, surroundings=Surroundings(on_road=0.015)),
+}
+
+
+def main(out: Annotated[Path, typer.Argument(help="The JSON file.")] = Path(f"docs/results/{RIG}.json")) -> None:
+    """Measure the default tracker on changed figures of the default rig, for docs/radars.md."""
+    cells = [(scenario, seed) for scenario in SCENARIOS for seed in SEEDS]
+    rows: dict[str, list[dict[str, float]]] = {name: [] for name in CHANGES}
+    with steps(len(cells)) as step:
+        for scenario, seed in cells:
+            step(f"{scenario} {seed}")
+            drive = record(scenario, seed, "ideal", DURATION)
+            for name, change in CHANGES.items():
+                changed = replace(RADARS[RIG], sensors=tuple(change(sensor) for sensor in RADARS[RIG].sensors))
+                rows[name].append(measure(drive, changed, seed))
+    write_json(out, {"rig": RIG, "tracker": DEFAULT, "scenarios": SCENARIOS, "seeds": SEEDS, "duration": DURATION,
+                     "rows": rows})  # fmt: skip
+    console.print(f"results  {out}", soft_wrap=True)
+
+
+def measure(drive: Recording, radar: Radar, seed: int) -> dict[str, float]:
+    """Measures of the default tracker on the scenes of a drive, as a radar sees them."""
+    evaluator = Evaluator(DEFAULT)
+
+    def keep(frame: Frame) -> None:
+        evaluator.step(frame.time, frame.scene, frame.origin, frame.outputs[DEFAULT][0])
+
+    perception = Perception.mount(radar, [DEFAULT])
+    perception.observers.append(keep)
+    rng = np.random.default_rng([seed, 1])
+    perception.start(lambda step: drive.frames[step].scene, drive.road, rng, action=REPLAY)
+    perception.notify()
+    for _ in drive.frames[1:]:
+        perception.step(REPLAY, np.zeros((0, 2)))
+    summary = evaluator.summary()
+    return {name: float(summary[name]) for name in MEASURES}
