@@ -107,7 +107,7 @@ surround: $(STAMP)  # five minutes: what other figures of the default rig would 
 	$(BIN)/python -m testbed.studies generated
 
 standing: $(STAMP)  # half a minute; DATA is the folder with frames.npz of the real radar
-	$(BIN)/python -m testbed.studies standing $(DATA) --docs docs
+	$(BIN)/python -m testbed.studies standing-returns $(DATA) --docs docs
 
 contours: $(STAMP)  # twelve minutes
 	$(BIN)/python -m testbed.studies contours --docs docs

@@ -30,7 +30,7 @@ STUDIES: Mapping[str, Callable[..., None]] = {
     "partial-view": partial_view.main,
     "probes": probes.main,
     "regret": regret.main,
-    "standing": standing.main,  # docs/standing-returns.md
+    "standing-returns": standing.main,
     "radars": rigs_figure.main,  # a picture for docs/radars.md
     "vehicles": vehicle_figure.main,  # a picture for docs/methods
     # committed results that the page of the comparison shows
