@@ -16,7 +16,7 @@ from testbed.studies.standing.scans import DURATION, EVERY, SCENARIOS, SEED, at_
 from testbed.studies.standing.statistics import STANDS, STILL, Judged, judge, runs, statistics
 
 OFF, ON, ON_ROAD = "imaging", "imaging-roadside", 0.015
-COMMAND = "python -m testbed.studies standing-returns DATA --docs docs"  # where the data lie differs from machine to machine
+COMMAND = "python -m testbed.studies standing-returns DATA --docs docs"  # DATA lies elsewhere on every machine
 TITLE = """# What stands still
 
 Returns of guard rails, signs, trees, facades and bridges: how many a scan, where, and how well the motion of the ego
