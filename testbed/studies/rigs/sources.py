@@ -38,14 +38,13 @@ SOURCES: Mapping[str, Mapping[str, str]] = MappingProxyType({  # sensor -> key o
     },
     "LIDAR": {
         "I": "fov_deg spacing_deg share_volume depth_contour clutter count_shape",
-        "P": "max_range sigma_range sigma_azimuth_deg sigma_rate count_at_15m count_falloff count_max static_density",
-        "L": "profile",
+        "P": "max_range sigma_range sigma_azimuth_deg sigma_rate count_at_15m count_falloff count_max static_density "
+             "profile",
     },
     "IDEAL": {
         "I": "max_range fov_deg sigma_range sigma_azimuth_deg sigma_rate count_falloff count_shape share_volume "
              "depth_contour clutter static_density",
-        "P": "spacing_deg count_at_15m",
-        "L": "profile",
+        "P": "spacing_deg count_at_15m profile",
     },
 })  # fmt: skip
 
