@@ -4,13 +4,14 @@ A state is a NamedTuple whose fields all have the same leading axes; `None` fiel
 through. Nested tuples are walked.
 """
 
-from collections.abc import Sequence
-from typing import Any, TypeVar
+from collections.abc import Callable, Sequence
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 T = TypeVar("T", bound=tuple)
+V = TypeVar("V")
 
 
 def _walk(function: Any, *states: Any) -> Any:
@@ -28,10 +29,20 @@ def take(state: T, index: NDArray) -> T:
     return _walk(lambda leaf: np.asarray(leaf)[index], state)
 
 
+def keep(state: T, mask: NDArray) -> T:
+    """Rows where mask (T,) bool is true; the state itself, not a copy, where that is everywhere."""
+    return state if mask.all() else take(state, np.flatnonzero(mask))
+
+
 def select(where: NDArray, yes: T, no: T) -> T:
-    """Rows of `yes` where `where` (...) is true, else of `no`; all with the leading axes of `where`."""
+    """Rows of `yes` where `where` (...) is true, else of `no`; all with the leading axes of `where`.
+
+    A field that is the same array in both stays that array.
+    """
 
     def choose(a: NDArray, b: NDArray) -> NDArray:
+        if a is b:
+            return a
         mask = where.reshape(where.shape + (1,) * (np.ndim(a) - where.ndim))
         return np.where(mask, a, b)
 
@@ -57,3 +68,24 @@ def stack(states: Sequence[T]) -> T:
 def concatenate(states: Sequence[T]) -> T:
     """States joined along their first axis."""
     return _walk(lambda *leaves: np.concatenate(leaves), *states)
+
+
+class Last(Generic[T, V]):
+    """A function of a state that keeps its last value: one step asks the same of the same state several times.
+
+    States are never written into, so the same object has the same value.
+    """
+
+    def __init__(self, function: Callable[[T], V]) -> None:
+        self.function = function
+        self._kept: tuple[T, V] | None = None
+
+    def __call__(self, state: T) -> V:
+        """The value for a state."""
+        kept = self._kept
+        if kept is None or kept[0] is not state:
+            self._kept = kept = state, self.function(state)
+        return kept[1]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Last, (self.function,)  # copies begin anew

@@ -135,32 +135,34 @@ class GroundTest:
     def split(self, ground: Ground, estimate: Estimate) -> Split:
         """Which of D tracks are two vehicles; estimate (D,) is theirs."""
         D, b = len(ground.id), self.beside
-        none = np.zeros((D, 1))
+        rows, none = np.arange(D), np.zeros((D, 1))
         S, X = (np.concatenate([none, np.cumsum(a, 1)], 1) for a in (ground.seen, ground.expected))
         edge = STEP * (np.arange(CELLS + 1) - CELLS // 2) - shift_of(ground, estimate)  # (D, CELLS + 1) of the body
         half, closest = estimate.size[:, :1] / 2 + STEP, self.headway * dot(estimate.velocity, estimate.velocity)
+        begins, ends = edge > -half, edge < half
+        flank = S[:, b:] - S[:, :-b]  # detections of the cells beside a gap, from their first edge on
+        dense = flank / np.maximum(X[:, b:] - X[:, :-b], 1e-9)
+        enough = flank >= self.least
         best, gap = np.full(D, -np.inf), np.zeros((D, 2))
         for w in self.gaps:
-            i = np.arange(b, CELLS + 1 - w - b)  # first edge of the gap
-            left, right = S[:, i] - S[:, i - b], S[:, i + w + b] - S[:, i + w]
-            flank = [
-                np.minimum(n / np.maximum(x, 1e-9), self.denser if w <= b else 1.0)
-                for n, x in ((left, X[:, i] - X[:, i - b]), (right, X[:, i + w + b] - X[:, i + w]))
-            ]
-            foretold = (X[:, i + w] - X[:, i]) * np.minimum(*flank)  # (LIFE.33)
-            n = S[:, i + w] - S[:, i]
+            if not (wide := STEP * w >= closest).any():
+                continue
+            last = CELLS + 1 - w - b  # edges b to this one begin a gap
+            left, right = slice(0, last - b), slice(b + w, last + w)  # first edges of what is beside it
+            denser = np.minimum(np.minimum(dense[:, left], dense[:, right]), self.denser if w <= b else 1.0)
+            foretold = (X[:, b + w : last + w] - X[:, b:last]) * denser  # (LIFE.33)
+            n = S[:, b + w : last + w] - S[:, b:last]
             ratio = (self.thin - self.stray) * foretold - np.log(self.thin / self.stray) * n  # (LIFE.34)
-            inside = (edge[:, i - b] > -half) & (edge[:, i + w + b] < half)
-            ratio = np.where(inside & (np.minimum(left, right) >= self.least), ratio, -np.inf)
-            ratio[STEP * w < closest] = -np.inf
+            there = begins[:, left] & ends[:, b + w + b :] & enough[:, left] & enough[:, right] & wide[:, None]
+            ratio = np.where(there, ratio, -np.inf)
             k = ratio.argmax(1)
-            better = ratio[np.arange(D), k] > best
-            best = np.where(better, ratio[np.arange(D), k], best)
-            rows = np.arange(D)
-            found = np.stack([edge[rows, i[k]], edge[rows, i[k] + w]], -1)
+            top = ratio[rows, k]
+            better = top > best
+            best = np.where(better, top, best)
+            found = np.stack([edge[rows, b + k], edge[rows, b + k + w]], -1)
             gap = np.where(better[:, None], found, gap)
-        ends = estimate.size[:, 0] / 2
-        return Split(best > self.surer, best, np.stack([-ends, gap[:, 0]], -1), np.stack([gap[:, 1], ends], -1))
+        end = estimate.size[:, 0] / 2
+        return Split(best > self.surer, best, np.stack([-end, gap[:, 0]], -1), np.stack([gap[:, 1], end], -1))
 
 
 def shift_of(ground: Ground, estimate: Estimate) -> NDArray:

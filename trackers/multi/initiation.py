@@ -77,10 +77,14 @@ class Initiation:
         crowd = len(j) if len(j) > self.crowd else 0
         now = self.window.candidates(z, j, None if crowd else road)
         pool = now if crowd else join(loose, now)
+        if not len(pool.rate):
+            return self._none(len(z.rate), pool, crowd)
         label, cells = self._cells(z, pool, false_alarms, time, dt, road, crowd > 0)
         best = np.argsort(-cells.log_odds, kind="stable")[: self.most_births]
         best = best[np.isfinite(cells.log_odds[best])]
-        W = label == best[:, None]  # (B, P), none where no cell is worth a track
+        if not len(best):
+            return self._none(len(z.rate), EMPTY if crowd else self.window.keep(pool), crowd)
+        W = label == best[:, None]  # (B, P)
         weight = W * np.where(pool.now, 1.0, self.past_weight)
         weight /= weight.sum(1, keepdims=True)
         mean = weight @ pool.xy
@@ -95,6 +99,13 @@ class Initiation:
         return Births(
             estimate, length, mean, place, existence, cells.scans[best], cells.detections[best], owner, rest, crowd
         )
+
+    def _none(self, detections: int, loose: Loose, crowd: int) -> Births:
+        """No new track of a scan with so many detections."""
+        zero = np.zeros(0)
+        count, xy = zero.astype(int), np.zeros((0, 2))
+        owner = np.full(detections, -1)
+        return Births(prior(np.zeros((0, 3))), zero, xy, xy, zero, count, count, owner, loose, crowd)
 
     def _cells(
         self, z: SortedScan, loose: Loose, false_alarms: NDArray, time: float, dt: float, road: RoadMap | None,

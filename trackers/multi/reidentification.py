@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.batch import concatenate, take
+from trackers.batch import concatenate, keep, take
 from trackers.estimate import Estimate
 from trackers.geometry import rotation, wrap_angle
 from trackers.linalg import quadratic
@@ -53,7 +53,7 @@ class Reidentification:
 
     def predict(self, gone: Gone, dt: float, road: RoadMap | None) -> Gone:
         """The memory after dt [s]: vehicles drive on at their speed, and turn as their lane does."""
-        gone = take(gone, gone.age + dt < self.span)
+        gone = keep(gone, gone.age + dt < self.span)
         e = gone.estimate
         if not len(gone.id):
             return gone

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.admission import Admitted, admit, check_step
-from trackers.batch import put, select, take
+from trackers.batch import keep, put, select, take
 from trackers.estimate import Estimate, prior
 from trackers.linalg import largest_eigenvalue
 from trackers.multi.association import Association, Claims, SortedScan, gather, shares
@@ -224,7 +224,7 @@ class MultiObjectTracker:
         """The tracks and those born of the candidates (M,) bool and of the window, which goes on."""
         memory = tracks.memory
         loose = self.initiation.window.predict(memory.loose, dt)
-        loose = take(loose, self.suppression.unexplained(loose, tracks.estimate, tracks.existence))
+        loose = keep(loose, self.suppression.unexplained(loose, tracks.estimate, tracks.existence))
         clutter, time = self.sensor_array.clutter, memory.time + dt
         births = self.initiation.births(z, candidate, loose, clutter, time, dt, self.road)
         gone = None if memory.gone is None else self.reidentification.predict(memory.gone, dt, self.road)
@@ -251,7 +251,7 @@ class MultiObjectTracker:
             state = select(returned, self._restart(old.state, known), state)
             hits = hits + np.where(returned, old.hits, 0)
             id = np.where(returned, old.id, tracks.next_id + np.cumsum(~returned) - 1)
-            memory = memory._replace(gone=take(gone, ~np.isin(gone.id, id)))
+            memory = memory._replace(gone=keep(gone, ~np.isin(gone.id, id)))
         index = shares(births.owner, B, self.most_detections)
         state, info = self.layered.update(state, gather(z, index))
         born = Tracks(

@@ -57,7 +57,11 @@ class Tracks(NamedTuple):
         return self.rows(self.existence > REPORT_ABOVE)  # (MOT.48)
 
     def rows(self, index: NDArray) -> "Tracks":
-        """The tracks at index, (T,) bool or rows; `next_id` and `memory` stay."""
+        """The tracks at index, (T,) bool or rows; `next_id` and `memory` stay. All of them are these tracks."""
+        if index.dtype == bool:
+            if index.all():
+                return self
+            index = np.flatnonzero(index)
         rows = take(self._replace(next_id=None, memory=None), index)  # type: ignore[arg-type]
         return rows._replace(next_id=self.next_id, memory=self.memory)
 

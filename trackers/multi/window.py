@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.batch import concatenate, take
+from trackers.batch import concatenate, keep
 from trackers.geometry import dot, unit
 from trackers.multi.association import SortedScan
 from trackers.multi.road import RoadMap
@@ -79,7 +79,7 @@ class Window:
         along, moving = unit(loose.course), self.moves(loose)
         speed = np.where(moving, loose.rate / dot(loose.sight, along), 0.0)
         moved = loose._replace(xy=loose.xy + (speed * dt)[:, None] * along, age=loose.age + dt)  # (LIFE.1)
-        return take(moved, moved.age < np.where(moving, self.span, self.span_standing) + 1e-9)
+        return keep(moved, moved.age < np.where(moving, self.span, self.span_standing) + 1e-9)
 
     def moves(self, loose: Loose) -> NDArray:
         """Mask (P,) of those that move."""
@@ -89,8 +89,8 @@ class Window:
         """Those that stand, or whose motion follows from their range rate."""
         along = np.abs(dot(loose.sight, unit(loose.course)))
         d = loose.xy - loose.place
-        keep = ((along > self.along_sight) | ~self.moves(loose)) & (np.hypot(*d.T) > self.beyond)
-        return take(loose, keep)  # (LIFE.2)
+        useful = ((along > self.along_sight) | ~self.moves(loose)) & (np.hypot(*d.T) > self.beyond)
+        return keep(loose, useful)  # (LIFE.2)
 
     def courses(self, xy: NDArray, road: RoadMap | None, heading: float) -> tuple[NDArray, NDArray]:
         """Direction (P,) [rad] of the lanes at points (P, 2), the ego's heading off the lanes; and bool (P,) which."""

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.size.fleet import Fleet
+from trackers.size.fleet import Prior
 from trackers.size.grid import Grid
 
 
@@ -26,26 +26,26 @@ class Belief(NamedTuple):
 
 
 def believe(
-    grids: tuple[Grid, Grid], fleet: Fleet, length: NDArray, width: NDArray, behind: NDArray | float = 0.0
+    grids: tuple[Grid, Grid], fleet: Prior, length: NDArray, width: NDArray, behind: NDArray | float = 0.0
 ) -> Belief:
     """Belief from likelihoods length (..., K, N) and width (..., K', N'), greatest ones near 1.
 
     behind (...) is the probability that all detections were made from behind.
     """
-    of_length, of_width = fleet.of_length(grids[0].sizes), fleet.of_width(grids[1].sizes)
+    of_length, of_width = fleet.length, fleet.width
     l, w = length.sum(-1), width.sum(-1)
     fit_l, fit_w = l @ of_length.T, w @ of_width.T  # (..., C) each, (ENDS.16)
     loads = []
-    for c, share, shorter in fleet.behind_loads(grids[0].sizes):
+    from_behind = bool(np.any(behind))
+    for c, share, shorter in fleet.loads if from_behind else ():
         part = share * np.asarray(behind)
         fit_l[..., c] += part * ((l @ shorter.T - l) @ of_length[c])  # (ENDS.33)
         loads.append((part * fleet.shares[c] * fit_w[..., c], of_length[c], shorter))
     weight = fleet.shares * fit_l * fit_w
     kind = weight / weight.sum(-1, keepdims=True)  # (ENDS.16)
     joint = length * ((fleet.shares * fit_w) @ of_length)[..., None]  # (ENDS.17)
-    if np.any(behind):
-        for prior, p, shorter in loads:
-            joint += (prior[..., None] * p)[..., None] * (shorter @ length - length)  # (ENDS.33)
+    for prior, p, shorter in loads:
+        joint += (prior[..., None] * p)[..., None] * (shorter @ length - length)  # (ENDS.33)
     joints = (joint, width * ((fleet.shares * fit_l) @ of_width)[..., None])  # (ENDS.17)
     moments = [_moments(g, p / p.sum((-2, -1), keepdims=True)) for g, p in zip(grids, joints, strict=True)]  # (ENDS.18)
     size, size_var, offset, offset_var, centre_var = (np.stack(a, -1) for a in zip(*(m[:5] for m in moments)))

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.admission import guarded_predict, guarded_update
-from trackers.batch import select
+from trackers.batch import Last, select
 from trackers.estimate import Estimate
 from trackers.geometry import rotation, to_frame, to_world
 from trackers.linalg import symmetrize
@@ -20,7 +20,7 @@ from trackers.protocols import Attentive, Filter, Resizable, Restartable, Shifta
 from trackers.scan import Scan, SensorModel
 from trackers.size.belief import Belief, believe
 from trackers.size.claim import log_claim
-from trackers.size.fleet import Fleet
+from trackers.size.fleet import Fleet, Prior
 from trackers.size.grid import LENGTH, WIDTH, Grid
 from trackers.size.hidden import Around
 from trackers.size.hits import Boxes, hits_of
@@ -79,6 +79,16 @@ class Ends:
         """The data sheets of the sensors as arrays."""
         return Profiles.of(self.sensors)
 
+    @cached_property
+    def prior(self) -> Prior:
+        """The fleet on the grids."""
+        return Prior.of(self.fleet, self.length.sizes, self.width.sizes)
+
+    @cached_property
+    def box(self) -> Last[Any, Estimate]:
+        """The estimate of the inner filter's state."""
+        return Last(self.filter.estimate)
+
     @property
     def classes(self) -> tuple[str, ...]:
         """Names of the classes of `Estimate.class_probability`."""
@@ -128,12 +138,12 @@ class Ends:
         return self._updated(state, scan, Around(every, owner))
 
     def _updated(self, state: EndsState, scan: Scan, around: Around | None) -> tuple[EndsState, Any]:
-        before = self.filter.estimate(state.inner).pose[..., 2]
+        before = self.box(state.inner).pose[..., 2]
         inner, info = self.filter.update(state.inner, scan)
         some = np.asarray(scan.mask.any(-1))
         if not some.any():
             return state, info
-        box = self.filter.estimate(inner)
+        box = self.box(inner)
         turned = np.cos(box.pose[..., 2] - before) < 0  # front and rear changed places
         anchor = np.where(turned[..., None], -state.anchor, state.anchor)
         new = self._look(state._replace(inner=inner), box, anchor, scan, around)
@@ -141,7 +151,7 @@ class Ends:
 
     def estimate(self, state: EndsState) -> Estimate:
         """The inner filter's, with size, class, and the place of the centre between both ends."""
-        box, b = self.filter.estimate(state.inner), state.belief
+        box, b = self.box(state.inner), state.belief
         placed = self._placed(state, box, b.size, b.centre_var)
         contour = box.contour
         if contour is not None:
@@ -151,7 +161,7 @@ class Ends:
 
     def reach(self, state: EndsState) -> Estimate:
         """The estimate with the greatest length and width that are possible, for gates; its `size_std` is 0."""
-        box, b = self.filter.estimate(state.inner), state.belief
+        box, b = self.box(state.inner), state.belief
         size = np.stack(
             [
                 grid.sizes[(p.cumsum(-1) < 1 - self.impossible).sum(-1).clip(max=len(grid.sizes) - 1)]  # (ENDS.28)
@@ -172,7 +182,7 @@ class Ends:
 
     def log_spatial(self, state: EndsState, scan: Scan, track: NDArray, detection: NDArray) -> NDArray:
         """Log density (G,) [1/m^2] of the detections with indices detection (G,) under the tracks track (G,)."""
-        box = self.filter.estimate(state.inner)
+        box = self.box(state.inner)
         boxes = Boxes(box.pose, box.size, state.anchor)
         hits = hits_of(scan, (detection,), track, box.pose, self.profiles, self.sigma)
         M = rotation(box.pose[:, 2])
@@ -196,7 +206,7 @@ class Ends:
 
     def _belief(self, length: NDArray, width: NDArray, anchor: NDArray, abeam: NDArray) -> Belief:
         behind = np.where(anchor[..., 0] < 0, np.exp(-abeam / self.enough_abeam), 0.0)  # (ENDS.34)
-        return believe(self.grids, self.fleet, length, width, behind)
+        return believe(self.grids, self.prior, length, width, behind)
 
     def _pin_std(self, size: NDArray) -> NDArray:
         return np.maximum(self.pin * size, self.least_pin)

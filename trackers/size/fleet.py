@@ -4,7 +4,7 @@ Equations: docs/methods/size-from-both-ends.md, section 5.
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,30 +66,40 @@ class Fleet:
 
     def of_length(self, lengths: NDArray) -> NDArray:
         """Probabilities (C, K) of lengths (K,) [m] given the class."""
-        return _gaussians(tuple(c.length for c in self.classes), tuple(lengths.tolist()), self.floor)
+        return _gaussians(tuple(c.length for c in self.classes), lengths, self.floor)
 
     def of_width(self, widths: NDArray) -> NDArray:
         """Probabilities (C, K) of widths (K,) [m] given the class."""
-        return _gaussians(tuple(c.width for c in self.classes), tuple(widths.tolist()), self.floor)
+        return _gaussians(tuple(c.width for c in self.classes), widths, self.floor)
 
     def behind_loads(self, lengths: NDArray) -> tuple[tuple[int, float, NDArray], ...]:
         """Classes with loads: index, share and matrix (K, K) from a function of L_k to that of f L_k, (ENDS.33)."""
-        values = tuple(lengths.tolist())
         some = [(c, *one.load) for c, one in enumerate(self.classes) if one.load[0] > 0]
-        return tuple((c, share, _shortened(part, values)) for c, share, part in some)
+        return tuple((c, share, _shortened(part, lengths)) for c, share, part in some)
 
 
-@lru_cache(maxsize=32)
-def _shortened(share: float, values: tuple[float, ...]) -> NDArray:
-    """Matrix (K, K) that interpolates a function of evenly spaced values at a share of each of them."""
-    x = np.array(values)
+class Prior(NamedTuple):
+    """A fleet on the grids of C classes, K lengths and K' widths."""
+
+    shares: NDArray  # (C,)
+    length: NDArray  # (C, K) probabilities given the class
+    width: NDArray  # (C, K')
+    loads: tuple[tuple[int, float, NDArray], ...]  # as of `Fleet.behind_loads`
+
+    @classmethod
+    def of(cls, fleet: Fleet, lengths: NDArray, widths: NDArray) -> "Prior":
+        """Arrays of a fleet for lengths (K,) and widths (K',) [m]."""
+        return cls(fleet.shares, fleet.of_length(lengths), fleet.of_width(widths), fleet.behind_loads(lengths))
+
+
+def _shortened(share: float, x: NDArray) -> NDArray:
+    """Matrix (K, K) that interpolates a function of evenly spaced values x (K,) at a share of each of them."""
     at = np.clip((share * x - x[0]) / (x[1] - x[0]), 0, len(x) - 1)
     return np.maximum(1 - np.abs(at[:, None] - np.arange(len(x))), 0.0)
 
 
-@lru_cache(maxsize=32)
-def _gaussians(moments: tuple[tuple[float, float], ...], values: tuple[float, ...], floor: float) -> NDArray:
-    """Gaussians (C, K) on evenly spaced values, each summing to one, mixed with an even distribution."""
+def _gaussians(moments: tuple[tuple[float, float], ...], values: NDArray, floor: float) -> NDArray:
+    """Gaussians (C, K) on evenly spaced values (K,), each summing to one, mixed with an even distribution."""
     mean, std = np.array(moments).T[..., None]
-    p = np.exp(-0.5 * ((np.array(values) - mean) / std) ** 2)
+    p = np.exp(-0.5 * ((values - mean) / std) ** 2)
     return (1 - floor) * p / p.sum(-1, keepdims=True) + floor / len(values)  # (ENDS.15)

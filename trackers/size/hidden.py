@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from trackers.geometry import box_corners, to_world, wrap_angle
 from trackers.scan import Scan
 from trackers.size.grid import Grid
-from trackers.size.hits import Boxes, Hits, lit
+from trackers.size.hits import Boxes, Hits, Lit
 from trackers.size.visible import Cells, Room, in_view, room
 
 CELLS = (Cells(-2.5, 0.25, 98), Cells(-0.5, 0.1, 39))  # along the side, and across the end
@@ -33,28 +33,32 @@ class Around(NamedTuple):
         return Around(self.scan, place[self.owner])
 
 
-def open_rooms(grids: tuple[Grid, Grid], hits: Hits, boxes: Boxes, around: Around | None) -> list[list[Room]]:
+def open_rooms(
+    grids: tuple[Grid, Grid], hits: Hits, boxes: Boxes, sides: Lit, around: Around | None
+) -> list[list[Room]]:
     """Rooms of length and of width that range, field of view and the detections of others leave to the detections.
 
     Only detections of bodies that are cut off have one, and those of faces that are seen by sensors whose detections
     hide.
     """
-    end, _ = lit(hits, boxes)
     key = hits.row * (hits.which.max() + 1) + hits.which
     _, first, pair = np.unique(key, return_index=True, return_inverse=True)  # P pairs of object and sensor
     cut = _cut_off(hits, boxes, first)
     hides = np.zeros(len(first), bool) if around is None else hits.sensor.hiding[first, 0] > 0
     rooms: list[list[Room]] = []
     for axis, grid in enumerate(grids):
-        chosen = np.flatnonzero(cut | (hides & (end[first, 1 - axis] != 0)))
+        chosen = np.flatnonzero(cut | (hides & (sides.end[first, 1 - axis] != 0)))
+        if not len(chosen):
+            rooms.append([])
+            continue
         g, rows = first[chosen], np.flatnonzero(np.isin(pair, chosen))
         points = _on_face(hits, boxes, g, axis)
         seen = in_view(points, hits.pose[g], hits.sensor.max_range[g], hits.sensor.fov[g])
         seen[:, : -DEEPER[axis]] &= seen[:, DEEPER[axis] :].copy()  # (ENDS.8)
-        if around is not None:
+        if around is not None and hides[chosen].any():
             seen &= ~_hidden(points, hits, g, around)  # (ENDS.29)
         size, cells = boxes.size[hits.row[rows], axis], seen[np.searchsorted(chosen, pair[rows])]
-        rooms.append([room(grid, CELLS[axis], cells, rows, size)] if len(rows) else [])
+        rooms.append([room(grid, CELLS[axis], cells, rows, size)])
     return rooms
 
 

@@ -64,13 +64,20 @@ def hits_of(
     return Hits(row, place + polar[:, :1] * sight, sight, place, mount, std, which, sensor)
 
 
-def lit(hits: Hits, boxes: Boxes) -> tuple[NDArray, NDArray]:
-    """End of each axis (G, 2) that faces the sensor, +1 the anchor, -1 the other, 0 none, and its weight (G, 2) [m]."""
+class Lit(NamedTuple):
+    """What of a body faces the sensor of each of G detections."""
+
+    end: NDArray  # (G, 2) of each axis, +1 the anchor, -1 the other, 0 none
+    shown: NDArray  # (G, 2) [m] its weight
+
+
+def lit(hits: Hits, boxes: Boxes) -> Lit:
+    """The ends that face the sensors, and their weights."""
     size, anchor = boxes.size[hits.row], boxes.anchor[hits.row]
     beyond = anchor * hits.place
     end = (beyond > size / 2).astype(int) - (beyond < -size / 2)
     shown = np.abs(hits.sight) ** (1 - hits.sensor.grazing[:, None]) * size[:, ::-1]
-    return end, np.where(end != 0, shown, 0.0)  # (ENDS.4)
+    return Lit(end, np.where(end != 0, shown, 0.0))  # (ENDS.4)
 
 
 def faces(hits: Hits, shown: NDArray) -> tuple[NDArray, NDArray]:
@@ -81,9 +88,9 @@ def faces(hits: Hits, shown: NDArray) -> tuple[NDArray, NDArray]:
     return (1 - inside) * share, inside * share
 
 
-def depths(hits: Hits, boxes: Boxes, rooms: list[list[Room]]) -> list[Depths]:
+def depths(hits: Hits, boxes: Boxes, facing: Lit, rooms: list[list[Room]]) -> list[Depths]:
     """The detections along the length and along the width, with the rooms of each."""
-    end, shown = lit(hits, boxes)
+    end, shown = facing.end, facing.shown.copy()
     for axis, some in enumerate(rooms):
         for one in some:  # the cells along one axis lie on the face that belongs to the other
             shown[one.rows, 1 - axis] *= one.share  # (ENDS.4)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from trackers.size.grid import Grid
 from trackers.size.hidden import Around, open_rooms
-from trackers.size.hits import Boxes, Hits, depths, lit
+from trackers.size.hits import Boxes, Hits, Lit, depths, lit
 from trackers.size.likelihood import log_likelihood
 
 
@@ -31,19 +31,19 @@ def evidence(
     the complete scan, None where it is not known.
     """
     n = np.diff(start, append=len(hits.row))
-    both = depths(hits, boxes, open_rooms(grids, hits, boxes, around))
+    sides = lit(hits, boxes)
+    both = depths(hits, boxes, sides, open_rooms(grids, hits, boxes, sides, around))
     of_length, of_width = (log_likelihood(grid, z, start, outliers) for grid, z in zip(grids, both, strict=True))
     weight = np.add.reduceat(hits.sensor.weight, start) / n * np.minimum(1.0, independent / n)  # (ENDS.9)
-    cut = ~whole & width_is_cut(hits, boxes, start)
+    cut = ~whole & width_is_cut(hits, boxes, sides, start)
     if cut.any():
         of_width[cut] = part_weight * np.maximum.accumulate(of_width[cut], axis=1)  # (ENDS.10)
     weight = weight[:, None, None]
     return weight * of_length, weight * of_width
 
 
-def width_is_cut(hits: Hits, boxes: Boxes, start: NDArray) -> NDArray:
+def width_is_cut(hits: Hits, boxes: Boxes, sides: Lit, start: NDArray) -> NDArray:
     """Mask (H,) of the objects whose ends show more than their sides: a part of such a view is a part of the width."""
-    end, _ = lit(hits, boxes)
-    shown = np.where(end != 0, np.abs(hits.sight) * boxes.size[hits.row, ::-1], 0.0)
+    shown = np.where(sides.end != 0, np.abs(hits.sight) * boxes.size[hits.row, ::-1], 0.0)
     end_shown, side_shown = np.add.reduceat(shown, start, axis=0).T
     return side_shown < end_shown

@@ -4,10 +4,14 @@ import numpy as np
 import pytest
 
 from trackers.size.belief import believe
-from trackers.size.fleet import FLEET, Fleet, VehicleClass
+from trackers.size.fleet import FLEET, Fleet, Prior, VehicleClass
 from trackers.size.grid import LENGTH, WIDTH
 
 GRIDS = (LENGTH, WIDTH)
+
+
+def on_grids(fleet):
+    return Prior.of(fleet, LENGTH.sizes, WIDTH.sizes)
 
 
 def drawn(rng, lead=()):
@@ -26,7 +30,7 @@ def test_the_posterior_is_that_of_all_pairs_of_length_and_width_in_all_classes()
     p_L, p_W = fleet.of_length(LENGTH.sizes), fleet.of_width(WIDTH.sizes)
     joint = np.einsum("c,ck,kn,cm,mo->cknmo", fleet.shares, p_L, length, p_W, width)
     joint /= joint.sum()
-    got = believe(GRIDS, fleet, length, width)
+    got = believe(GRIDS, on_grids(fleet), length, width)
     np.testing.assert_allclose(got.kind, joint.sum((1, 2, 3, 4)), rtol=1e-9)
     np.testing.assert_allclose(got.length, joint.sum((0, 2, 3, 4)), rtol=1e-9)
     np.testing.assert_allclose(got.width, joint.sum((0, 1, 2, 4)), rtol=1e-9)
@@ -43,17 +47,17 @@ def test_the_posterior_is_that_of_all_pairs_of_length_and_width_in_all_classes()
 
 def test_probabilities_sum_to_one_and_a_batch_equals_the_loop():
     length, width = drawn(np.random.default_rng(1), (3, 2))
-    got = believe(GRIDS, Fleet(), length, width)
+    got = believe(GRIDS, on_grids(Fleet()), length, width)
     for p in (got.kind, got.length, got.width):
         np.testing.assert_allclose(p.sum(-1), 1.0, rtol=1e-12)
-    one = believe(GRIDS, Fleet(), length[2, 1], width[2, 1])
+    one = believe(GRIDS, on_grids(Fleet()), length[2, 1], width[2, 1])
     for a, b in zip(got, one, strict=True):
         np.testing.assert_allclose(a[2, 1], b, rtol=1e-12)
 
 
 def test_without_detections_the_belief_is_the_fleet():
     flat = [np.exp(grid.born(())) for grid in GRIDS]
-    got = believe(GRIDS, Fleet(), *flat)
+    got = believe(GRIDS, on_grids(Fleet()), *flat)
     np.testing.assert_allclose(got.kind, Fleet().shares, rtol=1e-9)
     mean = sum(c.share * c.length[0] for c in FLEET)
     assert got.size[0] == pytest.approx(mean, abs=0.05)
@@ -63,7 +67,7 @@ def test_a_width_says_which_lengths_are_likely():
     """2.5 m is a truck, a bus or a trailer; nothing else is known of the length."""
     length = np.exp(LENGTH.born(()))
     width = np.exp(WIDTH.born(()) - 0.5 * ((WIDTH.sizes - 2.5) / 0.05)[:, None] ** 2)
-    got = believe(GRIDS, Fleet(), length, width)
+    got = believe(GRIDS, on_grids(Fleet()), length, width)
     assert got.size[0] > 10.0
     assert got.kind[:3].sum() < 0.01
 
@@ -73,7 +77,10 @@ def test_seen_from_behind_a_truck_may_be_longer_than_its_load():
     length = np.exp(LENGTH.born(()) - 0.5 * ((LENGTH.sizes - 6.3) / 0.1)[:, None] ** 2)
     width = np.exp(WIDTH.born(()) - 0.5 * ((WIDTH.sizes - 2.5) / 0.05)[:, None] ** 2)
     fleet = Fleet((VehicleClass("truck", 1.0, (9.0, 1.75), (2.48, 0.07), load=(0.5, 0.7)),))
-    behind, beside = believe(GRIDS, fleet, length, width, 1.0), believe(GRIDS, fleet, length, width, 0.0)
+    behind, beside = (
+        believe(GRIDS, on_grids(fleet), length, width, 1.0),
+        believe(GRIDS, on_grids(fleet), length, width, 0.0),
+    )
     p = fleet.of_length(LENGTH.sizes)[0]
     ell = length.sum(-1)
     joint = p * (ell + np.interp(0.7 * LENGTH.sizes, LENGTH.sizes, ell)) / 2

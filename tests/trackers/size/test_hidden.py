@@ -12,7 +12,7 @@ from trackers.geometry import unit
 from trackers.scan import DepthProfile
 from trackers.size import Ends
 from trackers.size.hidden import Around, open_rooms
-from trackers.size.hits import Boxes, hits_of
+from trackers.size.hits import Boxes, hits_of, lit
 from trackers.size.profile import Profiles
 
 STEP = np.radians(0.2)
@@ -55,7 +55,7 @@ def test_of_a_rear_behind_another_car_the_part_that_is_not_hidden_is_open(seam):
     boxes = Boxes(np.array([[32.25, 0.0, 0.0]]), np.array([[4.5, 1.8]]), np.array([[-1.0, 1.0]]))
     profiles = Profiles.of((SensorModel(max_range=200.0, fov=7.0, profile=OUTLINE),))
     hits = hits_of(scan, (np.flatnonzero(mine),), np.zeros(mine.sum(), int), boxes.pose, profiles, 0.2)
-    of_length, of_width = open_rooms(GRIDS, hits, boxes, Around(scan, owner))
+    of_length, of_width = open_rooms(GRIDS, hits, boxes, lit(hits, boxes), Around(scan, owner))
     assert of_length == []  # the sensor sees no side
     n = 5  # no offset
     got = of_width[0].far[0, len(GRIDS[1].sizes) - 1 - np.arange(len(GRIDS[1].sizes)) + n] - of_width[0].near[0, n]
@@ -63,7 +63,7 @@ def test_of_a_rear_behind_another_car_the_part_that_is_not_hidden_is_open(seam):
     np.testing.assert_allclose(got, np.minimum(GRIDS[1].sizes, seen), atol=0.15)
     alone, _ = view([BEHIND])
     nobody = np.zeros(alone.mask.shape, int)
-    whole = open_rooms(GRIDS, hits, boxes, Around(alone, nobody))[1][0]
+    whole = open_rooms(GRIDS, hits, boxes, lit(hits, boxes), Around(alone, nobody))[1][0]
     lengths = GRIDS[1].sizes
     np.testing.assert_allclose(whole.far[0, len(lengths) - 1 - np.arange(len(lengths)) + n] - whole.near[0, n], lengths)
     assert whole.share[0] == pytest.approx(1.0)
@@ -76,13 +76,13 @@ def test_an_end_outside_of_the_field_of_view_has_no_room():
     profiles = Profiles.of((SensorModel(max_range=200.0, fov=2 * edge),))
     scan = Scan.from_xy(np.array([[18.5, -3.1], [19.0, -3.2]]), noise=(0.1, 0.001, np.nan))
     hits = hits_of(scan, (np.arange(2),), np.zeros(2, int), boxes.pose, profiles, 0.2)
-    (of_length,), (of_width,) = open_rooms(GRIDS, hits, boxes, None)
+    (of_length,), (of_width,) = open_rooms(GRIDS, hits, boxes, lit(hits, boxes), None)
     np.testing.assert_array_equal(of_width.share, 0.0)
     begins = 3.1 / np.tan(edge) - 15.0  # [m] behind the rear, where the side comes into view
     np.testing.assert_allclose(of_length.share, 1 - begins / 4.5, atol=0.06)
     whole = Profiles.of((SensorModel(max_range=200.0, fov=2.0),))
     inside = hits_of(scan, (np.arange(2),), np.zeros(2, int), boxes.pose, whole, 0.2)
-    assert open_rooms(GRIDS, inside, boxes, None) == [[], []]
+    assert open_rooms(GRIDS, inside, boxes, lit(inside, boxes), None) == [[], []]
 
 
 def test_owners_are_those_of_the_objects_that_count():
