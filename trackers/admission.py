@@ -222,11 +222,11 @@ def usable(new: Any, old: Any, lead: tuple[int, ...]) -> NDArray:
     Arrays that the old state has too were tested before.
     """
     good = np.ones(lead, bool)
-    for value, before in zip(arrays(new), arrays(old), strict=True):
-        if value is not before:
-            small = np.abs(value) <= LARGEST
-            if not small.all():
-                good = good & small.all(tuple(range(len(lead), small.ndim)))
+    changed = [value for value, before in zip(arrays(new), arrays(old), strict=True) if value is not before]
+    if not changed or (np.abs(np.concatenate([np.ravel(value) for value in changed])) <= LARGEST).all():
+        return good  # the usual case, decided at little cost
+    for value in changed:
+        good = good & (np.abs(value) <= LARGEST).all(tuple(range(len(lead), np.ndim(value))))
     return good
 
 

@@ -5,13 +5,14 @@ through. Nested tuples are walked.
 """
 
 from collections.abc import Callable, Sequence
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 T = TypeVar("T", bound=tuple)
 V = TypeVar("V")
+States = ParamSpec("States")
 
 
 def _walk(function: Any, *states: Any) -> Any:
@@ -70,21 +71,21 @@ def concatenate(states: Sequence[T]) -> T:
     return _walk(lambda *leaves: np.concatenate(leaves), *states)
 
 
-class Last(Generic[T, V]):
-    """A function of a state that keeps its last value: one step asks the same of the same state several times.
+class Last(Generic[States, V]):
+    """A function of states or arrays that keeps its last value: one step asks the same of the same several times.
 
-    States are never written into, so the same object has the same value.
+    States are never written into, so the same objects have the same value.
     """
 
-    def __init__(self, function: Callable[[T], V]) -> None:
+    def __init__(self, function: Callable[States, V]) -> None:
         self.function = function
-        self._kept: tuple[T, V] | None = None
+        self._kept: tuple[tuple[Any, ...], V] | None = None
 
-    def __call__(self, state: T) -> V:
-        """The value for a state."""
+    def __call__(self, *states: States.args, **none: States.kwargs) -> V:
+        """The value for these states."""
         kept = self._kept
-        if kept is None or kept[0] is not state:
-            self._kept = kept = state, self.function(state)
+        if kept is None or any(a is not b for a, b in zip(states, kept[0], strict=True)):
+            self._kept = kept = states, self.function(*states, **none)
         return kept[1]
 
     def __reduce__(self) -> tuple[Any, ...]:

@@ -94,10 +94,12 @@ def _centre(m: NDArray, mu: NDArray, angles: tuple[int, ...]) -> NDArray:
     """Point (..., 1, n) that differences are taken from: the most likely model's angles, else 0."""
     if not angles:
         return np.zeros((*m.shape[:-2], 1, m.shape[-1]))
-    best = np.broadcast_to(mu, m.shape[:-1]).argmax(-1)[..., None, None]
-    about = np.zeros((*m.shape[:-2], 1, m.shape[-1]))
-    about[..., list(angles)] = np.take_along_axis(m, best, -2)[..., list(angles)]
-    return about
+    K, n = m.shape[-2:]
+    best = np.broadcast_to(mu, m.shape[:-1]).reshape(-1, K).argmax(-1)
+    about = np.zeros((len(best), 1, n))
+    for a in angles:
+        about[:, 0, a] = m[..., a].reshape(-1, K)[np.arange(len(best)), best]
+    return about.reshape(*m.shape[:-2], 1, n)
 
 
 def _difference(m: NDArray, about: NDArray, angles: tuple[int, ...]) -> NDArray:

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from trackers.geometry import dot, perpendicular, unit
@@ -40,9 +38,7 @@ class Linkage:
         ) ** 2 < 1  # (LIFE.3)
         limit = np.where(loose.age[a] == loose.age[b], self.rate, self.rate_between)
         near &= np.abs(loose.rate[a] - loose.rate[b]) < limit  # (LIFE.3)
-        P = len(loose.rate)
-        links = coo_array((np.ones(near.sum(), bool), (a[near], b[near])), (P, P))
-        return connected_components(links, directed=False)[1]
+        return components(len(loose.rate), a[near], b[near])
 
     def label_crowd(self, loose: Loose) -> NDArray:
         """The same in bounded time and memory: detections in one cell of a fine grid are linked as one."""
@@ -63,6 +59,17 @@ class Linkage:
         radius = self.along + loose.sigma.max()
         points = np.c_[loose.xy, loose.rate * radius / self.rate]
         return cKDTree(points).query_pairs(radius, p=np.inf, output_type="ndarray").T
+
+
+def components(P: int, a: NDArray, b: NDArray) -> NDArray:
+    """Connected component (P,) of each of P points linked in pairs a, b (L,), counted in the order of first points."""
+    first = np.arange(P)  # the least point known to be in the component of each
+    while (first[a] != first[b]).any():
+        least = np.minimum(first[a], first[b])
+        np.minimum.at(first, first[a], least)
+        np.minimum.at(first, first[b], least)
+        first = first[first]
+    return np.unique(first, return_inverse=True)[1]
 
 
 def cut(

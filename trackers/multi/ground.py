@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.batch import take
+from trackers.batch import keep
 from trackers.estimate import Estimate
 from trackers.geometry import dot, to_frame, to_world, unit, wrap_angle
 from trackers.multi.association import SortedScan
@@ -71,7 +71,7 @@ class GroundTest:
 
     def predict(self, ground: Ground, id: NDArray, estimate: Estimate, dt: float) -> Ground:
         """What was seen of the D tracks of these ids, moved with them and faded over dt [s]; nothing of new ones."""
-        new = Ground(id, estimate.pose[:, :2], np.zeros((len(id), CELLS)), np.zeros((len(id), CELLS)))
+        new = Ground(id, estimate.pose[:, :2].copy(), np.zeros((len(id), CELLS)), np.zeros((len(id), CELLS)))
         _, here, there = np.intersect1d(id, ground.id, assume_unique=True, return_indices=True)
         origin = ground.origin[there] + estimate.velocity[here] * dt  # (LIFE.30)
         near = np.hypot(*(origin - estimate.pose[here, :2]).T) < STEP * CELLS / 8
@@ -81,17 +81,19 @@ class GroundTest:
         return new
 
     def observe(
-        self, ground: Ground, d: NDArray, estimate: Estimate, view: Visibility, z: SortedScan, sensors: SensorArray
-    ) -> Ground:
-        """The ground of tracks d (D,) after a scan of M detections, among T tracks."""
-        e = take(estimate, d)
+        self, ground: Ground, d: NDArray, e: Estimate, estimate: Estimate, view: Visibility, z: SortedScan,
+        sensors: SensorArray,
+    ) -> Ground:  # fmt: skip
+        """The ground of tracks d (D,), whose estimates are e, after a scan of M detections, among T tracks."""
         shift = shift_of(ground, e)
         seen, expected = ground.seen.copy(), ground.expected.copy()
         for k, pose in enumerate(sensors.poses(z.scan.platform)):
-            rows = np.flatnonzero(view.expected[k, d] > 0)
+            looks = view.expected[k, d] > 0
+            rows = np.flatnonzero(looks)
             if len(rows):
-                density = self._density(take(e, rows), shift[rows], d[rows], estimate, pose, k, sensors)
-                n = self._seen(take(e, rows), shift[rows], pose, z, z.sensor == k) * (density > 0)
+                some = keep(e, looks)
+                density = self._density(some, shift[rows], d[rows], estimate, pose, k, sensors)
+                n = self._seen(some, shift[rows], pose, z, z.sensor == k) * (density > 0)
                 total = n.sum(1, keepdims=True)
                 weight = np.minimum(1.0, self.independent / np.maximum(total, 1.0))
                 share = density / np.maximum(density.sum(1, keepdims=True), 1e-9)

@@ -23,6 +23,8 @@ from trackers.multi.window import EMPTY, Loose, Window, join
 from trackers.parameters import check_numbers
 from trackers.random_matrix.surface import visible_offset
 
+NOBODY = prior(np.zeros((0, 3)))
+
 
 class Births(NamedTuple):
     """B new tracks before their first update, and the window of the next step."""
@@ -102,10 +104,8 @@ class Initiation:
 
     def _none(self, detections: int, loose: Loose, crowd: int) -> Births:
         """No new track of a scan with so many detections."""
-        zero = np.zeros(0)
-        count, xy = zero.astype(int), np.zeros((0, 2))
-        owner = np.full(detections, -1)
-        return Births(prior(np.zeros((0, 3))), zero, xy, xy, zero, count, count, owner, loose, crowd)
+        none, count, xy = np.zeros(0), np.zeros(0, int), np.zeros((0, 2))
+        return Births(NOBODY, none, xy, xy, none, count, count, np.full(detections, -1), loose, crowd)
 
     def _cells(
         self, z: SortedScan, loose: Loose, false_alarms: NDArray, time: float, dt: float, road: RoadMap | None,

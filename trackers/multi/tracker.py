@@ -279,12 +279,13 @@ class MultiObjectTracker:
         if not self.ground:  # None, or off in the name of a tracker
             return tracks, []
         d = self.ground.examined(tracks.estimate, tracks.existence)
-        ground = self.ground.predict(tracks.memory.ground, tracks.id[d], take(tracks.estimate, d), dt)
+        long = take(tracks.estimate, d)
+        ground = self.ground.predict(tracks.memory.ground, tracks.id[d], long, dt)
         if not len(d):
             return tracks._replace(memory=tracks.memory._replace(ground=ground)), []
-        ground = self.ground.observe(ground, d, tracks.estimate, view, z, self.sensor_array)
-        split = self.ground.split(ground, take(tracks.estimate, d))
-        memory = tracks.memory._replace(ground=take(ground, ~split.where))
+        ground = self.ground.observe(ground, d, long, tracks.estimate, view, z, self.sensor_array)
+        split = self.ground.split(ground, long)
+        memory = tracks.memory._replace(ground=keep(ground, ~split.where))
         if not split.where.any():
             return tracks._replace(memory=memory), []
         split, d = take(split, split.where), d[split.where]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.admission import guarded_predict, guarded_update
-from trackers.batch import select
+from trackers.batch import Last, select
 from trackers.estimate import Estimate, check_estimate
 from trackers.geometry import rotation
 from trackers.linalg import outer
@@ -98,6 +98,17 @@ class SplinePmht:
     def models(self) -> tuple[SplineModel, ...]:
         """The models that objects start from; of two, longer objects get the second."""
         return resolve(self.model)
+
+    @cached_property
+    def contours(self) -> tuple[NDArray, NDArray, NDArray]:
+        """Control points, covariances and visibility of the models, with a first axis of these."""
+        visible = np.stack([typical_visibility(model, self.grazing) for model in self.models])
+        return np.stack([m.p for m in self.models]), np.stack([m.Sigma for m in self.models]), visible
+
+    @cached_property
+    def outline(self) -> Last[[NDArray, NDArray], NDArray]:
+        """Drawn contours (..., C, 2) in the unit frame of control points and covariances."""
+        return Last(self._outlined)
 
     @cached_property
     def interior(self) -> float:
@@ -216,9 +227,10 @@ class SplinePmht:
     def resize(self, state: SplineState, size: NDArray, size_std: NDArray) -> SplineState:
         """State with another size (..., 2) [m] of standard deviation size_std (..., 2) [m]."""
         m, P = resized(state.m, state.P, size, size_std)
-        if len(self.models) == 1:
-            return state._replace(m=m, P=P)
-        return SplineState(m, P, *self._contours(m[..., LENGTH]))
+        contours = state[2:] if len(self.models) == 1 else self._contours(m[..., LENGTH])
+        if all(map(np.array_equal, contours, state[2:])):
+            contours = state[2:]  # the arrays themselves, so that `outline` is kept
+        return SplineState(m, P, *contours)
 
     def shift(self, state: SplineState, d: NDArray) -> SplineState:
         """State with d (..., 2) [m] added to the centre."""
@@ -246,8 +258,7 @@ class SplinePmht:
 
     def estimate(self, state: SplineState) -> Estimate:
         """Box along the heading, and the curve through the middle of the detections or outside it, see `outward`."""
-        outline = outlines(state.p, state.Sigma, self.outward)
-        found = estimate_of(state.m, state.P, outline)
+        found = estimate_of(state.m, state.P, self.outline(state.p, state.Sigma))
         if any(self.position_std):
             body = rotation(state.m[..., PHI]) * (found.size * self.position_std)[..., None, :]
             found.cov[..., :2, :2] += body @ body.mT
@@ -255,10 +266,15 @@ class SplinePmht:
 
     def _contours(self, length: NDArray) -> tuple[NDArray, NDArray, NDArray]:
         """Control points, covariances and visibility of objects of length (...) [m]."""
-        which = (length > TRUCK_ABOVE).astype(int) if len(self.models) > 1 else np.zeros(length.shape, int)
-        visible = np.stack([typical_visibility(model, self.grazing) for model in self.models])
-        p, Sigma = np.stack([m.p for m in self.models]), np.stack([m.Sigma for m in self.models])
-        return p[which], Sigma[which], visible[which]
+        p, Sigma, visible = (a[self._which(length)] for a in self.contours)
+        return p, Sigma, visible
+
+    def _which(self, length: NDArray) -> NDArray:
+        """Rows (...) of the models of objects of length (...) [m]."""
+        return (length > TRUCK_ABOVE).astype(int) if len(self.models) > 1 else np.zeros(length.shape, int)
+
+    def _outlined(self, p: NDArray, Sigma: NDArray) -> NDArray:
+        return outlines(p, Sigma, self.outward)
 
 
 @lru_cache(maxsize=64)

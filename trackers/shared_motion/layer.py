@@ -113,8 +113,7 @@ class SharedMotion:
         size = self._size(m)
         m, P, more = self.rates.correct(state.mu, m, P, Body(self.motion.axle * size[..., 0], size), scan)
         mu = reweight(state.mu, log_l + more)  # (MODE.22)
-        m, P, turned = self._forward(mu, m, P)
-        g = Gaussian(*moments(m, P, mu, ANGLES))  # (MODE.9)
+        m, P, g, turned = self._forward(mu, m, P)
         if self.learning is None:
             inner = self.filter.with_gaussian(inner, g)
         else:
@@ -226,15 +225,18 @@ class SharedMotion:
         new, info = self.filter.update(inner, scan)
         return new, self.filter.gaussian(new), info
 
-    def _forward(self, mu: NDArray, m: NDArray, P: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-        """Modes with the heading turned round where (...) the body would move backwards too fast."""
-        mean, cov = moments(m, P, mu, ANGLES)
-        v, std = mean[..., SPEED], np.sqrt(cov[..., SPEED, SPEED])
+    def _forward(self, mu: NDArray, m: NDArray, P: NDArray) -> tuple[NDArray, NDArray, Gaussian, NDArray]:
+        """Modes with the heading turned round where (...) the body would move backwards too fast, and their moments."""
+        g = Gaussian(*moments(m, P, mu, ANGLES))  # (MODE.9)
+        v, std = g.m[..., SPEED], np.sqrt(g.P[..., SPEED, SPEED])
         turned = np.asarray((v < -self.backwards) & (-v > 3 * std))  # (MODE.23)
+        if not turned.any():
+            return m, P, g, turned
         sign = np.where(turned[..., None] & (np.arange(m.shape[-1]) == SPEED), -1.0, 1.0)[..., None, :]
         m = m * sign
         m[..., PHI] += np.pi * turned[..., None]  # (MODE.23)
-        return m, P * sign[..., :, None] * sign[..., None, :], turned
+        P = P * sign[..., :, None] * sign[..., None, :]
+        return m, P, Gaussian(*moments(m, P, mu, ANGLES)), turned  # (MODE.9)
 
 
 def followed(m: NDArray, P: NDArray, before: Gaussian, after: Gaussian) -> tuple[NDArray, NDArray]:

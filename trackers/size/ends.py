@@ -85,7 +85,7 @@ class Ends:
         return Prior.of(self.fleet, self.length.sizes, self.width.sizes)
 
     @cached_property
-    def box(self) -> Last[Any, Estimate]:
+    def box(self) -> Last[[Any], Estimate]:
         """The estimate of the inner filter's state."""
         return Last(self.filter.estimate)
 

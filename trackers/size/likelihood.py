@@ -7,7 +7,7 @@ the objects. Size and offset have one step, so the depth before the far end take
 from typing import NamedTuple
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
+from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
 from scipy.special import log_ndtr, ndtr
 
@@ -86,7 +86,9 @@ def decay(x: NDArray, sigma: NDArray, mean: NDArray) -> NDArray:
 
 def by_size_and_offset(values: NDArray, N: int) -> NDArray:
     """A view (G, K, N) of values (G, K + N - 1) of d - L, whose column is K - 1 - k + n."""
-    return sliding_window_view(values, N, axis=-1)[:, ::-1]
+    G, D = values.shape
+    row, column = values.strides
+    return as_strided(values[:, D - N :], (G, D - N + 1, N), (row, -column, column), writeable=False)
 
 
 def _bump(d: NDArray, height: NDArray, mean: NDArray, var: NDArray) -> NDArray:

@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from tests.trackers.multi.known_objects import KnownObjects, scan_of, tracks_of
 from trackers import MultiObjectTracker, RandomMatrix, Scan, SensorModel, prior
 from trackers.geometry import unit
-from trackers.multi.cells import Linkage
+from trackers.multi.cells import Linkage, components
 from trackers.multi.course import Course, Lanes
 from trackers.multi.initiation import Initiation
 from trackers.multi.road import RoadMap
@@ -109,6 +111,19 @@ def test_cells_are_those_of_a_loop_over_all_pairs(P, seed):
     got = link.label(loose)
     np.testing.assert_array_equal(got[:, None] == got, np.equal.outer(cell, cell))
     assert sorted(set(got)) == list(range(len(set(cell))))
+
+
+@given(st.integers(1, 200), st.floats(0.0, 2.0), st.integers(0, 2**32 - 1))
+def test_components_are_numbered_in_the_order_of_their_first_points(P, density, seed):
+    a, b = np.random.default_rng(seed).integers(0, P, (2, int(density * P)))
+    graph = coo_array((np.ones(len(a), bool), (a, b)), (P, P))
+    np.testing.assert_array_equal(components(P, a, b), connected_components(graph, directed=False)[1])
+
+
+def test_a_chain_in_the_worst_order_is_one_component():
+    chain = np.arange(300)
+    for order in (chain, chain[::-1], np.r_[chain[::2], chain[1::2]]):
+        assert not components(300, order[:-1], order[1:]).any()
 
 
 def test_cells_of_a_crowd_are_the_same_up_to_its_grid():
