@@ -216,16 +216,27 @@ def arrays(state: Any) -> Iterator[NDArray]:
             yield value
 
 
+def changed(new: Any, old: Any) -> Iterator[NDArray]:
+    """The arrays of a state that are not those of an old one."""
+    for value, before in zip(new, old, strict=True):
+        if value is before:
+            continue
+        if isinstance(value, tuple):
+            yield from changed(value, before)
+        else:
+            yield value
+
+
 def usable(new: Any, old: Any, lead: tuple[int, ...]) -> NDArray:
     """Of which objects (...) with leading axes `lead` all numbers of a new state are finite and not beyond LARGEST.
 
     Arrays that the old state has too were tested before.
     """
     good = np.ones(lead, bool)
-    changed = [value for value, before in zip(arrays(new), arrays(old), strict=True) if value is not before]
-    if not changed or (np.abs(np.concatenate([np.ravel(value) for value in changed])) <= LARGEST).all():
+    values = list(changed(new, old))
+    if not values or (np.abs(np.concatenate(values, axis=None)) <= LARGEST).all():
         return good  # the usual case, decided at little cost
-    for value in changed:
+    for value in values:
         good = good & (np.abs(value) <= LARGEST).all(tuple(range(len(lead), np.ndim(value))))
     return good
 
@@ -235,16 +246,20 @@ def without_rounding(new: Any, old: Any) -> Any:
 
     `old` is the state before: the rounding is a share of the covariance that the new one was computed from.
     """
-    changed = {}
+    repaired = {}
     for name, value, before in zip(new._fields, new, old, strict=True):
+        definite = value
+        if value is before:
+            continue
         if name == "P":
-            P = floored(value, before)
-            if P is not value:  # an object without a detection keeps what it had
-                P = np.where((value != before).any((-2, -1), keepdims=True), P, value)
-            changed[name] = P
+            definite = floored(value, before)
+            if definite is not value:  # an object without a detection keeps what it had
+                definite = np.where((value != before).any((-2, -1), keepdims=True), definite, value)
         elif isinstance(value, tuple):
-            changed[name] = without_rounding(value, before)
-    return new._replace(**changed)
+            definite = without_rounding(value, before)
+        if definite is not value:
+            repaired[name] = definite
+    return new._replace(**repaired) if repaired else new
 
 
 def _each(lead: tuple[int, ...]) -> Iterator[NDArray]:
@@ -257,6 +272,7 @@ def _each(lead: tuple[int, ...]) -> Iterator[NDArray]:
 
 def _noted(info: Any, implausible: NDArray, skipped: NDArray) -> Any:
     """The information of an update with notes about the objects (...) it concerns."""
+    if not (implausible.any() or skipped.any()):
+        return info
     found = (Note("implausible", MASKED, implausible), Note("skipped", SKIPPED, skipped))
-    notes = [note for note in found if note.where.any()]
-    return info._replace(notes=(*info.notes, *notes)) if notes else info
+    return info._replace(notes=(*info.notes, *(note for note in found if note.where.any())))

@@ -12,6 +12,13 @@ def wrap_angle(angle: ArrayLike) -> NDArray:
     return (np.asarray(angle) + np.pi) % (2 * np.pi) - np.pi
 
 
+def vector(x: NDArray, y: NDArray) -> NDArray:
+    """Plane vectors (..., 2) of their components (...); `np.stack` costs several times as much."""
+    v = np.empty((*x.shape, 2))
+    v[..., 0], v[..., 1] = x, y
+    return v
+
+
 def unit(angle: ArrayLike) -> NDArray:
     """Unit vectors (..., 2) along the angles (...) [rad]."""
     angle = np.asarray(angle, float)

@@ -95,7 +95,8 @@ def _centre(m: NDArray, mu: NDArray, angles: tuple[int, ...]) -> NDArray:
     if not angles:
         return np.zeros((*m.shape[:-2], 1, m.shape[-1]))
     K, n = m.shape[-2:]
-    best = np.broadcast_to(mu, m.shape[:-1]).reshape(-1, K).argmax(-1)
+    each = mu if mu.shape == m.shape[:-1] else np.broadcast_to(mu, m.shape[:-1])
+    best = each.reshape(-1, K).argmax(-1)
     about = np.zeros((len(best), 1, n))
     for a in angles:
         about[:, 0, a] = m[..., a].reshape(-1, K)[np.arange(len(best)), best]

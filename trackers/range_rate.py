@@ -52,10 +52,10 @@ class RangeRates:
         xy (..., M, 2) [m] are the detections of the scan. The centre is held: a range rate informs about motion, not
         about the place.
         """
-        g = scan.ground_rate
-        use = scan.mask & np.isfinite(g)
+        use = scan.mask & np.isfinite(scan.polar[..., 2])
         if not self.weight or not use.any():
             return m, P
+        g = scan.ground_rate
         phi, v, omega = (m[..., i, None] for i in (PHI, SPEED, OMEGA))
         u, e, lever = ((a[..., 0], a[..., 1]) for a in (scan.sight, unit(phi), xy - m[..., None, :2]))
         h = np.stack(polar_gradient(u, e, v, lever), -1)

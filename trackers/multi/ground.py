@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from trackers.batch import keep
 from trackers.estimate import Estimate
-from trackers.geometry import dot, to_frame, to_world, unit, wrap_angle
+from trackers.geometry import dot, to_frame, to_world, unit, vector, wrap_angle
 from trackers.multi.association import SortedScan
 from trackers.multi.visibility import SensorArray, Visibility, ray_box
 from trackers.parameters import check_numbers
@@ -122,8 +122,7 @@ class GroundTest:
         x = PLACE.reshape(-1, COARSE).mean(-1) - shift  # (D, C) in the body frame
         half = e.size[:, 1:] / 2
         aside = to_frame(e.pose, pose[None, :2])[:, 0, 1:]  # of the sensor
-        side = np.broadcast_to(np.sign(aside) * half, x.shape)
-        v = to_world(e.pose, np.stack([x, side], -1)) - pose[:2]  # (D, C, 2)
+        v = to_world(e.pose, vector(x, np.sign(aside) * half)) - pose[:2]  # (D, C, 2)
         r = np.hypot(v[..., 0], v[..., 1])
         sees = np.abs(wrap_angle(np.arctan2(v[..., 1], v[..., 0]) - pose[2])) < sensors.fov[sensor] / 2
         sees &= (r < sensors.max_range[sensor]) & (np.abs(x) < e.size[:, :1] / 2 + STEP)
@@ -161,10 +160,10 @@ class GroundTest:
             top = ratio[rows, k]
             better = top > best
             best = np.where(better, top, best)
-            found = np.stack([edge[rows, b + k], edge[rows, b + k + w]], -1)
+            found = vector(edge[rows, b + k], edge[rows, b + k + w])
             gap = np.where(better[:, None], found, gap)
         end = estimate.size[:, 0] / 2
-        return Split(best > self.surer, best, np.stack([-end, gap[:, 0]], -1), np.stack([gap[:, 1], end], -1))
+        return Split(best > self.surer, best, vector(-end, gap[:, 0]), vector(gap[:, 1], end))
 
 
 def shift_of(ground: Ground, estimate: Estimate) -> NDArray:

@@ -12,7 +12,7 @@ from trackers.geometry import rotation
 from trackers.linalg import I2
 from trackers.motion import PHI
 from trackers.pmht.association import RelativeDetections, log_density
-from trackers.pmht.state import LENGTH, SplineState
+from trackers.pmht.state import LENGTH
 from trackers.pmht.symmetric import columns, congruence
 
 BOX = I2 / 12  # covariance of points even over the unit box
@@ -35,11 +35,13 @@ class PlacedEllipses(NamedTuple):
     box: NDArray  # (..., 3, 1) [m^2]
 
 
-def unit_ellipses(N: NDArray, state: SplineState) -> UnitEllipses:
-    """The ellipses of states; N (L, n_c) are the weights of the control points, (PMHT.3)."""
-    lead = state.Sigma.shape[:-3]
-    box = np.broadcast_to(BOX_COLUMN, (*lead, 3, 1))
-    return UnitEllipses((N @ state.p).mT, np.concatenate([columns(state.Sigma), box], -1))
+def unit_ellipses(N: NDArray, p: NDArray, Sigma: NDArray) -> UnitEllipses:
+    """The ellipses of control points p (..., n_c, 2) and covariances Sigma (..., L, 2, 2), (PMHT.3).
+
+    N (L, n_c) are the weights of the control points.
+    """
+    box = np.broadcast_to(BOX_COLUMN, (*Sigma.shape[:-3], 3, 1))
+    return UnitEllipses((N @ p).mT, np.concatenate([columns(Sigma), box], -1))
 
 
 def place(ellipses: UnitEllipses, m: NDArray, origin: NDArray) -> PlacedEllipses:

@@ -111,6 +111,11 @@ class SplinePmht:
         return Last(self._outlined)
 
     @cached_property
+    def ellipses(self) -> Last[[NDArray, NDArray], UnitEllipses]:
+        """The ellipses of control points and covariances in the unit frame."""
+        return Last(self._chained)
+
+    @cached_property
     def interior(self) -> float:
         """Share of the detections that come from anywhere inside, (PMHT.9)."""
         return float(np.mean([model.interior for model in self.models]))
@@ -141,7 +146,7 @@ class SplinePmht:
         xy = scan.xy
         detections = self.relative(state.m, scan, xy)
         sensor = scan.pose[..., :2] - state.m[..., None, :2]
-        ellipses = unit_ellipses(self.N, state)
+        ellipses = self.ellipses(state.p, state.Sigma)
         m, P, expected = state.m, state.P, predict_ellipses(state.m, state.P, ellipses.mu)
         w, E, share = self._associate(state, ellipses, m, detections, sensor, expected.C)
         info = innovation(expected, w, E, detections, share, (share < self.lost_below) & (n > 0))
@@ -248,7 +253,7 @@ class SplinePmht:
         )
         m = rows.m
         detections = self.relative(m, pairs, pairs.xy)
-        placed = place(unit_ellipses(self.N, rows), m, m[..., :2])
+        placed = place(unit_ellipses(self.N, rows.p, rows.Sigma), m, m[..., :2])
         where = columns(rows.P[..., None, :2, :2])
         placed = placed._replace(E=placed.E + where, box=placed.box + where)
         log_pi = self.log_weights(rows.visible, placed.c, m[..., PHI], pairs.pose[..., :2] - m[..., None, :2])
@@ -272,6 +277,9 @@ class SplinePmht:
     def _which(self, length: NDArray) -> NDArray:
         """Rows (...) of the models of objects of length (...) [m]."""
         return (length > TRUCK_ABOVE).astype(int) if len(self.models) > 1 else np.zeros(length.shape, int)
+
+    def _chained(self, p: NDArray, Sigma: NDArray) -> UnitEllipses:
+        return unit_ellipses(self.N, p, Sigma)
 
     def _outlined(self, p: NDArray, Sigma: NDArray) -> NDArray:
         return outlines(p, Sigma, self.outward)

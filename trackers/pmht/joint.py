@@ -15,7 +15,7 @@ from trackers.linalg import symmetrize
 from trackers.motion import PHI
 from trackers.pmht.association import LEAST_WEIGHT, SyntheticDetections
 from trackers.pmht.state import LENGTH, N, rotating_root
-from trackers.pmht.symmetric import determinant
+from trackers.pmht.symmetric import determinant, upright
 from trackers.unscented import STANDARD
 
 AUGMENTED = N + 2
@@ -61,7 +61,7 @@ def predict_ellipses(m: NDArray, P: NDArray, mu: NDArray) -> PredictedEllipses:
     e = y - c[..., None, :, :]
     ex, ey = e[..., 0, :], e[..., 1, :]
     wx = WEIGHTS * ex
-    C = np.stack([(wx * ex).sum(-2), (wx * ey).sum(-2), (WEIGHTS * ey * ey).sum(-2)], -2)  # (PMHT.12)
+    C = upright((wx * ex).sum(-2), (wx * ey).sum(-2), (WEIGHTS * ey * ey).sum(-2))  # (PMHT.12)
     h = (y[..., 1 : N + 1, :, :] - y[..., N + 1 :, :, :]) / (2 * REACH)  # (PMHT.13)
     return PredictedEllipses(T, c, h, C)
 
@@ -74,7 +74,7 @@ def update(m: NDArray, expected: PredictedEllipses, E: NDArray, z: SyntheticDete
     h, g = expected.h, np.empty(expected.h.shape)
     hx, hy = h[..., 0, :], h[..., 1, :]
     V = (E + z.R) / np.maximum(z.M, LEAST_WEIGHT)[..., None, :]  # (PMHT.14)
-    bent = np.stack([(hx * hx).sum(-2), (hx * hy).sum(-2), (hy * hy).sum(-2)], -2)
+    bent = upright((hx * hx).sum(-2), (hx * hy).sum(-2), (hy * hy).sum(-2))
     W = expected.C - bent + V  # (PMHT.14)
     W = W * ((z.M > LEAST_WEIGHT) / determinant(W))[..., None, :]
     xx, xy, yy = W[..., None, 0, :], W[..., None, 1, :], W[..., None, 2, :]

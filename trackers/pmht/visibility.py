@@ -72,15 +72,9 @@ def weights(table: NDArray, direction: NDArray, unseen: float) -> NDArray:
     low = np.floor(at).astype(int)
     part = at - low
     low, high = low % A, (low + 1) % A
-    lead = table.shape[:-2]
-    flat = table.reshape(*lead, A * L)
-    column = np.arange(L)
-
-    def at_row(row: NDArray) -> NDArray:
-        index = (row * L + column).reshape(*lead, row.shape[-2] * L)
-        return np.take_along_axis(flat, index, -1).reshape(row.shape)
-
-    share = (1 - part) * at_row(low) + part * at_row(high)
+    flat = table.reshape(-1)
+    first = L * A * np.arange(flat.size // (A * L)).reshape(*table.shape[:-2], 1, 1) + np.arange(L)  # of each table
+    share = (1 - part) * flat[first + low * L] + part * flat[first + high * L]
     share = share / np.maximum(share.sum(-1, keepdims=True), 1e-12)
     return (1 - unseen) * share + unseen / L  # (PMHT.22)
 

@@ -76,6 +76,11 @@ class SharedMotion:
         """The inner filter if it learns on the way; cached, because `isinstance` of a protocol is slow."""
         return self.filter if isinstance(self.filter, Learning) else None
 
+    @cached_property
+    def attentive(self) -> Attentive | None:
+        """The inner filter if it needs to know which scans show an object completely."""
+        return self.filter if isinstance(self.filter, Attentive) else None
+
     @property
     def modes(self) -> tuple[str, ...]:
         """Names of the modes."""
@@ -196,9 +201,9 @@ class SharedMotion:
 
     def learn_where(self, state: SharedMotionState, where: NDArray) -> SharedMotionState:
         """State whose next update is by a scan that shows the objects where (...) is true completely."""
-        if isinstance(self.filter, Attentive):
-            return state._replace(inner=self.filter.learn_where(state.inner, where))
-        return state
+        if self.attentive is None:
+            return state
+        return state._replace(inner=self.attentive.learn_where(state.inner, where))
 
     def log_spatial(self, state: SharedMotionState, scan: Scan, track: NDArray, detection: NDArray) -> NDArray:
         """Log density (G,) [1/m^2] of the detections with indices detection (G,) under the tracks track (G,)."""

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.geometry import vector
 from trackers.size.fleet import Prior
 from trackers.size.grid import Grid
 
@@ -48,7 +49,7 @@ def believe(
         joint += (prior[..., None] * p)[..., None] * (shorter @ length - length)  # (ENDS.33)
     joints = (joint, width * ((fleet.shares * fit_l) @ of_width)[..., None])  # (ENDS.17)
     moments = [_moments(g, p / p.sum((-2, -1), keepdims=True)) for g, p in zip(grids, joints, strict=True)]  # (ENDS.18)
-    size, size_var, offset, offset_var, centre_var = (np.stack(a, -1) for a in zip(*(m[:5] for m in moments)))
+    size, size_var, offset, offset_var, centre_var = (vector(l, w) for l, w in zip(*(m[:5] for m in moments)))
     return Belief(size, size_var, offset, offset_var, centre_var, moments[0][5], moments[1][5], kind)
 
 

@@ -80,6 +80,16 @@ class Ends:
         return Profiles.of(self.sensors)
 
     @cached_property
+    def attentive(self) -> Attentive | None:
+        """The inner filter if it needs to know which scans show an object completely; `isinstance` is slow."""
+        return self.filter if isinstance(self.filter, Attentive) else None
+
+    @cached_property
+    def movable(self) -> Any:
+        """The inner filter if its objects can be resized and shifted, else None."""
+        return self.filter if isinstance(self.filter, Resizable) and isinstance(self.filter, Shiftable) else None
+
+    @cached_property
     def prior(self) -> Prior:
         """The fleet on the grids."""
         return Prior.of(self.fleet, self.length.sizes, self.width.sizes)
@@ -120,8 +130,8 @@ class Ends:
     def learn_where(self, state: EndsState, where: NDArray) -> EndsState:
         """State whose next scan shows the complete objects where (...) is true; by default it shows all of them so."""
         inner = state.inner
-        if isinstance(self.filter, Attentive):
-            inner = self.filter.learn_where(inner, where)
+        if self.attentive is not None:
+            inner = self.attentive.learn_where(inner, where)
         return state._replace(inner=inner, whole=where)
 
     @guarded_update
@@ -273,8 +283,8 @@ class Ends:
         body = written(np.zeros(box.size.shape), rows, body, axes)
         d = (rotation(box.pose[..., 2]) @ body[..., None])[..., 0]
         std = self._pin_std(size)
-        if isinstance(self.filter, Resizable) and isinstance(self.filter, Shiftable):
-            return self.filter.shift(self.filter.resize(inner, size, std), d)
+        if self.movable is not None:
+            return self.movable.shift(self.movable.resize(inner, size, std), d)
         pose = np.concatenate([box.pose[..., :2] + d, box.pose[..., 2:]], -1)
         return self._restarted(inner, box._replace(pose=pose, size=size))
 

@@ -78,7 +78,9 @@ class Grid:
         return _transition(self, dt, offset_tau, lost_rate)
 
     def rolled(self, A: NDArray, steps: NDArray) -> NDArray:
-        """A (T, K, N) about boxes whose anchor end was moved out by whole steps (T,) int."""
+        """A (T, K, N) about boxes whose anchor end was moved out by whole steps (T,) int; A itself without a step."""
+        if not steps.any():
+            return A
         N = len(self.offsets)
         old = np.arange(N) + steps[:, None]  # (T, N)
         there = ((old >= 0) & (old < N))[:, None]

@@ -47,17 +47,17 @@ def open_rooms(
     hides = np.zeros(len(first), bool) if around is None else hits.sensor.hiding[first, 0] > 0
     rooms: list[list[Room]] = []
     for axis, grid in enumerate(grids):
-        chosen = np.flatnonzero(cut | (hides & (sides.end[first, 1 - axis] != 0)))
-        if not len(chosen):
+        looks = cut | (hides & (sides.end[first, 1 - axis] != 0))
+        if not looks.any():
             rooms.append([])
             continue
-        g, rows = first[chosen], np.flatnonzero(np.isin(pair, chosen))
+        g, rows = first[looks], np.flatnonzero(looks[pair])
         points = _on_face(hits, boxes, g, axis)
         seen = in_view(points, hits.pose[g], hits.sensor.max_range[g], hits.sensor.fov[g])
         seen[:, : -DEEPER[axis]] &= seen[:, DEEPER[axis] :].copy()  # (ENDS.8)
-        if around is not None and hides[chosen].any():
+        if around is not None and hides[looks].any():
             seen &= ~_hidden(points, hits, g, around)  # (ENDS.29)
-        size, cells = boxes.size[hits.row[rows], axis], seen[np.searchsorted(chosen, pair[rows])]
+        size, cells = boxes.size[hits.row[rows], axis], seen[(looks.cumsum() - 1)[pair[rows]]]
         rooms.append([room(grid, CELLS[axis], cells, rows, size)])
     return rooms
 

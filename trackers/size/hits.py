@@ -46,8 +46,8 @@ def hits_of(
     Noise that is not stated is sigma [m].
     """
     shape = scan.mask.shape
-    polar, mount, noise = (np.broadcast_to(a, (*shape, 3))[index] for a in (scan.polar, scan.pose, scan.noise))
-    which = np.broadcast_to(scan.sensor, shape)[index]
+    polar, mount, noise = (widened(a, (*shape, 3))[index] for a in (scan.polar, scan.pose, scan.noise))
+    which = widened(scan.sensor, shape)[index]
     sensor = profiles.at(which)
     u = unit(polar[:, 1] + mount[:, 2])
     into = rotation(-pose[row, 2])
@@ -69,6 +69,11 @@ class Lit(NamedTuple):
 
     end: NDArray  # (G, 2) of each axis, +1 the anchor, -1 the other, 0 none
     shown: NDArray  # (G, 2) [m] its weight
+
+
+def widened(a: NDArray, shape: tuple[int, ...]) -> NDArray:
+    """The array with a shape that it broadcasts to; most have it, and `np.broadcast_to` is slow to find out."""
+    return a if a.shape == shape else np.broadcast_to(a, shape)
 
 
 def lit(hits: Hits, boxes: Boxes) -> Lit:
