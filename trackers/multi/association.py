@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 from scipy.special import ndtr
 
 from trackers.estimate import Estimate
@@ -20,6 +21,8 @@ from trackers.parameters import check_numbers
 from trackers.protocols import SpatialModel
 from trackers.range_rate import over_ground
 from trackers.scan import Scan
+
+FEW_PAIRS = 2000  # pairs of track and detection up to which all are gated, without a search for those nearby
 
 
 class SortedScan(NamedTuple):
@@ -124,35 +127,57 @@ class Association:
             log_box = spatial.log_spatial(state, z.scan, track, detection)
         gam = np.maximum(expected[z.sensor[detection], track], self.least_expected)
         gain = gam * np.exp(log_box + log_rate) / z.clutter[detection]  # (MOT.20)
-        T, M = len(existence), len(z.rate)
-        weight = np.zeros((T, M))
-        weight[track, detection] = existence[track] * gain
-        owner = np.full(M, -1)
-        if T:
-            best = weight.argmax(0)
-            p = weight[best, np.arange(M)] / (1 + weight.sum(0))  # (MOT.21)
-            owner = np.where(p > self.own_above, best, -1)  # (MOT.22)
+        weight, M = existence[track] * gain, len(z.rate)
+        best, owner = np.zeros(M), np.full(M, -1)
+        np.maximum.at(best, detection, weight)
+        p = best / (1 + np.bincount(detection, weight, M))  # (MOT.21)
+        wins = ((weight == best[detection]) & (p[detection] > self.own_above))[::-1]  # of equals the first comes last
+        owner[detection[::-1][wins]] = track[::-1][wins]  # (MOT.22)
         return Claims(track, detection, gain, owner)
 
     def _inside_gate(self, estimate: Estimate, z: SortedScan) -> tuple[NDArray, NDArray, NDArray]:
         """Pairs (G,) inside the position gate, and the log density (G,) [1/m^2] of a box blurred by all noise."""
-        e = to_frame(estimate.pose, z.xy)  # (T, M, 2)
-        cos2 = (unit(estimate.pose[:, 2]) @ z.sight.T) ** 2
-        sin2 = 1 - cos2
         M = rotation(estimate.pose[:, 2])
         P = (M.mT @ estimate.cov[:, :2, :2] @ M).diagonal(axis1=-2, axis2=-1)
-        C = np.empty(e.shape)
-        C[..., 0] = z.var_along * cos2 + z.var_across * sin2  # (MOT.14a)
-        C[..., 1] = z.var_along * sin2 + z.var_across * cos2  # (MOT.14b)
-        C += (P + self.surface_std**2 + estimate.size_std**2 / 4)[:, None]  # (MOT.14a), (MOT.14b)
+        own = P + self.surface_std**2 + estimate.size_std**2 / 4
         half = (estimate.size / 2)[:, None]
+        if len(own) * len(z.rate) < FEW_PAIRS:
+            rows, xy, along, across = None, z.xy, z.var_along, z.var_across
+            cos2 = (unit(estimate.pose[:, 2]) @ z.sight.T) ** 2
+        else:
+            rows, there = self._nearby(estimate, own, z)  # (T, K)
+            xy, along, across = z.xy[rows], z.var_along[rows], z.var_across[rows]
+            cos2 = (z.sight[rows] @ M)[..., 0] ** 2
+        e = to_frame(estimate.pose, xy)  # (T, M or K, 2)
+        sin2 = 1 - cos2
+        C = np.empty(e.shape)
+        C[..., 0] = along * cos2 + across * sin2  # (MOT.14a)
+        C[..., 1] = along * sin2 + across * cos2  # (MOT.14b)
+        C += own[:, None]  # (MOT.14a), (MOT.14b)
         d2 = np.maximum(np.abs(e) - half, 0.0) ** 2 / C
-        track, detection = np.nonzero(d2[..., 0] + d2[..., 1] < self.position_gate)  # (MOT.15)
-        e, s, half = e[track, detection], np.sqrt(C[track, detection]), half[track, 0]
+        inside = d2[..., 0] + d2[..., 1] < self.position_gate  # (MOT.15)
+        track, column = np.nonzero(inside if rows is None else inside & there)
+        detection = column if rows is None else rows[track, column]
+        e, s, half = e[track, column], np.sqrt(C[track, column]), half[track, 0]
         # On the far side of an axis both terms are near one: use the mirrored tail, which keeps its digits.
         a = np.abs(e)
         mass = ndtr((half - a) / s) - ndtr((-half - a) / s)
         return track, detection, np.log(np.maximum(mass, 1e-300) / (2 * half)).sum(-1)  # (MOT.16)
+
+    def _nearby(self, estimate: Estimate, own: NDArray, z: SortedScan) -> tuple[NDArray, NDArray]:
+        """Rows (T, K) of the detections that may be inside the position gates, in rising order, and bool which are any.
+
+        own (T, 2) [m^2] is the variance along the axes of a box without the noise of detections; K is at least 2, as
+        products of a single row may differ from others in the last digit.
+        """
+        noise = max(z.var_along.max(), z.var_across.max())
+        reach = np.hypot(*(estimate.size / 2 + np.sqrt(self.position_gate * (own + noise))).T)
+        found = cKDTree(z.xy).query_ball_point(estimate.pose[:, :2], reach * (1 + 1e-9), return_sorted=True)
+        count = np.array([len(one) for one in found])
+        there = np.arange(max(count.max(), 2)) < count[:, None]
+        rows = np.zeros(there.shape, int)
+        rows[there] = np.concatenate(found).astype(int)
+        return rows, there
 
     def _rate_gate(
         self, estimate: Estimate, z: SortedScan, track: NDArray, detection: NDArray

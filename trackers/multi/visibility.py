@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.estimate import Estimate
-from trackers.geometry import box_corners, compose, rotation, to_frame, unit, wrap_angle
+from trackers.geometry import box_corners, compose, cross, dot, rotation, to_frame, unit, wrap_angle
 from trackers.scan import SensorModel
 
 RAYS = 9
 STEPS = (np.arange(RAYS) + 0.5) / RAYS  # places of the rays, as shares of the span of a box
 NEARER = 1.0  # [m] an occluder must be this much nearer on the same ray; else a duplicate would hide its twin
+MANY = 32  # pairs of sensor and track from which on rays are cast at the boxes in their direction only
 SHADOW = 0.5  # [m] added to an occluder on every side: tracks of half hidden vehicles lie beside their vehicles
 
 
@@ -72,14 +73,27 @@ def ray_box(origin: NDArray, direction: NDArray, pose: NDArray, size: NDArray) -
     origin (G, 2), direction (G, K, 2), boxes pose (T, 3), size (T, 2); returns (G, K, T). A ray that starts inside
     a box enters it at 0.
     """
-    half = (size / 2)[:, None, None]
     o = to_frame(pose, origin)[:, :, None]  # (T, G, 1, 2) in box axes
     d = (direction.reshape(-1, 2) @ rotation(pose[:, 2])).reshape(len(pose), *direction.shape)
+    return entered(o, d, (size / 2)[:, None, None]).transpose(1, 2, 0)
+
+
+def ray_pairs(origin: NDArray, direction: NDArray, pose: NDArray, size: NDArray) -> NDArray:
+    """The same (P, K) for P pairs of rays with origin (P, 2), direction (P, K, 2), and boxes pose (P, 3), size (P, 2).
+
+    One product turns both, as products of a single row may differ from those of `ray_box` in the last digit.
+    """
+    rows = np.concatenate([direction, (origin - pose[:, :2])[:, None]], 1) @ rotation(pose[:, 2])
+    return entered(rows[:, -1:], rows[:, :-1], (size / 2)[:, None])
+
+
+def entered(o: NDArray, d: NDArray, half: NDArray) -> NDArray:
+    """Distance (...) at which rays from o (..., 2) along d (..., 2) enter boxes, in whose axes these are; inf: miss."""
     with np.errstate(divide="ignore", invalid="ignore"):
         a, b = (-half - o) / d, (half - o) / d
     enter, leave = np.fmin(a, b), np.fmax(a, b)
     near, far = np.maximum(enter[..., 0], enter[..., 1]), np.minimum(leave[..., 0], leave[..., 1])
-    return np.where((near <= far) & (far >= 0), np.maximum(near, 0.0), np.inf).transpose(1, 2, 0)
+    return np.where((near <= far) & (far >= 0), np.maximum(near, 0.0), np.inf)
 
 
 def predict_visibility(
@@ -102,12 +116,8 @@ def predict_visibility(
     s, t = np.nonzero(in_view)  # G pairs
     span = (high - low)[s, t]
     bearing = (poses[s, 2] + low[s, t])[:, None] + span[:, None] * STEPS  # (MOT.9)
-    boxes = np.concatenate([estimate.pose, estimate.pose[occluder]])
-    sizes = np.concatenate([estimate.size, estimate.size[occluder] + 2 * SHADOW])
-    hit = ray_box(poses[s, :2], unit(bearing), boxes, sizes)  # (G, K, T + O)
-    own, shadow = hit[np.arange(len(s)), :, t], hit[..., T:]  # (G, K), (G, K, O)
-    itself = t[:, None] == np.flatnonzero(occluder)
-    first = np.where(itself[:, None] | (shadow == 0), np.inf, shadow).min(-1, initial=np.inf)
+    cast = first_hits if len(s) >= MANY else first_hits_of_few
+    own, first = cast(poses[s], unit(bearing), t, estimate, np.flatnonzero(occluder))
     sees = (first > own - NEARER - SHADOW) & (own < sensors.max_range[s, None])  # (MOT.10)
     share[s, t] = sees.sum(-1) / RAYS
     complete = (share * (high - low) / uncut).max(0)  # (MOT.12)
@@ -117,6 +127,48 @@ def predict_visibility(
     rate = sensors.expected_count(s, distance, span * distance)  # the outline as a chord at that distance
     expected[s, t] = rate_factor * rate * np.minimum(1.0, 3 * share[s, t])  # (MOT.11)
     return Visibility(expected, np.asarray(in_view.any(axis=0)), share, complete)
+
+
+def first_hits_of_few(
+    pose: NDArray, direction: NDArray, t: NDArray, estimate: Estimate, occluder: NDArray
+) -> tuple[NDArray, NDArray]:
+    """`first_hits` by casting all rays at all boxes."""
+    T = len(estimate.yaw_rate)
+    boxes = np.concatenate([estimate.pose, estimate.pose[occluder]])
+    sizes = np.concatenate([estimate.size, estimate.size[occluder] + 2 * SHADOW])
+    hit = ray_box(pose[:, :2], direction, boxes, sizes)  # (G, K, T + O)
+    own, shadow = hit[np.arange(len(t)), :, t], hit[..., T:]  # (G, K), (G, K, O)
+    itself = t[:, None] == occluder
+    return own, np.where(itself[:, None] | (shadow == 0), np.inf, shadow).min(-1, initial=np.inf)
+
+
+def first_hits(
+    pose: NDArray, direction: NDArray, t: NDArray, estimate: Estimate, occluder: NDArray
+) -> tuple[NDArray, NDArray]:
+    """Distances (G, K) [m] at which the rays of G pairs of sensor and track enter the track's box, and an occluder.
+
+    pose (G, 3) of the sensor, direction (G, K, 2), t (G,) row of the track, occluder (O,) rows of those that hide. The
+    second is inf for rays that only enter occluders behind the box, or none.
+    """
+    own = ray_pairs(pose[:, :2], direction, estimate.pose[t], estimate.size[t])
+    size = estimate.size[occluder] + 2 * SHADOW
+    g, o = np.nonzero(in_the_way(pose, direction, own, estimate.pose[occluder], size) & (t[:, None] != occluder))
+    shadow = ray_pairs(pose[g, :2], direction[g], estimate.pose[occluder[o]], size[o])
+    first = np.full(own.shape, np.inf)
+    np.minimum.at(first, g, np.where(shadow == 0, np.inf, shadow))
+    return own, first
+
+
+def in_the_way(pose: NDArray, direction: NDArray, own: NDArray, boxes: NDArray, size: NDArray) -> NDArray:
+    """Pairs (G, O) bool of which some ray (G, K, 2) may enter the circle around a box (O, 3) before own (G, K) [m]."""
+    c = boxes[:, :2] - pose[:, None, :2]  # (G, O, 2)
+    radius, distance = np.hypot(size[:, 0], size[:, 1]) / 2, np.hypot(c[..., 0], c[..., 1])
+    middle = direction[:, direction.shape[1] // 2, None]  # (G, 1, 2)
+    half = np.arccos(np.clip(dot(middle[:, 0], direction[:, 0]), -1.0, 1.0))[:, None]  # of the span of the rays
+    away = np.abs(np.arctan2(cross(middle, c), dot(middle, c)))
+    beside = np.arcsin(np.minimum(radius / np.maximum(distance, 1e-9), 1.0))
+    wide = (distance < 1.01 * radius) | (away < half + beside + 1e-6)
+    return wide & (distance - radius < own.max(-1, keepdims=True) + 1e-6)
 
 
 def angular_spans(estimate: Estimate, poses: NDArray) -> tuple[NDArray, NDArray, NDArray]:
