@@ -60,12 +60,20 @@ class Scan(NamedTuple):
     @property
     def xy(self) -> NDArray:
         """Detections in the tracking frame, (..., M, 2) [m]."""
-        return self.pose[..., :2] + self.polar[..., :1] * self.sight  # (MOT.1)
+        return self.points(self.sight)
 
     @property
     def ground_rate(self) -> NDArray:
         """Range rate over ground (..., M) [m/s]: 0 for all that stands still, NaN where not measured."""
-        return self.polar[..., 2] + (self.sight * self.velocity).sum(-1)  # (MOT.2)
+        return self.rates(self.sight)
+
+    def points(self, sight: NDArray) -> NDArray:
+        """`xy` from `sight`, for callers that need both."""
+        return self.pose[..., :2] + self.polar[..., :1] * sight  # (MOT.1)
+
+    def rates(self, sight: NDArray) -> NDArray:
+        """`ground_rate` from `sight`, for callers that need both."""
+        return self.polar[..., 2] + (sight * self.velocity).sum(-1)  # (MOT.2)
 
     def position_noise(self, default: float = np.nan) -> NDArray:
         """Covariance (..., M, 2, 2) [m^2] of each detection; `default` [m] where the noise is not known."""

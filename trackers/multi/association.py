@@ -82,12 +82,12 @@ class Association:
         noise = np.where(np.isnan(noise), sensors.noise[sensor], noise)
         sorted_scan = Scan(polar[order], np.ones(len(order), bool), pose, velocity, noise, sensor, scan.platform)
         sight = sorted_scan.sight
-        rate = sorted_scan.ground_rate
+        rate = sorted_scan.rates(sight)
         sideways = cross(sight, velocity)
         sigma_g = np.hypot(noise[:, 2], sideways * noise[:, 1])  # (MOT.4)
         static = np.abs(rate) < np.maximum(self.static_rate, 3 * sigma_g)  # (MOT.5)
         clutter = np.where(np.isnan(rate), sensors.clutter_density_2d[sensor], sensors.clutter_density[sensor])
-        xy, var_along = sorted_scan.xy, noise[:, 0] ** 2  # (MOT.3)
+        xy, var_along = sorted_scan.points(sight), noise[:, 0] ** 2  # (MOT.3)
         var_across = (sorted_scan.polar[:, 0] * noise[:, 1]) ** 2  # (MOT.3)
         in_lane = static.copy()
         in_lane[static] = False if road is None else road.locate(xy[static])[0] > self.static_inside  # (MOT.28)

@@ -86,6 +86,7 @@ class GroundTest:
     ) -> Ground:  # fmt: skip
         """The ground of tracks d (D,), whose estimates are e, after a scan of M detections, among T tracks."""
         shift = shift_of(ground, e)
+        along = self._along(e, shift, z)
         seen, expected = ground.seen.copy(), ground.expected.copy()
         for k, pose in enumerate(sensors.poses(z.scan.platform)):
             looks = view.expected[k, d] > 0
@@ -93,7 +94,7 @@ class GroundTest:
             if len(rows):
                 some = keep(e, looks)
                 density = self._density(some, shift[rows], d[rows], estimate, pose, k, sensors)
-                n = self._seen(some, shift[rows], pose, z, z.sensor == k) * (density > 0)
+                n = self._seen(some, [a[rows] for a in along], pose, z.sensor == k) * (density > 0)
                 total = n.sum(1, keepdims=True)
                 weight = np.minimum(1.0, self.independent / np.maximum(total, 1.0))
                 share = density / np.maximum(density.sum(1, keepdims=True), 1e-9)
@@ -101,15 +102,23 @@ class GroundTest:
                 expected[rows] += weight * total * share  # (LIFE.32)
         return ground._replace(seen=seen, expected=expected)
 
-    def _seen(self, e: Estimate, shift: NDArray, pose: NDArray, z: SortedScan, mine: NDArray) -> NDArray:
-        """Detections (D, CELLS), whoever owns them, on the halves of the bodies that face a sensor at pose (3,)."""
+    def _along(self, e: Estimate, shift: NDArray, z: SortedScan) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+        """Cells of the detections, whether they may be of a body, their place across it and the most of that [m].
+
+        All are (D, M).
+        """
         body = to_frame(e.pose, z.xy)  # (D, M, 2)
         cell = np.floor((body[..., 0] + shift) / STEP).astype(int) + CELLS // 2
-        towards = body[..., 1] * np.sign(to_frame(e.pose, pose[None, :2])[..., 1])
-        half = (towards > 0) & (towards < e.size[:, 1:] / 2 + self.aside + np.sqrt(z.var_across))
         rate = ~(np.abs(z.rate - e.velocity @ z.sight.T) > self.rate)  # one that is not measured counts
         along = np.abs(body[..., 0]) < e.size[:, :1] / 2 + STEP
-        d, m = np.nonzero(half & rate & along & mine & (cell >= 0) & (cell < CELLS))
+        most = e.size[:, 1:] / 2 + self.aside + np.sqrt(z.var_across)
+        return cell, rate & along & (cell >= 0) & (cell < CELLS), body[..., 1], most
+
+    def _seen(self, e: Estimate, along: list[NDArray], pose: NDArray, mine: NDArray) -> NDArray:
+        """Detections (D, CELLS), whoever owns them, on the halves of the bodies that face a sensor at pose (3,)."""
+        cell, there, across, most = along
+        towards = across * np.sign(to_frame(e.pose, pose[None, :2])[..., 1])
+        d, m = np.nonzero(there & mine & (towards > 0) & (towards < most))
         seen = np.zeros((len(e.pose), CELLS))
         np.add.at(seen, (d, cell[d, m]), 1.0)
         return seen

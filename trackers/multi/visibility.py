@@ -122,7 +122,8 @@ def predict_visibility(
     share[s, t] = sees.sum(-1) / RAYS
     complete = (share * (high - low) / uncut).max(0)  # (MOT.12)
     visible = sees.any(-1)
-    s, t, span, sees, own = (a[visible] for a in (s, t, span, sees, own))
+    s, t = s[visible], t[visible]
+    span, sees, own = span[visible], sees[visible], own[visible]
     distance = np.where(sees, own, np.inf).min(-1, initial=np.inf)
     rate = sensors.expected_count(s, distance, span * distance)  # the outline as a chord at that distance
     expected[s, t] = rate_factor * rate * np.minimum(1.0, 3 * share[s, t])  # (MOT.11)

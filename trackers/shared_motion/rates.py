@@ -39,12 +39,14 @@ class ScanRates:
 
     def correct(self, mu: NDArray, m: NDArray, P: NDArray, body: Body, scan: Scan) -> tuple[NDArray, NDArray, NDArray]:
         """Means (..., K, 7) and covariances after the range rates, and log likelihoods (..., K) of the modes."""
-        g = scan.ground_rate
-        use = scan.mask & np.isfinite(g)
+        use = scan.mask & np.isfinite(scan.polar[..., 2])
         if not use.any():
             return m, P, np.zeros(mu.shape)
+        sight = scan.sight
+        g = scan.rates(sight)
         across, noise = self._noise(scan, use)
-        r, h, unknown = self._model(m, body, scan, np.where(use, g, 0.0), use, across)
+        u, z, g = (np.where(use[..., None], a, 0.0) for a in (sight, scan.points(sight), g[..., None]))
+        r, h, unknown = self._model(m, body, (u, z, g[..., 0]), use, across)
         yaw = (mu * (m[..., OMEGA] ** 2 + P[..., OMEGA, OMEGA])).sum(-1, keepdims=True)
         variance = noise**2 + self.std**2 + yaw * (mu[..., None] * unknown).sum(-2)  # (MODE.17)
         motion = P[..., :MOVING, :MOVING]
@@ -73,14 +75,14 @@ class ScanRates:
         return np.where(np.isnan(across), across_std, across), np.where(np.isnan(rate), rate_std, rate)
 
     def _model(
-        self, m: NDArray, body: Body, scan: Scan, g: NDArray, use: NDArray, across: NDArray
+        self, m: NDArray, body: Body, seen: tuple[NDArray, NDArray, NDArray], use: NDArray, across: NDArray
     ) -> tuple[NDArray, NDArray, NDArray]:
-        """Residuals (..., K, M) of range rates over ground g (..., M), their gradients (..., K, M, 5), 0 if unused.
+        """Residuals (..., K, M) of range rates, their gradients (..., K, M, 5), 0 if unused.
 
+        seen are lines of sight (..., M, 2), places (..., M, 2) [m] and range rates over ground (..., M), 0 if unused.
         The third array (..., K, M) [m^2] is the variance of what the body is turned by at the place of the detection.
         """
-        u = np.where(use[..., None], scan.sight, 0.0)[..., None, :, :]  # (..., 1, M, 2)
-        z = np.where(use[..., None], scan.xy, 0.0)[..., None, :, :]
+        u, z, g = seen[0][..., None, :, :], seen[1][..., None, :, :], seen[2][..., None, :]  # (..., 1, M, 2)
         e = unit(m[..., PHI])[..., None, :]
         n = perpendicular(e)
         v, omega, d = (a[..., None] for a in (m[..., SPEED], m[..., OMEGA], body.lever))
@@ -93,4 +95,4 @@ class ScanRates:
         h[..., PHI] = v * aside - omega * d * along  # (MODE.15)
         h[..., SPEED] = along  # (MODE.15)
         h[..., OMEGA] = np.where(use[..., None, :], gain * cross(z - m[..., None, :2], u) + d * cross(e, u), 0.0)
-        return g[..., None, :] - v * along - omega * h[..., OMEGA], h, (1 - gain) * spread  # (MODE.14)
+        return g - v * along - omega * h[..., OMEGA], h, (1 - gain) * spread  # (MODE.14)
