@@ -8,7 +8,7 @@ import pytest
 from tests.trackers.multi.known_objects import KnownObjects, scan_of, tracks_of
 from trackers import MultiObjectTracker, SensorModel, prior
 from trackers.batch import take
-from trackers.multi.ground import GroundTest
+from trackers.multi.ground import NOTHING, GroundTest
 
 DT = 1 / 15
 SIDE = SensorModel(max_range=30.0, fov=2 * np.pi, sigma_azimuth=0.02, count_at_15m=7.0, count_falloff=0.6, clutter=1.5)
@@ -110,3 +110,11 @@ def test_at_speed_nobody_drives_so_close(rule, speed, events):
         if seen:
             break
     assert len(seen) == events
+
+
+def test_the_ground_moves_and_the_tracks_stay_where_they_were():
+    test, long = GroundTest(), prior([[30.0, 0.0, 0.0]], velocity=(10.0, 0.0), size=(12.0, 2.0))
+    ground = test.predict(NOTHING, np.array([3]), long, 0.0)
+    ground = test.predict(ground, np.array([3]), long, 0.1)
+    np.testing.assert_allclose(ground.origin, [[31.0, 0.0]])
+    np.testing.assert_array_equal(long.pose[0, :2], [30.0, 0.0])
