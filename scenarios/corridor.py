@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from trackers.geometry import to_frame
 
 NEAR = 3.0  # [s] below this, a time to collision is a risk
+NEXT = [1, 2, 3, 0]  # corner after each of a box
 UNIT_SPEED, UNIT_BRAKING = 30.0, 8.0  # [m/s], [m/s^2] that are worth 1 s, and cost 0.5 s, of J a second
 
 
@@ -25,16 +26,16 @@ def gap_ahead(pose: NDArray, size: NDArray, corners: NDArray) -> NDArray:
     front, half = size / 2
     local = to_frame(pose, corners)
     x, y = local[..., 0], local[..., 1]  # (B, 4), each the start of an edge
-    dx, dy = np.roll(x, -1, -1) - x, np.roll(y, -1, -1) - y
+    dx, dy = x[..., NEXT] - x, y[..., NEXT] - y
     with np.errstate(divide="ignore", invalid="ignore"):
-        ends = (np.stack([-half - y, half - y])) / dy  # where along each edge the sides of the corridor are, (2, B, 4)
+        right, left = (-half - y) / dy, (half - y) / dy  # where along each edge the sides of the corridor are, (B, 4)
     level = dy == 0
-    enters = np.where(level, 0.0, np.clip(np.min(ends, 0), 0.0, 1.0))
-    leaves = np.where(level, 1.0, np.clip(np.max(ends, 0), 0.0, 1.0))
+    enters = np.where(level, 0.0, np.minimum(right, left).clip(0.0, 1.0))
+    leaves = np.where(level, 1.0, np.maximum(right, left).clip(0.0, 1.0))
     inside = np.where(level, np.abs(y) < half, leaves > enters)
-    at = np.stack([x + enters * dx, x + leaves * dx])
-    nearest = np.where(inside, at, np.inf).min((0, -1))
-    farthest = np.where(inside, at, -np.inf).max((0, -1))
+    first, last = x + enters * dx, x + leaves * dx
+    nearest = np.where(inside, np.minimum(first, last), np.inf).min(-1)
+    farthest = np.where(inside, np.maximum(first, last), -np.inf).max(-1)
     return np.where(farthest > front, np.maximum(nearest - front, 0.0), np.inf)
 
 

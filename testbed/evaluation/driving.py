@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from scenarios.corridor import NEAR, drive_value, gap_ahead, time_to_collision
 from sensors.scene import Bodies, Ego, Scene
-from testbed.evaluation.metrics import areas
-from trackers.geometry import box_corners, compose, point_velocity, rotation, to_frame, unit
+from testbed.evaluation.metrics import box_areas
+from trackers.geometry import box_corners, compose, point_velocity, rotation, unit
 
 LONGEST = 10.0  # [s] a longer time to collision or headway counts as this, and so does none
 HARDEST = 20.0  # [m/s^2] DRAC is cut at this: one near miss would else rule every mean
@@ -35,7 +35,8 @@ def body_boxes(bodies: Bodies) -> BodyBoxes:
         return BodyBoxes(np.zeros((0, 3)), np.zeros((0, 2)), np.zeros((0, 2)))
     counts = [len(outline) for outline in bodies.outline]
     first, owner = np.cumsum([0, *counts[:-1]]), np.repeat(np.arange(len(counts)), counts)
-    local = to_frame(bodies.pose[owner], np.concatenate(bodies.outline)[:, None])[:, 0]
+    offset = np.concatenate(bodies.outline) - bodies.pose[owner, :2]
+    local = (offset[:, None] @ rotation(bodies.pose[:, 2])[owner])[:, 0]  # the heading of a body is turned once
     low, high = np.minimum.reduceat(local, first), np.maximum.reduceat(local, first)
     shift = np.concatenate([(low + high) / 2, np.zeros((len(counts), 1))], -1)
     pose = compose(bodies.pose, shift)
@@ -45,8 +46,7 @@ def body_boxes(bodies: Bodies) -> BodyBoxes:
 
 def box_distance(ego: Ego, boxes: BodyBoxes) -> NDArray:
     """Shortest distances (B,) [m] from the ego's box to the others, 0 where they touch."""
-    own, others = areas(box_corners(ego.pose, ego.size)), areas(box_corners(boxes.pose, boxes.size))
-    return shapely.distance(own, others)  # (MET.20)
+    return shapely.distance(box_areas(ego.pose, ego.size), box_areas(boxes.pose, boxes.size))  # (MET.20)
 
 
 def headway_time(ego: Ego, boxes: BodyBoxes) -> NDArray:
@@ -123,7 +123,7 @@ def drive_frame(scene: Scene, last: Scene | None) -> DriveFrame:
         acceleration=acceleration,
         gap=nearest,
         headway=nearest / speed if speed > 0 else np.inf,
-        drac=float(np.max(deceleration_needed(gap, closing), initial=0.0)),
+        drac=float(deceleration_needed(gap, closing).max(initial=0.0)),
     )
 
 
@@ -303,7 +303,7 @@ class DriveEvaluator:
 
 def _smallest(values: NDArray) -> float:
     """Least of the values, inf of none."""
-    return float(np.min(values, initial=np.inf))
+    return float(values.min(initial=np.inf))
 
 
 def count_onsets(value: NDArray, below: float, above: float) -> int:

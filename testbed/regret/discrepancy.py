@@ -9,6 +9,7 @@ from sensors.scene import Scene
 from testbed.environment.perception import truth_tracks
 from testbed.log.paths import vehicle
 from testbed.regret.substitution import match
+from trackers.estimate import Estimate
 from trackers.geometry import rotation, to_frame
 from trackers.multi.tracks import Tracks
 
@@ -32,7 +33,7 @@ def largest(scene: Scene, visible: NDArray, tracks: Tracks) -> Discrepancy:
 
     visible (N,): share of each object that is visible; one that is hidden is called so.
     """
-    truth, own = truth_tracks(scene), tracks.reported
+    truth, own = truth_tracks(scene), tracks._replace(state=None).reported
     partner = match(truth, own)
     found = [NOTHING]
     place = to_frame(scene.ego.pose, truth.estimate.pose[:, None, :2])[:, 0]
@@ -43,7 +44,7 @@ def largest(scene: Scene, visible: NDArray, tracks: Tracks) -> Discrepancy:
             how = "visible, without a reported track" if visible[row] > 0 else "hidden, without a reported track"
             found.append(Discrepancy(MISSING * weight, f"{name}: {how}"))
         else:
-            errors = _errors(scene, truth.rows(np.array([row])), own.rows(partner[[row]]))
+            errors = _errors(scene.ego.pose[2], truth.estimate, row, own.estimate, partner[row])
             what = max(errors, key=lambda key: abs(errors[key]) / UNITS[key])
             unit = {"near edge": "m", "heading": "rad"}.get(what, "m/s")
             size = weight * abs(errors[what]) / UNITS[what]
@@ -62,17 +63,16 @@ def _matters(place: NDArray) -> NDArray:
     return (place[:, 0] > -BEHIND) & (place[:, 0] < AHEAD) & (np.abs(place[:, 1]) < BESIDE)
 
 
-def _errors(scene: Scene, truth: Tracks, own: Tracks) -> dict[str, float]:
-    """Errors of one track in the frame of the ego: track minus truth, the heading of the box aside."""
-    back = rotation(scene.ego.pose[2]).T
-    a, b = truth.estimate, own.estimate
-    along = back[0]
-    reach = [e.pose[0, :2] @ along - np.abs(rotation(e.pose[0, 2]).T @ along) @ e.size[0] / 2 for e in (a, b)]
-    speed, across = back @ (b.velocity[0] - a.velocity[0])
-    turn = float(np.angle(np.exp(1j * (b.pose[0, 2] - a.pose[0, 2]))))
-    return {
-        "near edge": float(reach[1] - reach[0]),
-        "speed": float(speed),
-        "speed across": float(across),
-        "heading": turn,
-    }
+def _errors(heading: float, truth: Estimate, i: int, own: Estimate, j: int) -> dict[str, float]:
+    """Errors of row j of the tracks against row i of the truth in the frame of an ego with this heading [rad]."""
+    back = rotation(heading).T
+    near = _near_edge(own, j, back[0]) - _near_edge(truth, i, back[0])
+    speed, across = back @ (own.velocity[j] - truth.velocity[i])
+    turn = float(np.angle(np.exp(1j * (own.pose[j, 2] - truth.pose[i, 2]))))  # of the box
+    return {"near edge": float(near), "speed": float(speed), "speed across": float(across), "heading": turn}
+
+
+def _near_edge(estimate: Estimate, row: int, along: NDArray) -> float:
+    """Where the box of one estimate begins in the direction `along` (2,) [m]."""
+    pose = estimate.pose[row]
+    return pose[:2] @ along - np.abs(rotation(pose[2]).T @ along) @ estimate.size[row] / 2
