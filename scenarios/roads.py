@@ -157,13 +157,20 @@ def near_pairs(vehicles: list[Any], objects: list[Any], dt: float) -> NDArray:
         return ~(distance > r[:n, None] + r + SLACK)  # a NaN distance goes to the stock check
 
 
+CACHED = {Road: CachedRoad, RegulatedRoad: CachedRegulatedRoad}
+
+
+def cacheable(road: Road) -> bool:
+    """Whether `cached` takes a road: one of a stock class, or a cached one."""
+    return isinstance(road, CachedRoad) or type(road) in CACHED
+
+
 def cached(road: Road) -> Road:
     """Turn a stock road into a cached one in place and return it; all references to it see the change."""
-    swap = {Road: CachedRoad, RegulatedRoad: CachedRegulatedRoad}
     if isinstance(road, CachedRoad):
         return road
-    if type(road) not in swap:
+    if not cacheable(road):
         raise TypeError(f"road must be a Road or RegulatedRoad, got {type(road).__name__}; derive it from CachedRoad")
-    road.__class__ = swap[type(road)]
+    road.__class__ = CACHED[type(road)]
     sifted(road.network)
     return road

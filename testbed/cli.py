@@ -83,6 +83,9 @@ def run(
     duration: Annotated[float | None, typer.Option(help="Seconds. Without it: the scenario's own.")] = None,
     out: Annotated[Path, typer.Option(help="Directory for the log and the results.")] = Path("runs"),
     log: Annotated[str, typer.Option(help="What goes into the log: off, metrics or full.")] = "full",
+    no_metrics: Annotated[
+        bool, typer.Option("--no-metrics", help="Compare nothing with the truth, for speed; needs --log off.")
+    ] = False,
 ) -> None:
     """Run one scenario in closed loop: traffic, radar, tracker, planner.
 
@@ -98,7 +101,9 @@ def run(
     from testbed.run import run as run_once
 
     with user_input():
-        config = RunConfig(scenario, tuple(tracker or (DEFAULT,)), radar, planner, seed, duration, str(out), log)
+        config = RunConfig(
+            scenario, tuple(tracker or (DEFAULT,)), radar, planner, seed, duration, str(out), log, not no_metrics
+        )
         check(config)
     with user_input((OSError,)), progress_bar("{task.completed:.1f} / {task.total:.1f} s") as bar:
         task = bar.add_task(f"{scenario}, seed {seed}", total=duration or find(scenario).duration)
@@ -119,11 +124,14 @@ def _losses(lost: Iterable[str]) -> Iterator[None]:
 
 
 def _show(result: "RunResult") -> None:
-    console.print(tables.metrics(result.result))
-    for line in tables.EXPLAINED:
-        console.print(line)
-    console.print()
-    console.print(tables.drive(result.result))
+    if result.config.metrics:
+        console.print(tables.metrics(result.result))
+        for line in tables.EXPLAINED:
+            console.print(line)
+        console.print()
+        console.print(tables.drive(result.result))
+    else:
+        console.print(tables.costs(result.result))
     if result.interrupted:
         console.print("[yellow]interrupted: the tables and files hold what was run until then[/yellow]")
     if result.json is not None:

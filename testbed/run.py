@@ -13,11 +13,11 @@ from scenarios import find as find_scenario
 from sensors import find as find_radar
 from testbed.command_line.interruption import interruptible
 from testbed.environment.perception import tracker_of
+from testbed.environment.recorder import check_level
 from testbed.evaluation.tracking import jsonable
 from testbed.files import make_directory, noting_losses
 from testbed.frame import Observer
-from testbed.limits import check_choice, check_duration, check_folder, check_names, check_seeds
-from testbed.log.record import LEVELS
+from testbed.limits import check_duration, check_folder, check_names, check_seeds
 from testbed.planners import begin
 from testbed.planners import find as find_planner
 from testbed.planners import settings as planner_settings
@@ -36,6 +36,7 @@ class RunConfig:
     duration: float | None = None  # [s], None: the scenario's own
     out: str = "runs"
     log: str = "full"
+    metrics: bool = True  # False: nothing is compared with the truth; with log "off" only
 
     def __post_init__(self) -> None:
         check_names("trackers", self.trackers)
@@ -68,7 +69,7 @@ def check(config: RunConfig) -> None:
     for name in config.trackers:
         tracker_of(name, radar)
     find_planner(config.planner)
-    check_choice("log", config.log, LEVELS)
+    check_level(config.log, config.metrics)
     make_directory(Path(config.out))
 
 
@@ -87,6 +88,7 @@ def make_env(config: RunConfig) -> gym.Env:
         out=config.out,
         log=config.log,
         planner=config.planner,
+        metrics=config.metrics,
     )
 
 

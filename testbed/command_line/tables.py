@@ -68,8 +68,18 @@ def metrics(result: Mapping[str, Any]) -> Table:
         table.add_column(escape(name), justify="right")
     for key, label, digits in ROWS:
         table.add_row(escape(label), *(number(row[key], digits) for row in result["trackers"].values()))
-    cost = result["timing"]["trackers"]
-    table.add_row("ms a scan", *(number(cost[name]["ms_per_scan"], 1) for name in result["trackers"]))
+    table.add_row("ms a scan", *(number(cost["ms_per_scan"], 1) for cost in result["timing"]["trackers"].values()))
+    return table
+
+
+def costs(result: Mapping[str, Any]) -> Table:
+    """What each tracker of a run without metrics took."""
+    run = result["run"]
+    table = light_table(f"{run['scenario']}, {run['radar']}, seed {run['seed']}: cost of the trackers")
+    table.add_column("tracker")
+    table.add_column("ms a scan", justify="right")
+    for name, cost in result["timing"]["trackers"].items():
+        table.add_row(escape(name), number(cost["ms_per_scan"], 1))
     return table
 
 

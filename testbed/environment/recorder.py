@@ -27,6 +27,13 @@ from trackers.scan import SensorModel
 DANGER = 8.0  # [m/s^2] the hardest braking of the ego
 
 
+def check_level(level: str, metrics: bool) -> None:
+    """Raise ValueError for an unknown level of the log, or for a log without the metrics that belong in it."""
+    check_choice("log", level, LEVELS)
+    if not metrics and level != "off":
+        raise ValueError(f"log must be 'off' where metrics are off, got {level!r}; a log holds the metrics too")
+
+
 class Recorder:
     """Observer of a `TrackedEnv`: attach it before `reset`, close it after the last step.
 
@@ -42,6 +49,7 @@ class Recorder:
         sensors: whose fields of view to draw.
         focus: id of the object whose errors get a page of their own; None: the one nearest at the start.
         trackers: by name; those whose tracks can be smoothed get a layer of smoothed tracks at level full.
+        metrics: False: nothing is compared with the truth, and the JSON holds no measures; for level off only.
     """
 
     def __init__(
@@ -54,8 +62,10 @@ class Recorder:
         sensors: tuple[SensorModel, ...] = (),
         focus: int | None = None,
         trackers: Mapping[str, Any] = MappingProxyType({}),
+        metrics: bool = True,
     ) -> None:
-        check_choice("log", level, LEVELS)
+        check_level(level, metrics)
+        self.metrics, self._logged = metrics, level != "off"
         self.meta, self.phases = meta, tuple(phases)
         self.directory = Path(directory)
         make_directory(self.directory)
@@ -90,13 +100,25 @@ class Recorder:
         return self.directory / f"{self.meta.run_id}.json"
 
     def __call__(self, frame: Frame) -> None:
-        """Score one frame and log it."""
+        """Score one frame and log it; without a log nobody reads its scores, and their errors wait for the others'."""
         start = perf_counter()
-        drive = self.drive.step(frame.scene)
-        scores = {}
-        for name, evaluator in self.evaluators.items():
-            tracks, info = frame.outputs[name]
-            scores[name] = evaluator.step(frame.time, frame.scene, frame.origin, tracks, info.owner)
+        if self.metrics:
+            drive = self.drive.step(frame.scene)
+            judged = [
+                (name, (frame.time, frame.scene, frame.origin, tracks, info.owner))
+                for name, (tracks, info) in frame.outputs.items()
+            ]
+            if self._logged:
+                scores = {name: self.evaluators[name].step(*seen) for name, seen in judged}
+                self._write_log(frame, scores, drive, start)
+            else:
+                for name, seen in judged:
+                    self.evaluators[name].keep(*seen)
+                self.seconds["metrics"] += perf_counter() - start
+        self._frames += 1
+
+    def _write_log(self, frame: Frame, scores: dict[str, FrameScore], drive: DriveFrame, start: float) -> None:
+        """Add one frame to the log, and its states to what is smoothed at the end; its scores were begun at `start`."""
         events = self._phase_events(frame.scene) + self._crash_events(frame.scene) + self._risk_events(drive)
         for name, score in scores.items():
             events += self._lost_events(name, frame.time, score)
@@ -108,23 +130,28 @@ class Recorder:
                 past.keep(frame.step, frame.time, frame.outputs[name][0])
                 if past.full:
                     self._smooth(name)
-        self._frames += 1
         self.seconds["metrics"] += scored - start
         self.seconds["log"] += perf_counter() - scored
 
     def result(self) -> dict[str, Any]:
-        """All measures so far as JSON types: the run, the drive, and for each tracker totals, phases and objects."""
+        """All measures so far as JSON types: the run, the drive, and for each tracker totals, phases and objects.
+
+        Without metrics the run alone.
+        """
+        run = {
+            "id": self.meta.run_id,
+            "scenario": self.meta.scenario,
+            "seed": self.meta.seed,
+            "radar": self.meta.radar,
+            "trackers": list(self.meta.trackers),
+            "planner": self.meta.planner,
+            "config": self.meta.config,
+            "versions": self.meta.versions,
+        }
+        if not self.metrics:
+            return {"run": run}
         return {
-            "run": {
-                "id": self.meta.run_id,
-                "scenario": self.meta.scenario,
-                "seed": self.meta.seed,
-                "radar": self.meta.radar,
-                "trackers": list(self.meta.trackers),
-                "planner": self.meta.planner,
-                "config": self.meta.config,
-                "versions": self.meta.versions,
-            },
+            "run": run,
             "drive": jsonable(self.drive.summary()),
             "trackers": {name: jsonable(e.summary()) for name, e in self.evaluators.items()},
             "phases": [jsonable(row) for e in self.evaluators.values() for row in e.phase_rows()],
@@ -157,6 +184,8 @@ class Recorder:
         return self._result
 
     def _close_log(self, interrupted: bool, replace: bool) -> None:
+        if not self._logged:
+            return
         if interrupted:
             self.log.event("WARN", "the run was interrupted")
         summary: dict[str, Any] = {name: e.summary() for name, e in self.evaluators.items()}

@@ -23,23 +23,26 @@ from scenarios.adapter import SceneReader
 from scenarios.constants import protect_idm_constants
 from scenarios.highway import ScenarioEnv, check_clock, is_positive
 from scenarios.lanes import lane_shapes
+from scenarios.roads import cacheable, cached
 from scenarios.vehicles import CourseVehicle
 from sensors.origin import Origin
 from sensors.scene import Scene
 from testbed.environment.belief import BeliefView, RoadSwap, advance, attach_view, belief_road, mirror_road
 from testbed.environment.observation import without_frames
 from testbed.environment.perception import Cost, Perception, label
-from testbed.environment.recorder import Recorder, road_geometry
+from testbed.environment.recorder import Recorder, check_level, road_geometry
 from testbed.evaluation.driving import drive_frame
 from testbed.files import versions
 from testbed.frame import Observer
-from testbed.log.record import LEVELS, RunMeta, run_id
+from testbed.limits import check_choice
+from testbed.log.record import RunMeta, run_id
 from testbed.planners import find as find_planner
 from trackers import DEFAULT
 from trackers.multi.road import RoadMap
 from trackers.multi.tracks import Tracks
 from trackers.scan import Scan
 
+ROADS = ("cached", "stock")
 RADAR = "surround"  # mounted where no radar is named
 SLOWEST_CRUISE = 8.0  # [m/s] lower limit of the cruise speed, which is the ego's speed at the reset
 SENSOR_STREAM, BELIEF_STREAM = 1, 2  # spawn keys beside the traffic's own stream
@@ -131,6 +134,8 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
         planner: Any = "idm",
         warm_up: float = 0.0,
         every_episode: int = 1,
+        metrics: bool = True,
+        road: str = "cached",
     ) -> None:
         """Mount a radar and trackers on the first controlled vehicle.
 
@@ -150,6 +155,9 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
                 first observation.
             every_episode: of the episodes since the last seeded reset, only the first and every k-th after it has
                 files.
+            metrics: whether results hold measures of tracks and drive; False takes their time off, with log="off" only.
+            road: "cached" puts `scenarios.roads.CachedRoad` under the environment, for the same states in less time;
+                "stock" leaves the road as it is, as does a road of a class that cannot be cached.
 
         Raises:
             TypeError: `env` is no highway-env environment; a tracker, radar or planner is neither a name nor an object
@@ -175,16 +183,19 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
             planner=planner,
             warm_up=warm_up,
             every_episode=every_episode,
+            metrics=metrics,
+            road=road,
         )
         gym.Wrapper.__init__(self, env)
-        if log not in LEVELS:
-            raise ValueError(f"log must be one of {', '.join(LEVELS)}, got {log!r}")
+        check_level(log, metrics)
+        check_choice("road", road, ROADS)
         if warm_up != 0 and not is_positive(warm_up):
             raise ValueError(f"warm_up must be finite and not negative, got {warm_up!r}; give seconds")
         if isinstance(every_episode, bool) or not isinstance(every_episode, int) or every_episode < 1:
             raise ValueError(f"every_episode must be a whole number from 1 on, got {every_episode!r}")
         self.warm_up, self.every_episode = warm_up, every_episode
         self.out, self.log, self.planner = out, log, planner_name(planner)
+        self.metrics, self._road = metrics, road
         self.plan: NDArray = np.zeros((0, 2))  # (P, 2) [m] the planner's path; set before `step`, for the observers
         self.cruise_speed = SLOWEST_CRUISE  # [m/s] of a planner on a free road
         self._action = "reset"
@@ -331,6 +342,8 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
     def _begin(self) -> None:
         """The first scan, and the warm-up: traffic without an action of the ego."""
         core, perception = self._core, self._perception
+        if self._road == "cached" and cacheable(core.road):
+            cached(core.road)
         self._belief_now()
         self._record()
         perception.notify()
@@ -375,6 +388,7 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
             sensors=perception.radar.models,
             focus=None if most_agile is None else self._reader.number(most_agile),
             trackers=perception.trackers,
+            metrics=self.metrics,
         )
         perception.observers.append(self.recorder)
 
@@ -479,7 +493,9 @@ def scenario_env(
     render_mode: str | None = None,
     warm_up: float = 0.0,
     every_episode: int = 1,
+    metrics: bool = True,
+    road: str = "cached",
 ) -> TrackedEnv:
     """What `gym.make("testbed/SCENARIO-v0", ...)` calls; arguments as in `TrackedEnv` and highway-env."""
     env = ScenarioEnv(scenario=scenario, config=config, render_mode=render_mode)
-    return TrackedEnv(env, tracker, radar, also, out, log, planner, warm_up, every_episode)
+    return TrackedEnv(env, tracker, radar, also, out, log, planner, warm_up, every_episode, metrics, road)

@@ -1,5 +1,8 @@
 """Estimates beside the objects they may belong to: distances of all pairs, errors of the assigned ones."""
 
+from collections.abc import Sequence
+from typing import NamedTuple
+
 import numpy as np
 import shapely
 from numpy.typing import NDArray
@@ -16,14 +19,29 @@ ERRORS = (
 )  # fmt: skip
 
 
-def truth_areas(bodies: Bodies, rows: NDArray) -> NDArray:
-    """Areas (K,) inside the outlines of all bodies of each object row: a truck and its trailer are one area."""
-    parts: dict[int, list[int]] = {row: [] for row in rows.tolist()}
-    owned = [body for body, owner in enumerate(bodies.owner.tolist()) if owner in parts]
-    inside = ragged_areas([bodies.outline[body] for body in owned])
-    for i, body in enumerate(owned):
-        parts[int(bodies.owner[body])].append(i)
-    return np.array([inside[i[0]] if len(i) == 1 else shapely.union_all(inside[i]) for i in parts.values()], object)
+class PairTruth(NamedTuple):
+    """The true side of K pairs."""
+
+    pose: NDArray  # (K, 3) centre x, y [m], heading [rad]
+    velocity: NDArray  # (K, 2) [m/s]
+    size: NDArray  # (K, 2) length, width [m]
+    outlines: tuple[tuple[NDArray, ...], ...]  # K times those of all bodies, (C, 2) [m]
+
+
+def pair_truth(objects: Objects, bodies: Bodies, rows: NDArray) -> PairTruth:
+    """The objects in `rows` (K,)."""
+    parts: dict[int, list[NDArray]] = {row: [] for row in rows.tolist()}
+    for owner, outline in zip(bodies.owner.tolist(), bodies.outline, strict=True):
+        if owner in parts:
+            parts[owner].append(outline)
+    return PairTruth(objects.pose[rows], objects.velocity[rows], objects.size[rows], tuple(map(tuple, parts.values())))
+
+
+def truth_areas(outlines: Sequence[Sequence[NDArray]]) -> NDArray:
+    """Areas (K,) inside the outlines of all bodies of each object: a truck and its trailer are one area."""
+    inside = iter(ragged_areas([outline for bodies in outlines for outline in bodies]))
+    found = [[next(inside) for _ in bodies] for bodies in outlines]
+    return np.array([areas[0] if len(areas) == 1 else shapely.union_all(areas) for areas in found], object)
 
 
 def pair_distances(objects: Objects, estimate: Estimate) -> NDArray:
@@ -38,12 +56,12 @@ def pair_distances(objects: Objects, estimate: Estimate) -> NDArray:
     return distance
 
 
-def pair_errors(objects: Objects, bodies: Bodies, rows: NDArray, estimate: Estimate, distance: NDArray) -> NDArray:
-    """Errors (K, len(ERRORS)) of estimates (K) of the objects in `rows` (K,), at `gwd` distance (K,) [m]."""
-    if not len(rows):
+def pair_errors(truth: PairTruth, estimate: Estimate, distance: NDArray) -> NDArray:
+    """Errors (K, len(ERRORS)) of K estimates of the objects that they belong to, at `gwd` distance (K,) [m]."""
+    if not len(distance):
         return np.zeros((0, len(ERRORS)))
-    pose, size, cov = objects.pose[rows], objects.size[rows], estimate.cov
-    error = np.stack([estimate.pose[:, :2] - pose[:, :2], estimate.velocity - objects.velocity[rows]], 1)  # (K, 2, 2)
+    pose, size, cov = truth.pose, truth.size, estimate.cov
+    error = np.stack([estimate.pose[:, :2] - pose[:, :2], estimate.velocity - truth.velocity], 1)  # (K, 2, 2)
     turn, growth = wrap_angle(estimate.pose[:, 2] - pose[:, 2]), estimate.size - size
     box, true_box = box_areas(np.stack([estimate.pose, pose]), np.stack([estimate.size, size]))
     contour = box if estimate.contour is None else areas(estimate.contour)
@@ -53,7 +71,7 @@ def pair_errors(objects: Objects, bodies: Bodies, rows: NDArray, estimate: Estim
         *np.hypot(error[..., 0], error[..., 1]).T,
         np.degrees(turn),
         *growth.T,
-        *region_iou(np.stack([box, contour]), np.stack([true_box, truth_areas(bodies, rows)])),
+        *region_iou(np.stack([box, contour]), np.stack([true_box, truth_areas(truth.outlines)])),
         *nees(error, np.stack([cov[:, :2, :2], cov[:, 2:, 2:]], 1)).T,
         (turn / estimate.heading_std) ** 2,  # (MET.11) of a scalar
         *((growth / estimate.size_std) ** 2).T,  # (MET.11) of scalars

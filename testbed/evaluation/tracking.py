@@ -7,6 +7,7 @@ objects; pairs with uncounted ones cost nothing and enter no average. Only repor
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
+from itertools import chain, groupby
 from typing import NamedTuple
 
 import numpy as np
@@ -17,15 +18,17 @@ from sensors.scene import Objects, Scene
 from testbed.evaluation import histories
 from testbed.evaluation.histories import History
 from testbed.evaluation.metrics import gospa, mean, nees_bounds, rmse
-from testbed.evaluation.pair_errors import ERRORS, pair_distances, pair_errors
+from testbed.evaluation.pair_errors import ERRORS, PairTruth, pair_distances, pair_errors, pair_truth
 from testbed.frame import FrameScore
-from trackers.batch import take
+from trackers.batch import concatenate, take
+from trackers.estimate import Estimate
 from trackers.geometry import to_frame
 from trackers.multi.tracks import Tracks
 
 COUNTED_ABOVE = 0.5  # expected detections
 COUNTED_FOR = 1.0  # [s] for which an object counts after that
 PLAIN_SHARE, PLAIN_COUNT = 0.5, 3.0  # visible share and expected detections of an object in plain view
+WAITING = 64  # scans of which the errors of pairs are worked out together
 UNCOUNTED_KINDS = ("obstacle",)
 
 Row = dict[str, float | int | str]
@@ -46,7 +49,7 @@ class _FrameCounts(NamedTuple):
 
 
 class Evaluator:
-    """Scores of one tracker: call `step` once a frame, then the methods that give tables.
+    """Scores of one tracker: call `step` or `keep` once a frame, then the methods that give tables.
 
     Phases are (name, start [s], end [s]); a scan belongs to a phase when start <= time < end.
     """
@@ -59,7 +62,8 @@ class Evaluator:
         self.phases = tuple(phases)
         self._frames: list[_FrameCounts] = []
         self._pair_keys: list[tuple[float, int]] = []  # time, object id of each counted pair
-        self._pair_errors: list[NDArray] = []  # (K, len(ERRORS)) of the counted pairs of each scan
+        self._pair_errors: list[NDArray] = []  # (K, len(ERRORS)) of counted pairs, in the order of the scans
+        self._waiting: list[tuple[PairTruth, Estimate, NDArray]] = []  # counted pairs without errors as yet
         self._seen: dict[int, float] = {}  # object id -> last time it was expected to be detected
         self._kind: dict[int, str] = {}
         self._rows: dict[int, list[tuple]] = defaultdict(list)  # object id -> rows of its History
@@ -76,6 +80,35 @@ class Evaluator:
 
         owner (M,) is the id of the track that owns each detection, as in `StepInfo`; without it `tracks_clutter` is 0.
         """
+        frame, row, track, counted, out, distance = self._assign(time, scene, origin, tracks, owner)
+        errors = pair_errors(pair_truth(scene.objects, scene.bodies, row), take(out.estimate, track), distance)
+        self._work_out()
+        self._pair_errors.append(errors[counted[row]])
+        held = scene.objects.id[row].tolist()
+        return FrameScore(
+            pairs=dict(zip(held, out.id[track].tolist(), strict=True)),
+            errors={i: dict(zip(ERRORS, e, strict=True)) for i, e in zip(held, errors.tolist(), strict=True)},
+            mean=_frame_means(frame, errors[counted[row]]),
+            counted=tuple(scene.objects.id[counted].tolist()),
+        )
+
+    def keep(self, time: float, scene: Scene, origin: Origin, tracks: Tracks, owner: NDArray | None = None) -> None:
+        """As `step` where nobody reads the score: the errors of pairs are worked out later, for many scans at once."""
+        _, row, track, counted, out, distance = self._assign(time, scene, origin, tracks, owner)
+        counts = counted[row]
+        truth = pair_truth(scene.objects, scene.bodies, row[counts])
+        self._waiting.append((truth, take(out.estimate, track[counts]), distance[counts]))
+        if len(self._waiting) >= WAITING:
+            self._work_out()
+
+    def _assign(
+        self, time: float, scene: Scene, origin: Origin, tracks: Tracks, owner: NDArray | None
+    ) -> tuple[_FrameCounts, NDArray, NDArray, NDArray, Tracks, NDArray]:
+        """Assign the reported tracks of one scan to the objects, and remember who held what.
+
+        Returns the counts of the scan, rows (K,) of objects and of reported tracks in each pair, the mask (N,) of
+        counted objects, the reported tracks, and the distance (K,) [m] of each pair.
+        """
         self._check(time, scene, origin)
         if owner is not None:
             for track, real in zip(owner[owner >= 0].tolist(), (origin.object[owner >= 0] >= 0).tolist(), strict=True):
@@ -86,7 +119,6 @@ class Evaluator:
         distance = pair_distances(objects, out.estimate)
         score = gospa(distance, counted)
         rows, columns = score.pairs.T
-        errors = pair_errors(objects, scene.bodies, rows, take(out.estimate, columns), distance[rows, columns])
         held_by = np.full(len(objects.id), -1)
         held_by[rows] = out.id[columns]
         frame = _FrameCounts(
@@ -96,16 +128,18 @@ class Evaluator:
         self._frames.append(frame)
         plain = countable & (origin.visible > PLAIN_SHARE) & (origin.expected > PLAIN_COUNT)  # (MET.18)
         self._remember(time, objects, counted, plain, held_by, out)
-        counts = counted[rows]
-        self._pair_keys += [(time, i) for i in objects.id[rows[counts]].tolist()]
-        self._pair_errors.append(errors[counts])
-        held = objects.id[rows].tolist()
-        return FrameScore(
-            pairs=dict(zip(held, held_by[rows].tolist(), strict=True)),
-            errors={i: dict(zip(ERRORS, e, strict=True)) for i, e in zip(held, errors.tolist(), strict=True)},
-            mean=_frame_means(frame, errors[counts]),
-            counted=tuple(objects.id[counted].tolist()),
-        )
+        self._pair_keys += [(time, i) for i in objects.id[rows[counted[rows]]].tolist()]
+        return frame, rows, columns, counted, out, distance[rows, columns]
+
+    def _work_out(self) -> None:
+        """The errors of all pairs that wait, those with contours of one shape together."""
+        waiting, self._waiting = self._waiting, []
+        for _, group in groupby(waiting, key=lambda pairs: _shape(pairs[1].contour)):
+            truths, estimates, distances = zip(*group, strict=True)
+            pose, velocity, size = (np.concatenate(column) for column in zip(*(t[:3] for t in truths), strict=True))
+            truth = PairTruth(pose, velocity, size, tuple(chain.from_iterable(t.outlines for t in truths)))
+            estimate = concatenate([e._replace(class_probability=None) for e in estimates])
+            self._pair_errors.append(pair_errors(truth, estimate, np.concatenate(distances)))
 
     def summary(self) -> Row:
         """All measures of the run in one flat row; NaN where there was nothing to measure."""
@@ -200,6 +234,7 @@ class Evaluator:
             self._reports[track].append((time, within))
 
     def _errors(self) -> NDArray:
+        self._work_out()
         return np.concatenate([np.zeros((0, len(ERRORS))), *self._pair_errors])
 
     def _table(self, start: float, end: float) -> Row:
@@ -245,6 +280,11 @@ class Evaluator:
 def _countable(objects: Objects) -> NDArray:
     """Mask (N,) of objects that may count: not crashed, and no static obstacles."""
     return ~objects.crashed & np.array([kind not in UNCOUNTED_KINDS for kind in objects.kind], bool)
+
+
+def _shape(contour: NDArray | None) -> tuple[int, ...] | None:
+    """The shape of one contour of a batch."""
+    return None if contour is None else contour.shape[1:]
 
 
 def _within(times: NDArray, start: float, end: float) -> int:

@@ -44,7 +44,7 @@ def largest(scene: Scene, visible: NDArray, tracks: Tracks) -> Discrepancy:
             how = "visible, without a reported track" if visible[row] > 0 else "hidden, without a reported track"
             found.append(Discrepancy(MISSING * weight, f"{name}: {how}"))
         else:
-            errors = _errors(scene.ego.pose[2], truth.estimate, row, own.estimate, partner[row])
+            errors = _errors(scene.ego.pose[2], truth.estimate, int(row), own.estimate, int(partner[row]))
             what = max(errors, key=lambda key: abs(errors[key]) / UNITS[key])
             unit = {"near edge": "m", "heading": "rad"}.get(what, "m/s")
             size = weight * abs(errors[what]) / UNITS[what]

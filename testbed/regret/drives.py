@@ -71,7 +71,7 @@ class DriveObserver:
         tracks, info = next(iter(frame.outputs.values()))
         self.drive.step(frame.scene)
         if self.tracking is not None:
-            self.tracking.step(frame.time, frame.scene, frame.origin, tracks, info.owner)
+            self.tracking.keep(frame.time, frame.scene, frame.origin, tracks, info.owner)
         self._pose.append(frame.scene.ego.pose)
         self._action.append(frame.action)
         self._found.append(largest(frame.scene, frame.origin.visible, tracks))

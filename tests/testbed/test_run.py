@@ -192,3 +192,19 @@ def test_what_cannot_be_run_is_refused_before_anything_is_written(tmp_path, sett
     with pytest.raises(error, match=message):
         check(RunConfig(**{"scenario": "cut-in", "out": str(out), **settings}))
     assert not out.exists()
+
+
+def test_a_run_without_metrics_drives_the_same_and_measures_nothing(tmp_path):
+    truth: dict[bool, list] = {True: [], False: []}
+    done = {
+        on: run(
+            short(tmp_path / str(on), log="off", metrics=on),
+            observers=[lambda frame, on=on: truth[on].append(frame.scene.ego.pose)],
+        )
+        for on in truth
+    }
+    assert equal(truth[True], truth[False])
+    assert set(done[False].result) == {"run", "interrupted", "timing"}
+    assert done[False].result["run"] == done[True].result["run"]
+    assert "metrics" not in done[False].result["timing"]
+    assert json.loads(done[False].json.read_text()) == done[False].result

@@ -405,6 +405,8 @@ def test_a_step_before_reset_is_an_error():
         ({"planner": "nope"}, LookupError, "no planner 'nope'; known: idm"),
         ({"planner": None}, TypeError, "planner must be a name, or an object with a name, got None"),
         ({"log": "loud"}, ValueError, "log must be one of off, metrics, full, got 'loud'"),
+        ({"log": "metrics", "metrics": False}, ValueError, "log must be 'off' where metrics are off, got 'metrics'"),
+        ({"road": "fast"}, ValueError, "road must be one of cached, stock, got 'fast'"),
         ({"out": 3}, TypeError, "out must be a directory or None, got 3"),
     ],
 )

@@ -318,3 +318,22 @@ def test_time_that_stands_still_is_refused():
 def test_a_phase_that_ends_before_it_starts_is_refused():
     with pytest.raises(ValueError, match="phase 'cut' must end after"):
         Evaluator("case", [("cut", 3.0, 2.0)])
+
+
+def test_scans_that_are_kept_end_in_the_tables_of_scans_that_are_scored():
+    """More scans than wait together, contours that come, change their length and go, uncounted pairs, empty scans."""
+    rng, judges = np.random.default_rng(2), [Evaluator("case", [("early", 0.0, 20.0)]) for _ in range(2)]
+    for k in range(150):
+        x = 10.0 + 15.0 * np.arange(k % 4)
+        scene, belief = road(x), tracks_at(x + rng.normal(0, 0.4, len(x)), range(len(x)))
+        belief = belief._replace(estimate=belief.estimate._replace(size=CAR + rng.uniform(0, 1, (len(x), 2))))
+        corners = box_corners(belief.estimate.pose, belief.estimate.size)
+        contour = None if k % 50 < 20 else corners if k % 50 < 35 else corners[:, :3]
+        belief = belief._replace(estimate=belief.estimate._replace(contour=contour))
+        origin = seen(scene, expected=9.0 if k % 7 else 0.0)
+        arguments = DT * k, scene, origin, belief, np.array([0, 1, -1])[: len(origin.object)]
+        judges[0].step(*arguments)
+        (judges[1].step if k in (40, 41, 110) else judges[1].keep)(*arguments)  # the two may take turns
+    scored, kept = ([j.summary(), j.phase_rows(), j.object_rows(), j.orphan_rows()] for j in judges)
+    assert scored[0]["pairs"] > 100
+    np.testing.assert_equal(kept, scored)
