@@ -1,14 +1,42 @@
-"""Extended object trackers; numpy and scipy only."""
+"""Extended object trackers; numpy and scipy only. What is named here is loaded when it is first used."""
 
-from trackers.estimate import Estimate, prior
-from trackers.multi.tracker import MultiObjectTracker
-from trackers.multi.tracks import Event, StepInfo, Tracks
-from trackers.protocols import Filter
-from trackers.random_matrix.feldmann import RandomMatrix
-from trackers.registry import DEFAULT, TRACKERS, build, find
-from trackers.scan import Scan, SensorModel
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from trackers.default import DEFAULT as DEFAULT
+    from trackers.estimate import Estimate as Estimate
+    from trackers.estimate import prior as prior
+    from trackers.multi.tracker import MultiObjectTracker as MultiObjectTracker
+    from trackers.multi.tracks import Event as Event
+    from trackers.multi.tracks import StepInfo as StepInfo
+    from trackers.multi.tracks import Tracks as Tracks
+    from trackers.protocols import Filter as Filter
+    from trackers.random_matrix.feldmann import RandomMatrix as RandomMatrix
+    from trackers.registry import TRACKERS as TRACKERS
+    from trackers.registry import build as build
+    from trackers.registry import find as find
+    from trackers.scan import Scan as Scan
+    from trackers.scan import SensorModel as SensorModel
 
 __distribution__ = "eot-testbed"  # `testbed` tells by this line that no other package of this name took its place
+
+_HOME = {
+    "DEFAULT": "trackers.default",
+    "TRACKERS": "trackers.registry",
+    "Estimate": "trackers.estimate",
+    "Event": "trackers.multi.tracks",
+    "Filter": "trackers.protocols",
+    "MultiObjectTracker": "trackers.multi.tracker",
+    "RandomMatrix": "trackers.random_matrix.feldmann",
+    "Scan": "trackers.scan",
+    "SensorModel": "trackers.scan",
+    "StepInfo": "trackers.multi.tracks",
+    "Tracks": "trackers.multi.tracks",
+    "build": "trackers.registry",
+    "find": "trackers.registry",
+    "prior": "trackers.estimate",
+}
 
 __all__ = [
     "DEFAULT",
@@ -26,3 +54,13 @@ __all__ = [
     "find",
     "prior",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'trackers' has no attribute {name!r}")
+    return getattr(import_module(_HOME[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -114,8 +114,6 @@ TRACKERS: Mapping[str, Entry] = MappingProxyType(
 
 LAYERS = frozenset(f.name for f in fields(MultiObjectTracker)) - {"filter", "sensors", "road"}
 
-DEFAULT = "imm-spline"  # what commands and environments use where no tracker is named
-
 
 def find(name: str, **parameters: Any) -> Filter:
     """The filter of that name, with some parameters changed.

@@ -11,8 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import linear_sum_assignment
-from scipy.stats import chi2
+from scipy.special import gammaincinv
 
 from trackers.geometry import box_corners, extent_matrix
 from trackers.linalg import quadratic, sqrtm
@@ -119,6 +118,8 @@ def gospa(distance: NDArray, counted: NDArray | None = None, cutoff: float = CUT
     bad = int((~np.isfinite(distance) | (distance < 0)).sum())
     if bad:
         raise ValueError(f"distance must be finite and not negative, {bad} are not; is an estimate NaN?")
+    from scipy.optimize import linear_sum_assignment  # not at the top: a third of the start of a run without metrics
+
     N, T = distance.shape
     counted = np.ones(N, bool) if counted is None else np.asarray(counted, bool)
     if counted.shape != (N,):
@@ -158,7 +159,8 @@ def nees_bounds(dof: int, count: int, level: float = 0.95) -> tuple[float, float
     """
     if count < 1:
         return np.nan, np.nan
-    low, high = chi2.ppf([(1 - level) / 2, (1 + level) / 2], dof * count) / count  # (MET.12)
+    tails = np.array([(1 - level) / 2, (1 + level) / 2])
+    low, high = 2 * gammaincinv(dof * count / 2, tails) / count  # (MET.12), the quantile function of chi-square
     return float(low), float(high)
 
 
