@@ -66,7 +66,7 @@ def illuminate(
     """
     S, B, E = len(beams.pose), len(beams.bearing), len(edges.a)
     a, b = np.concatenate([edges.a, walls[:, 0]]), np.concatenate([edges.b, walls[:, 1]])
-    found = crossings(beams.pose[:, :2], beams.sensor, beams.bearing, a, b)
+    found = crossings(beams.pose[:, :2], beams.sensor, beams.bearing, a, b, beams.max_range)
     reach = beams.max_range[beams.sensor]
     body = found.segment < E
     solid = Crossings(found.ray[body], found.segment[body], found.range[body])
@@ -84,6 +84,8 @@ def illuminate(
     share = np.bincount(key, minlength=S * objects) / np.maximum(met, 1)  # (RAD.8)
     chord = np.bincount(key, elements.chord, S * objects)  # (RAD.8)
     visible = Visible(*(column.reshape(S, objects) for column in (chord, nearest, share)))
+    if not len(walls):
+        return elements, visible, Illuminated(*(column[:0] for column in elements))
     behind, wall = first_hits(Crossings(found.ray[~body], found.segment[~body], found.range[~body]), B)
     rail = _elements(beams, np.flatnonzero((behind <= reach) & (behind < r)), behind, wall, a, b, np.full(len(a), -1))
     return elements, visible, rail._replace(segment=rail.segment - E)

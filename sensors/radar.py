@@ -249,6 +249,9 @@ class Radar:
         self, scene: Scene, elements: Illuminated, pose: NDArray, velocity: NDArray, rng: np.random.Generator
     ) -> Returns:
         """Noise-free returns of the illuminated walls, which stand still."""
+        if not len(elements.sensor):
+            none = np.zeros(0, int)
+            return Returns(np.zeros((0, 3)), none, none, none, none, none)
         falloff = (15.0 / np.maximum(elements.range, 1.0)) ** self.column("count_falloff")[elements.sensor]
         density = self.column("static_density")[elements.sensor]
         mean = density * falloff * elements.chord / elements.incidence

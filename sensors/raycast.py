@@ -21,6 +21,7 @@ from sensors.scene import Bodies
 from trackers.geometry import cross, unit, wrap_angle
 
 NEAREST = 1e-9  # [m]
+MARGIN = 1e-6  # [m] by which a reach is widened: far above rounding
 SLACK = 1e-9  # [rad] by which a sector is widened: far above rounding, far below a ray spacing
 
 
@@ -76,7 +77,7 @@ def crossing_range(u: NDArray, wa: NDArray, wb: NDArray) -> NDArray:
 
 
 def _sectors(wa: NDArray, wb: NDArray) -> tuple[NDArray, NDArray]:
-    """Start [0, 2 pi) and width (V, S) [rad] of the widened sector of each segment."""
+    """Start [0, 2 pi) and width (P,) [rad] of the widened sector of each segment wa -> wb (P, 2) [m] from the origin."""
     first = np.arctan2(wa[..., 1], wa[..., 0])
     turn = wrap_angle(np.arctan2(wb[..., 1], wb[..., 0]) - first)
     low = (first + np.minimum(turn, 0.0) - SLACK) % (2 * np.pi)  # (RAD.5)
@@ -85,37 +86,45 @@ def _sectors(wa: NDArray, wb: NDArray) -> tuple[NDArray, NDArray]:
     return low, np.where(np.abs(turn) > np.pi - 1e-6, np.inf, width)
 
 
-def crossings(origin: NDArray, view: NDArray, bearing: NDArray, a: NDArray, b: NDArray) -> Crossings:
+def crossings(
+    origin: NDArray, view: NDArray, bearing: NDArray, a: NDArray, b: NDArray, reach: NDArray | None = None
+) -> Crossings:
     """All crossings of rays with segments a -> b each (S, 2) [m].
 
-    Ray i starts at origin[view[i]], of V origins (V, 2) [m], along bearing[i], of (B,) [rad].
+    Ray i starts at origin[view[i]], of V origins (V, 2) [m], along bearing[i], of (B,) [rad]. Segments that lie wholly
+    beyond reach (V,) [m] of an origin are left out; of others crossings beyond it are among the answers.
     """
-    V, S = len(origin), len(a)
-    angle = bearing % (2 * np.pi)
-    order = np.lexsort((angle, view))
+    V = len(origin)
+    wa, wb = a - origin[:, None], b - origin[:, None]  # (V, S, 2)
+    near = np.ones(wa.shape[:2], bool)
+    if reach is not None:
+        edge = b - a
+        near = np.hypot(wa[..., 0], wa[..., 1]) - np.hypot(edge[:, 0], edge[:, 1]) <= reach[:, None] + MARGIN
+    seen_from, segment = np.nonzero(near)
+    wa, wb = wa[near], wb[near]  # (P, 2), by origin
+    lap = 8 * np.pi * np.arange(V)  # separates the origins in the sorted angles
+    angle = bearing % (2 * np.pi) + lap[view]
+    order = angle.argsort(kind="stable")
     count = np.bincount(view, minlength=V)
     start = np.cumsum(count) - count  # where the rays of each origin begin
     # The rays of each origin stand twice in a row, the second time a turn further on, so that no sector wraps.
-    lap = 8 * np.pi * np.arange(V)  # separates the origins in the sorted angles
     place = np.arange(len(bearing)) + np.repeat(start, count)
     again = place + np.repeat(count, count)
     twice, ray_at = np.empty(2 * len(bearing)), np.empty(2 * len(bearing), int)
-    twice[place] = angle[order] + lap[view[order]]
+    twice[place] = angle[order]
     twice[again] = twice[place] + 2 * np.pi
     ray_at[place] = ray_at[again] = order
-    wa, wb = a - origin[:, None], b - origin[:, None]  # (V, S, 2)
     low, width = _sectors(wa, wb)
     every = np.isinf(width)
-    low = low + lap[:, None]
-    begin = np.where(every, 2 * start[:, None], np.searchsorted(twice, low, "left"))
+    low = low + lap[seen_from]
+    begin = np.where(every, 2 * start[seen_from], np.searchsorted(twice, low, "left"))
     end = np.searchsorted(twice, np.where(every, 0.0, low + width), "right")
-    size = np.where(every, count[:, None], np.minimum(end - begin, count[:, None])).ravel()
-    sector = np.repeat(np.arange(V * S), size)
-    ray = ray_at[np.arange(len(sector)) + np.repeat(begin.ravel() - (np.cumsum(size) - size), size)]
-    u = unit(bearing).take(ray, 0)
-    r = crossing_range(u, wa.reshape(-1, 2).take(sector, 0), wb.reshape(-1, 2).take(sector, 0))
+    size = np.where(every, count[seen_from], np.minimum(end - begin, count[seen_from]))
+    sector = np.repeat(np.arange(len(size)), size)
+    ray = ray_at[np.arange(len(sector)) + np.repeat(begin - (np.cumsum(size) - size), size)]
+    r = crossing_range(unit(bearing).take(ray, 0), wa.take(sector, 0), wb.take(sector, 0))
     hit = np.isfinite(r)
-    return Crossings(ray[hit], np.tile(np.arange(S), V)[sector[hit]], r[hit])
+    return Crossings(ray[hit], segment[sector[hit]], r[hit])
 
 
 def first_hits(found: Crossings, rays: int) -> tuple[NDArray, NDArray]:

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from sensors.raycast import cast, cast_bodies, outline_edges
+from sensors.raycast import cast, cast_bodies, crossings, outline_edges
 from sensors.scene import boxes_scene
 from trackers.geometry import box_corners
 
@@ -123,3 +123,23 @@ def test_a_sensor_on_a_vertex_sees_the_far_sides_only():
     r, segment = cast(np.zeros(2), np.radians([10.0, 80.0, 200.0]), edges.a, edges.b)
     assert segment.tolist() == [1, 2, -1]
     np.testing.assert_allclose(r[:2], [4 / math.cos(math.radians(10)), 2 / math.sin(math.radians(80))])
+
+
+def test_segments_out_of_reach_are_left_out_and_no_crossing_within_it_is_lost():
+    rng, left_out = np.random.default_rng(8), 0
+    for _ in range(40):
+        edges = outline_edges(random_polygons(rng, 12))
+        a, b = 3.0 * edges.a, 3.0 * edges.b
+        a[0], b[0] = [-40.0, 0.5], [40.0, 0.5]  # both ends far away, its middle near
+        origin, reach = rng.uniform(-5, 5, (3, 2)), rng.uniform(1, 25, 3)
+        view = np.repeat(np.arange(3), 90)
+        bearing = rng.uniform(-4, 4, len(view))
+        every = crossings(origin, view, bearing, a, b)
+        near = crossings(origin, view, bearing, a, b, reach)
+        left_out += len(every.ray) - len(near.ray)
+        for found in (every, near):
+            assert len(found.ray)
+        inside = [np.flatnonzero(found.range <= reach[view[found.ray]]) for found in (every, near)]
+        for column, shorter in zip(every, near, strict=True):
+            np.testing.assert_array_equal(shorter[inside[1]], column[inside[0]])
+    assert left_out > 1000
