@@ -77,7 +77,7 @@ def crossing_range(u: NDArray, wa: NDArray, wb: NDArray) -> NDArray:
 
 
 def _sectors(wa: NDArray, wb: NDArray) -> tuple[NDArray, NDArray]:
-    """Start [0, 2 pi) and width (P,) [rad] of the widened sector of each segment wa -> wb (P, 2) [m] from the origin."""
+    """Start [0, 2 pi) and width (P,) [rad] of the widened sector of each segment wa -> wb (P, 2) [m]."""
     first = np.arctan2(wa[..., 1], wa[..., 0])
     turn = wrap_angle(np.arctan2(wb[..., 1], wb[..., 0]) - first)
     low = (first + np.minimum(turn, 0.0) - SLACK) % (2 * np.pi)  # (RAD.5)

@@ -166,11 +166,25 @@ def review(
 @app.command()
 def bench(
     quick: Annotated[bool, typer.Option("--quick", help="Fewer repetitions.")] = False,
+    docs: Annotated[
+        Path | None, typer.Option(help="Measure against the goals instead, and write the page speed.md there.")
+    ] = None,
 ) -> None:
     """Measure speed: ratios of CPU times that are taken in turn in this run.
 
     Example: [bold]testbed bench --quick[/bold]
+    Example: [bold]testbed bench --docs docs[/bold]
     """
+    if docs is not None:
+        from testbed.speed import page
+
+        with user_input((OSError,)), progress_bar("part {task.completed:.0f} / {task.total:.0f}") as bar:
+            task = bar.add_task("goals", total=1)
+            written = page.write(
+                docs, quick, lambda done, total, what: bar.update(task, completed=done, total=total, description=what)
+            )
+        console.print(f"page     {written}", soft_wrap=True)
+        return
     from testbed import bench as benching
 
     with progress_bar("part {task.completed:.0f} / {task.total:.0f}") as bar:

@@ -1,0 +1,139 @@
+"""Goals for speed: pieces of work timed in turns with what they are held against, as ratios of CPU times."""
+
+import resource
+import subprocess
+import sys
+from collections.abc import Callable
+from contextlib import ExitStack, closing
+from functools import partial
+from statistics import median
+from tempfile import TemporaryDirectory
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from testbed.bench import OBJECTS, Pairs, cycle, deciding, highway, interleaved, stepping
+from testbed.environment.wrapper import TrackedEnv
+from testbed.frame import TRUTH
+from testbed.planners import find as find_planner
+from testbed.run import RunConfig, make_env
+from trackers import DEFAULT
+from trackers import find as find_tracker
+
+PLAIN = "rm-feldmann"
+STARTING = "importing numpy and scipy"
+FLOOR = "import numpy, scipy.linalg, scipy.optimize, scipy.special"  # a process that tracks needs these in any case
+FIRST_RESET = """
+import time, gymnasium, testbed, testbed.run
+env = gymnasium.make("testbed/cut-in-v0")
+start = time.process_time()
+env.reset(seed=0)
+print(time.process_time() - start)
+"""
+
+
+class Goal(NamedTuple):
+    """One ratio and its goal."""
+
+    what: str
+    against: str
+    goal: float  # at most
+    found: float
+
+    @property
+    def met(self) -> bool:
+        """Whether the goal is reached."""
+        return self.found <= self.goal
+
+
+def ratio(pairs: Pairs) -> float:
+    """Median ratio of the second piece of work of each pair to the first."""
+    return float(np.median(pairs.extra / pairs.plain))
+
+
+def tracked_steps(vehicles: int, tracker: str, steps: int) -> Pairs:
+    """Decisions of the stock highway, and of the same one with radar and tracker, in turns."""
+    with closing(highway(vehicles)) as native, closing(TrackedEnv(highway(vehicles), tracker=tracker)) as tracked:
+        native.reset(seed=0)
+        tracked.reset(seed=0)
+        return interleaved(partial(stepping, native, 1), partial(stepping, tracked, 1), steps)
+
+
+def run_seconds(settings: tuple[dict[str, Any], dict[str, Any]], scenario: str, seconds: int) -> Pairs:
+    """Simulated seconds of two runs with the default tracker and different settings, in turns."""
+    planner = find_planner(RunConfig.planner)
+    with TemporaryDirectory() as out, ExitStack() as stack:
+        runs = []
+        for i, changes in enumerate(settings):
+            config = RunConfig(scenario, duration=float(seconds + 1), out=f"{out}/{i}", **changes)
+            env = stack.enter_context(closing(make_env(config)))
+            env.reset(seed=config.seed)
+            runs.append(partial(deciding, env, planner, env.unwrapped.config["policy_frequency"]))  # type: ignore[attr-defined]
+        plain, other = runs
+        return interleaved(plain, other, seconds)
+
+
+def process_seconds(*arguments: str) -> float:
+    """CPU time [s] of a fresh Python process."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    subprocess.run([sys.executable, *arguments], check=True, capture_output=True)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def starts(repeat: int) -> list[Goal]:
+    """What a process costs before it simulates, in units of importing numpy and scipy."""
+    what = {
+        "`import testbed.run`": (("-c", "import testbed.run"), 2.0),
+        "`testbed --help`": (("-m", "testbed", "--help"), 1.1),
+    }
+    floor = median(process_seconds("-c", FLOOR) for _ in range(repeat))
+    found = [
+        Goal(name, STARTING, goal, median(process_seconds(*arguments) for _ in range(repeat)) / floor)
+        for name, (arguments, goal) in what.items()
+    ]
+    first = [
+        float(subprocess.run([sys.executable, "-c", FIRST_RESET], check=True, capture_output=True, text=True).stdout)
+        for _ in range(repeat)
+    ]
+    return [*found, Goal(f"first reset of `{DEFAULT}`", STARTING, 0.1, median(first) / floor)]
+
+
+def updates(repeat: int) -> list[Goal]:
+    """Prediction and update of the default tracker's filter against the plain random matrix."""
+    filters, found = [find_tracker(name) for name in (PLAIN, DEFAULT)], []
+    for objects, goal in zip(OBJECTS, (2.0, 1.5), strict=True):
+        plain, ours = (cycle(filter, objects, repeat) for filter in filters)
+        found.append(Goal(f"update of {objects} objects, `{DEFAULT}`", f"`{PLAIN}`", goal, ours / plain))
+    return found
+
+
+def measure(quick: bool, progress: Callable[[float, float, str], None]) -> list[Goal]:
+    """All goals; progress(done, total, name) is called before each part."""
+    steps, seconds = (3, 3) if quick else (12, 20)
+    native = "a step of stock highway-v0"
+    off: dict[str, Any] = {"log": "off"}
+    bare = {**off, "metrics": False}
+
+    def step(vehicles: int, tracker: str, goal: float) -> list[Goal]:
+        name = f"step of `TrackedEnv(highway-v0)`, {vehicles} vehicles, `{tracker}`"
+        return [Goal(name, native, goal, ratio(tracked_steps(vehicles, tracker, steps)))]
+
+    def run(name: str, settings: tuple[dict[str, Any], dict[str, Any]], against: str, goal: float) -> list[Goal]:
+        return [Goal(name, against, goal, ratio(run_seconds(settings, "cut-in", seconds)))]
+
+    parts: tuple[tuple[str, Callable[[], list[Goal]]], ...] = (
+        ("20 vehicles", lambda: step(20, DEFAULT, 1.0)),
+        ("perfect tracks", lambda: step(20, TRUTH, 0.8)),
+        ("50 vehicles", lambda: step(50, DEFAULT, 0.6)),
+        ("metrics", lambda: run("`testbed run cut-in` with metrics", (bare, off), "without", 1.05)),
+        ("log", lambda: run("`testbed run cut-in` with the full log", (off, {"log": "full"}), "without a log", 1.1)),
+        ("start", lambda: starts(1 if quick else 5)),
+        ("update", lambda: updates(10 if quick else 100)),
+    )
+    goals = []
+    for i, (what, part) in enumerate(parts):
+        progress(i, len(parts), what)
+        goals += part()
+    progress(len(parts), len(parts), "done")
+    return goals
