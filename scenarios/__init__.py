@@ -1,13 +1,9 @@
 """Traffic out of highway-env as a stream of Scenes."""
 
-from scenarios.deferred import defer
-
-defer()  # before anything imports highway-env
-
-from scenarios.contours import CONTOURS, Contour  # noqa: E402
-from scenarios.probes import PROBES  # noqa: E402
-from scenarios.record import Scenario  # noqa: E402
-from scenarios.registry import SCENARIOS, find  # noqa: E402
+from scenarios.contours import CONTOURS, Contour
+from scenarios.probes import PROBES
+from scenarios.record import Scenario
+from scenarios.registry import SCENARIOS, find
 
 __distribution__ = "eot-testbed"  # `testbed` tells by this line that no other package of this name took its place
 

@@ -11,8 +11,7 @@ LOADED = """
 import sys
 {code}
 for name in {names}:
-    module = sys.modules.get(name)
-    if module is not None and "_LazyModule" not in str(type(module)):
+    if name in sys.modules:
         print(name)
 """
 HELP = "from testbed.cli import app\napp(['--help'], standalone_mode=False)\nprint('---')"
@@ -31,17 +30,10 @@ def test_what_only_names_things_loads_no_heavy_library(code):
     assert loaded(code, HEAVY) == []
 
 
-def test_a_run_draws_nothing_and_needs_no_statistics():
-    assert loaded("import testbed.run", (*DRAWING, "scipy.optimize")) == []
+def test_a_run_needs_no_statistics():
+    assert loaded("import testbed.run", ("rerun", "scipy.stats", "scipy.optimize")) == []
 
 
 def test_the_check_sees_what_is_loaded():
-    assert loaded("import testbed.run, scipy.stats, matplotlib.pyplot as plt; plt.rc", DRAWING) == [
-        "matplotlib.pyplot",
-        "scipy.stats",
-    ]
-
-
-def test_a_deferred_module_is_the_real_one_at_first_use():
-    code = "import testbed.run\nimport matplotlib.pyplot as plt\nassert plt.figure and plt.__file__"
-    assert loaded(code, DRAWING[:1]) == ["matplotlib.pyplot"]
+    code = "import testbed.run, scipy.stats"
+    assert loaded(code, DRAWING) == ["matplotlib.pyplot", "scipy.stats"]  # highway-env brings pyplot
