@@ -1,5 +1,7 @@
 """Ray-cast automotive radar: a Scene in, a Scan and its Origin out."""
 
+from sensors.fault_text import faults_of, parse_fault
+from sensors.faults import Blindness, ClockOffset, Dropout, Fault, Interference, Misalignment, Outage
 from sensors.origin import KINDS, Origin
 from sensors.radar import Radar, Sensor
 from sensors.raycast import cast, cast_bodies
@@ -12,15 +14,24 @@ __distribution__ = "eot-testbed"  # `testbed` tells by this line that no other p
 __all__ = [
     "KINDS",
     "RADARS",
+    "Blindness",
     "Bodies",
+    "ClockOffset",
+    "Dropout",
     "Ego",
+    "Fault",
+    "Interference",
+    "Misalignment",
     "Objects",
     "Origin",
+    "Outage",
     "Radar",
     "Scene",
     "Sensor",
     "Surroundings",
     "cast",
     "cast_bodies",
+    "faults_of",
     "find",
+    "parse_fault",
 ]  # fmt: skip

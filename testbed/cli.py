@@ -86,6 +86,10 @@ def run(
     no_metrics: Annotated[
         bool, typer.Option("--no-metrics", help="Compare nothing with the truth, for speed; needs --log off.")
     ] = False,
+    fault: Annotated[
+        list[str] | None,
+        typer.Option(help="Of the radar, such as front:outage:3:5; repeat for several at once. docs/faults.md."),
+    ] = None,
 ) -> None:
     """Run one scenario in closed loop: traffic, radar, tracker, planner.
 
@@ -95,6 +99,7 @@ def run(
 
     Example: [bold]testbed run cut-in[/bold]
     Example: [bold]testbed run merge --tracker htg-map --tracker rm-feldmann --radar front --seed 3[/bold]
+    Example: [bold]testbed run cut-in --fault front:outage:3:5 --fault drop:0.2[/bold]
     """
     from scenarios import find
     from testbed.run import RunConfig, check
@@ -102,7 +107,8 @@ def run(
 
     with user_input():
         config = RunConfig(
-            scenario, tuple(tracker or (DEFAULT,)), radar, planner, seed, duration, str(out), log, not no_metrics
+            scenario, tuple(tracker or (DEFAULT,)), radar, planner, seed, duration, str(out), log, not no_metrics,
+            tuple(fault or ()),
         )
         check(config)
     with user_input((OSError,)), progress_bar("{task.completed:.1f} / {task.total:.1f} s") as bar:

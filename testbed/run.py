@@ -10,7 +10,9 @@ from typing import Any
 import gymnasium as gym
 
 from scenarios import find as find_scenario
+from sensors import faults_of
 from sensors import find as find_radar
+from sensors.faults import chosen
 from testbed.command_line.interruption import interruptible
 from testbed.environment.perception import tracker_of
 from testbed.environment.recorder import check_level
@@ -37,6 +39,7 @@ class RunConfig:
     out: str = "runs"
     log: str = "full"
     metrics: bool = True  # False: nothing is compared with the truth; with log "off" only
+    faults: tuple[str, ...] = ()  # of the radar, all at once
 
     def __post_init__(self) -> None:
         check_names("trackers", self.trackers)
@@ -66,6 +69,8 @@ def check(config: RunConfig) -> None:
     """Raise LookupError, ValueError or OSError, in one sentence, for a configuration that cannot be run."""
     find_scenario(config.scenario)
     radar = find_radar(config.radar)
+    for fault in faults_of(config.faults):
+        chosen(fault.sensors, radar.models)
     for name in config.trackers:
         tracker_of(name, radar)
     find_planner(config.planner)
@@ -89,6 +94,7 @@ def make_env(config: RunConfig) -> gym.Env:
         log=config.log,
         planner=config.planner,
         metrics=config.metrics,
+        faults=config.faults,
     )
 
 

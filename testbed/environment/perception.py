@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 import sensors
 import trackers
+from sensors.fault_text import faults_of
+from sensors.faults import Fault, apply_faults, chosen
 from sensors.origin import Origin
 from sensors.scene import Scene
 from testbed.environment.belief import advance
@@ -192,9 +194,14 @@ class Perception:
 
     frame: Frame  # of the last scan
 
-    def __init__(self, radar: RadarLike, trackers: Mapping[str, TrackerLike | TruthBased | None]) -> None:
-        """A radar and named trackers; the planner uses the first. None stands for the truth."""
-        self.radar, self.trackers = radar, dict(trackers)
+    def __init__(
+        self,
+        radar: RadarLike,
+        trackers: Mapping[str, TrackerLike | TruthBased | None],
+        faults: Sequence[Fault] = (),
+    ) -> None:
+        """A radar, its faults, and named trackers; the planner uses the first. None stands for the truth."""
+        self.radar, self.trackers, self.faults = radar, dict(trackers), tuple(faults)
         self.observers: list[Observer] = []
         self.seconds = {"sense": 0.0, "track": 0.0}  # wall time spent on scene and radar, and on the trackers
         self.costs = {name: Cost() for name in self.trackers}
@@ -210,13 +217,15 @@ class Perception:
         return other
 
     @classmethod
-    def mount(cls, radar: Any, trackers: Sequence[Any]) -> "Perception":
-        """From names, dicts or objects; ValueError when two trackers have one name."""
-        mounted = radar_of(radar)
+    def mount(cls, radar: Any, trackers: Sequence[Any], faults: Any = ()) -> "Perception":
+        """From names, dicts or objects; ValueError when two trackers have one name, or a fault is of no sensor."""
+        mounted, wrong = radar_of(radar), faults_of(faults)
+        for fault in wrong:
+            chosen(fault.sensors, mounted.models)
         names = [label(t) for t in trackers]
         if len(set(names)) < len(names):
             raise ValueError(f"trackers must have different names, got {', '.join(names)}; drop the repetition")
-        return cls(mounted, {name: tracker_of(t, mounted) for name, t in zip(names, trackers, strict=True)})
+        return cls(mounted, {name: tracker_of(t, mounted) for name, t in zip(names, trackers, strict=True)}, wrong)
 
     def start(
         self,
@@ -225,6 +234,7 @@ class Perception:
         rng: np.random.Generator,
         frequency: float | None = None,
         action: str = "reset",
+        fault_rngs: Sequence[np.random.Generator] = (),
     ) -> None:
         """Begin an episode with a scan of its first scene; `notify` hands the frame out.
 
@@ -234,8 +244,10 @@ class Perception:
             rng: of the radar.
             frequency: simulated frames a second [1/s]; None: every frame has a scan, whatever the radar's rate.
             action: in the first frame, where no planner has chosen one.
+            fault_rngs: one for each fault, see `sensors.faults.streams`.
         """
         self._read, self._rng, self._frequency, self.steps = read, rng, frequency, 0
+        self._fault_rngs = tuple(fault_rngs)
         self._mapped: dict[str, TrackerLike | None] = {}
         self._tracks: dict[str, Tracks] = {}
         self._states: dict[str, Any] = {}  # of those that are truth-based
@@ -288,6 +300,7 @@ class Perception:
         scene = self._read(self.steps)
         scene = scene._replace(dt=scene.time - self.frame.time if self.steps else 0.0)
         scan, origin = self.radar.scan(scene, self._rng)
+        scan, origin = apply_faults(self.faults, self._fault_rngs, self.radar.models, scene, scan, origin)
         scanned = perf_counter()
         outputs = {name: self._track(name, scene, scan, origin) for name in self.trackers}
         self.frame = Frame(self.steps, scene, scan, origin, outputs, action, plan)

@@ -11,6 +11,7 @@ from typing import Any
 from weakref import finalize
 
 from scenarios.lanes import LaneShape, is_dashed, is_drawn
+from sensors.faults import Fault, is_active
 from sensors.scene import Scene
 from testbed.environment.smoothing import StateHistory
 from testbed.evaluation.driving import HARDEST, LONGEST, DriveEvaluator, DriveFrame
@@ -50,6 +51,7 @@ class Recorder:
         focus: id of the object whose errors get a page of their own; None: the one nearest at the start.
         trackers: by name; those whose tracks can be smoothed get a layer of smoothed tracks at level full.
         metrics: False: nothing is compared with the truth, and the JSON holds no measures; for level off only.
+        faults: of the radar; their begin and end are events.
     """
 
     def __init__(
@@ -63,6 +65,7 @@ class Recorder:
         focus: int | None = None,
         trackers: Mapping[str, Any] = MappingProxyType({}),
         metrics: bool = True,
+        faults: Sequence[Fault] = (),
     ) -> None:
         check_level(level, metrics)
         self.metrics, self._logged = metrics, level != "off"
@@ -84,6 +87,8 @@ class Recorder:
         kept = trackers.items() if level == "full" else ()
         self._past = {name: StateHistory(tracker) for name, tracker in kept if isinstance(tracker, MultiObjectTracker)}
         self.seconds: dict[str, float] = defaultdict(float)  # wall time spent on metrics and on the log
+        self._faults = {str(fault): fault for fault in faults}
+        self._faulty: set[str] = set()  # the faults that are active
         self._crashed: set[int] = set()
         self._danger = False  # since DRAC has exceeded `DANGER`, until it falls below half of that
         self._missing: dict[str, dict[int, float]] = {name: {} for name in meta.trackers}  # object id -> since when
@@ -119,7 +124,8 @@ class Recorder:
 
     def _write_log(self, frame: Frame, scores: dict[str, FrameScore], drive: DriveFrame, start: float) -> None:
         """Add one frame to the log, and its states to what is smoothed at the end; its scores were begun at `start`."""
-        events = self._phase_events(frame.scene) + self._crash_events(frame.scene) + self._risk_events(drive)
+        events = self._phase_events(frame.scene) + self._fault_events(frame.time)
+        events += self._crash_events(frame.scene) + self._risk_events(drive)
         for name, score in scores.items():
             events += self._lost_events(name, frame.time, score)
         scored = perf_counter()
@@ -216,6 +222,13 @@ class Recorder:
             for name, start, _ in self.phases
             if start <= scene.time < start + scene.dt - 1e-9
         ]
+
+    def _fault_events(self, time: float) -> list[tuple[str, str]]:
+        """Faults that begin or end."""
+        now = {text for text, fault in self._faults.items() if is_active(fault, time)}
+        begun, over = sorted(now - self._faulty), sorted(self._faulty - now)
+        self._faulty = now
+        return [*(("WARN", f"fault {f} begins") for f in begun), *(("INFO", f"fault {f} ends") for f in over)]
 
     def _crash_events(self, scene: Scene) -> list[tuple[str, str]]:
         crashed = {int(i) for i in scene.objects.id[scene.objects.crashed]} | ({0} if scene.ego.crashed else set())

@@ -25,6 +25,7 @@ from scenarios.highway import ScenarioEnv, check_clock, is_positive
 from scenarios.lanes import lane_shapes
 from scenarios.roads import cacheable, cached
 from scenarios.vehicles import CourseVehicle
+from sensors.faults import streams
 from sensors.origin import Origin
 from sensors.scene import Scene
 from testbed.environment.belief import BeliefView, RoadSwap, advance, attach_view, belief_road, mirror_road
@@ -136,6 +137,7 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
         every_episode: int = 1,
         metrics: bool = True,
         road: str = "cached",
+        faults: Any = (),
     ) -> None:
         """Mount a radar and trackers on the first controlled vehicle.
 
@@ -158,13 +160,15 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
             metrics: whether results hold measures of tracks and drive; False takes their time off, with log="off" only.
             road: "cached" puts `scenarios.roads.CachedRoad` under the environment, for the same states in less time;
                 "stock" leaves the road as it is, as does a road of a class that cannot be cached.
+            faults: of the radar: texts such as "front:outage:3:5", or objects of `sensors.faults`; times count from
+                the reset.
 
         Raises:
             TypeError: `env` is no highway-env environment; a tracker, radar or planner is neither a name nor an object
-                that can do its work; `also` is no sequence; an unknown parameter.
+                that can do its work; `also` or `faults` is no sequence; an unknown parameter.
             ValueError: `env` has a radar already, or its frequencies make no frame; an unknown `log`, two trackers of
-                one name, a dict without "name", or a value of a parameter, `warm_up` or `every_episode` that is
-                refused.
+                one name, a dict without "name", a fault that is none, or of sensors that the radar has not, or a value
+                of a parameter, `warm_up` or `every_episode` that is refused.
             LookupError: an unknown tracker, radar or planner; the nearest name is suggested.
         """
         check_mountable(env)
@@ -185,6 +189,7 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
             every_episode=every_episode,
             metrics=metrics,
             road=road,
+            faults=faults,
         )
         gym.Wrapper.__init__(self, env)
         check_level(log, metrics)
@@ -200,7 +205,7 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
         self.cruise_speed = SLOWEST_CRUISE  # [m/s] of a planner on a free road
         self._action = "reset"
         self._radar = radar
-        self._mounted: Perception | None = Perception.mount(radar, (tracker, *also))
+        self._mounted: Perception | None = Perception.mount(radar, (tracker, *also), faults)
         self._swap: RoadSwap | None = RoadSwap(env.unwrapped)
         self._view = BeliefView(env.unwrapped, self._belief_now)
         self._fence = protect_idm_constants()  # `intersection-*` writes into IDMVehicle at every reset
@@ -365,7 +370,8 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
         usual = core.scenario.duration if ours else core.default_config().get("duration")
         duration = core.config.get("duration", usual)
         named = None if duration == usual else duration
-        name = run_id(scenario, names, radar, self.planner, core.np_random_seed, named)
+        faults = tuple(map(str, perception.faults))
+        name = run_id(scenario, names, radar, self.planner, core.np_random_seed, named, faults)
         keys = ("simulation_frequency", "policy_frequency", "duration")
         meta = RunMeta(
             run_id=name if self._episode == 0 else f"{name}-episode{self._episode}",
@@ -374,7 +380,8 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
             radar=radar,
             trackers=names,
             planner=self.planner,
-            config={key: str(core.config[key]) for key in keys if key in core.config},
+            config={key: str(core.config[key]) for key in keys if key in core.config}
+            | ({"faults": ", ".join(faults)} if faults else {}),
             versions=versions(),
         )
         courses = [v for v in core.road.vehicles if isinstance(v, CourseVehicle)]
@@ -389,6 +396,7 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
             focus=None if most_agile is None else self._reader.number(most_agile),
             trackers=perception.trackers,
             metrics=self.metrics,
+            faults=perception.faults,
         )
         perception.observers.append(self.recorder)
 
@@ -425,7 +433,9 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
             self._reader = SceneReader()
             shapes = lane_shapes(self._core.road.network)
             lanes: list[tuple[ArrayLike, float]] = [(lane.centre, lane.width) for lane in shapes]
-            perception.start(self._read, RoadMap.of(lanes), sensor, self._core.config["simulation_frequency"])
+            frequency, seed = self._core.config["simulation_frequency"], self._core.np_random_seed
+            rngs = streams(perception.faults, seed, self._episode)
+            perception.start(self._read, RoadMap.of(lanes), sensor, frequency, fault_rngs=rngs)
         if self._belief is None or self._belief[0] != perception.steps:
             self._belief = perception.steps, self._believe(perception)
         return self._belief[1]
@@ -495,7 +505,8 @@ def scenario_env(
     every_episode: int = 1,
     metrics: bool = True,
     road: str = "cached",
+    faults: Any = (),
 ) -> TrackedEnv:
     """What `gym.make("testbed/SCENARIO-v0", ...)` calls; arguments as in `TrackedEnv` and highway-env."""
     env = ScenarioEnv(scenario=scenario, config=config, render_mode=render_mode)
-    return TrackedEnv(env, tracker, radar, also, out, log, planner, warm_up, every_episode, metrics, road)
+    return TrackedEnv(env, tracker, radar, also, out, log, planner, warm_up, every_episode, metrics, road, faults)

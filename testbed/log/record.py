@@ -40,14 +40,21 @@ class RunMeta(NamedTuple):
 
 
 def run_id(
-    scenario: str, trackers: Sequence[str], radar: str, planner: str, seed: int, duration: float | None = None
+    scenario: str,
+    trackers: Sequence[str],
+    radar: str,
+    planner: str,
+    seed: int,
+    duration: float | None = None,
+    faults: Sequence[str] = (),
 ) -> str:
     """Name of a run's files: the same settings give the same name, and replace each other.
 
-    duration [s]: None for the scenario's own, which is not in the name.
+    duration [s]: None for the scenario's own, which is not in the name. A colon of a fault reads `~` there.
     """
     parts = [scenario, "+".join(trackers), radar, planner, f"seed{seed}"]
     parts += [] if duration is None else [f"{float(duration)!r}s".replace(".0s", "s")]
+    parts += ["+".join(faults).replace(":", "~")] if faults else []
     return "_".join(parts).replace("/", "-")
 
 
