@@ -175,8 +175,8 @@ class Interference:
     sensors: str = EVERYWHERE
 
     def __post_init__(self) -> None:
-        if not 0 <= self.count <= 1e5:
-            raise ValueError(f"fault burst: the count must be within 0 and 100000, got {self.count}")
+        if not 0 <= self.count <= 1e4:
+            raise ValueError(f"fault burst: the count must be within 0 and 10000, got {self.count}")
         if not self.seconds > 0:
             raise ValueError(f"fault burst: it must last longer than 0 s, got {self.seconds}")
         check_window(self)

@@ -296,6 +296,10 @@ def compare(
         str, typer.Option(help="open: all get the same recorded scans; closed: the planner uses each.")
     ] = "open",
     planner: Annotated[str, typer.Option(help="The planner in closed loop.")] = "idm",
+    fault: Annotated[
+        list[str] | None,
+        typer.Option(help="Every scenario also with this fault; repeat for several, one after the other."),
+    ] = None,
     duration: Annotated[float | None, typer.Option(help="Seconds. Without it: the scenarios' own.")] = None,
     jobs: Annotated[int, typer.Option(help="Number of processes; -1 for one a core.")] = 1,
     dask: Annotated[str | None, typer.Option(help="Address of a Dask scheduler, in place of local processes.")] = None,
@@ -310,17 +314,18 @@ def compare(
     status 1: some runs failed; their tracebacks are shown.
 
     Example: [bold]testbed compare cut-in merge --tracker htg-map --tracker rm-feldmann --seeds 0:20 --jobs 2[/bold]
+    Example: [bold]testbed compare cut-in --tracker imm-spline --fault drop:0.2 --fault front:outage:3:5[/bold]
     Example: [bold]testbed compare all --seeds 0:5 --duration 10 --jobs -1 --reference htg-map[/bold]
     """
     from testbed.compare import command
-    from testbed.compare.runs.config import Comparison, Settings, check, expand, parse_seeds
+    from testbed.compare.runs.config import Comparison, Settings, check, expand, parse_seeds, with_faults
     from testbed.compare.runs.engine import Engine
     from testbed.compare.runs.engine import check as check_engine
 
     with user_input():
         settings = Settings(radar, loop, planner, duration)
         comparison = Comparison(
-            expand(scenario, "scenarios"),
+            with_faults(expand(scenario, "scenarios"), fault or ()),
             expand(tracker or ["all"], "trackers"),
             parse_seeds(seeds),
             settings,
@@ -344,6 +349,10 @@ def regret(
     planner: Annotated[list[str] | None, typer.Option(help="Repeat for several. Without it: idm.")] = None,
     tracker: Annotated[
         list[str] | None, typer.Option(help=f"Repeat for several. Without it: {DEFAULT}, unless errors are injected.")
+    ] = None,
+    fault: Annotated[
+        list[str] | None,
+        typer.Option(help="Every tracker also with this fault of the radar; repeat for several, one after the other."),
     ] = None,
     seeds: Annotated[str, typer.Option(help="200:220 for 200 to 219, a list 0,3,7, or one number.")] = "200:220",
     attribute: Annotated[
@@ -369,10 +378,11 @@ def regret(
     has the definitions.
 
     Example: [bold]testbed regret probe-brake --tracker imm-spline --tracker rm-koch --seeds 200:208 --jobs 2[/bold]
+    Example: [bold]testbed regret probe-brake --fault front:outage:2:3[/bold]
     Example: [bold]testbed regret probe-brake --inject velocity_lag=0.25 --inject velocity_lag=0.5[/bold]
     """
     from scenarios.probes import PROBES
-    from testbed.compare.runs.config import parse_seeds
+    from testbed.compare.runs.config import parse_seeds, with_faults
     from testbed.compare.runs.engine import Engine
     from testbed.compare.runs.engine import check as check_engine
     from testbed.regret import command
@@ -382,7 +392,7 @@ def regret(
         study = Study(
             tuple(scenario or PROBES),
             tuple(planner or ["idm"]),
-            tuple(tracker or ([] if inject else [DEFAULT])),
+            with_faults(tracker or ([] if inject else [DEFAULT]), fault or ()),
             parse_seeds(seeds),
             Settings(radar, duration),
             attribute,

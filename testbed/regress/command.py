@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.progress import Progress
 
 from scenarios import find as find_scenario
+from sensors.fault_text import split_faults
 from testbed.command_line.terminal import stages, user_input
 from testbed.compare.command import show_tally
 from testbed.compare.runs.config import check as check_comparison
@@ -61,7 +62,7 @@ def prepare(options: Options) -> Baselines:
     suite = options.suite
     comparison = suite.comparison  # finds repeated names
     for scenario in suite.scenarios:
-        find_scenario(scenario)
+        find_scenario(split_faults(scenario)[0])
     for tracker in suite.trackers:
         build(tracker, (SensorModel(),))
     check_engine(options.engine)
@@ -169,8 +170,9 @@ def _write_log(suite: Suite, results: Results, findings: Findings, baselines: Ba
     (tracker, scenario), k = worst_run(findings, measured(results, suite), baselines)
     out = Path(suite.out)
     try:
-        recording = obtain(RecordingTask(scenario, suite.seeds[k]), suite.comparison.settings, out)
-        path = write_log(recording, (tracker,), out / LOGS)
+        name, faults = split_faults(scenario)
+        recording = obtain(RecordingTask(name, suite.seeds[k]), suite.comparison.settings, out)
+        path = write_log(recording, (tracker,), out / LOGS, faults)
     except OSError as error:
         console.print(f"[yellow]no log of the worst run: {error}[/yellow]", soft_wrap=True)
         return

@@ -7,11 +7,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from scenarios import SCENARIOS
 from testbed.compare.runs.results import Results
 from testbed.compare.runs.work import Tally
 from testbed.regress.baselines import Baselines, Key
-from testbed.regress.suite import TOLERANCES, Suite
+from testbed.regress.suite import CASES, TOLERANCES, Suite
 from testbed.regress.verdict import BETTER, GONE, OVERALL, WORSE, Change, judge
 from trackers import TRACKERS
 
@@ -81,7 +80,7 @@ def failures(results: Results, tally: Tally) -> dict[Key, str]:
 
 def orphans(baselines: Baselines) -> list[Key]:
     """Baselines of trackers and scenarios that are no longer in the catalogues."""
-    return [key for key in baselines.values if key[0] not in TRACKERS or key[1] not in SCENARIOS]
+    return [key for key in baselines.values if key[0] not in TRACKERS or key[1] not in CASES]
 
 
 def worst_run(findings: Findings, values: Mapping[Key, Mapping[str, NDArray]], baselines: Baselines) -> tuple[Key, int]:

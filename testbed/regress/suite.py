@@ -25,6 +25,16 @@ LOGS = "logs"  # in the results folder
 FOLDERS, FILES = (RUN_ROWS, RECORDINGS, LOGS), (SETTINGS, RUNS)  # all that a regression run leaves there
 
 
+# The fault matrix: all kinds of faults of the radar, in one scenario with traffic on all sides.
+FAULTS = (
+    "front:outage:2:4",
+    "drop:0.2",
+    "corners:yaw:2+clock:0.05",
+    "blind:rain:0.5+burst:3:100",
+)
+CASES = (*SCENARIOS, *(f"cut-in+{fault}" for fault in FAULTS))
+
+
 class Tolerance(NamedTuple):
     """How far a measure may move the wrong way, on a scale on which less is better, before it counts.
 
@@ -59,7 +69,7 @@ TOLERANCES = {
 class Suite:
     """The runs, and where they go."""
 
-    scenarios: tuple[str, ...] = tuple(SCENARIOS)
+    scenarios: tuple[str, ...] = CASES  # with faults: NAME+FAULT+FAULT
     trackers: tuple[str, ...] = tuple(TRACKERS)
     seeds: tuple[int, ...] = (0, 1)
     duration: float = 6.0  # [s]
@@ -69,7 +79,7 @@ class Suite:
     @classmethod
     def of(cls, scenarios: Sequence[str] | None, trackers: Sequence[str] | None, out: str) -> "Suite":
         """The part of the suite with these names; all of them where none is named."""
-        return cls(tuple(scenarios or SCENARIOS), tuple(trackers or TRACKERS), out=out)
+        return cls(tuple(scenarios or CASES), tuple(trackers or TRACKERS), out=out)
 
     @property
     def comparison(self) -> Comparison:
@@ -80,7 +90,7 @@ class Suite:
     @property
     def complete(self) -> bool:
         """Whether everything in the catalogues takes part."""
-        return set(self.scenarios) >= set(SCENARIOS) and set(self.trackers) >= set(TRACKERS)
+        return set(self.scenarios) >= set(CASES) and set(self.trackers) >= set(TRACKERS)
 
 
 def prepare_folder(suite: Suite) -> None:

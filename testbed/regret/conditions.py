@@ -5,6 +5,7 @@
     TRACKER              its tracks
     TRACKER:EG           truth in view with existence and geometry of the tracker, see `substitution`
     in-view+near_edge=1  with an injected error, see `injection`; also TRACKER+covariance=4
+    TRACKER+drop:0.2     its tracks under a fault of the radar, see `sensors.fault_text`
 
 TRACKER is a name of `trackers.TRACKERS`, or `NAME:key=value,key=value`.
 """
@@ -13,6 +14,7 @@ from typing import Any, NamedTuple
 
 import sensors
 import trackers
+from sensors import faults_of
 from testbed.frame import TRUTH
 from testbed.regret.in_view import InView
 from testbed.regret.injection import NONE, Errors, Injected, parse_errors
@@ -27,6 +29,7 @@ class Condition(NamedTuple):
     base: str  # truth, in-view, or a tracker
     groups: str | None = None  # of errors that are taken from the tracker; None: its tracks as they are
     errors: Errors = NONE
+    faults: tuple[str, ...] = ()  # of the radar
 
     @property
     def tracker(self) -> str | None:
@@ -36,7 +39,7 @@ class Condition(NamedTuple):
     def __str__(self) -> str:
         groups = "" if self.groups is None else f":{self.groups}"
         errors = "" if self.errors == NONE else f"+{self.errors}"
-        return f"{self.base}{groups}{errors}"
+        return "+".join([f"{self.base}{groups}{errors}", *self.faults])
 
 
 def parse(text: str) -> Condition:
@@ -45,16 +48,25 @@ def parse(text: str) -> Condition:
     >>> parse("rm-koch:sigma=0.3:EG").groups, str(parse("in-view+near_edge=1.0"))
     ('EG', 'in-view+near_edge=1')
 
-    Raises ValueError for errors that are put into the truth, or that cannot be.
+    Raises ValueError for errors that are put into the truth, or that cannot be, and for faults without a tracker.
     """
-    base, plus, errors = text.partition("+")
+    base, plus, rest = text.partition("+")
     base, groups = _groups(base)
-    found = Condition(base, groups, parse_errors(errors) if plus else NONE)
+    parts = rest.split("+") if plus else []
+    faults = tuple(map(str, faults_of([part for part in parts if _is_fault(part)])))
+    errors = "+".join(part for part in parts if not _is_fault(part))
+    found = Condition(base, groups, parse_errors(errors) if errors or len(parts) > len(faults) else NONE, faults)
+    if found.tracker is None and faults:
+        raise ValueError(f"faults of the radar change nothing without a tracker, got {text!r}; write TRACKER+{rest}")
     if found.tracker is None and groups is not None:
         raise ValueError(f"the condition {text!r} has no tracker to take {groups} from; write TRACKER:{groups}")
-    if base == TRUTH and plus:
+    if base == TRUTH and errors:
         raise ValueError(f"errors are put into what is in view, or into tracks, got {text!r}; write in-view+{errors}")
     return found
+
+
+def _is_fault(part: str) -> bool:
+    return ":" in part and "=" not in part
 
 
 def _groups(text: str) -> tuple[str, str | None]:

@@ -129,7 +129,8 @@ def make_env(task: Task, settings: Settings, **options: Any) -> gym.Env:
         config["duration"] = settings.duration
     if action := getattr(planner, "action", None):
         config["action"] = dict(action)
-    found = conditions.source(conditions.parse(task.condition), settings.radar, task.seed)
+    condition = conditions.parse(task.condition)
+    found = conditions.source(condition, settings.radar, task.seed)
     return gym.make(
         f"testbed/{name}-v0",
         config=config,
@@ -137,5 +138,6 @@ def make_env(task: Task, settings: Settings, **options: Any) -> gym.Env:
         radar=settings.radar,
         planner=task.planner,
         warm_up=settings.warm_up,
+        faults=condition.faults,
         **options,
     )

@@ -6,7 +6,9 @@ from typing import Any, NamedTuple
 
 import testbed.compare.runs.config as comparison
 from scenarios import find as find_scenario
+from sensors import faults_of
 from sensors import find as find_radar
+from sensors.faults import chosen
 from testbed.compare.runs.identity import modules_digest, shared_digest, tracker_digest
 from testbed.files import make_directory, versions
 from testbed.frame import TRUTH
@@ -106,9 +108,9 @@ class Study:
 
 
 def is_plain(tracker: str) -> bool:
-    """Whether a condition is a tracker without groups and without injected errors."""
+    """Whether a condition is a tracker without groups, injected errors and faults."""
     condition = conditions.parse(tracker)
-    return condition.groups is None and not condition.errors.sizes
+    return condition.groups is None and not condition.errors.sizes and not condition.faults
 
 
 def split_scenario(text: str) -> tuple[str, dict[str, float]]:
@@ -154,7 +156,10 @@ def check(study: Study) -> None:
     for tracker in study.trackers:
         if conditions.parse(tracker).tracker is None:
             raise ValueError(f"{tracker} is no tracker; truth and in-view are driven anyway, errors are for --inject")
-        conditions.source(conditions.parse(tracker), study.settings.radar, 0)
+        condition = conditions.parse(tracker)
+        conditions.source(condition, study.settings.radar, 0)
+        for fault in faults_of(condition.faults):
+            chosen(fault.sensors, find_radar(study.settings.radar).models)
     make_directory(Path(study.out))
     comparison.check_identity(Path(study.out), identity(study))
 

@@ -8,11 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sensors.fault_text import split_faults
 from testbed.compare.runs.config import Comparison, Task
 from testbed.compare.runs.engine import Engine, perform
 from testbed.compare.runs.replay import REPLAY, write_log
 from testbed.compare.runs.results import Results
-from testbed.compare.runs.tasks import DONE, FAILED, FOUND, Outcome, RecordingTask, obtain, recording_path
+from testbed.compare.runs.tasks import DONE, FAILED, FOUND, Outcome, obtain, recording_of, recording_path
 from testbed.files import make_directory
 from testbed.log.record import run_id
 from testbed.run import RunConfig
@@ -67,7 +68,9 @@ def log_path(task: Task, comparison: Comparison, out: Path) -> Path:
     """Where the log of a run lies in the folder of the report."""
     settings = comparison.settings
     planner = REPLAY if settings.loop == "open" else settings.planner
-    name = run_id(task.scenario, side_by_side(task, comparison.baseline), settings.radar, planner, task.seed)
+    scenario, faults = split_faults(task.scenario)
+    trackers = side_by_side(task, comparison.baseline)
+    name = run_id(scenario, trackers, settings.radar, planner, task.seed, None, faults)
     return out / FOLDER / f"{name}.rrd"
 
 
@@ -99,21 +102,29 @@ def write(
 
 def _reads(task: Task, comparison: Comparison, out: Path) -> list[Path]:
     """What a log is made from: in open loop a recording, in closed loop nothing."""
-    return [recording_path(RecordingTask(task.scenario, task.seed), out)] if comparison.settings.loop == "open" else []
+    return [recording_path(recording_of(task), out)] if comparison.settings.loop == "open" else []
 
 
 def write_one(task: Task, comparison: Comparison, out: Path) -> Outcome:
     """Write one log into the folder of the results, where it appears when it is complete."""
     path = log_path(task, comparison, out)
     trackers, settings = side_by_side(task, comparison.baseline), comparison.settings
+    scenario, faults = split_faults(task.scenario)
     try:
         with TemporaryDirectory(dir=path.parent, prefix=".part-") as part:
             if settings.loop == "open":
-                recording = obtain(RecordingTask(task.scenario, task.seed), settings, out)
-                made = write_log(recording, trackers, Path(part))
+                recording = obtain(recording_of(task), settings, out)
+                made = write_log(recording, trackers, Path(part), faults)
             else:
                 config = RunConfig(
-                    task.scenario, trackers, settings.radar, settings.planner, task.seed, settings.duration, part
+                    scenario,
+                    trackers,
+                    settings.radar,
+                    settings.planner,
+                    task.seed,
+                    settings.duration,
+                    part,
+                    faults=faults,
                 )
                 done = run_live(config)
                 if done.interrupted:

@@ -7,12 +7,15 @@ from typing import Any, NamedTuple
 
 from scenarios import SCENARIOS
 from scenarios import find as find_scenario
+from sensors import faults_of
 from sensors import find as find_radar
+from sensors.fault_text import split_faults
+from sensors.faults import chosen
 from testbed.compare.runs.identity import shared_digest, tracker_digest
 from testbed.files import make_directory, versions, write_json
 from testbed.limits import LARGEST_SEED, MOST_RUNS, check_choice, check_duration, check_folder, check_names, check_seeds
 from testbed.planners import find as find_planner
-from trackers import TRACKERS, build
+from trackers import TRACKERS, SensorModel, build
 from trackers.json_file import read_json
 
 LOOPS = ("open", "closed")
@@ -23,14 +26,14 @@ SETTINGS = "comparison.json"
 class Task(NamedTuple):
     """One run."""
 
-    scenario: str
+    scenario: str  # NAME or, with faults of the radar, NAME+FAULT+FAULT
     tracker: str
     seed: int
 
     @property
     def name(self) -> str:
         """Stem of its files."""
-        return f"{self.scenario}_{self.tracker}_seed{self.seed}"
+        return f"{self.scenario}_{self.tracker}_seed{self.seed}".replace(":", "~")
 
 
 @dataclass(frozen=True)
@@ -48,7 +51,7 @@ class Settings:
 
     def seconds(self, scenario: str) -> float:
         """Simulated time [s] of a run."""
-        return self.duration or find_scenario(scenario).duration
+        return self.duration or find_scenario(split_faults(scenario)[0]).duration
 
 
 @dataclass(frozen=True)
@@ -120,14 +123,34 @@ def expand(names: list[str], what: str) -> tuple[str, ...]:
     return tuple(name for one in names for name in (catalogue if one == ALL else (one,)))
 
 
+def with_faults(scenarios: Sequence[str], faults: Sequence[str]) -> tuple[str, ...]:
+    """The scenarios, each as it is and then under each of the faults; a fault may be several, joined by `+`.
+
+    >>> with_faults(["cut-in"], ["drop:.2"])
+    ('cut-in', 'cut-in+drop:0.2')
+    """
+    texts = ["+".join(map(str, faults_of([fault]))) for fault in faults]
+    return tuple(case for scenario in scenarios for case in (scenario, *(f"{scenario}+{text}" for text in texts)))
+
+
+def check_case(case: str, models: Sequence[SensorModel]) -> None:
+    """Raise LookupError or ValueError for an unknown scenario, or for faults that this rig cannot have."""
+    scenario, faults = split_faults(case)
+    find_scenario(scenario)
+    if case != (written := "+".join([scenario, *faults])):
+        raise ValueError(f"scenarios: {case!r} is written {written!r}; write it so, as its files are named by it")
+    for fault in faults_of(faults):
+        chosen(fault.sensors, models)
+
+
 def check(comparison: Comparison) -> None:
     """Raise LookupError, ValueError or OSError, in one sentence, for what cannot be run or written.
 
     A folder that holds runs of other settings, versions or code is refused: the sentence names the field that differs.
     """
-    for scenario in comparison.scenarios:
-        find_scenario(scenario)
     radar = find_radar(comparison.settings.radar)
+    for case in comparison.scenarios:
+        check_case(case, radar.models)
     for tracker in comparison.trackers:
         build(tracker, radar.models)
     find_planner(comparison.settings.planner)

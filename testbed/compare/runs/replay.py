@@ -2,9 +2,12 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from sensors.fault_text import faults_of
+from sensors.faults import streams
 from sensors.origin import Origin
 from sensors.scene import Scene
 from testbed.compare.runs.recording import Recording
@@ -32,34 +35,39 @@ class RecordedRadar:
         return frame.scan, frame.origin
 
 
-def replay(recording: Recording, trackers: Sequence[str], observers: Sequence[Observer]) -> Perception:
-    """Give all recorded scans to trackers, and every frame to the observers.
+def replay(
+    recording: Recording, trackers: Sequence[str], observers: Sequence[Observer], faults: Any = ()
+) -> Perception:
+    """Give all recorded scans to trackers, and every frame to the observers, with faults put into the scans if any.
 
     `step` of a frame is its index in the recording. Returns the perception that did it: its `seconds` and `costs` say
     where the time went.
     """
-    perception = Perception.mount(RecordedRadar(recording), trackers)
+    perception = Perception.mount(RecordedRadar(recording), trackers, faults)
+    rngs = streams(perception.faults, recording.seed)
     perception.observers.extend(observers)
-    perception.start(lambda step: recording.frames[step].scene, recording.road, np.random.default_rng(0), action=REPLAY)
+    unused = np.random.default_rng(0)  # a recorded radar draws nothing
+    perception.start(lambda k: recording.frames[k].scene, recording.road, unused, action=REPLAY, fault_rngs=rngs)
     perception.notify()
     for _ in recording.frames[1:]:
         perception.step(REPLAY, np.zeros((0, 2)))
     return perception
 
 
-def write_log(recording: Recording, trackers: Sequence[str], out: Path) -> Path:
-    """The review log of a replay, with the trackers side by side; returns its path.
+def write_log(recording: Recording, trackers: Sequence[str], out: Path, faults: Sequence[str] = ()) -> Path:
+    """The review log of a replay, with the trackers side by side and faults if any; returns its path.
 
     Raises OSError, in one sentence, where it cannot be written completely.
     """
     meta = RunMeta(
-        run_id(recording.scenario, trackers, recording.radar, REPLAY, recording.seed),
-        recording.scenario, recording.seed, recording.radar, tuple(trackers), REPLAY, {}, versions(),
+        run_id(recording.scenario, trackers, recording.radar, REPLAY, recording.seed, None, faults),
+        recording.scenario, recording.seed, recording.radar, tuple(trackers), REPLAY,
+        {"faults": ", ".join(faults)} if faults else {}, versions(),
     )  # fmt: skip
     sensors = radar_of(recording.radar).models
-    recorder = Recorder(meta, out, "full", recording.phases, recording.drawn, sensors)
+    recorder = Recorder(meta, out, "full", recording.phases, recording.drawn, sensors, faults=faults_of(faults))
     try:
-        replay(recording, trackers, [recorder])
+        replay(recording, trackers, [recorder], faults)
     finally:
         recorder.close()
     for sentence in recorder.lost:

@@ -13,7 +13,7 @@ from testbed.compare.runs.config import Comparison, Task
 from testbed.compare.runs.measures import KEYS, SPAN_UNITS
 from testbed.compare.runs.recording import read_seconds
 from testbed.compare.runs.rows import SCHEMA, read_meta
-from testbed.compare.runs.tasks import RecordingTask, recording_path, rows_path
+from testbed.compare.runs.tasks import RecordingTask, recording_of, recording_path, rows_path
 from testbed.files import atomic_file
 
 RUNS = "runs.parquet"
@@ -65,7 +65,7 @@ def collect(comparison: Comparison) -> Results:
         for span in meta["spans"]:
             spans.append({**span, **meta["cost"], **drive} if span["phase"] == WHOLE_RUN else span)
         spent = meta["seconds"]
-        recording = RecordingTask(task.scenario, task.seed)
+        recording = recording_of(task)
         if comparison.settings.loop == "open" and recording not in recorded:  # its cost is counted once
             recorded.add(recording)
             spent = {**_recording_seconds(recording, out), **spent}

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import gymnasium as gym
 
+from sensors.fault_text import split_faults
 from testbed.compare.runs import recording as recordings
 from testbed.compare.runs.config import Settings, Task
 from testbed.compare.runs.replay import replay
@@ -42,6 +43,11 @@ class RecordingTask(NamedTuple):
     def name(self) -> str:
         """Stem of its file."""
         return f"{self.scenario}_seed{self.seed}"
+
+
+def recording_of(task: Task) -> RecordingTask:
+    """The recording of a run: that of its scenario without faults, which are put in when it is replayed."""
+    return RecordingTask(split_faults(task.scenario)[0], task.seed)
 
 
 def recording_path(task: RecordingTask, out: Path) -> Path:
@@ -105,10 +111,10 @@ def run(task: Task, settings: Settings, out: Path) -> Outcome:
 
 def _replayed(task: Task, settings: Settings, out: Path) -> tuple[Rows, dict[str, Any]]:
     start = perf_counter()
-    recording = obtain(RecordingTask(task.scenario, task.seed), settings, out)
+    recording = obtain(recording_of(task), settings, out)
     loaded = perf_counter() - start
     rows = Rows(task, recording.phases)
-    perception = replay(recording, (task.tracker,), [rows])
+    perception = replay(recording, (task.tracker,), [rows], split_faults(task.scenario)[1])
     seconds = {"loading": loaded, "tracking": perception.seconds["track"]}
     return rows, {"seconds": seconds, "cost": jsonable(perception.costs[task.tracker].row()), "drive": None}
 
@@ -119,10 +125,11 @@ def _driven(task: Task, settings: Settings, out: Path) -> tuple[Rows, dict[str, 
     config = planner_settings(planner) | ({} if settings.duration is None else {"duration": settings.duration})
     first, *also = [TRUTH, task.tracker] if planner.knows_truth else [task.tracker]  # the planner uses the first
     make: dict[str, Any] = {"config": config, "tracker": first, "also": also, "radar": settings.radar}
-    make["planner"] = settings.planner
+    scenario, faults = split_faults(task.scenario)
+    make |= {"planner": settings.planner, "faults": faults}
     drive = DriveEvaluator()
     start = perf_counter()
-    with closing(gym.make(f"testbed/{task.scenario}-v0", **make)) as env:
+    with closing(gym.make(f"testbed/{scenario}-v0", **make)) as env:
         tracked: Any = env
         rows: Rows | None = None
         scoring = 0.0

@@ -11,12 +11,23 @@ from typing import Any
 
 import numpy as np
 
+from sensors.fault_text import split_faults
 from testbed.command_line.interruption import InterruptRequest, interruptible
 from testbed.compare.runs import tasks as works
 from testbed.compare.runs.config import Comparison, Settings, Task, check, write_settings
 from testbed.compare.runs.engine import Engine, nothing, perform
 from testbed.compare.runs.rows import check_part
-from testbed.compare.runs.tasks import DONE, FAILED, RECORDINGS, ROWS, Outcome, RecordingTask, recording_path, rows_path
+from testbed.compare.runs.tasks import (
+    DONE,
+    FAILED,
+    RECORDINGS,
+    ROWS,
+    Outcome,
+    RecordingTask,
+    recording_of,
+    recording_path,
+    rows_path,
+)
 from testbed.files import make_directory
 
 Progress = Callable[[int, int, str], None]
@@ -70,7 +81,7 @@ def execute(comparison: Comparison, engine: Engine, progress: Progress | None = 
         tasks = [t for r in recordings for t in tasks_on(r, comparison)]
         tasks = [t for t in tasks if not _is_found(t, out, request, tally)]
         if comparison.settings.loop == "open":
-            missing = {RecordingTask(t.scenario, t.seed) for t in tasks}
+            missing = {recording_of(t) for t in tasks}
             missing = {r for r in missing if not recording_path(r, out).exists()}
             needed = [(r, comparison.settings, out) for r in recordings if r in missing]
             for _ in stage(works.record, nothing, needed, engine, request, "recording", progress):
@@ -85,7 +96,7 @@ def execute(comparison: Comparison, engine: Engine, progress: Progress | None = 
 
 def _reads(task: Task, settings: Settings, out: Path) -> list[Path]:
     """What a run reads: its recording, and its own rows, which it replaces where they are damaged."""
-    recording = [recording_path(RecordingTask(task.scenario, task.seed), out)] if settings.loop == "open" else []
+    recording = [recording_path(recording_of(task), out)] if settings.loop == "open" else []
     return [*recording, rows_path(task, out)]
 
 
@@ -129,11 +140,13 @@ def shuffled_recordings(comparison: Comparison) -> list[RecordingTask]:
 
     So two machines on one folder rarely make the same, and what an interruption leaves is spread over the scenarios.
     """
-    found = [RecordingTask(c, s) for c in comparison.scenarios for s in comparison.seeds]
+    every = (recording_of(Task(c, "", s)) for c in comparison.scenarios for s in comparison.seeds)
+    found = list(dict.fromkeys(every))
     own = np.random.default_rng([os.getpid(), *platform.node().encode()])
     return [found[i] for i in own.permutation(len(found))]
 
 
 def tasks_on(recording: RecordingTask, comparison: Comparison) -> list[Task]:
     """The runs on one recording."""
-    return [Task(recording.scenario, tracker, recording.seed) for tracker in comparison.trackers]
+    cases = [case for case in comparison.scenarios if split_faults(case)[0] == recording.scenario]
+    return [Task(case, tracker, recording.seed) for case in cases for tracker in comparison.trackers]
