@@ -278,3 +278,19 @@ def test_the_log_has_the_risk_ahead_and_says_once_when_hard_braking_is_needed(tm
     assert drac[3::3].tolist() == needed
     assert [event.level for event in reader.events(log) if "braking with" in event.text] == ["WARN"]
     assert needed[-1] > 8.0
+
+
+def test_faults_are_events_of_the_log_and_part_of_names_and_results(tmp_path):
+    faults = ["front:outage:0.3:0.6", "drop:0.2:0.5:9"]
+    env = gym.make("testbed/cut-in-v0", tracker="rm-koch", out=str(tmp_path), log="metrics", faults=faults, **QUICK)
+    drive(env, 5)
+    path = env.recorder.json_path
+    env.close()
+    assert path.name == "cut-in_rm-koch_front_idm_seed0_1s_front~outage~0.3~0.6+drop~0.2~0.5~9.json"
+    assert json.loads(path.read_text())["run"]["config"]["faults"] == "front:outage:0.3:0.6, drop:0.2:0.5:9"
+    found = [(round(e.time, 1), e.level, e.text) for e in reader.events(path.with_suffix(".rrd")) if "fault" in e.text]
+    assert found == [
+        (0.3, "WARN", "fault front:outage:0.3:0.6 begins"),
+        (0.5, "WARN", "fault drop:0.2:0.5:9 begins"),
+        (0.6, "INFO", "fault front:outage:0.3:0.6 ends"),
+    ]

@@ -558,3 +558,28 @@ def test_objects_are_taken_as_well_as_names():
     assert list(env.all_tracks) == ["RandomMatrix", "rm-feldmann(sigma=0.3)"]
     np.testing.assert_array_equal(one.estimate.pose, two.estimate.pose)
     assert label("truth") == "truth"
+
+
+def test_faults_that_have_not_begun_change_no_bit_and_later_ones_no_traffic():
+    """The same drive without faults, with one that never begins, and with lost scans."""
+    drives = []
+    for faults in ((), "front:outage:50:60", ["drop:0.5"]):
+        frames = []
+        env = gym.make("testbed/cut-in-v0", tracker="truth", radar="front", faults=faults)
+        env.attach(frames.append)
+        env.reset(seed=4)
+        env.step(1)
+        drives.append(frames)
+    for one, same, lossy in zip(*drives, strict=True):
+        np.testing.assert_array_equal(one.scan.polar, same.scan.polar)
+        np.testing.assert_array_equal(one.scene.objects.pose, lossy.scene.objects.pose)
+        if lossy.scan.delivered.all():
+            np.testing.assert_array_equal(one.scan.polar, lossy.scan.polar)
+        else:
+            assert len(lossy.scan.mask) == 0
+    assert 0 < sum(frame.scan.delivered.all() for frame in drives[2]) < len(drives[2])
+
+
+def test_a_fault_of_sensors_that_the_radar_has_not_is_refused():
+    with pytest.raises(ValueError, match="no 'rear'"):
+        gym.make("testbed/cut-in-v0", radar="front", faults="rear:drop:0.1")

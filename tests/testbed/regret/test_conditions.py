@@ -48,3 +48,14 @@ def test_conditions_that_cannot_be_are_refused():
         conditions.parse("in-view:E")
     with pytest.raises(LookupError, match="did you mean 'rm-koch'"):
         conditions.source(conditions.parse("rm-kochh:E"), "surround", 0)
+
+
+def test_a_fault_of_the_radar_belongs_to_a_tracker():
+    found = conditions.parse("rm-koch:sigma=0.3+drop:.2+covariance=4+front:outage:3:5")
+    assert (found.base, found.errors) == ("rm-koch:sigma=0.3", Errors(covariance=4.0))
+    assert found.faults == ("drop:0.2", "front:outage:3:5")
+    assert str(found) == "rm-koch:sigma=0.3+covariance=4+drop:0.2+front:outage:3:5"
+    assert conditions.source(conditions.parse("rm-koch+drop:0.2"), "surround", 0) == "rm-koch"
+    for text in ("truth+drop:0.2", "in-view+drop:0.2"):
+        with pytest.raises(ValueError, match=r"without a tracker, .* write TRACKER\+drop:0.2"):
+            conditions.parse(text)

@@ -36,6 +36,12 @@ def test_a_tracker_is_scored_in_its_own_drive(tracked):
     assert meta["measures"]["progress"] == pytest.approx(np.hypot(*(curves.pose[-1] - curves.pose[0])[:2]), rel=1e-3)
 
 
+def test_a_fault_of_the_radar_reaches_the_tracker_and_not_the_truth(tracked):
+    blind = made("rm-feldmann+outage:0:9")[1]["tracking"]
+    assert blind["missed_percent"] == 100.0
+    assert tracked[1]["tracking"]["missed_percent"] < 50.0
+
+
 def test_errors_put_into_what_is_in_view_change_the_drive():
     plain = made("in-view", scenario="probe-brake:gap=26")[0]
     wrong = made("in-view+near_edge=-3", scenario="probe-brake:gap=26")[0]

@@ -10,14 +10,19 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 
+from scenarios.highway import ScenarioEnv
+from testbed.compare.runs import recording
 from testbed.compare.runs import tasks as runs
-from testbed.compare.runs.config import SETTINGS, Comparison, Settings, Task
+from testbed.compare.runs.config import SETTINGS, Comparison, Settings, Task, with_faults
 from testbed.compare.runs.engine import Engine
 from testbed.compare.runs.measures import COSTS
+from testbed.compare.runs.replay import replay
 from testbed.compare.runs.results import RUNS, collect, write_runs
 from testbed.compare.runs.rows import check_part
 from testbed.compare.runs.tasks import DONE, FAILED, FOUND, RECORDINGS, ROWS, RecordingTask, recording_path, rows_path
 from testbed.compare.runs.work import execute
+from testbed.environment.wrapper import TrackedEnv
+from testbed.planners import find as find_planner
 
 WANTED = Comparison(("xia2020-lane",), ("rm-koch", "rm-feldmann"), (0, 1), Settings("front", duration=0.5))
 DAMAGED, SWAPPED = WANTED.tasks[:2]
@@ -173,3 +178,52 @@ def test_a_run_of_an_unknown_tracker_fails_alone(tmp_path):
     assert outcome.status == FAILED
     assert "Traceback" in outcome.note
     assert "LookupError" in outcome.note
+
+
+def test_faults_are_a_dimension_and_all_share_the_healthy_recording(tmp_path):
+    fault = "front:outage:0.8:2"
+    cases = with_faults(["xia2020-lane"], ["front:outage:.8:2"])
+    assert cases == ("xia2020-lane", f"xia2020-lane+{fault}")
+    settings = Settings("front", duration=1.5)
+    comparison = replace(
+        WANTED, settings=settings, scenarios=cases, trackers=("rm-koch",), seeds=(0,), out=str(tmp_path)
+    )
+    report = execute(comparison, Engine(1))
+    assert (report.done, report.failed) == (2, [])
+    assert [path.name for path in (tmp_path / RECORDINGS).iterdir()] == ["xia2020-lane_seed0.npz"]
+    plain, faulty = (table.to_pandas() for table in rows_of(tmp_path, comparison).values())
+    assert set(faulty["scenario"]) == {cases[1]}
+    assert faulty["detections"].sum() < plain["detections"].sum()
+    early = plain["time"] < 0.8
+    columns = ["time", "status", "object", "detections", "gospa2"]
+    pd.testing.assert_frame_equal(plain.loc[early, columns], faulty.loc[faulty["time"] < 0.8, columns])
+    assert execute(comparison, Engine(1)).found == 2
+
+
+def test_a_replay_has_the_faults_that_the_live_run_had():
+    faults = ("drop:0.5", "burst:0.2:20")
+    live = []
+    env = TrackedEnv(ScenarioEnv(scenario="xia2020-lane"), "truth", "front", planner="truth", faults=faults)
+    env.attach(live.append)
+    env.reset(seed=3)
+    planner = find_planner("truth")
+    for _ in range(2):
+        env.step(planner.choose(env).action)
+    recorded = recording.record("xia2020-lane", 3, "front", 0.5)
+    again = []
+    replay(recorded, ("truth",), [again.append], faults)
+    pairs = list(zip(live, again, strict=False))
+    assert len(pairs) > 5
+    for one, other in pairs:
+        np.testing.assert_array_equal(one.scan.polar, other.scan.polar)
+        np.testing.assert_array_equal(one.scan.delivered, other.scan.delivered)
+    assert 0 < sum(frame.scan.delivered.all() for frame in again) < len(again)
+
+
+@pytest.mark.parametrize(
+    ("case", "word"),
+    [("xia2020-lane+rear:drop:0.1", "no 'rear'"), ("xia2020-lane+drop:.1", "is written"), ("xia2020-lane+x", "KIND")],
+)
+def test_faults_that_a_rig_cannot_have_are_refused_before_the_runs(tmp_path, case, word):
+    with pytest.raises(ValueError, match=word):
+        execute(replace(WANTED, scenarios=(case,), out=str(tmp_path)), Engine(1))
