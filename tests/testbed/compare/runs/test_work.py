@@ -182,15 +182,15 @@ def test_a_run_of_an_unknown_tracker_fails_alone(tmp_path):
 
 def test_faults_are_a_dimension_and_all_share_the_healthy_recording(tmp_path):
     fault = "front:outage:0.8:2"
-    cases = with_faults(["xia2020-lane"], ["front:outage:.8:2"])
-    assert cases == ("xia2020-lane", f"xia2020-lane+{fault}")
+    cases = with_faults(["cut-in"], ["front:outage:.8:2"])
+    assert cases == ("cut-in", f"cut-in+{fault}")
     settings = Settings("front", duration=1.5)
     comparison = replace(
         WANTED, settings=settings, scenarios=cases, trackers=("rm-koch",), seeds=(0,), out=str(tmp_path)
     )
     report = execute(comparison, Engine(1))
     assert (report.done, report.failed) == (2, [])
-    assert [path.name for path in (tmp_path / RECORDINGS).iterdir()] == ["xia2020-lane_seed0.npz"]
+    assert [path.name for path in (tmp_path / RECORDINGS).iterdir()] == ["cut-in_seed0.npz"]
     plain, faulty = (table.to_pandas() for table in rows_of(tmp_path, comparison).values())
     assert set(faulty["scenario"]) == {cases[1]}
     assert faulty["detections"].sum() < plain["detections"].sum()
