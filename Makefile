@@ -14,7 +14,7 @@ SITE := build/docs
 # Byte code is kept, also where the machine's default is not to.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo test test-all test-lowest lint types unit generated docs bench regress reproduce comparison comparison-page learning-docs family modes partial-view contours probes regret regret-page standing surround clean
+.PHONY: demo test test-all test-lowest lint types unit generated docs bench regress reproduce comparison comparison-page learning-docs family modes partial-view contours probes regret regret-page standing surround faults faults-page clean
 
 demo: $(STAMP)
 	@echo
@@ -108,6 +108,19 @@ surround: $(STAMP)  # five minutes: what other figures of the default rig would 
 
 standing: $(STAMP)  # half a minute; DATA is the folder with frames.npz of the real radar
 	$(BIN)/python -m testbed.studies standing-returns $(DATA) --docs docs
+
+# MINUTES
+FAULTS := front:outage:2:4 outage:2:3 front:yaw:0.5 corners:yaw:2 clock:0.05 drop:0.2 drop:0.5 burst:3:500 \
+	blind:rain:0.5 blind:dirt:0.5
+FAULT_TRACKERS := imm-spline edra-imm htg-map rm-feldmann
+FAULT_SCENARIOS := cut-in dense-traffic
+faults: $(STAMP)
+	$(BIN)/testbed compare $(FAULT_SCENARIOS) $(FAULT_TRACKERS:%=--tracker %) $(FAULTS:%=--fault %) \
+		--seeds 300:310 --duration 6 --jobs -1 --out runs/faults
+	$(MAKE) faults-page FOLDER=runs/faults
+
+faults-page: $(STAMP)  # docs/faults.md, from FOLDER or else from the committed results
+	$(BIN)/python -m testbed.studies faults $(FOLDER) --docs docs
 
 contours: $(STAMP)  # twelve minutes
 	$(BIN)/python -m testbed.studies contours --docs docs

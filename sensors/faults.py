@@ -1,7 +1,7 @@
 """Faults of mounted radars: what a healthy rig has measured, turned into what a faulty one delivers.
 
 A fault takes a scan and its origin and returns both changed. It never touches the healthy radar, its generator, or the
-detections of other sensors, so that all else stays as it is without the fault. Definitions: docs/faults.md.
+detections of other sensors, so that all else stays as it is without the fault. Equations: docs/methods/radar-faults.md.
 """
 
 from collections.abc import Sequence

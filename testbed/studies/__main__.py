@@ -10,6 +10,7 @@ from testbed.studies.comparison import calibration, committed, publish, refresh
 from testbed.studies.comparison import page as comparison
 from testbed.studies.consistency import page as consistency
 from testbed.studies.contours import page as contours
+from testbed.studies.faults import page as faults
 from testbed.studies.htg_tables import page as htg_tables
 from testbed.studies.modes import page as modes
 from testbed.studies.partial_view import page as partial_view
@@ -24,6 +25,7 @@ STUDIES: Mapping[str, Callable[..., None]] = {
     "comparison": comparison.main,
     "consistency": consistency.main,
     "contours": contours.main,
+    "faults": faults.main,
     "htg-tables": htg_tables.main,
     "layers": layers_figure.main,  # pictures for docs/layers.md
     "modes": modes.main,

@@ -150,7 +150,7 @@ def _in_order(values: Sequence[Any], what: str) -> tuple[Any, ...]:
     distinct = sorted(set(values))
     if catalogue is None:
         return tuple(distinct)
-    return tuple(sorted(distinct, key=lambda name: (catalogue.index(parse(name)[0]), name)))
+    return tuple(sorted(distinct, key=lambda name: (catalogue.index(parse(name.split("+")[0])[0]), name)))
 
 
 def main(

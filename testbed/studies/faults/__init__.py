@@ -1,0 +1,1 @@
+"""The page docs/faults.md: what faults of the radar cost trackers."""

@@ -1,0 +1,103 @@
+"""The page docs/faults.md, and the committed table of runs that it is made from."""
+
+from pathlib import Path
+from typing import Annotated
+
+import pandas as pd
+import typer
+
+from testbed.command_line.terminal import console, user_input
+from testbed.compare.report.report import seeds_text
+from testbed.compare.runs.results import collect
+from testbed.files import make_directory
+from testbed.log.text import markdown_table
+from testbed.studies.comparison.publish import stored_comparison
+from testbed.studies.faults.figure import draw
+from testbed.studies.faults.tables import NONE, by_fault, effect, head, names, read, rows, write
+from testbed.studies.page import DOCS, Docs, Page
+
+RESULTS = "faults.csv"
+TEXT = """# Faults of the radar
+
+A fault is an option of every run, and of every environment:
+
+```
+testbed run cut-in --fault front:outage:3:5 --fault drop:0.2
+testbed compare cut-in --tracker imm-spline --fault drop:0.2 --fault corners:yaw:0.5
+testbed regret probe-brake --tracker imm-spline --fault front:outage:2:3
+```
+
+```python
+env = gym.make("testbed/cut-in-v0", faults=["front:outage:3:5", sensors.Dropout(0.2)])
+```
+
+It reads `[SENSORS:]KIND:VALUES`, times in seconds since the reset. SENSORS is `surround` (all of the rig, also where
+nothing stands there), `front`, `rear`, `corners`, `left`, `right`, or the number of a sensor. Several at once are
+joined by `+`, or, in `testbed run`, given one by one; `compare` and `regret` take every `--fault` by itself, beside
+runs without one. In `compare` a fault belongs to the scenario, `cut-in+drop:0.2`; in `regret` to the tracker,
+`imm-spline+drop:0.2`. Definitions: [radar-faults.md](methods/radar-faults.md).
+
+| fault | what | Python |
+| --- | --- | --- |
+| `outage:START:END` | no scans are delivered; trackers know that | `Outage` |
+| `drop:SHARE[:START:END]` | scans of single sensors are lost, each with this probability | `Dropout` |
+| `yaw:DEGREES[:START:END]` | a sensor is turned in its mount | `Misalignment` |
+| `clock:SECONDS[:START:END]` | scans are older than the time on them | `ClockOffset` |
+| `burst:START:COUNT[:SECONDS]` | interference: COUNT more false alarms a scan, for half a second | `Interference` |
+| `blind:rain:SHARE[:START:END]` | this share of the range is left, and fewer detections within it | `Blindness` |
+| `blind:dirt:SHARE[:START:END]` | this share of the detections is left, at any range | `Blindness` |
+
+Begin and end of a fault are events in the log. Without a fault, and outside its time, every detection is the same bit
+for bit. Objects that a fault hides still count, so what it costs is seen as missed.
+
+## What they cost
+
+{facts} In brackets 95 % intervals over the seeds; a change is against no fault on the same seeds, bold where its
+interval leaves out zero. Less is better.
+
+![change of GOSPA by fault and tracker](pictures/faults.png)
+
+### GOSPA [m]
+
+{gospa}
+
+### Switches in a run
+
+{switches}
+"""
+
+
+def render(table: pd.DataFrame) -> str:
+    """The page from the runs."""
+    trackers = names(table, "tracker")
+    tables = {m: markdown_table(head(trackers), rows(table, m, digits)) for m, digits in (("gospa", 2), ("switches", 1))}
+    return TEXT.format(facts=_facts(table), **tables)
+
+
+def _facts(table: pd.DataFrame) -> str:
+    seeds = tuple(sorted(table["seed"].unique().tolist()))
+    scenarios = ", ".join(f"`{name}`" for name in names(table, "scenario"))
+    return f"{len(table)} runs in open loop: {scenarios}, {len(seeds)} seeds ({seeds_text(seeds)})."
+
+
+def main(
+    folder: Annotated[
+        Path | None, typer.Argument(help="What `testbed compare --fault ... --out` left; without: as committed.")
+    ] = None,
+    docs: Docs = DOCS,
+) -> None:
+    """Write the page "Faults of the radar" and the table that it shows."""
+    with user_input((OSError, ValueError)):
+        path = docs / "results" / RESULTS
+        if folder is not None:
+            table = by_fault(collect(stored_comparison(folder)).runs)
+            if NONE not in set(table["fault"]):
+                raise ValueError(f"{folder} has no runs without a fault; compare the scenarios themselves too")
+            make_directory(path.parent)
+            write(table, path)
+            console.print(f"table    {path}", soft_wrap=True)
+        table = read(path)
+        page = Page("faults", docs)
+        trackers, faults = names(table, "tracker"), [f for f in names(table, "fault") if f != NONE]
+        draw({f: {t: effect(table, f, t, "gospa").change for t in trackers} for f in faults}, page.picture("faults"))
+        page.write(render(table))
