@@ -2,6 +2,7 @@
 
 from sensors.fault_text import faults_of, parse_fault
 from sensors.faults import Blindness, ClockOffset, Dropout, Fault, Interference, Misalignment, Outage
+from sensors.ghosts import Ghosts
 from sensors.origin import KINDS, Origin
 from sensors.radar import Radar, Sensor
 from sensors.raycast import cast, cast_bodies
@@ -20,6 +21,7 @@ __all__ = [
     "Dropout",
     "Ego",
     "Fault",
+    "Ghosts",
     "Interference",
     "Misalignment",
     "Objects",

@@ -5,14 +5,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-CONTOUR, VOLUME, CLUTTER, STATIC = range(4)
-KINDS = ("contour", "volume", "clutter", "static")
+CONTOUR, VOLUME, CLUTTER, STATIC, MIRROR, DOUBLE = range(6)
+KINDS = ("contour", "volume", "clutter", "static", "mirror", "double")
+GHOSTS = (MIRROR, DOUBLE)
 
 
 class Origin(NamedTuple):
     """The origin of the M detections of a scan, and what was visible of the N objects of its scene."""
 
-    object: NDArray  # (M,) int, row of `scene.objects`, -1 for clutter and static returns
+    object: NDArray  # (M,) int, row of `scene.objects`, -1 for clutter, static returns and ghosts
     body: NDArray  # (M,) int, row of `scene.bodies`, -1 likewise
     edge: NDArray  # (M,) int, edge of the body's outline that was hit, -1 likewise
     kind: NDArray  # (M,) int, index into KINDS

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from sensors.ghosts import Ghosts, Rig, draw_ghosts
 from sensors.illumination import Beams, Illuminated, Visible, beam_azimuths, illuminate
 from sensors.origin import CONTOUR, VOLUME, Origin
 from sensors.raycast import Edges, outline_edges
@@ -115,6 +116,7 @@ class Radar:
     note: str  # where its figures come from, one line
     sensors: tuple[Sensor, ...]
     rate: float | None = None  # [1/s] of scans; None: one every simulated frame
+    ghosts: Ghosts | None = None  # None: no ghosts
 
     def __post_init__(self) -> None:
         if not self.sensors:
@@ -169,7 +171,10 @@ class Radar:
             for s, sensor in enumerate(self.sensors)
             if sensor.surroundings is not None
         ]
-        true = join((vehicles, walls, *around))
+        parts = (vehicles, walls, *around)
+        if self.ghosts is not None:
+            parts += draw_ghosts(self.ghosts, self._rig(pose, velocity), scene, edges, elements, rail, rng)
+        true = join(parts)
         merged = merge_cells(true, self.cells[true.sensor])
         seen = merged._replace(polar=add_noise(merged.polar, self.sigma[merged.sensor], rng))
         alarms = false_alarms(self.column("clutter"), self.column("max_range"),
@@ -206,6 +211,15 @@ class Radar:
         """The rays of all sensors at poses (S, 3)."""
         sensor, azimuth, spacing = self._rays
         return Beams(pose, sensor, pose[sensor, 2] + azimuth, spacing, self.column("max_range"))
+
+    def _rig(self, pose: NDArray, velocity: NDArray) -> Rig:
+        """What ghosts need to know of the sensors at these poses (S, 3) and velocities (S, 2)."""
+        column = self.column
+        count = np.stack([column(name) for name in ("count_at_15m", "count_falloff", "count_max")])
+        count[[0, 2]] *= column("detection_probability")  # (RAD.10)
+        return Rig(
+            pose, velocity, column("max_range"), count, column("count_shape"), column("depth_contour"), self._rays[2]
+        )
 
     def expected(self, visible: Visible) -> NDArray:
         """Expected detections (S, N) of every object by every sensor, occlusion included, before cells merge any."""

@@ -14,6 +14,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from sensors.ghosts import Ghosts
 from sensors.radar import Radar, Sensor
 from sensors.surroundings import Surroundings
 from trackers.lookup import look_up
@@ -80,6 +81,8 @@ RADARS = MappingProxyType({r.name: r for r in (
     Radar("corners", "four side radars, 30 m x 90 deg at +-60 and +-120 deg; figures as for front", SIDES),
     Radar("surround", "front and rear long range, four side radars: the six-radar car; figures as for front",
           (FRONT, REAR, *SIDES)),
+    Radar("surround-ghosts", "surround with ghosts in rails and trucks, and between leader and ego; shares are ours",
+          (FRONT, REAR, *SIDES), ghosts=Ghosts()),
     Radar("nuscenes-like", "five radars at 13 Hz, sparse and merged in cells; layout after Caesar et al. (2020)", (
         facing(NUSCENES, NOSE, 0.0, 0.0),
         facing(NUSCENES, 1.9, FLANK, 55.0), facing(NUSCENES, 1.9, -FLANK, -55.0),

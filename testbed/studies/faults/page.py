@@ -70,7 +70,9 @@ interval leaves out zero. Less is better.
 def render(table: pd.DataFrame) -> str:
     """The page from the runs."""
     trackers = names(table, "tracker")
-    tables = {m: markdown_table(head(trackers), rows(table, m, digits)) for m, digits in (("gospa", 2), ("switches", 1))}
+    tables = {
+        m: markdown_table(head(trackers), rows(table, m, digits)) for m, digits in (("gospa", 2), ("switches", 1))
+    }
     return TEXT.format(facts=_facts(table), **tables)
 
 

@@ -66,7 +66,9 @@ def rows(table: pd.DataFrame, measure: str, digits: int) -> list[tuple[str, ...]
 
 def spell(interval: Interval, digits: int, sign: str = "") -> str:
     """A mean and its interval, where there is one."""
-    bounds = f" [{interval.low:{sign}.{digits}f}, {interval.high:{sign}.{digits}f}]" if np.isfinite(interval.low) else ""
+    bounds = (
+        f" [{interval.low:{sign}.{digits}f}, {interval.high:{sign}.{digits}f}]" if np.isfinite(interval.low) else ""
+    )
     return f"{interval.value:{sign}.{digits}f}{bounds}"
 
 
