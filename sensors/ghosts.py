@@ -9,13 +9,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sensors.illumination import Illuminated, incidence
+from sensors.illumination import Illuminated
 from sensors.origin import DOUBLE, MIRROR
-from sensors.raycast import Edges, crossings, first_hits
+from sensors.raycast import Crossings, Edges, crossings, first_hits, outline_edges
 from sensors.returns import Returns
 from sensors.scattering import choose_elements, draw_counts
-from sensors.scene import Scene
-from trackers.geometry import perpendicular, point_velocity, unit, wrap_angle
+from sensors.scene import Bodies, Scene
+from trackers.geometry import perpendicular, point_velocity, rotation, unit, wrap_angle
 
 LONGEST_ROUGH = 4.0  # [m] edges of bodies that are longer are flat enough to mirror: the sides of trucks
 STRIDE = 8  # of the rays that reach a mirror, one in so many is followed
@@ -57,17 +57,54 @@ class Mirrors(NamedTuple):
     normal: NDArray  # (L, 2) of the mirror
     anchor: NDArray  # (L, 2) [m] one of its points
     velocity: NDArray  # (L, 2) [m/s] of the mirror where the ray meets it
+    body: NDArray  # (L,) int, whose side it is, -1 for a rail
+
+
+class Paths(NamedTuple):
+    """L rays that end on objects, on the way of a ghost."""
+
+    view: NDArray  # (L,) int; rays of one sensor by one mirror have one view
+    sensor: NDArray  # (L,) int
+    bearing: NDArray  # (L,) [rad] from which the echo comes, in the world
+    range: NDArray  # (L,) [m] half the way
+    body: NDArray  # (L,) int
+    point: NDArray  # (L, 2) [m] on the body
+    normal: NDArray  # (L, 2) of the mirror, 0 without one
+    moving: NDArray  # (L, 2) [m/s] velocity of the mirror
 
 
 def draw_ghosts(
     ghosts: Ghosts, rig: Rig, scene: Scene, edges: Edges, elements: Illuminated, rail: Illuminated,
     rng: np.random.Generator,
-) -> tuple[Returns, Returns]:  # fmt: skip
-    """Noise-free ghosts in mirrors, and those of double reflections, given what the rays reach first."""
+) -> Returns:  # fmt: skip
+    """Noise-free ghosts in mirrors and of double reflections, given what the rays reach first."""
     mirrors = find_mirrors(rig, scene, edges, elements, rail)
-    return in_mirrors(ghosts.mirror, rig, scene, edges, mirrors, rng), doubled(
-        ghosts.double, rig, scene, edges, elements, rng
-    )
+    seen = in_mirrors(rig, scene, boxes(scene.bodies, edges), mirrors)
+    twice = doubled(rig, scene, edges, elements)
+    V, S, N = int(seen.view.max(initial=-1)) + 1, len(rig.pose), len(scene.objects.id)
+    paths = Paths(*map(np.concatenate, zip(seen, twice._replace(view=twice.view + V), strict=True)))
+    if not len(paths.view):
+        return _returns(*np.zeros((3, 0)), np.zeros(0, int), np.zeros(0, int))
+    is_double = paths.view >= V
+    step = np.where(is_double, 1, STRIDE) * rig.spacing[paths.sensor]
+    sensor_of = np.maximum(np.arange(V + S) - V, 0)
+    sensor_of[seen.view] = seen.sensor
+    owner, chord = scene.bodies.owner[paths.body], paths.range * step
+    none = np.zeros(len(owner))
+    lit = Illuminated(paths.view, paths.bearing, paths.range, none, owner, chord, none)
+    share = np.where(np.arange(V + S) < V, ghosts.mirror, ghosts.double)
+    mean = share[:, None] * expected(rig, lit, sensor_of, N)  # (GHO.3)
+    pick = choose_elements(lit, chord, draw_some(mean, rig.shape[sensor_of], rng), rng)
+    chosen, again = Paths(*(column[pick] for column in paths)), is_double[pick]
+    s, n = chosen.sensor, chosen.normal
+    lever = chosen.point - scene.bodies.pose[chosen.body, :2]
+    v = point_velocity(scene.bodies.velocity[chosen.body], scene.bodies.yaw_rate[chosen.body], lever)
+    apparent = v - 2 * (n * (v - chosen.moving)).sum(-1)[:, None] * n  # (GHO.4)
+    times = np.where(again, 2, 1)
+    rate = times * (unit(chosen.bearing) * (apparent - rig.velocity[s])).sum(-1)  # (GHO.5), (GHO.8)
+    r = chosen.range + times * rig.depth[s] * rng.standard_exponential(len(pick))
+    azimuth = chosen.bearing - rig.pose[s, 2] + step[pick] * (rng.random(len(pick)) - 0.5)
+    return _returns(r, azimuth, rate, s, np.where(again, DOUBLE, MIRROR))
 
 
 def find_mirrors(rig: Rig, scene: Scene, edges: Edges, elements: Illuminated, rail: Illuminated) -> Mirrors:
@@ -86,72 +123,48 @@ def find_mirrors(rig: Rig, scene: Scene, edges: Edges, elements: Illuminated, ra
     lever = point - scene.bodies.pose[owner, :2]
     moving = point_velocity(scene.bodies.velocity[owner], scene.bodies.yaw_rate[owner], lever)
     velocity = np.concatenate([moving, np.zeros((len(wall.sensor), 2))])
-    return Mirrors(sensor, bearing, r, perpendicular(along), a, velocity)
+    body_of = np.concatenate([owner, np.full(len(wall.sensor), -1)])
+    return Mirrors(sensor, bearing, r, perpendicular(along), a, velocity, body_of)
 
 
-def in_mirrors(
-    share: float, rig: Rig, scene: Scene, edges: Edges, mirrors: Mirrors, rng: np.random.Generator
-) -> Returns:
+def boxes(bodies: Bodies, edges: Edges) -> Edges:
+    """The four sides of the box around each outline, in its own frame: enough for what a mirror shows."""
+    R = rotation(bodies.pose[:, 2])
+    if not len(R):
+        return edges
+    local = ((edges.a - bodies.pose[edges.body, :2])[:, None] @ R[edges.body])[:, 0]
+    low, high = np.minimum.reduceat(local, edges.start), np.maximum.reduceat(local, edges.start)
+    x, y = np.stack([low, high, high, low])[..., 0], np.stack([low, low, high, high])[..., 1]
+    corners = bodies.pose[:, None, :2] + np.stack([x, y], -1).swapaxes(0, 1) @ R.mT  # (B, 4, 2)
+    return outline_edges(corners)
+
+
+def in_mirrors(rig: Rig, scene: Scene, edges: Edges, mirrors: Mirrors) -> Paths:
     """Objects seen in mirrors: in the direction of the mirror, as far away as the way over it is long."""
-    if not len(mirrors.sensor):
-        return _returns(*np.zeros((3, 0)), np.zeros(0, int), MIRROR)
     _, first, view = np.unique(same_mirror(mirrors, scene.ego.pose[:2]), return_index=True, return_inverse=True)
     place = rig.pose[mirrors.sensor, :2]
-    image = reflected(place, mirrors.anchor, mirrors.normal)[first]  # (V, 2), of the sensor; (GHO.1)
-    met = place + mirrors.range[:, None] * unit(mirrors.bearing)
-    way = met - image[view]
+    image = reflected(place[first], mirrors.anchor[first], mirrors.normal[first])  # (V, 2), of the sensor; (GHO.1)
+    way = place + mirrors.range[:, None] * unit(mirrors.bearing) - image[view]
     bearing = np.arctan2(way[:, 1], way[:, 0])
     found = crossings(image, view, bearing, edges.a, edges.b)
-    beyond = found.range > mirrors.range[found.ray] + APART  # behind the mirror there is nothing
-    kept = type(found)(*(column[beyond] for column in found))
-    r, segment = first_hits(kept, len(bearing))  # (GHO.2)
-    reach = rig.max_range[mirrors.sensor]
-    ray = np.flatnonzero(r <= reach)
-    sensor, r, segment, view = mirrors.sensor[ray], r[ray], segment[ray], view[ray]
-    body = edges.body[segment]
-    owner = scene.bodies.owner[body]
-    width = STRIDE * rig.spacing[sensor]
-    seen = Illuminated(
-        view, bearing[ray], r, segment, owner, r * width, incidence(bearing[ray], edges.a[segment], edges.b[segment])
-    )
-    mean = share * expected(rig, seen, mirrors.sensor[first], len(scene.objects.id))  # (GHO.3)
-    counts = draw_some(mean, rig.shape[mirrors.sensor[first]], rng)
-    pick = choose_elements(seen, seen.chord, counts, rng)
-    s, chosen = sensor[pick], ray[pick]
-    point = image[view[pick]] + r[pick, None] * unit(bearing[chosen])
-    lever = point - scene.bodies.pose[body[pick], :2]
-    v = point_velocity(scene.bodies.velocity[body[pick]], scene.bodies.yaw_rate[body[pick]], lever)
-    n, moving = mirrors.normal[chosen], mirrors.velocity[chosen]
-    apparent = v - 2 * (n * (v - moving)).sum(-1)[:, None] * n  # (GHO.4)
-    rate = (unit(mirrors.bearing[chosen]) * (apparent - rig.velocity[s])).sum(-1)  # (GHO.5)
-    r = r[pick] + rig.depth[s] * rng.standard_exponential(len(pick))
-    azimuth = mirrors.bearing[chosen] - rig.pose[s, 2] + width[pick] * (rng.random(len(pick)) - 0.5)
-    return _returns(r, azimuth, rate, s, MIRROR)
+    beyond = found.range > mirrors.range[found.ray] + APART  # what is nearer lies behind the mirror
+    beyond &= edges.body[found.segment] != mirrors.body[found.ray]
+    r, segment = first_hits(Crossings(*(column[beyond] for column in found)), len(bearing))  # (GHO.2)
+    ray = np.flatnonzero(r <= rig.max_range[mirrors.sensor])
+    r, view, (sensor, arrival, _, normal, _, moving, _) = r[ray], view[ray], (column[ray] for column in mirrors)
+    point = image[view] + r[:, None] * unit(bearing[ray])
+    return Paths(view, sensor, arrival, r, edges.body[segment[ray]], point, normal, moving)
 
 
-def doubled(
-    share: float, rig: Rig, scene: Scene, edges: Edges, elements: Illuminated, rng: np.random.Generator
-) -> Returns:
-    """Objects whose face and that of the ego look at each other: twice as far away, twice the range rate."""
+def doubled(rig: Rig, scene: Scene, edges: Edges, elements: Illuminated) -> Paths:
+    """Objects whose face and that of the ego look at each other: twice as far away, one view a sensor."""
     near = (elements.incidence >= SQUARE) & (2 * elements.range <= rig.max_range[elements.sensor])
     from_ego = elements.bearing[near] - scene.ego.pose[2]
     across = np.maximum(np.abs(np.cos(from_ego)), np.abs(np.sin(from_ego))) >= SQUARE
     square = np.flatnonzero(near)[across]  # (GHO.6)
-    seen = Illuminated(*(column[square] for column in elements))
-    S, N = len(rig.pose), len(scene.objects.id)
-    if not len(seen.sensor):
-        return _returns(*np.zeros((3, 0)), np.zeros(0, int), DOUBLE)
-    far = seen._replace(range=2 * seen.range)
-    mean = share * expected(rig, far, np.arange(S), N)  # (GHO.7)
-    pick = choose_elements(seen, seen.chord, draw_some(mean, rig.shape, rng), rng)
-    s, u = seen.sensor[pick], unit(seen.bearing[pick])
-    point, body = rig.pose[s, :2] + seen.range[pick, None] * u, edges.body[seen.segment[pick]]
-    lever = point - scene.bodies.pose[body, :2]
-    v = point_velocity(scene.bodies.velocity[body], scene.bodies.yaw_rate[body], lever)
-    rate = 2 * (u * (v - rig.velocity[s])).sum(-1)  # (GHO.8)
-    r = 2 * (seen.range[pick] + rig.depth[s] * rng.standard_exponential(len(pick)))  # (GHO.8)
-    jitter = rig.spacing[s] * (rng.random(len(pick)) - 0.5)
-    return _returns(r, seen.bearing[pick] - rig.pose[s, 2] + jitter, rate, s, DOUBLE)
+    s, bearing, r, body = (a[square] for a in (elements.sensor, elements.bearing, elements.range, elements.segment))
+    point, still = rig.pose[s, :2] + r[:, None] * unit(bearing), np.zeros((len(s), 2))
+    return Paths(s, s, bearing, 2 * r, edges.body[body], point, still, still)  # (GHO.7)
 
 
 def same_mirror(mirrors: Mirrors, origin: NDArray) -> NDArray:
@@ -190,6 +203,6 @@ def draw_some(mean: NDArray, shape: NDArray, rng: np.random.Generator) -> NDArra
     return counts
 
 
-def _returns(r: NDArray, azimuth: NDArray, rate: NDArray, sensor: NDArray, kind: int) -> Returns:
+def _returns(r: NDArray, azimuth: NDArray, rate: NDArray, sensor: NDArray, kind: NDArray) -> Returns:
     none = np.full(len(r), -1)
-    return Returns(np.stack([r, wrap_angle(azimuth), rate], -1), sensor, none, none, none, np.full(len(r), kind))
+    return Returns(np.stack([r, wrap_angle(azimuth), rate], -1), sensor, none, none, none, kind)

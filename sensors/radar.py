@@ -173,7 +173,7 @@ class Radar:
         ]
         parts = (vehicles, walls, *around)
         if self.ghosts is not None:
-            parts += draw_ghosts(self.ghosts, self._rig(pose, velocity), scene, edges, elements, rail, rng)
+            parts += (draw_ghosts(self.ghosts, self._rig(pose, velocity), scene, edges, elements, rail, rng),)
         true = join(parts)
         merged = merge_cells(true, self.cells[true.sensor])
         seen = merged._replace(polar=add_noise(merged.polar, self.sigma[merged.sensor], rng))
