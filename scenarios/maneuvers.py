@@ -10,6 +10,7 @@ from scenarios.courses import Segment, Shift, follow_lane
 from scenarios.longitudinal import AXIS, START, L, M, R
 from scenarios.networks import SIX_RADAR_ORIGIN, gentle_curve, six_radar_bend, straight
 from scenarios.networks import s_curve as s_curve_road
+from scenarios.networks import tunnel as tunnel_road
 from scenarios.stage import EGO_SIZE, Flow, Stage, World, phases, steady_gap
 
 
@@ -152,6 +153,35 @@ def truck_convoy(rng: np.random.Generator) -> World:
     stage.fill(Flow(M, START - 60.0, speed, ("car",)))
     stage.fill(Flow(L, START + 60.0, speed + 2.0, ("car", "van")))
     return stage.world(phases(onset, onset + duration))
+
+
+def tunnel(rng: np.random.Generator) -> World:
+    """In the right of two lanes between walls; the leader 30 m ahead moves to the left lane within 4 to 5 s."""
+    stage = Stage(tunnel_road(), rng)
+    speed, onset, duration = rng.uniform(20.0, 23.0), rng.uniform(3.0, 6.0), rng.uniform(4.0, 5.0)
+    stage.ego(M, START, speed)
+    lead = START + rng.uniform(32.0, 40.0)
+    stage.prescribe("car", follow_lane(AXIS, lead, speed, shifts=(Shift(onset, duration, -4.0),), lateral=4.0))
+    stage.fill(Flow(M, lead + 75.0, speed, ("van",)))
+    stage.fill(Flow(M, START - 50.0, speed, ("car",)))
+    stage.fill(Flow(L, lead + 75.0, speed + 1.0, ("car", "truck")))
+    stage.fill(Flow(L, START - 55.0, speed, ("car",)))
+    return stage.world(phases(onset, onset + duration))
+
+
+def beside_truck(rng: np.random.Generator) -> World:
+    """A truck with trailer on the right, 2 m/s slower; the leader 28 m ahead swerves to the left lane and back."""
+    stage = Stage(straight(), rng)
+    speed, onset = rng.uniform(22.0, 24.0), rng.uniform(3.0, 5.0)
+    stage.ego(M, START, speed)
+    stage.prescribe("articulated", follow_lane(AXIS, START + rng.uniform(14.0, 20.0), speed - 2.0, lateral=8.0))
+    swerve = (Shift(onset, 3.5, -4.0), Shift(onset + 5.0, 3.5, 4.0))
+    stage.prescribe("car", follow_lane(AXIS, START + rng.uniform(28.0, 34.0), speed, (), swerve, 4.0))
+    stage.fill(Flow(M, START + 110.0, speed, ("van",)))
+    stage.fill(Flow(M, START - 50.0, speed, ("car",)))
+    stage.fill(Flow(L, START + 115.0, speed + 1.0, ("car",)))
+    stage.fill(Flow(L, START - 60.0, speed, ("motorcycle",)))
+    return stage.world(phases(onset, onset + 8.5))
 
 
 def s_curve(rng: np.random.Generator) -> World:

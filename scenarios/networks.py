@@ -52,6 +52,15 @@ def straight(lanes: int = 3, length: float = 1600.0, width: float = WIDTH) -> La
     return Layout(network, np.vstack([rail(axis, side, STRAIGHT_RAIL) for side in sides]))
 
 
+def tunnel(lanes: int = 2, length: float = 1600.0, gap: float = 0.5) -> Layout:
+    """One-way straight road a -> b along +x between two walls, so near that each shows the traffic to the other."""
+    network = RoadNetwork()
+    _straight_lanes(network, ("a", "b"), 0.0, length, lanes)
+    axis = along((0.0, 0.0, 0.0), ((length, 0.0),))
+    sides = (-WIDTH / 2 - gap, (lanes - 0.5) * WIDTH + gap)
+    return Layout(network, np.vstack([rail(axis, side, STRAIGHT_RAIL) for side in sides]))
+
+
 def _straight_lanes(
     network: RoadNetwork,
     edge: tuple[str, str],

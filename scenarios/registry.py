@@ -81,6 +81,16 @@ SCENARIOS = MappingProxyType({s.name: s for s in (
         "scenarios.maneuvers:six_radar_highway", 4,
     ),
     Scenario(
+        "tunnel",
+        "Two lanes between near walls, one car changes lane: with ghosts, traffic seems to drive behind the walls.",
+        "scenarios.maneuvers:tunnel", 6,
+    ),
+    Scenario(
+        "beside-truck",
+        "The ego passes a long truck while the leader swerves: with ghosts, the truck's side shows it a second time.",
+        "scenarios.maneuvers:beside_truck", 6,
+    ),
+    Scenario(
         "merge",
         "A van joins from the ramp in front of the ego: a track born at the edge of the road crosses into the lane.",
         "scenarios.junctions:merge", 9,

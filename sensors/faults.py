@@ -13,7 +13,7 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
-from sensors.origin import CLUTTER, Origin
+from sensors.origin import CLUTTER, GHOSTS, Origin
 from sensors.returns import false_alarms
 from sensors.scene import Scene
 from trackers.geometry import point_velocity, unit, wrap_angle
@@ -150,6 +150,7 @@ class ClockOffset:
     ) -> tuple[Scan, Origin]:  # fmt: skip
         """Detections where they were, from where the sensor was, moved with constant velocity and yaw rate."""
         late, tau, bodies = on[scan.sensor] & (origin.kind != CLUTTER), self.seconds, scene.bodies
+        ghost = np.isin(origin.kind, GHOSTS)  # only the motion along the line of sight is known of what it shows
         point, carried = scan.xy, origin.body >= 0
         body = origin.body[carried]
         velocity = np.zeros_like(point)
@@ -162,6 +163,8 @@ class ClockOffset:
         turn = unit(bearing) - scan.sight
         rate = scan.polar[:, 2] + (turn * (velocity - scan.velocity)).sum(-1)  # (FLT.5)
         earlier = np.stack([np.hypot(sight[:, 0], sight[:, 1]), wrap_angle(bearing - heading), rate], -1)
+        along = np.stack([scan.polar[:, 0] - tau * scan.polar[:, 2], scan.polar[:, 1], scan.polar[:, 2]], -1)
+        earlier = np.where(ghost[:, None], np.maximum(along, [0.0, -np.inf, -np.inf]), earlier)
         return scan._replace(polar=np.where(late[:, None], earlier, scan.polar)), origin
 
 

@@ -26,6 +26,7 @@ ROWS = (  # key of the summary, label, digits
     ("uncovered_gap", "longest in view without one [s]", 2),
     ("plain_view_gap", "  without one that fits [s]", 2),
     ("tracks_clutter", "tracks of clutter", 0),
+    ("tracks_ghost", "tracks of ghosts", 0),
     ("rmse_position", "position RMSE [m]", 2),
     ("rmse_velocity", "velocity RMSE [m/s]", 2),
     ("rmse_heading_deg", "heading RMSE [deg]", 1),

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sensors.origin import Origin
+from sensors.origin import GHOSTS, Origin
 from sensors.scene import Objects, Scene
 from testbed.evaluation import histories
 from testbed.evaluation.histories import History
@@ -72,13 +72,15 @@ class Evaluator:
         self._jumps: list[tuple[float, int]] = []  # time, track id
         self._reports: dict[int, list[tuple[float, bool]]] = defaultdict(list)  # track id -> time, inside an object
         self._took: dict[int, list[int]] = defaultdict(lambda: [0, 0])  # track id -> detections of objects, of nothing
+        self._ghosts: dict[int, int] = defaultdict(int)  # track id -> ghosts among the latter
 
     def step(
         self, time: float, scene: Scene, origin: Origin, tracks: Tracks, owner: NDArray | None = None
     ) -> FrameScore:
         """Score the tracks after the scan at `time` [s]; `origin` belongs to that scan.
 
-        owner (M,) is the id of the track that owns each detection, as in `StepInfo`; without it `tracks_clutter` is 0.
+        owner (M,) is the id of the track that owns each detection, as in `StepInfo`; without it `tracks_clutter` and
+        `tracks_ghost` are 0.
         """
         frame, row, track, counted, out, distance = self._assign(time, scene, origin, tracks, owner)
         errors = pair_errors(pair_truth(scene.objects, scene.bodies, row), take(out.estimate, track), distance)
@@ -113,6 +115,8 @@ class Evaluator:
         if owner is not None:
             for track, real in zip(owner[owner >= 0].tolist(), (origin.object[owner >= 0] >= 0).tolist(), strict=True):
                 self._took[track][not real] += 1
+            for track in owner[(owner >= 0) & np.isin(origin.kind, GHOSTS)].tolist():
+                self._ghosts[track] += 1
         objects, out = scene.objects, tracks._replace(state=None).reported
         countable = _countable(objects)
         counted = self._count(time, objects, origin) & countable
@@ -247,6 +251,8 @@ class Evaluator:
         counted = [h for h in past if (h.counted & (start <= h.time) & (h.time < end)).any()]
         confirmed = [h for h in past if (h.held & (start <= h.time) & (h.time < end)).any()]
         ids = {t for t, seen in self._reports.items() if any(start <= time < end for time, _ in seen)}
+        empty = [i for i in ids if self._took.get(i, (0, 0))[1] > self._took.get(i, (0, 0))[0]]
+        ghosts = [i for i in empty if 2 * self._ghosts.get(i, 0) > self._took[i][1]]
         table: Row = {"scans": len(within)}
         table |= {name: mean(frames[name]) for name in ("gospa", "localisation", "missed", "false")}
         table |= {
@@ -258,7 +264,8 @@ class Evaluator:
             "objects_confirmed": len(confirmed),
             "tracks_reported": len(ids),
             "tracks_orphan": len(ids - set(self._object_of)),
-            "tracks_clutter": sum(nothing > real for real, nothing in (self._took.get(i, (0, 0)) for i in ids)),
+            "tracks_clutter": len(empty) - len(ghosts),
+            "tracks_ghost": len(ghosts),
             "switches": sum(_within(histories.switches(h), start, end) for h in past),
             "jumps": _within(np.array([time for time, _ in self._jumps]), start, end),
             "lost": sum(_within(histories.losses(h), start, end) for h in past),

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 
 import typer
 
-from testbed.studies import generated, layers_figure, vehicle_figure
+from testbed.studies import generated, ghosts_figure, layers_figure, vehicle_figure
 from testbed.studies.closed_loop import page as closed_loop
 from testbed.studies.comparison import calibration, committed, publish, refresh
 from testbed.studies.comparison import page as comparison
@@ -26,6 +26,7 @@ STUDIES: Mapping[str, Callable[..., None]] = {
     "consistency": consistency.main,
     "contours": contours.main,
     "faults": faults.main,
+    "ghosts": ghosts_figure.main,  # a picture for docs/ghosts.md
     "htg-tables": htg_tables.main,
     "layers": layers_figure.main,  # pictures for docs/layers.md
     "modes": modes.main,

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sensors.origin import Origin
+from sensors.origin import CLUTTER, CONTOUR, DOUBLE, MIRROR, STATIC, Origin
 from sensors.scene import boxes_scene
 from testbed.evaluation.metrics import gospa, gwd
 from testbed.evaluation.pair_errors import ERRORS, pair_distances
@@ -221,11 +221,23 @@ def test_a_ghost_and_a_fragment_are_orphans_that_differ_by_their_place():
 
 def test_a_track_that_lives_on_nothing_is_a_track_of_clutter():
     evaluator, scene = Evaluator("case"), road([20.0])
-    clutter = seen(scene)._replace(object=np.array([0, 0, -1, -1, -1]))
+    clutter = seen(scene)._replace(object=np.array([0, 0, -1, -1, -1]), kind=np.full(5, CLUTTER))
     for k in range(3):
         evaluator.step(DT * k, scene, clutter, tracks_at([20, 60], [1, 2]), owner=np.array([1, 1, 1, 2, 2]))
-    assert evaluator.summary()["tracks_clutter"] == 1
+    summary = evaluator.summary()
+    assert [summary[name] for name in ("tracks_clutter", "tracks_ghost")] == [1, 0]
     assert [row["real"] for row in evaluator.orphan_rows()] == [0.0]
+
+
+def test_tracks_of_ghosts_are_counted_apart_from_those_of_clutter():
+    evaluator, scene = Evaluator("case"), road([20.0])
+    kind = np.array([CONTOUR, MIRROR, MIRROR, DOUBLE, STATIC, CLUTTER, MIRROR])
+    origin = seen(scene)._replace(object=np.array([0, *[-1] * 6]), kind=kind)
+    for k in range(3):
+        owner = np.array([1, -1, 2, 2, 2, 3, 3])  # track 3: as much clutter as ghost
+        evaluator.step(DT * k, scene, origin, tracks_at([20, 60, 90], [1, 2, 3]), owner=owner)
+    summary = evaluator.summary()
+    assert [summary[name] for name in ("tracks_clutter", "tracks_ghost")] == [1, 1]
 
 
 def test_a_track_that_drifts_to_a_hidden_object_has_not_jumped():
