@@ -170,13 +170,13 @@ def tunnel(rng: np.random.Generator) -> World:
 
 
 def beside_truck(rng: np.random.Generator) -> World:
-    """A truck with trailer on the right, 2 m/s slower; the leader 28 m ahead swerves to the left lane and back."""
+    """A truck with trailer on the right, little slower; the leader 24 m ahead swerves to the left lane and back."""
     stage = Stage(straight(), rng)
     speed, onset = rng.uniform(22.0, 24.0), rng.uniform(3.0, 5.0)
     stage.ego(M, START, speed)
-    stage.prescribe("articulated", follow_lane(AXIS, START + rng.uniform(14.0, 20.0), speed - 2.0, lateral=8.0))
+    stage.prescribe("articulated", follow_lane(AXIS, START + rng.uniform(14.0, 20.0), speed - 0.5, lateral=8.0))
     swerve = (Shift(onset, 3.5, -4.0), Shift(onset + 5.0, 3.5, 4.0))
-    stage.prescribe("car", follow_lane(AXIS, START + rng.uniform(28.0, 34.0), speed, (), swerve, 4.0))
+    stage.prescribe("car", follow_lane(AXIS, START + rng.uniform(24.0, 29.0), speed, (), swerve, 4.0))
     stage.fill(Flow(M, START + 110.0, speed, ("van",)))
     stage.fill(Flow(M, START - 50.0, speed, ("car",)))
     stage.fill(Flow(L, START + 115.0, speed + 1.0, ("car",)))

@@ -1,0 +1,42 @@
+"""Ghosts where scenarios promise them: behind the walls of a tunnel, and of the leader in the side of a truck."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import testbed  # noqa: F401  (registers the ids)
+from sensors.origin import MIRROR
+from trackers.geometry import to_frame
+
+
+def mirrored(scenario, seconds):
+    """The frames of a drive, and for each the ghosts (G, 2) [m] in the frame of the ego."""
+    frames = []
+    env = gym.make(f"testbed/{scenario}-v0", tracker="truth", radar="surround-ghosts", planner="truth")
+    env.attach(frames.append)
+    env.reset(seed=0)
+    while frames[-1].time < seconds:
+        env.step(1)
+    env.close()
+    return frames, [to_frame(f.scene.ego.pose, f.scan.xy[f.origin.kind == MIRROR]) for f in frames]
+
+
+def test_traffic_in_the_tunnel_is_seen_behind_both_walls():
+    _, ghosts = mirrored("tunnel", 1.0)
+    y = np.concatenate(ghosts)[:, 1]
+    assert (y > 2.5).sum() > 5
+    assert (y < -6.5).sum() > 5
+
+
+def test_the_leader_who_swerves_beside_the_truck_is_seen_in_its_side():
+    frames, ghosts = mirrored("beside-truck", 8.0)
+    shown = []
+    for frame, xy in zip(frames, ghosts, strict=True):
+        objects = frame.scene.objects
+        truck, car = objects.kind.index("articulated"), objects.kind.index("car")
+        side = objects.pose[truck, 1] - objects.size[truck, 1] / 2 - frame.scene.ego.pose[1]
+        image = objects.pose[car, :2] - frame.scene.ego.pose[:2]
+        image[1] = 2 * side - image[1]
+        shown.append((np.hypot(*(xy - image).T) < 3.0).sum())
+    assert sum(shown) > 20
+    assert sum(shown[:15]) < sum(shown) / 4  # most of them during the swerve
