@@ -164,7 +164,7 @@ def tunnel(rng: np.random.Generator) -> World:
     stage.prescribe("car", follow_lane(AXIS, lead, speed, shifts=(Shift(onset, duration, -4.0),), lateral=4.0))
     stage.fill(Flow(M, lead + 75.0, speed, ("van",)))
     stage.fill(Flow(M, START - 50.0, speed, ("car",)))
-    stage.fill(Flow(L, lead + 75.0, speed + 1.0, ("car", "truck")))
+    stage.fill(Flow(L, lead + 50.0, speed + 1.0, ("car", "truck"), from_rear=True))
     stage.fill(Flow(L, START - 55.0, speed, ("car",)))
     return stage.world(phases(onset, onset + duration))
 

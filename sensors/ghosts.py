@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from sensors.illumination import Illuminated
 from sensors.origin import DOUBLE, MIRROR
-from sensors.raycast import Crossings, Edges, crossings, first_hits, outline_edges
+from sensors.raycast import Edges, crossing_range, outline_edges
 from sensors.returns import Returns
 from sensors.scattering import choose_elements, draw_counts
 from sensors.scene import Bodies, Scene
@@ -110,20 +110,18 @@ def draw_ghosts(
 def find_mirrors(rig: Rig, scene: Scene, edges: Edges, elements: Illuminated, rail: Illuminated) -> Mirrors:
     """Where rays meet guard rails and long edges of bodies, one ray in `STRIDE`."""
     length = np.hypot(*(edges.b - edges.a).T)
-    smooth = length[elements.segment] >= LONGEST_ROUGH
-    body = Illuminated(*(column[smooth][::STRIDE] for column in elements))
-    wall = Illuminated(*(column[::STRIDE] for column in rail))
-    flat = body.segment
-    a = np.concatenate([edges.a[flat], scene.walls[wall.segment, 0]])
-    b = np.concatenate([edges.b[flat], scene.walls[wall.segment, 1]])
-    sensor, bearing, r = (np.concatenate([getattr(body, n), getattr(wall, n)]) for n in ("sensor", "bearing", "range"))
+    smooth = np.flatnonzero(length[elements.segment] >= LONGEST_ROUGH)[::STRIDE]
+    flat, wall = elements.segment[smooth], rail.segment[::STRIDE]
+    a = np.concatenate([edges.a[flat], scene.walls[wall, 0]])
+    b = np.concatenate([edges.b[flat], scene.walls[wall, 1]])
+    sensor, bearing, r = (np.concatenate([x[smooth], y[::STRIDE]]) for x, y in zip(elements[:3], rail[:3], strict=True))
     along = (b - a) / np.hypot(*(b - a).T)[:, None]
     owner = edges.body[flat]
-    point = rig.pose[body.sensor, :2] + body.range[:, None] * unit(body.bearing)
+    point = (rig.pose[sensor, :2] + r[:, None] * unit(bearing))[: len(flat)]
     lever = point - scene.bodies.pose[owner, :2]
     moving = point_velocity(scene.bodies.velocity[owner], scene.bodies.yaw_rate[owner], lever)
-    velocity = np.concatenate([moving, np.zeros((len(wall.sensor), 2))])
-    body_of = np.concatenate([owner, np.full(len(wall.sensor), -1)])
+    velocity = np.concatenate([moving, np.zeros((len(wall), 2))])
+    body_of = np.concatenate([owner, np.full(len(wall), -1)])
     return Mirrors(sensor, bearing, r, perpendicular(along), a, velocity, body_of)
 
 
@@ -145,14 +143,15 @@ def in_mirrors(rig: Rig, scene: Scene, edges: Edges, mirrors: Mirrors) -> Paths:
     place = rig.pose[mirrors.sensor, :2]
     image = reflected(place[first], mirrors.anchor[first], mirrors.normal[first])  # (V, 2), of the sensor; (GHO.1)
     way = place + mirrors.range[:, None] * unit(mirrors.bearing) - image[view]
-    bearing = np.arctan2(way[:, 1], way[:, 0])
-    found = crossings(image, view, bearing, edges.a, edges.b)
-    beyond = found.range > mirrors.range[found.ray] + APART  # what is nearer lies behind the mirror
-    beyond &= edges.body[found.segment] != mirrors.body[found.ray]
-    r, segment = first_hits(Crossings(*(column[beyond] for column in found)), len(bearing))  # (GHO.2)
+    along = way / np.hypot(way[:, 0], way[:, 1])[:, None]
+    start = image[view][:, None]
+    ends = crossing_range(along[:, None], edges.a - start, edges.b - start)  # (L, E): rays and sides are few
+    behind = ends <= mirrors.range[:, None] + APART  # the mirror
+    ends[behind | (edges.body == mirrors.body[:, None])] = np.inf
+    r, segment = ends.min(-1, initial=np.inf), ends.argmin(-1) if len(edges.a) else np.zeros(len(way), int)  # (GHO.2)
     ray = np.flatnonzero(r <= rig.max_range[mirrors.sensor])
     r, view, (sensor, arrival, _, normal, _, moving, _) = r[ray], view[ray], (column[ray] for column in mirrors)
-    point = image[view] + r[:, None] * unit(bearing[ray])
+    point = image[view] + r[:, None] * along[ray]
     return Paths(view, sensor, arrival, r, edges.body[segment[ray]], point, normal, moving)
 
 

@@ -173,7 +173,9 @@ class Radar:
         ]
         parts = (vehicles, walls, *around)
         if self.ghosts is not None:
-            parts += (draw_ghosts(self.ghosts, self._rig(pose, velocity), scene, edges, elements, rail, rng),)
+            parts += (
+                draw_ghosts(self.ghosts, Rig(pose, velocity, *self._ghost_columns), scene, edges, elements, rail, rng),
+            )
         true = join(parts)
         merged = merge_cells(true, self.cells[true.sensor])
         seen = merged._replace(polar=add_noise(merged.polar, self.sigma[merged.sensor], rng))
@@ -212,14 +214,13 @@ class Radar:
         sensor, azimuth, spacing = self._rays
         return Beams(pose, sensor, pose[sensor, 2] + azimuth, spacing, self.column("max_range"))
 
-    def _rig(self, pose: NDArray, velocity: NDArray) -> Rig:
-        """What ghosts need to know of the sensors at these poses (S, 3) and velocities (S, 2)."""
+    @cached_property
+    def _ghost_columns(self) -> tuple[NDArray, ...]:
+        """What ghosts need to know of the sensors, wherever they are: the fields of `Rig` after the first two."""
         column = self.column
         count = np.stack([column(name) for name in ("count_at_15m", "count_falloff", "count_max")])
         count[[0, 2]] *= column("detection_probability")  # (RAD.10)
-        return Rig(
-            pose, velocity, column("max_range"), count, column("count_shape"), column("depth_contour"), self._rays[2]
-        )
+        return column("max_range"), count, column("count_shape"), column("depth_contour"), self._rays[2]
 
     def expected(self, visible: Visible) -> NDArray:
         """Expected detections (S, N) of every object by every sensor, occlusion included, before cells merge any."""

@@ -18,9 +18,11 @@ from rich.table import Table
 
 from scenarios.adapter import SceneReader
 from scenarios.roads import cached as cached_road
+from sensors import find as find_radar
 from sensors.raycast import cast_bodies
 from testbed.environment.track_observation import TrackObservation
 from testbed.environment.wrapper import TrackedEnv
+from testbed.frame import TRUTH
 from testbed.planners import PLANNERS, Planner
 from testbed.planners import find as find_planner
 from testbed.planners import settings as planner_settings
@@ -79,6 +81,20 @@ def perception(steps: int) -> Table:
         frame = median(simulation) / frames * 1e3
         radar, track = ((tracked.seconds[k] - before[k]) / (steps * frames) * 1e3 for k in ("sense", "track"))
         table.add_row(str(n), f"{frame:.2f}", f"{radar:.2f}", f"{track:.2f}", f"{(radar + track) / frame:.2f}")
+    return table
+
+
+def ghosts(scans: int) -> Table:
+    """A rig with ghosts against the same without, CPU time a scan, scenes of stock traffic between rails."""
+    table = _table("ghosts against none, CPU time", "scenario", "radar [ms]", "with ghosts [ms]", "ratio (goal 1.5)")
+    for scenario in ("cut-in", "dense-traffic", "tunnel"):
+        with closing(gym.make(f"testbed/{scenario}-v0", tracker=TRUTH, radar="front")) as env:
+            env.reset(seed=0)
+            scene, rng = env.get_wrapper_attr("truth"), np.random.default_rng(0)
+        plain, extra = (partial(find_radar(name).scan, scene, rng) for name in ("surround", "surround-ghosts"))
+        pairs = interleaved(plain, extra, scans)
+        times = [float(np.median(t)) for t in pairs]
+        table.add_row(scenario, *(f"{1e3 * t:.2f}" for t in times), f"{times[1] / times[0]:.2f}")
     return table
 
 
@@ -247,6 +263,7 @@ def measure(quick: bool = False, progress: Progress | None = None) -> list[Table
     steps = 3 if quick else 10
     parts: tuple[tuple[str, Callable[[], Table]], ...] = (
         ("perception", lambda: perception(steps)),
+        ("ghosts", lambda: ghosts(10 * steps)),
         ("log", lambda: logging(4.0 if quick else 20.0)),
         ("roads", lambda: roads(steps)),
         ("rays", lambda: rays(10 * steps)),

@@ -2,7 +2,6 @@
 
 import gymnasium as gym
 import numpy as np
-import pytest
 
 import testbed  # noqa: F401  (registers the ids)
 from sensors.origin import MIRROR

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scenarios.stage import Phase
-from sensors.origin import Origin
+from sensors.origin import CLUTTER, CONTOUR, Origin
 from sensors.scene import boxes_scene
 from testbed.compare.runs.config import Task
 from testbed.compare.runs.recording import record
@@ -58,7 +58,8 @@ def scene_at(positions, ids, time=0.5, kinds=None):
 def origin_of(expected, real=()):
     expected = np.array(expected, float)
     seen = np.full(len(expected), 0.75)
-    return Origin.empty(len(expected))._replace(object=np.array(real, int), expected=expected, visible=seen)
+    empty, kind = Origin.empty(len(expected)), np.where(np.array(real, int) >= 0, CONTOUR, CLUTTER)
+    return empty._replace(object=np.array(real, int), kind=kind, expected=expected, visible=seen)
 
 
 def feed(rows, scene, origin, tracks, info):
