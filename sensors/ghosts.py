@@ -84,7 +84,8 @@ def draw_ghosts(
     V, S, N = int(seen.view.max(initial=-1)) + 1, len(rig.pose), len(scene.objects.id)
     paths = Paths(*map(np.concatenate, zip(seen, twice._replace(view=twice.view + V), strict=True)))
     if not len(paths.view):
-        return _returns(*np.zeros((3, 0)), np.zeros(0, int), np.zeros(0, int))
+        none, nobody = np.zeros(0), np.zeros(0, int)
+        return _returns(none, none, none, nobody, nobody)
     is_double = paths.view >= V
     step = np.where(is_double, 1, STRIDE) * rig.spacing[paths.sensor]
     sensor_of = np.maximum(np.arange(V + S) - V, 0)

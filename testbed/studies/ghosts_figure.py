@@ -58,4 +58,5 @@ def _draw(axes: Axes, found: Sequence[Frame]) -> None:
     xy = np.concatenate([frame.scan.xy - frame.scene.ego.pose[:2] for frame in found])
     kind = np.concatenate([frame.origin.kind for frame in found])
     for kinds, label, colour, size in SHOWN:
-        axes.scatter(*xy[np.isin(kind, kinds)].T, s=size, color=colour, label=label, linewidths=0)
+        x, y = xy[np.isin(kind, kinds)].T
+        axes.scatter(x, y, s=size, color=colour, label=label, linewidths=0)

@@ -28,6 +28,9 @@ Each panel has a scale of its own; ahead is to the right, left is up. The number
 
 {rigs}
 
+Ghosts ([ghosts.md](ghosts.md)) are off by default: only `surround-ghosts` has them, any other rig with
+`replace(rig, ghosts=Ghosts())`.
+
 Mounts are choices: bumpers and corners of a car of 4.7 x 1.9 m. The directions of `surround` and `corners` are those
 of the world W below, the layout of `nuscenes-like` is after Caesar et al. (2020), and so is its rate.
 
