@@ -52,7 +52,8 @@ for bit. Objects that a fault hides still count, so what it costs is seen as mis
 
 ## What they cost
 
-{facts} In brackets 95 % intervals over the seeds; a change is against no fault on the same seeds, bold where its
+{facts} In brackets 95 % intervals over the seeds, where they are three or
+more; a change is against no fault on the same seeds, bold where its
 interval leaves out zero. Less is better.
 
 ![change of GOSPA by fault and tracker](pictures/faults.png)
@@ -79,7 +80,8 @@ def render(table: pd.DataFrame) -> str:
 def _facts(table: pd.DataFrame) -> str:
     seeds = tuple(sorted(table["seed"].unique().tolist()))
     scenarios = ", ".join(f"`{name}`" for name in names(table, "scenario"))
-    return f"{len(table)} runs in open loop: {scenarios}, {len(seeds)} seeds ({seeds_text(seeds)})."
+    number = "1 seed" if len(seeds) == 1 else f"{len(seeds)} seeds"
+    return f"{len(table)} runs in open loop: {scenarios}, {number} ({seeds_text(seeds)})."
 
 
 def main(
