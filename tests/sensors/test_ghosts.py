@@ -99,6 +99,13 @@ def test_what_hides_the_mirror_or_the_object_hides_the_ghost():
     assert len(ghosts_of(rig(ONLY_MIRROR, max_range=29.0), open_road, MIRROR)[0]) == 0
 
 
+def test_what_stands_behind_a_mirror_is_not_seen_in_it():
+    scene = road([[7.0, 9.5, 0.0]], walls=(6.0,))
+    scan, origin = rig(ONLY_MIRROR).scan(scene, np.random.default_rng(0))
+    assert (origin.object == 0).sum() > 5  # over the rail, as no rail hides a vehicle
+    assert not (origin.kind == MIRROR).any()
+
+
 def test_short_sides_do_not_mirror():
     pose = [[14.0, 5.0, 0.0], [30.0, 0.5, 0.0]]
     for length, there in ((3.9, False), (24.0, True)):
