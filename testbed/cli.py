@@ -107,7 +107,15 @@ def run(
 
     with user_input():
         config = RunConfig(
-            scenario, tuple(tracker or (DEFAULT,)), radar, planner, seed, duration, str(out), log, not no_metrics,
+            scenario,
+            tuple(tracker or (DEFAULT,)),
+            radar,
+            planner,
+            seed,
+            duration,
+            str(out),
+            log,
+            not no_metrics,
             tuple(fault or ()),
         )
         check(config)
