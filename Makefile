@@ -14,7 +14,7 @@ SITE := build/docs
 # Byte code is kept, also where the machine's default is not to.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo test test-all test-lowest lint types unit generated docs bench regress reproduce comparison comparison-page learning-docs family modes partial-view contours probes regret regret-page standing surround faults faults-page clean
+.PHONY: demo test test-all test-lowest lint types unit generated docs bench regress reproduce comparison comparison-page learning-docs family modes partial-view contours probes calibration regret regret-page standing surround faults faults-page clean
 
 demo: $(STAMP)
 	@echo
@@ -80,6 +80,9 @@ modes: $(STAMP)  # two minutes
 
 probes: $(STAMP)  # five minutes
 	$(BIN)/python -m testbed.studies probes --docs docs
+
+calibration: $(STAMP)  # half a minute; needs the real detections
+	$(BIN)/python -m testbed.studies calibration --docs docs
 
 partial-view: $(STAMP)  # eight minutes
 	$(BIN)/python -m testbed.studies partial-view --docs docs

@@ -3,12 +3,13 @@
 Order of a scan and equations: docs/methods/radar.md.
 """
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sensors.aspects import Aspects, Faces, Parameters, interpolated, mean_counts, shown
 from sensors.ghosts import Ghosts, Rig, draw_ghosts
 from sensors.illumination import Beams, Illuminated, Visible, beam_azimuths, illuminate
 from sensors.origin import CONTOUR, VOLUME, Origin
@@ -22,7 +23,7 @@ from sensors.scattering import (
     room_behind,
     surface_points,
 )
-from sensors.scene import Scene
+from sensors.scene import Scene, check_scene
 from sensors.surroundings import Surroundings, surrounding_returns
 from trackers.geometry import compose, point_velocity, rotation, wrap_angle
 from trackers.scan import DepthProfile, Scan, SensorModel
@@ -60,6 +61,7 @@ class Sensor:
     phase: float = 0.0  # share of its period by which the first measurement is late
     profile: DepthProfile = field(default_factory=DepthProfile)  # where its detections lie on a body, as far as known
     surroundings: Surroundings | None = None  # what stands beside the road but for guard rails; None: nothing
+    aspects: Aspects | None = None  # what vehicles return by the side that they show; None: all sides alike
 
     def __post_init__(self) -> None:
         for name in numeric():
@@ -105,7 +107,7 @@ class Sensor:
 
 def numeric() -> list[str]:
     """Names of the fields of a `Sensor` that are numbers."""
-    return [one.name for one in fields(Sensor) if one.name not in ("profile", "surroundings")]
+    return [one.name for one in fields(Sensor) if one.name not in ("profile", "surroundings", "aspects")]
 
 
 @dataclass(frozen=True)
@@ -138,6 +140,14 @@ class Radar:
         return scale * self._columns[name]
 
     @cached_property
+    def _aspects(self) -> dict[str, NDArray] | None:
+        """Parameters by name, (S,) or (S, 3), of all sensors; None where to none of them sides differ."""
+        if all(sensor.aspects is None for sensor in self.sensors):
+            return None
+        given = [s.aspects or Aspects.alike(s.count_max, s.count_shape) for s in self.sensors]
+        return {one.name: np.array([getattr(a, one.name) for a in given], float) for one in fields(Aspects)}
+
+    @cached_property
     def sigma(self) -> NDArray:
         """Standard deviations (S, 3) of range [m], azimuth [rad], range rate [m/s]."""
         azimuth = self.column("sigma_azimuth_deg", np.pi / 180)
@@ -163,8 +173,13 @@ class Radar:
         elements, visible, rail = illuminate(
             self._beams(pose), edges, scene.bodies.owner, len(scene.objects.id), scene.walls
         )
-        expected = self.expected(visible)
-        vehicles = self._vehicles(scene, elements, edges, self._counts(expected, rng), pose, velocity, rng)
+        expected, shape = self.expected(visible), self.column("count_shape")[:, None]
+        if self._aspects is not None:
+            sides = shown(scene.objects.pose, pose[:, None, :2])
+            expected = self._expected_by_aspect(self._aspects, visible, sides, scene.objects.kind)
+            shape = interpolated(self._aspects["count_shape"], sides)  # (RAD.31)
+        counts = self._counts(expected, shape, rng)
+        vehicles = self._vehicles(scene, elements, edges, counts, pose, velocity, rng)
         walls = self._walls(scene, rail, pose, velocity, rng)
         around = [
             surrounding_returns(sensor.surroundings, s, sensor.model, scene, pose[s], velocity[s], elements, rng)
@@ -229,11 +244,20 @@ class Radar:
         rate = [m.expected_count(r, c) for m, r, c in zip(self.models, nearest, visible.chord, strict=True)]  # (RAD.9)
         return np.where(seen, rate, 0.0)
 
-    def _counts(self, expected: NDArray, rng: np.random.Generator) -> NDArray:
-        """Numbers of detections (S, N) in this scan."""
+    def _expected_by_aspect(self, p: Parameters, visible: Visible, sides: NDArray, kinds: tuple[str, ...]) -> NDArray:
+        """Expected detections (S, N) of objects that show the shares (S, N, 3) of their sides."""
+        seen = visible.chord > 0
+        nearest = np.where(seen, visible.nearest, 1.0)
+        unlimited = [replace(m, count_max=np.inf) for m in self.models]
+        rate = [m.expected_count(r, c) for m, r, c in zip(unlimited, nearest, visible.chord, strict=True)]  # (RAD.9)
+        limit = self.column("detection_probability")  # (RAD.10)
+        return np.where(seen, mean_counts(p, np.array(rate), visible.share, sides, kinds, limit), 0.0)
+
+    def _counts(self, expected: NDArray, shape: NDArray, rng: np.random.Generator) -> NDArray:
+        """Numbers of detections (S, N) in this scan, of count shapes (S, N) or (S, 1)."""
         p = self.column("detection_probability")[:, None]
         mean = expected / np.where(p > 0, p, 1.0)
-        counts = draw_counts(mean, self.column("count_shape")[:, None], rng)  # (RAD.11)
+        counts = draw_counts(mean, shape, rng)  # (RAD.11)
         return np.where(rng.random(expected.shape) < p, counts, 0)  # (RAD.12)
 
     def _vehicles(
@@ -242,21 +266,31 @@ class Radar:
     ) -> Returns:  # fmt: skip
         """Noise-free returns of the objects: on or behind an illuminated element each, with the motion of the body."""
         weight = elements.chord * elements.incidence ** -self.column("grazing")[elements.sensor]  # (RAD.13)
+        face = None if self._aspects is None else Faces(self._aspects, scene.bodies, edges)
+        if face is not None:
+            weight = weight * face.weights(elements, pose)
         pick = choose_elements(elements, weight, counts, rng)
         s, segment = elements.sensor[pick], elements.segment[pick]
         body, place = edges.body[segment], pose[s, :2]
         spacing = elements.chord[pick] / elements.range[pick]
         point = surface_points(place, elements.bearing[pick], spacing, edges.a[segment], edges.b[segment], rng)
-        volume = rng.random(len(pick)) < self.column("share_volume")[s]
+        inside = self.column("share_volume")[s]
+        if face is not None:
+            inside = inside * face.left(s, elements.range[pick])
+        volume = rng.random(len(pick)) < inside
         mean = np.where(volume, self.column("depth_volume")[s], self.column("depth_contour")[s])
         depth = draw_depth(mean, room_behind(place, point, body, edges), rng)
         sight = point - place
         u = sight / np.maximum(np.hypot(sight[:, 0], sight[:, 1]), 1e-12)[:, None]
         point = point + depth[:, None] * u  # (RAD.16)
+        astray = self.column("share_scatter")[s]
+        if face is not None:
+            point, under = face.from_beneath(point, s, body, place, elements.range[pick], rng)
+            volume, astray = volume | under, np.where(under, 0.0, astray)
         lever = point - scene.bodies.pose[body, :2]
         moving = point_velocity(scene.bodies.velocity[body], scene.bodies.yaw_rate[body], lever)
         rate = (u * (moving - velocity[s])).sum(-1)  # (RAD.17)
-        point = point + draw_scatter(self.column("share_scatter")[s], self.column("scatter")[s], rng)  # (RAD.18)
+        point = point + draw_scatter(astray, self.column("scatter")[s], rng)  # (RAD.18)
         kind = np.where(volume, VOLUME, CONTOUR)
         return Returns(polar_of(pose[s], point, rate), s, elements.object[pick], body, edges.edge[segment], kind)
 
@@ -285,28 +319,3 @@ def polar_of(pose: NDArray, point: NDArray, rate: NDArray) -> NDArray:
     d = point - pose[:, :2]
     azimuth = wrap_angle(np.arctan2(d[:, 1], d[:, 0]) - pose[:, 2])
     return np.stack([np.hypot(d[:, 0], d[:, 1]), azimuth, rate], -1)  # (RAD.19)
-
-
-def check_scene(scene: Scene) -> None:
-    """Raise ValueError, in one sentence, for a scene that is not finite or whose bodies do not fit together."""
-    bodies = scene.bodies
-    outlines = np.concatenate(bodies.outline) if len(bodies.outline) else np.zeros((0, 2))
-    arrays = {
-        "ego.platform": scene.ego.platform,
-        "bodies.pose": bodies.pose,
-        "bodies.velocity": bodies.velocity,
-        "bodies.yaw_rate": bodies.yaw_rate,
-        "bodies.outline": outlines,
-        "walls": scene.walls,
-    }
-    for name, value in arrays.items():
-        bad = value.size - int(np.isfinite(value).sum())
-        if bad:
-            raise ValueError(
-                f"scene.{name} has {bad} values that are not finite; take the object out or repair its state"
-            )
-    if not len(bodies.owner) == len(bodies.outline) == len(bodies.pose):
-        raise ValueError(
-            f"scene.bodies has {len(bodies.owner)} owners, {len(bodies.pose)} poses and {len(bodies.outline)} "
-            "outlines; every body needs one of each"
-        )

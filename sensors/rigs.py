@@ -14,6 +14,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from sensors.aspects import Aspects
 from sensors.ghosts import Ghosts
 from sensors.radar import Radar, Sensor
 from sensors.surroundings import Surroundings
@@ -47,11 +48,15 @@ SIDE = Sensor(
     max_range=30.0, fov_deg=90.0, spacing_deg=0.25, sigma_range=0.15, sigma_azimuth_deg=1.2, sigma_rate=0.12,
     count_at_15m=7.0, count_falloff=0.6, clutter=1.5,
 )  # fmt: skip
-# Counts, shares and depths of this one are fitted to the cars of Meyer and Kuschk (2019): `testbed calibrate`.
+# Counts, shares, depths and aspects are fitted to real cars, see docs/calibration.md: `testbed calibrate`.
 IMAGING = Sensor(
-    max_range=100.0, fov_deg=110.0, spacing_deg=0.1, sigma_range=0.12, sigma_azimuth_deg=0.4, sigma_rate=0.08,
-    count_at_15m=80.0, count_falloff=0.78, count_max=75.0, clutter=8.0, grazing=0.1, share_volume=0.5,
-    depth_contour=0.1, depth_volume=0.7, share_scatter=0.6, scatter=0.28, profile=SHALLOW,
+    max_range=100.0, fov_deg=110.0, spacing_deg=0.1, sigma_range=0.12, sigma_azimuth_deg=0.32, sigma_rate=0.08,
+    count_at_15m=86.0, count_falloff=0.75, count_max=75.0, clutter=8.0, grazing=0.0, share_volume=0.43,
+    depth_contour=0.18, depth_volume=0.74, share_scatter=0.46, scatter=0.2, profile=SHALLOW,
+    aspects=Aspects(
+        count_max=(68.0, 84.0, 57.0), count_shape=(3.9, 2.1, 6.2), hidden=0.12, height=1.6, specular=0.58, plate=1.0,
+        under=(0.06, 0.11, 0.25), fade=145.0, wheel_overhang=0.82, wheel_spread=0.15,
+    ),
 )  # fmt: skip
 # What stands beside guard rails, and the noise of range rates, of a real radar: docs/standing-returns.md.
 ROADSIDE = replace(IMAGING, sigma_rate=0.03, surroundings=Surroundings())

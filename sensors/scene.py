@@ -61,6 +61,31 @@ class Scene(NamedTuple):
     walls: NDArray = np.zeros((0, 2, 2))  # (W, 2, 2) [m] guard rails: segments that reflect, stand, and hide no body
 
 
+def check_scene(scene: Scene) -> None:
+    """Raise ValueError, in one sentence, for a scene that is not finite or whose bodies do not fit together."""
+    bodies = scene.bodies
+    outlines = np.concatenate(bodies.outline) if len(bodies.outline) else np.zeros((0, 2))
+    arrays = {
+        "ego.platform": scene.ego.platform,
+        "bodies.pose": bodies.pose,
+        "bodies.velocity": bodies.velocity,
+        "bodies.yaw_rate": bodies.yaw_rate,
+        "bodies.outline": outlines,
+        "walls": scene.walls,
+    }
+    for name, value in arrays.items():
+        bad = value.size - int(np.isfinite(value).sum())
+        if bad:
+            raise ValueError(
+                f"scene.{name} has {bad} values that are not finite; take the object out or repair its state"
+            )
+    if not len(bodies.owner) == len(bodies.outline) == len(bodies.pose):
+        raise ValueError(
+            f"scene.bodies has {len(bodies.owner)} owners, {len(bodies.pose)} poses and {len(bodies.outline)} "
+            "outlines; every body needs one of each"
+        )
+
+
 def boxes_scene(
     pose: NDArray,
     size: NDArray,

@@ -537,10 +537,10 @@ def calibrate(
 
     Example: [bold]testbed calibrate --radar imaging[/bold]
     """
-    from testbed.learn import calibration
+    from testbed.learn import calibration_report
 
     with user_input():
-        report = calibration.report(data, radar)
+        report = calibration_report.report(data, radar)
     for table in report:
         console.print(table)
 

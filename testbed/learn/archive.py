@@ -19,7 +19,7 @@ EXTRACT: dict[str, tuple[str, int, str]] = {  # arrays of the real extract: kind
     "offsets": ("iu", 1, "a list of whole numbers"),
     "classes": ("US", 1, "a list of names"),
 }
-COLUMNS = ("frame", "class", "cx", "cy", "yaw", "length", "width")  # of its objects that are used
+COLUMNS = ("frame", "class", "cx", "cy", "yaw", "length", "width", "height")  # of its objects that are used
 LAYOUTS = (("u", "aspect"), ("xy", "pose", "size", "sensor"))  # what has to be there: one or the other
 TAILS: dict[str, tuple[int, ...]] = {  # axes after that of the detections
     "u": (2,),

@@ -5,8 +5,9 @@ from collections.abc import Callable, Mapping
 import typer
 
 from testbed.studies import generated, ghosts_figure, layers_figure, vehicle_figure
+from testbed.studies.calibration import page as calibration
 from testbed.studies.closed_loop import page as closed_loop
-from testbed.studies.comparison import calibration, committed, publish, refresh
+from testbed.studies.comparison import committed, publish, refresh
 from testbed.studies.comparison import page as comparison
 from testbed.studies.consistency import page as consistency
 from testbed.studies.contours import page as contours
@@ -21,6 +22,7 @@ from testbed.studies.rigs import sensitivity
 from testbed.studies.standing import page as standing
 
 STUDIES: Mapping[str, Callable[..., None]] = {
+    "calibration": calibration.main,
     "closed-loop": closed_loop.main,
     "comparison": comparison.main,
     "consistency": consistency.main,
@@ -40,7 +42,6 @@ STUDIES: Mapping[str, Callable[..., None]] = {
     "publish": publish.main,
     "refresh": refresh.main,
     "verdicts": committed.main,
-    "calibration": calibration.main,
     "surround": sensitivity.main,
     # what the documentation says about the registries
     "generated": generated.main,

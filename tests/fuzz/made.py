@@ -47,8 +47,8 @@ def extract(cars: int, each: int) -> dict[str, np.ndarray]:
     """Boxes of cars and their detections in the layout of the real extract."""
     rng = np.random.default_rng(0)
     x = rng.uniform(10, 60, cars)
-    columns = ("frame", "class", "cx", "cy", "yaw", "length", "width")
-    objects = np.stack([np.arange(cars), 0 * x, x, 0 * x, 0 * x, 0 * x + 4.5, 0 * x + 1.8], -1)
+    columns = ("frame", "class", "cx", "cy", "yaw", "length", "width", "height")
+    objects = np.stack([np.arange(cars), 0 * x, x, 0 * x, 0 * x, 0 * x + 4.5, 0 * x + 1.8, 0 * x + 1.5], -1)
     on = np.repeat(objects[:, 2:4], each, 0) + rng.uniform(-0.9, 0.9, (cars * each, 2)) * [2.25, 0.9]
     return {
         "columns": np.array(columns), "objects": objects, "classes": np.array(["Car", "Truck", "Bus"]),
