@@ -20,17 +20,20 @@ SENSORS: Mapping[str, Sensor] = MappingProxyType({
     name: getattr(rigs, name) for name in ("LONG_RANGE", "SIDE", "IMAGING", "ROADSIDE", "NUSCENES", "LIDAR", "IDEAL")
 })  # fmt: skip
 _WORLD = "max_range fov_deg sigma_range sigma_azimuth_deg sigma_rate count_at_15m count_falloff clutter"
-_FITTED = "count_at_15m count_falloff count_max grazing share_volume depth_contour depth_volume share_scatter scatter"
+_FITTED = (
+    "count_at_15m count_falloff count_max grazing share_volume depth_contour depth_volume share_scatter scatter "
+    "sigma_azimuth_deg aspects"
+)
 _IMAGING = {
     "C": _FITTED,
-    "W": "max_range sigma_range sigma_azimuth_deg",
+    "W": "max_range sigma_range",
     "P": "fov_deg spacing_deg clutter",
     "L": "profile",
 }
 SOURCES: Mapping[str, Mapping[str, str]] = MappingProxyType({  # sensor -> key of the legend -> names of fields
     "LONG_RANGE": {"W": _WORLD, "P": "spacing_deg"},
     "SIDE": {"W": _WORLD, "P": "spacing_deg"},
-    "IMAGING": {**_IMAGING, "W": "max_range sigma_range sigma_azimuth_deg sigma_rate"},
+    "IMAGING": {**_IMAGING, "W": "max_range sigma_range sigma_rate"},
     "ROADSIDE": {**_IMAGING, "S": "sigma_rate surroundings"},
     "NUSCENES": {
         "A": "fov_deg sigma_range sigma_azimuth_deg sigma_rate cell_range cell_azimuth_deg cell_rate",
