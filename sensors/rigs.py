@@ -37,7 +37,7 @@ OUTLINE = DepthProfile(
 
 # Many detections of the inside, none of them deep: learned from the imaging radar, `python -m testbed.learn.profile`.
 SHALLOW = DepthProfile(
-    inside=0.636, inside_depth=0.567, depth=0.0382, depth_std=0.203, grazing=0.0, surface_std=0.125
+    inside=0.333, inside_depth=1.3, depth=0.153, depth_std=0.17, grazing=0.0, surface_std=0.0795
 )  # fmt: skip
 
 LONG_RANGE = Sensor(
