@@ -46,6 +46,8 @@ class RunConfig:
         check_duration(self.duration)
         check_seeds(self.seed)
         check_folder(self.out)
+        if not (isinstance(self.faults, tuple) and all(isinstance(fault, str) for fault in self.faults)):
+            raise ValueError(f"faults must be a tuple of texts, got {self.faults!r}; write faults=('drop:0.2',)")
 
 
 @dataclass(frozen=True)

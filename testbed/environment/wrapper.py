@@ -25,6 +25,7 @@ from scenarios.highway import ScenarioEnv, check_clock, is_positive
 from scenarios.lanes import lane_shapes
 from scenarios.roads import cacheable, cached
 from scenarios.vehicles import CourseVehicle
+from sensors.fault_text import faults_of
 from sensors.faults import streams
 from sensors.origin import Origin
 from sensors.scene import Scene
@@ -176,7 +177,8 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
             raise TypeError(f"also must be a sequence of trackers, got {also!r}; write also=[TRACKER]")
         if out is not None and not isinstance(out, str | PathLike):
             raise TypeError(f"out must be a directory or None, got {out!r}; write out='runs'")
-        also = list(also)
+        faults_of(faults)
+        also, faults = list(also), [faults] if isinstance(faults, str) else list(faults)  # as a spec gives them back
         gym.utils.RecordConstructorArgs.__init__(
             self,
             tracker=tracker,
