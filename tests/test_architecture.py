@@ -32,7 +32,10 @@ HOMES = {
 }
 LEAVES = ("testbed.studies",)  # packages that nothing else may import: they only make pages of the documentation
 FIGURES = re.compile(r"^testbed\.(?:\w+\.)*\w*figures?\w*$")  # modules that may draw with matplotlib
-CATCHES_ALL = {"testbed.compare.runs.tasks"}  # one failed run of thousands is reported, and must not stop the others
+CATCHES_ALL = {
+    "testbed.compare.runs.tasks",  # one failed run of thousands is reported, and must not stop the others
+    "testbed.check.report",  # so is one law that the code of a user does not get through
+}
 SEEDED = {"Generator", "SeedSequence", "BitGenerator", "PCG64", "default_rng"}
 
 # Hosts of package registries and paths of one machine; the brackets keep these lines from matching themselves.

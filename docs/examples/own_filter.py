@@ -45,7 +45,8 @@ class Kalman:
         S = state.P[..., :2, :2] + self.detection_std**2 / np.maximum(n, 1)[..., None, None] * np.eye(2)
         K = np.where(n[..., None, None] > 0, state.P[..., :2] @ np.linalg.inv(S), 0.0)  # no detection: no change
         m = state.m + (K @ eps[..., None])[..., 0]
-        return state._replace(m=m, P=state.P - K @ state.P[..., :2, :]), UpdateInfo(n, eps, S)
+        P = state.P - K @ state.P[..., :2, :]
+        return state._replace(m=m, P=(P + P.mT) / 2), UpdateInfo(n, eps, S)  # rounding has made P a little unsymmetric
 
     def estimate(self, state: State) -> Estimate:
         pose = np.concatenate([state.m[..., :2], state.first.pose[..., 2:]], -1)

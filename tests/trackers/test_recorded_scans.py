@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from sensors.rigs import RADARS
+from testbed.check.draws import arrays
 from tests.testbed.evaluation.road_world import CAR, RATE, TRUCK, Vehicle, World, record
 from trackers import TRACKERS, find, prior
 from trackers.batch import take
@@ -55,12 +56,6 @@ def about(objects):
     )
 
 
-def leaves(value):
-    if value is None:
-        return []
-    return [a for v in value for a in leaves(v)] if isinstance(value, tuple) else [np.asarray(value)]
-
-
 @pytest.mark.parametrize("name", TRACKERS)
 def test_a_batch_equals_its_members(name, recorded):
     f, state = filter_of(name), None
@@ -68,9 +63,9 @@ def test_a_batch_equals_its_members(name, recorded):
         before, dt = (f.init(about(objects)), 0.0) if state is None else (state, 1 / RATE)
         polar = np.broadcast_to(scan.polar, (*mask.shape, 3))
         state, info = f.update(f.predict(before, dt), scan._replace(polar=polar, mask=mask))
-        whole = leaves((state, f.estimate(state), info.n, info.eps, info.S))
+        whole = arrays((state, f.estimate(state), info.n, info.eps, info.S))
         for i, own in enumerate(mask) if k % EVERY == 0 else ():
             one, its = f.update(f.predict(take(before, i), dt), scan._replace(mask=own))
-            alone = leaves((one, f.estimate(one), its.n, its.eps, its.S))
+            alone = arrays((one, f.estimate(one), its.n, its.eps, its.S))
             for a, b in zip(whole, alone, strict=True):
                 np.testing.assert_allclose(a[i], b, rtol=ROUNDING.get(name, 0), atol=ROUNDING.get(name, 0))

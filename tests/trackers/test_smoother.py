@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import chi2
 
+from testbed.check.draws import arrays
 from trackers import TRACKERS, RandomMatrix, Scan, find, prior
 from trackers.batch import stack, take
 from trackers.geometry import extent_matrix, rotation, to_world, unit, wrap_angle
@@ -161,23 +162,17 @@ def follow(filter, seed, K=40, runs=None, heading=0.3, missing=(15, 20)):
     return filter, states, x, z
 
 
-def leaves(state):
-    """All arrays of a state; an optional field without a value is none."""
-    parts = [leaves(part) if isinstance(part, tuple) else [part] for part in state if part is not None]
-    return [leaf for part in parts for leaf in part]
-
-
 @pytest.mark.parametrize("name", FILTERS)
 def test_every_filter_gets_states_of_its_own_kind_that_know_no_less(name):
     f, states, _, _ = follow(find(name), seed=3, runs=2)
     got = smooth(f, states, DT)
     assert len(got) == len(states)
     for a, b in zip(got, states, strict=True):
-        assert [np.shape(x) for x in leaves(a)] == [np.shape(x) for x in leaves(b)]
+        assert [np.shape(x) for x in arrays(a)] == [np.shape(x) for x in arrays(b)]
     after = stack(got)
     value = np.linalg.eigvalsh(f.gaussian(after).P)
     assert (value > -1e-9 * value.max(-1, keepdims=True)).all()
-    for a in leaves(f.estimate(after))[:8]:
+    for a in arrays(f.estimate(after))[:8]:
         assert np.isfinite(a).all()
     last = zip(f.gaussian(got[-1]), f.gaussian(states[-1]), strict=True)
     for a, b in last:
@@ -190,7 +185,7 @@ def test_every_filter_is_smoothed_side_by_side_as_alone(name):
     many = stack(smooth(f, states, DT))
     for i in range(2):
         one = smooth(f, [take(s, np.asarray(i)) for s in states], DT)
-        for a, b in zip(leaves(take_second(many, i)), leaves(stack(one)), strict=True):
+        for a, b in zip(arrays(take_second(many, i)), arrays(stack(one)), strict=True):
             np.testing.assert_allclose(a, b, rtol=1e-6, atol=1e-8)  # roots of near-singular covariances
 
 
@@ -216,7 +211,7 @@ def test_scans_without_detections_at_the_end_change_nothing_before_them(name):
 def test_one_state_is_smoothed_already(name):
     f, states, _, _ = follow(find(name), seed=6, K=1)
     (got,) = smooth(f, states, DT)
-    for a, b in zip(leaves(got), leaves(states[0]), strict=True):
+    for a, b in zip(arrays(got), arrays(states[0]), strict=True):
         np.testing.assert_array_equal(a, b)
 
 

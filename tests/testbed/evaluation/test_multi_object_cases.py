@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from sensors.origin import CLUTTER, STATIC, Origin
 from sensors.scene import Scene
+from testbed.check.draws import arrays
 from tests.testbed.evaluation import road_cases as cases
 from tests.testbed.evaluation.road_world import (
     CAR,
@@ -74,12 +75,6 @@ def near_end(outcome: Outcome, start: float) -> tuple[NDArray, NDArray]:
     tracks = [s.tracks.reported.estimate for s in steps]
     length = np.array([float(t.size[0, 0]) for t in tracks])
     return np.array([float(t.pose[0, 0]) for t in tracks]) - length / 2 - truth, length
-
-
-def leaves(value: Any) -> list[NDArray]:
-    if value is None:
-        return []
-    return [a for v in value for a in leaves(v)] if isinstance(value, tuple) else [np.asarray(value)]
 
 
 # GOSPA [m] measured with seed 0, in the order of MEASURED. The prototype's filter: 3.7, 1.4, 3.4, .49, .36, .47, .54,
@@ -242,7 +237,7 @@ def test_15_order_splitting_and_padding_of_seven_radars_change_nothing():
         dt = 1 / RATE if step.time else 0.0
         one, info = tracker.step(one, step.scan, dt)
         two, other = tracker.step(two, scrambled(step.scan), dt)
-        for a, b in zip(leaves(one), leaves(two), strict=True):
+        for a, b in zip(arrays(one), arrays(two), strict=True):
             np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-12)
         assert info.events == other.events
     assert len(one.id) >= 2

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from testbed.check.draws import arrays
 from tests.trackers.rear_sides import RADAR, Road, drive
 from trackers import MultiObjectTracker, RandomMatrix, Scan, find, prior
 from trackers.batch import take
@@ -25,14 +26,8 @@ from trackers.protocols import Note
 CARS = [(30, 0, 0, 25.0), (50, 4, 0, 28.0), (60, -4, 0, 22.0)]
 
 
-def leaves(value):
-    if value is None:
-        return []
-    return [a for v in value for a in leaves(v)] if isinstance(value, tuple) else [np.asarray(value)]
-
-
 def assert_same(a, b):
-    for x, y in zip(leaves(a), leaves(b), strict=True):
+    for x, y in zip(arrays(a), arrays(b), strict=True):
         np.testing.assert_allclose(x, y, rtol=1e-9, atol=1e-12)
 
 
@@ -145,7 +140,7 @@ def test_no_scan_ever_corrupts_a_state(tracker):
             with warnings.catch_warnings():
                 warnings.filterwarnings("ignore", "a scan has too many unexplained")
                 after, _ = tracker.step(tracks, scan, dt)
-            assert all(np.isfinite(a).all() for a in leaves(after))
+            assert all(np.isfinite(a).all() for a in arrays(after))
             assert np.linalg.eigvalsh(after.estimate.cov).min(initial=1) > 0
             assert ((after.existence >= 0) & (after.existence < 1)).all()
 
@@ -161,7 +156,7 @@ def test_implausible_detections_are_counted_and_the_rest_is_tracked_as_if_they_w
     assert (info.implausible, quiet.implausible) == (2, 0)
     assert [e.kind for e in info.events] == ["implausible", *(e.kind for e in quiet.events)]
     assert info.events[0].track == NO_TRACK
-    for a, b in zip(leaves(got), leaves(want), strict=True):
+    for a, b in zip(arrays(got), arrays(want), strict=True):
         np.testing.assert_array_equal(a, b)
 
 

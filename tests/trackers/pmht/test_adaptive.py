@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from testbed.check.draws import arrays
 from testbed.evaluation.metrics import areas, region_iou
 from testbed.papers.yao2021.simulation import CONTOURS, PRIOR, PRIOR_VAR, simulate
 from trackers import Scan, find, prior
@@ -30,11 +31,6 @@ SPLINE = SplinePmht("surround-car+surround-truck", walk=Walk(0.4, 0.026, 1e-3))
 QUICK = AdaptiveSpline(Learner(SPLINE, enough=30, turns=3), window=6, span=0.3, least=20)
 CATALOGUE = Catalogue()
 FULL = SplinePmht("yao2021", "none", rates=RangeRates(weight=0.0), sigma=0.05)
-
-
-def leaves(state):
-    for leaf in state:
-        yield from leaves(leaf) if isinstance(leaf, tuple) else (leaf,)
 
 
 def drawn_scans(rng, count, cars=1, sensor=(-20.0, 6.0), size=SIZE, n=10):
@@ -77,7 +73,7 @@ def test_contours_change_by_the_rule_and_every_change_is_noted_with_both_contour
     assert event.contours.shape == (2, 48, 2)
     assert np.abs(event.contours[1] - event.contours[0]).max() > 0.01
     assert np.abs(event.contours[1]).max() < 4.0
-    assert np.isfinite(np.concatenate([leaf.ravel() for leaf in leaves(state)])).all()
+    assert np.isfinite(np.concatenate([leaf.ravel() for leaf in arrays(state)])).all()
 
 
 def test_too_few_detections_change_nothing():
@@ -123,9 +119,9 @@ def test_an_update_leaves_its_argument_as_it_was():
     state = QUICK.init(prior(np.array([[0.0, 0, 0], [0, 8.0, 0]]), velocity=(10.0, 0.0), size=SIZE))
     for scan in scans:
         state = QUICK.predict(state, DT)
-        copies = [np.array(leaf) for leaf in leaves(state)]
+        copies = [np.array(leaf) for leaf in arrays(state)]
         new, _ = QUICK.update(state, scan)
-        for leaf, copy in zip(leaves(state), copies, strict=True):
+        for leaf, copy in zip(arrays(state), copies, strict=True):
             np.testing.assert_array_equal(leaf, copy)
         state = new
 
@@ -133,7 +129,7 @@ def test_an_update_leaves_its_argument_as_it_was():
 def test_buffers_do_not_grow_and_rows_may_come_and_go():
     state, _ = run(QUICK, np.random.default_rng(5), 50, cars=2)
     fresh = QUICK.init(prior(np.zeros((1, 3))))
-    assert [leaf.shape[1:] for leaf in leaves(state)] == [leaf.shape[1:] for leaf in leaves(fresh)]
+    assert [leaf.shape[1:] for leaf in arrays(state)] == [leaf.shape[1:] for leaf in arrays(fresh)]
     joined = concatenate([take(state, np.array([True, False])), fresh])
     assert joined.m.shape == (2, 7)
     assert joined.window.scans[1] == 0
@@ -384,7 +380,7 @@ def test_an_object_without_a_detection_stays_as_it_is_while_others_learn():
         before = both.predict(state, DT)
         state, _ = both.update(before, without(scan, 1) if k >= 6 else scan)
         if k >= 6:
-            for a, b in zip(leaves(take(before, np.array([1]))), leaves(take(state, np.array([1]))), strict=True):
+            for a, b in zip(arrays(take(before, np.array([1]))), arrays(take(state, np.array([1]))), strict=True):
                 np.testing.assert_array_equal(a, b)
 
 

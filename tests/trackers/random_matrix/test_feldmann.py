@@ -1,18 +1,14 @@
-"""The random matrix against reference vectors, the laws of every filter, and statistics with a negative twin."""
+"""The random matrix against reference vectors, and statistics with a negative twin."""
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from scipy.stats import chi2
 
-from trackers import TRACKERS, RandomMatrix, Scan, find, prior
-from trackers.batch import stack, take
-from trackers.geometry import extent_matrix, rotation, wrap_angle
+from trackers import RandomMatrix, Scan, find, prior
+from trackers.geometry import extent_matrix
 from trackers.motion import coordinated_turn
 from trackers.random_matrix.feldmann import RMState, moments
 
-FILTERS = tuple(TRACKERS)
 DETECTIONS = [(1.8, 1.0), (-1.5, -0.9), (2.2, 0.2), (-0.3, 1.1), (0.6, -0.6)]
 
 
@@ -151,149 +147,6 @@ def test_range_rates_give_speed_and_heading_of_a_passing_car():
     assert np.hypot(*(with_rate.velocity - velocity)) < 0.6 * np.hypot(*(without.velocity - velocity))
 
 
-def random_prior(rng, lead=()):
-    return prior(
-        rng.normal(0, 20, (*lead, 3)),
-        velocity=rng.normal(0, 10, (*lead, 2)),
-        yaw_rate=rng.normal(0, 0.1, lead),
-        size=rng.uniform([3, 1.5], [12, 2.6], (*lead, 2)),
-    )
-
-
-def random_scan(rng, centre, M=7, lead=()):
-    xy = centre[..., None, :2] + rng.normal(0, 1.2, (*lead, M, 2))
-    mask = rng.random((*lead, M)) < 0.7
-    scan = Scan.from_xy(xy, mask, pose=(1.0, -2.0, 0.3), noise=(0.1, 0.01, 0.1))
-    polar = scan.polar.copy()
-    polar[..., 2] = rng.normal(0, 5, polar.shape[:-1])
-    return scan._replace(polar=polar)
-
-
-def leaves(value):
-    if value is None:
-        return []
-    return [a for v in value for a in leaves(v)] if isinstance(value, tuple) else [np.asarray(value)]
-
-
-def assert_equal_states(a, b, rtol=1e-9):
-    for x, y in zip(leaves(a), leaves(b), strict=True):
-        np.testing.assert_allclose(x, y, rtol=rtol, atol=1e-9)
-
-
-@pytest.mark.parametrize("name", FILTERS)
-@pytest.mark.parametrize("lead", [(), (1,), (3, 2)])
-def test_a_batch_equals_the_loop(name, lead):
-    f, rng = find(name), np.random.default_rng(5)
-    start = random_prior(rng, lead)
-    scan = random_scan(rng, start.pose, lead=lead)
-    state = f.update(f.predict(f.init(start), 0.1), scan)[0]
-    for i in np.ndindex(*lead):
-        one = f.predict(f.init(take(start, i)), 0.1)
-        one = f.update(one, scan._replace(polar=scan.polar[i], mask=scan.mask[i]))[0]
-        assert_equal_states(take(state, i), one)
-        assert_equal_states(f.estimate(take(state, i)), take(f.estimate(state), i))
-
-
-@pytest.mark.parametrize("name", FILTERS)
-@settings(max_examples=25, deadline=None)
-@given(seed=st.integers(0, 2**32 - 1))
-def test_order_and_padding_do_not_matter(name, seed):
-    f, rng = find(name), np.random.default_rng(seed)
-    start = f.init(random_prior(rng))
-    scan = random_scan(rng, f.estimate(start).pose)
-    state = f.update(start, scan)[0]
-    order = rng.permutation(len(scan.mask))
-    assert_equal_states(state, f.update(start, scan._replace(polar=scan.polar[order], mask=scan.mask[order]))[0], 1e-7)
-    polar = np.where(scan.mask[:, None], scan.polar, np.nan)
-    assert_equal_states(state, f.update(start, scan._replace(polar=polar))[0])
-
-
-@pytest.mark.parametrize("name", FILTERS)
-@settings(max_examples=25, deadline=None)
-@given(seed=st.integers(0, 2**32 - 1), turn=st.floats(-3, 3))
-def test_turning_the_world_turns_the_answer(name, seed, turn):
-    f, rng = find(name), np.random.default_rng(seed)
-    start = random_prior(rng)
-    scan = random_scan(rng, start.pose)
-    M = rotation(turn)
-
-    def turned(e):
-        J = np.kron(np.eye(2), M)
-        pose = np.concatenate([M @ e.pose[:2], e.pose[2:] + turn])
-        contour = None if e.contour is None else e.contour @ M.T
-        return e._replace(pose=pose, velocity=M @ e.velocity, cov=J @ e.cov @ J.T, contour=contour)
-
-    sensor = np.concatenate([scan.pose[0, :2] @ M.T, scan.pose[0, 2:] + turn])
-    plain = f.estimate(f.update(f.predict(f.init(start), 0.2), scan)[0])
-    other = f.estimate(f.update(f.predict(f.init(turned(start)), 0.2), scan._replace(pose=sensor[None]))[0])
-    plain = turned(plain)
-    np.testing.assert_allclose(wrap_angle(plain.pose[2] - other.pose[2]), 0, atol=1e-6)
-    plain.pose[2] = other.pose[2]  # the same direction, perhaps a full turn apart
-    assert_equal_states(plain, other, 1e-6)
-
-
-@pytest.mark.parametrize("name", FILTERS)
-def test_without_a_detection_the_prediction_stands(name):
-    f, rng = find(name), np.random.default_rng(3)
-    state = f.predict(f.init(random_prior(rng, (4,))), 0.1)
-    scan = random_scan(rng, f.estimate(state).pose, lead=(4,))
-    empty = f.update(state, scan._replace(mask=np.zeros((4, 7), bool)))[0]
-    assert_equal_states(state, empty, 0)
-    none = Scan(np.zeros((4, 0, 3)), np.zeros((4, 0), bool), np.zeros((1, 3)), np.zeros((1, 2)))
-    assert_equal_states(state, f.update(state, none)[0], 0)
-
-
-@pytest.mark.parametrize("name", FILTERS)
-@settings(max_examples=25, deadline=None)
-@given(seed=st.integers(0, 2**32 - 1), tiny=st.sampled_from([1e-6, 1e-3, 1.0]))
-def test_covariances_stay_symmetric_and_positive(name, seed, tiny):
-    f, rng = find(name), np.random.default_rng(seed)
-    start = random_prior(rng)
-    state = f.init(start._replace(cov=tiny * start.cov))
-    for _ in range(5):
-        state = f.update(f.predict(state, 0.1), random_scan(rng, start.pose))[0]
-    cov = f.estimate(state).cov
-    np.testing.assert_array_equal(cov, cov.T)
-    assert np.linalg.eigvalsh(cov).min() > 0
-    assert (f.estimate(state).size > 0).all()
-
-
-@pytest.mark.parametrize("name", FILTERS)
-def test_all_detections_at_one_point_leave_a_finite_state(name):
-    f = find(name)
-    state = f.init(prior((0.0, 0.0, 0.0)))
-    for _ in range(20):
-        state = f.update(f.predict(state, 0.05), Scan.from_xy(np.full((500, 2), 0.3)))[0]
-    assert all(np.isfinite(a).all() for a in leaves(state))
-
-
-@pytest.mark.parametrize("name", FILTERS)
-def test_a_zero_time_step_changes_nothing(name):
-    f = find(name)
-    state = f.init(random_prior(np.random.default_rng(0), (3,)))
-    assert_equal_states(f.predict(state, 0.0), state)
-
-
-@pytest.mark.parametrize("name", FILTERS)
-def test_init_then_estimate_returns_the_prior(name):
-    f = find(name)
-    start = prior((3.0, -2.0, 0.4), velocity=20 * np.array([np.cos(0.4), np.sin(0.4)]), size=(5.0, 2.0))
-    got = f.estimate(f.init(start))
-    np.testing.assert_allclose(got.pose, start.pose, atol=1e-9)
-    np.testing.assert_allclose(got.velocity, start.velocity, atol=1e-9)
-    np.testing.assert_allclose(got.size, start.size, rtol=1e-6)
-
-
-def test_resizing_changes_the_size_and_nothing_else():
-    f = RandomMatrix()
-    state = f.init(random_prior(np.random.default_rng(1), (3,)))
-    size, std = np.full((3, 2), [9.0, 2.4]), np.full((3, 2), [0.9, 0.24])
-    got = f.estimate(f.resize(state, size, std))
-    np.testing.assert_allclose(got.size, size, rtol=1e-9)
-    np.testing.assert_allclose(got.size_std, std, rtol=1e-9)
-    assert_equal_states(got.pose, f.estimate(state).pose)
-
-
 def test_bad_input_is_named():
     f = RandomMatrix()
     state = f.init(prior((0.0, 0.0, 0.0)))
@@ -322,9 +175,3 @@ def test_moments_of_three_points_by_hand():
     assert n == 3
     np.testing.assert_allclose(mean, [1, 1])
     np.testing.assert_allclose(spread, [[2, 0], [0, 6]])
-
-
-def test_stack_and_take_are_inverse():
-    f = RandomMatrix()
-    states = [f.init(random_prior(np.random.default_rng(i))) for i in range(3)]
-    assert_equal_states(take(stack(states), np.array(1)), states[1])

@@ -1,14 +1,17 @@
 """Motion modes over contour filters: the method's cases, the laws of a filter, and statistics with a negative twin."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from testbed.check import draws, laws
+from testbed.check.draws import arrays, check_equal, random_prior
 from trackers import Scan, find, prior
-from trackers.batch import stack, take
+from trackers.batch import take
 from trackers.geometry import rotation, unit, wrap_angle
 from trackers.protocols import Attentive, Resizable, Restartable, Shiftable, SpatialModel
 from trackers.shared_motion import FIVE, Modes, ScanRates, SharedMotion
@@ -21,34 +24,7 @@ MAP, SPLINE, _ = (SharedMotion(find(base)) for base in BASES)
 CAR = np.array([4.6, 1.86])
 
 
-def leaves(value):
-    if value is None:
-        return []
-    return [a for v in value for a in leaves(v)] if isinstance(value, tuple) else [np.asarray(value)]
-
-
-def assert_equal_states(a, b, rtol=1e-9, atol=1e-9):
-    for x, y in zip(leaves(a), leaves(b), strict=True):
-        np.testing.assert_allclose(x, y, rtol=rtol, atol=atol)
-
-
-def random_prior(rng, lead=()):
-    return prior(
-        rng.normal(0, 20, (*lead, 3)),
-        velocity=rng.normal(0, 10, (*lead, 2)),
-        yaw_rate=rng.normal(0, 0.1, lead),
-        size=rng.uniform([3, 1.5], [12, 2.6], (*lead, 2)),
-    )
-
-
-def random_scan(rng, centre, M=7, lead=()):
-    xy = centre[..., None, :2] + rng.normal(0, 1.2, (*lead, M, 2))
-    mask = rng.random((*lead, M)) < 0.7
-    scan = Scan.from_xy(xy, mask, pose=(1.0, -2.0, 0.3), noise=(0.1, 0.01, 0.1))
-    polar = scan.polar.copy()
-    polar[..., 2] = rng.normal(0, 5, polar.shape[:-1])
-    polar[..., 0, 2] = np.nan
-    return scan._replace(polar=polar)
+random_scan = partial(draws.random_scan, missing=True)
 
 
 def seen_body(rng, centre, heading, velocity, yaw_rate, n, noise=0.1, rate_noise=0.0):
@@ -259,7 +235,7 @@ def test_the_verbs_are_those_of_the_protocols(base):
     if isinstance(f.filter, Attentive):
         assert not told.inner.complete.any()
     else:
-        assert_equal_states(told, state, 0, 0)
+        check_equal(told, state, 0, 0)
 
 
 @EITHER
@@ -275,7 +251,7 @@ def test_a_shift_moves_the_estimate_and_along_the_body_nothing_else(base, course
     pose = before.pose.copy()
     pose[:, :2] += d
     contour = None if before.contour is None else before.contour + d[:, None]
-    assert_equal_states(after, before._replace(pose=pose, contour=contour))
+    check_equal(after, before._replace(pose=pose, contour=contour))
 
 
 def heading_after_shifts(f, off=0.1, scans=30, dt=0.1):
@@ -310,8 +286,8 @@ def test_the_mixture_keeps_the_moments_of_the_inner_filter_when_its_size_is_repl
     np.testing.assert_allclose(e.size, size, rtol=1e-9)
     np.testing.assert_allclose(e.size_std, share * size, rtol=1e-6)
     again = f._collapsed(new.mu, new.m, new.P, new.inner)
-    assert_equal_states(again.inner.m, new.inner.m, 1e-9)
-    assert_equal_states(again.inner.P, new.inner.P, 1e-6, 1e-9)
+    check_equal(again.inner.m, new.inner.m, 1e-9)
+    check_equal(again.inner.P, new.inner.P, 1e-6, 1e-9)
 
 
 @EITHER
@@ -329,15 +305,7 @@ def test_a_restart_takes_the_estimate_and_the_modes_of_birth(base):
 @EITHER
 @pytest.mark.parametrize("lead", [(), (1,), (3, 2)])
 def test_a_batch_equals_the_loop(base, lead):
-    f, rng = SharedMotion(find(base)), np.random.default_rng(5)
-    start = random_prior(rng, lead)
-    scan = random_scan(rng, start.pose, lead=lead)
-    state = f.update(f.predict(f.init(start), 0.1), scan)[0]
-    for i in np.ndindex(*lead):
-        one = f.predict(f.init(take(start, i)), 0.1)
-        one = f.update(one, scan._replace(polar=scan.polar[i], mask=scan.mask[i]))[0]
-        assert_equal_states(take(state, i), one)
-        assert_equal_states(f.estimate(take(state, i)), take(f.estimate(state), i))
+    laws.a_batch_equals_the_loop(SharedMotion(find(base)), lead=lead, missing=True)
 
 
 def test_an_object_in_a_batch_of_240_is_the_object_alone():
@@ -349,98 +317,62 @@ def test_an_object_in_a_batch_of_240_is_the_object_alone():
         state = MAP.update(MAP.predict(state, 0.1), scan)[0]
         one = scan._replace(polar=scan.polar[7], mask=scan.mask[7])
         alone = MAP.update(MAP.predict(alone, 0.1), one)[0]
-    assert_equal_states(take(state, 7), alone, 1e-7, 1e-9)
+    check_equal(take(state, 7), alone, 1e-7, 1e-9)
 
 
 @EITHER
 @settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_order_and_padding_do_not_matter(base, seed):
-    f, rng = SharedMotion(find(base)), np.random.default_rng(seed)
-    start = f.init(random_prior(rng))
-    scan = random_scan(rng, f.estimate(start).pose)
-    state = f.update(start, scan)[0]
-    order = rng.permutation(len(scan.mask))
-    mixed = scan._replace(polar=scan.polar[order], mask=scan.mask[order])
-    assert_equal_states(state, f.update(start, mixed)[0], 1e-6, 1e-7)
-    polar = np.where(scan.mask[:, None], scan.polar, np.nan)
-    assert_equal_states(state, f.update(start, scan._replace(polar=polar))[0])
+    laws.order_and_padding_do_not_matter(SharedMotion(find(base)), seed, missing=True, rtol=1e-6, atol=1e-7)
 
 
 @EITHER
 @settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), turn=st.floats(-3, 3))
 def test_turning_the_world_turns_the_answer(base, seed, turn):
-    f, rng = SharedMotion(find(base)), np.random.default_rng(seed)
-    start = random_prior(rng)
-    scan = random_scan(rng, start.pose)
-    M = rotation(turn)
-
-    def turned(e):
-        J = np.kron(np.eye(2), M)
-        pose = np.concatenate([M @ e.pose[:2], e.pose[2:] + turn])
-        contour = None if e.contour is None else e.contour @ M.T
-        return e._replace(pose=pose, velocity=M @ e.velocity, cov=J @ e.cov @ J.T, contour=contour)
-
-    sensor = np.concatenate([scan.pose[0, :2] @ M.T, scan.pose[0, 2:] + turn])
-    plain = f.estimate(f.update(f.predict(f.init(start), 0.2), scan)[0])
-    other = f.estimate(f.update(f.predict(f.init(turned(start)), 0.2), scan._replace(pose=sensor[None]))[0])
-    plain = turned(plain)
-    np.testing.assert_allclose(wrap_angle(plain.pose[2] - other.pose[2]), 0, atol=1e-6)
-    plain.pose[2] = other.pose[2]
-    assert_equal_states(plain, other, 1e-6, 1e-6)
+    laws.turning_the_world_turns_the_answer(SharedMotion(find(base)), seed, turn, missing=True, atol=1e-6)
 
 
 @EITHER
 def test_without_a_detection_the_prediction_stands(base):
-    f, rng = SharedMotion(find(base)), np.random.default_rng(3)
-    state = f.predict(f.init(random_prior(rng, (4,))), 0.1)
-    scan = random_scan(rng, f.estimate(state).pose, lead=(4,))
-    empty = f.update(state, scan._replace(mask=np.zeros((4, 7), bool)))[0]
-    assert_equal_states(state, empty, 0, 0)
-    some = scan.mask.copy()
-    some[1:3] = False
-    new = f.update(state, scan._replace(mask=some))[0]
-    assert_equal_states(take(state, np.array([1, 2])), take(new, np.array([1, 2])), 0, 0)
+    laws.without_a_detection_the_prediction_stands(SharedMotion(find(base)), missing=True)
 
 
 @EITHER
 def test_covariances_stay_positive_and_everything_finite(base):
-    f, rng = SharedMotion(find(base)), np.random.default_rng(11)
-    start = random_prior(rng, (5,))
-    state = f.init(start._replace(cov=1e-4 * start.cov))
-    for _ in range(8):
-        state = f.update(f.predict(state, 0.1), random_scan(rng, start.pose, lead=(5,)))[0]
-    e = f.estimate(state)
-    assert all(np.isfinite(a).all() for a in leaves((state, e)))
-    np.testing.assert_array_equal(e.cov, e.cov.mT)
-    assert np.linalg.eigvalsh(e.cov).min() > 0
+    f = SharedMotion(find(base))
+    state = laws.covariances_stay_symmetric_and_positive(f, 11, 1e-4, (5,), steps=8, missing=True)
+    assert all(np.isfinite(a).all() for a in arrays(state))
     assert np.linalg.eigvalsh(state.P).min() > 0
     np.testing.assert_allclose(state.mu.sum(-1), 1.0)
 
 
 @EITHER
-def test_all_detections_at_one_point_leave_a_finite_state(base):
+def test_no_time_changes_nothing_and_time_does_not_run_backwards(base):
     f = SharedMotion(find(base))
-    state = f.init(prior((0.0, 0.0, 0.0)))
-    for _ in range(20):
-        state = f.update(f.predict(state, 0.05), Scan.from_xy(np.full((500, 2), 0.3)))[0]
-    assert all(np.isfinite(a).all() for a in leaves(state))
+    laws.a_zero_time_step_changes_nothing(f, rtol=0, atol=0)
+    with pytest.raises(ValueError, match="dt must be finite, >= 0"):
+        f.predict(f.init(random_prior(np.random.default_rng(0), (3,))), -0.1)
 
 
 @EITHER
-def test_no_time_changes_nothing_and_time_does_not_run_backwards(base):
-    f = SharedMotion(find(base))
-    state = f.init(random_prior(np.random.default_rng(0), (3,)))
-    assert_equal_states(f.predict(state, 0.0), state, 0, 0)
-    with pytest.raises(ValueError, match="dt must be finite, >= 0"):
-        f.predict(state, -0.1)
-
-
-def test_rows_of_a_state_can_be_chosen_and_stacked():
-    rng = np.random.default_rng(1)
-    a, b = (MAP.init(random_prior(rng)) for _ in range(2))
-    assert_equal_states(take(stack([a, b]), np.array(1)), b)
+@pytest.mark.parametrize(
+    "law",
+    [
+        laws.states_have_leading_axes,
+        laws.there_may_be_no_object,
+        laws.a_prediction_moves_by_the_velocity,
+        laws.all_detections_at_one_point_leave_a_finite_state,
+        laws.missing_range_rates_do_no_harm,
+        laws.arguments_are_left_as_they_were,
+        laws.a_filter_remembers_nothing,
+        laws.detections_draw_the_estimate,
+        laws.states_can_be_chosen_and_stacked,
+    ],
+)
+def test_the_other_laws_of_a_filter_hold(base, law):
+    law(SharedMotion(find(base)))
 
 
 # -- consistency ------------------------------------------------------------------------------------------------------

@@ -8,46 +8,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from testbed.check import laws
 from tests.trackers.size.bodies import DT, INNER, NEAR, WHOLE, behind_rear, beside, rear_start, scan_of, seen
 from trackers import TRACKERS, Scan, SensorModel, find, prior
-from trackers.batch import select, stack, take
-from trackers.geometry import rotation, to_frame, wrap_angle
-from trackers.protocols import Shiftable
+from trackers.batch import stack
+from trackers.geometry import to_frame, wrap_angle
 from trackers.size import Ends, Fleet
 from trackers.size.ends import EndsState
 from trackers.size.hits import hits_of
 
 FILTERS = tuple(TRACKERS)
 CAR, TRUCK = (4.6, 1.86), (12.0, 2.5)
-
-
-def leaves(value):
-    if value is None:
-        return []
-    return [a for v in value for a in leaves(v)] if isinstance(value, tuple) else [np.asarray(value)]
-
-
-def assert_equal_states(a, b, rtol=1e-9):
-    for x, y in zip(leaves(a), leaves(b), strict=True):
-        np.testing.assert_allclose(x, y, rtol=rtol, atol=1e-9)
-
-
-def random_prior(rng, lead=()):
-    return prior(
-        rng.normal(0, 20, (*lead, 3)),
-        velocity=rng.normal(0, 10, (*lead, 2)),
-        yaw_rate=rng.normal(0, 0.1, lead),
-        size=rng.uniform([3, 1.5], [12, 2.6], (*lead, 2)),
-    )
-
-
-def random_scan(rng, centre, M=7, lead=()):
-    xy = centre[..., None, :2] + rng.normal(0, 1.2, (*lead, M, 2))
-    mask = rng.random((*lead, M)) < 0.7
-    scan = Scan.from_xy(xy, mask, pose=(1.0, -2.0, 0.3), noise=(0.1, 0.01, 0.1))
-    polar = scan.polar.copy()
-    polar[..., 2] = rng.normal(0, 5, polar.shape[:-1])
-    return scan._replace(polar=polar)
 
 
 # -- cases --------------------------------------------------------------------------------------------------------
@@ -202,125 +173,60 @@ def test_probabilities_of_the_fleet_are_the_classes():
     assert p[f.classes.index("motorcycle")] > 0.99
 
 
-# -- verbs of the filters --------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("name", FILTERS)
-def test_a_shift_moves_the_estimate_and_nothing_else(name):
-    f, rng = find(name), np.random.default_rng(2)
-    assert isinstance(f, Shiftable)
-    start = random_prior(rng, (4,))
-    state = f.update(f.predict(f.init(start), 0.1), random_scan(rng, start.pose, lead=(4,)))[0]
-    d = rng.normal(0, 2, (4, 2))
-    before, after = f.estimate(state), f.estimate(f.shift(state, d))
-    pose = before.pose.copy()
-    pose[:, :2] += d
-    contour = None if before.contour is None else before.contour + d[:, None]
-    assert_equal_states(after, before._replace(pose=pose, contour=contour))
-
-
 # -- laws -------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", FILTERS)
 @pytest.mark.parametrize("lead", [(), (1,), (3, 2)])
 def test_a_batch_equals_the_loop(name, lead):
-    f, rng = Ends(find(name)), np.random.default_rng(5)
-    start = random_prior(rng, lead)
-    scan = random_scan(rng, start.pose, lead=lead)
-    state = f.update(f.predict(f.init(start), 0.1), scan)[0]
-    for i in np.ndindex(*lead):
-        one = f.predict(f.init(take(start, i)), 0.1)
-        one = f.update(one, scan._replace(polar=scan.polar[i], mask=scan.mask[i]))[0]
-        assert_equal_states(take(state, i), one)
-        assert_equal_states(f.estimate(take(state, i)), take(f.estimate(state), i))
+    laws.a_batch_equals_the_loop(Ends(find(name)), lead=lead)
 
 
 @pytest.mark.parametrize("name", ["htg-map", "edra-imm", "pmht-spline"])
 @settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_order_and_padding_do_not_matter(name, seed):
-    f, rng = Ends(find(name)), np.random.default_rng(seed)
-    start = f.init(random_prior(rng))
-    scan = random_scan(rng, f.estimate(start).pose)
-    state = f.update(start, scan)[0]
-    order = rng.permutation(len(scan.mask))
-    assert_equal_states(state, f.update(start, scan._replace(polar=scan.polar[order], mask=scan.mask[order]))[0], 1e-7)
-    polar = np.where(scan.mask[:, None], scan.polar, np.nan)
-    assert_equal_states(state, f.update(start, scan._replace(polar=polar))[0])
+    laws.order_and_padding_do_not_matter(Ends(find(name)), seed)
 
 
 @pytest.mark.parametrize("name", ["htg-map", "edra-imm", "pmht-spline"])
 @settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), turn=st.floats(-3, 3))
 def test_turning_the_world_turns_the_answer(name, seed, turn):
-    f, rng = Ends(find(name)), np.random.default_rng(seed)
-    start = random_prior(rng)
-    scan = random_scan(rng, start.pose)
-    M = rotation(turn)
-
-    def turned(e):
-        J = np.kron(np.eye(2), M)
-        pose = np.concatenate([M @ e.pose[:2], e.pose[2:] + turn])
-        contour = None if e.contour is None else e.contour @ M.T
-        return e._replace(pose=pose, velocity=M @ e.velocity, cov=J @ e.cov @ J.T, contour=contour)
-
-    sensor = np.concatenate([scan.pose[0, :2] @ M.T, scan.pose[0, 2:] + turn])
-    plain = f.estimate(f.update(f.predict(f.init(start), 0.2), scan)[0])
-    other = f.estimate(f.update(f.predict(f.init(turned(start)), 0.2), scan._replace(pose=sensor[None]))[0])
-    plain = turned(plain)
-    np.testing.assert_allclose(wrap_angle(plain.pose[2] - other.pose[2]), 0, atol=1e-6)
-    plain.pose[2] = other.pose[2]
-    assert_equal_states(plain, other, 1e-6)
+    laws.turning_the_world_turns_the_answer(Ends(find(name)), seed, turn)
 
 
 @pytest.mark.parametrize("name", FILTERS)
 def test_without_a_detection_the_prediction_stands(name):
-    f, rng = Ends(find(name)), np.random.default_rng(3)
-    state = f.predict(f.init(random_prior(rng, (4,))), 0.1)
-    scan = random_scan(rng, f.estimate(state).pose, lead=(4,))
-    empty = f.update(state, scan._replace(mask=np.zeros((4, 7), bool)))[0]
-    assert_equal_states(state, empty, 0)
-    some = scan.mask.copy()
-    some[1:3] = False
-    new = f.update(state, scan._replace(mask=some))[0]
-    assert_equal_states(take(state, np.array([1, 2])), take(new, np.array([1, 2])), 0)
+    laws.without_a_detection_the_prediction_stands(Ends(find(name)))
 
 
 @pytest.mark.parametrize("name", FILTERS)
 def test_covariances_stay_positive_and_everything_finite(name):
-    f, rng = Ends(find(name)), np.random.default_rng(11)
-    start = random_prior(rng, (5,))
-    state = f.init(start._replace(cov=1e-4 * start.cov))
-    for _ in range(8):
-        state = f.update(f.predict(state, 0.1), random_scan(rng, start.pose, lead=(5,)))[0]
-    e = f.estimate(state)
-    assert all(np.isfinite(a).all() for a in leaves(e))
-    np.testing.assert_array_equal(e.cov, e.cov.mT)
-    assert np.linalg.eigvalsh(e.cov).min() > 0
-    assert (e.size_std > 0).all()
+    f = Ends(find(name))
+    state = laws.covariances_stay_symmetric_and_positive(f, 11, 1e-4, (5,), steps=8)
+    assert (f.estimate(state).size_std > 0).all()
 
 
 @pytest.mark.parametrize("name", FILTERS)
 def test_all_detections_at_one_point_leave_a_finite_state(name):
-    f = Ends(find(name))
-    state = f.init(prior((0.0, 0.0, 0.0)))
-    for _ in range(20):
-        state = f.update(f.predict(state, 0.05), Scan.from_xy(np.full((500, 2), 0.3)))[0]
-    assert all(np.isfinite(a).all() for a in leaves(state))
+    laws.all_detections_at_one_point_leave_a_finite_state(Ends(find(name)))
 
 
-def test_a_zero_time_step_changes_nothing():
-    f = Ends(INNER, fleet=WHOLE)
-    state = f.init(random_prior(np.random.default_rng(0), (3,)))
-    assert_equal_states(f.predict(state, 0.0), state)
-
-
-def test_rows_of_a_state_can_be_chosen_and_stacked():
-    f, rng = Ends(INNER, fleet=WHOLE), np.random.default_rng(1)
-    a, b = (f.init(random_prior(rng)) for _ in range(2))
-    both = stack([a, b])
-    assert_equal_states(take(select(np.array([True, False]), both, both), np.array(1)), b)
+@pytest.mark.parametrize(
+    "law",
+    [
+        laws.states_have_leading_axes,
+        laws.there_may_be_no_object,
+        laws.a_zero_time_step_changes_nothing,
+        laws.missing_range_rates_do_no_harm,
+        laws.arguments_are_left_as_they_were,
+        laws.a_filter_remembers_nothing,
+        laws.states_can_be_chosen_and_stacked,
+    ],
+)
+def test_the_other_laws_of_a_filter_hold(law):
+    law(Ends(INNER, fleet=WHOLE))
 
 
 # -- density ----------------------------------------------------------------------------------------------------------

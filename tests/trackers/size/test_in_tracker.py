@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from testbed.check.draws import arrays
 from tests.trackers.rear_sides import RADAR, Road, drive
 from tests.trackers.size.bodies import INNER
 from trackers import MultiObjectTracker
@@ -10,12 +11,6 @@ from trackers.size import Fleet
 
 CARS = [(30, 0, 0, 25.0), (50, 4, 0, 28.0), (60, -4, 0, 22.0)]
 TRACKER = MultiObjectTracker(INNER, (RADAR,), size="ends")
-
-
-def leaves(value):
-    if value is None:
-        return []
-    return [a for v in value for a in leaves(v)] if isinstance(value, tuple) else [np.asarray(value)]
 
 
 def test_sizes_are_those_of_ends_and_stay_open_while_one_end_is_seen():
@@ -41,7 +36,7 @@ def test_order_and_padding_of_detections_change_nothing():
         tracks, _ = TRACKER.step(tracks, scan, world.dt if k else 0.0)
         others, _ = TRACKER.step(others, mixed, world.dt if k else 0.0)
         world.advance()
-    for a, b in zip(leaves(tracks), leaves(others), strict=True):
+    for a, b in zip(arrays(tracks), arrays(others), strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-9)
 
 

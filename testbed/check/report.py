@@ -1,0 +1,107 @@
+"""The laws one after the other, each with a verdict in words."""
+
+import traceback
+from collections.abc import Callable, Mapping, Sequence
+from inspect import signature
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from testbed.check import laws, tracker_laws
+from testbed.check.draws import Broken
+from trackers.multi.tracker import MultiObjectTracker
+from trackers.protocols import Resizable, Shiftable
+
+Law = Callable[..., Any]
+Cases = Sequence[Mapping[str, Any]]
+
+ONCE: Cases = ({},)
+SEEDS: Cases = tuple({"seed": seed} for seed in range(5))
+MISSING: Cases = tuple({**case, "missing": missing} for case in SEEDS for missing in (False, True))
+LEADS: Cases = tuple({"lead": lead} for lead in ((), (1,), (3, 2)))
+ANGLES: Cases = tuple({"seed": seed, "turn": turn} for seed, turn in enumerate((-2.5, -0.7, 0.3, 1.6, 3.0)))
+TINY: Cases = tuple({"seed": seed, "tiny": tiny} for seed in range(3) for tiny in (1e-6, 1e-3, 1.0))
+
+FILTER_LAWS: tuple[tuple[Law, Cases], ...] = (
+    (laws.states_have_leading_axes, LEADS),
+    (laws.there_may_be_no_object, ONCE),
+    (laws.init_then_estimate_returns_the_prior, ONCE),
+    (laws.a_zero_time_step_changes_nothing, ONCE),
+    (laws.a_prediction_moves_by_the_velocity, ONCE),
+    (laws.without_a_detection_the_prediction_stands, SEEDS),
+    (laws.detections_draw_the_estimate, ONCE),
+    (laws.a_batch_equals_the_loop, LEADS),
+    (laws.order_and_padding_do_not_matter, MISSING),
+    (laws.turning_the_world_turns_the_answer, ANGLES),
+    (laws.covariances_stay_symmetric_and_positive, TINY),
+    (laws.all_detections_at_one_point_leave_a_finite_state, ONCE),
+    (laws.missing_range_rates_do_no_harm, SEEDS),
+    (laws.arguments_are_left_as_they_were, ONCE),
+    (laws.a_filter_remembers_nothing, ONCE),
+    (laws.states_can_be_chosen_and_stacked, ONCE),
+)
+OPTIONAL: tuple[tuple[type, Law], ...] = (
+    (Shiftable, laws.a_shift_moves_the_estimate_and_nothing_else),
+    (Resizable, laws.a_resize_changes_the_size_and_nothing_else),
+)
+TRACKER_LAWS: tuple[Law, ...] = (
+    tracker_laws.nothing_seen_is_nothing_tracked,
+    tracker_laws.a_car_in_plain_view_becomes_one_track,
+    tracker_laws.a_car_that_is_gone_loses_its_track,
+    tracker_laws.a_tracker_remembers_nothing,
+)
+
+
+class Verdict(NamedTuple):
+    """One law, and how it is broken."""
+
+    law: str  # in words
+    fault: str = ""  # one sentence; empty where the law holds
+
+    @property
+    def holds(self) -> bool:
+        """Whether the law holds."""
+        return not self.fault
+
+
+def examine_filter(filter: Any) -> list[Verdict]:
+    """Verdicts on a filter, an object with init, predict, update and estimate: alone, then in the tracker."""
+    found = [verdict(law, filter, cases) for law, cases in FILTER_LAWS]
+    found += [verdict(law, filter) for protocol, law in OPTIONAL if isinstance(filter, protocol)]
+    return found + examine_tracker(MultiObjectTracker(filter, (tracker_laws.RADAR,)))
+
+
+def examine_tracker(tracker: Any) -> list[Verdict]:
+    """Verdicts on a multi-object tracker for the sensors `(tracker_laws.RADAR,)`, an object with start and step."""
+    return [verdict(law, tracker) for law in TRACKER_LAWS]
+
+
+def verdict(law: Law, subject: Any, cases: Cases = ONCE) -> Verdict:
+    """Whether a law holds in all cases; the first fault is told.
+
+    Code of a user may raise anything: any error is a fault, told with its place, and the other laws go on.
+    """
+    name = law.__name__.replace("_", " ")
+    for case in cases:
+        try:
+            with np.errstate(all="ignore"):  # what comes of it is looked at instead
+                law(subject, **case)
+        except Broken as broken:
+            return Verdict(name, f"{broken}{_told(law, case)}")
+        except Exception as error:
+            return Verdict(name, f"{type(error).__name__}: {error} ({_place(error)}){_told(law, case)}")
+    return Verdict(name)
+
+
+def _told(law: Law, case: Mapping[str, Any]) -> str:
+    """How to repeat a case in Python."""
+    words = "".join(f", {key}={value!r}" for key, value in case.items())
+    return f" [{law.__module__}.{law.__name__}(f{words})]" if signature(law).parameters.keys() & case.keys() else ""
+
+
+def _place(error: Exception) -> str:
+    """Where an error was raised; inside a library, the line that called it."""
+    frames = traceback.extract_tb(error.__traceback__)
+    frame = next(f for f in reversed(frames) if not {"site-packages", "dist-packages"} & {*Path(f.filename).parts})
+    return f"{Path(frame.filename).name}:{frame.lineno}, in {frame.name}"
