@@ -3,11 +3,12 @@
 The probes, short scenes that are just safe on the truth, are a table of their own, `scenarios.probes.PROBES`.
 """
 
+from dataclasses import replace
 from types import MappingProxyType
 
 from scenarios.probes import PROBES
 from scenarios.record import Scenario
-from trackers.lookup import look_up
+from trackers.lookup import find_own, is_own, look_up, parse
 
 SCENARIOS = MappingProxyType({s.name: s for s in (
     Scenario(
@@ -159,5 +160,23 @@ SCENARIOS = MappingProxyType({s.name: s for s in (
 
 
 def find(name: str) -> Scenario:
-    """The scenario or probe of that name; the error names the nearest one."""
-    return look_up(name, {**SCENARIOS, **PROBES}, "scenario")
+    """The scenario or probe of that name: `NAME`, `NAME:parameter=value` or `MODULE:OBJECT:...`.
+
+    One with parameters has these as defaults, and the whole text as its name.
+
+    Raises:
+        LookupError: no such scenario; the nearest name is suggested.
+        ValueError: a parameter or value that it cannot have, or an OBJECT that is no `Scenario`.
+    """
+    catalogue = {**SCENARIOS, **PROBES}
+    if not is_own(name, catalogue) and not (isinstance(name, str) and ":" in name):
+        return look_up(name, catalogue, "scenario")
+    entry, values = parse(name)
+    found = catalogue[entry] if entry in catalogue else find_own(entry, catalogue, "scenario")
+    if not isinstance(found, Scenario):
+        raise ValueError(f"scenario {entry!r} is {found!r}; it must be a `scenarios.Scenario`")
+    if unknown := values.keys() - found.defaults.keys():
+        known = ", ".join(found.defaults) or "none"
+        raise ValueError(f"{entry} has no parameter {', '.join(sorted(unknown))}; it has {known}")
+    parameters = tuple(p._replace(default=p.check(values.get(p.name, p.default))) for p in found.parameters)
+    return replace(found, name=name, parameters=parameters)

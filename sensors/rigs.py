@@ -18,7 +18,7 @@ from sensors.aspects import Aspects
 from sensors.ghosts import Ghosts
 from sensors.radar import Radar, Sensor
 from sensors.surroundings import Surroundings
-from trackers.lookup import look_up
+from trackers.lookup import made
 from trackers.scan import DepthProfile
 
 NOSE, FLANK = 2.35, 0.85  # [m] of the mounts from the centre of the car
@@ -103,5 +103,13 @@ RADARS = MappingProxyType({r.name: r for r in (
 
 
 def find(name: str) -> Radar:
-    """The radar rig of that name."""
-    return look_up(name, RADARS, "radar")
+    """The radar rig of that name: `NAME`, `NAME:key=value,key=value` or `MODULE:OBJECT:...`.
+
+    Raises:
+        LookupError: no such radar; the nearest name is suggested.
+        ValueError: a parameter or value that it cannot have, or an OBJECT that is no radar.
+    """
+    radar = made(name, RADARS, "radar")
+    if missing := [part for part in ("models", "rate", "scan") if not hasattr(radar, part)]:
+        raise ValueError(f"radar {name!r} is {radar!r}, which has no {', '.join(missing)}; make it a `sensors.Radar`")
+    return radar

@@ -90,6 +90,7 @@ def run(
         list[str] | None,
         typer.Option(help="Of the radar, such as front:outage:3:5; repeat for several at once. docs/faults.md."),
     ] = None,
+    config: Annotated[Path | None, typer.Option(help="JSON file of the environment's config.")] = None,
 ) -> None:
     """Run one scenario in closed loop: traffic, radar, tracker, planner.
 
@@ -97,16 +98,19 @@ def run(
     RUN.json (the results) and prints the metrics. Ctrl-C ends the run early and
     keeps what there is; a second Ctrl-C does not wait.
 
+    Your own code, MODULE:OBJECT, and ids of highway-env stand wherever a name
+    does; docs/own-code.md has an example of each.
+
     Example: [bold]testbed run cut-in[/bold]
     Example: [bold]testbed run merge --tracker htg-map --tracker rm-feldmann --radar front --seed 3[/bold]
     Example: [bold]testbed run cut-in --fault front:outage:3:5 --fault drop:0.2[/bold]
+    Example: [bold]testbed run highway-v0 --config cfg.json --tracker my_ekf:CentroidEKF[/bold]
     """
-    from scenarios import find
-    from testbed.run import RunConfig, check
+    from testbed.run import RunConfig, check, length
     from testbed.run import run as run_once
 
     with user_input():
-        config = RunConfig(
+        settings = RunConfig(
             scenario,
             tuple(tracker or (DEFAULT,)),
             radar,
@@ -117,11 +121,12 @@ def run(
             log,
             not no_metrics,
             tuple(fault or ()),
+            None if config is None else str(config),
         )
-        check(config)
+        check(settings)
     with user_input((OSError,)), progress_bar("{task.completed:.1f} / {task.total:.1f} s") as bar:
-        task = bar.add_task(f"{scenario}, seed {seed}", total=duration or find(scenario).duration)
-        result = run_once(config, lambda done, total: bar.update(task, completed=done, total=total))
+        task = bar.add_task(f"{scenario}, seed {seed}", total=length(settings))
+        result = run_once(settings, lambda done, total: bar.update(task, completed=done, total=total))
     with _losses(result.lost):
         _show(result)
     raise typer.Exit(result.exit_status)
@@ -175,6 +180,25 @@ def review(
         reviewing.review(path, web, screenshot, at)
     if screenshot is not None:
         console.print(f"picture  {screenshot}", soft_wrap=True)
+
+
+@app.command()
+def check(
+    what: Annotated[str, typer.Argument(help="tracker, planner, radar or scenario.")],
+    name: Annotated[str, typer.Argument(help="MODULE:OBJECT or a name, also with :KEY=VALUE,KEY=VALUE.")],
+) -> None:
+    """Hold your own code to the laws that every entry of the catalogue keeps, and say in words which it breaks.
+
+    Exit status 1: a law is broken. The bracket behind a fault repeats it in
+    Python.
+
+    Example: [bold]testbed check tracker my_ekf:CentroidEKF[/bold]
+    """
+    from testbed.check import command
+
+    with user_input():
+        found = command.verdicts(what, name)
+    raise typer.Exit(command.show(name, found, console))
 
 
 @app.command()

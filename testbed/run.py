@@ -1,29 +1,37 @@
 """One closed-loop run from start to table."""
 
+import json
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
+from hashlib import sha256
+from math import inf
 from pathlib import Path
 from time import perf_counter, process_time
 from typing import Any
 
 import gymnasium as gym
 
-from scenarios import find as find_scenario
+from scenarios import Scenario
 from sensors import faults_of
 from sensors import find as find_radar
 from sensors.faults import chosen
 from testbed.command_line.interruption import interruptible
+from testbed.compare.runs.identity import own_code, own_module, own_names, tracker_digest
 from testbed.environment.perception import tracker_of
 from testbed.environment.recorder import check_level
+from testbed.environment.registration import make, scenario_of
 from testbed.evaluation.tracking import jsonable
 from testbed.files import make_directory, noting_losses
 from testbed.frame import Observer
-from testbed.limits import check_duration, check_folder, check_names, check_seeds
+from testbed.limits import LONGEST, check_duration, check_folder, check_names, check_seeds
 from testbed.planners import begin
 from testbed.planners import find as find_planner
 from testbed.planners import settings as planner_settings
 from trackers import DEFAULT
+from trackers.json_file import read_json
+
+EXAMPLE = '{"vehicles_count": 30}'
 
 
 @dataclass(frozen=True)
@@ -40,6 +48,7 @@ class RunConfig:
     log: str = "full"
     metrics: bool = True  # False: nothing is compared with the truth; with log "off" only
     faults: tuple[str, ...] = ()  # of the radar, all at once
+    config: str | None = None  # JSON file of the environment's config
 
     def __post_init__(self) -> None:
         check_names("trackers", self.trackers)
@@ -69,7 +78,8 @@ class RunResult:
 
 def check(config: RunConfig) -> None:
     """Raise LookupError, ValueError or OSError, in one sentence, for a configuration that cannot be run."""
-    find_scenario(config.scenario)
+    scenario_of(config.scenario)
+    read_config(config)
     radar = find_radar(config.radar)
     for fault in faults_of(config.faults):
         chosen(fault.sensors, radar.models)
@@ -82,13 +92,15 @@ def check(config: RunConfig) -> None:
 
 def make_env(config: RunConfig) -> gym.Env:
     """The scenario's environment with radar and trackers, writing its files to `config.out`."""
-    planner = find_planner(config.planner)
-    settings = planner_settings(planner) | ({} if config.duration is None else {"duration": config.duration})
+    planner, scenario = find_planner(config.planner), scenario_of(config.scenario)
+    settings = read_config(config) | planner_settings(planner)
+    if config.duration is not None and (isinstance(scenario, Scenario) or "duration" in scenario.default):
+        settings["duration"] = config.duration
     first = "truth" if planner.knows_truth else config.trackers[0]
     also = config.trackers if planner.knows_truth else config.trackers[1:]
-    return gym.make(
-        f"testbed/{config.scenario}-v0",
-        config=settings,
+    env: Any = make(
+        config.scenario,
+        settings,
         tracker=first,
         also=list(also),
         radar=config.radar,
@@ -98,6 +110,33 @@ def make_env(config: RunConfig) -> gym.Env:
         metrics=config.metrics,
         faults=config.faults,
     )
+    own = own_names([config.scenario], [config.radar], [config.planner])
+    env.notes |= own_code(own) | {
+        f"code of tracker {name}": tracker_digest(name) for name in config.trackers if own_module(name, "tracker")
+    }
+    if config.config is not None:
+        digest = sha256(json.dumps(read_config(config), sort_keys=True).encode()).hexdigest()[:6]
+        env.title = f"{config.scenario}+{Path(config.config).stem}-{digest}"
+    return env
+
+
+def read_config(config: RunConfig) -> dict[str, Any]:
+    """The environment's config of a JSON file, empty without one; ValueError where there is none in it."""
+    if config.config is None:
+        return {}
+    try:
+        found = read_json(Path(config.config))
+    except (OSError, ValueError) as error:
+        raise ValueError(f"config: cannot read {config.config}: {error}; give a JSON file like {EXAMPLE}") from None
+    if not isinstance(found, dict):
+        raise ValueError(f"config: {config.config} must hold one JSON object like {EXAMPLE}")
+    return found
+
+
+def length(config: RunConfig) -> float:
+    """Simulated time [s] after which a run ends at the latest."""
+    given = config.duration or read_config(config).get("duration") or scenario_of(config.scenario).duration
+    return min(float(given), LONGEST)
 
 
 def run(
@@ -122,13 +161,14 @@ def run(
         env.reset(seed=config.seed)
         begin(planner, env)
         recorder = tracked.recorder
-        total = float(env.unwrapped.config["duration"])  # type: ignore[attr-defined]
+        total = length(config)
+        until = inf if "duration" in env.unwrapped.config else total  # type: ignore[attr-defined]
         start, cpu, done = perf_counter(), process_time(), False
         try:
             while not done and interrupt.signal is None:
                 action, tracked.plan = planner.choose(env)
                 _, _, terminated, truncated, _ = env.step(action)
-                done = terminated or truncated
+                done = terminated or truncated or tracked.truth.time >= until
                 if progress:
                     progress(tracked.truth.time, total)
         finally:

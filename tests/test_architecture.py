@@ -27,7 +27,7 @@ HOMES = {
         "testbed.planners",
         "testbed.bench",
     ),
-    "gymnasium": ("scenarios.highway", "scenarios.adapter", "testbed"),
+    "gymnasium": ("scenarios.highway", "scenarios.adapter", "scenarios.native", "testbed"),
     "rerun": ("testbed.log",),
 }
 LEAVES = ("testbed.studies",)  # packages that nothing else may import: they only make pages of the documentation

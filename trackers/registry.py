@@ -10,7 +10,7 @@ from trackers.htg.learned import HTGLearned
 from trackers.htg.map import HTGMap
 from trackers.htg.moment import HTGMoment
 from trackers.htg.online import HTGOnline
-from trackers.lookup import look_up, parse
+from trackers.lookup import find_own, is_own, look_up, parameters_of, parse, with_parameters
 from trackers.multi.ground import GroundTest
 from trackers.multi.tracker import MultiObjectTracker
 from trackers.pmht import AdaptiveSpline, Learner, SplinePmht, Walk
@@ -116,7 +116,7 @@ LAYERS = frozenset(f.name for f in fields(MultiObjectTracker)) - {"filter", "sen
 
 
 def find(name: str, **parameters: Any) -> Filter:
-    """The filter of that name, with some parameters changed.
+    """The filter of that name, or of MODULE:OBJECT, with some parameters changed.
 
     >>> find("rm-feldmann", sigma=0.3).sigma
     0.3
@@ -126,13 +126,17 @@ def find(name: str, **parameters: Any) -> Filter:
         TypeError: the filter has no such parameter.
 
     """
+    if is_own(name, TRACKERS):
+        return with_parameters(find_own(name, TRACKERS, "tracker"), name, parameters)
     return _changed(look_up(name, TRACKERS, "tracker").filter, name, parameters)
 
 
-def build(text: str, sensors: Sequence[SensorModel], **parameters: Any) -> MultiObjectTracker:
-    """The multi-object tracker over the filter of a name, `NAME` or `NAME:key=value,key=value`.
+def build(text: str, sensors: Sequence[SensorModel], **parameters: Any) -> Any:
+    """The multi-object tracker over the filter of a name, `NAME`, `NAME:key=value,key=value` or `MODULE:OBJECT:...`.
 
-    A parameter is one of the filter, or else one of `MultiObjectTracker`.
+    A parameter is one of the filter, or else one of `MultiObjectTracker`. An OBJECT is a filter, a class or function
+    that makes one, or that makes an object with `start` and `step`, which is returned as it is; where it has a
+    parameter `sensors`, it gets the data sheets.
 
     >>> build("rm-feldmann:sigma=0.3,prune_below=0.01", (SensorModel(),)).filter.sigma
     0.3
@@ -140,14 +144,16 @@ def build(text: str, sensors: Sequence[SensorModel], **parameters: Any) -> Multi
     Raises:
         LookupError: no such tracker; the nearest name is suggested.
         TypeError: neither the filter nor the multi-object tracker has such a parameter (ValueError: in the text).
-        ValueError: a text that does not read like this, or a value that cannot be.
+        ValueError: a text that does not read like this, a value that cannot be, or an OBJECT that is no filter.
 
     """
     name, written = parse(text)
     if written.get("size") is False:  # `size=off` is a word here, not a switch
         written["size"] = "off"
-    entry = look_up(name, TRACKERS, "tracker")
     wanted = {**written, **parameters}
+    if is_own(name, TRACKERS):
+        return _built(find_own(name, TRACKERS, "tracker"), name, wanted, tuple(sensors))
+    entry = look_up(name, TRACKERS, "tracker")
     own = {key for key in wanted if key not in entry.filter.__dataclass_fields__ and key in LAYERS}
     unknown = wanted.keys() - entry.filter.__dataclass_fields__.keys() - LAYERS
     if unknown:
@@ -159,6 +165,26 @@ def build(text: str, sensors: Sequence[SensorModel], **parameters: Any) -> Multi
     if layers.get("size") == "off":
         layers.pop("ground", None)  # a filter that holds its own size takes the other part of a divided track in again
     return MultiObjectTracker(filter, tuple(sensors), **layers)
+
+
+def _built(found: Any, name: str, wanted: Mapping[str, Any], sensors: tuple[SensorModel, ...]) -> Any:
+    """The multi-object tracker of a user's object."""
+    known = parameters_of(found)
+    layers = {key: value for key, value in wanted.items() if key in LAYERS and key not in known}
+    mine = {key: value for key, value in wanted.items() if key not in layers}
+    if "sensors" in known and not hasattr(found, "sensors"):  # an object, or a default, has its own
+        mine.setdefault("sensors", sensors)
+    made = with_parameters(found, name, mine)
+    if all(hasattr(made, verb) for verb in ("start", "step")):
+        if layers:
+            raise ValueError(f"{name} is a whole tracker, which has no parameter {', '.join(layers)}; drop it")
+        return made
+    if missing := [verb for verb in ("init", "predict", "update", "estimate") if not hasattr(made, verb)]:
+        raise ValueError(
+            f"tracker {name!r} is {made!r}, which has no {', '.join(missing)}; a filter has init, predict, update and "
+            "estimate, a tracker has start and step"
+        )
+    return MultiObjectTracker(made, sensors, **layers)
 
 
 def _changed(filter: Any, name: str, parameters: Mapping[str, Any]) -> Any:

@@ -1,6 +1,7 @@
 """Your own planner: keep a time gap to the track ahead, in one function of the environment.
 
 python docs/examples/own_planner.py
+testbed run hard-brake --planner own_planner:act    (in this folder)
 """
 
 from math import inf
@@ -30,16 +31,14 @@ def act(env: gym.Env) -> int:
     return env.unwrapped.action_type.actions_indexes[name]
 
 
-env = gym.make("testbed/hard-brake-v0", config={"duration": 9.0})  # the leader brakes at 8 m/s^2
-env.reset(seed=10)
-done, step = False, 0
-while not done:
-    if step % 5 == 0:
-        print(f"{env.truth.time:4.1f} s  {env.unwrapped.vehicle.speed:4.1f} m/s  gap {gap_ahead(env):6.1f} m")
-    _, _, crashed, over, _ = env.step(act(env))
-    done, step = crashed or over, step + 1
-print("crashed" if crashed else "no collision")
-env.close()
-
-# To use it by name (`testbed run --planner mine`), give it the methods of `testbed.planners.Planner` and add it to
-# PLANNERS in testbed/planners/registry.py: see CONTRIBUTING.md.
+if __name__ == "__main__":
+    env = gym.make("testbed/hard-brake-v0", config={"duration": 9.0})  # the leader brakes at 8 m/s^2
+    env.reset(seed=10)
+    done, step = False, 0
+    while not done:
+        if step % 5 == 0:
+            print(f"{env.truth.time:4.1f} s  {env.unwrapped.vehicle.speed:4.1f} m/s  gap {gap_ahead(env):6.1f} m")
+        _, _, crashed, over, _ = env.step(act(env))
+        done, step = crashed or over, step + 1
+    print("crashed" if crashed else "no collision")
+    env.close()

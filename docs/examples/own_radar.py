@@ -1,6 +1,7 @@
 """Your own radar: two front radars with a finer and a coarser beam, beside the six-radar car of the catalogue.
 
 python docs/examples/own_radar.py
+testbed run cut-in --radar own_radar:double    (in this folder)
 """
 
 from dataclasses import replace
@@ -26,17 +27,16 @@ long_range = Sensor(
 short_range = replace(long_range, max_range=60.0, fov_deg=100.0, spacing_deg=0.25, sigma_azimuth_deg=1.5)
 double = Radar("double", "a long and a short range radar ahead", (long_range, short_range), rate=15.0)
 
-for radar in (double, RADARS["surround"]):
-    env = gym.make("testbed/truck-cut-in-v0", radar=radar)
-    env.reset(seed=0)
-    counts = []
-    for _ in range(10):  # 5 decisions a second
-        info = env.step(testbed.PLANNERS["idm"].act(env))[-1]
-        counts.append((info["detections"], info["tracks"]))
-    detections, tracks = np.mean(counts, 0)
-    print(
-        f"{radar.name}: {detections:.0f} detections a scan, {tracks:.1f} tracks of {len(env.truth.objects.id)} vehicles"
-    )
-    env.close()
 
-# To use it by name (`testbed run --radar double`), add the record to RADARS in sensors/rigs.py: see CONTRIBUTING.md.
+if __name__ == "__main__":
+    for radar in (double, RADARS["surround"]):
+        env = gym.make("testbed/truck-cut-in-v0", radar=radar)
+        env.reset(seed=0)
+        counts = []
+        for _ in range(10):  # 5 decisions a second
+            info = env.step(testbed.PLANNERS["idm"].act(env))[-1]
+            counts.append((info["detections"], info["tracks"]))
+        detections, tracks = np.mean(counts, 0)
+        count = len(env.truth.objects.id)
+        print(f"{radar.name}: {detections:.0f} detections a scan, {tracks:.1f} tracks of {count} vehicles")
+        env.close()

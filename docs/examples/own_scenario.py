@@ -4,6 +4,7 @@ A scenario is a record with a builder: a function from a random generator to a w
 generator, so the seed of `reset` decides everything.
 
     python docs/examples/own_scenario.py
+    testbed run own_scenario:scenario    (in this folder)
 """
 
 import numpy as np
@@ -33,15 +34,15 @@ def escape(rng: np.random.Generator) -> World:
 
 scenario = Scenario("escape", "A van crosses two lanes while a truck hides a car.", escape, vehicles=5, duration=9.0)
 
-env = testbed.TrackedEnv(ScenarioEnv(scenario))  # any highway-env environment can be wrapped like this
-env.reset(seed=0)
-for _ in range(45):  # 5 decisions a second
-    env.step(testbed.PLANNERS["idm"].act(env))
-estimate = env.tracks.reported.estimate
-for kind, pose in zip(env.truth.objects.kind, env.truth.objects.pose):
-    error = np.hypot(*(estimate.pose[:, :2] - pose[:2]).T)
-    nearest = f"nearest track off by {error.min():.1f} m" if len(error) else "no track"
-    print(f"{kind:10} at {pose[0]:6.1f}, {pose[1]:5.1f} m: {nearest}")
-env.close()
 
-# To give it an id and a place in every comparison, add the record to SCENARIOS: see CONTRIBUTING.md.
+if __name__ == "__main__":
+    env = testbed.TrackedEnv(ScenarioEnv(scenario))  # any highway-env environment can be wrapped like this
+    env.reset(seed=0)
+    for _ in range(45):  # 5 decisions a second
+        env.step(testbed.PLANNERS["idm"].act(env))
+    estimate = env.tracks.reported.estimate
+    for kind, pose in zip(env.truth.objects.kind, env.truth.objects.pose):
+        error = np.hypot(*(estimate.pose[:, :2] - pose[:2]).T)
+        nearest = f"nearest track off by {error.min():.1f} m" if len(error) else "no track"
+        print(f"{kind:10} at {pose[0]:6.1f}, {pose[1]:5.1f} m: {nearest}")
+    env.close()

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from testbed.check import laws, tracker_laws
+from testbed.check import entry_laws, laws, tracker_laws
 from testbed.check.draws import Broken
 from trackers.multi.tracker import MultiObjectTracker
 from trackers.protocols import Resizable, Shiftable
@@ -53,6 +53,23 @@ TRACKER_LAWS: tuple[Law, ...] = (
 )
 
 
+RADAR_LAWS: tuple[tuple[Law, Cases], ...] = (
+    (entry_laws.a_scan_fits_the_data_sheets, ONCE),
+    (entry_laws.the_same_generator_gives_the_same_scan, ONCE),
+    (entry_laws.a_car_in_view_is_detected_and_an_empty_road_has_none, ONCE),
+)
+PLANNER_LAWS: tuple[tuple[Law, Cases], ...] = (
+    (entry_laws.every_action_is_in_the_action_space, ONCE),
+    (entry_laws.the_same_drive_has_the_same_actions, ONCE),
+)
+SCENARIO_LAWS: tuple[tuple[Law, Cases], ...] = (
+    (entry_laws.a_world_repeats_under_its_seed, ONCE),
+    (entry_laws.it_has_the_vehicles_that_it_promises, ONCE),
+    (entry_laws.nobody_starts_in_a_collision, SEEDS),
+    (entry_laws.phases_follow_each_other_from_the_start, ONCE),
+)
+
+
 class Verdict(NamedTuple):
     """One law, and how it is broken."""
 
@@ -67,7 +84,7 @@ class Verdict(NamedTuple):
 
 def examine_filter(filter: Any) -> list[Verdict]:
     """Verdicts on a filter, an object with init, predict, update and estimate: alone, then in the tracker."""
-    found = [verdict(law, filter, cases) for law, cases in FILTER_LAWS]
+    found = examine(FILTER_LAWS, filter)
     found += [verdict(law, filter) for protocol, law in OPTIONAL if isinstance(filter, protocol)]
     return found + examine_tracker(MultiObjectTracker(filter, (tracker_laws.RADAR,)))
 
@@ -75,6 +92,11 @@ def examine_filter(filter: Any) -> list[Verdict]:
 def examine_tracker(tracker: Any) -> list[Verdict]:
     """Verdicts on a multi-object tracker for the sensors `(tracker_laws.RADAR,)`, an object with start and step."""
     return [verdict(law, tracker) for law in TRACKER_LAWS]
+
+
+def examine(laws: Sequence[tuple[Law, Cases]], subject: Any) -> list[Verdict]:
+    """Verdicts of some laws on whatever they are about."""
+    return [verdict(law, subject, cases) for law, cases in laws]
 
 
 def verdict(law: Law, subject: Any, cases: Cases = ONCE) -> Verdict:

@@ -1,6 +1,7 @@
 """Tables that people read: catalogues and the results of a run."""
 
 from collections.abc import Mapping, Sequence
+from importlib.metadata import EntryPoint
 from math import isfinite
 from typing import Any
 
@@ -8,7 +9,7 @@ from rich import box
 from rich.markup import escape
 from rich.table import Table
 
-from trackers.lookup import look_up
+from trackers.lookup import installed, look_up
 
 DASH = "–"
 ROWS = (  # key of the summary, label, digits
@@ -105,19 +106,28 @@ def catalogues(what: str = "all") -> list[Table]:
 
 
 def entries() -> dict[str, list[tuple[str, str]]]:
-    """Name and one line of each entry, by catalogue."""
+    """Name and one line of each entry, by catalogue; last those that installed packages have registered."""
     from scenarios import PROBES, SCENARIOS
     from sensors import RADARS
     from testbed.planners import PLANNERS
     from trackers import TRACKERS
 
-    return {
+    found = {
         "scenarios": [(s.name, s.purpose) for s in SCENARIOS.values()],
         "probes": [(p.name, p.purpose) for p in PROBES.values()],
         "trackers": [(t.name, t.source) for t in TRACKERS.values()],
         "radars": [(r.name, r.note) for r in RADARS.values()],
         "planners": [(p.name, p.note) for p in PLANNERS.values()],
     }
+    for what in ("scenario", "tracker", "radar", "planner"):
+        found[f"{what}s"] += [(name, origin(point)) for name, point in installed(what).items()]
+    return found
+
+
+def origin(point: EntryPoint) -> str:
+    """Which package has registered an entry, and what it stands for."""
+    package = f"{point.dist.name} {point.dist.version}" if point.dist is not None else "an installed package"
+    return f"from {package}: {point.value}"
 
 
 def _catalogue(title: str, rows: Sequence[tuple[str, str]]) -> Table:

@@ -158,6 +158,12 @@ def label(tracker: Any) -> str:
     return type(tracker).__name__
 
 
+def radar_label(radar: Any) -> str:
+    """Name of a radar in tables and files: as it was written, or that of the object, or its class."""
+    name = getattr(radar, "name", None)
+    return name if isinstance(name, str) else label(radar)
+
+
 def _split(entry: Mapping[str, Any], what: str) -> tuple[str, dict[str, Any]]:
     """Name and parameters of a dict entry."""
     if "name" not in entry:

@@ -1,9 +1,19 @@
-"""The gymnasium ids: `testbed/NAME-v0` for every scenario and probe."""
+"""The gymnasium ids, `testbed/NAME-v0` for every scenario and probe, and environments by what a user wrote."""
+
+import re
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
 
+import scenarios
 from scenarios.probes import PROBES
+from scenarios.record import Scenario
 from scenarios.registry import SCENARIOS
+from trackers.lookup import installed, parse
+
+if TYPE_CHECKING:
+    from scenarios.native import Native
 
 ENTRY_POINT = "testbed.environment.wrapper:scenario_env"  # a string: highway-env is loaded by the first `make`
 
@@ -33,3 +43,39 @@ def register_scenarios() -> None:
                 order_enforce=False,
                 disable_env_checker=True,
             )
+
+
+NATIVE = re.compile(r"[\w-]+-v\d+")  # ids of gymnasium; no scenario of ours has such a name
+
+
+def scenario_of(text: str) -> "Scenario | Native":
+    """What a scenario as a user writes it stands for, `NAME`, `MODULE:OBJECT` or an id of highway-env.
+
+    Each may have `:key=value,key=value` behind it: parameters of the scenario, or config of highway-env.
+
+    Raises:
+        LookupError: there is no such scenario; the nearest name is suggested.
+        ValueError: a parameter or value that it cannot have.
+    """
+    if isinstance(text, str) and NATIVE.fullmatch(name := parse(text)[0]) and name not in installed("scenario"):
+        from scenarios.native import find_native  # loads highway-env
+
+        return find_native(text)
+    return scenarios.find(text)
+
+
+def make(scenario: str, config: Mapping[str, Any] | None = None, **options: Any) -> gym.Env:
+    """The tracked environment of a scenario as a user writes it, see `scenario_of`; options are those of `TrackedEnv`.
+
+    The files of its episodes have the scenario's text as its name.
+    """
+    if scenario in SCENARIOS or scenario in PROBES:
+        return gym.make(env_id(scenario), config=dict(config or {}), **options)
+    from testbed.environment.wrapper import TrackedEnv, scenario_env
+
+    found = scenario_of(scenario)
+    if isinstance(found, Scenario):
+        return scenario_env(found, config=dict(config or {}), **options)
+    env = TrackedEnv(found.make(config or {}), **options)
+    env.title = scenario
+    return env

@@ -23,6 +23,7 @@ from scenarios.adapter import SceneReader
 from scenarios.constants import protect_idm_constants
 from scenarios.highway import ScenarioEnv, check_clock, is_positive
 from scenarios.lanes import lane_shapes
+from scenarios.record import Scenario
 from scenarios.roads import cacheable, cached
 from scenarios.vehicles import CourseVehicle
 from sensors.fault_text import faults_of
@@ -31,7 +32,7 @@ from sensors.origin import Origin
 from sensors.scene import Scene
 from testbed.environment.belief import BeliefView, RoadSwap, advance, attach_view, belief_road, mirror_road
 from testbed.environment.observation import without_frames
-from testbed.environment.perception import Cost, Perception, label
+from testbed.environment.perception import Cost, Perception, radar_label
 from testbed.environment.recorder import Recorder, check_level, road_geometry
 from testbed.evaluation.driving import drive_frame
 from testbed.files import versions
@@ -203,6 +204,8 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
         self.warm_up, self.every_episode = warm_up, every_episode
         self.out, self.log, self.planner = out, log, planner_name(planner)
         self.metrics, self._road = metrics, road
+        self.title: str | None = None  # of the scenario in the files; None: its own name
+        self.notes: dict[str, str] = {}  # what else the files are to say about the run
         self.plan: NDArray = np.zeros((0, 2))  # (P, 2) [m] the planner's path; set before `step`, for the observers
         self.cruise_speed = SLOWEST_CRUISE  # [m/s] of a planner on a free road
         self._action = "reset"
@@ -367,8 +370,8 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
             return
         core, perception = self._core, self._perception
         ours = isinstance(core, ScenarioEnv)
-        scenario = core.scenario.name if ours else core.spec.id
-        names, radar = tuple(perception.trackers), label(self._radar)
+        scenario = self.title or (core.scenario.name if ours else core.spec.id)
+        names, radar = tuple(perception.trackers), radar_label(self._radar)
         usual = core.scenario.duration if ours else core.default_config().get("duration")
         duration = core.config.get("duration", usual)
         named = None if duration == usual else duration
@@ -383,7 +386,8 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
             trackers=names,
             planner=self.planner,
             config={key: str(core.config[key]) for key in keys if key in core.config}
-            | ({"faults": ", ".join(faults)} if faults else {}),
+            | ({"faults": ", ".join(faults)} if faults else {})
+            | self.notes,
             versions=versions(),
         )
         courses = [v for v in core.road.vehicles if isinstance(v, CourseVehicle)]
@@ -494,7 +498,7 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
 
 
 def scenario_env(
-    scenario: str,
+    scenario: str | Scenario,
     tracker: Any = DEFAULT,
     radar: Any = RADAR,
     also: Sequence[Any] = (),

@@ -139,7 +139,7 @@ def _closeups(meta: RunMeta, shape: str) -> rrb.Tabs:
     bounds = (-r, r, -r, r) if shape == "compact" else CLOSE
     pages = [_scene("Close-up: by kind", bounds), _scene("By object", bounds, overrides=_by_object())]
     for name in meta.trackers:
-        others = [f"world/trackers/{other}/**" for other in meta.trackers if other != name]
+        others = [f"world/trackers/{paths.plain(other)}/**" for other in meta.trackers if other != name]
         pages.append(_scene(f"Only {name}: association", bounds, others, _by_owner(name)))
     pages.append(_scene("Smoothed", bounds, _tracked(meta), show=[f"{paths.SMOOTHED}/**"]))
     return rrb.Tabs(*pages, active_tab=0)
@@ -165,7 +165,7 @@ def _by_object() -> dict:
 
 def _by_owner(name: str) -> dict:
     """Tracks in colours of their own, and detections in the colour of the track that they were assigned to."""
-    points, color = rr.Points2D.from_fields(radii=0.17), f"radar:owner_color_{name}"
+    points, color = rr.Points2D.from_fields(radii=0.17), f"radar:owner_color_{paths.plain(name)}"
     overrides = {
         f"/{paths.detections(kind)}": points.visualizer(mappings=[_source("Points2D:colors", color)]) for kind in KINDS
     }

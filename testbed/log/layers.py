@@ -116,8 +116,8 @@ def detection_rows(frame: Frame, trackers: Iterable[str]) -> Rows:
     }
     for name in trackers:
         owner = frame.outputs[name][1].owner[keep]
-        columns[f"radar:owner_{name}"] = owner.astype(np.int32)
-        columns[f"radar:owner_color_{name}"] = palette.identity(owner)
+        columns[f"radar:owner_{paths.plain(name)}"] = owner.astype(np.int32)
+        columns[f"radar:owner_color_{paths.plain(name)}"] = palette.identity(owner)
     kind = origin.kind[keep]
     return {
         paths.detections(word): {component: column[kind == k] for component, column in columns.items()}

@@ -34,6 +34,7 @@ STATIC = (RADAR_FOV, ROAD_SURFACE, ROAD_EDGES, ROAD_LANES, CONFIG, SUMMARY)
 NUMBERS = (EGO_ACTION, EGO_SPEED)
 RISK = (EGO_TTC, EGO_DRAC, EGO_BRAKING)  # where the drive is measured
 
+_ESCAPED = re.compile(r"[^A-Za-z0-9_.\-]")
 _PLAIN = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.\-]*")
 
 
@@ -45,6 +46,16 @@ def part(name: str) -> str:
     return name
 
 
+@lru_cache(maxsize=1024)
+def plain(tracker: str) -> str:
+    """The name of a tracker as one part of an entity path: what needs escapes there becomes a hyphen.
+
+    >>> plain("my_ekf:CentroidEKF:gain=2")
+    'my_ekf-CentroidEKF-gain-2'
+    """
+    return part(_ESCAPED.sub("-", tracker))
+
+
 def detections(kind: str) -> str:
     """Layer of the detections of one kind, see `sensors.origin.KINDS`."""
     return f"world/detections/{part(kind)}"
@@ -52,17 +63,17 @@ def detections(kind: str) -> str:
 
 def tracker(name: str, layer: str) -> str:
     """Layer of one tracker, see `TRACKER_LAYERS` and `CHANGE_LAYERS`."""
-    return f"world/trackers/{part(name)}/{part(layer)}"
+    return f"world/trackers/{plain(name)}/{part(layer)}"
 
 
 def smoothed(name: str, layer: str) -> str:
     """Layer of one tracker's smoothed tracks, see `SMOOTHED_LAYERS`."""
-    return f"{SMOOTHED}/{part(name)}/{part(layer)}"
+    return f"{SMOOTHED}/{plain(name)}/{part(layer)}"
 
 
 def metric(name: str, tracker: str) -> str:
     """A metric of the whole frame."""
-    return f"metrics/{part(name)}/{part(tracker)}"
+    return f"metrics/{part(name)}/{plain(tracker)}"
 
 
 def vehicle(object_id: int) -> str:
@@ -72,7 +83,7 @@ def vehicle(object_id: int) -> str:
 
 def of_object(object_id: int, leaf: str) -> str:
     """Numbers of one object: errors of the tracker `leaf`, or of the radar for `SEEN`."""
-    return f"objects/{vehicle(object_id)}/{part(leaf)}"
+    return f"objects/{vehicle(object_id)}/{plain(leaf)}"
 
 
 def scene_layers(trackers: tuple[str, ...]) -> tuple[str, ...]:

@@ -85,8 +85,11 @@ class RunLog(NullLog):
             raise ValueError(f"level must be 'full' or 'metrics', got {level!r}; for no log use NullLog")
         if every < 1:
             raise ValueError(f"every must be at least 1 step, got {every}")
-        for name in meta.trackers:
-            paths.part(name)
+        if len({paths.plain(name) for name in meta.trackers}) < len(meta.trackers):
+            raise ValueError(
+                f"trackers {', '.join(meta.trackers)} have one name in a log, where only letters, digits, '_', '-' and "
+                "'.' count; run them apart"
+            )
         self.path = self._path = Path(path)
         self.meta = meta
         self._level, self._every, self._focus = level, every, focus

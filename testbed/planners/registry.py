@@ -7,6 +7,7 @@ remember nothing, so that one object may drive in many environments.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from inspect import isfunction
 from types import MappingProxyType
 from typing import Any, Protocol
 
@@ -18,8 +19,9 @@ from numpy.typing import NDArray
 from testbed.planners.idm import Choice, IdmPlanner
 from testbed.planners.learned import Learned
 from testbed.planners.mpc import Caution, Mpc
+from testbed.planners.own import OwnPlanner
 from testbed.planners.tree import TreeSearch
-from trackers.lookup import look_up
+from trackers.lookup import find_own, look_up, parse, with_parameters
 
 
 class Planner(Protocol):
@@ -99,16 +101,24 @@ LEARNED = "learned:"  # before the file of a policy
 
 
 def find(name: str) -> Planner:
-    """The planner of that name; `learned:FILE` is the policy in a file of `save_policy`.
+    """The planner of that name: `NAME`, `NAME:key=value,key=value`, `MODULE:OBJECT:...`, or `learned:FILE`.
+
+    One that is not in the catalogue as it stands has the whole text as its name; FILE is one of `save_policy`.
 
     Raises:
         LookupError: no such planner; the nearest name is suggested.
-        ValueError: the file holds no policy.
+        ValueError: a parameter or value that it cannot have, an OBJECT that is no planner, or a file without a policy.
 
     """
     if isinstance(name, str) and name.startswith(LEARNED):
         return Learned(name.removeprefix(LEARNED))
-    return look_up(name, PLANNERS, "planner")
+    if not isinstance(name, str) or name in PLANNERS:
+        return look_up(name, PLANNERS, "planner")
+    entry, parameters = parse(name)
+    if entry in PLANNERS:
+        return with_parameters(PLANNERS[entry], entry, {**parameters, "name": name})
+    own = find_own(entry, PLANNERS, "planner")
+    return OwnPlanner(name, own if isfunction(own) and not parameters else with_parameters(own, entry, parameters))
 
 
 def settings(planner: Any) -> dict[str, Any]:

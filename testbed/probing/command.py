@@ -12,7 +12,7 @@ from testbed.command_line.interruption import interruptible
 from testbed.command_line.tables import DASH, light_table
 from testbed.command_line.terminal import user_input
 from testbed.compare.runs.engine import Engine, perform
-from testbed.compare.runs.identity import shared_digest, tracker_digest
+from testbed.compare.runs.identity import own_code, own_names, shared_digest, tracker_digest
 from testbed.compare.runs.tasks import FAILED
 from testbed.evaluation.intervals import Interval
 from testbed.files import make_directory
@@ -45,7 +45,8 @@ class Options(NamedTuple):
 def probe(options: Options, console: Console, bar: Bar) -> int:
     """Find the limits that are missing, and show them; the exit status is 1 where nothing was survived on tracks."""
     setting, parameter = options.setting, parameter_of(options.setting.probe, options.parameter)
-    code = f"{shared_digest()}-{tracker_digest(setting.tracker)}"
+    own = own_code(own_names([setting.probe], [setting.radar], [setting.planner]))
+    code = "-".join([shared_digest(), tracker_digest(setting.tracker), *own.values()])
     pair = [
         [Search(each, parameter.name, options.resolution, code, seed) for seed in options.seeds]
         for each in (setting._replace(tracker=TRUTH), setting)

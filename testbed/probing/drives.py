@@ -4,18 +4,16 @@ from collections.abc import Mapping
 from contextlib import closing
 from typing import Any, NamedTuple
 
-import gymnasium as gym
-
-from scenarios import Scenario, find
+from scenarios import SCENARIOS, Scenario, find
 from scenarios.probes import PROBES
 from sensors import find as find_radar
 from testbed.environment.perception import tracker_of
-from testbed.environment.registration import env_id
+from testbed.environment.registration import make
 from testbed.evaluation.driving import DriveEvaluator, DriveMeasures
 from testbed.frame import Observer
 from testbed.planners import begin, settings
 from testbed.planners import find as find_planner
-from trackers.lookup import look_up
+from trackers.lookup import is_own, look_up
 
 FREE = 1.0  # [m/s^2] braking up to this is none, where nothing calls for it
 
@@ -30,9 +28,23 @@ class Setting(NamedTuple):
 
     def check(self) -> None:
         """Raise LookupError, TypeError or ValueError, in one sentence, for what is not in the catalogues."""
-        look_up(self.probe, PROBES, "probe")
+        find_probe(self.probe)
         find_planner(self.planner)
         tracker_of(self.tracker, find_radar(self.radar))
+
+
+def find_probe(name: str) -> Scenario:
+    """A probe of the catalogue, or a scenario of a user that has a parameter.
+
+    Raises:
+        LookupError: there is none; the nearest name is suggested.
+    """
+    if not is_own(name, {**PROBES, **SCENARIOS}):
+        return look_up(name, PROBES, "probe")
+    found = find(name)
+    if not found.parameters:
+        raise LookupError(f"{name} has no parameter that can be made harder; give its Scenario `parameters`")
+    return found
 
 
 def drive(
@@ -41,8 +53,7 @@ def drive(
     """Measures of one drive; `values` of the probe's parameters replace their defaults."""
     planner, evaluator = find_planner(setting.planner), DriveEvaluator()
     config = {**settings(planner), **(values or {})}
-    made = gym.make(env_id(setting.probe), tracker=setting.tracker, radar=setting.radar, config=config)
-    with closing(made) as env:
+    with closing(make(setting.probe, config, tracker=setting.tracker, radar=setting.radar)) as env:
         tracked: Any = env
         tracked.attach(lambda frame: evaluator.step(frame.scene))
         if observer is not None:
@@ -64,4 +75,4 @@ def survived(probe: Scenario, measures: DriveMeasures) -> bool:
 
 def survives(setting: Setting, seed: int, values: Mapping[str, float]) -> bool:
     """Whether a drive with these parameters is survived."""
-    return survived(find(setting.probe), drive(setting, seed, values))
+    return survived(find_probe(setting.probe), drive(setting, seed, values))

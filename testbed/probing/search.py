@@ -13,12 +13,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from scenarios import find
 from scenarios.record import Parameter
 from testbed.compare.runs.tasks import FOUND, Outcome, outcome_of
 from testbed.evaluation.intervals import Interval, bootstrap_interval
 from testbed.files import write_json
-from testbed.probing.drives import Setting, survives
+from testbed.probing.drives import Setting, find_probe, survives
 from trackers.lookup import look_up
 
 SHARE = 0.95  # of the seeds must survive
@@ -26,7 +25,7 @@ SHARE = 0.95  # of the seeds must survive
 
 def parameter_of(probe: str, name: str | None) -> Parameter:
     """A parameter of a probe by name, the first one for None; LookupError for one that it does not have."""
-    known = {parameter.name: parameter for parameter in find(probe).parameters}
+    known = {parameter.name: parameter for parameter in find_probe(probe).parameters}
     return look_up(next(iter(known)) if name is None else name, known, f"parameter of {probe}")
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from testbed.compare.runs.rows import check_part, write
 from testbed.compare.runs.tasks import FOUND, Outcome, outcome_of
+from testbed.environment.registration import make
 from testbed.evaluation.driving import DriveEvaluator
 from testbed.evaluation.tracking import Evaluator, jsonable
 from testbed.frame import Frame
@@ -19,7 +20,7 @@ from testbed.planners import find as find_planner
 from testbed.regret import conditions
 from testbed.regret.curves import SCHEMA, Curves
 from testbed.regret.discrepancy import Discrepancy, largest
-from testbed.regret.study import Settings, Task, split_scenario
+from testbed.regret.study import Settings, Task
 
 FOLDER = "drives"
 TRACKING = (  # measures of the tracker in its own drive
@@ -122,18 +123,17 @@ def drive_through(env: gym.Env, task: Task) -> tuple[list[float], list[list[floa
 
 def make_env(task: Task, settings: Settings, **options: Any) -> gym.Env:
     """The environment of a drive; options go to `TrackedEnv`."""
-    name, parameters = split_scenario(task.scenario)
     planner = find_planner(task.planner)
-    config: dict[str, Any] = dict(parameters)
+    config: dict[str, Any] = {}
     if settings.duration is not None:
         config["duration"] = settings.duration
     if action := getattr(planner, "action", None):
         config["action"] = dict(action)
     condition = conditions.parse(task.condition)
     found = conditions.source(condition, settings.radar, task.seed)
-    return gym.make(
-        f"testbed/{name}-v0",
-        config=config,
+    return make(
+        task.scenario,
+        config,
         tracker=found,
         radar=settings.radar,
         planner=task.planner,

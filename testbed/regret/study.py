@@ -5,11 +5,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import testbed.compare.runs.config as comparison
-from scenarios import find as find_scenario
 from sensors import faults_of
 from sensors import find as find_radar
 from sensors.faults import chosen
-from testbed.compare.runs.identity import modules_digest, shared_digest, tracker_digest
+from testbed.compare.runs.identity import modules_digest, own_code, own_names, shared_digest, tracker_digest
+from testbed.environment.registration import scenario_of
 from testbed.files import make_directory, versions
 from testbed.frame import TRUTH
 from testbed.limits import MOST_RUNS, check_duration, check_folder, check_names, check_seeds
@@ -113,42 +113,13 @@ def is_plain(tracker: str) -> bool:
     return condition.groups is None and not condition.errors.sizes and not condition.faults
 
 
-def split_scenario(text: str) -> tuple[str, dict[str, float]]:
-    """Name and parameters of `NAME:parameter=value,parameter=value`.
-
-    >>> split_scenario("probe-brake:gap=26")
-    ('probe-brake', {'gap': 26.0})
-    """
-    name, colon, rest = text.partition(":")
-    values: dict[str, float] = {}
-    for part in rest.split(",") if colon else ():
-        key, equals, value = part.partition("=")
-        try:
-            values[key] = float(value)
-        except ValueError:
-            equals = ""
-        if not equals:
-            raise ValueError(f"a scenario reads NAME or NAME:parameter=value, got {text!r}")
-    return name, values
-
-
-def check_scenario(text: str) -> None:
-    """Raise LookupError or ValueError for an unknown scenario, or a parameter that it has not."""
-    name, values = split_scenario(text)
-    parameters = {p.name: p for p in find_scenario(name).parameters}
-    for key, value in values.items():
-        if key not in parameters:
-            raise ValueError(f"{name} has no parameter {key}; it has {', '.join(parameters) or 'none'}")
-        parameters[key].check(value)
-
-
 def check(study: Study) -> None:
     """Raise LookupError, ValueError or OSError, in one sentence, for what cannot be driven or written.
 
     A folder that holds drives of other settings, versions or code is refused: the sentence names what differs.
     """
     for scenario in study.scenarios:
-        check_scenario(scenario)
+        scenario_of(scenario)
     find_radar(study.settings.radar)
     for planner in study.planners:
         if find_planner(planner).knows_truth:
@@ -178,4 +149,5 @@ def identity(study: Study) -> dict[str, Any]:
         "code": shared_digest(),
         "code of the drives": modules_digest(DRIVES),
         **{f"code of {tracker}": tracker_digest(tracker) for tracker in trackers if tracker is not None},
+        **own_code(own_names(study.scenarios, [study.settings.radar], study.planners)),
     }

@@ -208,3 +208,37 @@ def test_a_run_without_metrics_drives_the_same_and_measures_nothing(tmp_path):
     assert done[False].result["run"] == done[True].result["run"]
     assert "metrics" not in done[False].result["timing"]
     assert json.loads(done[False].json.read_text()) == done[False].result
+
+
+def test_a_config_in_a_file_is_in_the_name_and_in_the_results(tmp_path):
+    file = tmp_path / "cfg.json"
+    file.write_text('{"vehicles_count": 6, "duration": 1}')
+    config = RunConfig("highway-v0", ("rm-feldmann:sigma=0.3",), out=str(tmp_path / "out"), config=str(file))
+    check(config)
+    done = run(config)
+    assert not done.interrupted
+    assert done.result["run"]["scenario"].startswith("highway-v0+cfg-")
+    assert done.result["run"]["config"]["duration"] == "1"
+    assert reader.complete(done.rrd)
+    file.write_text('{"vehicles_count": 7, "duration": 1}')
+    assert run(config).json != done.json
+    own = RunConfig("cut-in", ("rm-feldmann",), out=str(tmp_path / "out"), log="off", config=str(file))
+    with pytest.raises(ValueError, match="config has no key 'vehicles_count'"):
+        run(own)
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"), [("{", "cannot read"), ("[1]", "must hold one JSON object"), (None, "no")]
+)
+def test_a_config_that_is_none_is_refused_in_a_sentence(tmp_path, text, sentence):
+    file = tmp_path / "cfg.json"
+    if text is not None:
+        file.write_text(text)
+    with pytest.raises(ValueError, match=f"config: .*{sentence}"):
+        check(RunConfig("cut-in", out=str(tmp_path), config=str(file)))
+
+
+def test_an_environment_without_a_duration_ends_with_that_of_the_run(tmp_path):
+    done = run(RunConfig("merge-v0", ("rm-feldmann",), duration=1.0, out=str(tmp_path), log="off"))
+    assert done.result["drive"]["elapsed"] == pytest.approx(1.0, abs=0.2)
+    assert not done.interrupted

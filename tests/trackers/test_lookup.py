@@ -31,7 +31,7 @@ def test_parameters_of_an_entry_are_literals_switches_or_text():
     assert parse("htg-map") == ("htg-map", {})
 
 
-@pytest.mark.parametrize("text", ["a:", "a:b", "a:=1", "a:b=", "a:b=1,", "a:b=1,b=2", "a:b=1,,c=2"])
+@pytest.mark.parametrize("text", ["a:", "a:-b", "a:=1", "a:b=", "a:b=1,", "a:b=1,b=2", "a:b=1,,c=2"])
 def test_a_parameter_without_a_value_is_refused_in_a_sentence(text):
     with pytest.raises(ValueError, match=r"^'a:.*(write NAME:key=value,key=value|give it once)$"):
         parse(text)

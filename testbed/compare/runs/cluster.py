@@ -7,6 +7,7 @@ folder of the same name.
 
 import logging
 import platform
+import re
 import threading
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
@@ -18,13 +19,16 @@ from tempfile import TemporaryDirectory
 from time import monotonic
 from typing import Any, NamedTuple
 
-from testbed.compare.runs.identity import project_digest
+from testbed.compare.runs.identity import CATALOGUES, code_digest, own_module, own_modules, project_digest
 from testbed.compare.runs.tasks import DONE, FAILED, Outcome
 from testbed.files import versions, write_atomic
 
 CONNECT_TIMEOUT = 5  # [s] for a cluster to answer
 NO_WORKERS = 60.0  # [s] without any worker before the work is given up; a killed one is replaced within seconds
 CHECK_WORKERS = 5.0  # [s] without a finished task before it is asked whether there are workers
+
+NOT_FOUND = "not found"
+ENTRY = re.compile(r"[\w.-]+(:[\w.]+(?=$|[:+]))?")  # NAME or MODULE:OBJECT, without what is behind it
 
 _one_at_a_time = threading.Lock()  # highway-env keeps state in its classes, which threads of a worker share
 
@@ -40,8 +44,8 @@ class Folder(NamedTuple):
 
 
 @contextmanager
-def connected(address: str) -> Iterator[Any]:
-    """A client of the cluster, whose workers are known to run the code at hand.
+def connected(address: str, modules: tuple[str, ...] = ()) -> Iterator[Any]:
+    """A client of the cluster, whose workers are known to run the code at hand, and that of modules of the user.
 
     Raises:
         ValueError: dask is not installed here.
@@ -57,7 +61,7 @@ def connected(address: str) -> Iterator[Any]:
         except (OSError, ValueError, MemoryError) as error:  # the last where something else answers
             raise OSError(f"dask: no scheduler answers at {address!r} ({error}); is the cluster running?") from None
         with client:
-            _check_workers(client, address)
+            _check_workers(client, address, modules)
             yield client
 
 
@@ -73,7 +77,7 @@ def _silent() -> Iterator[None]:
         logger.setLevel(before)
 
 
-def _check_workers(client: Any, address: str) -> None:
+def _check_workers(client: Any, address: str, modules: tuple[str, ...]) -> None:
     threads = client.nthreads()
     if not threads:
         raise OSError(f"dask: the cluster at {address!r} has no workers; start `dask worker {address} --nthreads 1`")
@@ -81,23 +85,45 @@ def _check_workers(client: Any, address: str) -> None:
         raise OSError(
             f"dask: workers must have one thread, got {max(threads.values())}; start them with `--nthreads 1`"
         )
-    for worker, found in client.run(environment, on_error="return").items():
+    for worker, found in client.run(environment, modules, on_error="return").items():
         if isinstance(found, Exception):
             raise OSError(f"dask: the worker {worker} cannot run this package ({found}); install it there")
-        if found != environment():
-            raise OSError(f"dask: the worker {worker} has {difference(environment(), found)}")
+        if found != environment(modules):
+            raise OSError(f"dask: the worker {worker} has {difference(environment(modules), found)}")
 
 
 @cache
-def environment() -> dict[str, str]:
-    """What must be the same on all machines, so that runs do not depend on where they were made: name -> version."""
+def environment(modules: tuple[str, ...] = ()) -> dict[str, str]:
+    """What must be the same on all machines, so that runs do not depend on where they were made: name -> version.
+
+    Of `modules` of the user, a digest; "not found" where one cannot be imported.
+    """
     python = ".".join(platform.python_version_tuple()[:2])
-    return {"Python": python, **versions(), "the code of the testbed": project_digest()}
+    own = {f"the module {m}": code_digest(own_modules(m).values()) if own_modules(m) else NOT_FOUND for m in modules}
+    return {"Python": python, **versions(), "the code of the testbed": project_digest(), **own}
+
+
+def modules_in(tasks: Sequence[tuple[Any, ...]]) -> tuple[str, ...]:
+    """The modules of users that the names in tasks, and in the settings beside them, stand for."""
+    texts = {text for task in tasks for part in task for text in _texts(part)}
+    found = {own_module(match[0], what) for text in texts if (match := ENTRY.match(text)) for what in CATALOGUES}
+    return tuple(sorted(m for m in found if m is not None and own_modules(m)))
+
+
+def _texts(part: Any) -> Iterator[str]:
+    values = vars(part).values() if hasattr(part, "__dict__") else part if isinstance(part, tuple) else ()
+    for value in values:
+        if isinstance(value, str):
+            yield value
+        elif isinstance(value, tuple):
+            yield from _texts(value)
 
 
 def difference(here: Mapping[str, str], there: Mapping[str, str]) -> str:
     """The first thing that differs between two environments, and what to do about it."""
     name = next(name for name in here if there.get(name) != here[name])
+    if there.get(name) == NOT_FOUND:
+        return f"not found {name}; install its package there, or start the worker in its folder"
     return f"{name} {there.get(name)}, here is {here[name]}; install the same versions there, and start it again"
 
 
@@ -117,14 +143,16 @@ def perform(
     """
     if not tasks:
         return
-    with connected(address) as client:
+    modules = modules_in(tasks)
+    wanted = environment(modules)
+    with connected(address, modules) as client:
         waiting, running = deque(tasks), dict[Any, tuple[Any, ...]]()
         finished: SimpleQueue[Any] = SimpleQueue()
         try:
             while waiting or running:
                 while waiting and len(running) < max(1, len(client.nthreads())):
                     task = waiting.popleft()
-                    future = client.submit(carried, function, *_parcel(task, reads), environment(), pure=False)
+                    future = client.submit(carried, function, *_parcel(task, reads), wanted, modules, pure=False)
                     running[future] = task
                     future.add_done_callback(finished.put)
                 future = _next(finished, client, address)
@@ -159,11 +187,15 @@ def _parcel(task: tuple[Any, ...], reads: Callable[..., Sequence[Path]]) -> tupl
 
 
 def carried(
-    function: Callable[..., Outcome], what: tuple[Any, ...], folder: Folder, wanted: dict[str, str]
+    function: Callable[..., Outcome],
+    what: tuple[Any, ...],
+    folder: Folder,
+    wanted: dict[str, str],
+    modules: tuple[str, ...] = (),
 ) -> tuple[Outcome, Files]:
     """On a worker: the outcome of a task in a copy of its folder, and the files that it made or changed there."""
-    if environment() != wanted:  # it joined after the others were checked
-        return Outcome(what[0].name, FAILED, f"its worker has {difference(wanted, environment())}"), {}
+    if (here := environment(modules)) != wanted:  # it joined after the others were checked
+        return Outcome(what[0].name, FAILED, f"its worker has {difference(wanted, here)}"), {}
     with _one_at_a_time, TemporaryDirectory(prefix="testbed-") as name:
         copy = Path(name)
         for inner in folder.folders:

@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from scenarios import SCENARIOS
-from scenarios import find as find_scenario
 from sensors import faults_of
 from sensors import find as find_radar
 from sensors.fault_text import split_faults
 from sensors.faults import chosen
-from testbed.compare.runs.identity import shared_digest, tracker_digest
+from testbed.compare.runs.identity import own_code, own_names, shared_digest, tracker_digest
+from testbed.environment.registration import scenario_of
 from testbed.files import make_directory, versions, write_json
 from testbed.limits import LARGEST_SEED, MOST_RUNS, check_choice, check_duration, check_folder, check_names, check_seeds
 from testbed.planners import find as find_planner
@@ -33,7 +33,7 @@ class Task(NamedTuple):
     @property
     def name(self) -> str:
         """Stem of its files."""
-        return f"{self.scenario}_{self.tracker}_seed{self.seed}".replace(":", "~")
+        return f"{self.scenario}_{self.tracker}_seed{self.seed}".replace(":", "~").replace("/", "-")
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Settings:
 
     def seconds(self, scenario: str) -> float:
         """Simulated time [s] of a run."""
-        return self.duration or find_scenario(split_faults(scenario)[0]).duration
+        return self.duration or scenario_of(split_faults(scenario)[0]).duration
 
 
 @dataclass(frozen=True)
@@ -136,7 +136,7 @@ def with_faults(scenarios: Sequence[str], faults: Sequence[str]) -> tuple[str, .
 def check_case(case: str, models: Sequence[SensorModel]) -> None:
     """Raise LookupError or ValueError for an unknown scenario, or for faults that this rig cannot have."""
     scenario, faults = split_faults(case)
-    find_scenario(scenario)
+    scenario_of(scenario)
     if case != (written := "+".join([scenario, *faults])):
         raise ValueError(f"scenarios: {case!r} is written {written!r}; write it so, as its files are named by it")
     for fault in faults_of(faults):
@@ -155,7 +155,7 @@ def check(comparison: Comparison) -> None:
         build(tracker, radar.models)
     find_planner(comparison.settings.planner)
     make_directory(Path(comparison.out))
-    check_identity(Path(comparison.out), identity(comparison.settings, comparison.trackers))
+    check_identity(Path(comparison.out), _identity_of(comparison))
 
 
 def check_identity(folder: Path, wanted: dict[str, Any]) -> None:
@@ -173,7 +173,20 @@ def check_identity(folder: Path, wanted: dict[str, Any]) -> None:
 
 def write_settings(comparison: Comparison) -> None:
     """Write into the folder what its runs have in common, and the digest of the code of each tracker."""
-    write_identity(Path(comparison.out), identity(comparison.settings, comparison.trackers))
+    write_identity(Path(comparison.out), _identity_of(comparison))
+
+
+def split_all(cases: Sequence[str]) -> tuple[str, ...]:
+    """The scenarios of cases, without their faults, each once."""
+    return tuple(dict.fromkeys(split_faults(case)[0] for case in cases))
+
+
+def _identity_of(comparison: Comparison) -> dict[str, Any]:
+    settings = comparison.settings
+    names = own_names(
+        split_all(comparison.scenarios), [settings.radar], [settings.planner] if settings.loop == "closed" else []
+    )
+    return {**identity(settings, comparison.trackers), **own_code(names)}
 
 
 def write_identity(folder: Path, wanted: dict[str, Any]) -> None:

@@ -7,14 +7,26 @@ valid. A digest counts what runs: the syntax of a module, not its words, its lay
 
 import ast
 import hashlib
-from collections.abc import Iterable
+import re
+import sys
+from collections.abc import Callable, Container, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import fields, is_dataclass
 from functools import cache
 from importlib.resources import files
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from trackers import SensorModel, build
+from scenarios import PROBES, SCENARIOS
+from scenarios import find as find_scenario
+from sensors import RADARS
+from sensors import find as find_radar
+from testbed.frame import TRUTH
+from testbed.planners.registry import LEARNED, PLANNERS
+from testbed.planners.registry import find as find_planner
+from trackers import TRACKERS, SensorModel, build
+from trackers.lookup import home, parse
 
 PACKAGES = ("scenarios", "sensors", "testbed", "trackers")  # ours; their modules may be renamed and moved
 SHARED = ("scenarios", "sensors")  # whole packages
@@ -27,6 +39,10 @@ SCORES = (  # modules of testbed that decide about rows
     "evaluation.tracking",
     "compare.runs.recording", "compare.runs.replay", "compare.runs.rows", "compare.runs.tasks",
 )  # fmt: skip
+CATALOGUES: Mapping[str, Container[str]] = {
+    "tracker": {*TRACKERS, TRUTH}, "planner": PLANNERS, "radar": RADARS, "scenario": {**SCENARIOS, **PROBES},
+}  # fmt: skip
+ADDRESS = re.compile(r" at 0x[0-9a-f]+")  # in the text of an object that is no dataclass
 TABLES = {"trackers.htg.bins": "htg/tables", "trackers.pmht.model": "pmht/models"}  # by the module that reads them
 
 
@@ -52,12 +68,84 @@ def project_digest() -> str:
 
 
 def tracker_digest(name: str) -> str:
-    """Short digest of a tracker: its parameters, and all of `trackers` that the modules of its filter import."""
-    tracker = build(name, (SensorModel(),))
-    modules = closure(sorted({type(part).__module__ for part in parts(tracker)}))
-    folders = [_root("trackers") / folder for module, folder in TABLES.items() if module in modules]
+    """Short digest of a tracker: its parameters, and all of `trackers` that the modules of its filter import.
+
+    Of a user's tracker also the modules of the user, see `own_modules`.
+    """
+    tracker, own = build(name, (SensorModel(),)), own_module(name, "tracker")
+    kinds = {type(part) for part in (tracker, *parts(tracker))}
+    modules = {kind.__module__ for kind in kinds}
+    bases = {base.__module__ for kind in kinds for base in kind.__mro__}
+    used = set(closure(sorted(m for m in bases if m.startswith("trackers."))))
+    files: dict[str, Path] = {}
+    for module in sorted({m for m in modules if not m.startswith("trackers.")} | ({own} if own else set())):
+        files |= own_modules(module)
+    used |= {name for path in files.values() for name in closure(_imports(path))}
+    folders = [_root("trackers") / folder for module, folder in TABLES.items() if module in used]
     tables = [path for folder in folders for path in sorted(folder.rglob("*.json"))]
-    return code_digest([*map(_file, modules), *tables], repr(tracker))
+    return code_digest([*map(_file, used), *files.values(), *tables], ADDRESS.sub("", repr(tracker)))
+
+
+def own_names(
+    scenarios: Iterable[str] = (), radars: Iterable[str] = (), planners: Iterable[str] = ()
+) -> list[tuple[str, str]]:
+    """Those of the names that are not in the catalogues, each as (what it is, name)."""
+    given = {"scenario": scenarios, "radar": radars, "planner": planners}
+    return [(what, name) for what, names in given.items() for name in names if own_module(name, what)]
+
+
+def own_code(names: Iterable[tuple[str, str]]) -> dict[str, str]:
+    """Digests of what users have given as (what, name), of its code and parameters, under `code of WHAT NAME`."""
+    find: Mapping[str, Callable[[str], Any]] = {"scenario": find_scenario, "radar": find_radar, "planner": find_planner}
+    return {
+        f"code of {what} {name}": code_digest(
+            own_modules(own_module(name, what) or "").values(), ADDRESS.sub("", repr(find[what](name)))
+        )
+        for what, name in names
+    }
+
+
+def own_module(name: str, what: str) -> str | None:
+    """The module of a user behind a name, with or without parameters; None for one of a catalogue, or of a file."""
+    if what == "planner" and name.startswith(LEARNED):
+        return None
+    entry = parse(name)[0]
+    path = None if entry in CATALOGUES[what] else home(entry, what)
+    return None if path is None else path.partition(":")[0]
+
+
+def own_modules(module: str) -> dict[str, Path]:
+    """A module that is not ours and what it imports of the same package, or folder, directly or not: name -> file.
+
+    A module without a source file, and one of ours or of the standard library, has none.
+    """
+    top = _source(module.partition(".")[0])
+    if top is None or module.partition(".")[0] in {*PACKAGES, *sys.stdlib_module_names}:
+        return {}
+    folder, found, todo = top.parent, dict[str, Path](), {module}
+    while todo:
+        name = todo.pop()
+        path = _source(name)
+        if path is not None and path.is_relative_to(folder) and name.partition(".")[0] not in PACKAGES:
+            found[name] = path
+            todo |= {n for n in _names(path) if n not in found and _within_reach(n, module, top)}
+    return found
+
+
+def _within_reach(name: str, module: str, top: Path) -> bool:
+    """Whether a module is of the same package as `module`, or where that is a file alone, a file beside it."""
+    if top.name == "__init__.py" or "site-packages" in top.parts:
+        return name.partition(".")[0] == module.partition(".")[0]
+    return name.partition(".")[0] not in sys.stdlib_module_names
+
+
+def _source(module: str) -> Path | None:
+    """The source file of an importable module, None where there is none."""
+    with suppress(ImportError, ValueError, AttributeError):  # its package is none, or has no such module
+        spec = find_spec(module)
+        if spec is not None and spec.origin is not None and spec.origin.endswith(".py"):
+            return Path(spec.origin).resolve()
+    return None
 
 
 def closure(modules: Iterable[str]) -> list[str]:
@@ -73,13 +161,19 @@ def closure(modules: Iterable[str]) -> list[str]:
 @cache
 def _imports(path: Path) -> frozenset[str]:
     """Modules of `trackers` that a module imports."""
-    names = set()
+    return frozenset(n for n in _names(path) if n.startswith("trackers.") and _file(n).is_file())
+
+
+@cache
+def _names(path: Path) -> frozenset[str]:
+    """Full names of all that a module imports, of modules and of what is in them."""
+    names = set[str]()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.ImportFrom) and node.module:
             names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
         elif isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
-    return frozenset(n for n in names if n.startswith("trackers.") and _file(n).is_file())
+    return frozenset(names)
 
 
 def parts(value: Any) -> Iterable[Any]:

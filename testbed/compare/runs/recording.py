@@ -10,7 +10,6 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any, NamedTuple
 
-import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,6 +19,7 @@ from sensors.origin import Origin
 from sensors.scene import Bodies, Ego, Objects, Scene
 from testbed.arrays import read_arrays
 from testbed.environment.recorder import road_geometry
+from testbed.environment.registration import make
 from testbed.files import atomic_file
 from testbed.frame import TRUTH, Frame
 from testbed.log.record import RoadGeometry
@@ -62,7 +62,7 @@ def record(scenario: str, seed: int, radar: str, duration: float | None = None) 
 
     start = perf_counter()
     config = {} if duration is None else {"duration": duration}
-    with closing(gym.make(f"testbed/{scenario}-v0", config=config, tracker=TRUTH, radar=radar, planner=TRUTH)) as env:
+    with closing(make(scenario, config, tracker=TRUTH, radar=radar, planner=TRUTH)) as env:
         tracked: Any = env
         tracked.attach(keep)
         env.reset(seed=seed)
@@ -71,7 +71,7 @@ def record(scenario: str, seed: int, radar: str, duration: float | None = None) 
         while not done:
             _, _, terminated, truncated, _ = env.step(planner.choose(env).action)
             done = terminated or truncated
-        phases = tuple(tracked.unwrapped.phases)
+        phases = tuple(getattr(tracked.unwrapped, "phases", ()))
         sensing = tracked.seconds["sense"]
     seconds = {"simulation": perf_counter() - start - sensing, "sensing": sensing}
     road = RoadMap.of([(lane.centre, lane.width) for lane in shapes])

@@ -7,13 +7,12 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any, NamedTuple
 
-import gymnasium as gym
-
 from sensors.fault_text import split_faults
 from testbed.compare.runs import recording as recordings
 from testbed.compare.runs.config import Settings, Task
 from testbed.compare.runs.replay import replay
 from testbed.compare.runs.rows import Rows, check_part, write
+from testbed.environment.registration import make
 from testbed.evaluation.driving import DriveEvaluator
 from testbed.evaluation.tracking import jsonable
 from testbed.frame import TRUTH, Frame
@@ -42,7 +41,7 @@ class RecordingTask(NamedTuple):
     @property
     def name(self) -> str:
         """Stem of its file."""
-        return f"{self.scenario}_seed{self.seed}"
+        return f"{self.scenario}_seed{self.seed}".replace("/", "-")
 
 
 def recording_of(task: Task) -> RecordingTask:
@@ -124,12 +123,11 @@ def _driven(task: Task, settings: Settings, out: Path) -> tuple[Rows, dict[str, 
     planner = find_planner(settings.planner)
     config = planner_settings(planner) | ({} if settings.duration is None else {"duration": settings.duration})
     first, *also = [TRUTH, task.tracker] if planner.knows_truth else [task.tracker]  # the planner uses the first
-    make: dict[str, Any] = {"config": config, "tracker": first, "also": also, "radar": settings.radar}
     scenario, faults = split_faults(task.scenario)
-    make |= {"planner": settings.planner, "faults": faults}
+    options = {"tracker": first, "also": also, "radar": settings.radar, "planner": settings.planner, "faults": faults}
     drive = DriveEvaluator()
     start = perf_counter()
-    with closing(gym.make(f"testbed/{scenario}-v0", **make)) as env:
+    with closing(make(scenario, config, **options)) as env:
         tracked: Any = env
         rows: Rows | None = None
         scoring = 0.0
@@ -137,7 +135,7 @@ def _driven(task: Task, settings: Settings, out: Path) -> tuple[Rows, dict[str, 
         def observe(frame: Frame) -> None:
             nonlocal rows, scoring
             before = perf_counter()
-            rows = rows or Rows(task, tuple(tracked.unwrapped.phases))
+            rows = rows or Rows(task, tuple(getattr(tracked.unwrapped, "phases", ())))
             drive.step(frame.scene)
             rows(frame)
             scoring += perf_counter() - before

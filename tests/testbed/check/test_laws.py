@@ -1,15 +1,32 @@
 """The laws over every registered filter, and for each law a filter that breaks it."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from testbed.check import examine_filter, laws, tracker_laws
-from testbed.check.report import FILTER_LAWS, ONCE, OPTIONAL, TRACKER_LAWS, verdict
+from scenarios import PROBES, SCENARIOS, Scenario
+from scenarios import find as find_scenario
+from sensors import RADARS
+from sensors import find as find_radar
+from testbed.check import entry_laws, examine_filter, laws, tracker_laws
+from testbed.check.report import (
+    FILTER_LAWS,
+    ONCE,
+    OPTIONAL,
+    PLANNER_LAWS,
+    RADAR_LAWS,
+    SCENARIO_LAWS,
+    TRACKER_LAWS,
+    examine,
+    verdict,
+)
 from testbed.check.tracker_laws import RADAR
+from testbed.planners import find as find_planner
+from testbed.planners.idm import Choice
 from tests.testbed.check import broken
 from trackers import TRACKERS, build, find, prior
 from trackers.protocols import Shiftable
@@ -54,9 +71,10 @@ DRAWN = (
 
 @FILTERS
 @pytest.mark.parametrize(
-    ("law", "cases"), [(law, ONCE if law is laws.without_a_detection_the_prediction_stands else cases)
-                       for law, cases in FILTER_LAWS if law not in DRAWN], ids=lambda x: getattr(x, "__name__", "")
-)  # fmt: skip
+    ("law", "cases"),
+    [(law, cases) for law, cases in FILTER_LAWS if law not in DRAWN],
+    ids=lambda x: getattr(x, "__name__", ""),
+)
 def test_the_other_laws_hold(name, law, cases):
     for case in cases:
         law(find(name), **case)
@@ -76,6 +94,21 @@ def test_resizing_changes_the_size_and_nothing_else():
 @pytest.mark.parametrize("law", TRACKER_LAWS, ids=lambda law: law.__name__)
 def test_the_laws_of_a_tracker_hold(name, law):
     law(build(name, (RADAR,)))
+
+
+@pytest.mark.parametrize("name", RADARS)
+def test_the_laws_of_a_radar_hold(name):
+    assert [v for v in examine(RADAR_LAWS, find_radar(name)) if not v.holds] == []
+
+
+@pytest.mark.parametrize("name", ["idm", "idle", "mpc", "truth"])
+def test_the_laws_of_a_planner_hold(name):
+    assert [v for v in examine(PLANNER_LAWS, find_planner(name)) if not v.holds] == []
+
+
+@pytest.mark.parametrize("name", [*SCENARIOS, *PROBES])
+def test_the_laws_of_a_scenario_hold(name):
+    assert [v for v in examine(SCENARIO_LAWS, find_scenario(name)) if not v.holds] == []
 
 
 # -- negative twins ---------------------------------------------------------------------------------------------------
@@ -171,4 +204,111 @@ class Forgetful:
 )
 def test_a_broken_tracker_is_caught_and_told_why(law, twin, sentence):
     found = verdict(law, twin())
+    assert re.search(sentence, found.fault), found
+
+
+class Noisy:
+    """A radar with a generator of its own, or with one fault more."""
+
+    def __init__(self, **changes):
+        self.inner, self.rng = replace(RADARS["ideal"], **changes), np.random.default_rng(0)
+        self.models, self.rate = self.inner.models, self.inner.rate
+
+    def scan(self, scene, rng):
+        return self.spoilt(*RADARS["front"].scan(scene, self.rng))
+
+    def spoilt(self, scan, origin):
+        return scan, origin
+
+
+class SecondSensor(Noisy):
+    def spoilt(self, scan, origin):
+        return scan._replace(sensor=np.ones(len(scan.mask), int)), origin
+
+
+class Blind(Noisy):
+    def spoilt(self, scan, origin):
+        return scan, origin._replace(object=np.full(len(origin.object), -1))
+
+
+class TooFar(Noisy):
+    def spoilt(self, scan, origin):
+        polar = scan.polar.copy()
+        polar[:1, 0] = 500.0
+        return scan._replace(polar=polar), origin
+
+
+class Restive:
+    """A planner that counts on through all episodes, or does what else it must not."""
+
+    knows_truth, calls = False, 0
+
+    def choose(self, env):
+        self.calls += 1
+        return Choice(self.calls % 4, np.zeros((0, 2)))
+
+
+class Wild(Restive):
+    def choose(self, env):
+        return Choice(99, np.zeros((0, 2)))
+
+
+class Pushes(Restive):
+    def choose(self, env):
+        env.unwrapped.road.vehicles[-1].position += 1.0
+        return Choice(1, np.zeros((0, 2)))
+
+
+def scenario_with(change):
+    """The cut-in with a change of its world, which is made from the generator and a number that grows."""
+    counter = iter(range(1000))
+    built = find_scenario("cut-in")
+
+    def build(rng):
+        world = built.build(rng)
+        return change(world, next(counter)) or world
+
+    return Scenario("spoilt", "A cut-in that is not right.", build, built.vehicles)
+
+
+def drifts(world, count):
+    world.road.vehicles[1].speed += count
+
+
+def loses_one(world, count):
+    world.road.vehicles.pop()
+
+
+def piles_up(world, count):
+    world.road.vehicles[1].position = world.road.vehicles[2].position.copy()
+
+
+def begins_late(world, count):
+    return world._replace(phases=world.phases[1:])
+
+
+@pytest.mark.parametrize(
+    ("law", "twin", "sentence"),
+    [
+        (entry_laws.a_scan_fits_the_data_sheets, SecondSensor(), "sensor must index the 1 models"),
+        (entry_laws.a_scan_fits_the_data_sheets, TooFar(), "a detection at 500.0 m is beyond max_range"),
+        (entry_laws.a_scan_fits_the_data_sheets, TooFar(rate=-1.0), "rate must be positive"),
+        (entry_laws.the_same_generator_gives_the_same_scan, Noisy(), "draw from the generator that scan gets"),
+        (entry_laws.a_car_in_view_is_detected_and_an_empty_road_has_none, Blind(), "have no detection of any"),
+        (entry_laws.every_action_is_in_the_action_space, Wild(), "InvalidAction: action 99"),
+        (entry_laws.every_action_is_in_the_action_space, Pushes(), "moves vehicles of the road that it reads"),
+        (entry_laws.the_same_drive_has_the_same_actions, Restive(), "has other actions the second time"),
+        (entry_laws.a_world_repeats_under_its_seed, scenario_with(drifts), "two worlds of one seed differ"),
+        (
+            entry_laws.it_has_the_vehicles_that_it_promises,
+            scenario_with(loses_one),
+            "vehicles is 9, and the road has 8",
+        ),
+        (entry_laws.nobody_starts_in_a_collision, scenario_with(piles_up), "vehicles 1 and 2 of the road overlap"),
+        (entry_laws.phases_follow_each_other_from_the_start, scenario_with(begins_late), "from 0 s on"),
+    ],
+    ids=lambda x: getattr(x, "__name__", ""),
+)
+def test_a_broken_radar_planner_or_scenario_is_caught_and_told_why(law, twin, sentence):
+    found = verdict(law, twin)
     assert re.search(sentence, found.fault), found

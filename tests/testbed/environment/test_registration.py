@@ -14,7 +14,7 @@ from gymnasium.utils.env_checker import check_env
 
 import testbed
 from scenarios import PROBES, SCENARIOS
-from testbed.environment.registration import env_id, register_scenarios
+from testbed.environment.registration import env_id, make, register_scenarios, scenario_of
 from testbed.environment.wrapper import TrackedEnv
 
 
@@ -150,3 +150,58 @@ def test_vectors_of_environments_run(mode):
         assert info["tracks"].shape == (2,)
     finally:
         envs.close()
+
+
+def first_scene(env):
+    """Poses of all vehicles after a reset and two steps."""
+    env.reset(seed=3)
+    for _ in range(2):
+        env.step(1)
+    return env.truth.objects.pose
+
+
+def test_a_scenario_with_parameters_is_the_same_as_one_with_a_config():
+    text = "probe-brake:gap=26"
+    assert scenario_of(text).name == text
+    one = first_scene(make(text, {"duration": 5.0}, tracker="truth"))
+    two = first_scene(make("probe-brake", {"duration": 5.0, "gap": 26.0}, tracker="truth"))
+    np.testing.assert_array_equal(one, two)
+    assert not np.array_equal(one, first_scene(make("probe-brake", tracker="truth")))
+
+
+def test_an_environment_of_highway_env_stands_in_for_a_scenario(tmp_path):
+    text = "highway-v0:vehicles_count=8,duration=2"
+    found = scenario_of(text)
+    assert (found.id, found.duration, found.values) == ("highway-v0", 2.0, {"vehicles_count": 8, "duration": 2})
+    env = make(text, {"lanes_count": 3}, tracker="truth", out=str(tmp_path), log="off")
+    plain = TrackedEnv(gym.make("highway-v0", config={"lanes_count": 3, "vehicles_count": 8}), tracker="truth")
+    np.testing.assert_array_equal(first_scene(env), first_scene(plain))
+    env.close()
+    assert [f.name for f in tmp_path.iterdir()] == [f"{text}_truth_surround_idm_seed3_2s.json"]
+    assert scenario_of("merge-v0").duration == np.inf
+
+
+@pytest.mark.parametrize(
+    ("text", "fault", "sentence"),
+    [
+        (
+            "highway-v7",
+            LookupError,
+            "'highway-v7' of the testbed or of highway-env; did you mean 'highway-v",
+        ),
+        ("highway-v0:lane_count=3", ValueError, "highway-v0 has no config lane_count; it has action, "),
+        ("probe-brake:gab=26", ValueError, "probe-brake has no parameter gab; it has gap"),
+        ("probe-brake:gap=2", ValueError, "gap must be a number from 6 to 60 m, got 2"),
+        ("cut-in:gap=2", ValueError, "cut-in has no parameter gap; it has none"),
+        ("json:loads", ValueError, "it must be a `scenarios.Scenario`"),
+    ],
+)
+def test_what_is_no_scenario_is_said_in_a_sentence(text, fault, sentence):
+    with pytest.raises(fault) as caught:
+        scenario_of(text)
+    assert sentence in str(caught.value)
+
+
+def test_a_key_that_an_environment_of_highway_env_does_not_have_is_refused():
+    with pytest.raises(ValueError, match="highway-v0 has no config lane_count"):
+        make("highway-v0", {"lane_count": 3})

@@ -336,7 +336,9 @@ def test_bad_options_are_refused(tmp_path):
     with pytest.raises(ValueError, match="every must be"):
         RunLog(tmp_path / "a.rrd", log_runs.META, every=0)
     with pytest.raises(ValueError, match="cannot be part of a log path"):
-        RunLog(tmp_path / "a.rrd", log_runs.META._replace(trackers=("a tracker",)))
+        RunLog(tmp_path / "a.rrd", log_runs.META._replace(trackers=("__tracker",)))
+    with pytest.raises(ValueError, match="have one name in a log"):
+        RunLog(tmp_path / "a.rrd", log_runs.META._replace(trackers=("a:b", "a=b")))
     log = RunLog(tmp_path / "a.rrd", log_runs.META)
     with pytest.raises(TypeError, match=r"summary\['htg-map.gwd'\] must be a number or a text, got NoneType"):
         log.close({"htg-map": {"gwd": None}})

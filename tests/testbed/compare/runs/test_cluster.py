@@ -19,8 +19,8 @@ import pytest
 from distributed import Client, LocalCluster
 
 from testbed.compare.report import logs
-from testbed.compare.runs.cluster import Folder, carried, difference, environment
-from testbed.compare.runs.config import Comparison, Settings
+from testbed.compare.runs.cluster import Folder, carried, difference, environment, modules_in
+from testbed.compare.runs.config import Comparison, Settings, Task
 from testbed.compare.runs.engine import Engine, check, perform
 from testbed.compare.runs.measures import COSTS
 from testbed.compare.runs.results import RUNS, collect
@@ -134,6 +134,30 @@ def test_a_worker_of_another_environment_does_nothing():
     assert outcome.note.startswith(f"its worker has numpy {environment()['numpy']}, here is 1.0; install the same")
     assert files == {}
     assert difference(wanted, {}).startswith("Python None, here is 3.")
+
+
+def test_a_worker_without_the_module_of_a_user_does_nothing_and_says_so(tmp_path, monkeypatch):
+    (tmp_path / "my_tracker.py").write_text("from trackers import RandomMatrix\n\ntuned = RandomMatrix()\n")
+    (tmp_path / "my_worker.py").write_text("act = min\n")
+    monkeypatch.setattr(sys, "path", [*sys.path, str(tmp_path)])
+    settings = Settings(radar="surround", planner="my_worker:act:a=1")
+    tasks = [(Task("cut-in", name, 0), settings, tmp_path) for name in ("rm-koch", "my_tracker:tuned:sigma=0.3")]
+    assert modules_in(tasks[:1]) == ("my_worker",)
+    modules = modules_in(tasks)
+    assert modules == ("my_tracker", "my_worker")
+    assert modules_in([(Order("my_tracker:tuned+covariance=4", FINE, ""), tmp_path)]) == ("my_tracker",)
+    wanted = environment(modules)
+    (tmp_path / "my_tracker.py").unlink()
+    environment.cache_clear()
+    outcome, files = carried(work, (Order("t0", FINE, ""),), Folder("", (), {}), wanted, modules)
+    assert (outcome.status, files) == (FAILED, {})
+    assert outcome.note == (
+        "its worker has not found the module my_tracker; install its package there, or start the worker in its folder"
+    )
+    (tmp_path / "my_tracker.py").write_text("from trackers import RandomMatrix\n\ntuned = RandomMatrix(sigma=1.0)\n")
+    environment.cache_clear()
+    outcome, _ = carried(work, (Order("t0", FINE, ""),), Folder("", (), {}), wanted, modules)
+    assert outcome.note.startswith("its worker has the module my_tracker ")
 
 
 def closed_port():

@@ -121,3 +121,52 @@ def test_no_place_on_this_machine_is_part_of_a_digest(name):
 def test_learned_models_of_contours_count():
     assert set(identity.TABLES) & set(identity.closure(["trackers.pmht.filter"])) == {"trackers.pmht.model"}
     assert set(identity.TABLES) & set(identity.closure(["trackers.htg.map"])) == {"trackers.htg.bins"}
+
+
+@pytest.fixture
+def user(tmp_path, monkeypatch):
+    """A folder of a user on the path, with two modules of which one imports the other."""
+    (tmp_path / "my_helper.py").write_text("RATE = 5.0\n")
+    (tmp_path / "my_rigs.py").write_text(
+        "from dataclasses import replace\nfrom my_helper import RATE\nfrom sensors import RADARS\n"
+        "from trackers import RandomMatrix\n\n"
+        "slow = replace(RADARS['front'], rate=RATE)\nfast = replace(slow, rate=9.0)\n"
+        "tuned = RandomMatrix(sigma=0.4)\n\n\n"
+        "class Mine:\n    def act(self, env):\n        return 1\n\n\nmine = Mine()\n"
+    )
+    monkeypatch.setattr("sys.path", [*identity.sys.path, str(tmp_path)])
+    yield tmp_path
+    for name in ("my_rigs", "my_helper"):
+        identity.sys.modules.pop(name, None)
+
+
+def test_two_radars_of_one_module_are_told_apart_and_those_of_the_catalogue_have_no_code_of_their_own(user):
+    names = identity.own_names(["cut-in"], ["surround", "my_rigs:slow", "my_rigs:fast"], ["idm", "learned:x.npz"])
+    assert names == [("radar", "my_rigs:slow"), ("radar", "my_rigs:fast")]
+    digests = identity.own_code(names)
+    assert list(digests) == ["code of radar my_rigs:slow", "code of radar my_rigs:fast"]
+    assert len(set(digests.values())) == 2
+
+
+def test_the_code_of_a_user_counts_with_what_it_imports_from_its_folder(user):
+    assert set(identity.own_modules("my_rigs")) == {"my_rigs", "my_helper"}
+    before = identity.own_code([("planner", "my_rigs:mine")]), identity.tracker_digest("my_rigs:tuned")
+    assert before == (identity.own_code([("planner", "my_rigs:mine")]), identity.tracker_digest("my_rigs:tuned"))
+    (user / "my_helper.py").write_text("# a comment\nRATE = 5.0\n")
+    identity._names.cache_clear()
+    assert before == (identity.own_code([("planner", "my_rigs:mine")]), identity.tracker_digest("my_rigs:tuned"))
+    (user / "my_helper.py").write_text("RATE = 6.0\n")
+    after = identity.own_code([("planner", "my_rigs:mine")]), identity.tracker_digest("my_rigs:tuned")
+    assert before[0] != after[0]
+    assert before[1] != after[1]
+
+
+def test_parameters_and_the_filters_of_the_project_count_too(user):
+    digests = {identity.tracker_digest(f"my_rigs:tuned{p}") for p in ("", ":sigma=0.5", ":rho=0.3")}
+    assert len(digests) == 3
+    assert digests.isdisjoint({identity.tracker_digest("rm-feldmann:sigma=0.4")})
+
+
+def test_the_standard_library_and_the_project_are_nobodys_own():
+    assert identity.own_modules("dataclasses") == identity.own_modules("trackers.imm") == {}
+    assert identity.own_modules("no_such_module") == {}
