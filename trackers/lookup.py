@@ -125,11 +125,16 @@ def home(name: str, what: str) -> str | None:
     return None if point is None else point.value
 
 
+def search_here() -> None:
+    """Let Python look for modules in the current directory, after all other places."""
+    if "" not in sys.path and "." not in sys.path:
+        sys.path.append(".")
+
+
 def _load(path: str, what: str) -> Any:
     """The object of MODULE:OBJECT; a module is looked for as Python does, and last in the current directory."""
     module_name, _, item = path.partition(":")
-    if "" not in sys.path and "." not in sys.path:
-        sys.path.append(".")
+    search_here()
     try:
         found: Any = import_module(module_name)
     except ModuleNotFoundError as error:

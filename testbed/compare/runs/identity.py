@@ -26,7 +26,7 @@ from testbed.frame import TRUTH
 from testbed.planners.registry import LEARNED, PLANNERS
 from testbed.planners.registry import find as find_planner
 from trackers import TRACKERS, SensorModel, build
-from trackers.lookup import home, parse
+from trackers.lookup import home, parse, search_here
 
 PACKAGES = ("scenarios", "sensors", "testbed", "trackers")  # ours; their modules may be renamed and moved
 SHARED = ("scenarios", "sensors")  # whole packages
@@ -141,6 +141,7 @@ def _within_reach(name: str, module: str, top: Path) -> bool:
 
 def _source(module: str) -> Path | None:
     """The source file of an importable module, None where there is none."""
+    search_here()
     with suppress(ImportError, ValueError, AttributeError):  # its package is none, or has no such module
         spec = find_spec(module)
         if spec is not None and spec.origin is not None and spec.origin.endswith(".py"):
