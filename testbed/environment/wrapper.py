@@ -146,8 +146,8 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
         Args:
             env: any highway-env environment.
             tracker: the one whose tracks the planner gets: a name (also with parameters, or MODULE:OBJECT, as
-                `trackers.build` takes it), {"name": name, parameter: value, ...}, "truth" for perfect tracks, a filter, or an object with `start` and `step` as
-                `MultiObjectTracker` has them.
+                `trackers.build` takes it), {"name": name, parameter: value, ...}, "truth" for perfect tracks, a filter,
+                or an object with `start` and `step` as `MultiObjectTracker` has them.
             radar: a name of `sensors.RADARS`, {"name": name, parameter: value, ...}, or an object like `sensors.Radar`.
             also: further trackers that get the same detections.
             out: directory for the log and the results of every episode; None: nothing is written.
