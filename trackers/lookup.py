@@ -127,8 +127,8 @@ def home(name: str, what: str) -> str | None:
 
 def search_here() -> None:
     """Let Python look for modules in the current directory, after all other places."""
-    if "" not in sys.path and "." not in sys.path:
-        sys.path.append(".")
+    if "" not in sys.path:  # Python takes "." for the directory that was current when it first looked there
+        sys.path.append("")
 
 
 def _load(path: str, what: str) -> Any:

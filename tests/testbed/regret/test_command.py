@@ -30,7 +30,7 @@ def refused(out, *args):
         (["probe-brak"], "did you mean 'probe-brake'?"),
         (["probe-brake:gab=3"], "probe-brake has no parameter gab; it has gap"),
         (["probe-brake:gap=300"], "gap must be a number from"),
-        (["probe-brake:gap"], "a scenario reads NAME or NAME:parameter=value"),
+        (["probe-brake:gap"], "has 'gap' where a parameter is due; write NAME:key=value"),
         (["--planner", "imd"], "did you mean 'idm'?"),
         (["--planner", "truth"], "planner truth has no regret"),
         (["--tracker", "htg-mapp"], "did you mean 'htg-map'?"),
