@@ -55,6 +55,8 @@ class RunConfig:
         check_duration(self.duration)
         check_seeds(self.seed)
         check_folder(self.out)
+        if not (self.config is None or isinstance(self.config, str | Path)):
+            raise ValueError(f"config must be a JSON file like {EXAMPLE}, got {self.config!r}")
         if not (isinstance(self.faults, tuple) and all(isinstance(fault, str) for fault in self.faults)):
             raise ValueError(f"faults must be a tuple of texts, got {self.faults!r}; write faults=('drop:0.2',)")
 
