@@ -4,6 +4,7 @@ from sensors.fault_text import faults_of, parse_fault
 from sensors.faults import Blindness, ClockOffset, Dropout, Fault, Interference, Misalignment, Outage
 from sensors.ghosts import Ghosts
 from sensors.origin import KINDS, Origin
+from sensors.persistence import Persistence
 from sensors.radar import Radar, Sensor
 from sensors.raycast import cast, cast_bodies
 from sensors.rigs import RADARS, find
@@ -27,6 +28,7 @@ __all__ = [
     "Objects",
     "Origin",
     "Outage",
+    "Persistence",
     "Radar",
     "Scene",
     "Sensor",

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from sensors.illumination import Illuminated
 from sensors.raycast import Edges
+from sensors.scattering import Draws
 from sensors.scene import Bodies
 from trackers.geometry import rotation, to_frame, to_world, unit
 
@@ -142,7 +143,7 @@ class Faces:
 
     def from_beneath(
         self, point: NDArray, sensor: NDArray, body: NDArray, place: NDArray, distance: NDArray,
-        rng: np.random.Generator,
+        rng: Draws,
     ) -> tuple[NDArray, NDArray]:  # fmt: skip
         """Points (D, 2) [m] of which those in the mask (D,) moved to an axle; the sensor is at place (D, 2) [m]."""
         p, pose = self.p, self.bodies.pose[body]
@@ -156,7 +157,7 @@ class Faces:
 
 def axle_points(
     box: Boxes, row: NDArray, flank: NDArray, overhang: NDArray, inset: NDArray, spread: NDArray,
-    rng: np.random.Generator,
+    rng: Draws,
 ) -> NDArray:  # fmt: skip
     """Points (D, 2) [m] about the axles of bodies `row` (D,), in the frame of the body.
 

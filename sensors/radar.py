@@ -13,9 +13,11 @@ from sensors.aspects import Aspects, Faces, Parameters, interpolated, mean_count
 from sensors.ghosts import Ghosts, Rig, draw_ghosts
 from sensors.illumination import Beams, Illuminated, Visible, beam_azimuths, illuminate
 from sensors.origin import CONTOUR, VOLUME, Origin
+from sensors.persistence import Persistence, centres, choose_parts, cut_at_cells
 from sensors.raycast import Edges, outline_edges
 from sensors.returns import Returns, add_noise, false_alarms, join, merge_cells, rows, standing
 from sensors.scattering import (
+    Draws,
     choose_elements,
     draw_counts,
     draw_depth,
@@ -62,12 +64,18 @@ class Sensor:
     profile: DepthProfile = field(default_factory=DepthProfile)  # where its detections lie on a body, as far as known
     surroundings: Surroundings | None = None  # what stands beside the road but for guard rails; None: nothing
     aspects: Aspects | None = None  # what vehicles return by the side that they show; None: all sides alike
+    persistence: Persistence | None = None  # how long scattering centres stay on a body; None: drawn anew in each scan
 
     def __post_init__(self) -> None:
         for name in numeric():
             value = np.asarray(getattr(self, name))
             if np.isnan(value).any() or (name != "mount" and (value < 0).any()):
                 raise ValueError(f"sensor.{name} must be a number of at least 0, got {getattr(self, name)}")
+        if not isinstance(self.persistence, Persistence | None):
+            raise ValueError(
+                f"sensor.persistence must be a Persistence or None, got {self.persistence}; "
+                "give a lifetime as Persistence(lifetime=...)"
+            )
         if self.rate == 0:
             raise ValueError("sensor.rate must be positive, got 0; leave a sensor that never measures out of the rig")
         if self.phase >= 1:
@@ -107,7 +115,7 @@ class Sensor:
 
 def numeric() -> list[str]:
     """Names of the fields of a `Sensor` that are numbers."""
-    return [one.name for one in fields(Sensor) if one.name not in ("profile", "surroundings", "aspects")]
+    return [one.name for one in fields(Sensor) if one.name not in ("profile", "surroundings", "aspects", "persistence")]
 
 
 @dataclass(frozen=True)
@@ -146,6 +154,11 @@ class Radar:
             return None
         given = [s.aspects or Aspects.alike(s.count_max, s.count_shape) for s in self.sensors]
         return {one.name: np.array([getattr(a, one.name) for a in given], float) for one in fields(Aspects)}
+
+    @cached_property
+    def _lifetime(self) -> NDArray:
+        """Of the scattering centres of all sensors, (S,) [s]; 0 where they are drawn anew in each scan."""
+        return np.array([sensor.persistence.lifetime if sensor.persistence else 0.0 for sensor in self.sensors])
 
     @cached_property
     def sigma(self) -> NDArray:
@@ -269,28 +282,37 @@ class Radar:
         face = None if self._aspects is None else Faces(self._aspects, scene.bodies, edges)
         if face is not None:
             weight = weight * face.weights(elements, pose)
-        pick = choose_elements(elements, weight, counts, rng)
+        draw: Draws = rng
+        if self._lifetime.any():
+            draw = lasting = centres(self._lifetime, scene, counts, rng)
+            elements, weight, cell = cut_at_cells(elements, weight, edges, pose)
+            pick = choose_parts(lasting, elements, weight, cell, edges, scene.bodies.owner, counts)
+        else:
+            pick = choose_elements(elements, weight, counts, rng)
         s, segment = elements.sensor[pick], elements.segment[pick]
         body, place = edges.body[segment], pose[s, :2]
         spacing = elements.chord[pick] / elements.range[pick]
-        point = surface_points(place, elements.bearing[pick], spacing, edges.a[segment], edges.b[segment], rng)
+        point = surface_points(place, elements.bearing[pick], spacing, edges.a[segment], edges.b[segment], draw)
         inside = self.column("share_volume")[s]
         if face is not None:
             inside = inside * face.left(s, elements.range[pick])
-        volume = rng.random(len(pick)) < inside
+        volume = draw.random(len(pick)) < inside
         mean = np.where(volume, self.column("depth_volume")[s], self.column("depth_contour")[s])
-        depth = draw_depth(mean, room_behind(place, point, body, edges), rng)
+        depth = draw_depth(mean, room_behind(place, point, body, edges), draw)
         sight = point - place
         u = sight / np.maximum(np.hypot(sight[:, 0], sight[:, 1]), 1e-12)[:, None]
         point = point + depth[:, None] * u  # (RAD.16)
         astray = self.column("share_scatter")[s]
         if face is not None:
-            point, under = face.from_beneath(point, s, body, place, elements.range[pick], rng)
+            point, under = face.from_beneath(point, s, body, place, elements.range[pick], draw)
             volume, astray = volume | under, np.where(under, 0.0, astray)
         lever = point - scene.bodies.pose[body, :2]
         moving = point_velocity(scene.bodies.velocity[body], scene.bodies.yaw_rate[body], lever)
         rate = (u * (moving - velocity[s])).sum(-1)  # (RAD.17)
-        point = point + draw_scatter(astray, self.column("scatter")[s], rng)  # (RAD.18)
+        off = draw_scatter(astray, self.column("scatter")[s], draw)
+        if draw is not rng:
+            off = (rotation(scene.bodies.pose[body, 2]) @ off[..., None])[..., 0]  # a centre turns with its body
+        point = point + off  # (RAD.18)
         kind = np.where(volume, VOLUME, CONTOUR)
         return Returns(polar_of(pose[s], point, rate), s, elements.object[pick], body, edges.edge[segment], kind)
 

@@ -3,12 +3,30 @@
 Equations: docs/methods/radar.md, sections 4 and 5.
 """
 
+from typing import Protocol
+
 import numpy as np
 from numpy.typing import NDArray
 
 from sensors.illumination import Illuminated
 from sensors.raycast import Edges, crossing_range
 from trackers.geometry import cross, unit
+
+
+class Draws(Protocol):
+    """What is asked for random numbers: a generator of numpy, or `sensors.persistence.Centres`."""
+
+    def random(self, size: int, /) -> NDArray:
+        """Uniform numbers (size,) within [0, 1)."""
+
+    def uniform(self, low: float, high: float, size: int, /) -> NDArray:
+        """Uniform numbers (size,) within [low, high)."""
+
+    def integers(self, high: int, /, *, size: int) -> NDArray:
+        """Integers (size,) below `high`."""
+
+    def standard_normal(self, size: tuple[int, int], /) -> NDArray:
+        """Standard normal numbers of shape `size`."""
 
 
 def draw_counts(mean: NDArray, shape: NDArray, rng: np.random.Generator) -> NDArray:
@@ -29,21 +47,26 @@ def choose_elements(elements: Illuminated, weight: NDArray, counts: NDArray, rng
 
     weight (L,) is positive; the count of an object without an element must be zero.
     """
-    N = counts.shape[1]
-    group = elements.sensor * N + elements.object
+    group = elements.sensor * counts.shape[1] + elements.object
+    drawn = np.repeat(np.arange(counts.size), counts.ravel())
+    return weighted_choice(group, weight, drawn, rng.random(len(drawn)))
+
+
+def weighted_choice(group: NDArray, weight: NDArray, drawn: NDArray, x: NDArray) -> NDArray:
+    """Indices (D,) of elements of the groups `drawn` (D,), at the share x (D,) of the weight of its group.
+
+    group (L,) int and weight (L,) are those of all elements; each group that is drawn must have one.
+    """
     order = np.argsort(group, kind="stable")
     total = np.cumsum(weight[order])
-    bounds = np.searchsorted(group[order], np.arange(counts.size + 1))
+    bounds = np.searchsorted(group[order], np.arange(drawn.max(initial=-1) + 2))
     upto = np.concatenate([[0.0], total])[bounds]
-    drawn = np.repeat(np.arange(counts.size), counts.ravel())
-    x = upto[drawn] + (upto[drawn + 1] - upto[drawn]) * rng.random(len(drawn))
-    index = np.searchsorted(total, x, "right")
+    at = upto[drawn] + (upto[drawn + 1] - upto[drawn]) * x
+    index = np.searchsorted(total, at, "right")
     return order[np.clip(index, bounds[drawn], bounds[drawn + 1] - 1)]
 
 
-def surface_points(
-    origin: NDArray, bearing: NDArray, spacing: NDArray, a: NDArray, b: NDArray, rng: np.random.Generator
-) -> NDArray:
+def surface_points(origin: NDArray, bearing: NDArray, spacing: NDArray, a: NDArray, b: NDArray, rng: Draws) -> NDArray:
     """Points (D, 2) [m] on segments a -> b (D, 2), uniform in azimuth over the sector of the ray that reached them.
 
     origin (D, 2) [m] is the sensor, bearing (D,) [rad] and spacing (D,) [rad] are those of the ray.
@@ -69,7 +92,7 @@ def room_behind(origin: NDArray, point: NDArray, body: NDArray, edges: Edges) ->
     return np.where(np.isfinite(leave), leave - r, 0.0)
 
 
-def draw_depth(mean: NDArray, room: NDArray, rng: np.random.Generator) -> NDArray:
+def draw_depth(mean: NDArray, room: NDArray, rng: Draws) -> NDArray:
     """Depths (D,) [m] behind the surface: exponential with `mean` [m], cut at `room` [m]; infinite mean is uniform."""
     x = rng.random(len(room))
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -78,7 +101,7 @@ def draw_depth(mean: NDArray, room: NDArray, rng: np.random.Generator) -> NDArra
     return np.where(mean > 0, np.minimum(depth, room), 0.0)
 
 
-def draw_scatter(share: NDArray, std: NDArray, rng: np.random.Generator) -> NDArray:
+def draw_scatter(share: NDArray, std: NDArray, rng: Draws) -> NDArray:
     """Displacements (D, 2) [m]: Gaussian with `std` [m] for a share of the detections, none for the others."""
     astray = rng.random(len(share)) < share
     return (astray * std)[:, None] * rng.standard_normal((len(share), 2))

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
+from sensors.hashing import mix
 from sensors.illumination import Illuminated
 from sensors.returns import Returns, standing
 from sensors.scene import Scene
@@ -53,9 +54,7 @@ def hashed(cell: NDArray, number: int, seed: int) -> NDArray:
     x, y = cell.astype(np.uint64).T
     key = x * np.uint64(0x9E3779B97F4A7C15) + y * np.uint64(0xC2B2AE3D27D4EB4F)
     key = key ^ np.uint64((seed * 4 + number + 1) * 0x165667B19E3779F9 % 2**64)
-    for shift, factor in ((30, 0xBF58476D1CE4E5B9), (27, 0x94D049BB133111EB)):  # the finaliser of splitmix64
-        key = (key ^ (key >> np.uint64(shift))) * np.uint64(factor)
-    return (key ^ (key >> np.uint64(31))) / 2.0**64
+    return mix(key) / 2.0**64
 
 
 def landscape(low: NDArray, high: NDArray, density: float, seed: int) -> tuple[NDArray, NDArray]:
