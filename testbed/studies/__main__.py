@@ -15,6 +15,7 @@ from testbed.studies.faults import page as faults
 from testbed.studies.htg_tables import page as htg_tables
 from testbed.studies.modes import page as modes
 from testbed.studies.partial_view import page as partial_view
+from testbed.studies.persistence import page as persistence
 from testbed.studies.probes import page as probes
 from testbed.studies.regret import page as regret
 from testbed.studies.rigs import figure as rigs_figure
@@ -33,6 +34,7 @@ STUDIES: Mapping[str, Callable[..., None]] = {
     "layers": layers_figure.main,  # pictures for docs/layers.md
     "modes": modes.main,
     "partial-view": partial_view.main,
+    "persistence": persistence.main,
     "probes": probes.main,
     "regret": regret.main,
     "standing-returns": standing.main,

@@ -61,13 +61,17 @@ def test_centres_are_renewed_one_by_one_each_after_its_lifetime():
     assert left[3] < 0.02
 
 
-def test_a_centre_stays_on_a_body_that_drives_and_turns():
-    rng, radar = np.random.default_rng(2), rig(Persistence(50.0), share_volume=0.0, depth_contour=0.0)
-    anew = replace(radar, sensors=(replace(radar.sensors[0], persistence=None),))
-    first = points(radar, rng, 3.0)[0]
+@pytest.mark.parametrize(("spacing", "least"), [(0.1, 0.85), (1.0, 0.7)])
+def test_a_centre_stays_on_a_body_that_drives_and_turns(spacing, least):
+    """Also where one ray stands for several cells."""
+    lasting = rig(Persistence(50.0), share_volume=0.0, depth_contour=0.0, spacing_deg=spacing)
     moved = CARS + np.array([0.6, 0.1, 0.03])
-    assert common(first, points(radar, rng, 3.0, moved)[0], within=0.02) > 0.85
-    assert common(first, points(anew, rng, 3.0, moved)[0], within=0.02) < 0.7  # by chance alone
+    kept = []
+    for radar in (lasting, with_persistence(lasting, None)):
+        rng = np.random.default_rng(2)
+        kept.append(common(*(points(radar, rng, 3.0, cars)[0] for cars in (CARS, moved)), within=0.02))
+    assert kept[0] > least
+    assert kept[1] < 0.65  # by chance alone
 
 
 def test_centres_are_those_of_the_body_whichever_sensor_looks_at_it():
@@ -151,16 +155,17 @@ def test_the_same_seed_gives_the_same_scans_and_another_seed_other_centres():
     assert common(a, c) < 0.02
 
 
-def test_bodies_of_one_object_have_centres_of_their_own():
+def test_bodies_of_one_object_have_centres_of_their_own_and_as_many_as_without():
     pose = np.array([[20.0, 4.0, 0.0], [28.0, 4.0, 0.0]])
     one = boxes_scene(np.array([[24.0, 4.0, 0.0]]), np.array([[12.6, 1.8]]))
     outline = tuple(box_corners(pose, np.tile([4.6, 1.8], (2, 1))))
-    scene = one._replace(bodies=Bodies(np.zeros(2, int), pose, np.zeros((2, 2)), np.zeros(2), outline))
-    radar = rig(Persistence(5.0), count_at_15m=400.0, count_max=400.0, share_volume=0.0, depth_contour=0.0)
-    scan, origin = radar.scan(scene, np.random.default_rng(0))
-    e = [to_frame(pose[k], scan.xy[origin.body == k]) for k in (0, 1)]
-    assert min(len(part) for part in e) > 50
-    assert common(*e) < 0.02
+    bodies = Bodies(np.zeros(2, int), pose, np.zeros((2, 2)), np.zeros(2), outline)
+    share = []
+    for persistence in (None, Persistence(1.0)):
+        radar, rng = rig(persistence), np.random.default_rng(0)
+        found = [radar.scan(one._replace(bodies=bodies, time=10.0 * k), rng)[1].body for k in range(150)]
+        share.append(np.concatenate(found).mean())
+    assert share[1] == pytest.approx(share[0], abs=4 * np.sqrt(0.5 / len(np.concatenate(found))))
 
 
 def test_an_empty_scene_gives_nothing():

@@ -1,0 +1,109 @@
+"""The page docs/persistence.md, and the committed table of runs that it is made from."""
+
+from typing import Annotated
+
+import pandas as pd
+import typer
+from numpy.typing import NDArray
+
+from testbed.command_line.terminal import console, user_input
+from testbed.compare.report.report import seeds_text
+from testbed.compare.runs.config import parse_seeds
+from testbed.evaluation.intervals import Interval, bootstrap_interval
+from testbed.files import make_directory
+from testbed.log.text import markdown_table
+from testbed.studies.faults.tables import spell
+from testbed.studies.page import DOCS, Docs, Page
+from testbed.studies.persistence.runs import DURATION, RIG, read, runs, write
+
+RESULTS = "persistence.csv"
+TITLES = {
+    "nees_position": "NEES of position (2 where the covariance is honest)",
+    "nees_length": "NEES of length (1 where it is)",
+    "abs_length": "Mean error of length, without sign [m]",
+    "rmse_position": "RMSE of position [m]",
+    "gospa": "GOSPA [m]",
+}
+TEXT = """# Scattering centres that stay
+
+Real scatterers, an edge, a wheel house, a mirror, stay on a body for a while. By default those of our radars are drawn
+anew in each scan, so that a tracker averages errors that are independent; with real ones it would average less. The
+option `persistence` of a sensor gives scattering centres a lifetime:
+
+```python
+from dataclasses import replace
+from sensors import RADARS, Persistence
+
+rig = RADARS["surround"]
+lasting = replace(rig, sensors=tuple(replace(s, persistence=Persistence(lifetime=1.0)) for s in rig.sensors))
+```
+
+Each scan alone is distributed as without it: how many detections a vehicle gives, where on it they lie, what is hidden,
+noise and false alarms. What changes is that the next scan finds the same centres on the same places of the body. How:
+[radar.md](methods/radar.md), section 11.
+
+It is off in every rig. How long a centre lasts can be told from boxes of one vehicle over time, with the detections in
+them; the real detections that the radars are compared with are of single frames or without boxes. Without a measured
+lifetime a default would be a guess, and it would move every result.
+
+## What it changes
+
+{facts} Lifetime "off" is as usual. In brackets 95 % intervals over the seeds, where they are three or more; a change is
+against off on the same drives, bold where its interval leaves out zero.
+
+{tables}
+"""
+
+
+def strata(table: pd.DataFrame, lifetime: float, tracker: str, measure: str) -> list[NDArray]:
+    """Values over seeds of each scenario."""
+    rows = table[(table["lifetime"] == lifetime) & (table["tracker"] == tracker)].sort_values("seed")
+    return [group[measure].to_numpy(float) for _, group in rows.groupby("scenario", sort=True)]
+
+
+def effect(table: pd.DataFrame, lifetime: float, tracker: str, measure: str) -> tuple[Interval, Interval]:
+    """Mean of a measure, and its change against off on the same seeds; scenarios are strata, seeds their units."""
+    found, usual = (strata(table, value, tracker, measure) for value in (lifetime, 0.0))
+    return bootstrap_interval(found), bootstrap_interval([a - b for a, b in zip(found, usual, strict=True)])
+
+
+def rows(table: pd.DataFrame, measure: str) -> list[tuple[str, ...]]:
+    """A row a lifetime; two columns a tracker: the mean, and the change, bold where its interval leaves out zero."""
+    found = []
+    for lifetime in table["lifetime"].unique():
+        cells = [f"{lifetime:g} s" if lifetime else "off"]
+        for tracker in table["tracker"].unique():
+            mean, change = effect(table, lifetime, tracker, measure)
+            text = spell(change, 2, "+")
+            bold = change.low > 0 or change.high < 0
+            cells += [spell(mean, 2), (f"**{text}**" if bold else text) if lifetime else ""]
+        found.append(tuple(cells))
+    return found
+
+
+def render(table: pd.DataFrame) -> str:
+    """The page from the runs."""
+    head = ("lifetime", *(part for tracker in table["tracker"].unique() for part in (f"`{tracker}`", "change")))
+    parts = [f"### {title}\n\n{markdown_table(head, rows(table, name))}" for name, title in TITLES.items()]
+    seeds = tuple(sorted(table["seed"].unique().tolist()))
+    scenarios = ", ".join(f"`{name}`" for name in table["scenario"].unique())
+    facts = (
+        f"Rig `{RIG}`, {len(table)} runs in open loop: {scenarios}, {len(seeds)} seeds ({seeds_text(seeds)}), "
+        f"{DURATION:g} s each."
+    )
+    return TEXT.format(facts=facts, tables="\n\n".join(parts))
+
+
+def main(
+    seeds: Annotated[str | None, typer.Option(help="Run these anew, as in 320:323; without: as committed.")] = None,
+    docs: Docs = DOCS,
+) -> None:
+    """Write the page "Scattering centres that stay" and the table that it shows."""
+    with user_input((OSError, ValueError)):
+        path = docs / "results" / RESULTS
+        if seeds is not None:
+            table = runs(seeds=parse_seeds(seeds))
+            make_directory(path.parent)
+            write(table, path)
+            console.print(f"table    {path}", soft_wrap=True)
+        Page("persistence", docs).write(render(read(path)))
