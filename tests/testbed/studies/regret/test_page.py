@@ -1,5 +1,7 @@
 """The page of regret is made from two tables, with a part for each study that there is."""
 
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -9,8 +11,10 @@ from testbed.regret.measures import MEASURES, PAIRED
 from testbed.regret.results import DRIVES, PAIRS
 from testbed.regret.substitution import subsets
 from testbed.studies.__main__ import app
-from testbed.studies.regret.page import joined, text
+from testbed.studies.page import NOTES
+from testbed.studies.regret.page import PARTS, joined, load, text
 
+DOCS = Path(__file__).parents[4] / "docs"
 ZERO = dict.fromkeys((m.key for m in (*MEASURES, *PAIRED)), 0.0)
 
 
@@ -47,6 +51,13 @@ def test_the_page_has_a_part_for_each_study_and_figures_of_the_tables():
     assert "| `in-view+latency=0.2` | probe-brake | mpc |" in page
     assert "64 drives" in page
     assert text({"main": found["main"]}).count("\n## ") == page.count("\n## ") - 3
+
+
+def test_the_committed_page_says_what_the_committed_tables_say():
+    results = DOCS / "results" / "regret"
+    written = text({name: load(results / name) for name in PARTS if (results / name).exists()})
+    page = (DOCS / "regret.md").read_text()
+    assert written.partition("\n")[2].strip() == page.partition(NOTES)[0].partition("at its end.\n")[2].strip()
 
 
 def test_tables_are_published_and_pictures_drawn_beside_the_page(tmp_path):
