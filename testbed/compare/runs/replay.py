@@ -11,7 +11,7 @@ from sensors.faults import streams
 from sensors.origin import Origin
 from sensors.scene import Scene
 from testbed.compare.runs.recording import Recording
-from testbed.environment.perception import Perception, radar_of
+from testbed.environment.perception import Perception, RadarLike, radar_of
 from testbed.environment.recorder import Recorder
 from testbed.files import versions
 from testbed.frame import Observer
@@ -40,14 +40,29 @@ def replay(
 ) -> Perception:
     """Give all recorded scans to trackers, and every frame to the observers, with faults put into the scans if any.
 
-    `step` of a frame is its index in the recording. Returns the perception that did it: its `seconds` and `costs` say
-    where the time went.
+    See `rescan` for the frames and for what is returned.
     """
-    perception = Perception.mount(RecordedRadar(recording), trackers, faults)
+    unused = np.random.default_rng(0)  # a recorded radar draws nothing
+    return rescan(recording, RecordedRadar(recording), unused, trackers, observers, faults)
+
+
+def rescan(
+    recording: Recording,
+    radar: RadarLike,
+    rng: np.random.Generator,
+    trackers: Sequence[str],
+    observers: Sequence[Observer],
+    faults: Any = (),
+) -> Perception:
+    """Scan the recorded scenes with a radar and its generator, track, and give every frame to the observers.
+
+    Faults are put into the scans if any. `step` of a frame is its index in the recording. Returns the perception that
+    did it: its `seconds` and `costs` say where the time went.
+    """
+    perception = Perception.mount(radar, trackers, faults)
     rngs = streams(perception.faults, recording.seed)
     perception.observers.extend(observers)
-    unused = np.random.default_rng(0)  # a recorded radar draws nothing
-    perception.start(lambda k: recording.frames[k].scene, recording.road, unused, action=REPLAY, fault_rngs=rngs)
+    perception.start(lambda k: recording.frames[k].scene, recording.road, rng, action=REPLAY, fault_rngs=rngs)
     perception.notify()
     for _ in recording.frames[1:]:
         perception.step(REPLAY, np.zeros((0, 2)))

@@ -4,15 +4,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 
 from sensors import RADARS, Persistence, Radar
-from testbed.compare.runs.recording import Recording, record
-from testbed.compare.runs.replay import REPLAY
-from testbed.environment.perception import Perception
-from testbed.evaluation.tracking import Evaluator
-from testbed.frame import Frame
+from testbed.compare.runs.recording import record
+from testbed.studies.drives import measured
 from testbed.studies.page import steps
 
 RIG = "surround"
@@ -30,25 +26,6 @@ def lasting(radar: Radar, lifetime: float) -> Radar:
     return replace(radar, sensors=tuple(replace(sensor, persistence=option) for sensor in radar.sensors))
 
 
-def measure(drive: Recording, radar: Radar, trackers: Sequence[str], seed: int) -> list[dict[str, float]]:
-    """`MEASURES` of each tracker on the scenes of a drive, as the radar sees them."""
-    evaluators = {name: Evaluator(name) for name in trackers}
-
-    def keep(frame: Frame) -> None:
-        for name, evaluator in evaluators.items():
-            evaluator.step(frame.time, frame.scene, frame.origin, frame.outputs[name][0])
-
-    perception = Perception.mount(radar, list(trackers))
-    perception.observers.append(keep)
-    rng = np.random.default_rng([seed, 1])
-    perception.start(lambda step: drive.frames[step].scene, drive.road, rng, action=REPLAY)
-    perception.notify()
-    for _ in drive.frames[1:]:
-        perception.step(REPLAY, np.zeros((0, 2)))
-    summaries = [evaluator.summary() for evaluator in evaluators.values()]
-    return [{name: float(summary[name]) for name in MEASURES} for summary in summaries]
-
-
 def runs(
     scenarios: Sequence[str] = SCENARIOS,
     seeds: Sequence[int] = SEEDS,
@@ -63,7 +40,7 @@ def runs(
                 step(f"{scenario} {seed}")
                 drive = record(scenario, seed, "ideal", duration)
                 for lifetime in LIFETIMES:
-                    rows = measure(drive, lasting(RADARS[RIG], lifetime), trackers, seed)
+                    rows = measured(drive, lasting(RADARS[RIG], lifetime), trackers, MEASURES)
                     found += [
                         (scenario, lifetime, t, seed, *row.values()) for t, row in zip(trackers, rows, strict=True)
                     ]

@@ -5,17 +5,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 import typer
 
-from sensors import RADARS, Radar, Sensor, Surroundings
+from sensors import RADARS, Sensor, Surroundings
 from testbed.command_line.terminal import console
-from testbed.compare.runs.recording import Recording, record
-from testbed.compare.runs.replay import REPLAY
-from testbed.environment.perception import Perception
-from testbed.evaluation.tracking import Evaluator
+from testbed.compare.runs.recording import record
 from testbed.files import write_json
-from testbed.frame import Frame
+from testbed.studies.drives import measured
 from testbed.studies.page import steps
 from trackers import DEFAULT
 
@@ -44,25 +40,7 @@ def main(out: Annotated[Path, typer.Argument(help="The JSON file.")] = Path(f"do
             drive = record(scenario, seed, "ideal", DURATION)
             for name, change in CHANGES.items():
                 changed = replace(RADARS[RIG], sensors=tuple(change(sensor) for sensor in RADARS[RIG].sensors))
-                rows[name].append(measure(drive, changed, seed))
+                rows[name] += measured(drive, changed, [DEFAULT], MEASURES)
     write_json(out, {"rig": RIG, "tracker": DEFAULT, "scenarios": SCENARIOS, "seeds": SEEDS, "duration": DURATION,
                      "rows": rows})  # fmt: skip
     console.print(f"results  {out}", soft_wrap=True)
-
-
-def measure(drive: Recording, radar: Radar, seed: int) -> dict[str, float]:
-    """Measures of the default tracker on the scenes of a drive, as a radar sees them."""
-    evaluator = Evaluator(DEFAULT)
-
-    def keep(frame: Frame) -> None:
-        evaluator.step(frame.time, frame.scene, frame.origin, frame.outputs[DEFAULT][0])
-
-    perception = Perception.mount(radar, [DEFAULT])
-    perception.observers.append(keep)
-    rng = np.random.default_rng([seed, 1])
-    perception.start(lambda step: drive.frames[step].scene, drive.road, rng, action=REPLAY)
-    perception.notify()
-    for _ in drive.frames[1:]:
-        perception.step(REPLAY, np.zeros((0, 2)))
-    summary = evaluator.summary()
-    return {name: float(summary[name]) for name in MEASURES}

@@ -12,11 +12,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scenarios.stage import Phase
+from sensors import find as find_radar
 from sensors.origin import Origin
 from sensors.scene import Ego, boxes_scene
 from testbed.compare.runs.config import Settings, Task
 from testbed.compare.runs.recording import RecordedFrame, Recording, load, read_seconds, record, save
-from testbed.compare.runs.replay import REPLAY, replay, write_log
+from testbed.compare.runs.replay import REPLAY, replay, rescan, write_log
 from testbed.compare.runs.rows import Rows
 from testbed.compare.runs.tasks import RECORDINGS, RecordingTask, obtain, recording_path
 from testbed.log import reader
@@ -127,6 +128,15 @@ def test_a_tracker_alone_says_what_it_says_among_others_and_the_recording_stays_
     replay(lane, TRACKERS[1:], rows[1:])
     assert rows[0].table().equals(rows[1].table())
     assert differences(lane.frames, before) == []
+
+
+def test_another_radar_scans_the_recorded_scenes_with_the_generator_that_it_is_given(lane):
+    seen, rng = [], np.random.default_rng(7)
+    radar = find_radar("surround")
+    rescan(lane, radar, np.random.default_rng(7), TRACKERS[:1], [seen.append])
+    assert [frame.scene.time for frame in seen] == [kept.scene.time for kept in lane.frames]
+    for frame in seen:
+        assert differences(frame.scan, radar.scan(frame.scene, rng)[0]) == []
 
 
 def test_the_same_seed_gives_the_same_drive_and_another_seed_another(lane):

@@ -1,0 +1,29 @@
+"""Trackers measured on a recorded drive that another radar sees, for studies that compare radars on the same drives."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sensors import Radar
+from testbed.compare.runs.recording import Recording
+from testbed.compare.runs.replay import rescan
+from testbed.evaluation.tracking import Evaluator
+from testbed.frame import Frame
+
+
+def measured(
+    drive: Recording, radar: Radar, trackers: Sequence[str], measures: Sequence[str]
+) -> list[dict[str, float]]:
+    """Measures of each tracker, by their names in its summary, on the scenes of a drive as the radar sees them.
+
+    The radar draws from the seed of the drive, so radars that draw alike see alike.
+    """
+    evaluators = {name: Evaluator(name) for name in trackers}
+
+    def keep(frame: Frame) -> None:
+        for name, evaluator in evaluators.items():
+            evaluator.step(frame.time, frame.scene, frame.origin, frame.outputs[name][0])
+
+    rescan(drive, radar, np.random.default_rng([drive.seed, 1]), trackers, [keep])
+    summaries = [evaluator.summary() for evaluator in evaluators.values()]
+    return [{name: float(summary[name]) for name in measures} for summary in summaries]
