@@ -7,13 +7,12 @@ import pandas as pd
 import typer
 
 from testbed.command_line.terminal import console, user_input
-from testbed.compare.report.report import seeds_text
 from testbed.compare.runs.results import collect
 from testbed.files import make_directory
-from testbed.log.text import markdown_table
 from testbed.studies.comparison.publish import stored_comparison
+from testbed.studies.effects import effect, effects_table, facts, names, read_runs, write_runs
 from testbed.studies.faults.figure import draw
-from testbed.studies.faults.tables import NONE, by_fault, effect, head, names, read, rows, write
+from testbed.studies.faults.tables import FAULT, NONE, by_fault
 from testbed.studies.page import DOCS, Docs, Page
 
 RESULTS = "faults.csv"
@@ -70,18 +69,8 @@ interval leaves out zero. Less is better.
 
 def render(table: pd.DataFrame) -> str:
     """The page from the runs."""
-    trackers = names(table, "tracker")
-    tables = {
-        m: markdown_table(head(trackers), rows(table, m, digits)) for m, digits in (("gospa", 2), ("switches", 1))
-    }
-    return TEXT.format(facts=_facts(table), **tables)
-
-
-def _facts(table: pd.DataFrame) -> str:
-    seeds = tuple(sorted(table["seed"].unique().tolist()))
-    scenarios = ", ".join(f"`{name}`" for name in names(table, "scenario"))
-    number = "1 seed" if len(seeds) == 1 else f"{len(seeds)} seeds"
-    return f"{len(table)} runs in open loop: {scenarios}, {number} ({seeds_text(seeds)})."
+    tables = {m: effects_table(table, FAULT, m, digits) for m, digits in (("gospa", 2), ("switches", 1))}
+    return TEXT.format(facts=f"{facts(table)}.", **tables)
 
 
 def main(
@@ -98,10 +87,11 @@ def main(
             if NONE not in set(table["fault"]):
                 raise ValueError(f"{folder} has no runs without a fault; compare the scenarios themselves too")
             make_directory(path.parent)
-            write(table, path)
+            write_runs(table, path)
             console.print(f"table    {path}", soft_wrap=True)
-        table = read(path)
+        table = read_runs(path, "give the folder of `testbed compare --out FOLDER`")
         page = Page("faults", docs)
         trackers, faults = names(table, "tracker"), [f for f in names(table, "fault") if f != NONE]
-        draw({f: {t: effect(table, f, t, "gospa").change for t in trackers} for f in faults}, page.picture("faults"))
+        changes = {f: {t: effect(table, FAULT, f, t, "gospa").change for t in trackers} for f in faults}
+        draw(changes, page.picture("faults"))
         page.write(render(table))

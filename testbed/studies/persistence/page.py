@@ -4,17 +4,13 @@ from typing import Annotated
 
 import pandas as pd
 import typer
-from numpy.typing import NDArray
 
 from testbed.command_line.terminal import console, user_input
-from testbed.compare.report.report import seeds_text
 from testbed.compare.runs.config import parse_seeds
-from testbed.evaluation.intervals import Interval, bootstrap_interval
 from testbed.files import make_directory
-from testbed.log.text import markdown_table
-from testbed.studies.faults.tables import spell
+from testbed.studies.effects import effects_table, facts, read_runs, write_runs
 from testbed.studies.page import DOCS, Docs, Page
-from testbed.studies.persistence.runs import DURATION, RIG, read, runs, write
+from testbed.studies.persistence.runs import DURATION, LIFETIME, RIG, runs
 
 RESULTS = "persistence.csv"
 TITLES = {
@@ -55,43 +51,10 @@ against off on the same drives, bold where its interval leaves out zero.
 """
 
 
-def strata(table: pd.DataFrame, lifetime: float, tracker: str, measure: str) -> list[NDArray]:
-    """Values over seeds of each scenario."""
-    rows = table[(table["lifetime"] == lifetime) & (table["tracker"] == tracker)].sort_values("seed")
-    return [group[measure].to_numpy(float) for _, group in rows.groupby("scenario", sort=True)]
-
-
-def effect(table: pd.DataFrame, lifetime: float, tracker: str, measure: str) -> tuple[Interval, Interval]:
-    """Mean of a measure, and its change against off on the same seeds; scenarios are strata, seeds their units."""
-    found, usual = (strata(table, value, tracker, measure) for value in (lifetime, 0.0))
-    return bootstrap_interval(found), bootstrap_interval([a - b for a, b in zip(found, usual, strict=True)])
-
-
-def rows(table: pd.DataFrame, measure: str) -> list[tuple[str, ...]]:
-    """A row a lifetime; two columns a tracker: the mean, and the change, bold where its interval leaves out zero."""
-    found = []
-    for lifetime in table["lifetime"].unique():
-        cells = [f"{lifetime:g} s" if lifetime else "off"]
-        for tracker in table["tracker"].unique():
-            mean, change = effect(table, lifetime, tracker, measure)
-            text = spell(change, 2, "+")
-            bold = change.low > 0 or change.high < 0
-            cells += [spell(mean, 2), (f"**{text}**" if bold else text) if lifetime else ""]
-        found.append(tuple(cells))
-    return found
-
-
 def render(table: pd.DataFrame) -> str:
     """The page from the runs."""
-    head = ("lifetime", *(part for tracker in table["tracker"].unique() for part in (f"`{tracker}`", "change")))
-    parts = [f"### {title}\n\n{markdown_table(head, rows(table, name))}" for name, title in TITLES.items()]
-    seeds = tuple(sorted(table["seed"].unique().tolist()))
-    scenarios = ", ".join(f"`{name}`" for name in table["scenario"].unique())
-    facts = (
-        f"Rig `{RIG}`, {len(table)} runs in open loop: {scenarios}, {len(seeds)} seeds ({seeds_text(seeds)}), "
-        f"{DURATION:g} s each."
-    )
-    return TEXT.format(facts=facts, tables="\n\n".join(parts))
+    parts = [f"### {title}\n\n{effects_table(table, LIFETIME, name, 2)}" for name, title in TITLES.items()]
+    return TEXT.format(facts=f"Rig `{RIG}`, {facts(table)}, {DURATION:g} s each.", tables="\n\n".join(parts))
 
 
 def main(
@@ -104,6 +67,6 @@ def main(
         if seeds is not None:
             table = runs(seeds=parse_seeds(seeds))
             make_directory(path.parent)
-            write(table, path)
+            write_runs(table, path)
             console.print(f"table    {path}", soft_wrap=True)
-        Page("persistence", docs).write(render(read(path)))
+        Page("persistence", docs).write(render(read_runs(path, "give the seeds to run, --seeds 320:323")))

@@ -2,22 +2,22 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import pandas as pd
 
 from sensors import RADARS, Persistence, Radar
 from testbed.compare.runs.recording import record
 from testbed.studies.drives import measured
+from testbed.studies.effects import Factor
 from testbed.studies.page import steps
 
 RIG = "surround"
 LIFETIMES = (0.0, 0.2, 1.0, 5.0)  # [s]; 0: drawn anew in each scan
+LIFETIME = Factor("lifetime", 0.0, lambda lifetime: f"{lifetime:g} s" if lifetime else "off")
 TRACKERS = ("imm-spline", "rm-feldmann")
 SCENARIOS, SEEDS, DURATION = ("cut-in", "dense-traffic"), (320, 321, 322), 6.0  # [s]
 MEASURES = ("gospa", "nees_position", "nees_length", "abs_length", "rmse_position")
 COLUMNS = ("scenario", "lifetime", "tracker", "seed", *MEASURES)
-DIGITS = 6  # significant, of the committed results
 
 
 def lasting(radar: Radar, lifetime: float) -> Radar:
@@ -45,15 +45,3 @@ def runs(
                         (scenario, lifetime, t, seed, *row.values()) for t, row in zip(trackers, rows, strict=True)
                     ]
     return pd.DataFrame(found, columns=list(COLUMNS))
-
-
-def write(table: pd.DataFrame, path: Path) -> None:
-    """Write the committed results."""
-    table.to_csv(path, index=False, float_format=f"%.{DIGITS}g", lineterminator="\n")
-
-
-def read(path: Path) -> pd.DataFrame:
-    """The committed results; ValueError where there are none."""
-    if not path.exists():
-        raise ValueError(f"{path} is not there yet; give the seeds to run, --seeds 320:323")
-    return pd.read_csv(path)

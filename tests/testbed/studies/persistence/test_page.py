@@ -7,9 +7,10 @@ import pandas as pd
 import pytest
 
 from sensors import RADARS
+from testbed.studies.effects import effect, read_runs, rows
 from testbed.studies.page import frame
-from testbed.studies.persistence.page import RESULTS, effect, render, rows
-from testbed.studies.persistence.runs import COLUMNS, LIFETIMES, lasting, read, write
+from testbed.studies.persistence.page import RESULTS, render
+from testbed.studies.persistence.runs import COLUMNS, LIFETIME, LIFETIMES, lasting
 
 DOCS = Path(__file__).parents[4] / "docs"
 
@@ -29,21 +30,14 @@ def made():
 
 
 def test_a_change_is_paired_by_seed_and_marked_where_it_is_resolved():
-    mean, change = effect(made(), 5.0, "x", "gospa")
+    mean, change = effect(made(), LIFETIME, 5.0, "x", "gospa")
     assert change.value == pytest.approx(1.0, abs=0.02)
     assert change.high - change.low < 0.05 < mean.high - mean.low
-    shown = rows(made(), "gospa")
+    shown = rows(made(), LIFETIME, "gospa", 2)
     assert [row[0] for row in shown] == ["off", "0.2 s", "1 s", "5 s"]
     assert shown[0][2] == shown[0][4] == ""
     assert shown[3][2].startswith("**+1.0")
     assert shown[3][4].startswith(("+0.0", "-0.0"))
-
-
-def test_committed_runs_read_back_as_they_were_written(tmp_path):
-    write(made(), tmp_path / RESULTS)
-    pd.testing.assert_frame_equal(read(tmp_path / RESULTS), made(), rtol=1e-5)
-    with pytest.raises(ValueError, match="not there yet"):
-        read(tmp_path / "other.csv")
 
 
 def test_a_lifetime_is_that_of_all_sensors_and_none_is_the_rig_itself():
@@ -53,6 +47,6 @@ def test_a_lifetime_is_that_of_all_sensors_and_none_is_the_rig_itself():
 
 
 def test_the_page_shows_the_committed_runs():
-    body = frame(render(read(DOCS / "results" / RESULTS)), "command", "date").split("\n", 4)[4]
+    body = frame(render(read_runs(DOCS / "results" / RESULTS, "")), "command", "date").split("\n", 4)[4]
     shown = (DOCS / "persistence.md").read_text().split("\n", 4)[4]
     assert shown.partition("<!--")[0] == body.partition("<!--")[0]
