@@ -3,7 +3,9 @@
 import json
 from collections.abc import Callable, Sequence
 from contextlib import closing
+from copy import deepcopy
 from dataclasses import dataclass
+from functools import cached_property
 from hashlib import sha256
 from math import inf
 from pathlib import Path
@@ -60,6 +62,19 @@ class RunConfig:
         if not (isinstance(self.faults, tuple) and all(isinstance(fault, str) for fault in self.faults)):
             raise ValueError(f"faults must be a tuple of texts, got {self.faults!r}; write faults=('drop:0.2',)")
 
+    @cached_property
+    def settings(self) -> dict[str, Any]:
+        """What is in the JSON file of the config, read once; empty without one, ValueError for what is no config."""
+        if self.config is None:
+            return {}
+        try:
+            found = read_json(Path(self.config))
+        except (OSError, ValueError) as error:
+            raise ValueError(f"config: cannot read {self.config}: {error}; give a JSON file like {EXAMPLE}") from None
+        if not isinstance(found, dict):
+            raise ValueError(f"config: {self.config} must hold one JSON object like {EXAMPLE}")
+        return found
+
 
 @dataclass(frozen=True)
 class RunResult:
@@ -81,7 +96,7 @@ class RunResult:
 def check(config: RunConfig) -> None:
     """Raise LookupError, ValueError or OSError, in one sentence, for a configuration that cannot be run."""
     scenario_of(config.scenario)
-    read_config(config)
+    _ = config.settings  # refuses what is no config
     radar = find_radar(config.radar)
     for fault in faults_of(config.faults):
         chosen(fault.sensors, radar.models)
@@ -95,7 +110,7 @@ def check(config: RunConfig) -> None:
 def make_env(config: RunConfig) -> gym.Env:
     """The scenario's environment with radar and trackers, writing its files to `config.out`."""
     planner, scenario = find_planner(config.planner), scenario_of(config.scenario)
-    settings = read_config(config) | planner_settings(planner)
+    settings = deepcopy(config.settings) | planner_settings(planner)  # an environment may change what is nested in it
     if config.duration is not None and (isinstance(scenario, Scenario) or "duration" in scenario.default):
         settings["duration"] = config.duration
     first = "truth" if planner.knows_truth else config.trackers[0]
@@ -117,27 +132,14 @@ def make_env(config: RunConfig) -> gym.Env:
         f"code of tracker {name}": tracker_digest(name) for name in config.trackers if own_module(name, "tracker")
     }
     if config.config is not None:
-        digest = sha256(json.dumps(read_config(config), sort_keys=True).encode()).hexdigest()[:6]
+        digest = sha256(json.dumps(config.settings, sort_keys=True).encode()).hexdigest()[:6]
         env.title = f"{config.scenario}+{Path(config.config).stem}-{digest}"
     return env
 
 
-def read_config(config: RunConfig) -> dict[str, Any]:
-    """The environment's config of a JSON file, empty without one; ValueError where there is none in it."""
-    if config.config is None:
-        return {}
-    try:
-        found = read_json(Path(config.config))
-    except (OSError, ValueError) as error:
-        raise ValueError(f"config: cannot read {config.config}: {error}; give a JSON file like {EXAMPLE}") from None
-    if not isinstance(found, dict):
-        raise ValueError(f"config: {config.config} must hold one JSON object like {EXAMPLE}")
-    return found
-
-
 def length(config: RunConfig) -> float:
     """Simulated time [s] after which a run ends at the latest."""
-    given = config.duration or read_config(config).get("duration") or scenario_of(config.scenario).duration
+    given = config.duration or config.settings.get("duration") or scenario_of(config.scenario).duration
     return min(float(given), LONGEST)
 
 

@@ -1,6 +1,7 @@
 """One run from start to files: what is written, what repeats, what does not depend on what."""
 
 import json
+from dataclasses import replace
 
 import gymnasium as gym
 import numpy as np
@@ -215,13 +216,16 @@ def test_a_config_in_a_file_is_in_the_name_and_in_the_results(tmp_path):
     file.write_text('{"vehicles_count": 6, "duration": 1}')
     config = RunConfig("highway-v0", ("rm-feldmann:sigma=0.3",), out=str(tmp_path / "out"), config=str(file))
     check(config)
+    held = file.read_text()
+    file.unlink()  # it is read once
     done = run(config)
     assert not done.interrupted
     assert done.result["run"]["scenario"].startswith("highway-v0+cfg-")
+    assert config.settings == json.loads(held)
     assert done.result["run"]["config"]["duration"] == "1"
     assert reader.complete(done.rrd)
     file.write_text('{"vehicles_count": 7, "duration": 1}')
-    assert run(config).json != done.json
+    assert run(replace(config)).json != done.json
     own = RunConfig("cut-in", ("rm-feldmann",), out=str(tmp_path / "out"), log="off", config=str(file))
     with pytest.raises(ValueError, match="config has no key 'vehicles_count'"):
         run(own)
