@@ -9,25 +9,18 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from sensors.aspects import Aspects, Faces, Parameters, interpolated, mean_counts, shown
+from sensors.aspects import Aspects, Parameters, interpolated, mean_counts, shown
 from sensors.ghosts import Ghosts, Rig, draw_ghosts
-from sensors.illumination import Beams, Illuminated, Visible, beam_azimuths, illuminate
-from sensors.origin import CONTOUR, VOLUME, Origin
-from sensors.persistence import Persistence, centres, choose_parts, cut_at_cells
-from sensors.raycast import Edges, outline_edges
-from sensors.returns import Returns, add_noise, false_alarms, join, merge_cells, rows, standing
-from sensors.scattering import (
-    Draws,
-    choose_elements,
-    draw_counts,
-    draw_depth,
-    draw_scatter,
-    room_behind,
-    surface_points,
-)
+from sensors.illumination import Beams, Visible, beam_azimuths, illuminate
+from sensors.origin import Origin
+from sensors.persistence import Persistence
+from sensors.raycast import outline_edges
+from sensors.reflections import BodyFigures, Mounted, vehicle_returns, wall_returns
+from sensors.returns import add_noise, false_alarms, join, merge_cells, rows
+from sensors.scattering import draw_counts
 from sensors.scene import Scene, check_scene
 from sensors.surroundings import Surroundings, surrounding_returns
-from trackers.geometry import compose, point_velocity, rotation, wrap_angle
+from trackers.geometry import compose, point_velocity, rotation
 from trackers.scan import DepthProfile, Scan, SensorModel
 
 
@@ -156,9 +149,11 @@ class Radar:
         return {one.name: np.array([getattr(a, one.name) for a in given], float) for one in fields(Aspects)}
 
     @cached_property
-    def _lifetime(self) -> NDArray:
-        """Of the scattering centres of all sensors, (S,) [s]; 0 where they are drawn anew in each scan."""
-        return np.array([sensor.persistence.lifetime if sensor.persistence else 0.0 for sensor in self.sensors])
+    def _body_figures(self) -> BodyFigures:
+        """Figures of all sensors that say where on a body its returns lie."""
+        lifetime = np.array([sensor.persistence.lifetime if sensor.persistence else 0.0 for sensor in self.sensors])
+        figures = (self.column(name) for name in BodyFigures._fields[:-2])
+        return BodyFigures(*figures, lifetime, self._aspects)
 
     @cached_property
     def sigma(self) -> NDArray:
@@ -192,8 +187,10 @@ class Radar:
             expected = self._expected_by_aspect(self._aspects, visible, sides, scene.objects.kind)
             shape = interpolated(self._aspects["count_shape"], sides)  # (RAD.31)
         counts = self._counts(expected, shape, rng)
-        vehicles = self._vehicles(scene, elements, edges, counts, pose, velocity, rng)
-        walls = self._walls(scene, rail, pose, velocity, rng)
+        at = Mounted(pose, velocity)
+        vehicles = vehicle_returns(self._body_figures, scene, elements, edges, counts, at, rng)
+        density, falloff = self.column("static_density"), self.column("count_falloff")
+        walls = wall_returns(density, falloff, scene.walls, rail, at, rng)
         around = [
             surrounding_returns(sensor.surroundings, s, sensor.model, scene, pose[s], velocity[s], elements, rng)
             for s, sensor in enumerate(self.sensors)
@@ -272,72 +269,3 @@ class Radar:
         mean = expected / np.where(p > 0, p, 1.0)
         counts = draw_counts(mean, shape, rng)  # (RAD.11)
         return np.where(rng.random(expected.shape) < p, counts, 0)  # (RAD.12)
-
-    def _vehicles(
-        self, scene: Scene, elements: Illuminated, edges: Edges, counts: NDArray, pose: NDArray, velocity: NDArray,
-        rng: np.random.Generator,
-    ) -> Returns:  # fmt: skip
-        """Noise-free returns of the objects: on or behind an illuminated element each, with the motion of the body."""
-        weight = elements.chord * elements.incidence ** -self.column("grazing")[elements.sensor]  # (RAD.13)
-        face = None if self._aspects is None else Faces(self._aspects, scene.bodies, edges)
-        if face is not None:
-            weight = weight * face.weights(elements, pose)
-        draw: Draws = rng
-        if self._lifetime.any():
-            draw = lasting = centres(self._lifetime, scene, counts, rng)
-            elements, weight, cell = cut_at_cells(elements, weight, edges, pose)
-            pick = choose_parts(lasting, elements, weight, cell, edges, scene.bodies.owner, counts)
-        else:
-            pick = choose_elements(elements, weight, counts, rng)
-        s, segment = elements.sensor[pick], elements.segment[pick]
-        body, place = edges.body[segment], pose[s, :2]
-        spacing = elements.chord[pick] / elements.range[pick]
-        point = surface_points(place, elements.bearing[pick], spacing, edges.a[segment], edges.b[segment], draw)
-        inside = self.column("share_volume")[s]
-        if face is not None:
-            inside = inside * face.left(s, elements.range[pick])
-        volume = draw.random(len(pick)) < inside
-        mean = np.where(volume, self.column("depth_volume")[s], self.column("depth_contour")[s])
-        depth = draw_depth(mean, room_behind(place, point, body, edges), draw)
-        sight = point - place
-        u = sight / np.maximum(np.hypot(sight[:, 0], sight[:, 1]), 1e-12)[:, None]
-        point = point + depth[:, None] * u  # (RAD.16)
-        astray = self.column("share_scatter")[s]
-        if face is not None:
-            point, under = face.from_beneath(point, s, body, place, elements.range[pick], draw)
-            volume, astray = volume | under, np.where(under, 0.0, astray)
-        lever = point - scene.bodies.pose[body, :2]
-        moving = point_velocity(scene.bodies.velocity[body], scene.bodies.yaw_rate[body], lever)
-        rate = (u * (moving - velocity[s])).sum(-1)  # (RAD.17)
-        off = draw_scatter(astray, self.column("scatter")[s], draw)
-        if draw is not rng:
-            off = (rotation(scene.bodies.pose[body, 2]) @ off[..., None])[..., 0]  # a centre turns with its body
-        point = point + off  # (RAD.18)
-        kind = np.where(volume, VOLUME, CONTOUR)
-        return Returns(polar_of(pose[s], point, rate), s, elements.object[pick], body, edges.edge[segment], kind)
-
-    def _walls(
-        self, scene: Scene, elements: Illuminated, pose: NDArray, velocity: NDArray, rng: np.random.Generator
-    ) -> Returns:
-        """Noise-free returns of the illuminated walls, which stand still."""
-        if not len(elements.sensor):
-            none = np.zeros(0, int)
-            return Returns(np.zeros((0, 3)), none, none, none, none, none)
-        falloff = (15.0 / np.maximum(elements.range, 1.0)) ** self.column("count_falloff")[elements.sensor]
-        density = self.column("static_density")[elements.sensor]
-        mean = density * falloff * elements.chord / elements.incidence
-        pick = np.repeat(np.arange(len(mean)), rng.poisson(mean))  # (RAD.20)
-        s, wall = elements.sensor[pick], elements.segment[pick]
-        spacing = elements.chord[pick] / elements.range[pick]
-        a, b = scene.walls[wall, 0], scene.walls[wall, 1]
-        point = surface_points(pose[s, :2], elements.bearing[pick], spacing, a, b, rng)
-        sight = point - pose[s, :2]
-        rate = -(sight * velocity[s]).sum(-1) / np.maximum(np.hypot(sight[:, 0], sight[:, 1]), 1e-12)  # (RAD.20)
-        return standing(polar_of(pose[s], point, rate), s)
-
-
-def polar_of(pose: NDArray, point: NDArray, rate: NDArray) -> NDArray:
-    """Range, azimuth, range rate (M, 3) of world points (M, 2) [m] in the frames of sensors (M, 3)."""
-    d = point - pose[:, :2]
-    azimuth = wrap_angle(np.arctan2(d[:, 1], d[:, 0]) - pose[:, 2])
-    return np.stack([np.hypot(d[:, 0], d[:, 1]), azimuth, rate], -1)  # (RAD.19)
