@@ -18,6 +18,7 @@ models, another page beside the errors shows the probability of each for the veh
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
+from typing import Any
 
 import rerun as rr
 import rerun.blueprint as rrb
@@ -31,6 +32,7 @@ from testbed.log.record import RoadGeometry, RunMeta
 
 TRAIL = 2.0  # [s]
 REACH = 130.0  # [m] the overview shows this far before and behind the ego
+BACKGROUND = (14, 15, 19)  # RGB of scenes
 CLOSE = (-22.0, 48.0, -16.0, 16.0)  # [m] close-up: behind and before the ego, left and right of it on the screen
 HALF = {"strip": 12.0, "long": 22.0}  # [m] the overview shows this far to the sides
 AROUND, CLOSE_AROUND = 65.0, 26.0  # [m] overview and close-up on compact roads, where traffic comes from all sides
@@ -87,8 +89,13 @@ def layout(
     else:
         closer = rrb.Horizontal(_closeups(meta, shape), plots, column_shares=[5, 4])
         rows, shares = [_overview(meta, shape), closer], [0.62 if shape == "strip" else 1.0, 1.8]
+    return arranged([*rows, _bottom()], [*shares, 1.0])
+
+
+def arranged(rows: Sequence[Any], shares: Sequence[float]) -> rrb.Blueprint:
+    """Rows of views of which each has its share of the height; of the viewer's own panels only the time is there."""
     return rrb.Blueprint(
-        rrb.Vertical(*rows, _bottom(), row_shares=[*shares, 1.0]),
+        rrb.Vertical(*rows, row_shares=shares),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
         rrb.TopPanel(state="expanded"),
@@ -111,7 +118,7 @@ def _scene(
         contents=["+ /world/**", *(f"- /{path}" for path in (f"{paths.SMOOTHED}/**", *hide) if path not in show)],
         name=name,
         visual_bounds=rrb.VisualBounds2D(x_range=[x0, x1], y_range=[y0, y1]),
-        background=[14, 15, 19],
+        background=BACKGROUND,
         overrides=overrides,
     )
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from testbed.frame import TRUTH, Frame
 from testbed.log import layers, palette, paths
+from testbed.log.blueprint import BACKGROUND, arranged
 from testbed.log.record import RoadGeometry
 from testbed.log.stream import Block, Stream
 from testbed.log.styles import road_layers, scene_styles, tracker_styles
@@ -104,7 +105,7 @@ def _layout(drives: Sequence[LoggedDrive]) -> rrb.Blueprint:
     scenes = [
         rrb.Spatial2DView(
             origin=f"/{d.name}/{paths.FOLLOW}", contents=[f"+ /{d.name}/world/**"], name=d.title,
-            visual_bounds=bounds, background=[14, 15, 19],
+            visual_bounds=bounds, background=BACKGROUND,
         )
         for d in drives
     ]  # fmt: skip
@@ -122,12 +123,4 @@ def _layout(drives: Sequence[LoggedDrive]) -> rrb.Blueprint:
         rrb.TextDocumentView(origin=f"/{paths.SUMMARY}", name="Summary"),
     )
     below = rrb.Horizontal(rrb.Grid(*plots), rrb.Vertical(*actions), words, column_shares=[5, 3, 3])
-    return rrb.Blueprint(
-        rrb.Vertical(*scenes, below, row_shares=[*[1.0] * len(scenes), 2.0]),
-        rrb.BlueprintPanel(state="collapsed"),
-        rrb.SelectionPanel(state="collapsed"),
-        rrb.TopPanel(state="expanded"),
-        rrb.TimePanel(state="collapsed", timeline=paths.TIME),
-        auto_layout=False,
-        auto_views=False,
-    )
+    return arranged([*scenes, below], [*[1.0] * len(scenes), 2.0])

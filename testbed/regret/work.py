@@ -5,12 +5,12 @@ from time import perf_counter
 
 from testbed.command_line.interruption import interruptible
 from testbed.compare.runs.engine import Engine
-from testbed.compare.runs.rows import check_part
+from testbed.compare.runs.rows import is_made
 from testbed.compare.runs.work import Progress, Tally, stage
 from testbed.files import make_directory
 from testbed.regret.curves import SCHEMA
 from testbed.regret.drives import FOLDER, drive, drive_path, reads
-from testbed.regret.study import Study, Task, check, write_settings
+from testbed.regret.study import Study, check, write_settings
 
 
 def execute(study: Study, engine: Engine, progress: Progress | None = None) -> Tally:
@@ -28,7 +28,7 @@ def execute(study: Study, engine: Engine, progress: Progress | None = None) -> T
     with interruptible() as request:
         write_settings(study)
         make_directory(out / FOLDER)
-        missing = [task for task in study.tasks if not _is_found(task, out)]
+        missing = [task for task in study.tasks if not is_made(drive_path(task, out), task, SCHEMA)]
         tally.found = len(study.tasks) - len(missing)
         order = {seed: k for k, seed in enumerate(study.seeds)}  # what an interruption leaves are complete pairs
         work = [(task, study.settings, out) for task in sorted(missing, key=lambda task: order[task.seed])]
@@ -37,15 +37,3 @@ def execute(study: Study, engine: Engine, progress: Progress | None = None) -> T
     tally.wall = perf_counter() - start
     tally.exit_status = request.exit_status
     return tally
-
-
-def _is_found(task: Task, out: Path) -> bool:
-    """Whether a drive has a valid file; the drive itself replaces a damaged one, and says so."""
-    path = drive_path(task, out)
-    if not path.exists():
-        return False
-    try:
-        check_part(path, task, SCHEMA)
-    except ValueError:
-        return False
-    return True

@@ -220,6 +220,17 @@ def check_part(path: Path, task: Any, layout: pa.Schema | None = None) -> None:
         raise ValueError(f"{path} is damaged ({_one_line(error)})") from None
 
 
+def is_made(path: Path, task: Any, layout: pa.Schema | None = None) -> bool:
+    """Whether a file has the rows of a run, undamaged; the run itself replaces others, and says so."""
+    if not path.exists():
+        return False
+    try:
+        check_part(path, task, layout)
+    except ValueError:
+        return False
+    return True
+
+
 def _one_line(error: Exception) -> str:
     return " ".join(str(error).split())
 

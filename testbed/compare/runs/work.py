@@ -16,7 +16,7 @@ from testbed.command_line.interruption import InterruptRequest, interruptible
 from testbed.compare.runs import tasks as works
 from testbed.compare.runs.config import Comparison, Settings, Task, check, write_settings
 from testbed.compare.runs.engine import Engine, nothing, perform
-from testbed.compare.runs.rows import check_part
+from testbed.compare.runs.rows import is_made
 from testbed.compare.runs.tasks import (
     DONE,
     FAILED,
@@ -78,8 +78,9 @@ def execute(comparison: Comparison, engine: Engine, progress: Progress | None = 
         for folder in (ROWS, RECORDINGS):
             make_directory(out / folder)
         recordings = shuffled_recordings(comparison)
-        tasks = [t for r in recordings for t in tasks_on(r, comparison)]
-        tasks = [t for t in tasks if not _is_found(t, out, request, tally)]
+        asked = [t for r in recordings for t in tasks_on(r, comparison)]
+        tasks = [t for t in asked if request.signal is not None or not is_made(rows_path(t, out), t)]
+        tally.found = len(asked) - len(tasks)
         if comparison.settings.loop == "open":
             missing = {recording_of(t) for t in tasks}
             missing = {r for r in missing if not recording_path(r, out).exists()}
@@ -98,18 +99,6 @@ def _reads(task: Task, settings: Settings, out: Path) -> list[Path]:
     """What a run reads: its recording, and its own rows, which it replaces where they are damaged."""
     recording = [recording_path(recording_of(task), out)] if settings.loop == "open" else []
     return [*recording, rows_path(task, out)]
-
-
-def _is_found(task: Task, out: Path, request: InterruptRequest, tally: Tally) -> bool:
-    """Whether a run has a valid file, which is counted; the run itself replaces a damaged one, and says so."""
-    if request.signal is not None or not rows_path(task, out).exists():
-        return False
-    try:
-        check_part(rows_path(task, out), task)
-    except ValueError:
-        return False
-    tally.found += 1
-    return True
 
 
 def stage(

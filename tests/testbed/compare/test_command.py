@@ -12,9 +12,7 @@ import pandas as pd
 import psutil
 import pyarrow.parquet as pq
 import pytest
-from typer.testing import CliRunner
 
-from testbed.cli import app
 from testbed.compare.runs.config import Comparison, Settings
 from testbed.compare.runs.engine import Engine
 from testbed.compare.runs.measures import COSTS
@@ -22,6 +20,7 @@ from testbed.compare.runs.results import RUNS, collect, write_runs
 from testbed.compare.runs.rows import check_part
 from testbed.compare.runs.tasks import ROWS, rows_path
 from testbed.compare.runs.work import execute
+from tests.testbed.command_line import refused
 
 PLAIN = {**os.environ, "COLUMNS": "200", "NO_COLOR": "1", "TERM": "dumb"}
 LONG = Comparison(("xia2020-lane",), ("rm-koch", "rm-feldmann"), tuple(range(6)), Settings("front", duration=0.5))
@@ -29,13 +28,9 @@ ASKED = ["compare", "xia2020-lane", "--radar", "front", "--duration", "0.5", "--
 TRACKERS = ["--tracker", "rm-koch", "--tracker", "rm-feldmann"]
 
 
-def refused(out, *args):
-    """The sentence with which a command line is refused."""
-    done = CliRunner().invoke(app, ["compare", "xia2020-lane", "--out", str(out), *map(str, args)])
-    assert done.exit_code == 2, done.output
-    assert done.stderr.startswith("testbed: ")
-    assert done.stderr.count("\n") == 1
-    return done.stderr
+def refused_here(out, *args):
+    """The sentence with which `testbed compare` is refused that writes to a folder."""
+    return refused("compare", "xia2020-lane", "--out", out, *args)
 
 
 @pytest.mark.parametrize(
@@ -55,17 +50,17 @@ def refused(out, *args):
     ],
 )
 def test_wrong_input_is_one_sentence(tmp_path, args, sentence):
-    assert sentence in refused(tmp_path, *args)
+    assert sentence in refused_here(tmp_path, *args)
 
 
 def test_an_out_that_cannot_be_is_one_sentence(tmp_path):
     (tmp_path / "file").touch()
-    assert "out: cannot write to" in refused(tmp_path / "file")
+    assert "out: cannot write to" in refused_here(tmp_path / "file")
 
 
 def test_a_folder_of_other_settings_is_one_sentence(tmp_path):
     (tmp_path / "comparison.json").write_text('{"radar": "front"}')
-    assert "holds runs with radar 'front', wanted is 'surround'" in refused(tmp_path)
+    assert "holds runs with radar 'front', wanted is 'surround'" in refused_here(tmp_path)
 
 
 def test_tables_are_printed_where_they_cannot_be_written(tmp_path, command):

@@ -9,19 +9,16 @@ from typer.testing import CliRunner
 
 from testbed.cli import app
 from testbed.log import reader
+from tests.testbed.command_line import refused
 
 ASKED = ["regret", "probe-brake", "--planner", "idle", "--tracker", "rm-koch", "--seeds", "0:3", "--duration", "0.4"]
 
 WHOLE = [*ASKED, "--attribute", "--inject", "velocity_lag=0.5"]
 
 
-def refused(out, *args):
-    """The sentence with which a command line is refused."""
-    done = CliRunner().invoke(app, ["regret", "probe-brake", "--out", str(out), *map(str, args)])
-    assert done.exit_code == 2, done.output
-    assert done.stderr.startswith("testbed: ")
-    assert done.stderr.count("\n") == 1
-    return done.stderr
+def refused_here(out, *args):
+    """The sentence with which `testbed regret` is refused that writes to a folder."""
+    return refused("regret", "probe-brake", "--out", out, *args)
 
 
 @pytest.mark.parametrize(
@@ -43,7 +40,7 @@ def refused(out, *args):
     ],
 )
 def test_wrong_input_is_one_sentence(tmp_path, args, sentence):
-    assert sentence in refused(tmp_path, *args)
+    assert sentence in refused_here(tmp_path, *args)
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +63,7 @@ def test_the_drives_are_in_one_table_and_the_same_command_finds_them(first):
 
 
 def test_drives_of_other_settings_are_refused(first):
-    assert "holds runs with duration 0.4, wanted is None" in refused(first[0])
+    assert "holds runs with duration 0.4, wanted is None" in refused_here(first[0])
 
 
 def test_the_page_has_all_its_parts_and_its_links_lead_somewhere(first):
