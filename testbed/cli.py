@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
+from rich.markup import escape
 
 import testbed
 from testbed.command_line import tables
@@ -148,6 +149,10 @@ def _show(result: "RunResult") -> None:
         for line in tables.EXPLAINED:
             console.print(line)
         console.print()
+        if result.result["moments"]:
+            console.print(tables.moments(result.result))
+            console.print(escape(tables.HARM))
+            console.print()
         console.print(tables.drive(result.result))
     else:
         console.print(tables.costs(result.result))

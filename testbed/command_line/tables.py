@@ -45,6 +45,10 @@ EXPLAINED = (  # what a newcomer cannot guess
     "NEES: squared error over the variance that the tracker claims; 2 if it knows how wrong it is, more if it is too "
     "sure of itself.",
 )
+HARM = (
+    "harm: squared error at GOSPA's prices over the time that it lasted, nearer to the ego weighing more [m^2 s]; "
+    "docs/methods/metrics.md."
+)
 DRIVE = (
     ("collisions", "collisions", 0),
     ("ttc_min", "least time to collision [s]", 2),
@@ -71,6 +75,19 @@ def metrics(result: Mapping[str, Any]) -> Table:
     for key, label, digits in ROWS:
         table.add_row(escape(label), *(number(row[key], digits) for row in result["trackers"].values()))
     table.add_row("ms a scan", *(number(cost["ms_per_scan"], 1) for cost in result["timing"]["trackers"].values()))
+    return table
+
+
+def moments(result: Mapping[str, Any]) -> Table:
+    """The worst moments of the run, the worst first."""
+    several = len(result["trackers"]) > 1
+    table = light_table(f"the {len(result['moments'])} worst moments")
+    for name in ("time [s]", "who", "what", "why", *(("tracker",) if several else ()), "harm"):
+        table.add_column(escape(name), justify="right" if name in ("time [s]", "harm") else "left", overflow="fold")
+    for m in result["moments"]:
+        who = f"track {m['track']}" if m["object"] is None else f"veh_{m['object']:02d} {m['kind']}"
+        cells = (number(m["time"], 1), who, f"{m['what']}: {m['text']}", m["why"])
+        table.add_row(*map(escape, (*cells, *((m["tracker"],) if several else ()), number(m["harm"], 1))))
     return table
 
 

@@ -16,6 +16,8 @@ from sensors.scene import Scene
 from testbed.environment.smoothing import StateHistory
 from testbed.evaluation.driving import HARDEST, LONGEST, DriveEvaluator, DriveFrame
 from testbed.evaluation.histories import LOST_AFTER, TIME_ROUNDING
+from testbed.evaluation.moments import WORST, all_moments, harm_of, moment_row
+from testbed.evaluation.snapshots import Snapshots
 from testbed.evaluation.tracking import Evaluator, jsonable
 from testbed.files import check_target, make_directory, noting_losses, reserve, write_json
 from testbed.frame import Frame, FrameScore
@@ -79,6 +81,7 @@ class Recorder:
         self.lost: list[str] = []  # what could not be written of the log, in sentences
         self.evaluators = {name: Evaluator(name, self.phases) for name in meta.trackers}
         self.drive = DriveEvaluator()
+        self.snapshots = Snapshots()
         self.log: NullLog = NullLog()
         if level != "off":
             path = self.directory / f"{meta.run_id}.rrd"
@@ -109,6 +112,7 @@ class Recorder:
         start = perf_counter()
         if self.metrics:
             drive = self.drive.step(frame.scene)
+            self.snapshots(frame)
             judged = [
                 (name, (frame.time, frame.scene, frame.origin, tracks, info.owner))
                 for name, (tracks, info) in frame.outputs.items()
@@ -156,13 +160,16 @@ class Recorder:
         }
         if not self.metrics:
             return {"run": run}
+        moments = all_moments(self.evaluators, self.snapshots)
+        objects = [(name, row) for name, e in self.evaluators.items() for row in e.object_rows()]
         return {
             "run": run,
             "drive": jsonable(self.drive.summary()),
             "trackers": {name: jsonable(e.summary()) for name, e in self.evaluators.items()},
             "phases": [jsonable(row) for e in self.evaluators.values() for row in e.phase_rows()],
-            "objects": [jsonable(row) for e in self.evaluators.values() for row in e.object_rows()],
+            "objects": [{**jsonable(row), "harm": harm_of(moments, n, int(row["object"]))} for n, row in objects],
             "orphans": [jsonable(row) for e in self.evaluators.values() for row in e.orphan_rows()],
+            "moments": [moment_row(moment) for moment in moments[:WORST]],
         }
 
     def close(self, interrupted: bool = False, timing: Mapping[str, Any] | None = None) -> dict[str, Any]:
@@ -195,12 +202,14 @@ class Recorder:
         if interrupted:
             self.log.event("WARN", "the run was interrupted")
         summary: dict[str, Any] = {name: e.summary() for name, e in self.evaluators.items()}
+        found = self._result or self.result()
         try:
             with self._writing_log():
                 for name in self._past:
                     self._smooth(name)
         finally:  # the log is closed even where smoothing fails
             with self._writing_log():
+                self.log.tables(found["moments"], found["objects"])
                 self.log.close({**{f"drive_{k}": v for k, v in self.drive.summary().items()}, **summary}, replace)
 
     def _smooth(self, name: str) -> None:

@@ -22,7 +22,7 @@ EGO_PLAN = "world/ego_plan"
 EGO_ACTION, EGO_SPEED = "ego/action", "ego/speed"
 EGO_TTC, EGO_DRAC, EGO_BRAKING = "ego/risk/ttc", "ego/risk/drac", "ego/risk/braking"
 EVENTS = "events"
-CONFIG, SUMMARY = "run/config", "run/summary"
+CONFIG, SUMMARY, MOMENTS, OBJECTS, LEGEND = "run/config", "run/summary", "run/moments", "run/objects", "run/legend"
 
 TRACKER_LAYERS = ("extent", "tentative", "covariance", "heading", "center")
 CHANGE_LAYERS = ("contour_before", "contour_after")  # only of trackers that learn contours

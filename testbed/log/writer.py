@@ -4,6 +4,7 @@ A run that is killed loses at most the block that was not yet written. rerun is 
 that a run without a log never pays for it.
 """
 
+import json
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType, TracebackType
@@ -16,6 +17,7 @@ from testbed.frame import Frame, FrameScore
 from testbed.log import layers, palette, paths
 from testbed.log.modes import class_names, modes_of
 from testbed.log.record import RoadGeometry, RunMeta, SmoothedTracks
+from testbed.log.table_pages import moments_text, objects_text
 from testbed.log.text import config_text, flat_properties, flat_summary, summary_text, unfinished_text
 from trackers.multi.tracks import NO_TRACK, Event, StepInfo, Tracks
 from trackers.scan import SensorModel
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
 
 Value = str | int | float | bool
 Summary = Mapping[str, Value | Mapping[str, Value]]
+Table = Mapping[str, float | int | str | None]  # a row of it
 Scores = Mapping[str, FrameScore]  # by name of the tracker, in the order of the run
 LogEvents = Iterable[tuple[str, str]]  # severity, text
 
@@ -49,6 +52,9 @@ class NullLog:
 
     def event(self, level: str, text: str) -> None:
         """Ignore an event."""
+
+    def tables(self, moments: Sequence[Table], objects: Sequence[Table]) -> None:
+        """Ignore the worst moments and the objects of a run."""
 
     def close(self, summary: Summary | None = None, replace: bool = True) -> None:
         """Do nothing."""
@@ -171,6 +177,14 @@ class RunLog(NullLog):
         if self._closed:
             raise ValueError(f"the log {self.path} is closed; no event can follow")
         self._put(paths.EVENTS, {"TextLog:text": [text], "TextLog:level": [level]})
+
+    def tables(self, moments: Sequence[Table], objects: Sequence[Table]) -> None:
+        """Write the pages of the worst moments and of the objects, and both as JSON in the property "tables"."""
+        if self._stream is None or self._stopped or self._closed:
+            return
+        self._write_text(paths.MOMENTS, moments_text(moments))
+        self._write_text(paths.OBJECTS, objects_text(objects))
+        self._stream.property("tables", {"moments": json.dumps(moments), "objects": json.dumps(objects)})
 
     def close(self, summary: Summary | None = None, replace: bool = True) -> None:
         """Write the rest and the summary, once; later calls do nothing.

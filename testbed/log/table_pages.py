@@ -1,0 +1,68 @@
+"""Pages of a log as tables in markdown: the worst moments, and the objects sorted by harm."""
+
+from collections.abc import Mapping, Sequence
+from math import isfinite
+
+from testbed.log import paths
+from testbed.log.text import markdown_table
+
+Table = Mapping[str, float | int | str | None]  # a row of it
+
+COLUMNS = (  # key of a row of `objects` in the results, heading with unit, digits
+    ("harm", "harm [m^2 s]", 1),
+    ("scans_counted", "scans in view", 0),
+    ("birth_delay", "birth delay [s]", 2),
+    ("scans_missed", "scans without a track", 0),
+    ("lost", "lost", 0),
+    ("switches", "switches", 0),
+    ("gwd", "GWD [m]", 2),
+    ("rmse_position", "position [m]", 2),
+    ("rmse_velocity", "velocity [m/s]", 2),
+    ("rmse_heading_deg", "heading [deg]", 1),
+    ("rmse_length", "length [m]", 2),
+    ("rmse_width", "width [m]", 2),
+)
+
+
+def subject(moment: Table) -> str:
+    """Whom a moment is about: the object with its class, or the track."""
+    if moment["object"] is None:
+        return f"track {moment['track']}"
+    return f"{paths.vehicle(int(moment['object']))} {moment['kind']}"
+
+
+def happened(moment: Table) -> str:
+    """What happened, in words."""
+    return f"{moment['what']}: {moment['text']}"
+
+
+def moments_text(moments: Sequence[Table]) -> str:
+    """Page of the worst moments, the worst first."""
+    if not moments:
+        return "Nothing went wrong that counts: every vehicle in view had a track, and no track was wrong."
+    head = ("time [s]", "who", "what", "why", "tracker", "harm [m^2 s]")
+    body = [
+        (f"{m['time']:.1f}", subject(m), happened(m), str(m["why"]), str(m["tracker"]), f"{m['harm']:.1f}")
+        for m in moments
+    ]
+    note = "Harm: the squared error in GOSPA's prices over the time that it lasted, nearer to the ego weighing more."
+    return f"{markdown_table(head, body)}\n\n{note}"
+
+
+def objects_text(objects: Sequence[Table]) -> str:
+    """Page of the objects that counted, those of most harm first."""
+    rows = sorted((row for row in objects if row["scans_counted"]), key=lambda row: -float(row["harm"] or 0.0))
+    head = ("object", "tracker", *(heading for _, heading, _ in COLUMNS))
+    body = [
+        (
+            f"{paths.vehicle(int(row['object'] or 0))} {row['kind']}",
+            str(row["tracker"]),
+            *(_number(row.get(key), digits) for key, _, digits in COLUMNS),
+        )
+        for row in rows
+    ]
+    return markdown_table(head, body)
+
+
+def _number(value: float | int | str | None, digits: int) -> str:
+    return "-" if value is None or not isfinite(float(value)) else f"{float(value):.{digits}f}"
