@@ -173,14 +173,27 @@ def review(
     at: Annotated[
         float | None, typer.Option(help="Time of the picture in seconds. Without it: the middle of the run.")
     ] = None,
+    html: Annotated[
+        Path | None,
+        typer.Option(help="Write the run as one page (.html) for a browser instead; nothing else is needed."),
+    ] = None,
 ) -> None:
-    """Open the logs of runs in the viewer, or take a picture of one.
+    """Open the logs of runs in the viewer, or take a picture of one, or make a page of one.
 
     Example: [bold]testbed review runs/*.rrd[/bold]
+    Example: [bold]testbed review runs/a.rrd --html a.html[/bold]
     Example: [bold]testbed review runs/a.rrd --screenshot a.png --at 9[/bold]
     """
     from testbed.log import review as reviewing
 
+    if html is not None:
+        from testbed.review_page.page import write
+
+        with user_input((OSError,)):
+            written = write(reviewing.only(path, "a page"), html)
+        console.print(f"page     {written}", soft_wrap=True)
+        if screenshot is None:
+            return
     with user_input():
         reviewing.review(path, web, screenshot, at)
     if screenshot is not None:

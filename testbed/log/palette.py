@@ -17,6 +17,7 @@ BEFORE = 0x9A9AA0FF  # a contour before it changed
 DETECTION = dict(zip(KINDS, (0x43E66BFF, 0xFF5CB8FF, 0x85858AFF, 0xA8835AFF, 0x5AA9FFFF, 0xFFE14DFF), strict=True))
 
 _TRACKERS = (0xFFA629FF, 0x38CFFFFF, 0xB18CFFFF, 0xF5E663FF, 0xFF7361FF, 0x2FD6A5FF)
+_TRACKER_NAMES = ("orange", "light blue", "violet", "yellow", "red", "turquoise")
 _MODES = (0x9AA0ABFF, 0xFF7361FF, 0x2FD6A5FF, 0xF5E663FF)  # in the order of a filter's models: cv, ca, ct
 _OBJECTS = np.array(
     [
@@ -40,6 +41,11 @@ _OTHER_ACTIONS = (0x9A7B2FFF, 0x2F8F8FFF, 0x9C4F74FF, 0x6B7F3AFF)
 def tracker(index: int) -> int:
     """Colour of the index-th tracker of the command line."""
     return _TRACKERS[index % len(_TRACKERS)]
+
+
+def tracker_name(index: int) -> str:
+    """The same colour in words."""
+    return _TRACKER_NAMES[index % len(_TRACKERS)]
 
 
 def mode(index: int) -> int:

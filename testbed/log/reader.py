@@ -31,7 +31,7 @@ class LoggedEvent(NamedTuple):
     text: str
 
 
-def _batches(path: str | Path, content: str | None = None) -> Iterator[tuple[str, pa.RecordBatch]]:
+def batches(path: str | Path, content: str | None = None) -> Iterator[tuple[str, pa.RecordBatch]]:
     """Entity path with a leading slash, and the rows of each chunk."""
     try:
         stream = _open(path).stream()
@@ -65,13 +65,13 @@ def _open(path: str | Path) -> Any:
 
 def entity_paths(path: str | Path) -> set[str]:
     """All entities of the run, without the leading slash and without properties."""
-    return {entity.lstrip("/") for entity, _ in _batches(path) if not entity.startswith("/__")}
+    return {entity.lstrip("/") for entity, _ in batches(path) if not entity.startswith("/__")}
 
 
 def components(path: str | Path) -> dict[str, set[str]]:
     """Entity -> names of its components."""
     found: dict[str, set[str]] = defaultdict(set)
-    for entity, batch in _batches(path):
+    for entity, batch in batches(path):
         found[entity.lstrip("/")] |= set(_component_names(batch))
     return dict(found)
 
@@ -82,7 +82,7 @@ def scalars(path: str | Path, content: str, component: str = "Scalars:scalars") 
     `content` selects entities: "metrics/gwd/**", or "objects/veh_03/rm-koch" with component "metrics:gwd".
     """
     parts: dict[str, list[tuple[NDArray, NDArray]]] = defaultdict(list)
-    for entity, batch in _batches(path, f"/{content.lstrip('/')}"):
+    for entity, batch in batches(path, f"/{content.lstrip('/')}"):
         if component in batch.schema.names and paths.STEP in batch.schema.names:
             column = batch[component]
             there = column.is_valid().to_numpy(zero_copy_only=False)
@@ -101,7 +101,7 @@ def scalars(path: str | Path, content: str, component: str = "Scalars:scalars") 
 
 def rows(path: str | Path, entity: str) -> Iterator[dict[str, Any]]:
     """Everything logged at one entity, a row at a time: component -> values, and the timelines."""
-    for _, batch in _batches(path, f"/{entity.lstrip('/')}"):
+    for _, batch in batches(path, f"/{entity.lstrip('/')}"):
         yield from batch.to_pylist()
 
 
@@ -112,7 +112,7 @@ def _sorted(steps: NDArray, values: NDArray) -> tuple[NDArray, NDArray]:
 
 def events(path: str | Path) -> list[LoggedEvent]:
     """The event list in the order it was written."""
-    rows = [row for _, batch in _batches(path, f"/{paths.EVENTS}") for row in batch.to_pylist()]
+    rows = [row for _, batch in batches(path, f"/{paths.EVENTS}") for row in batch.to_pylist()]
     rows = sorted(rows, key=lambda row: (row[paths.STEP], row[_ROW_ID]))
     return [
         LoggedEvent(row[paths.STEP], _seconds(row[paths.TIME]), row["TextLog:level"][0], row["TextLog:text"][0])
@@ -127,7 +127,7 @@ def _seconds(duration: Any) -> float:
 def properties(path: str | Path) -> dict[str, dict[str, Any]]:
     """Flat values of the run by group: its settings in "run", its results in "summary"."""
     groups: dict[str, dict[str, Any]] = {}
-    for entity, batch in _batches(path, "/__properties/**"):
+    for entity, batch in batches(path, "/__properties/**"):
         row = {name: batch[name][0].as_py() for name in _component_names(batch)}
         groups[entity.rpartition("/")[2]] = {name: value[0] for name, value in row.items() if value}
     return groups
@@ -142,7 +142,7 @@ def span(path: str | Path) -> tuple[float, float]:
     """First and last time [s] of the run."""
     times = [
         batch[paths.TIME].cast(pa.int64())
-        for _, batch in _batches(path, f"/{paths.EGO_SPEED}")
+        for _, batch in batches(path, f"/{paths.EGO_SPEED}")
         if paths.TIME in batch.schema.names
     ]
     if not times:
@@ -154,7 +154,7 @@ def span(path: str | Path) -> tuple[float, float]:
 def digests(path: str | Path) -> dict[str, str]:
     """SHA-256 of the content of each column by "entity component"; it does not depend on the blocks in the file."""
     pieces: dict[str, list[tuple[NDArray, pa.Array]]] = defaultdict(list)
-    for entity, batch in _batches(path):
+    for entity, batch in batches(path):
         if entity.startswith(DESCRIBES):
             continue
         order = _order(batch)

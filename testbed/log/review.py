@@ -21,14 +21,20 @@ def check(logs: Sequence[str | Path], png: str | Path | None = None, at: float |
         if at is not None:
             raise ValueError(f"a time, --at {at:g}, goes with --screenshot only; the viewer has a time line")
         return
-    if len(logs) > 1:
-        raise ValueError(f"a screenshot shows one log, got {len(logs)}; call once for each")
+    only(logs, "a screenshot")
     if Path(png).suffix.lower() != ".png":
         raise ValueError(f"a screenshot is a .png file, got {png}")
     check_target(Path(png))
     first, last = span(logs[0])
     if at is not None and not first <= at <= last:
         raise ValueError(f"--at must lie within the run, {first:g} to {last:g} s, got {at:g} s")
+
+
+def only(logs: Sequence[str | Path], what: str) -> str | Path:
+    """The one log that `what` shows; ValueError for several."""
+    if len(logs) != 1:
+        raise ValueError(f"{what} shows one log, got {len(logs)}; call once for each")
+    return logs[0]
 
 
 def readable(*logs: str | Path) -> None:

@@ -51,7 +51,7 @@ def test_rerun_finds_the_file_in_order(log):
 
 
 def test_no_wall_clock_is_in_the_log(log):
-    timelines = {name for _, batch in reader._batches(log) for name in batch.schema.names if name.startswith("log_")}
+    timelines = {name for _, batch in reader.batches(log) for name in batch.schema.names if name.startswith("log_")}
     assert timelines == set()
 
 

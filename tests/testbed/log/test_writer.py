@@ -75,13 +75,13 @@ def test_detections_of_all_kinds_carry_their_columns_and_padding_is_left_out(log
 
 
 def instances(path, entity, component):
-    batches = [batch for _, batch in reader._batches(path, f"/{entity}") if component in batch.schema.names]
+    batches = [batch for _, batch in reader.batches(path, f"/{entity}") if component in batch.schema.names]
     rows = [batch for batch in batches if paths.STEP in batch.schema.names]
     return sum(len(batch[component].flatten()) for batch in rows)
 
 
 def test_actions_are_written_when_they_change(log):
-    batches = [b for _, b in reader._batches(log, f"/{paths.EGO_ACTION}") if paths.STEP in b.schema.names]
+    batches = [b for _, b in reader.batches(log, f"/{paths.EGO_ACTION}") if paths.STEP in b.schema.names]
     rows = [row for batch in batches for row in batch.to_pylist()]
     assert [(row["step"], row["StateChange:state"]) for row in rows] == [(0, ["IDLE"]), (33, ["FASTER"])]
 
