@@ -43,7 +43,7 @@ def scene_styles() -> Iterator[Static]:
     yield paths.TRUTH_EGO, lines(radii=0.14, colors=palette.EGO, draw_order=2)
     yield paths.EGO_PLAN, lines(radii=0.12, colors=palette.PLAN, draw_order=-5)
     for kind in KINDS:
-        radius = 0.15 if kind in ("contour", "volume") else 0.11
+        radius = 0.11 if kind in ("clutter", "static") else 0.15  # of what a track may live on, ghosts too
         yield paths.detections(kind), points(radii=radius, colors=palette.DETECTION[kind], draw_order=60)
 
 

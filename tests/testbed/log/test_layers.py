@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 
 from testbed.log import layers, palette, paths
 from testbed.log.record import RoadGeometry
+from testbed.log.styles import scene_styles
 from tests.testbed.log import log_runs
 from trackers.scan import SensorModel
 
@@ -100,6 +101,15 @@ def test_identities_have_stable_colours_and_unassigned_is_grey():
     assert colors.dtype == np.uint32
     assert colors[0] == palette.UNASSIGNED
     assert colors[1] == colors[3] != colors[2]
+
+
+def test_ghosts_have_colours_of_their_own_and_the_size_of_detections_of_vehicles():
+    others = [palette.PLAN, palette.EGO, palette.TRUTH, palette.WALL, *(palette.tracker(k) for k in range(6))]
+    colours = [*palette.DETECTION.values(), *others]
+    assert len(set(colours)) == len(colours)
+    radii = {path: style.radii.as_arrow_array()[0].as_py() for path, style in scene_styles() if "detections" in path}
+    assert radii[paths.detections("mirror")] == radii[paths.detections("double")] == radii[paths.detections("contour")]
+    assert radii[paths.detections("clutter")] < radii[paths.detections("mirror")]
 
 
 def test_names_that_would_need_escapes_are_refused():
