@@ -184,6 +184,16 @@ def beside_truck(rng: np.random.Generator) -> World:
     return stage.world(phases(onset, onset + 8.5))
 
 
+def lone_leader(rng: np.random.Generator) -> World:
+    """Nobody but a leader 28 m ahead, who moves to the left lane and then to the right one, near each rail once."""
+    stage = Stage(straight(), rng)
+    speed, onset = rng.uniform(22.0, 25.0), rng.uniform(3.0, 5.0)
+    stage.ego(M, START, speed)
+    aside = (Shift(onset, 4.0, -4.0), Shift(onset + 6.0, 5.0, 8.0))
+    stage.prescribe("car", follow_lane(AXIS, START + rng.uniform(26.0, 34.0), speed, (), aside, 4.0))
+    return stage.world(phases(onset, onset + 11.0))
+
+
 def s_curve(rng: np.random.Generator) -> World:
     """At 22 m/s through bends of 260 m radius; the leader 45 m ahead moves to the left lane within them."""
     stage = Stage(s_curve_road(), rng)

@@ -92,6 +92,11 @@ SCENARIOS = MappingProxyType({s.name: s for s in (
         "scenarios.maneuvers:beside_truck", 6,
     ),
     Scenario(
+        "lone-leader",
+        "Nobody but one leader between guard rails: with ghosts, rails and ego show it again on all sides.",
+        "scenarios.maneuvers:lone_leader", 1,
+    ),
+    Scenario(
         "merge",
         "A van joins from the ramp in front of the ego: a track born at the edge of the road crosses into the lane.",
         "scenarios.junctions:merge", 9,

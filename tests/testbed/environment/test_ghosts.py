@@ -1,10 +1,10 @@
-"""Ghosts where scenarios promise them: behind the walls of a tunnel, and of the leader in the side of a truck."""
+"""Ghosts where scenarios promise them: behind walls and rails, in the side of a truck, behind a leader."""
 
 import gymnasium as gym
 import numpy as np
 
 import testbed  # noqa: F401  (registers the ids)
-from sensors.origin import MIRROR
+from sensors.origin import DOUBLE, MIRROR
 from trackers.geometry import to_frame
 
 
@@ -39,3 +39,19 @@ def test_the_leader_who_swerves_beside_the_truck_is_seen_in_its_side():
         shown.append((np.hypot(*(xy - image).T) < 3.0).sum())
     assert sum(shown) > 20
     assert sum(shown[:15]) < sum(shown) / 4  # most of them during the swerve
+
+
+def test_a_lone_leader_is_seen_in_both_rails_and_behind_itself():
+    frames, ghosts = mirrored("lone-leader", 2.0)
+    near = {"left": 0, "right": 0, "behind": 0}
+    for frame, xy in zip(frames, ghosts, strict=True):
+        ego = frame.scene.ego.pose
+        leader = to_frame(ego, frame.scene.objects.pose[:, :2])[0]
+        rails = to_frame(ego, frame.scene.walls.reshape(-1, 2))[:, 1]
+        twice = to_frame(ego, frame.scan.xy[frame.origin.kind == DOUBLE])
+        for where, rail in (("left", rails.min()), ("right", rails.max())):
+            image = np.array([leader[0], 2 * rail - leader[1]])
+            near[where] += int((np.hypot(*(xy - image).T) < 3.0).sum())
+        near["behind"] += int((np.hypot(*(twice - [2 * leader[0] - 5.0, leader[1]]).T) < 4.0).sum())
+    assert min(near.values()) > 5, near
+    assert len(frames[0].scene.objects.id) == 1
