@@ -145,15 +145,30 @@ def in_mirrors(rig: Rig, scene: Scene, edges: Edges, mirrors: Mirrors) -> Paths:
     image = reflected(place[first], mirrors.anchor[first], mirrors.normal[first])  # (V, 2), of the sensor; (GHO.1)
     way = place + mirrors.range[:, None] * unit(mirrors.bearing) - image[view]
     along = way / np.hypot(way[:, 0], way[:, 1])[:, None]
-    start = image[view][:, None]
-    ends = crossing_range(along[:, None], edges.a - start, edges.b - start)  # (L, E): rays and sides are few
-    behind = ends <= mirrors.range[:, None] + APART  # the mirror
-    ends[behind | (edges.body == mirrors.body[:, None])] = np.inf
-    r, segment = ends.min(-1, initial=np.inf), ends.argmin(-1) if len(edges.a) else np.zeros(len(way), int)  # (GHO.2)
-    ray = np.flatnonzero(r <= rig.max_range[mirrors.sensor])
-    r, view, (sensor, arrival, _, normal, _, moving, _) = r[ray], view[ray], (column[ray] for column in mirrors)
+    ray, segment, r = crossed_sides(image, view, along, edges)
+    reach = rig.max_range[mirrors.sensor]
+    seen = (r > mirrors.range[ray] + APART) & (r <= reach[ray]) & (edges.body[segment] != mirrors.body[ray])
+    ray, segment, r = ray[seen], segment[seen], r[seen]
+    order = np.lexsort((r, ray))
+    nearest = order[np.diff(ray[order], prepend=-1) > 0]  # (GHO.2)
+    ray, segment, r = ray[nearest], segment[nearest], r[nearest]
+    view, (sensor, arrival, _, normal, _, moving, _) = view[ray], (column[ray] for column in mirrors)
     point = image[view] + r[:, None] * along[ray]
-    return Paths(view, sensor, arrival, r, edges.body[segment[ray]], point, normal, moving)
+    return Paths(view, sensor, arrival, r, edges.body[segment], point, normal, moving)
+
+
+def crossed_sides(origin: NDArray, view: NDArray, along: NDArray, edges: Edges) -> tuple[NDArray, NDArray, NDArray]:
+    """Rays (P,), the sides (P,) of outlines that they cross, and where (P,) [m], by ray and then by side.
+
+    Ray i starts at origin[view[i]], of V origins (V, 2) [m], along the unit vector along[i], of (L, 2).
+    """
+    x, y = (edges.a[:, k] - origin[:, k, None] for k in (0, 1))  # (V, E), by columns: rows of two are slow
+    left = along[:, :1] * y.take(view, 0) >= along[:, 1:] * x.take(view, 0)  # (L, E)
+    end = np.arange(1, len(edges.a) + 1)  # the corner where each side ends begins the next one
+    end[edges.start - 1] = np.roll(edges.start, 1)
+    ray, segment = np.nonzero(left != left.take(end, 1))
+    start = origin[view[ray]]
+    return ray, segment, crossing_range(along[ray], edges.a[segment] - start, edges.b[segment] - start)
 
 
 def doubled(rig: Rig, scene: Scene, edges: Edges, elements: Illuminated) -> Paths:
