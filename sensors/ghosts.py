@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from sensors.illumination import Illuminated
 from sensors.origin import DOUBLE, MIRROR
-from sensors.raycast import Edges, crossing_range, outline_edges
+from sensors.raycast import Edges, crossing_range
 from sensors.returns import Returns
 from sensors.scattering import choose_elements, draw_counts
 from sensors.scene import Bodies, Scene
@@ -135,7 +135,8 @@ def boxes(bodies: Bodies, edges: Edges) -> Edges:
     low, high = np.minimum.reduceat(local, edges.start), np.maximum.reduceat(local, edges.start)
     x, y = np.stack([low, high, high, low])[..., 0], np.stack([low, low, high, high])[..., 1]
     corners = bodies.pose[:, None, :2] + np.stack([x, y], -1).swapaxes(0, 1) @ R.mT  # (B, 4, 2)
-    return outline_edges(corners)
+    each, ends = np.arange(len(R)), np.roll(corners, -1, 1)
+    return Edges(corners.reshape(-1, 2), ends.reshape(-1, 2), each.repeat(4), np.tile(np.arange(4), len(R)), 4 * each)
 
 
 def in_mirrors(rig: Rig, scene: Scene, edges: Edges, mirrors: Mirrors) -> Paths:
