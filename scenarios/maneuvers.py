@@ -185,7 +185,7 @@ def beside_truck(rng: np.random.Generator) -> World:
 
 
 def lone_leader(rng: np.random.Generator) -> World:
-    """Nobody but a leader some 30 m ahead, who moves to the left lane and then to the right one, near each rail once."""
+    """Nobody but a leader 30 m ahead, who moves to the left lane and then to the right one, near each rail once."""
     stage = Stage(straight(), rng)
     speed, onset = rng.uniform(22.0, 25.0), rng.uniform(3.0, 5.0)
     stage.ego(M, START, speed)

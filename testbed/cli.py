@@ -92,6 +92,10 @@ def run(
         typer.Option(help="Of the radar, such as front:outage:3:5; repeat for several at once. docs/faults.md."),
     ] = None,
     config: Annotated[Path | None, typer.Option(help="JSON file of the environment's config.")] = None,
+    focus: Annotated[
+        int | None,
+        typer.Option(help="Vehicle with a page of its own in the log. Without it: that of the worst moment."),
+    ] = None,
 ) -> None:
     """Run one scenario in closed loop: traffic, radar, tracker, planner.
 
@@ -123,6 +127,7 @@ def run(
             not no_metrics,
             tuple(fault or ()),
             None if config is None else str(config),
+            focus,
         )
         check(settings)
     with user_input((OSError,)), progress_bar("{task.completed:.1f} / {task.total:.1f} s") as bar:
@@ -189,7 +194,7 @@ def review(
     if html is not None:
         from testbed.review_page.page import write
 
-        with user_input((OSError,)):
+        with user_input():
             written = write(reviewing.only(path, "a page"), html)
         console.print(f"page     {written}", soft_wrap=True)
         if screenshot is None:
@@ -198,6 +203,25 @@ def review(
         reviewing.review(path, web, screenshot, at)
     if screenshot is not None:
         console.print(f"picture  {screenshot}", soft_wrap=True)
+
+
+@app.command()
+def diff(
+    first: Annotated[Path, typer.Argument(help="A log (.rrd) or results (.json) of a run.")],
+    second: Annotated[Path, typer.Argument(help="Another of the same kind.")],
+) -> None:
+    """Say at which step two runs part, and what differs there; of results, which values differ.
+
+    Exit status 1: they differ. Numbers are compared exactly; what a run took is
+    left out.
+
+    Example: [bold]testbed diff before/cut-in.rrd after/cut-in.rrd[/bold]
+    """
+    from testbed.command_line import differences
+
+    with user_input():
+        status = differences.show(first, second, console)
+    raise typer.Exit(status)
 
 
 @app.command()

@@ -51,6 +51,7 @@ class RunConfig:
     metrics: bool = True  # False: nothing is compared with the truth; with log "off" only
     faults: tuple[str, ...] = ()  # of the radar, all at once
     config: str | None = None  # JSON file of the environment's config
+    focus: int | None = None  # id of the object with a page of its own in the log; None: that of the worst moment
 
     def __post_init__(self) -> None:
         check_names("trackers", self.trackers)
@@ -59,6 +60,8 @@ class RunConfig:
         check_folder(self.out)
         if not (self.config is None or isinstance(self.config, str | Path)):
             raise ValueError(f"config must be a JSON file like {EXAMPLE}, got {self.config!r}")
+        if not (self.focus is None or (isinstance(self.focus, int) and self.focus >= 0)):
+            raise ValueError(f"focus must be the number of a vehicle, such as 3 for veh_03, got {self.focus!r}")
         if not (isinstance(self.faults, tuple) and all(isinstance(fault, str) for fault in self.faults)):
             raise ValueError(f"faults must be a tuple of texts, got {self.faults!r}; write faults=('drop:0.2',)")
 
@@ -165,6 +168,8 @@ def run(
         env.reset(seed=config.seed)
         begin(planner, env)
         recorder = tracked.recorder
+        if config.focus is not None:
+            recorder.log.focus_on(config.focus)
         total = length(config)
         until = inf if "duration" in env.unwrapped.config else total  # type: ignore[attr-defined]
         start, cpu, done = perf_counter(), process_time(), False

@@ -9,36 +9,10 @@ from rich import box
 from rich.markup import escape
 from rich.table import Table
 
+from testbed.labels import DRIVE, ROWS
 from trackers.lookup import installed, look_up
 
 DASH = "–"
-ROWS = (  # key of the summary, label, digits
-    ("objects_visible", "objects visible", 0),
-    ("objects_confirmed", "of these tracked", 0),
-    ("gospa", "GOSPA [m]", 2),
-    ("localisation", "  localisation [m^2]", 2),
-    ("missed", "  missed [m^2]", 2),
-    ("false", "  false [m^2]", 2),
-    ("missed_percent", "missed [%]", 1),
-    ("false_per_scan", "false tracks a scan", 2),
-    ("switches", "switches", 0),
-    ("lost", "lost tracks", 0),
-    ("birth_delay", "birth delay [s]", 2),
-    ("uncovered_gap", "longest in view without one [s]", 2),
-    ("plain_view_gap", "  without one that fits [s]", 2),
-    ("tracks_clutter", "tracks of clutter", 0),
-    ("tracks_ghost", "tracks of ghosts", 0),
-    ("rmse_position", "position RMSE [m]", 2),
-    ("rmse_velocity", "velocity RMSE [m/s]", 2),
-    ("rmse_heading_deg", "heading RMSE [deg]", 1),
-    ("rmse_length", "length RMSE [m]", 2),
-    ("rmse_width", "width RMSE [m]", 2),
-    ("gwd", "GWD [m]", 2),
-    ("box_iou", "box IoU", 2),
-    ("contour_iou", "contour IoU", 2),
-    ("nees_position", "NEES position (2 is ideal)", 1),
-    ("nees_velocity", "NEES velocity (2 is ideal)", 1),
-)
 EXPLAINED = (  # what a newcomer cannot guess
     "GOSPA: the error of a whole scan, position and size of every vehicle against its track, with a price for each "
     "missed vehicle and each false track; 0 is perfect.",
@@ -48,15 +22,6 @@ EXPLAINED = (  # what a newcomer cannot guess
 HARM = (
     "harm: squared error at GOSPA's prices over the time that it lasted, nearer to the ego weighing more [m^2 s]; "
     "docs/methods/metrics.md."
-)
-DRIVE = (
-    ("collisions", "collisions", 0),
-    ("ttc_min", "least time to collision [s]", 2),
-    ("distance_min", "least distance [m]", 2),
-    ("progress", "progress [m]", 1),
-    ("speed_mean", "mean speed [m/s]", 1),
-    ("deceleration_max", "hardest braking [m/s^2]", 1),
-    ("harsh_braking", "harsh brakings", 0),
 )
 
 
@@ -82,12 +47,13 @@ def moments(result: Mapping[str, Any]) -> Table:
     """The worst moments of the run, the worst first."""
     several = len(result["trackers"]) > 1
     table = light_table(f"the {len(result['moments'])} worst moments")
-    for name in ("time [s]", "who", "what", "why", *(("tracker",) if several else ()), "harm"):
+    for name in ("time [s]", "who", "what and why", "harm"):
         table.add_column(escape(name), justify="right" if name in ("time [s]", "harm") else "left", overflow="fold")
     for m in result["moments"]:
         who = f"track {m['track']}" if m["object"] is None else f"veh_{m['object']:02d} {m['kind']}"
-        cells = (number(m["time"], 1), who, f"{m['what']}: {m['text']}", m["why"])
-        table.add_row(*map(escape, (*cells, *((m["tracker"],) if several else ()), number(m["harm"], 1))))
+        who += f"\n{m['tracker']}" if several else ""
+        said = f"{m['what']}: {m['text']}\n{m['why']}"
+        table.add_row(*map(escape, (number(m["time"], 1), who, said, number(m["harm"], 1))))
     return table
 
 

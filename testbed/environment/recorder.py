@@ -50,7 +50,8 @@ class Recorder:
         phases: (name, start [s], end [s]) of the maneuver.
         road: what to draw.
         sensors: whose fields of view to draw.
-        focus: id of the object whose errors get a page of their own; None: the one nearest at the start.
+        focus: id of the object whose errors get a page of their own until the run ends, and then the one of the worst
+            moment has it; None: the one nearest at the start.
         trackers: by name; those whose tracks can be smoothed get a layer of smoothed tracks at level full.
         metrics: False: nothing is compared with the truth, and the JSON holds no measures; for level off only.
         faults: of the radar; their begin and end are events.

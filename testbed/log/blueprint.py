@@ -8,8 +8,8 @@
 | | association of each tracker|                              |
 | | smoothed tracks            |                              |
 +------------------+-----------+---------+-------------------+
-| action, speed    | events              | summary | config  |
-+------------------+---------------------+-------------------+
+| action, speed    | events   | worst moments | legend | ...  |
++------------------+----------+-------------------------------+
 ```
 
 On compact roads (crossings, roundabouts) the overview stands beside the close-up instead. Where a tracker mixes motion
@@ -26,15 +26,16 @@ from rerun.blueprint.encodings import VisualizerComponentMapping
 
 from sensors.origin import KINDS
 from testbed.log import palette, paths
-from testbed.log.layers import road_shape
 from testbed.log.modes import Modes
 from testbed.log.record import RoadGeometry, RunMeta
+from testbed.log.road_shape import fixed_middle, road_shape, road_span
 
 TRAIL = 2.0  # [s]
 REACH = 130.0  # [m] the overview shows this far before and behind the ego
 BACKGROUND = (14, 15, 19)  # RGB of scenes
 CLOSE = (-22.0, 48.0, -16.0, 16.0)  # [m] close-up: behind and before the ego, left and right of it on the screen
-HALF = {"strip": 12.0, "long": 22.0}  # [m] the overview shows this far to the sides
+HALF = {"strip": 12.0, "long": 22.0}  # [m] the overview shows at least this far to the sides
+MARGIN = 4.0  # [m] around a map that is shown whole
 AROUND, CLOSE_AROUND = 65.0, 26.0  # [m] overview and close-up on compact roads, where traffic comes from all sides
 
 TITLES = {
@@ -84,11 +85,11 @@ def layout(
     if not full:
         rows, shares = [plots], [2.4]
     elif shape == "compact":
-        columns = rrb.Horizontal(_overview(meta, shape), _closeups(meta, shape), plots, column_shares=[4, 5, 5])
+        columns = rrb.Horizontal(_overview(meta, shape, road), _closeups(meta, shape), plots, column_shares=[4, 5, 5])
         rows, shares = [columns], [2.4]
     else:
         closer = rrb.Horizontal(_closeups(meta, shape), plots, column_shares=[5, 4])
-        rows, shares = [_overview(meta, shape), closer], [0.62 if shape == "strip" else 1.0, 1.8]
+        rows, shares = [_overview(meta, shape, road), closer], [0.62 if shape == "strip" else 1.0, 1.8]
     return arranged([*rows, _bottom()], [*shares, 1.0])
 
 
@@ -111,10 +112,11 @@ def _scene(
     hide: Sequence[str] = (),
     overrides: dict | None = None,
     show: Sequence[str] = (),
+    origin: str = paths.FOLLOW,
 ) -> rrb.Spatial2DView:
     x0, x1, y0, y1 = bounds
     return rrb.Spatial2DView(
-        origin=f"/{paths.FOLLOW}",
+        origin=f"/{origin}",
         contents=["+ /world/**", *(f"- /{path}" for path in (f"{paths.SMOOTHED}/**", *hide) if path not in show)],
         name=name,
         visual_bounds=rrb.VisualBounds2D(x_range=[x0, x1], y_range=[y0, y1]),
@@ -123,7 +125,7 @@ def _scene(
     )
 
 
-def _overview(meta: RunMeta, shape: str) -> rrb.Spatial2DView:
+def _overview(meta: RunMeta, shape: str, road: RoadGeometry) -> rrb.Spatial2DView:
     """The traffic around the ego; dots show where each track was during the last seconds."""
     recent = rrb.VisibleTimeRanges(
         timeline=paths.TIME,
@@ -134,11 +136,18 @@ def _overview(meta: RunMeta, shape: str) -> rrb.Spatial2DView:
     for i, name in enumerate(meta.trackers):
         dots = rr.Points2D.from_fields(colors=palette.tracker(i), radii=0.16, show_labels=False)
         trails[f"/{paths.tracker(name, 'center')}"] = [dots.visualizer(), recent]
-    hide = [paths.RADAR_FOV, *(paths.tracker(n, layer) for n in meta.trackers for layer in ("covariance", "heading"))]
+    hide = [
+        paths.RADAR_FOV,
+        paths.RING_LABELS,
+        *(paths.tracker(n, layer) for n in meta.trackers for layer in ("covariance", "heading")),
+    ]
     bounds = (-AROUND, AROUND, -AROUND, AROUND)
     if shape != "compact":
-        bounds = (-0.75 * REACH, 1.25 * REACH, -HALF[shape], HALF[shape])
-    return _scene(f"Overview (follows the ego, {TRAIL:g} s trails)", bounds, hide, trails)
+        half = HALF[shape]
+        if (span := road_span(road)) is not None and fixed_middle(road)[1] is not None:
+            half = max(12.0, float(span[1, 1] - span[0, 1]) / 2 + MARGIN)
+        bounds = (-0.75 * REACH, 1.25 * REACH, -half, half)
+    return _scene(f"Overview (follows the ego, {TRAIL:g} s trails)", bounds, hide, trails, origin=paths.OVERVIEW)
 
 
 def _closeups(meta: RunMeta, shape: str) -> rrb.Tabs:
@@ -154,7 +163,7 @@ def _closeups(meta: RunMeta, shape: str) -> rrb.Tabs:
 
 def _tracked(meta: RunMeta) -> list[str]:
     """All layers of the trackers but the estimated centres."""
-    layers = [layer for layer in (*paths.TRACKER_LAYERS, *paths.CHANGE_LAYERS) if layer != "center"]
+    layers = [layer for layer in (*paths.TRACKER_LAYERS, *paths.CHANGE_LAYERS) if layer not in ("center", "label")]
     return [paths.tracker(name, layer) for name in meta.trackers for layer in layers]
 
 
@@ -178,10 +187,10 @@ def _by_owner(name: str) -> dict:
     }
     boxes = rr.LineStrips2D.from_fields(radii=0.12)
     mapping = _source("LineStrips2D:colors", "track:color")
-    named = rr.Points2D.from_fields(radii=0.1, show_labels=True)
+    named = rr.Points2D.from_fields(radii=0.01, show_labels=True)
     return overrides | {
         f"/{paths.tracker(name, 'extent')}": boxes.visualizer(mappings=[mapping]),
-        f"/{paths.tracker(name, 'center')}": [named.visualizer()],
+        f"/{paths.tracker(name, 'label')}": [named.visualizer()],
     }
 
 
@@ -202,7 +211,7 @@ def _plots(meta: RunMeta, metrics: Metrics, focus: int | None, modes: Modes) -> 
         pages.append(_focus(meta, metrics, focus))
         if any(modes.values()):
             pages.append(_motion(meta, metrics, focus, modes))
-        pages.append(_table(focus))
+        pages.append(rrb.TextDocumentView(origin=f"/{paths.OBJECTS}", name="Objects"))
     return rrb.Tabs(*pages, active_tab=0)
 
 
@@ -259,11 +268,6 @@ def _series_view(name: str, series: dict, legend: bool) -> rrb.TimeSeriesView:
     return rrb.TimeSeriesView(origin="/", contents=contents, name=name, overrides=series, plot_legend=_legend(legend))
 
 
-def _table(focus: int) -> rrb.DataframeView:
-    query = rrb.archetypes.DataframeQuery(timeline=paths.TIME, apply_latest_at=True)
-    return rrb.DataframeView(origin=f"/objects/{paths.vehicle(focus)}", name="Table", query=query)
-
-
 def _bottom() -> rrb.Horizontal:
     columns = rrb.TextLogColumns(timeline_columns=[paths.TIME], text_log_columns=["LogLevel", "Body"])
     levels = rrb.TextLogRows(filter_by_log_level=["INFO", "WARN", "ERROR"])
@@ -276,9 +280,11 @@ def _bottom() -> rrb.Horizontal:
         ),
     )
     pages = rrb.Tabs(
+        rrb.TextDocumentView(origin=f"/{paths.MOMENTS}", name="Worst moments"),
+        rrb.TextDocumentView(origin=f"/{paths.LEGEND}", name="Legend"),
         rrb.TextDocumentView(origin=f"/{paths.SUMMARY}", name="Run summary"),
         rrb.TextDocumentView(origin=f"/{paths.CONFIG}", name="Config"),
         active_tab=0,
     )
     events = rrb.TextLogView(origin=f"/{paths.EVENTS}", name="Events", columns=columns, rows=levels)
-    return rrb.Horizontal(ego, events, pages, column_shares=[5, 5, 3])
+    return rrb.Horizontal(ego, events, pages, column_shares=[4, 4, 5])

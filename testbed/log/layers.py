@@ -17,7 +17,7 @@ from sensors.scene import Bodies, Ego, Objects, Scene
 from testbed.frame import Frame, FrameScore
 from testbed.log import palette, paths
 from testbed.log.modes import Modes, probabilities
-from testbed.log.record import RoadGeometry, SmoothedTracks
+from testbed.log.record import SmoothedTracks
 from trackers.geometry import box_corners, ellipse_points, to_world, unit
 from trackers.multi.tracks import StepInfo, Tracks
 from trackers.scan import SensorModel
@@ -44,27 +44,47 @@ class Strips(NamedTuple):
 Row = dict[str, NDArray | Strips | list[str] | float | int]
 Rows = dict[str, Row]
 
-STRIP = 32.0  # [m] a road that spans less than this across the screen is shown as a strip
-LONG = 4.0  # least ratio of length to width of a road that runs along the screen
 CONFIDENCE_RADIUS = 2.4477  # sqrt of the 95 % quantile of chi-square with 2 degrees of freedom
+ABOVE, BELOW = 1.4, 1.6  # [m] names of vehicles stand above their box, ids of tracks below
 LIKELY = 0.5  # probability of a class above which it is in the label of its track
 NOSE = 1.0  # [m] heading arrows reach this far beyond the front
 
 
-def scene_rows(scene: Scene, middle: float | None = None) -> Rows:
-    """Truth in grey: outlines and headings of all objects, the ego and the origin that follows it.
+def scene_rows(scene: Scene, middle: float | None = None, visible: NDArray | None = None) -> Rows:
+    """Truth in grey: outlines, headings and names of all objects, the ego and the origin that follows it.
 
     The origin keeps to y = `middle` [m] where given: a view of a straight road then does not sway in lane changes.
+    Objects are dimmed by their visible shares (N,), where given.
     """
     ego, objects, bodies = scene.ego, scene.objects, scene.bodies
+    color = palette.dimmed(palette.TRUTH, np.ones(len(objects.id)) if visible is None else visible)
     y = ego.pose[1] if middle is None else middle
     return {
         paths.FOLLOW: {"Transform3D:translation": np.array([[ego.pose[0], y, 0.0]], np.float32)},
         paths.EGO: _ego_pose(ego),
         paths.TRUTH_EGO: {"LineStrips2D:strips": Strips.of((ego.outline,), closed=True)},
-        paths.TRUTH_CONTOUR: _outlines(objects, bodies),
-        paths.TRUTH_HEADING: _headings(objects.pose, objects.size[:, 0]),
+        paths.TRUTH_CONTOUR: _outlines(objects, bodies) | {"LineStrips2D:colors": color[bodies.owner]},
+        paths.TRUTH_HEADING: _headings(objects.pose, objects.size[:, 0]) | {"Arrows2D:colors": color},
+        paths.TRUTH_NAMES: {
+            "Points2D:positions": _beside(objects.pose, objects.size, -ABOVE),
+            "Points2D:labels": [
+                f"{paths.vehicle(i)} {k}" for i, k in zip(objects.id.tolist(), objects.kind, strict=True)
+            ],
+            "Points2D:colors": color,
+        },
     }
+
+
+def _beside(pose: NDArray, size: NDArray, gap: float) -> NDArray:
+    """Places (n, 2) [m] above boxes on the screen, by -`gap` [m], or below them."""
+    across = np.abs(size[:, 1] / 2 * np.cos(pose[:, 2])) + np.abs(size[:, 0] / 2 * np.sin(pose[:, 2]))
+    return np.array(pose[:, :2] + np.stack([0 * across, np.sign(gap) * across + gap], -1), np.float32)
+
+
+def overview_row(ego: Ego, fixed: tuple[float | None, float | None]) -> Rows:
+    """Origin of the overview: the ego, but for the coordinates [m] that are `fixed`."""
+    x, y = (own if still is None else still for own, still in zip(ego.pose[:2], fixed, strict=True))
+    return {paths.OVERVIEW: {"Transform3D:translation": np.array([[x, y, 0.0]], np.float32)}}
 
 
 def _ego_pose(ego: Ego) -> Row:
@@ -126,18 +146,19 @@ def detection_rows(frame: Frame, trackers: Iterable[str]) -> Rows:
 
 
 def tracker_rows(
-    name: str, tracks: Tracks, info: StepInfo, modes: Sequence[str] = (), classes: Sequence[str] = ()
+    name: str, tracks: Tracks, info: StepInfo, modes: Sequence[str] = (), classes: Sequence[str] = (), index: int = 0
 ) -> Rows:
     """Boxes or contours, 95 % ellipses of the centre, headings and ids of the reported tracks; the others thin.
 
     The label is the id, then the most likely of the motion models `modes`, then the class if its probability is above
-    `LIKELY`.
+    `LIKELY`. Labels of the tracker with the number `index` stand that many lines farther below their boxes.
     """
     shown = tracks.existence > 0.5
     hidden = tracks.rows(~shown).estimate
     tracks = tracks.reported
     estimate = tracks.estimate
     outline = box_corners(estimate.pose, estimate.size) if estimate.contour is None else estimate.contour
+    labels = _labels(tracks, info, modes, classes)
     ellipse = ellipse_points(estimate.pose[:, :2], CONFIDENCE_RADIUS**2 * estimate.cov[:, :2, :2], 17)
     return {
         paths.tracker(name, "extent"): {
@@ -152,7 +173,11 @@ def tracker_rows(
         paths.tracker(name, "heading"): _headings(estimate.pose, estimate.size[:, 0]),
         paths.tracker(name, "center"): {
             "Points2D:positions": np.array(estimate.pose[:, :2], np.float32),
-            "Points2D:labels": _labels(tracks, info, modes, classes),
+            "Points2D:labels": labels,
+        },
+        paths.tracker(name, "label"): {
+            "Points2D:positions": _beside(estimate.pose, estimate.size, (1 + index) * BELOW),
+            "Points2D:labels": labels,
         },
     }
 
@@ -279,29 +304,3 @@ def dashes(line: ArrayLike, dash: float = 3.0, gap: float = 6.0) -> NDArray:
     start = np.arange(0.0, arc[-1], dash + gap)
     at = np.stack([start, np.minimum(start + dash, arc[-1])], -1)
     return np.stack([np.interp(at, arc, line[:, 0]), np.interp(at, arc, line[:, 1])], -1)
-
-
-def road_span(road: RoadGeometry) -> NDArray | None:
-    """Least and largest x, y [m] of the road, (2, 2); None where nothing of it is known."""
-    lines = [*road.edges, *road.lane_lines, *road.surface]
-    if not lines:
-        return None
-    points = np.concatenate(lines)
-    return np.stack([points.min(0), points.max(0)])
-
-
-def road_shape(road: RoadGeometry) -> str:
-    """Shape on the screen: "strip" is narrow enough to be shown at full width, "long" is not, else "compact"."""
-    span = road_span(road)
-    if span is None:
-        return "strip"
-    along, across = span[1] - span[0]
-    if across < STRIP:
-        return "strip"
-    return "long" if along > LONG * across else "compact"
-
-
-def strip_middle(road: RoadGeometry) -> float | None:
-    """The y [m] of the middle of a strip, None where the view has to follow the ego sideways too."""
-    span = road_span(road)
-    return float(span[:, 1].mean()) if span is not None and road_shape(road) == "strip" else None

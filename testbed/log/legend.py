@@ -14,7 +14,6 @@ KIND_NOTES = {  # of `sensors.origin.KINDS`
     "double": "ghost: reflected twice between a vehicle and the ego",
 }
 RINGS = (25.0, 50.0, 100.0, 150.0)  # [m] around the ego
-DIM = 0.25  # opacity of the outline of a vehicle of which nothing is visible
 
 
 def css(color: int) -> str:

@@ -14,7 +14,7 @@ import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
 from testbed.frame import TRUTH, Frame
-from testbed.log import layers, palette, paths
+from testbed.log import layers, palette, paths, road_shape
 from testbed.log.blueprint import BACKGROUND, arranged
 from testbed.log.record import RoadGeometry
 from testbed.log.stream import Block, Stream
@@ -55,7 +55,7 @@ def write_pair(path: Path, run_id: str, drives: Sequence[LoggedDrive], road: Roa
     stream.static(paths.SUMMARY, rr.TextDocument(summary, media_type="text/markdown"))
     block: Block = {}
     for drive in drives:
-        _add(block, drive, layers.strip_middle(road))
+        _add(block, drive, road_shape.strip_middle(road))
     stream.send(block)
     stream.close()
 

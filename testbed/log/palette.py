@@ -13,6 +13,9 @@ SURFACE = 0x24262DFF
 EDGE = 0xC4C4C4FF
 LANE = 0x77777CFF
 FOV = 0x4A4A58FF
+RING = 0x3C4250FF
+GROUND = 0x0E0F13FF  # behind every scene
+DIM = 0.25  # strength of the outline of a vehicle of which nothing is visible
 BEFORE = 0x9A9AA0FF  # a contour before it changed
 DETECTION = dict(zip(KINDS, (0x43E66BFF, 0xFF5CB8FF, 0x85858AFF, 0xA8835AFF, 0x5AA9FFFF, 0xFFE14DFF), strict=True))
 
@@ -51,6 +54,15 @@ def tracker_name(index: int) -> str:
 def mode(index: int) -> int:
     """Colour of the index-th motion model of a tracker."""
     return _MODES[index % len(_MODES)]
+
+
+def dimmed(color: int, visible: NDArray) -> NDArray:
+    """A colour (n,) uint32 mixed with the ground, the more the smaller the visible shares (n,); lines are opaque."""
+    shift = np.array([24, 16, 8])
+    near, far = ((np.uint32(c) >> shift) & 255 for c in (color, GROUND))
+    share = DIM + (1 - DIM) * np.clip(visible, 0.0, 1.0)[:, None]
+    mixed = np.rint(far + share * (near.astype(float) - far)).astype(np.uint32)
+    return (mixed << shift.astype(np.uint32)).sum(-1, dtype=np.uint32) | np.uint32(0xFF)
 
 
 def identity(number: ArrayLike) -> NDArray:

@@ -12,25 +12,40 @@ from sensors.origin import KINDS
 APPLICATION = "eot_testbed"
 STEP, TIME = "step", "sim_time"  # the two timelines: frame number, seconds of simulation
 
-FOLLOW = "world/follow"  # translation of the ego: origin of every view of the scene
+FOLLOW = "world/follow"  # translation of the ego: origin of the close-ups
+OVERVIEW = "world/overview"  # the same, but fixed to the middle of a small map: origin of the overview
 EGO = "world/ego"  # pose of the ego
 RADAR_FOV = "world/ego/radar_fov"
+RINGS, RING_LABELS = "world/ego/rings", "world/ego/ring_labels"
 ROAD_SURFACE, ROAD_EDGES, ROAD_LANES = "world/road/surface", "world/road/edges", "world/road/lanes"
 WALLS = "world/walls"
 TRUTH_CONTOUR, TRUTH_HEADING, TRUTH_EGO = "world/truth/contour", "world/truth/heading", "world/truth/ego"
+TRUTH_NAMES = "world/truth/name"
 EGO_PLAN = "world/ego_plan"
 EGO_ACTION, EGO_SPEED = "ego/action", "ego/speed"
 EGO_TTC, EGO_DRAC, EGO_BRAKING = "ego/risk/ttc", "ego/risk/drac", "ego/risk/braking"
 EVENTS = "events"
 CONFIG, SUMMARY, MOMENTS, OBJECTS, LEGEND = "run/config", "run/summary", "run/moments", "run/objects", "run/legend"
 
-TRACKER_LAYERS = ("extent", "tentative", "covariance", "heading", "center")
+TRACKER_LAYERS = ("extent", "tentative", "covariance", "heading", "center", "label")
 CHANGE_LAYERS = ("contour_before", "contour_after")  # only of trackers that learn contours
 SMOOTHED = "world/smoothed"  # tracks smoothed over all detections of the run
 SMOOTHED_LAYERS = ("extent", "path")
 SEEN = "radar"  # leaf of an object's entity: detections, expected number and visible share
 
-STATIC = (RADAR_FOV, ROAD_SURFACE, ROAD_EDGES, ROAD_LANES, CONFIG, SUMMARY)
+STATIC = (
+    RADAR_FOV,
+    RINGS,
+    RING_LABELS,
+    ROAD_SURFACE,
+    ROAD_EDGES,
+    ROAD_LANES,
+    CONFIG,
+    SUMMARY,
+    MOMENTS,
+    OBJECTS,
+    LEGEND,
+)
 NUMBERS = (EGO_ACTION, EGO_SPEED)
 RISK = (EGO_TTC, EGO_DRAC, EGO_BRAKING)  # where the drive is measured
 
@@ -88,8 +103,20 @@ def of_object(object_id: int, leaf: str) -> str:
 
 def scene_layers(trackers: tuple[str, ...]) -> tuple[str, ...]:
     """Every layer of geometry of a run at level full, static ones included."""
-    fixed = (FOLLOW, EGO, RADAR_FOV, ROAD_SURFACE, ROAD_EDGES, ROAD_LANES, WALLS, EGO_PLAN)
-    truth = (TRUTH_CONTOUR, TRUTH_HEADING, TRUTH_EGO)
+    fixed = (
+        FOLLOW,
+        OVERVIEW,
+        EGO,
+        RADAR_FOV,
+        RINGS,
+        RING_LABELS,
+        ROAD_SURFACE,
+        ROAD_EDGES,
+        ROAD_LANES,
+        WALLS,
+        EGO_PLAN,
+    )
+    truth = (TRUTH_CONTOUR, TRUTH_HEADING, TRUTH_EGO, TRUTH_NAMES)
     tracked = tuple(tracker(name, layer) for name in trackers for layer in TRACKER_LAYERS)
     after = tuple(smoothed(name, layer) for name in trackers for layer in SMOOTHED_LAYERS)
     return fixed + truth + tuple(detections(kind) for kind in KINDS) + tracked + after

@@ -24,10 +24,13 @@ Entry = tuple[int, int, Row]  # step, time [ns], row
 Block = dict[tuple[str, tuple[str, ...]], list[Entry]]  # (entity, its components) -> rows
 
 _BATCH = {
+    "Arrows2D:colors": rr.components.ColorBatch,
     "Arrows2D:origins": rr.components.Position2DBatch,
     "Arrows2D:vectors": rr.components.Vector2DBatch,
     "LineStrips2D:class_ids": rr.components.ClassIdBatch,
+    "LineStrips2D:colors": rr.components.ColorBatch,
     "LineStrips2D:strips": rr.components.LineStrip2DBatch,
+    "Points2D:colors": rr.components.ColorBatch,
     "Points2D:labels": rr.components.TextBatch,
     "Points2D:positions": rr.components.Position2DBatch,
     "Scalars:scalars": rr.components.ScalarBatch,
@@ -145,6 +148,10 @@ class Stream:
                 columns = [column(name, [row[name] for _, _, row in entries]) for name in components]
                 self._stream.send_columns(path, times[when], columns)
         self._write()
+
+    def blueprint(self, blueprint: rrb.Blueprint) -> None:
+        """Write another layout, which takes the place of the one before."""
+        self._stream.send_blueprint(blueprint, make_active=True, make_default=True)
 
     def property(self, name: str, values: Mapping[str, str | int | float | bool]) -> None:
         """Write flat values that become columns of a table of runs."""

@@ -8,7 +8,9 @@ import rerun as rr
 from sensors.origin import KINDS
 from testbed.log import palette, paths
 from testbed.log.layers import dashes, fields_of_view
+from testbed.log.legend import RINGS
 from testbed.log.record import RoadGeometry
+from trackers.geometry import unit
 from trackers.scan import SensorModel
 
 Static = tuple[str, rr.AsComponents]
@@ -38,8 +40,9 @@ def scene_styles() -> Iterator[Static]:
     """Truth, detections and the ego."""
     lines, arrows, points = rr.LineStrips2D.from_fields, rr.Arrows2D.from_fields, rr.Points2D.from_fields
     yield paths.WALLS, lines(radii=0.12, colors=palette.WALL, draw_order=-17)
-    yield paths.TRUTH_CONTOUR, lines(radii=0.06, colors=palette.TRUTH, draw_order=50, show_labels=False)
-    yield paths.TRUTH_HEADING, arrows(radii=0.04, colors=palette.TRUTH, draw_order=50)
+    yield paths.TRUTH_CONTOUR, lines(radii=0.06, draw_order=50, show_labels=False)  # colours by visible share
+    yield paths.TRUTH_HEADING, arrows(radii=0.04, draw_order=50)
+    yield paths.TRUTH_NAMES, points(radii=0.01, show_labels=True, draw_order=70)
     yield paths.TRUTH_EGO, lines(radii=0.14, colors=palette.EGO, draw_order=2)
     yield paths.EGO_PLAN, lines(radii=0.12, colors=palette.PLAN, draw_order=-5)
     for kind in KINDS:
@@ -48,7 +51,7 @@ def scene_styles() -> Iterator[Static]:
 
 
 def tracker_styles(index: int, name: str) -> Iterator[Static]:
-    """One colour a tracker; ids are written for the first only, where two would overlap.
+    """One colour a tracker.
 
     Later trackers lie thinner on earlier ones, and the truth thinnest on top: where they agree all stay visible.
     """
@@ -58,8 +61,9 @@ def tracker_styles(index: int, name: str) -> Iterator[Static]:
     yield paths.tracker(name, "tentative"), lines(radii=0.03, colors=color, draw_order=order)
     yield paths.tracker(name, "covariance"), lines(radii=0.04, colors=color, draw_order=order)
     yield paths.tracker(name, "heading"), rr.Arrows2D.from_fields(radii=0.05, colors=color, draw_order=order)
-    labelled = rr.Points2D.from_fields(radii=0.1, colors=color, show_labels=index == 0, draw_order=order + 10)
-    yield paths.tracker(name, "center"), labelled
+    points = rr.Points2D.from_fields
+    yield paths.tracker(name, "center"), points(radii=0.1, colors=color, show_labels=False, draw_order=order + 10)
+    yield paths.tracker(name, "label"), points(radii=0.01, colors=color, show_labels=True, draw_order=order + 10)
     yield paths.smoothed(name, "extent"), lines(radii=0.1, colors=color, draw_order=order)
     yield paths.smoothed(name, "path"), lines(radii=0.05, colors=color, draw_order=order - 10)
 
@@ -69,6 +73,18 @@ def change_styles(index: int, name: str) -> Iterator[Static]:
     colors = (palette.BEFORE, palette.tracker(index))
     for layer, color, radius in zip(paths.CHANGE_LAYERS, colors, (0.05, 0.09), strict=True):
         yield paths.tracker(name, layer), rr.LineStrips2D.from_fields(radii=radius, colors=color, draw_order=40 + index)
+
+
+def _rings() -> Iterator[Static]:
+    """Distances from the ego."""
+    angle = np.linspace(0.0, 2 * np.pi, 97)
+    rings = [np.array(r * unit(angle), np.float32) for r in RINGS]
+    yield paths.RINGS, rr.LineStrips2D(rings, radii=0.04, colors=palette.RING, draw_order=-16)
+    names = [f"{r:g} m" for r in RINGS]
+    yield (
+        paths.RING_LABELS,
+        rr.Points2D([[r, 0.0] for r in RINGS], radii=0.01, labels=names, show_labels=True, colors=palette.BEFORE),
+    )
 
 
 def styles(
@@ -84,6 +100,7 @@ def styles(
         yield from scene_styles()
         sectors = _lines(fields_of_view(sensors))
         yield paths.RADAR_FOV, rr.LineStrips2D(sectors, radii=0.05, colors=palette.FOV, draw_order=-15)
+        yield from _rings()
         for index, name in enumerate(trackers):
             yield from tracker_styles(index, name)
     for index, name in enumerate(trackers):

@@ -40,13 +40,12 @@ def moments_text(moments: Sequence[Table]) -> str:
     """Page of the worst moments, the worst first."""
     if not moments:
         return "Nothing went wrong that counts: every vehicle in view had a track, and no track was wrong."
-    head = ("time [s]", "who", "what", "why", "tracker", "harm [m^2 s]")
-    body = [
-        (f"{m['time']:.1f}", subject(m), happened(m), str(m["why"]), str(m["tracker"]), f"{m['harm']:.1f}")
-        for m in moments
+    entries = [
+        f"{n}. **{m['time']:.1f} s, {subject(m)}**: {happened(m)}. *{m['why']}* ({m['tracker']}, {m['harm']:.1f} m^2 s)"
+        for n, m in enumerate(moments, 1)
     ]
-    note = "Harm: the squared error in GOSPA's prices over the time that it lasted, nearer to the ego weighing more."
-    return f"{markdown_table(head, body)}\n\n{note}"
+    note = "Harm: the squared error at GOSPA's prices over the time that it lasted, nearer to the ego weighing more."
+    return "\n".join([*entries, "", note])
 
 
 def objects_text(objects: Sequence[Table]) -> str:

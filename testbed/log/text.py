@@ -4,6 +4,7 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
+from testbed.labels import DRIVE, ROWS
 from testbed.log.record import RunMeta
 
 Value = str | int | float | bool
@@ -67,14 +68,23 @@ def unfinished_text(meta: RunMeta) -> str:
 
 
 def summary_text(meta: RunMeta, summary: Mapping[str, Value | Mapping[str, Value]]) -> str:
-    """Page with the facts of the run, and a table of metrics with one column a tracker."""
-    facts = {name: _short(value) for name, value in summary.items() if not isinstance(value, Mapping)}
+    """Page with a table of measures with one column a tracker, and the facts of the drive, by their plain names."""
+    named = {f"drive_{key}": (label, digits) for key, label, digits in DRIVE}
+    facts = {named[name][0]: _number(value, named[name][1]) for name, value in summary.items() if name in named}
+    facts |= {
+        name: _short(value)
+        for name, value in summary.items()
+        if not isinstance(value, Mapping) and not name.startswith("drive_")
+    }
     tables = {name: value for name, value in summary.items() if isinstance(value, Mapping)}
     pages = [_title(meta)]
     if tables:
-        metrics = dict.fromkeys(metric for table in tables.values() for metric in table if metric != "tracker")
-        body = [(metric, *(_short(table.get(metric, "")) for table in tables.values())) for metric in metrics]
-        pages.append(markdown_table(("metric", *tables), body))
+        body = [
+            (label.strip(), *(_number(table.get(key), digits) for table in tables.values()))
+            for key, label, digits in ROWS
+            if any(key in table for table in tables.values())
+        ]
+        pages.append(markdown_table(("measure", *tables), body))
     if facts:
         pages.append(markdown_table(("run", ""), facts.items()))
     return "\n\n".join(pages)
@@ -82,6 +92,12 @@ def summary_text(meta: RunMeta, summary: Mapping[str, Value | Mapping[str, Value
 
 def _title(meta: RunMeta) -> str:
     return f"## {meta.scenario}, seed {meta.seed}"
+
+
+def _number(value: object, digits: int) -> str:
+    """A figure with so many digits, a dash where nothing was measured."""
+    measured = isinstance(value, int | float | np.number) and np.isfinite(value)
+    return f"{value:.{digits}f}" if measured else "-"
 
 
 def _short(value: Value) -> str:

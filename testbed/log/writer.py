@@ -8,13 +8,14 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType, TracebackType
-from typing import TYPE_CHECKING, Literal, Self
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
 
 from sensors.scene import Objects
 from testbed.frame import Frame, FrameScore
-from testbed.log import layers, palette, paths
+from testbed.log import layers, palette, paths, road_shape
+from testbed.log.legend import legend_text
 from testbed.log.modes import class_names, modes_of
 from testbed.log.record import RoadGeometry, RunMeta, SmoothedTracks
 from testbed.log.table_pages import moments_text, objects_text
@@ -50,6 +51,9 @@ class NullLog:
     def smoothed(self, name: str, smoothed: SmoothedTracks) -> None:
         """Ignore smoothed tracks."""
 
+    def focus_on(self, key: int) -> None:
+        """Ignore the object that is to have a page of its own."""
+
     def event(self, level: str, text: str) -> None:
         """Ignore an event."""
 
@@ -75,7 +79,8 @@ class RunLog(NullLog):
         meta: what identifies the run; `run_id` must be unique, viewers merge recordings of one id.
         level: "full" with all geometry, "metrics" with numbers and events only.
         every: steps in a block; a run that is killed loses at most the last block.
-        focus: object whose errors have a page of their own; without it the one nearest to the ego at the first step.
+        focus: object whose errors have a page of their own until `tables` says which had the worst moment; without it
+            the one nearest to the ego at the first step.
     """
 
     def __init__(
@@ -99,10 +104,14 @@ class RunLog(NullLog):
         self.path = self._path = Path(path)
         self.meta = meta
         self._level, self._every, self._focus = level, every, focus
+        self._shown: int | None = None  # object with a page of its own
+        self._asked: int | None = None  # by `focus_on`
         self._modes = modes_of(meta.trackers)
         self._classes = {name: class_names(name) for name in meta.trackers}
-        self._road, self._middle = RoadGeometry(), layers.strip_middle(RoadGeometry())
+        self._road, self._middle = RoadGeometry(), road_shape.strip_middle(RoadGeometry())
+        self._fixed: tuple[float | None, float | None] = (None, None)
         self._sensors: tuple[SensorModel, ...] = ()
+        self._metrics: dict[str, tuple[str, ...]] = {}
         self._stream: Stream | None = None
         self._stopped = False  # by the first error of the disk
         self._closed = False
@@ -128,7 +137,8 @@ class RunLog(NullLog):
                 f"for {len(road.surface)} lines"
             )
         self._road, self._sensors = road, tuple(sensors)
-        self._middle = layers.strip_middle(road)
+        self._middle = road_shape.strip_middle(road)
+        self._fixed = road_shape.fixed_middle(road)
 
     def step(self, frame: Frame, scores: Scores, events: LogEvents = (), risk: Sequence[float] = ()) -> None:
         """Take one frame with the score of each tracker of the run, and numbers of `paths.RISK`; arrays are copied.
@@ -170,6 +180,10 @@ class RunLog(NullLog):
             }
         )
 
+    def focus_on(self, key: int) -> None:
+        """Give an object a page of its own, from the call of `tables` on, in place of that of the worst moment."""
+        self._asked = key
+
     def event(self, level: str, text: str) -> None:
         """Write a line at the time of the last step; level is one of `SEVERITIES`."""
         if level not in SEVERITIES:
@@ -179,12 +193,23 @@ class RunLog(NullLog):
         self._put(paths.EVENTS, {"TextLog:text": [text], "TextLog:level": [level]})
 
     def tables(self, moments: Sequence[Table], objects: Sequence[Table]) -> None:
-        """Write the pages of the worst moments and of the objects, and both as JSON in the property "tables"."""
+        """Write the pages of the worst moments and of the objects, and both as JSON in the property "tables".
+
+        Unless an object was asked for, the page of one object is from now on that of the worst moment.
+        """
         if self._stream is None or self._stopped or self._closed:
             return
         self._write_text(paths.MOMENTS, moments_text(moments))
         self._write_text(paths.OBJECTS, objects_text(objects))
         self._stream.property("tables", {"moments": json.dumps(moments), "objects": json.dumps(objects)})
+        worst = next((int(m["object"]) for m in moments if m["object"] is not None), None)
+        if self._asked is not None and self._asked not in self._known | dict.fromkeys(row["object"] for row in objects):
+            self.event("WARN", f"there was no veh_{self._asked:02d} to focus on")
+            self._asked = None
+        wanted = worst if self._asked is None else self._asked
+        if wanted is not None and wanted != self._shown:
+            self._shown = wanted
+            self._stream.blueprint(self._layout())
 
     def close(self, summary: Summary | None = None, replace: bool = True) -> None:
         """Write the rest and the summary, once; later calls do nothing.
@@ -230,20 +255,25 @@ class RunLog(NullLog):
             raise ValueError(f"scores must have the trackers of the run {self.meta.trackers}, got {tuple(scores)}")
 
     def _open(self, first: Frame | None = None, scores: Scores = MappingProxyType({})) -> None:
-        from testbed.log.blueprint import layout
         from testbed.log.stream import Stream
         from testbed.log.styles import styles
 
-        metrics = {name: tuple(score.mean) for name, score in scores.items()}
-        focus = _focus(self._focus, first) if first else None
-        blueprint = layout(self.meta, metrics, focus, self._road, self._level == "full", self._modes)
-        self._stream = Stream(self._path, self.meta.run_id, blueprint)
+        self._metrics = metrics = {name: tuple(score.mean) for name, score in scores.items()}
+        self._shown = _focus(self._focus, first) if first else None
+        self._stream = Stream(self._path, self.meta.run_id, self._layout())
         self.file = self._stream.path
         self._stream.property("run", flat_properties(self.meta))
         self._write_text(paths.CONFIG, config_text(self.meta))
-        self._write_text(paths.SUMMARY, unfinished_text(self.meta))
+        for page in (paths.SUMMARY, paths.MOMENTS, paths.OBJECTS):
+            self._write_text(page, unfinished_text(self.meta))
+        self._write_text(paths.LEGEND, legend_text(self.meta.trackers))
         for path, data in styles(self.meta.trackers, metrics, self._road, self._sensors, self._level == "full"):
             self._stream.static(path, data)
+
+    def _layout(self) -> Any:
+        from testbed.log.blueprint import layout
+
+        return layout(self.meta, self._metrics, self._shown, self._road, self._level == "full", self._modes)
 
     def _write_text(self, path: str, markdown: str) -> None:
         import rerun as rr
@@ -290,13 +320,14 @@ class RunLog(NullLog):
 
     def _geometry(self, frame: Frame) -> None:
         rows = (
-            layers.scene_rows(frame.scene, self._middle)
+            layers.scene_rows(frame.scene, self._middle, frame.origin.visible)
+            | layers.overview_row(frame.scene.ego, self._fixed)
             | layers.plan_rows(frame.plan)
             | layers.detection_rows(frame, self.meta.trackers)
         )
-        for name in self.meta.trackers:
+        for index, name in enumerate(self.meta.trackers):
             tracks, info = frame.outputs[name]
-            rows |= layers.tracker_rows(name, tracks, info, self._modes[name], self._classes[name])
+            rows |= layers.tracker_rows(name, tracks, info, self._modes[name], self._classes[name], index)
             rows |= self._changes(name, tracks, info)
         if self._walls is None or not np.array_equal(self._walls, frame.scene.walls):
             self._walls = np.array(frame.scene.walls)
@@ -371,11 +402,14 @@ class RunLog(NullLog):
 
 
 def _level(event: Event, confirmed: bool) -> str:
-    """WARN for deaths of reported tracks and for detections left out, DEBUG for births and for other deaths."""
+    """WARN for detections left out, INFO for reported tracks that end, DEBUG for births and for other ends.
+
+    A track that ends while its vehicle is in view is an event "lost" of its own, a warning.
+    """
     if event.kind in ("implausible", "crowded", "skipped"):
         return "WARN"
     if event.kind == "died":
-        return "WARN" if confirmed else "DEBUG"
+        return "INFO" if confirmed else "DEBUG"
     return "DEBUG" if event.kind == "born" else "INFO"
 
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from sensors.origin import KINDS
 from testbed.log import legend, palette, paths
+from testbed.log.columns import Columns
 from testbed.log.reader import events, properties
-from testbed.review_page.columns import Columns
 from testbed.review_page.shapes import Shapes, centimetres
 
 CURVES = (  # metric of every scan, title with unit

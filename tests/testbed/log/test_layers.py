@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from testbed.log import layers, palette, paths
+from testbed.log import layers, palette, paths, road_shape
 from testbed.log.record import RoadGeometry
 from testbed.log.styles import scene_styles
 from tests.testbed.log import log_runs
@@ -77,9 +77,9 @@ def test_detections_know_object_ids_not_rows(frame):
 
 def test_the_view_keeps_to_the_middle_of_a_straight_road_and_follows_on_a_wide_one(frame):
     wide = RoadGeometry(edges=(np.array([[0.0, -40.0], [0.0, 40.0]]),))
-    assert layers.strip_middle(log_runs.road(lanes=4)) == 6.0
-    assert layers.strip_middle(wide) is None
-    assert layers.strip_middle(RoadGeometry()) is None
+    assert road_shape.strip_middle(log_runs.road(lanes=4)) == 6.0
+    assert road_shape.strip_middle(wide) is None
+    assert road_shape.strip_middle(RoadGeometry()) is None
     fixed = layers.scene_rows(frame.scene, 6.0)[paths.FOLLOW]["Transform3D:translation"][0]
     free = layers.scene_rows(frame.scene, None)[paths.FOLLOW]["Transform3D:translation"][0]
     assert fixed[1] == 6.0
@@ -117,3 +117,40 @@ def test_names_that_would_need_escapes_are_refused():
     for name in ("", "a b", "a/b", "__reserved"):
         with pytest.raises(ValueError, match="cannot be part of a log path"):
             paths.part(name)
+
+
+def test_outlines_and_names_are_dimmed_by_what_is_visible(frame):
+    N = len(frame.scene.objects.id)
+    visible = np.linspace(0.0, 1.0, N)
+    rows = layers.scene_rows(frame.scene, visible=visible)
+    for path, component in (
+        (paths.TRUTH_CONTOUR, "LineStrips2D:colors"),
+        (paths.TRUTH_HEADING, "Arrows2D:colors"),
+        (paths.TRUTH_NAMES, "Points2D:colors"),
+    ):
+        red = rows[path][component] >> np.uint32(24)
+        assert (np.diff(red.astype(int)) > 0).all()
+        assert rows[path][component][-1] == palette.TRUTH
+        assert palette.GROUND >> 24 < red[0] < 100
+
+
+def test_names_stand_above_the_box_and_ids_of_later_trackers_below_those_of_earlier_ones(frame):
+    objects = frame.scene.objects
+    name, (tracks, info) = next(iter(frame.outputs.items()))
+    names = layers.scene_rows(frame.scene)[paths.TRUTH_NAMES]
+    assert names["Points2D:labels"][1] == "veh_01 car"
+    assert (names["Points2D:positions"][:, 1] < objects.pose[:, 1] - objects.size[:, 1] / 2).all()
+    first, second = (layers.tracker_rows(name, tracks, info, index=i)[paths.tracker(name, "label")] for i in (0, 1))
+    assert first["Points2D:labels"] == second["Points2D:labels"]
+    bottom = (tracks.reported.estimate.pose[:, 1] + tracks.reported.estimate.size[:, 1] / 2).astype(np.float32)
+    assert (first["Points2D:positions"][:, 1] > bottom).all()
+    assert (second["Points2D:positions"][:, 1] > first["Points2D:positions"][:, 1] + 1).all()
+
+
+def test_the_overview_stays_in_the_middle_of_a_small_map(frame):
+    line = lambda x, y: RoadGeometry(edges=(np.array([[0.0, 0.0], [x, y]]),))  # noqa: E731
+    assert road_shape.fixed_middle(line(400.0, 47.0)) == (None, 23.5)
+    assert road_shape.fixed_middle(line(60.0, 60.0)) == (30.0, 30.0)
+    assert road_shape.fixed_middle(line(400.0, 200.0)) == (None, None)
+    at = layers.overview_row(frame.scene.ego, (None, 23.5))[paths.OVERVIEW]["Transform3D:translation"][0]
+    assert at == pytest.approx([frame.scene.ego.pose[0], 23.5, 0.0])

@@ -1,4 +1,5 @@
 import gc
+import json
 import os
 import signal
 import subprocess
@@ -24,7 +25,8 @@ def log(tmp_path_factory):
 
 
 def expected_paths(objects, metrics):
-    numbers = {*paths.NUMBERS, *paths.RISK, paths.EVENTS, paths.CONFIG, paths.SUMMARY}
+    numbers = {*paths.NUMBERS, *paths.RISK, paths.EVENTS, paths.CONFIG, paths.SUMMARY, paths.LEGEND}
+    numbers |= {paths.MOMENTS, paths.OBJECTS}
     numbers |= {paths.metric(metric, name) for metric in metrics for name in TRACKERS}
     return numbers | {paths.of_object(i, leaf) for i in range(objects) for leaf in (*TRACKERS, paths.SEEN)}
 
@@ -88,7 +90,7 @@ def test_actions_are_written_when_they_change(log):
 
 def test_events_have_levels_that_tell_lost_tracks_from_noise(log):
     events = {(e.step, e.text): e.level for e in reader.events(log)}
-    assert events[20, "htg-map: track 102 died, no detection for 1 s"] == "WARN"
+    assert events[20, "htg-map: track 102 died, no detection for 1 s"] == "INFO"
     assert events[20, "htg-map: track 150 born, 3 detections no track explains"] == "DEBUG"
     assert events[20, "htg-map: scan implausible, 2 detections left out"] == "WARN"
     assert events[30, "veh_01 starts a lane change"] == "INFO"
@@ -370,3 +372,52 @@ def test_the_null_log_takes_everything(tmp_path):
 def test_the_log_module_does_not_import_rerun():
     code = "import sys, testbed.log, testbed.log.review; sys.exit('rerun' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], env=os.environ, check=False).returncode == 0
+
+
+MOMENT = {
+    "time": 1.0, "start": 0.8, "end": 1.3, "tracker": "htg-map", "object": 4, "kind": "car", "track": 104,
+    "what": "lost", "text": "without a track", "cause": "hidden", "why": "hidden by veh_01", "harm": 12.5,
+}  # fmt: skip
+
+
+def focus_pages(path):
+    """Names of the pages of one object in the layouts that the log holds, sorted."""
+    from rerun.chunk import RrdReader
+
+    log, found = RrdReader(path), []
+    for store in log.blueprints():
+        batches = [chunk.to_record_batch() for chunk in log.stream(store=store).to_chunks()]
+        column = "ContainerBlueprint:display_name"
+        names = [name for b in batches if column in b.schema.names for name in b[column].to_pylist()]
+        found += [name[0] for name in names if name and name[0].startswith("Focus")]
+    return sorted(found)
+
+
+def ended(path, asked=None):
+    with RunLog(path, log_runs.META, focus=2) as log:
+        for record in log_runs.records(2):
+            log.step(*record)
+        if asked is not None:
+            log.focus_on(asked)
+        log.tables([MOMENT | {"object": None}, MOMENT], [])
+    return path
+
+
+def test_the_object_of_the_worst_moment_has_the_page_of_one_object_unless_another_was_asked_for(tmp_path):
+    assert focus_pages(ended(tmp_path / "a.rrd")) == ["Focus: veh_02", "Focus: veh_04"]
+    assert focus_pages(ended(tmp_path / "b.rrd", asked=1)) == ["Focus: veh_01", "Focus: veh_02"]
+    unknown = ended(tmp_path / "c.rrd", asked=77)
+    assert focus_pages(unknown) == ["Focus: veh_02", "Focus: veh_04"]
+    assert [e.text for e in reader.events(unknown) if e.level == "WARN"] == ["there was no veh_77 to focus on"]
+
+
+def test_pages_of_moments_objects_and_colours_are_in_the_log(tmp_path):
+    path = ended(tmp_path / "a.rrd")
+    pages = {
+        page: [row["TextDocument:text"][0] for row in reader.rows(path, page) if row.get("TextDocument:text")][-1]
+        for page in (paths.MOMENTS, paths.LEGEND, paths.SUMMARY)
+    }
+    assert "**1.0 s, veh_04 car**: lost: without a track. *hidden by veh_01*" in pages[paths.MOMENTS]
+    for word in ("| green |", "| pink |", "| grey |", "| brown |", "| orange |", "htg-map"):
+        assert word in pages[paths.LEGEND]
+    assert json.loads(reader.properties(path)["tables"]["moments"])[1] == MOMENT

@@ -1,0 +1,109 @@
+"""`testbed diff`: two logs step by step, or two results key by key."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.markup import escape
+
+from testbed.command_line.tables import light_table
+from testbed.log.difference import Difference, compare_logs
+from trackers.json_file import read_json
+
+APART = ("timing", "run.versions", "interrupted")  # of results: say nothing about what happened
+SHOWN = 30  # keys of results in the table
+
+
+def show(first: Path, second: Path, console: Console) -> int:
+    """Print what differs; returns the exit status, 0 for nothing and 1 for something.
+
+    Raises OSError or ValueError, in one sentence, for files that cannot be read or are not of one kind.
+    """
+    kinds = {first.suffix.lower(), second.suffix.lower()}
+    if kinds == {".rrd"}:
+        return _show_logs(compare_logs(first, second), console)
+    if kinds == {".json"}:
+        return _show_results(compare_results(_read(first), _read(second)), console)
+    raise ValueError(f"diff takes two logs (.rrd) or two results (.json), got {first} and {second}")
+
+
+def compare_results(first: Any, second: Any) -> list[tuple[str, Any, Any]]:
+    """Key, value in the first and in the second results, of all that differ, those far apart first."""
+    a, b = dict(_leaves(first)), dict(_leaves(second))
+    keys = [key for key in dict.fromkeys([*a, *b]) if not key.startswith(APART)]
+    found = [(key, a.get(key), b.get(key)) for key in keys if a.get(key) != b.get(key)]
+    return sorted(found, key=lambda row: -_apart(row[1], row[2]))
+
+
+def _apart(x: Any, y: Any) -> float:
+    """Relative difference, infinite between other things than numbers."""
+    if isinstance(x, int | float) and isinstance(y, int | float):
+        return abs(x - y) / max(abs(x), abs(y), 1e-12)
+    return float("inf")
+
+
+def _leaves(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
+    """Dotted key and value of everything that is no list or object; rows are named by what they are about."""
+    if isinstance(value, dict):
+        for name, inner in value.items():
+            yield from _leaves(inner, f"{key}.{name}" if key else str(name))
+    elif isinstance(value, list):
+        for n, inner in enumerate(value):
+            named = isinstance(inner, dict) and key in ("objects", "phases", "orphans")
+            about = (
+                [str(inner[k]) for k in ("tracker", "object", "phase", "track") if k in inner]
+                if named
+                else [str(n + 1)]
+            )
+            yield from _leaves(inner, f"{key}.{'.'.join(about)}")
+    else:
+        yield key, value
+
+
+def _read(path: Path) -> Any:
+    try:
+        found = read_json(path)
+    except OSError as error:
+        raise OSError(f"cannot read {path}: {error.strerror or error}") from None
+    if not isinstance(found, dict) or "run" not in found:
+        raise ValueError(f"{path} holds no results of a run; give the .json that `testbed run` writes")
+    return found
+
+
+def _show_logs(found: Difference, console: Console) -> int:
+    if found.settings:
+        table = light_table("settings that differ")
+        for name in ("setting", "first", "second"):
+            table.add_column(name, overflow="fold")
+        for row in found.settings:
+            table.add_row(*map(escape, row))
+        console.print(table)
+    if not found.partings:
+        console.print(f"the runs are equal: {found.steps} steps, {found.time:.2f} s", highlight=False)
+        return 0
+    start = found.partings[0]
+    console.print(
+        f"the runs part at step {start.step}, {start.time:.2f} s: {start.what}", highlight=False, markup=False
+    )
+    table = light_table("what parts when, and by how much at that step")
+    for name in ("what", "step", "time [s]", "first / second"):
+        table.add_column(escape(name), justify="right" if name in ("step", "time [s]") else "left", overflow="fold")
+    for p in found.partings:
+        table.add_row(escape(p.what), str(p.step), f"{p.time:.2f}", escape(p.difference))
+    console.print(table)
+    return 1
+
+
+def _show_results(found: list[tuple[str, Any, Any]], console: Console) -> int:
+    if not found:
+        console.print("the results are equal, but for what they took")
+        return 0
+    more = f", the first {SHOWN}" if len(found) > SHOWN else ""
+    table = light_table(f"{len(found)} values differ{more}; the logs say at which step the runs part")
+    for name in ("key", "first", "second"):
+        table.add_column(name, overflow="fold")
+    for key, *values in found[:SHOWN]:
+        table.add_row(escape(key), *(escape(f"{v:.6g}" if isinstance(v, float) else str(v)) for v in values))
+    console.print(table)
+    return 1

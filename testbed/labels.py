@@ -1,0 +1,38 @@
+"""Plain names of measures with their units, as people read them in the terminal and in the log."""
+
+ROWS = (  # key of the summary, label, digits
+    ("objects_visible", "objects visible", 0),
+    ("objects_confirmed", "of these tracked", 0),
+    ("gospa", "GOSPA [m]", 2),
+    ("localisation", "  localisation [m^2]", 2),
+    ("missed", "  missed [m^2]", 2),
+    ("false", "  false [m^2]", 2),
+    ("missed_percent", "missed [%]", 1),
+    ("false_per_scan", "false tracks a scan", 2),
+    ("switches", "switches", 0),
+    ("lost", "lost tracks", 0),
+    ("birth_delay", "birth delay [s]", 2),
+    ("uncovered_gap", "longest in view without one [s]", 2),
+    ("plain_view_gap", "  without one that fits [s]", 2),
+    ("tracks_clutter", "tracks of clutter", 0),
+    ("tracks_ghost", "tracks of ghosts", 0),
+    ("rmse_position", "position RMSE [m]", 2),
+    ("rmse_velocity", "velocity RMSE [m/s]", 2),
+    ("rmse_heading_deg", "heading RMSE [deg]", 1),
+    ("rmse_length", "length RMSE [m]", 2),
+    ("rmse_width", "width RMSE [m]", 2),
+    ("gwd", "GWD [m]", 2),
+    ("box_iou", "box IoU", 2),
+    ("contour_iou", "contour IoU", 2),
+    ("nees_position", "NEES position (2 is ideal)", 1),
+    ("nees_velocity", "NEES velocity (2 is ideal)", 1),
+)
+DRIVE = (
+    ("collisions", "collisions", 0),
+    ("ttc_min", "least time to collision [s]", 2),
+    ("distance_min", "least distance [m]", 2),
+    ("progress", "progress [m]", 1),
+    ("speed_mean", "mean speed [m/s]", 1),
+    ("deceleration_max", "hardest braking [m/s^2]", 1),
+    ("harsh_braking", "harsh brakings", 0),
+)
