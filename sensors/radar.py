@@ -152,8 +152,11 @@ class Radar:
     def _body_figures(self) -> BodyFigures:
         """Figures of all sensors that say where on a body its returns lie."""
         lifetime = np.array([sensor.persistence.lifetime if sensor.persistence else 0.0 for sensor in self.sensors])
-        figures = (self.column(name) for name in BodyFigures._fields[:-2])
-        return BodyFigures(*figures, lifetime, self._aspects)
+        column = self.column
+        return BodyFigures(
+            column("grazing"), column("share_volume"), column("depth_contour"), column("depth_volume"),
+            column("share_scatter"), column("scatter"), lifetime, self._aspects,
+        )  # fmt: skip
 
     @cached_property
     def sigma(self) -> NDArray:
