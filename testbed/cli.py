@@ -178,16 +178,23 @@ def review(
     at: Annotated[
         float | None, typer.Option(help="Time of the picture in seconds. Without it: the middle of the run.")
     ] = None,
+    view: Annotated[
+        str | None, typer.Option(help="Name of a view, or how it begins: a picture of that alone, such as overview.")
+    ] = None,
+    gif: Annotated[
+        Path | None, typer.Option(help="Write the run from above as an animation (.gif) instead; no viewer is needed.")
+    ] = None,
     html: Annotated[
         Path | None,
         typer.Option(help="Write the run as one page (.html) for a browser instead; nothing else is needed."),
     ] = None,
 ) -> None:
-    """Open the logs of runs in the viewer, or take a picture of one, or make a page of one.
+    """Open the logs of runs in the viewer, or make a page, an animation or a picture of one.
 
     Example: [bold]testbed review runs/*.rrd[/bold]
     Example: [bold]testbed review runs/a.rrd --html a.html[/bold]
-    Example: [bold]testbed review runs/a.rrd --screenshot a.png --at 9[/bold]
+    Example: [bold]testbed review runs/a.rrd --gif a.gif[/bold]
+    Example: [bold]testbed review runs/a.rrd --screenshot a.png --at 9 --view overview[/bold]
     """
     from testbed.log import review as reviewing
 
@@ -197,10 +204,16 @@ def review(
         with user_input():
             written = write(reviewing.only(path, "a page"), html)
         console.print(f"page     {written}", soft_wrap=True)
-        if screenshot is None:
-            return
+    if gif is not None:
+        from testbed.review_page import animation
+
+        with user_input():
+            written = animation.write(reviewing.only(path, "an animation"), gif)
+        console.print(f"picture  {written}", soft_wrap=True)
+    if screenshot is None and (html, gif) != (None, None):
+        return
     with user_input():
-        reviewing.review(path, web, screenshot, at)
+        reviewing.review(path, web, screenshot, at, view)
     if screenshot is not None:
         console.print(f"picture  {screenshot}", soft_wrap=True)
 

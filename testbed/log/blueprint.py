@@ -28,10 +28,9 @@ from sensors.origin import KINDS
 from testbed.log import palette, paths
 from testbed.log.modes import Modes
 from testbed.log.record import RoadGeometry, RunMeta
-from testbed.log.road_shape import fixed_middle, road_shape, road_span
+from testbed.log.road_shape import AHEAD, BEHIND, fixed_middle, road_shape, road_span
 
 TRAIL = 2.0  # [s]
-REACH = 130.0  # [m] the overview shows this far before and behind the ego
 BACKGROUND = (14, 15, 19)  # RGB of scenes
 CLOSE = (-22.0, 48.0, -16.0, 16.0)  # [m] close-up: behind and before the ego, left and right of it on the screen
 HALF = {"strip": 12.0, "long": 22.0}  # [m] the overview shows at least this far to the sides
@@ -146,7 +145,7 @@ def _overview(meta: RunMeta, shape: str, road: RoadGeometry) -> rrb.Spatial2DVie
         half = HALF[shape]
         if (span := road_span(road)) is not None and fixed_middle(road)[1] is not None:
             half = max(12.0, float(span[1, 1] - span[0, 1]) / 2 + MARGIN)
-        bounds = (-0.75 * REACH, 1.25 * REACH, -half, half)
+        bounds = (-BEHIND, AHEAD, -half, half)
     return _scene(f"Overview (follows the ego, {TRAIL:g} s trails)", bounds, hide, trails, origin=paths.OVERVIEW)
 
 

@@ -74,13 +74,21 @@ def _layers(a: Columns, b: Columns, trackers: Mapping[str, None]) -> Iterator[tu
         yield f"tracks of {name}", *both("strips", paths.tracker(name, "extent"))
         yield f"tentative tracks of {name}", *both("strips", paths.tracker(name, "tentative"))
     yield "plan", *both("strips", paths.EGO_PLAN)
-    yield "action", *both("texts", paths.EGO_ACTION, "StateChange:state")
+    yield "action", *map(_held, both("texts", paths.EGO_ACTION, "StateChange:state"), both("times"))
     yield "speed of the ego [m/s]", *both("numbers", paths.EGO_SPEED, "Scalars:scalars")
     for name in trackers:
         leaf = f"/{paths.plain(name)}"
         for entity in dict.fromkeys([*a.entities("metrics/"), *b.entities("metrics/")]):
             if entity.endswith(leaf):
                 yield f"{entity.split('/')[1]} of {name}", *both("numbers", entity, "Scalars:scalars")
+
+
+def _held(changes: Mapping[int, list[str]], times: Mapping[int, float]) -> dict[int, list[str]]:
+    """Values at every step of what is logged when it changes."""
+    found, last = {}, ["nothing"]
+    for step in times:
+        found[step] = last = changes.get(step, last)
+    return found
 
 
 def _difference(one: Any, other: Any) -> str:

@@ -81,10 +81,9 @@ def _beside(pose: NDArray, size: NDArray, gap: float) -> NDArray:
     return np.array(pose[:, :2] + np.stack([0 * across, np.sign(gap) * across + gap], -1), np.float32)
 
 
-def overview_row(ego: Ego, fixed: tuple[float | None, float | None]) -> Rows:
-    """Origin of the overview: the ego, but for the coordinates [m] that are `fixed`."""
-    x, y = (own if still is None else still for own, still in zip(ego.pose[:2], fixed, strict=True))
-    return {paths.OVERVIEW: {"Transform3D:translation": np.array([[x, y, 0.0]], np.float32)}}
+def overview_row(origin: tuple[float, float]) -> Rows:
+    """Origin of the overview at x, y [m]."""
+    return {paths.OVERVIEW: {"Transform3D:translation": np.array([[*origin, 0.0]], np.float32)}}
 
 
 def _ego_pose(ego: Ego) -> Row:

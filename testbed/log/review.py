@@ -12,7 +12,9 @@ from testbed.log.reader import complete, span
 from testbed.log.screenshot import existing, render, viewer_command
 
 
-def check(logs: Sequence[str | Path], png: str | Path | None = None, at: float | None = None) -> None:
+def check(
+    logs: Sequence[str | Path], png: str | Path | None = None, at: float | None = None, view: str | None = None
+) -> None:
     """Raise ValueError or OSError, in one sentence, for what cannot be shown."""
     if not logs:
         raise ValueError("review needs at least one log; `testbed run` with --log full writes one")
@@ -20,6 +22,8 @@ def check(logs: Sequence[str | Path], png: str | Path | None = None, at: float |
     if png is None:
         if at is not None:
             raise ValueError(f"a time, --at {at:g}, goes with --screenshot only; the viewer has a time line")
+        if view is not None:
+            raise ValueError(f"--view {view!r} goes with --screenshot only; the viewer shows all views")
         return
     only(logs, "a screenshot")
     if Path(png).suffix.lower() != ".png":
@@ -48,16 +52,20 @@ def readable(*logs: str | Path) -> None:
 
 
 def review(
-    logs: Sequence[str | Path], web: bool = False, png: str | Path | None = None, at: float | None = None
+    logs: Sequence[str | Path],
+    web: bool = False,
+    png: str | Path | None = None,
+    at: float | None = None,
+    view: str | None = None,
 ) -> int:
     """Show logs with their layout in place until the viewer is closed; returns its exit status.
 
-    With `png`, a picture of one log is rendered instead, at `at` [s], by default in the middle of the run. Raises
-    OSError or ValueError as `check` does.
+    With `png`, a picture of one log is rendered instead, at `at` [s], by default in the middle of the run, of all of it
+    or of the view of a name. Raises OSError or ValueError as `check` does.
     """
-    check(logs, png, at)
+    check(logs, png, at, view)
     if png is not None:
-        render(logs[0], png, middle(logs[0]) if at is None else at)
+        render(logs[0], png, middle(logs[0]) if at is None else at, view=view)
         return 0
     for log in logs:
         if not complete(log):

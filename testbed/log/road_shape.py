@@ -7,6 +7,8 @@ from testbed.log.record import RoadGeometry
 
 STRIP = 32.0  # [m] a road that spans less than this across the screen is shown as a strip
 LONG = 4.0  # least ratio of length to width of a road that runs along the screen
+BEHIND, AHEAD = 97.5, 162.5  # [m] the overview of a road along the screen shows so far behind and before the ego
+EDGE = 10.0  # [m] beyond the ends of a road that are shown
 FITS = 80.0  # [m] a map that spans less than this in a direction is shown whole in it
 
 
@@ -34,6 +36,19 @@ def strip_middle(road: RoadGeometry) -> float | None:
     """The y [m] of the middle of a strip, None where the view has to follow the ego sideways too."""
     span = road_span(road)
     return float(span[:, 1].mean()) if span is not None and road_shape(road) == "strip" else None
+
+
+def overview_at(road: RoadGeometry, place: NDArray) -> tuple[float, float]:
+    """The x and y [m] of the origin of the overview while the ego is at a place (2,) [m].
+
+    It is the ego, but for the directions in which the map is shown whole, and but for the ends of a road along the
+    screen, beyond which nothing is shown.
+    """
+    fixed, span = fixed_middle(road), road_span(road)
+    x, y = (float(own) if still is None else still for own, still in zip(place, fixed, strict=True))
+    if span is not None and fixed[1] is not None and fixed[0] is None and span[1, 0] - span[0, 0] > BEHIND + AHEAD:
+        x = float(np.clip(x, span[0, 0] + BEHIND - EDGE, span[1, 0] - AHEAD + EDGE))
+    return x, y
 
 
 def fixed_middle(road: RoadGeometry) -> tuple[float | None, float | None]:

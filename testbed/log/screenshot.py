@@ -7,7 +7,8 @@ import os
 import socket
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -32,14 +33,15 @@ def renderer_missing() -> str:
     return ""
 
 
-def render(path: str | Path, png: str | Path, at: float, settle: float = SETTLE) -> list[str]:
-    """Render the log `path` at `at` [s] of the simulation into the picture `png`.
+def render(path: str | Path, png: str | Path, at: float, settle: float = SETTLE, view: str | None = None) -> list[str]:
+    """Render the log `path` at `at` [s] of the simulation into the picture `png`, all of it or the view of a name.
 
     Returns the viewer's error reports, view by view: empty when the layout fits the log.
 
     Raises:
         FileNotFoundError: there is no such log.
-        NoRenderer: nothing on this machine can draw.
+        NoRenderer: nothing on this machine can draw, or not in time.
+        ValueError: there is no such view.
     """
     from rerun.experimental import ViewerClient
 
@@ -48,14 +50,53 @@ def render(path: str | Path, png: str | Path, at: float, settle: float = SETTLE)
         raise NoRenderer(f"cannot draw {path}: {reason}")
     png.parent.mkdir(parents=True, exist_ok=True)
     program = str(_program())
-    with ViewerClient.spawn(
-        headless=True, port=_free_port(), hide_welcome_screen=True, executable_path=program
-    ) as viewer:
+    with _silent():  # the viewer keeps the streams that it was started with
+        started = ViewerClient.spawn(
+            headless=True, port=_free_port(), hide_welcome_screen=True, executable_path=program
+        )
+    with started as viewer:
         viewer.open(str(path.resolve()))
         viewer.set_time(paths.TIME, duration=at, play_state="paused")
         time.sleep(settle)
-        write_atomic(png, viewer.take_screenshot())
-        return [f"{view}: {report}" for view in viewer.get_state().views for report in view.reports]
+        views = viewer.get_state().views
+        number = None if view is None else find_view({v.name: v.view_id for v in views}, view)
+        try:
+            picture = viewer.take_screenshot(number)
+        except TimeoutError:
+            raise NoRenderer(
+                f"cannot draw {path}: the viewer did not answer in time; try again on an idle machine"
+            ) from None
+        write_atomic(png, picture)
+        return [f"{v}: {report}" for v in views for report in v.reports]
+
+
+def find_view(views: Mapping[str, str], wanted: str) -> str:
+    """Number of the view of that name, or of the only one whose name begins so, whatever the case."""
+    found = [name for name in views if name.lower() == wanted.lower()]
+    found = found or [name for name in views if name.lower().startswith(wanted.lower())]
+    if len(found) != 1:
+        raise ValueError(
+            f"--view: {'no' if not found else 'more than one'} view {wanted!r}; there are {', '.join(sorted(views))}"
+        )
+    return views[found[0]]
+
+
+@contextmanager
+def _silent() -> Iterator[None]:
+    """Let what is started meanwhile write to nowhere."""
+    streams = (sys.stdout, sys.stderr)
+    for stream in streams:
+        stream.flush()
+    kept = [os.dup(1), os.dup(2)]
+    try:
+        with open(os.devnull, "wb") as nowhere:
+            os.dup2(nowhere.fileno(), 1)
+            os.dup2(nowhere.fileno(), 2)
+        yield
+    finally:
+        for number, before in enumerate(kept, 1):
+            os.dup2(before, number)
+            os.close(before)
 
 
 def existing(path: str | Path) -> Path:

@@ -109,7 +109,6 @@ class RunLog(NullLog):
         self._modes = modes_of(meta.trackers)
         self._classes = {name: class_names(name) for name in meta.trackers}
         self._road, self._middle = RoadGeometry(), road_shape.strip_middle(RoadGeometry())
-        self._fixed: tuple[float | None, float | None] = (None, None)
         self._sensors: tuple[SensorModel, ...] = ()
         self._metrics: dict[str, tuple[str, ...]] = {}
         self._stream: Stream | None = None
@@ -138,7 +137,6 @@ class RunLog(NullLog):
             )
         self._road, self._sensors = road, tuple(sensors)
         self._middle = road_shape.strip_middle(road)
-        self._fixed = road_shape.fixed_middle(road)
 
     def step(self, frame: Frame, scores: Scores, events: LogEvents = (), risk: Sequence[float] = ()) -> None:
         """Take one frame with the score of each tracker of the run, and numbers of `paths.RISK`; arrays are copied.
@@ -321,7 +319,7 @@ class RunLog(NullLog):
     def _geometry(self, frame: Frame) -> None:
         rows = (
             layers.scene_rows(frame.scene, self._middle, frame.origin.visible)
-            | layers.overview_row(frame.scene.ego, self._fixed)
+            | layers.overview_row(road_shape.overview_at(self._road, frame.scene.ego.pose[:2]))
             | layers.plan_rows(frame.plan)
             | layers.detection_rows(frame, self.meta.trackers)
         )

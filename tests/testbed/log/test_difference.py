@@ -56,7 +56,7 @@ def test_the_first_step_and_every_layer_that_parts_are_named(log, tmp_path):
     assert found.partings[0].difference == "up to 0.5 m apart"
     assert found.partings[0].time == pytest.approx(7 * log_runs.DT)
     (action,) = (p for p in found.partings if p.what == "action")
-    assert (action.step, action.difference) == (9, "nothing / SLOWER")
+    assert (action.step, action.difference) == (9, "IDLE / SLOWER")
 
 
 def test_a_missing_track_and_a_longer_run_are_said(log, tmp_path):

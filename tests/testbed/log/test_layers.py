@@ -147,10 +147,13 @@ def test_names_stand_above_the_box_and_ids_of_later_trackers_below_those_of_earl
     assert (second["Points2D:positions"][:, 1] > first["Points2D:positions"][:, 1] + 1).all()
 
 
-def test_the_overview_stays_in_the_middle_of_a_small_map(frame):
+def test_the_overview_stays_in_the_middle_of_a_small_map_and_before_its_ends():
     line = lambda x, y: RoadGeometry(edges=(np.array([[0.0, 0.0], [x, y]]),))  # noqa: E731
     assert road_shape.fixed_middle(line(400.0, 47.0)) == (None, 23.5)
     assert road_shape.fixed_middle(line(60.0, 60.0)) == (30.0, 30.0)
     assert road_shape.fixed_middle(line(400.0, 200.0)) == (None, None)
-    at = layers.overview_row(frame.scene.ego, (None, 23.5))[paths.OVERVIEW]["Transform3D:translation"][0]
-    assert at == pytest.approx([frame.scene.ego.pose[0], 23.5, 0.0])
+    assert road_shape.overview_at(line(400.0, 47.0), np.array([150.0, 3.0])) == (150.0, 23.5)
+    assert road_shape.overview_at(line(400.0, 47.0), np.array([390.0, 3.0])) == (247.5, 23.5)  # nothing beyond the end
+    assert road_shape.overview_at(line(400.0, 200.0), np.array([390.0, 3.0])) == (390.0, 3.0)
+    at = layers.overview_row((150.0, 23.5))[paths.OVERVIEW]["Transform3D:translation"][0]
+    assert at == pytest.approx([150.0, 23.5, 0.0])

@@ -78,13 +78,24 @@ def test_the_overview_fits_the_shape_of_the_road(length, width, overview):
 
 
 @pytest.mark.skipif(bool(screenshot.renderer_missing()), reason=screenshot.renderer_missing() or "drawn here")
-def test_the_viewer_draws_the_log_without_a_complaint(log, tmp_path):
-    assert screenshot.render(log, tmp_path / "deep" / "run.png", at=2.0) == []
+def test_the_viewer_draws_the_log_without_a_complaint(log, tmp_path, capfd):
+    assert screenshot.render(log, tmp_path / "deep" / "run.png", at=2.0, settle=4.0) == []
+    assert capfd.readouterr() == ("", "")  # the viewer's own lines stay with it
     image = Image.open(io.BytesIO((tmp_path / "deep" / "run.png").read_bytes())).convert("RGB")
     colors = {color for _, color in image.getcolors(maxcolors=2**24)}
     assert image.width >= 1280
     for wanted in ((0xFF, 0xA6, 0x29), (0x38, 0xCF, 0xFF), (0xFF, 0xFF, 0xFF)):  # both trackers and the ego
         assert min(sum(abs(a - b) for a, b in zip(c, wanted, strict=True)) for c in colors) < 12
+
+
+def test_a_view_is_found_by_its_name_or_by_how_it_begins():
+    views = {"Overview (follows the ego)": "a", "GWD [m]": "b", "Events": "c", "Ego action": "d", "Ego speed": "e"}
+    assert screenshot.find_view(views, "overview") == "a"
+    assert screenshot.find_view(views, "gwd [m]") == "b"
+    with pytest.raises(ValueError, match="no view 'close'; there are Ego action, Ego speed, Events"):
+        screenshot.find_view(views, "close")
+    with pytest.raises(ValueError, match="more than one view 'ego'"):
+        screenshot.find_view(views, "ego")
 
 
 def test_missing_renderer_is_one_sentence(log, tmp_path, monkeypatch):
@@ -131,6 +142,11 @@ def test_review_says_what_is_missing(log, tmp_path, monkeypatch):
 def test_impossible_pictures_are_refused(log, png, at, message):
     with pytest.raises(ValueError, match=message):
         check([log], png, at)
+
+
+def test_a_view_goes_with_a_picture_only(log):
+    with pytest.raises(ValueError, match="--view 'overview' goes with --screenshot only"):
+        check([log], view="overview")
 
 
 def test_the_hint_for_a_killed_run_repairs_it(tmp_path):
