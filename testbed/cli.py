@@ -171,6 +171,69 @@ def _show(result: "RunResult") -> None:
 
 
 @app.command()
+def replay(
+    folder: Annotated[Path, typer.Argument(help="Folder of the tables, see docs/own-recordings.md.")],
+    tracker: Annotated[
+        list[str] | None, typer.Option(help=f"Repeat for several, side by side. Without it: {DEFAULT}.")
+    ] = None,
+    start: Annotated[
+        float | None, typer.Option("--from", help="Seconds after the first scan. Without it: from that on.")
+    ] = None,
+    end: Annotated[float | None, typer.Option("--to", help="Seconds after the first scan. Without it: all.")] = None,
+    out: Annotated[Path, typer.Option(help="Directory for the log, the results and the tracks.")] = Path("runs"),
+    log: Annotated[str, typer.Option(help="What goes into the log: off, metrics or full.")] = "full",
+) -> None:
+    """Give a recording of your own to trackers: its tables in, tracks out.
+
+    FOLDER holds the tables detections, ego and sensors, as .csv or .parquet, and
+    if there are any, scans, truth and lanes. Writes RUN.parquet (the tracks),
+    RUN.rrd (the review log) and RUN.json (the results, where there is truth).
+
+    Example: [bold]testbed replay drive --tracker imm-spline --tracker rm-feldmann --from 5 --to 10[/bold]
+    """
+    from testbed.replay import command
+    from testbed.replay.replaying import ReplayConfig, prepare
+    from testbed.replay.replaying import replay as replay_once
+
+    with user_input():
+        settings = ReplayConfig(str(folder), tuple(tracker or (DEFAULT,)), start, end, str(out), log)
+        recorded = prepare(settings)
+    with user_input((OSError,)), progress_bar("{task.completed:.0f} / {task.total:.0f} scans") as bar:
+        task = bar.add_task(recorded.name, total=len(recorded.frames))
+        done = replay_once(settings, recorded, lambda scans, total: bar.update(task, completed=scans, total=total))
+    with _losses(done.lost):
+        command.show(done, console)
+    raise typer.Exit(done.exit_status)
+
+
+@app.command()
+def record(
+    scenario: Annotated[str, typer.Argument(help="A name of `testbed list scenarios`.")],
+    out: Annotated[Path, typer.Option(help="Folder for the tables.")],
+    seed: Annotated[int, typer.Option(help="Of traffic and radar noise; the same seed gives the same tables.")] = 0,
+    radar: Annotated[str, typer.Option(help="A name of `testbed list radars`.")] = "surround",
+    duration: Annotated[float | None, typer.Option(help="Seconds. Without it: the scenario's own.")] = None,
+    format: Annotated[str, typer.Option(help="Of the tables: parquet or csv.")] = "parquet",
+) -> None:
+    """Record the scans of a scenario and its truth, as tables that `testbed replay` reads.
+
+    The planner that knows the truth drives, so that the scans depend on no
+    tracker. Trackers say the same of the tables as of the scenario.
+
+    Example: [bold]testbed record cut-in --seed 3 --out recordings/cut-in --format csv[/bold]
+    """
+    from testbed.replay import command
+
+    with user_input():
+        command.check(scenario, seed, radar, duration, out, format)
+    with user_input((OSError,)):
+        written = command.record(scenario, seed, radar, duration, out, format)
+    for path in written:
+        console.print(f"{path.stem:10} {path}", soft_wrap=True)
+    console.print(f"replay it  testbed replay {shlex.quote(str(out))}", soft_wrap=True)
+
+
+@app.command()
 def review(
     path: Annotated[list[Path], typer.Argument(help="Logs (.rrd) of runs.")],
     web: Annotated[bool, typer.Option("--web", help="Serve the viewer to a browser on this machine.")] = False,

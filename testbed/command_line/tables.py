@@ -30,10 +30,11 @@ def number(value: float | None, digits: int) -> str:
     return DASH if value is None or not isfinite(value) else f"{value:.{digits}f}"
 
 
-def metrics(result: Mapping[str, Any]) -> Table:
-    """Trackers against the truth, one column each."""
+def metrics(result: Mapping[str, Any], title: str | None = None) -> Table:
+    """Trackers against the truth, one column each; the title says of what, without one of which run."""
     run = result["run"]
-    table = light_table(f"{run['scenario']}, {run['radar']}, seed {run['seed']}: tracks against the truth")
+    of = title or f"{run['scenario']}, {run['radar']}, seed {run['seed']}"
+    table = light_table(f"{of}: tracks against the truth")
     table.add_column("metric")
     for name in result["trackers"]:
         table.add_column(escape(name), justify="right")

@@ -3,7 +3,7 @@
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
-from math import nan
+from math import inf, nan
 from pathlib import Path
 from time import perf_counter
 from types import MappingProxyType
@@ -18,7 +18,7 @@ from testbed.evaluation.driving import HARDEST, LONGEST, DriveEvaluator, DriveFr
 from testbed.evaluation.histories import LOST_AFTER, TIME_ROUNDING
 from testbed.evaluation.moments import WORST, all_moments, harm_of, moment_row
 from testbed.evaluation.snapshots import Snapshots
-from testbed.evaluation.tracking import Evaluator, jsonable
+from testbed.evaluation.tracking import UNKNOWN, Evaluator, jsonable
 from testbed.files import check_target, make_directory, noting_losses, reserve, write_json
 from testbed.frame import Frame, FrameScore
 from testbed.limits import check_choice
@@ -55,6 +55,8 @@ class Recorder:
         trackers: by name; those whose tracks can be smoothed get a layer of smoothed tracks at level full.
         metrics: False: nothing is compared with the truth, and the JSON holds no measures; for level off only.
         faults: of the radar; their begin and end are events.
+        known: first and last time [s] at which the truth is known; frames before and after are not scored. None: there
+            is no truth, and so no measure, neither in the log nor in the JSON.
     """
 
     def __init__(
@@ -69,9 +71,10 @@ class Recorder:
         trackers: Mapping[str, Any] = MappingProxyType({}),
         metrics: bool = True,
         faults: Sequence[Fault] = (),
+        known: tuple[float, float] | None = (-inf, inf),
     ) -> None:
         check_level(level, metrics)
-        self.metrics, self._logged = metrics, level != "off"
+        self.metrics, self._logged, self._known = metrics, level != "off", known
         self.meta, self.phases = meta, tuple(phases)
         self.directory = Path(directory)
         make_directory(self.directory)
@@ -113,15 +116,18 @@ class Recorder:
         start = perf_counter()
         if self.metrics:
             drive = self.drive.step(frame.scene)
-            self.snapshots(frame)
             judged = [
                 (name, (frame.time, frame.scene, frame.origin, tracks, info.owner))
                 for name, (tracks, info) in frame.outputs.items()
             ]
+            known = self._known is not None and self._known[0] <= frame.time <= self._known[1]
+            if known:
+                self.snapshots(frame)
             if self._logged:
-                scores = {name: self.evaluators[name].step(*seen) for name, seen in judged}
+                unknown = UNKNOWN if self._known else UNKNOWN._replace(mean={})
+                scores = {name: self.evaluators[name].step(*seen) if known else unknown for name, seen in judged}
                 self._write_log(frame, scores, drive, start)
-            else:
+            elif known:
                 for name, seen in judged:
                     self.evaluators[name].keep(*seen)
                 self.seconds["metrics"] += perf_counter() - start
@@ -147,7 +153,7 @@ class Recorder:
     def result(self) -> dict[str, Any]:
         """All measures so far as JSON types: the run, the drive, and for each tracker totals, phases and objects.
 
-        Without metrics the run alone.
+        Without metrics, or without truth, the run alone.
         """
         run = {
             "id": self.meta.run_id,
@@ -159,7 +165,7 @@ class Recorder:
             "config": self.meta.config,
             "versions": self.meta.versions,
         }
-        if not self.metrics:
+        if not self.metrics or self._known is None:
             return {"run": run}
         moments = all_moments(self.evaluators, self.snapshots)
         objects = [(name, row) for name, e in self.evaluators.items() for row in e.object_rows()]
@@ -202,16 +208,23 @@ class Recorder:
             return
         if interrupted:
             self.log.event("WARN", "the run was interrupted")
-        summary: dict[str, Any] = {name: e.summary() for name, e in self.evaluators.items()}
-        found = self._result or self.result()
+        found, summary = self._result or self.result(), self._summary()
         try:
             with self._writing_log():
                 for name in self._past:
                     self._smooth(name)
         finally:  # the log is closed even where smoothing fails
             with self._writing_log():
-                self.log.tables(found["moments"], found["objects"])
-                self.log.close({**{f"drive_{k}": v for k, v in self.drive.summary().items()}, **summary}, replace)
+                if self._known:
+                    self.log.tables(found["moments"], found["objects"])
+                self.log.close(summary, replace)
+
+    def _summary(self) -> dict[str, Any]:
+        """Measures of the drive and of each tracker; nothing without truth."""
+        if self._known is None:
+            return {}
+        drive = {f"drive_{key}": value for key, value in self.drive.summary().items()}
+        return drive | {name: evaluator.summary() for name, evaluator in self.evaluators.items()}
 
     def _smooth(self, name: str) -> None:
         """Add the smoothed tracks of one tracker to the log."""

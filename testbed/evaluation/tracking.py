@@ -48,6 +48,10 @@ class _FrameCounts(NamedTuple):
     tracks: int
 
 
+UNKNOWN = FrameScore({}, {}, dict.fromkeys([n for n in _FrameCounts._fields if n != "time"] + [*ERRORS], np.nan))
+"""The score of a frame of which the truth is not known."""
+
+
 class Evaluator:
     """Scores of one tracker: call `step` or `keep` once a frame, then the methods that give tables.
 

@@ -7,9 +7,11 @@ import numpy as np
 
 from testbed.compare.runs.config import Comparison, Settings
 from testbed.compare.runs.engine import Engine
+from testbed.compare.runs.recording import record
 from testbed.compare.runs.results import collect, write_runs
 from testbed.compare.runs.work import execute
 from testbed.regress.command import COMMITTED
+from testbed.replay.writing import write
 from testbed.run import RunConfig, run
 
 
@@ -25,6 +27,7 @@ def make(folder: Path) -> Path:
     done = Comparison(("cut-in",), ("rm-feldmann",), (0,), Settings("front", duration=0.2), out=str(folder / "done"))
     execute(done, Engine())
     write_runs(collect(done))
+    write(record("cut-in", 0, "front", 0.2), folder / "drive", "csv")
     (folder / "real").mkdir()
     np.savez(folder / "real" / "objects.npz", **extract(40, 10))
     for name in ("folder", "folder.json", "folder.rrd", "folder.npz", "folder.png", "folder.parquet"):

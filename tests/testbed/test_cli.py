@@ -178,6 +178,8 @@ def test_catalogues_name_every_entry_within_80_columns(command, what):
 COMMANDS = (
     "list",
     "run",
+    "replay",
+    "record",
     "review",
     "bench",
     "learn-htg",

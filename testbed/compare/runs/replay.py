@@ -10,24 +10,23 @@ from sensors.fault_text import faults_of
 from sensors.faults import streams
 from sensors.origin import Origin
 from sensors.scene import Scene
-from testbed.compare.runs.recording import Recording
+from testbed.compare.runs.recording import RecordedFrame, Recording
 from testbed.environment.perception import Perception, RadarLike, radar_of
 from testbed.environment.recorder import Recorder
 from testbed.files import versions
 from testbed.frame import Observer
 from testbed.log.record import RunMeta, run_id
-from trackers.scan import Scan
+from trackers.scan import Scan, SensorModel
 
 REPLAY = "replay"  # in place of the planner's name and of its action: a replay has no planner
 
 
 class RecordedRadar:
-    """The radar of a recording: a scan of a recorded scene is the recorded one."""
+    """The radar of recorded frames: a scan of a recorded scene is the recorded one."""
 
-    def __init__(self, recording: Recording) -> None:
-        radar = radar_of(recording.radar)
-        self.models, self.rate = radar.models, radar.rate
-        self._frames = {frame.scene.time: frame for frame in recording.frames}
+    def __init__(self, models: tuple[SensorModel, ...], rate: float | None, frames: Sequence[RecordedFrame]) -> None:
+        self.models, self.rate = models, rate
+        self._frames = {frame.scene.time: frame for frame in frames}
 
     def scan(self, scene: Scene, rng: np.random.Generator) -> tuple[Scan, Origin]:
         """The recorded scan of this scene; the generator is not used."""
@@ -43,7 +42,9 @@ def replay(
     See `rescan` for the frames and for what is returned.
     """
     unused = np.random.default_rng(0)  # a recorded radar draws nothing
-    return rescan(recording, RecordedRadar(recording), unused, trackers, observers, faults)
+    radar = radar_of(recording.radar)
+    recorded = RecordedRadar(radar.models, radar.rate, recording.frames)
+    return rescan(recording, recorded, unused, trackers, observers, faults)
 
 
 def rescan(

@@ -1,0 +1,69 @@
+"""`testbed replay` and `testbed record` as people see them."""
+
+import shlex
+from pathlib import Path
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from testbed.command_line import tables
+from testbed.environment.perception import radar_of
+from testbed.environment.registration import scenario_of
+from testbed.limits import check_duration, check_seeds
+from testbed.replay.replaying import ReplayResult
+from testbed.replay.writing import check_folder, write
+
+LIVES = (  # key, label, digits
+    ("tracks_reported", "tracks", 0),
+    ("tracks_per_scan", "tracks a scan", 1),
+    ("life_median", "median life [s]", 2),
+    ("life_longest", "longest life [s]", 2),
+)
+
+
+def show(done: ReplayResult, console: Console) -> None:
+    """Tables and files of a replay: errors where there is a truth, and what became of the tracks."""
+    if "trackers" in done.result:
+        console.print(tables.metrics(done.result, done.result["run"]["scenario"]))
+        for line in tables.EXPLAINED:
+            console.print(line)
+        console.print()
+    console.print(lives(done))
+    if done.result["interrupted"]:
+        console.print("[yellow]interrupted: the tables and files hold what was replayed until then[/yellow]")
+    for name, path in (("results", done.json), ("tracks", done.tracks), ("log", done.rrd)):
+        if path is not None:
+            console.print(f"{name:8} {path}", soft_wrap=True)
+    if done.rrd is not None:
+        console.print(f"open it  testbed review {shlex.quote(str(done.rrd))}", soft_wrap=True)
+
+
+def lives(done: ReplayResult) -> Table:
+    """Numbers and lives of the tracks, a column a tracker."""
+    table = tables.light_table(f"{done.result['run']['scenario']}: reported tracks")
+    table.add_column("measure")
+    for name in done.lives:
+        table.add_column(escape(name), justify="right")
+    for key, label, digits in LIVES:
+        table.add_row(escape(label), *(tables.number(row[key], digits) for row in done.lives.values()))
+    if "trackers" not in done.result:  # else the table of errors has it
+        costs = done.result["timing"]["trackers"].values()
+        table.add_row("ms a scan", *(tables.number(cost["ms_per_scan"], 1) for cost in costs))
+    return table
+
+
+def check(scenario: str, seed: int, radar: str, duration: float | None, out: Path, format: str) -> None:
+    """Raise LookupError, ValueError or OSError, in one sentence, for a drive that cannot be recorded."""
+    scenario_of(scenario)
+    radar_of(radar)
+    check_seeds(seed)
+    check_duration(duration)
+    check_folder(out, format)
+
+
+def record(scenario: str, seed: int, radar: str, duration: float | None, out: Path, format: str) -> list[Path]:
+    """Drive once on the truth, and write the tables; returns their paths. OSError where one cannot be written."""
+    from testbed.compare.runs.recording import record as drive
+
+    return write(drive(scenario, seed, radar, duration), out, format)

@@ -1,0 +1,81 @@
+"""A folder of tables as a recording: scans with the truth beside them, ready to be replayed."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sensors.scene import Scene
+from testbed.compare.runs.recording import RecordedFrame
+from testbed.log.record import RoadGeometry
+from testbed.replay.columns import DETECTIONS, EGO, LANES, SCANS, SENSORS, TRUTH, Table
+from testbed.replay.ego import egos
+from testbed.replay.lanes import lanes_of
+from testbed.replay.origins import origin_of, said_objects
+from testbed.replay.scans import scans_of
+from testbed.replay.sensor_sheets import SensorSheets, sensor_sheets
+from testbed.replay.tables import Loaded, read_table
+from testbed.replay.truth import truth_at
+from trackers.multi.road import RoadMap
+
+
+class Recorded(NamedTuple):
+    """What a folder holds of F chosen scans; times of scenes count from the first scan of the folder."""
+
+    name: str  # of the folder
+    sensors: SensorSheets
+    frames: tuple[RecordedFrame, ...]  # (F,)
+    times: NDArray  # (F,) [s] as in the tables
+    known: tuple[float, float] | None  # [s] first and last time of truth, as in scenes; None: there is no truth
+    road: RoadMap
+    drawn: RoadGeometry
+
+
+def read(folder: Path, start: float | None = None, end: float | None = None) -> Recorded:
+    """The recording of a folder, or its part from `start` to `end` [s] after the first scan.
+
+    Raises:
+        ValueError: a table is missing or wrong; one sentence names file, column and row, and what to do.
+    """
+    if not folder.is_dir():
+        raise ValueError(f"{folder} is not a folder; give that of the tables, docs/own-recordings.md describes them")
+    sensors = sensor_sheets(_needed(folder, SENSORS))
+    detections = _needed(folder, DETECTIONS)
+    scans = scans_of(detections, read_table(folder, SCANS), sensors)
+    first = float(scans.times[0])
+    chosen = np.flatnonzero(_window(scans.times - first, start, end))
+    road, drawn = lanes_of(read_table(folder, LANES))
+    vehicles = egos(_needed(folder, EGO), scans.times[chosen])
+    truth = truth_at(read_table(folder, TRUTH), scans.times)
+    objects = said_objects(detections, scans.object, truth)
+    frames = []
+    for ego, f in zip(vehicles, chosen.tolist(), strict=True):
+        rows = slice(scans.bounds[f], scans.bounds[f + 1])
+        there, scan = truth.at(f), scans.scan(f, sensors, ego.platform)
+        origin = origin_of(scan, there, objects[rows], scans.kind[rows])
+        scene = Scene(float(scans.times[f] - first), 0.0, ego, there.objects, there.bodies)
+        frames.append(RecordedFrame(scene, scan, origin))
+    known = None if truth.span is None else (truth.span[0] - first, truth.span[1] - first)
+    return Recorded(folder.resolve().name, sensors, tuple(frames), scans.times[chosen], known, road, drawn)
+
+
+def _needed(folder: Path, table: Table) -> Loaded:
+    found = read_table(folder, table)
+    assert found is not None  # else it has raised
+    return found
+
+
+def _window(time: NDArray, start: float | None, end: float | None) -> NDArray:
+    """Mask (F,) of the times [s] from start to end."""
+    for name, value in (("from", start), ("to", end)):
+        if value is not None and not np.isfinite(value):
+            raise ValueError(f"--{name} must be a number of seconds, got {value}; leave it out for the whole recording")
+    low, high = -np.inf if start is None else start, np.inf if end is None else end
+    chosen = (low <= time) & (time <= high)
+    if not chosen.any():
+        raise ValueError(
+            f"no scan is from {max(low, 0.0):g} s to {min(high, time[-1]):g} s; the {len(time)} scans of the recording "
+            f"are from 0 s to {time[-1]:g} s, counted from the first"
+        )
+    return chosen

@@ -1,0 +1,143 @@
+"""A recording of a folder given to trackers: log, results and tracks, as of a run."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter, process_time
+from typing import Any
+
+import numpy as np
+
+from testbed.command_line.interruption import interruptible
+from testbed.compare.runs.replay import REPLAY, RecordedRadar
+from testbed.environment.perception import Perception, tracker_of
+from testbed.environment.recorder import Recorder, check_level
+from testbed.evaluation.tracking import jsonable
+from testbed.files import check_target, make_directory, noting_losses, versions
+from testbed.frame import TRUTH
+from testbed.limits import check_folder, check_names
+from testbed.log.record import RunMeta
+from testbed.replay.lives import Lives
+from testbed.replay.reading import Recorded, read
+from testbed.replay.tracks_file import TracksFile
+from trackers import DEFAULT
+
+RECORDED = "recorded"  # in place of the name of a radar
+
+
+@dataclass(frozen=True)
+class ReplayConfig:
+    """What `testbed replay` varies."""
+
+    folder: str  # of the tables
+    trackers: tuple[str, ...] = (DEFAULT,)
+    start: float | None = None  # [s] after the first scan, None: from it on
+    end: float | None = None  # [s], None: to the last
+    out: str = "runs"
+    log: str = "full"
+
+    def __post_init__(self) -> None:
+        check_names("trackers", self.trackers)
+        check_folder(self.out)
+        check_level(self.log, True)
+
+
+@dataclass(frozen=True)
+class ReplayResult:
+    """Results and files of a replay; those that could not be written are None."""
+
+    result: dict[str, Any]  # see `Recorder.result`
+    lives: dict[str, dict[str, float]]  # tracker -> numbers and lives of its tracks
+    json: Path | None
+    rrd: Path | None
+    tracks: Path | None
+    exit_status: int  # 0, 128 + signal where one ended the replay early, 2 where something could not be written
+    lost: tuple[str, ...] = ()  # what could not be written, in sentences
+
+
+def prepare(config: ReplayConfig) -> Recorded:
+    """The recording, read and checked with all else.
+
+    Raises:
+        LookupError: an unknown tracker; the nearest name is suggested.
+        ValueError, OSError: in one sentence, a fault of the tables or of the folder for the results.
+    """
+    recorded = read(Path(config.folder), config.start, config.end)
+    radar = RecordedRadar(recorded.sensors.models, None, recorded.frames)
+    for name in config.trackers:
+        if name == TRUTH and recorded.known is None:
+            raise ValueError(f"tracker {TRUTH} needs a table truth, {config.folder} has none; choose another tracker")
+        tracker_of(name, radar)
+    make_directory(Path(config.out))
+    check_target(tracks_path(config, recorded))
+    return recorded
+
+
+def replay_id(config: ReplayConfig, recorded: Recorded) -> str:
+    """Name of the files of a replay: the same settings give the same name."""
+    window = [f"from{config.start:g}s"] if config.start is not None else []
+    window += [f"to{config.end:g}s"] if config.end is not None else []
+    return "_".join([recorded.name, "+".join(config.trackers), REPLAY, *window]).replace("/", "-")
+
+
+def tracks_path(config: ReplayConfig, recorded: Recorded) -> Path:
+    """Where the tracks go."""
+    return Path(config.out) / f"{replay_id(config, recorded)}.parquet"
+
+
+def replay(
+    config: ReplayConfig, recorded: Recorded, progress: Callable[[int, int], None] = lambda done, total: None
+) -> ReplayResult:
+    """Give all scans to the trackers; progress(done, total) is called once a scan.
+
+    Ctrl-C or SIGTERM ends the replay after the scan at hand: what was tracked until then is written and returned.
+    """
+    radar = RecordedRadar(recorded.sensors.models, None, recorded.frames)
+    perception = Perception.mount(radar, config.trackers)
+    recorder = Recorder(
+        _meta(config, recorded), config.out, config.log, (), recorded.drawn, radar.models,
+        trackers=perception.trackers, known=recorded.known,
+    )  # fmt: skip
+    tracks, lives = TracksFile(tracks_path(config, recorded), recorded.times, recorder.lost), Lives()
+    perception.observers.extend([recorder, tracks, lives])
+    total, done = len(recorded.frames), 0
+    start, cpu = perf_counter(), process_time()
+    with interruptible() as interrupt, tracks:
+        try:
+            for done in _steps(perception, recorded):
+                progress(done, total)
+                if interrupt.signal is not None:
+                    break
+        finally:
+            timing: dict[str, Any] = {**perception.seconds, **recorder.seconds, "wall": perf_counter() - start}
+            timing["cpu"] = process_time() - cpu
+            timing["trackers"] = {name: jsonable(cost.row()) for name, cost in perception.costs.items()}
+            with noting_losses(recorder.lost):
+                recorder.close(interrupted=done < total, timing=timing)
+    lost = tuple(recorder.lost)
+    status = (interrupt.exit_status if done < total else 0) or (2 if lost else 0)
+    return ReplayResult(
+        recorder.close(), lives.rows(), recorder.written, recorder.log.file, tracks.written, status, lost
+    )
+
+
+def _steps(perception: Perception, recorded: Recorded) -> Iterator[int]:
+    """Give one scan after the other; yields how many were given."""
+    unused = np.random.default_rng(0)  # a recorded radar draws nothing
+    perception.start(lambda k: recorded.frames[k].scene, recorded.road, unused, action=REPLAY)
+    perception.notify()
+    yield 1
+    for k in range(1, len(recorded.frames)):
+        perception.step(REPLAY, np.zeros((0, 2)))
+        yield k + 1
+
+
+def _meta(config: ReplayConfig, recorded: Recorded) -> RunMeta:
+    window = {"from": config.start, "to": config.end}
+    varied = {
+        "sensors": ", ".join(recorded.sensors.names),
+        "scans": str(len(recorded.frames)),
+        **{name: f"{value:g} s" for name, value in window.items() if value is not None},
+    }
+    name = replay_id(config, recorded)
+    return RunMeta(name, recorded.name, 0, RECORDED, config.trackers, REPLAY, varied, versions())

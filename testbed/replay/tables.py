@@ -1,0 +1,192 @@
+"""A table of a recording from its file, Parquet or CSV, or one sentence that names file, column and row.
+
+Numbers of a CSV are read to the last digit, so that both formats hold the same.
+"""
+
+import csv
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from difflib import get_close_matches
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.csv as pa_csv
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from testbed.replay.columns import TABLES, Column, Table
+
+PARQUET, CSV = ".parquet", ".csv"
+SUFFIXES = (PARQUET, CSV)
+ALIKE = 0.8  # similarity from which a column that is not known counts as misspelt
+UNLIMITED = ("profile_inside_depth",)  # columns that may be infinite
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """The columns of a table that are in its file; numbers that are not given are NaN, texts empty."""
+
+    file: str  # its name
+    columns: Mapping[str, NDArray]  # (N,) each
+    rows: int  # N
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.columns
+
+    def __getitem__(self, name: str) -> NDArray:
+        return self.columns[name]
+
+    def texts(self, name: str) -> NDArray:
+        """A column of texts (N,), empty where nothing is given."""
+        return self.columns[name] if name in self.columns else np.full(self.rows, "", np.str_)
+
+    def numbers(self, name: str, default: float) -> NDArray:
+        """A column of numbers (N,), with the default where nothing is given."""
+        if name not in self.columns:
+            return np.full(self.rows, default)
+        return np.where(np.isnan(self.columns[name]), default, self.columns[name])
+
+    def fault(self, name: str, row: int, what: str, remedy: str) -> ValueError:
+        """The error about a row, counted from 0 here and from 1 below the header for people."""
+        return ValueError(f"{self.file}, column {name}, row {row + 1}: {what}; {remedy}")
+
+    def check(self, name: str, wrong: NDArray, what: Callable[[int], str], remedy: str) -> None:
+        """Raise the error about the first row of the mask (N,), if any."""
+        if wrong.any():
+            row = int(wrong.argmax())
+            raise self.fault(name, row, what(row), remedy)
+
+
+def path_of(folder: Path, name: str) -> Path | None:
+    """The file of a table, None where there is none; ValueError where it is there in both formats."""
+    found = [path for path in (folder / f"{name}{suffix}" for suffix in SUFFIXES) if path.is_file()]
+    if len(found) > 1:
+        raise ValueError(f"{folder} has {found[0].name} and {found[1].name}; keep one of them")
+    return found[0] if found else None
+
+
+def read_table(folder: Path, table: Table) -> Loaded | None:
+    """A table of a folder, checked; None where one that is not needed has no file.
+
+    Raises:
+        ValueError: there is no such file, it cannot be read, or a column or value is missing or wrong.
+    """
+    path = path_of(folder, table.name)
+    if path is None:
+        if table.needed:
+            needed = ", ".join(name for name, other in TABLES.items() if other.needed)
+            raise ValueError(
+                f"{folder} has no {table.name}.parquet or {table.name}.csv; a recording needs the tables {needed}"
+            )
+        return None
+    try:
+        content = _read_csv(path) if path.suffix == CSV else pq.read_table(path)
+    except (pa.ArrowException, OSError, UnicodeDecodeError, csv.Error) as error:
+        raise ValueError(f"{path.name} cannot be read: {_first_line(error)}; write it again") from None
+    _check_names(path.name, content.column_names, table)
+    rows = content.num_rows
+    found = {
+        c.name: _values(path.name, c, content.column(c.name)) for c in table.columns if c.name in content.schema.names
+    }
+    loaded = Loaded(path.name, found, rows)
+    for column in table.columns:
+        if column.name in loaded and not column.text:
+            _check_numbers(loaded, column)
+    return loaded
+
+
+def _read_csv(path: Path) -> pa.Table:
+    """All columns as texts; an empty cell is null."""
+    with open(path, newline="", encoding="utf-8-sig") as file:
+        head = next(csv.reader(file), [])
+    if not head:
+        raise csv.Error("it is empty")
+    names = [name.strip() for name in head]
+    return pa_csv.read_csv(
+        path,
+        read_options=pa_csv.ReadOptions(column_names=names, skip_rows=1),
+        convert_options=pa_csv.ConvertOptions(
+            column_types=dict.fromkeys(names, pa.string()), null_values=[""], strings_can_be_null=True
+        ),
+    )
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).splitlines() or [type(error).__name__])[0].rstrip(".")[:200]
+
+
+def _check_names(file: str, names: list[str], table: Table) -> None:
+    if twice := [name for name in names if names.count(name) > 1]:
+        raise ValueError(f"{file} has the column {twice[0]} twice; keep one of them")
+    absent = [name for name in table.names if name not in names]
+    for name in names:
+        close = get_close_matches(name.lower(), absent, 1, ALIKE) if name not in table.names else []
+        if close:
+            raise ValueError(f"{file} has a column {name}; did you mean {close[0]}? Rename it")
+    for column in table.columns:
+        if column.needed and column.name not in names:
+            raise ValueError(
+                f"{file} has no column {column.name}, {column.note}{f' [{column.unit}]' * bool(column.unit)}; "
+                f"it has {', '.join(names)}"
+            )
+
+
+def _values(file: str, column: Column, values: pa.ChunkedArray) -> NDArray:
+    """The values as numbers (N,), or as texts where the column holds such."""
+    values = values.combine_chunks() if values.num_chunks != 1 else values.chunk(0)
+    if pa.types.is_dictionary(values.type):
+        values = values.dictionary_decode()
+    if column.text:
+        try:
+            texts = pc.fill_null(pc.utf8_trim_whitespace(pc.cast(values, pa.string())), "")
+        except pa.ArrowException:
+            raise ValueError(f"{file}, column {column.name}: texts are due, got {values.type}; convert them") from None
+        return np.array(texts.to_pylist(), np.str_).reshape(-1)
+    if pa.types.is_string(values.type) or pa.types.is_large_string(values.type):
+        values = pc.utf8_trim_whitespace(values)
+        values = pc.if_else(pc.equal(values, ""), pa.scalar(None, values.type), values)
+        try:
+            numbers = pc.cast(values, pa.float64())
+        except pa.ArrowInvalid:
+            row = _first_text(values)
+            raise ValueError(
+                f"{file}, column {column.name}, row {row + 1}: a number is due, got {values[row].as_py()!r}; "
+                "write it with a decimal point, and leave the cell empty where there is none"
+            ) from None
+    else:
+        try:
+            numbers = pc.cast(values, pa.float64(), safe=False)
+        except pa.ArrowException:
+            raise ValueError(f"{file}, column {column.name}: numbers are due, got {values.type}; convert it") from None
+    return numbers.fill_null(np.nan).to_numpy(zero_copy_only=False)
+
+
+def _first_text(values: pa.Array) -> int:
+    """Row of the first text that is no number; there is one."""
+    low, high = 0, len(values)
+    while high - low > 1:
+        middle = (low + high) // 2
+        try:
+            pc.cast(values[low:middle], pa.float64())
+            low = middle
+        except pa.ArrowInvalid:
+            high = middle
+    return low
+
+
+def _check_numbers(table: Loaded, column: Column) -> None:
+    value, name = table[column.name], column.name
+    if column.needed:
+        table.check(name, np.isnan(value), lambda row: "a number is due, got none", "give one, or leave the row out")
+    if name not in UNLIMITED:
+        table.check(name, np.isinf(value), lambda row: f"got {value[row]}", "give a finite number, or an empty cell")
+    outside = (value < column.least) | (value > column.most)
+    limits = f"{column.least:.6g} to {column.most:.6g}"
+    table.check(
+        name,
+        outside,
+        lambda row: f"must be within {limits} {column.unit}".rstrip() + f", got {value[row]:g}",
+        column.remedy,
+    )

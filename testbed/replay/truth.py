@@ -1,0 +1,158 @@
+"""The vehicles of truth at the times of scans, from their table."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sensors.scene import Bodies, Objects
+from testbed.replay.interpolation import Between, between, check_motion, velocities
+from testbed.replay.tables import Loaded
+from trackers.geometry import box_corners
+
+GAP = 1.0  # [s] between two rows of a vehicle that are interpolated
+
+
+class TruthRows(NamedTuple):
+    """K states of vehicles, in the order of the scans that they belong to."""
+
+    scan: NDArray  # (K,) int
+    id: NDArray  # (K,) int
+    kind: NDArray  # (K,) text
+    pose: NDArray  # (K, 3) x, y [m], heading [rad]
+    velocity: NDArray  # (K, 2) [m/s]
+    yaw_rate: NDArray  # (K,) [rad/s]
+    size: NDArray  # (K, 2) [m]
+    crashed: NDArray  # (K,) bool
+    contour: NDArray  # (K,) text, empty: the box
+    expected: NDArray  # (K,) NaN: not given
+    visible: NDArray  # (K,) NaN: not given
+
+
+class There(NamedTuple):
+    """The truth of one scan, with N vehicles."""
+
+    objects: Objects
+    bodies: Bodies
+    expected: NDArray  # (N,) expected detections, NaN: not given
+    visible: NDArray  # (N,) share in sight, NaN: not given
+
+
+class Truth(NamedTuple):
+    """The truth of all scans."""
+
+    file: str
+    rows: TruthRows
+    numbers: Mapping[str, int]  # id in the table -> id in scenes
+    span: tuple[float, float] | None  # [s] its first and last time; None: there is no truth
+
+    def at(self, scan: int) -> There:
+        """The vehicles at a scan."""
+        low, high = np.searchsorted(self.rows.scan, (scan, scan + 1))
+        r = TruthRows(*(column[low:high] for column in self.rows))
+        objects = Objects(r.id, tuple(r.kind.tolist()), r.pose, r.velocity, r.yaw_rate, r.size, r.crashed)
+        return There(objects, self._bodies(r), r.expected, r.visible)
+
+    def _bodies(self, r: TruthRows) -> Bodies:
+        """Their outlines: those of the table, else boxes; each body moves as its vehicle does."""
+        boxes, texts = box_corners(r.pose, r.size), r.contour.tolist()
+        outlines = [parse_contour(text, self.file) if text else [box] for box, text in zip(boxes, texts, strict=True)]
+        owner = np.array([k for k, parts in enumerate(outlines) for _ in parts], int)
+        flat = tuple(part for parts in outlines for part in parts)
+        return Bodies(owner, r.pose[owner], r.velocity[owner], r.yaw_rate[owner], flat)
+
+
+def truth_at(table: Loaded | None, times: NDArray) -> Truth:
+    """The vehicles at each of the times (F,) [s]; none without a table.
+
+    Raises ValueError, in one sentence, where rows are not sorted, or a vehicle is there twice at one time.
+    """
+    if table is None:
+        return Truth("", _no_rows(), {}, None)
+    if not table.rows:
+        raise ValueError(f"{table.file} has no row; delete it where there is no truth")
+    check_motion(table)
+    time = table["time"]
+    wrong = np.append(False, np.diff(time) < 0)
+    table.check("time", wrong, lambda row: f"{time[row]} s comes after {time[row - 1]} s", "sort the rows by time")
+    table.check("id", table["id"] == "", lambda row: "it is empty", "give each vehicle its id")
+    parts = [_course(table, rows, times) for rows in _rows_of_each(table)]
+    scan, first, second, share = (np.concatenate(column) for column in zip(*parts, strict=True))
+    order = np.lexsort((first, scan))
+    where = Between(first[order], second[order], share[order], np.ones(len(order), bool))
+    numbers = _numbers(table["id"])
+    return Truth(table.file, _states(table, scan[order], where, numbers), numbers, (float(time[0]), float(time[-1])))
+
+
+def _no_rows() -> TruthRows:
+    none, flat, text = np.zeros(0, int), np.zeros(0), np.zeros(0, np.str_)
+    pair = np.zeros((0, 2))
+    return TruthRows(none, none, text, np.zeros((0, 3)), pair, flat, pair, flat > 0, text, flat, flat)
+
+
+def _rows_of_each(table: Loaded) -> list[NDArray]:
+    """Rows of each vehicle, in the order of time."""
+    names, of = np.unique(table["id"], return_inverse=True)
+    order = np.argsort(of, kind="stable")
+    groups = np.split(order, np.cumsum(np.bincount(of, minlength=len(names)))[:-1])
+    for rows in groups:
+        twice = np.flatnonzero(np.diff(table["time"][rows]) == 0)
+        if len(twice):
+            row = int(rows[twice[0] + 1])
+            what = f"{str(table['id'][row])!r} is there twice at {table['time'][row]} s"
+            raise table.fault("id", row, what, "keep one of the rows")
+    return groups
+
+
+def _course(table: Loaded, rows: NDArray, times: NDArray) -> tuple[NDArray, ...]:
+    """Scans at which one vehicle is known, the rows before and after them, and the share of the way between."""
+    own = table["time"][rows]
+    low, high = np.searchsorted(times, (own[0] - GAP, own[-1] + GAP))
+    where = between(own, times[low:high], GAP)
+    scan = np.arange(low, high)
+    return tuple(a[where.known] for a in (scan, rows[where.first], rows[where.second], where.share))
+
+
+def _states(table: Loaded, scan: NDArray, where: Between, numbers: Mapping[str, int]) -> TruthRows:
+    heading, first = where.angle(table["heading"]), where.first
+    kind, contour = table.texts("class"), table.texts("contour")
+    return TruthRows(
+        scan=scan,
+        id=np.array([numbers[name] for name in table["id"].tolist()], int)[first],
+        kind=np.where(kind == "", "car", kind)[first],
+        pose=np.stack([where.of(table["x"]), where.of(table["y"]), heading], -1),
+        velocity=velocities(table, where, heading),
+        yaw_rate=where.of(table.numbers("yaw_rate", 0.0)),
+        size=np.stack([where.of(table["length"]), where.of(table["width"])], -1),
+        crashed=table.numbers("crashed", 0.0)[first] > 0,
+        contour=np.where(where.share == 0, contour[first], ""),
+        expected=where.of(table.numbers("expected", np.nan)),
+        visible=where.of(table.numbers("visible", np.nan)),
+    )
+
+
+def _numbers(names: NDArray) -> dict[str, int]:
+    """Id in scenes of each id: whole numbers as they are, else the place in the order of their first rows, from 1."""
+    different = list(dict.fromkeys(names.tolist()))
+    if all(name.isascii() and name.isdigit() and str(int(name)) == name and len(name) < 10 for name in different):
+        return {name: int(name) for name in different}
+    return {name: number for number, name in enumerate(different, 1)}
+
+
+def parse_contour(text: str, file: str) -> list[NDArray]:
+    """The outlines in a cell `x y;x y;x y|x y;x y;x y`, each (C, 2) [m]; ValueError, in one sentence, for others."""
+    try:
+        parts = [np.array([point.split() for point in part.split(";")], float) for part in text.split("|")]
+    except ValueError:
+        parts = []
+    if not parts or not all(p.ndim == 2 and len(p) > 2 and p.shape[1] == 2 and np.isfinite(p).all() for p in parts):
+        raise ValueError(
+            f"{file}, column contour: {text[:60]!r} is no outline; write three points or more, x y;x y;x y"
+        )
+    return parts
+
+
+def contour_text(outlines: list[NDArray]) -> str:
+    """The cell that `parse_contour` reads."""
+    return "|".join(";".join(f"{x!r} {y!r}" for x, y in part.tolist()) for part in outlines)
