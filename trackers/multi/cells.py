@@ -36,20 +36,22 @@ class Linkage:
         near = (dot(d, along) / (self.along + reach)) ** 2 + (
             dot(d, perpendicular(along)) / (self.across + reach)
         ) ** 2 < 1  # (LIFE.3)
-        limit = np.where(loose.age[a] == loose.age[b], self.rate, self.rate_between)
-        near &= np.abs(loose.rate[a] - loose.rate[b]) < limit  # (LIFE.3)
+        limit, rate = np.where(loose.age[a] == loose.age[b], self.rate, self.rate_between), loose.filled_rate
+        near &= np.abs(rate[a] - rate[b]) < limit  # (LIFE.3)
         return components(len(loose.rate), a[near], b[near])
 
     def label_crowd(self, loose: Loose) -> NDArray:
         """The same in bounded time and memory: detections in one cell of a fine grid are linked as one."""
-        grid = np.floor(np.c_[loose.xy, loose.rate, loose.sensor] / [self.thin, self.thin, self.thin, 1]).astype(int)
+        grid = np.floor(np.c_[loose.xy, loose.filled_rate, loose.sensor] / [self.thin, self.thin, self.thin, 1]).astype(
+            int
+        )
         _, first, back = np.unique(grid, axis=0, return_index=True, return_inverse=True)
         return self.label(Loose(*(leaf[first] for leaf in loose)))[back.ravel()]
 
     def volume(self, loose: Loose) -> NDArray:
-        """Volume (P,) [m^2 m/s] in which a detection is linked to each of these."""
+        """Volume (P,) [m^2 m/s] in which a detection is linked to each of these, [m^2] without range rate."""
         sigma = loose.sigma
-        rates = 2 * np.where(loose.now, self.rate, self.rate_between)
+        rates = np.where(loose.measured, 2 * np.where(loose.now, self.rate, self.rate_between), 1.0)
         return np.pi * (self.along + sigma) * (self.across + sigma) * rates  # (LIFE.5)
 
     def _pairs(self, loose: Loose) -> tuple[NDArray, NDArray]:
@@ -57,7 +59,7 @@ class Linkage:
         if len(loose.rate) < 2:
             return np.zeros((2, 0), int)  # type: ignore[return-value]
         radius = self.along + loose.sigma.max()
-        points = np.c_[loose.xy, loose.rate * radius / self.rate]
+        points = np.c_[loose.xy, loose.filled_rate * radius / self.rate]
         return cKDTree(points).query_pairs(radius, p=np.inf, output_type="ndarray").T
 
 

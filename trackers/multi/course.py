@@ -63,7 +63,8 @@ class Course:
     def of(self, loose: Loose, W: NDArray, lanes: Lanes, standing: NDArray) -> Motion:
         """Motion of the cells W (B, P) of detections; standing (B,) bool those that seem not to move.
 
-        A lane seen from abeam hides the speed on it: such a cell may stand, or drive.
+        A lane seen from abeam hides the speed on it: such a cell may stand, or drive. Cells without range rates have
+        the velocity of their likeliest prior, and the heading of the lane.
         """
         along = lanes.ego_speed * unit(lanes.direction)
         M = np.stack([unit(lanes.direction), perpendicular(unit(lanes.direction))], -1)
@@ -79,7 +80,12 @@ class Course:
         either = mixture(still, fits[0])
         velocity = np.where(standing[:, None], either[0], velocity)
         cov = np.where(standing[:, None, None], either[1], cov)
-        return self._with_heading(velocity, cov, lanes.direction, (best < 2) | standing)
+        motion = self._with_heading(velocity, cov, lanes.direction, (best < 2) | standing)
+        unknown = ~(W & loose.measured).any(1)
+        return motion._replace(
+            heading=np.where(unknown, lanes.direction, motion.heading),
+            heading_std=np.where(unknown, self.std_bounds[1], motion.heading_std),
+        )
 
     def _with_heading(self, velocity: NDArray, cov: NDArray, lane: NDArray, in_lane: NDArray) -> Motion:
         """Headings: of the lane (B,) [rad] for slow cells in_lane (B,) bool, else where the velocity may lead."""
@@ -96,9 +102,10 @@ class Course:
 
         mean (B, 2) and cov (B, 2, 2) are those of the priors.
         """
-        u, w = loose.sight, W.astype(float)
+        w, rate = W.astype(float), loose.filled_rate
+        u = np.where(loose.measured[:, None], loose.sight, 0.0)
         S = (w @ (u[:, :, None] * u[:, None]).reshape(-1, 4)).reshape(-1, 2, 2) / self.sigma_rate**2
-        r, square = w @ (u * loose.rate[:, None]) / self.sigma_rate**2, w @ loose.rate**2 / self.sigma_rate**2
+        r, square = w @ (u * rate[:, None]) / self.sigma_rate**2, w @ rate**2 / self.sigma_rate**2
         information = np.linalg.inv(cov) + S  # (LIFE.11)
         Sm = (S @ mean[..., None])[..., 0]
         score = r - Sm  # (LIFE.11)

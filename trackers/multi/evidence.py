@@ -35,6 +35,7 @@ class Evidence:
     clutter_factor: float = 2.0  # of the cells of a scan, as an estimate of its clutter
     pair_cap: float = 5.0  # greatest log likelihood ratio of one detection
     born_above: float = 0.03  # least existence at birth
+    rate_span: float = 120.0  # [m/s] over which the range rates of new vehicles lie, where they are not measured
     standing_rate: float = 1.0  # [m/s] a cell stands if the mean magnitude of its ground range rates is below
     static_existence: tuple[float, float] = (0.05, 0.4)  # of a standing cell: by one scan, over time
     static_least: int = 3  # detections of a standing cell in one scan
@@ -66,14 +67,15 @@ class Evidence:
     def judge(self, loose: Loose, label: NDArray, clutter: NDArray, chance: NDArray, newcomers: float) -> Cells:
         """What the cells with labels (P,) are worth.
 
-        clutter (P,) is that intensity, chance (P,) the number of false alarms expected to be linked to each detection.
+        clutter (P,) is that intensity, [1/m^2] without range rate, chance (P,) the number of false alarms expected to
+        be linked to each detection.
         """
         C = label.max(initial=-1) + 1
         n, n_now = np.bincount(label, minlength=C), np.bincount(label[loose.now], minlength=C)
         worth = np.minimum(-np.log(np.minimum(chance, 0.9)), self.pair_cap)  # (LIFE.5)
         most, least = np.full(C, -np.inf), np.full(C, np.inf)
         np.maximum.at(most, label, worth)
-        np.minimum.at(least, label, clutter)
+        np.minimum.at(least, label, np.where(loose.measured, clutter, clutter / self.rate_span))
         off_lane = np.bincount(label, loose.off_lane, C) > n / 2
         rho = newcomers * np.where(off_lane, self.off_lane, 1.0)
         log_odds = np.log(rho / least) + np.bincount(label, worth, C) - most  # (LIFE.6)

@@ -75,7 +75,7 @@ class Initiation:
         false_alarms (S,) are those expected of each sensor a scan, time [s] since the first scan, dt [s] since the one
         before.
         """
-        j = np.flatnonzero(candidate)
+        j = self._born_here(z, np.flatnonzero(candidate), road)
         crowd = len(j) if len(j) > self.crowd else 0
         now = self.window.candidates(z, j, None if crowd else road)
         pool = now if crowd else join(loose, now)
@@ -101,6 +101,16 @@ class Initiation:
         return Births(
             estimate, length, mean, place, existence, cells.scans[best], cells.detections[best], owner, rest, crowd
         )
+
+    def _born_here(self, z: SortedScan, j: NDArray, road: RoadMap | None) -> NDArray:
+        """Of the candidates j those with range rate, and those near the lanes of a map or, if it is empty, anywhere.
+
+        What has no range rate may be a wall, and most of what stands beside the lanes is.
+        """
+        silent = np.isnan(z.rate[j])
+        if road is None or not len(road.a) or not silent.any():
+            return j
+        return j[~silent | self.window.courses(z.xy[j], road, 0.0)[1]]
 
     def _none(self, detections: int, loose: Loose, crowd: int) -> Births:
         """No new track of a scan with so many detections."""

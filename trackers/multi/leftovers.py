@@ -33,9 +33,10 @@ class Suppression:
         """Mask (M,) of the unowned detections that may start a track.
 
         owner (M,) is the row of each detection's track, -1 for none; estimate and existence (T,). A static detection
-        may start a track on a lane of the map only, and without a map nowhere.
+        may start a track on a lane of the map only, and without a map nowhere; of one without range rate it is not
+        known whether it is static.
         """
-        free = (owner < 0) & np.isfinite(z.rate) & (~z.static | z.in_lane)  # (MOT.28)
+        free = (owner < 0) & (~z.static | z.in_lane)  # (MOT.28)
         j = np.flatnonzero(free)
         free[j] = ~self._near(z.xy[j], z.sight[j], z.rate[j], z.var_across[j], estimate, existence)
         return free
@@ -47,7 +48,7 @@ class Suppression:
     def _near(
         self, xy: NDArray, sight: NDArray, rate: NDArray, var_across: NDArray, estimate: Estimate, existence: NDArray
     ) -> NDArray:
-        """Mask (J,) of the points inside the margins of a track's box, or just beyond its ends with its range rate."""
+        """Mask (J,) of the points inside the margins of a track's box, or just beyond its ends unless rates differ."""
         if not (len(existence) and len(rate)):
             return np.zeros(len(rate), bool)
         body = to_frame(estimate.pose, xy)  # (T, J, 2)
@@ -56,5 +57,6 @@ class Suppression:
         sure = (existence > self.above)[:, None]
         inside = sure & (ahead < self.along) & (aside < self.across + 1.5 * np.sqrt(var_across))  # (MOT.29)
         beyond = sure & (ahead < self.end_along) & (aside < self.end_across)  # (MOT.30)
-        beyond &= (np.abs(rate - estimate.velocity @ sight.T) < self.end_rate) & (ahead >= 0)  # (MOT.30)
+        unlike = np.abs(rate - estimate.velocity @ sight.T) >= self.end_rate  # never without range rate
+        beyond &= ~unlike & (ahead >= 0)  # (MOT.30)
         return np.asarray((inside | beyond).any(0))

@@ -18,14 +18,14 @@ from trackers.parameters import check_numbers
 
 
 class Loose(NamedTuple):
-    """P detections with range rate that no track explains; the older ones first."""
+    """P detections that no track explains; the older ones first, all of them with range rate."""
 
     xy: NDArray  # (P, 2) [m] where it was seen, moved since
     sight: NDArray  # (P, 2) unit line of sight
-    rate: NDArray  # (P,) [m/s] range rate over ground
+    rate: NDArray  # (P,) [m/s] range rate over ground, NaN: not measured
     var_along: NDArray  # (P,) [m^2] noise along the line of sight
     var_across: NDArray  # (P,) [m^2] noise across it
-    clutter: NDArray  # (P,) [1/(m^2 m/s)] intensity by the data sheet
+    clutter: NDArray  # (P,) [1/(m^2 m/s)] intensity by the data sheet, [1/m^2] where the rate is not measured
     sensor: NDArray  # (P,) int
     place: NDArray  # (P, 2) [m] of the sensor
     course: NDArray  # (P,) [rad] direction of the lane where it was seen; of the ego off the lanes
@@ -36,6 +36,16 @@ class Loose(NamedTuple):
     def now(self) -> NDArray:
         """Mask (P,) of those of the present scan."""
         return self.age == 0
+
+    @property
+    def measured(self) -> NDArray:
+        """Mask (P,) of those with a range rate."""
+        return np.isfinite(self.rate)
+
+    @property
+    def filled_rate(self) -> NDArray:
+        """Range rate over ground (P,) [m/s], 0 where it was not measured."""
+        return np.where(self.measured, self.rate, 0.0)
 
     @property
     def sigma(self) -> NDArray:
@@ -86,10 +96,10 @@ class Window:
         return np.abs(loose.rate) > self.moving
 
     def keep(self, loose: Loose) -> Loose:
-        """Those that stand, or whose motion follows from their range rate."""
+        """Those that stand, or whose motion follows from their range rate; none without one."""
         along = np.abs(dot(loose.sight, unit(loose.course)))
         d = loose.xy - loose.place
-        useful = ((along > self.along_sight) | ~self.moves(loose)) & (np.hypot(*d.T) > self.beyond)
+        useful = ((along > self.along_sight) | ~self.moves(loose)) & (np.hypot(*d.T) > self.beyond) & loose.measured
         return keep(loose, useful)  # (LIFE.2)
 
     def courses(self, xy: NDArray, road: RoadMap | None, heading: float) -> tuple[NDArray, NDArray]:
