@@ -211,6 +211,8 @@ def _plots(meta: RunMeta, metrics: Metrics, focus: int | None, modes: Modes) -> 
         if any(modes.values()):
             pages.append(_motion(meta, metrics, focus, modes))
         pages.append(rrb.TextDocumentView(origin=f"/{paths.OBJECTS}", name="Objects"))
+    if not pages:  # a recording without truth
+        pages.append(rrb.TextDocumentView(origin=f"/{paths.CONFIG}", name="No truth, no errors"))
     return rrb.Tabs(*pages, active_tab=0)
 
 

@@ -57,7 +57,7 @@ def rows(time: float, sensor: str, xy: np.ndarray, place: np.ndarray, speed: flo
 
 def save(tables: dict[str, Columns], folder: Path) -> Path:
     """Write the tables as CSV; None is an empty cell."""
-    folder.mkdir(exist_ok=True)
+    folder.mkdir(parents=True, exist_ok=True)
     for name, columns in tables.items():
         with open(folder / f"{name}.csv", "w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)
