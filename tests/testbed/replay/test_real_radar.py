@@ -13,7 +13,7 @@ from testbed.studies.standing.scans import read_real
 from testbed.studies.standing.statistics import fit_motion
 
 REAL = Path(__file__).resolve().parents[4] / "shared/data/raflow"
-PERIOD = 0.1  # [s]
+PERIOD = 0.1 * 19 / 15  # [s] of a scan: there are 15 different ones in 19 frames at 10 Hz
 SHEET = {"max_range": 120.0, "fov": 2.0, "sigma_range": 0.2, "sigma_azimuth": 0.01, "sigma_rate": 0.1, "clutter": 5.0}
 
 pytestmark = pytest.mark.skipif(not REAL.exists(), reason="the recordings of a real radar are not here")
