@@ -156,7 +156,9 @@ TRUTH = Table(
         _length("length", "of the box"),
         _length("width", "of the box"),
         Column("class", "", "car where it is not given; an `obstacle` never counts", text=True),
-        Column("contour", "", "outline in the frame of `ego`: `x y;x y;x y`, parts of a vehicle with `|`", text=True),
+        Column(
+            "contour", "", "outline in the frame of `ego`, `x y;x y;x y`; a vertical bar between two parts", text=True
+        ),
         Column("expected", "", "expected detections; else those within the box", False, 0.0, 1e6),
         Column("visible", "", "share in sight; else whether there is a detection", False, 0.0, 1.0),
         Column("crashed", "", "1 from a collision on; then it counts no more", False, 0.0, 1.0),

@@ -1,10 +1,11 @@
-"""What the documentation says about the registries: catalogue.md, radars.md and the columns in comparing.md in docs/.
+"""What the documentation says about the code: catalogue.md, radars.md, columns in comparing.md and own-recordings.md.
 
 `make generated` writes them in a second; tests/docs/test_generated.py holds them against the code.
 """
 
 import re
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from testbed.files import write_atomic
 from testbed.log.text import markdown_table
 from testbed.planners import PLANNERS
 from testbed.studies.page import Docs
+from testbed.studies.recording_columns import input_tables, track_columns
 from testbed.studies.rigs.page import text as radars
 from trackers import DEFAULT, TRACKERS
 
@@ -66,20 +68,28 @@ to them: [methods/vehicles.md](methods/vehicles.md).
 
 {contours}
 """
-COLUMNS_START, COLUMNS_END = "<!-- columns: written by `make generated` -->", "<!-- end of columns -->"
+WRITTEN = "<!-- {}: written by `make generated` -->", "<!-- end of {} -->"  # around a part of a page
 
 
 def pages(docs: Path) -> dict[Path, str]:
-    """Text of each generated page under `docs`, by file; of docs/comparing.md all but the table stays."""
-    comparing = docs / "comparing.md"
-    before, _, rest = comparing.read_text().partition(COLUMNS_START)
-    after = rest.partition(COLUMNS_END)[2]
-    table = f"{COLUMNS_START}\n\n{columns()}\n\n{COLUMNS_END}"
+    """Text of each generated page under `docs`, by file; of some pages only parts are generated, and the rest stays."""
+    comparing, recordings = docs / "comparing.md", docs / "own-recordings.md"
+    tables = {"tables": input_tables(), "tracks": track_columns()}
     return {
         docs / "catalogue.md": catalogue(),
-        comparing: f"{before}{table}{after}",
+        comparing: with_parts(comparing.read_text(), {"columns": columns()}),
+        recordings: with_parts(recordings.read_text(), tables),
         docs / "radars.md": radars(docs),
     }
+
+
+def with_parts(page: str, parts: Mapping[str, str]) -> str:
+    """The page with new parts, by name, between their marks."""
+    for name, text in parts.items():
+        start, end = (mark.format(name) for mark in WRITTEN)
+        before, _, rest = page.partition(start)
+        page = f"{before}{start}\n\n{text}\n\n{end}{rest.partition(end)[2]}"
+    return page
 
 
 def catalogue() -> str:
@@ -165,7 +175,7 @@ def link(module: str) -> str:
 
 
 def main(docs: Docs = Path("docs")) -> None:
-    """Write what the documentation says about the registries: catalogue.md, radars.md, the columns in comparing.md."""
+    """Write what the documentation says about the registries: catalogue.md, radars.md, tables of columns in others."""
     for page, text in pages(docs).items():
         write_atomic(page, text)
         console.print(f"page     {page}", soft_wrap=True)

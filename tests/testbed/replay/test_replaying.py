@@ -15,6 +15,7 @@ from testbed.replay.reading import read
 from testbed.replay.replaying import ReplayConfig, prepare, replay
 from testbed.replay.tracks_file import SCHEMA
 from tests.testbed.replay.made_tables import CARS, EGO_SPEED, made, save
+from trackers import TRACKERS
 
 TRACKER = "rm-koch"
 
@@ -67,6 +68,16 @@ def test_contours_without_range_rates_are_tracked(lanes, tmp_path):
     last = tracks_of(done)[lambda t: t.time == 1.5].sort_values("x")
     assert len(last) == len(CARS)
     assert last.vx.tolist() == pytest.approx([CARS["b"][2], CARS["a"][2]], abs=2.5)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("tracker", TRACKERS)
+def test_every_tracker_follows_contours_without_range_rates(tracker, tmp_path):
+    tables = made(1.5)
+    del tables["detections"]["range_rate"]
+    row = run(tables, tmp_path, (tracker,)).result["trackers"][tracker]
+    assert row["missed_percent"] < 5
+    assert row["objects_confirmed"] == len(CARS)
 
 
 def test_places_in_x_and_y_are_those_in_range_and_azimuth(tmp_path):
