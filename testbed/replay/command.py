@@ -29,6 +29,10 @@ def show(done: ReplayResult, console: Console) -> None:
         for line in tables.EXPLAINED:
             console.print(line)
         console.print()
+        if done.result["moments"]:
+            console.print(tables.moments(done.result))
+            console.print(escape(tables.HARM))
+            console.print()
     console.print(lives(done))
     if done.result["interrupted"]:
         console.print("[yellow]interrupted: the tables and files hold what was replayed until then[/yellow]")
