@@ -6,7 +6,11 @@ import numpy as np
 import pytest
 
 from trackers import DEFAULT, Scan, SensorModel, build
+from trackers.estimate import prior
+from trackers.multi.association import Association
+from trackers.multi.leftovers import Suppression
 from trackers.multi.road import RoadMap
+from trackers.multi.visibility import SensorArray
 
 RNG = np.random.default_rng(3)
 SHEET = SensorModel(mount=(0.0, 0.0, 0.0), max_range=100.0, fov=2.0, clutter=0.1)
@@ -66,13 +70,10 @@ def test_without_a_rate_nothing_is_remembered_for_later_scans():
     assert len(track([rated._replace(mask=alone.mask)], LANE).memory.loose.rate) == 1
 
 
-def test_what_stands_just_ahead_of_a_track_bears_no_second_one():
-    """A long vehicle whose rear alone was seen at first; its side becomes visible later."""
-    tracks = track([scan(0.1 * k) for k in range(8)], LANE)
-    assert len(tracks.id) == 1
-    x = 30.0 + OTHER * 0.8
-    side = np.stack([x + np.linspace(0.0, 3.0, 8), np.full(8, -0.9)], -1)
-    one = Scan.from_xy(side, pose=np.array([[EGO * 0.8, 0.0, 0.0]]), noise=(0.05, 0.002, 0.1))
-    again = one._replace(velocity=np.array([[EGO, 0.0]]), platform=scan(0.8).platform, delivered=np.array([True]))
-    after, _ = on(LANE).step(tracks, again, 0.1)
-    assert len(after.id) == 1
+@pytest.mark.parametrize(("rate", "free"), [(np.nan, False), (0.0, False), (9.0, True)])
+def test_what_lies_just_beyond_the_end_of_a_track_bears_no_other_unless_its_rate_differs(rate, free):
+    box = prior(np.array([[30.0, 0.0, 0.0]]), velocity=np.array([[EGO, 0.0]]), size=(4.0, 1.8))
+    one = scan(0.0, at=(34.0, 0.0), rate=rate)  # 2 m beyond the front
+    point = one._replace(mask=np.arange(8) == 4)
+    z, _ = Association().prepare(point, SensorArray.of((SHEET,)))
+    assert Suppression().candidates(z, np.array([-1]), box, np.array([0.9])).tolist() == [free]
