@@ -257,7 +257,8 @@ def _false_tracks(
         for a, b in _joined(_runs(where), time):
             index = [k for k in range(a, b) if where[k]]
             episode = Episode(name, None, [frames[k] for k in index], [on[k] for k in index])
-            cause, why, source = why_false(episode, track)
+            born = not any(track in frame.outputs[name].id for frame in frames[:a])
+            cause, why, source = why_false(episode, track, born and len(index) == 1)
             if 2 * sum(source in missing[k] for k in index) > len(index):
                 continue  # the entry of that object says that this track lies on it
             harm = sum(MISSING * lasts[k] * _track_nearness(frames[k], name, track) for k in index)

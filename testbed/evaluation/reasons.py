@@ -74,13 +74,18 @@ def why_switch(episode: Episode, before: int, after: int) -> Reason:
     return _unseen(episode) or _ended(episode, before) or _few(episode) or _in_view(episode)
 
 
-def why_false(episode: Episode, track: int) -> tuple[str, str, int | None]:
-    """Why a track is on no vehicle, and the object that its detections came from."""
+def why_false(episode: Episode, track: int, new: bool) -> tuple[str, str, int | None]:
+    """Why a track is on no vehicle, and the object that its detections came from.
+
+    A tracker does not say which detections a track was born of; `new`: the episode begins with its birth.
+    """
     sources: Counter[int] = Counter()
     for frame in episode.frames:
         for owner, source, count in frame.outputs[episode.tracker].owned.tolist():
             sources[source] += count if owner == track else 0
     total = sum(sources.values())
+    if not total and new:
+        return "new track", "just born, too far off any vehicle to be its track", None
     if not total:
         return "coasting", "it has no detections", None
     if sources[GHOST] + sources[NOTHING] > HALF * total:

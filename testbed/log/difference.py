@@ -74,7 +74,8 @@ def _layers(a: Columns, b: Columns, trackers: Mapping[str, None]) -> Iterator[tu
         yield f"tracks of {name}", *both("strips", paths.tracker(name, "extent"))
         yield f"tentative tracks of {name}", *both("strips", paths.tracker(name, "tentative"))
     yield "plan", *both("strips", paths.EGO_PLAN)
-    yield "action", *map(_held, both("texts", paths.EGO_ACTION, "StateChange:state"), both("times"))
+    one, other = both("texts", paths.EGO_ACTION, "StateChange:state")
+    yield "action", _held(one, a.times()), _held(other, b.times())
     yield "speed of the ego [m/s]", *both("numbers", paths.EGO_SPEED, "Scalars:scalars")
     for name in trackers:
         leaf = f"/{paths.plain(name)}"
@@ -121,7 +122,5 @@ def _short(value: Any) -> str:
 
 
 def _settings(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[tuple[str, str, str]]:
-    names = dict.fromkeys([*one, *other])
-    return [
-        (name, *(str(p.get(name, "-")) for p in (one, other))) for name in names if one.get(name) != other.get(name)
-    ]
+    names = [name for name in dict.fromkeys([*one, *other]) if one.get(name) != other.get(name)]
+    return [(name, str(one.get(name, "-")), str(other.get(name, "-"))) for name in names]

@@ -73,8 +73,8 @@ function drawScene() {
   drawRoad(g, to, scale);
   const shown = (name) => view.shown.has(name), k = view.frame;
   if (shown("rings")) drawRings(g, to, scale);
-  if (shown("truth")) drawTruth(g, to, k);
   run.trackers.forEach((tracker, i) => { if (shown("tracker" + i)) drawTracks(g, to, tracker, i, k); });
+  if (shown("truth")) drawTruth(g, to, k); // thin, on top: where both agree both stay visible
   run.kinds.forEach((kind, i) => {
     if (!shown("kind" + i)) return;
     g.fillStyle = g.strokeStyle = kind.color;

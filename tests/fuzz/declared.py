@@ -18,6 +18,7 @@ LINES: dict[str, dict[str, str]] = {  # a correct and short call of each command
     "replay": {"folder": "drive", "tracker": "rm-koch", "out": "out", "log": "off"},
     "record": {"scenario": "cut-in", "out": "out", "radar": "front", "duration": "0.2"},
     "review": {"path": "log.rrd", "screenshot": "log.png"},
+    "diff": {"first": "log.rrd", "second": "log.rrd"},
     "bench": {},
     "learn-htg": {"data": "points.npz", "out": "table.json", "bins": "1"},
     "learn-spline": {"data": "points.npz", "out": "model.json", "ellipses": "6", "points": "4"},

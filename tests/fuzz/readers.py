@@ -12,6 +12,7 @@ RUN = "cut-in_rm-feldmann_seed0"
 RESUME = line("compare", out="done")
 READERS: tuple[tuple[str, tuple[str, ...]], ...] = (  # file, and a command that reads it
     ("log.rrd", line("review")),
+    ("log.rrd", line("diff")),
     ("log.rrd", line("learn-htg", data="log.rrd")),
     ("log.rrd", line("learn-spline", data="log.rrd")),
     ("points.npz", line("learn-htg")),

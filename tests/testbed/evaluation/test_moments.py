@@ -241,6 +241,11 @@ def test_why_a_track_is_on_no_vehicle(loose, bodies, tracks, what, why):
     assert found.text == "track 5 is on no vehicle for 0.8 s"
 
 
+def test_a_track_that_is_false_when_it_is_born_says_so():
+    found = only(play([GOOD] * 3 + [([Body()], [Track(), Track(5, 60.0, 9.0)])] + [GOOD] * 3))
+    assert (found.what, found.cause) == ("false track", "new track")
+
+
 def test_a_track_too_far_off_its_vehicle_is_told_once():
     step = ([Body(owner=5)], [Track(5, 36.0)])
     found = only(play([GOOD] * 5 + [step] * 8 + [GOOD] * 5))
