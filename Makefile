@@ -6,19 +6,15 @@ STAMP := $(VENV)/.installed
 DOCS_STAMP := $(VENV)/.installed-docs
 LOWEST := .venv-lowest
 LOWEST_STAMP := $(LOWEST)/.installed
-FAST := .venv-fast
-FAST_STAMP := $(FAST)/.installed
 INSTALL := -m pip install --disable-pip-version-check --constraint
 PIP := $(BIN)/python $(INSTALL) constraints.txt
 # Neighbouring tests stay in one process, so that most fixtures of a module are made once.
 PYTEST := $(BIN)/pytest -n auto --dist worksteal
 SITE := build/docs
-# What is published is made in the numpy form of the trackers, also where the extra `fast` is installed.
-export EOT_TESTBED_COMPILED := 0
 # Byte code is kept, also where the machine's default is not to.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo test test-all test-lowest test-fast lint types unit generated docs bench regress reproduce comparison comparison-page learning-docs family modes partial-view contours probes calibration regret regret-page standing surround faults faults-page persistence clean
+.PHONY: demo test test-all test-lowest lint types unit generated docs bench regress reproduce comparison comparison-page learning-docs family modes partial-view contours probes calibration regret regret-page standing surround faults faults-page persistence clean
 
 demo: $(STAMP)
 	@echo
@@ -33,9 +29,6 @@ test-all: lint types  # with what is marked slow
 
 test-lowest: $(LOWEST_STAMP)  # what users meet, with the lowest versions that pyproject.toml allows
 	$(LOWEST)/bin/pytest -n auto --dist worksteal --disable-warnings tests/sensors tests/scenarios tests/trackers tests/testbed
-
-test-fast: $(FAST_STAMP)  # the trackers with their compiled kernels
-	EOT_TESTBED_COMPILED=1 $(FAST)/bin/pytest -n auto --dist worksteal tests/trackers
 
 lint: $(STAMP)
 	$(BIN)/ruff check .
@@ -160,10 +153,5 @@ $(LOWEST_STAMP): pyproject.toml constraints.txt tests/lowest.py
 	$(LOWEST)/bin/python $(INSTALL) $(LOWEST)/constraints.txt --editable '.[dev]'
 	@touch $@
 
-$(FAST_STAMP): pyproject.toml constraints.txt
-	$(PYTHON) -m venv $(FAST)
-	$(FAST)/bin/python $(INSTALL) constraints.txt --editable '.[dev,fast]'
-	@touch $@
-
 clean:
-	rm -rf $(VENV) $(LOWEST) $(FAST) runs build docs/api *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	rm -rf $(VENV) $(LOWEST) runs build docs/api *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis

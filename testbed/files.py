@@ -12,8 +12,6 @@ from secrets import token_hex
 from tempfile import TemporaryFile
 from typing import IO, Any, BinaryIO
 
-from trackers import compiled
-
 ROOM = 1 << 20  # [bytes] of the disk that the results of a run take at most
 PACKAGES = ("eot-testbed", "highway-env", "gymnasium", "numpy", "scipy", "rerun-sdk", "shapely")
 KINDS = {
@@ -41,8 +39,8 @@ def noting_losses(lost: list[str]) -> Iterator[None]:
 
 
 def versions() -> dict[str, str]:
-    """Installed versions of what decides about results; of the compiled kernels, where these are in use."""
-    return {name: version(name) for name in PACKAGES} | compiled.versions()
+    """Installed versions of what decides about results."""
+    return {name: version(name) for name in PACKAGES}
 
 
 def make_directory(directory: Path) -> None:

@@ -30,8 +30,6 @@ HOMES = {
     "gymnasium": ("scenarios.highway", "scenarios.adapter", "scenarios.native", "testbed"),
     "rerun": ("testbed.log",),
 }
-# One package may use what nothing needs: compiled kernels, each of which has its equal in numpy.
-OPTIONAL = {"numba": "trackers.compiled"}
 LEAVES = ("testbed.studies",)  # packages that nothing else may import: they only make pages of the documentation
 FIGURES = re.compile(r"^testbed\.(?:\w+\.)*\w*figures?\w*$")  # modules that may draw with matplotlib
 CATCHES_ALL = {
@@ -73,8 +71,6 @@ def imports(tree: ast.AST) -> Iterator[str]:
 
 def allowed(name: str, package: str) -> bool:
     library = name.split(".")[0]
-    if library in OPTIONAL:
-        return True
     own = library == package or library in sys.stdlib_module_names
     return own or package not in FLOORS or within(name, FLOORS[package])
 
@@ -89,8 +85,6 @@ def import_faults(module: str, tree: ast.AST) -> Iterator[str]:
             yield f"{module} imports {name}; {package} may import {', '.join(FLOORS[package])}"
         if library in HOMES and not within(module, HOMES[library]):
             yield f"{module} imports {library}, which belongs in {', '.join(HOMES[library])}"
-        if library in OPTIONAL and not within(module, (OPTIONAL[library],)):
-            yield f"{module} imports {library}, which belongs in {OPTIONAL[library]}"
         if within(name, LEAVES) and not within(module, LEAVES):
             yield f"{module} imports {name}, which only makes pages; move what is shared below it"
         if library == "matplotlib" and not FIGURES.match(module):
@@ -186,8 +180,6 @@ def test_no_file_names_a_package_registry_or_a_path_of_one_machine():
     ("module", "source"),
     [
         ("trackers.filter", "import shapely"),
-        ("trackers.filter", "import numba"),
-        ("testbed.run", "def f():\n    from numba import njit"),
         ("trackers.filter", "from sensors.scene import Scene"),
         ("trackers.filter", "def f():\n    from testbed import metrics"),
         ("sensors.radar", "import scipy.stats"),
@@ -220,7 +212,6 @@ def test_an_offending_module_is_caught(module, source):
         ("trackers.filter", "import numpy as np\nfrom scipy.special import erf\nfrom trackers.linalg import outer"),
         ("sensors.radar", "from dataclasses import dataclass\nfrom trackers.scan import Scan"),
         ("scenarios.highway", "import gymnasium\nfrom highway_env import utils\nfrom sensors.scene import Scene"),
-        ("trackers.compiled.sizes", "from numba import njit"),
         ("testbed.log.writer", "import rerun as rr"),
         ("testbed.papers.figures", "import matplotlib.pyplot as plt"),
         ("testbed.studies.modes.page", "from testbed.studies.page import frame"),

@@ -14,7 +14,6 @@ from trackers.batch import keep
 from trackers.estimate import Estimate
 from trackers.geometry import dot, to_frame, to_world, unit, vector, wrap_angle
 from trackers.multi.association import SortedScan
-from trackers.multi.compiled_ground import compiled_observe
 from trackers.multi.visibility import SensorArray, Visibility, ray_box
 from trackers.parameters import check_numbers
 
@@ -89,14 +88,8 @@ class GroundTest:
         shift = shift_of(ground, e)
         along = self._along(e, shift, z)
         seen, expected = ground.seen.copy(), ground.expected.copy()
-        poses, looking = sensors.poses(z.scan.platform), view.expected[:, d] > 0
-        more = compiled_observe(
-            e, shift, d, estimate, looking, along, z.sensor, poses, sensors, self.independent
-        )  # fmt: skip
-        if more is not None:
-            return ground._replace(seen=seen + more[0], expected=expected + more[1])
-        for k, pose in enumerate(poses):
-            looks = looking[k]
+        for k, pose in enumerate(sensors.poses(z.scan.platform)):
+            looks = view.expected[k, d] > 0
             rows = np.flatnonzero(looks)
             if len(rows):
                 some = keep(e, looks)

@@ -19,7 +19,6 @@ from trackers.motion import PHI
 from trackers.parameters import check_numbers
 from trackers.pmht import joint
 from trackers.pmht.association import RelativeDetections, log_density, responsibilities, synthesise
-from trackers.pmht.compiled_update import compiled_update
 from trackers.pmht.ellipses import UnitEllipses, interior_density, place, unit_ellipses
 from trackers.pmht.info import SplineInfo, innovation, nothing
 from trackers.pmht.joint import EllipseUpdate, predict_ellipses
@@ -144,18 +143,10 @@ class SplinePmht:
         n = scan.mask.sum(-1)
         if not n.any():
             return state, nothing(n)
-        ellipses, xy = self.ellipses(state.p, state.Sigma), scan.xy
-        located = compiled_update(self, state, ellipses, scan) or self._located(state, ellipses, scan, xy, n)
-        m, P = self.rates.correct(*located[:2], scan, xy)  # (RR.4)
-        new = state._replace(m=m, P=P)
-        return new if n.all() else select(n > 0, new, state), located[2]
-
-    def _located(
-        self, state: SplineState, ellipses: UnitEllipses, scan: Scan, xy: NDArray, n: NDArray
-    ) -> tuple[NDArray, NDArray, SplineInfo]:
-        """Moments and information after the places of n (...) detections at xy (..., M, 2) [m]."""
+        xy = scan.xy
         detections = self.relative(state.m, scan, xy)
         sensor = scan.pose[..., :2] - state.m[..., None, :2]
+        ellipses = self.ellipses(state.p, state.Sigma)
         m, P, expected = state.m, state.P, predict_ellipses(state.m, state.P, ellipses.mu)
         w, E, share = self._associate(state, ellipses, m, detections, sensor, expected.C)
         info = innovation(expected, w, E, detections, share, (share < self.lost_below) & (n > 0))
@@ -178,7 +169,9 @@ class SplinePmht:
             else:
                 m, P = self.form.update(state.m, prior, ellipses.mu, E, z)
             np.maximum(m[..., LENGTH:], LEAST_SIZE, out=m[..., LENGTH:])
-        return m, P, info
+        m, P = self.rates.correct(m, P, scan, xy)  # (RR.4)
+        new = state._replace(m=m, P=P)
+        return new if n.all() else select(n > 0, new, state), info
 
     def _associate(
         self,

@@ -11,7 +11,6 @@ from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
 from scipy.special import log_ndtr, ndtr
 
-from trackers.size.compiled_grids import compiled_likelihood
 from trackers.size.grid import Grid
 from trackers.size.visible import Room
 
@@ -38,9 +37,6 @@ def log_likelihood(grid: Grid, z: Depths, start: NDArray, eps: float) -> NDArray
 
     start (H,) is the first detection of each object, eps the share of detections that are of something else.
     """
-    found = compiled_likelihood(grid, z, start, eps)
-    if found is not None:
-        return found
     N = len(grid.offsets)
     d = z.depth[:, None] + grid.offsets  # (G, N) behind the anchor end, (ENDS.2)
     e = z.depth[:, None] + grid.differences  # (G, K + N - 1): d - L
