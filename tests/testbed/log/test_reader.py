@@ -43,7 +43,9 @@ def test_a_single_changed_value_is_found_and_located(log, tmp_path):
             changed.step(*record)
         changed.close(log_runs.SUMMARY)
     before, after = reader.digests(log), reader.digests(tmp_path / "a.rrd")
-    assert {key for key in before if before[key] != after[key]} == {f"/{paths.TRUTH_HEADING} Arrows2D:origins"}
+    assert {key for key in before if before[key] != after[key]} == {
+        f"/{paths.TRUTH_HEADING} Arrows2D:origins", f"/{paths.TRUTH_NAMES} Points2D:positions"
+    }  # fmt: skip
 
 
 def test_rerun_finds_the_file_in_order(log):
