@@ -87,17 +87,18 @@ calibration: $(STAMP)  # half a minute; needs the real detections
 partial-view: $(STAMP)  # eight minutes
 	$(BIN)/python -m testbed.studies partial-view --docs docs
 
-# Some hours on two idle cores; the same command goes on where it was interrupted. Seeds that no parameter was set on.
-REGRET_TRACKERS := imm-spline edra-imm htg-map rm-feldmann rm-koch
+# Four CPU hours; the same command goes on where it was interrupted. Seeds that no parameter was set on.
+REGRET_TRACKERS := imm-spline edra-imm rm-feldmann rm-koch
 REGRET_PLANNERS := idm mpc mpc-cautious tree
 REGRET_DOSES := velocity_lag=0.25 velocity_lag=0.5 velocity_lag=1 lateral_velocity=0.5 lateral_velocity=1 near_edge=-1 \
 	near_edge=1 birth_delay=0.6 birth_delay=1.2 loss_rate=0.1 loss_rate=0.3 latency=0.2 latency=0.4
-CAUTION := probe-brake probe-reveal probe-pullout probe-passing
+CAUTION := probe-reveal probe-pullout
 REGRET := $(BIN)/testbed regret --jobs -1
 regret: $(STAMP)
 	$(REGRET) $(REGRET_PLANNERS:%=--planner %) $(REGRET_TRACKERS:%=--tracker %) --seeds 200:220 --out runs/regret/main
-	$(REGRET) --tracker imm-spline --tracker rm-feldmann --attribute --seeds 200:210 --out runs/regret/attribution
-	$(REGRET) $(REGRET_DOSES:%=--inject %) --seeds 200:210 --out runs/regret/doses
+	$(REGRET) --planner idm --planner mpc --tracker imm-spline --tracker rm-feldmann --attribute --seeds 200:203 \
+		--out runs/regret/attribution
+	$(REGRET) $(REGRET_DOSES:%=--inject %) --seeds 200:205 --out runs/regret/doses
 	$(REGRET) $(CAUTION) --planner mpc --planner mpc-cautious --tracker imm-spline \
 		--tracker imm-spline+covariance=0.25 --tracker imm-spline+covariance=4 --seeds 240:280 --out runs/regret/caution
 	$(MAKE) regret-page STUDIES="$(foreach part,main attribution doses caution,$(part)=runs/regret/$(part))"

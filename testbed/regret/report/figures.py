@@ -17,6 +17,10 @@ from testbed.regret.measures import TRACKING
 from testbed.regret.substitution import GROUP_NAMES, GROUPS
 
 GROUP_COLOURS = dict(zip(GROUPS, COLOURS, strict=False))
+DOSE_UNITS = {
+    "velocity_lag": "s", "velocity_noise": "m/s", "lateral_velocity": "m/s", "lateral_position": "m", "heading": "rad",
+    "near_edge": "m", "length": "m", "birth_delay": "s", "loss_rate": "1/s", "latency": "s", "covariance": "-",
+}  # fmt: skip
 
 
 def plots(
@@ -166,17 +170,17 @@ def dose_response(cells: Sequence[Cell]) -> Figure:
     figure, axes = _panels(max(1, len(names)), 2.7, 2.2)
     for name, axis in zip(names, axes, strict=False):
         for line in lines:
-            rows = sorted(
-                (float(size), c.change.mean)
+            found = [
+                (float(size), -c.change.mean.value, -c.change.mean.high, -c.change.mean.low)
                 for c, other, size in doses
                 if other == name and "+" not in size and f"{c.scenario}, {c.planner}" == line
-            )
-            x = [0.0, *(size for size, _ in rows)]
-            y = np.array([[0.0] * 3, *([-m.value, -m.high, -m.low] for _, m in rows)]).T
+            ]
+            x, *y = np.array(sorted([(0.0, 0.0, 0.0, 0.0), *found])).T  # without the error nothing changes
             axis.plot(x, y[0], label=line, marker=styles[line].marker, **styles[line].line)
             axis.fill_between(x, y[1], y[2], color=styles[line].color, alpha=0.15, linewidth=0)
         axis.axhline(0.0, color="0.35", linewidth=0.8)
         axis.set_title(name)
+        axis.set_xlabel(f"{name} [{DOSE_UNITS[name]}]")
         axis.set_ylabel("regret J [s]")
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=min(4, len(lines)))
     return figure

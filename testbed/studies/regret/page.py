@@ -40,6 +40,8 @@ scenarios: [probes.md](probes.md). In brackets 95 % intervals over the seeds, pa
 
 ## By scenario
 
+Each measure on tracks minus the same on the truth; less J and less progress are worse, more of all others is.
+
 {total}
 
 {sides}

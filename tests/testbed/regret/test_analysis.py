@@ -5,8 +5,10 @@ import pandas as pd
 import pytest
 
 from testbed.regret.analysis import (
+    Cell,
     attributions,
     cells,
+    change,
     compared_with,
     correlations,
     error_and_regret,
@@ -14,7 +16,9 @@ from testbed.regret.analysis import (
     unresolved,
     worst_pairs,
 )
+from testbed.regret.injection import Errors
 from testbed.regret.measures import MEASURES
+from testbed.regret.report.figures import DOSE_UNITS, dose_response
 from testbed.regret.substitution import subsets
 from testbed.studies.regret.caution import differences
 
@@ -140,3 +144,18 @@ def test_caution_is_compared_on_the_same_seeds_and_tracks():
     found = {c.scenario: c for c in differences(pd.DataFrame(rows)) if c.measure == "J"}
     assert found["probe-brake"].change.mean.value == pytest.approx(0.5)
     assert found["all"].verdict == "better"
+
+
+def test_a_dose_on_either_side_of_none_is_drawn_in_order():
+    doses = {-1.0: 0.3, 1.0: -0.2, 0.5: -0.1}
+    found = [
+        Cell("probe-brake", "idm", f"in-view+near_edge={dose:g}", "J", change([np.full(8, worth)]))
+        for dose, worth in doses.items()
+    ]
+    (line, _) = dose_response(found).axes[0].lines
+    assert line.get_xdata().tolist() == [-1.0, 0.0, 0.5, 1.0]
+    assert line.get_ydata() == pytest.approx([-0.3, 0.0, 0.1, 0.2])
+
+
+def test_every_injected_error_has_a_unit_in_the_figure():
+    assert DOSE_UNITS.keys() == Errors.__dataclass_fields__.keys()
