@@ -8,6 +8,7 @@ from types import MappingProxyType
 
 from scenarios.probes import PROBES
 from scenarios.record import Scenario
+from scenarios.traffic.scenario import is_replay, replayed
 from trackers.lookup import find_own, is_own, look_up, parse
 
 SCENARIOS = MappingProxyType({s.name: s for s in (
@@ -165,7 +166,7 @@ SCENARIOS = MappingProxyType({s.name: s for s in (
 
 
 def find(name: str) -> Scenario:
-    """The scenario or probe of that name: `NAME`, `NAME:parameter=value` or `MODULE:OBJECT:...`.
+    """The scenario or probe of that name: `NAME`, `NAME:parameter=value`, `MODULE:OBJECT:...` or `replay:FILE:...`.
 
     One with parameters has these as defaults, and the whole text as its name.
 
@@ -173,6 +174,8 @@ def find(name: str) -> Scenario:
         LookupError: no such scenario; the nearest name is suggested.
         ValueError: a parameter or value that it cannot have, or an OBJECT that is no `Scenario`.
     """
+    if is_replay(name):
+        return replayed(name)
     catalogue = {**SCENARIOS, **PROBES}
     if not is_own(name, catalogue) and not (isinstance(name, str) and ":" in name):
         return look_up(name, catalogue, "scenario")

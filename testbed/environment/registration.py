@@ -10,6 +10,7 @@ import scenarios
 from scenarios.probes import PROBES
 from scenarios.record import Scenario
 from scenarios.registry import SCENARIOS
+from scenarios.traffic.scenario import is_replay
 from trackers.lookup import installed, parse
 
 if TYPE_CHECKING:
@@ -49,7 +50,7 @@ NATIVE = re.compile(r"[\w-]+-v\d+")  # ids of gymnasium; no scenario of ours has
 
 
 def scenario_of(text: str) -> "Scenario | Native":
-    """What a scenario as a user writes it stands for, `NAME`, `MODULE:OBJECT` or an id of highway-env.
+    """What a scenario as a user writes it stands for, `NAME`, `MODULE:OBJECT`, `replay:FILE` or an id of highway-env.
 
     Each may have `:key=value,key=value` behind it: parameters of the scenario, or config of highway-env.
 
@@ -57,6 +58,8 @@ def scenario_of(text: str) -> "Scenario | Native":
         LookupError: there is no such scenario; the nearest name is suggested.
         ValueError: a parameter or value that it cannot have.
     """
+    if is_replay(text):
+        return scenarios.find(text)
     if isinstance(text, str) and NATIVE.fullmatch(name := parse(text)[0]) and name not in installed("scenario"):
         from scenarios.native import find_native  # loads highway-env
 

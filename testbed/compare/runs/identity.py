@@ -20,6 +20,7 @@ from typing import Any
 
 from scenarios import PROBES, SCENARIOS
 from scenarios import find as find_scenario
+from scenarios.traffic.scenario import FAMILY, is_replay, replay_of
 from sensors import RADARS
 from sensors import find as find_radar
 from testbed.frame import TRUTH
@@ -106,9 +107,14 @@ def own_code(names: Iterable[tuple[str, str]]) -> dict[str, str]:
 
 
 def own_module(name: str, what: str) -> str | None:
-    """The module of a user behind a name, with or without parameters; None for one of a catalogue, or of a file."""
+    """The module of a user behind a name, with or without parameters; None for one of a catalogue, or of a file.
+
+    Recorded traffic has its file, as `replay:FILE`.
+    """
     if what == "planner" and name.startswith(LEARNED):
         return None
+    if what == "scenario" and is_replay(name):
+        return f"{FAMILY}{replay_of(name).file}"
     entry = parse(name)[0]
     path = None if entry in CATALOGUES[what] else home(entry, what)
     return None if path is None else path.partition(":")[0]
@@ -119,6 +125,8 @@ def own_modules(module: str) -> dict[str, Path]:
 
     A module without a source file, and one of ours or of the standard library, has none.
     """
+    if is_replay(module):
+        return {module: Path(replay_of(module).file)}
     top = _source(module.partition(".")[0])
     if top is None or module.partition(".")[0] in {*PACKAGES, *sys.stdlib_module_names}:
         return {}

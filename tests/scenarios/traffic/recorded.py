@@ -1,0 +1,68 @@
+"""Small recordings of a straight road of three lanes, written in every layout."""
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+import numpy as np
+
+FOOT = 0.3048
+LANES = (2.0, 5.7, 9.4)  # [m] lateral places, y to the right
+LENGTH, WIDTH = 4.4, 1.8
+
+Row = tuple[float, int, float, float, int]  # time, id, x, y (to the right), lane
+
+
+def traffic(rate: float = 10.0, seconds: float = 6.0, speed: float = 20.0, gap: float = 30.0) -> list[Row]:
+    """Twelve cars at constant speed, four in each lane; ids 1, 4, 7, 10 in the left lane, rear to front."""
+    rows = []
+    for k in range(12):
+        for f in range(round(seconds * rate) + 1):
+            x = 20.0 + gap * (k // 3) + 5.0 * (k % 3) + speed * f / rate
+            rows.append((f / rate, k + 1, x, LANES[k % 3], k % 3))
+    return rows
+
+
+def write(path: Path, header: str, rows: Iterable[Row], line: Callable[..., str]) -> Path:
+    path.write_text("\n".join([header, *(line(*row) for row in rows)]) + "\n")
+    return path
+
+
+def own(path: Path, rows: Iterable[Row] | None = None) -> Path:
+    """The own layout: y to the left."""
+    return write(
+        path, "time,id,x,y,length,width,lane", traffic() if rows is None else rows,
+        lambda t, i, x, y, lane: f"{t:.2f},{i},{x!r},{-y!r},{LENGTH},{WIDTH},{lane}",
+    )  # fmt: skip
+
+
+def ngsim(path: Path, noise: float = 0.0) -> Path:
+    """NGSIM: feet, the middle of the front, x across."""
+    rng = np.random.default_rng(1)
+    return write(
+        path, "Vehicle_ID,Frame_ID,Local_X,Local_Y,v_length,v_Width,v_Class,Lane_ID", traffic(),
+        lambda t, i, x, y, lane: ",".join(map(str, (
+            i, round(10 * t), (y + noise * rng.standard_normal()) / FOOT,
+            (x + LENGTH / 2 + noise * rng.standard_normal()) / FOOT, LENGTH / FOOT, WIDTH / FOOT, 2, lane + 1,
+        ))),
+    )  # fmt: skip
+
+
+def high_d(path: Path) -> Path:
+    """highD: 25 Hz, the upper left corner, length called width."""
+    return write(
+        path, "frame,id,x,y,width,height,xVelocity,yVelocity,laneId", traffic(rate=25.0),
+        lambda t, i, x, y, lane: ",".join(map(str, (
+            round(25 * t), i, x - LENGTH / 2, y - WIDTH / 2, LENGTH, WIDTH, 20, 0, lane + 5,
+        ))),
+    )  # fmt: skip
+
+
+def exi_d(path: Path) -> Path:
+    """exiD: 25 Hz, degrees, y to the left; here a road that runs to the north-east."""
+    a = np.pi / 4
+    return write(
+        path, "recordingId,trackId,frame,xCenter,yCenter,heading,width,length", traffic(rate=25.0),
+        lambda t, i, x, y, lane: ",".join(map(str, (
+            0, i, round(25 * t), x * np.cos(a) + y * np.sin(a), x * np.sin(a) - y * np.cos(a), 45.0, WIDTH, LENGTH,
+        ))),
+    )  # fmt: skip
