@@ -161,6 +161,8 @@ def _show(result: "RunResult") -> None:
         console.print(tables.drive(result.result))
     else:
         console.print(tables.costs(result.result))
+    for event in result.result["run"].get("events", ()):
+        console.print(escape(f"at {event['time']:.1f} s: {event['text']}"))
     if result.interrupted:
         console.print("[yellow]interrupted: the tables and files hold what was run until then[/yellow]")
     if result.json is not None:

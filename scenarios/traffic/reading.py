@@ -1,4 +1,7 @@
-"""Trajectories of a CSV, or CSV.GZ, in one of the known layouts: metres, seconds, radians, y to the right of x."""
+"""Trajectories of a CSV, CSV.GZ or CommonRoad XML in one of the known layouts.
+
+In metres, seconds and radians, y to the right of x.
+"""
 
 import csv
 import gzip
@@ -10,6 +13,7 @@ from typing import IO, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from scenarios.traffic import commonroad
 from scenarios.traffic.layouts import Layout, recognised
 
 LONGEST_GAP = 1.0  # [s] between two rows of a vehicle that is interpolated
@@ -54,6 +58,9 @@ def read(path: Path) -> Recording:
 
 @lru_cache(maxsize=4)
 def _read(path: Path, changed: int, size: int) -> Recording:
+    if path.suffix == commonroad.SUFFIX:
+        columns = commonroad.columns_of(path)
+        return Recording(commonroad.LAYOUT, tuple(_trajectories(columns, commonroad.LAYOUT, path.name)))
     try:
         with _opened(path) as file:
             rows = csv.reader(file)
@@ -62,7 +69,7 @@ def _read(path: Path, changed: int, size: int) -> Recording:
             columns = _columns(rows, layout.places(header), path.name)
     except (OSError, EOFError, UnicodeDecodeError, csv.Error) as error:
         raise ValueError(f"replay: cannot read {path}: {error}; give a CSV, or a CSV compressed as .gz") from None
-    return Recording(layout, tuple(_trajectories(columns, layout, header, path.name)))
+    return Recording(layout, tuple(_trajectories(columns, layout, path.name)))
 
 
 def _opened(path: Path) -> IO[str]:
@@ -104,7 +111,7 @@ def _number(cell: str) -> float:
         return np.nan
 
 
-def _trajectories(columns: dict[str, list[str]], layout: Layout, header: Sequence[str], file: str) -> list[Trajectory]:
+def _trajectories(columns: dict[str, list[str]], layout: Layout, file: str) -> list[Trajectory]:
     """Rows in SI units by vehicle and time."""
     names, owner = np.unique(np.array(columns["id"], np.str_), return_inverse=True)
     if not len(names):

@@ -57,6 +57,7 @@ class Recorder:
         faults: of the radar; their begin and end are events.
         known: first and last time [s] at which the truth is known; frames before and after are not scored. None: there
             is no truth, and so no measure, neither in the log nor in the JSON.
+        happened: what the road says of itself, (time [s], text), a list that grows meanwhile; None: it says nothing.
     """
 
     def __init__(
@@ -72,6 +73,7 @@ class Recorder:
         metrics: bool = True,
         faults: Sequence[Fault] = (),
         known: tuple[float, float] | None = (-inf, inf),
+        happened: Sequence[tuple[float, str]] | None = None,
     ) -> None:
         check_level(level, metrics)
         self.metrics, self._logged, self._known = metrics, level != "off", known
@@ -96,6 +98,7 @@ class Recorder:
         self.seconds: dict[str, float] = defaultdict(float)  # wall time spent on metrics and on the log
         self._faults = {str(fault): fault for fault in faults}
         self._faulty: set[str] = set()  # the faults that are active
+        self._happened, self._said = happened, 0  # of these so many are in the log
         self._crashed: set[int] = set()
         self._danger = False  # since DRAC has exceeded `DANGER`, until it falls below half of that
         self._missing: dict[str, dict[int, float]] = {name: {} for name in meta.trackers}  # object id -> since when
@@ -136,7 +139,7 @@ class Recorder:
     def _write_log(self, frame: Frame, scores: dict[str, FrameScore], drive: DriveFrame, start: float) -> None:
         """Add one frame to the log, and its states to what is smoothed at the end; its scores were begun at `start`."""
         events = self._phase_events(frame.scene) + self._fault_events(frame.time)
-        events += self._crash_events(frame.scene) + self._risk_events(drive)
+        events += self._crash_events(frame.scene) + self._risk_events(drive) + self._road_events()
         for name, score in scores.items():
             events += self._lost_events(name, frame.time, score)
         scored = perf_counter()
@@ -165,6 +168,8 @@ class Recorder:
             "config": self.meta.config,
             "versions": self.meta.versions,
         }
+        if self._happened is not None:
+            run["events"] = [{"time": time, "text": text} for time, text in self._happened]
         if not self.metrics or self._known is None:
             return {"run": run}
         moments = all_moments(self.evaluators, self.snapshots)
@@ -252,6 +257,12 @@ class Recorder:
         begun, over = sorted(now - self._faulty), sorted(self._faulty - now)
         self._faulty = now
         return [*(("WARN", f"fault {f} begins") for f in begun), *(("INFO", f"fault {f} ends") for f in over)]
+
+    def _road_events(self) -> list[tuple[str, str]]:
+        """What the road has said since the last frame."""
+        new = (self._happened or ())[self._said :]
+        self._said += len(new)
+        return [("INFO", text) for _, text in new]
 
     def _crash_events(self, scene: Scene) -> list[tuple[str, str]]:
         crashed = {int(i) for i in scene.objects.id[scene.objects.crashed]} | ({0} if scene.ego.crashed else set())

@@ -403,6 +403,7 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
             trackers=perception.trackers,
             metrics=self.metrics,
             faults=perception.faults,
+            happened=getattr(core.road, "events", None),
         )
         perception.observers.append(self.recorder)
 

@@ -66,3 +66,22 @@ def exi_d(path: Path) -> Path:
             0, i, round(25 * t), x * np.cos(a) + y * np.sin(a), x * np.sin(a) - y * np.cos(a), 45.0, WIDTH, LENGTH,
         ))),
     )  # fmt: skip
+
+
+def common_road(path: Path) -> Path:
+    """CommonRoad: states in steps of 0.1 s, y to the left."""
+    cars: dict[int, list[str]] = {}
+    for t, i, x, y, _ in traffic():
+        tag = "state" if t else "initialState"
+        cars.setdefault(i, []).append(
+            f"<{tag}><position><point><x>{x}</x><y>{-y}</y></point></position><orientation><exact>0.0</exact>"
+            f"</orientation><time><exact>{round(10 * t)}</exact></time></{tag}>"
+        )
+    shape = f"<shape><rectangle><length>{LENGTH}</length><width>{WIDTH}</width></rectangle></shape>"
+    text = "".join(
+        f'<dynamicObstacle id="{i}"><type>car</type>{shape}{states[0]}<trajectory>{"".join(states[1:])}</trajectory>'
+        "</dynamicObstacle>"
+        for i, states in cars.items()
+    )
+    path.write_text(f'<commonRoad commonRoadVersion="2020a" timeStepSize="0.1">{text}</commonRoad>')
+    return path

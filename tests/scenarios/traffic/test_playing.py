@@ -1,6 +1,7 @@
 """Recorded vehicles keep to their record, come and go with it, and react behind an ego that has left its own."""
 
 import copy
+import json
 
 import numpy as np
 import pytest
@@ -11,6 +12,8 @@ from scenarios.vehicles import CourseVehicle, SizedIDM
 from testbed.compare.runs.identity import own_code, own_names
 from testbed.environment.registration import make
 from tests.scenarios.traffic.recorded import own, traffic
+
+SLOWER = 4  # the action
 
 
 def episode(path, parameters=":ego=5"):
@@ -120,3 +123,19 @@ def test_another_recording_under_the_same_name_is_another_scenario(tmp_path):
     assert own_code(names) == before
     own(path, traffic(speed=21.0))
     assert own_code(names) != before
+
+
+def test_a_run_says_when_the_ego_left_its_record(tmp_path):
+    text = f"replay:{own(tmp_path / 'a.csv')}:ego=5,react=2"
+    env = make(text, {"duration": 2.0}, tracker="rm-koch", out=str(tmp_path), log="off", metrics=False)
+    with env:
+        env.reset(seed=0)
+        over = False
+        while not over:
+            *_, terminated, over, _ = env.step(SLOWER)
+            assert not terminated
+    (written,) = tmp_path.glob("*.json")
+    first, second = json.loads(written.read_text())["run"]["events"]
+    assert 0.3 < first["time"] < 2.0
+    assert first["text"].startswith("ego is 2.")
+    assert second["text"] == "vehicle 2 of the recording reacts"

@@ -9,7 +9,7 @@ import pytest
 from scenarios import find
 from scenarios.traffic.fitting import fit
 from scenarios.traffic.motion import course, smoothed
-from tests.scenarios.traffic.recorded import LANES, LENGTH, WIDTH, exi_d, high_d, ngsim, own, traffic
+from tests.scenarios.traffic.recorded import LANES, LENGTH, WIDTH, common_road, exi_d, high_d, ngsim, own, traffic
 
 EXTRACT = Path(__file__).resolve().parents[4] / "shared" / "data"
 
@@ -18,9 +18,11 @@ def plan(path, parameters=""):
     return find(f"replay:{path}{parameters}").builder.plan
 
 
-@pytest.mark.parametrize("write", [own, ngsim, high_d, exi_d])
-def test_every_layout_gives_the_same_traffic(write, tmp_path):
-    found = plan(write(tmp_path / "a.csv"), ":ego=5")
+@pytest.mark.parametrize(
+    ("write", "name"), [(own, "a.csv"), (ngsim, "a.csv"), (high_d, "a.csv"), (exi_d, "a.csv"), (common_road, "a.xml")]
+)
+def test_every_layout_gives_the_same_traffic(write, name, tmp_path):
+    found = plan(write(tmp_path / name), ":ego=5")
     np.testing.assert_allclose(found.lanes.places, np.subtract(LANES, LANES[0]), atol=0.02)
     assert found.lanes.width == pytest.approx(3.7, abs=0.02)
     ego, other = found.ego, next(part for part in found.others if part.id == "9")
@@ -125,3 +127,32 @@ def test_the_extract_of_i80_is_no_traffic():
         pytest.skip("the recordings of I-80 are not here")
     with pytest.raises(ValueError, match=r"begins inside of .* times are all of one clock"):
         plan(path)
+
+
+def test_a_file_that_is_no_common_road_is_refused(tmp_path):
+    path = tmp_path / "a.xml"
+    for text, message in [
+        ("<commonRoad", "is no XML"),
+        ("<osm/>", "begins with 'osm'"),
+        ('<commonRoad timeStepSize="0.1"><dynamicObstacle id="7"/></commonRoad>', "obstacle 7 has no shape/rectangle"),
+        ('<commonRoad timeStepSize="0.1"/>', "no rows"),
+    ]:
+        path.write_text(text)
+        with pytest.raises(ValueError, match=message):
+            plan(path)
+
+
+def test_real_traffic_of_us101_is_driven_smoothly():
+    """22 vehicles of a jam on five lanes: lanes of usual width, and headings that agree with the motion."""
+    path = EXTRACT / "ngsim_us101" / "USA_US101-4_1_T-1.xml"
+    if not path.is_file():
+        pytest.skip("the recordings of US-101 are not here")
+    found = plan(path)
+    assert len(found.others) == 21
+    assert len(found.lanes.places) == 5
+    assert 3.3 < found.lanes.width < 3.9
+    for part in found.others:
+        speed = np.hypot(*part.table[:, 4:6].T)
+        assert speed.max() < 25.0
+        assert np.abs(np.gradient(speed, part.table[:, 0])).max() < 8.0
+        assert np.abs(part.table[:, 6] * speed).max() < 4.0
