@@ -7,19 +7,25 @@ import numpy as np
 
 FOOT = 0.3048
 LANES = (2.0, 5.7, 9.4)  # [m] lateral places, y to the right
-LENGTH, WIDTH = 4.4, 1.8
+LENGTH, WIDTH = 4.4, 1.8  # [m] of all but one
+TRUCK, LONG, WIDE = 9, 12.0, 2.5  # a truck: which, and its length and width [m]
 
 Row = tuple[float, int, float, float, int]  # time, id, x, y (to the right), lane
 
 
 def traffic(rate: float = 10.0, seconds: float = 6.0, speed: float = 20.0, gap: float = 30.0) -> list[Row]:
-    """Twelve cars at constant speed, four in each lane; ids 1, 4, 7, 10 in the left lane, rear to front."""
+    """Twelve vehicles at constant speed, four in each lane; ids 1, 4, 7, 10 in the left lane, rear to front."""
     rows = []
     for k in range(12):
         for f in range(round(seconds * rate) + 1):
             x = 20.0 + gap * (k // 3) + 5.0 * (k % 3) + speed * f / rate
             rows.append((f / rate, k + 1, x, LANES[k % 3], k % 3))
     return rows
+
+
+def size(i: int) -> tuple[float, float]:
+    """Length and width [m] of a vehicle."""
+    return (LONG, WIDE) if i == TRUCK else (LENGTH, WIDTH)
 
 
 def write(path: Path, header: str, rows: Iterable[Row], line: Callable[..., str]) -> Path:
@@ -31,7 +37,7 @@ def own(path: Path, rows: Iterable[Row] | None = None) -> Path:
     """The own layout: y to the left."""
     return write(
         path, "time,id,x,y,length,width,lane", traffic() if rows is None else rows,
-        lambda t, i, x, y, lane: f"{t:.2f},{i},{x!r},{-y!r},{LENGTH},{WIDTH},{lane}",
+        lambda t, i, x, y, lane: f"{t:.2f},{i},{x!r},{-y!r},{size(i)[0]},{size(i)[1]},{lane}",
     )  # fmt: skip
 
 
@@ -42,7 +48,8 @@ def ngsim(path: Path, noise: float = 0.0) -> Path:
         path, "Vehicle_ID,Frame_ID,Local_X,Local_Y,v_length,v_Width,v_Class,Lane_ID", traffic(),
         lambda t, i, x, y, lane: ",".join(map(str, (
             i, round(10 * t), (y + noise * rng.standard_normal()) / FOOT,
-            (x + LENGTH / 2 + noise * rng.standard_normal()) / FOOT, LENGTH / FOOT, WIDTH / FOOT, 2, lane + 1,
+            (x + size(i)[0] / 2 + noise * rng.standard_normal()) / FOOT,
+            size(i)[0] / FOOT, size(i)[1] / FOOT, 3 if i == TRUCK else 2, lane + 1,
         ))),
     )  # fmt: skip
 
@@ -52,7 +59,7 @@ def high_d(path: Path) -> Path:
     return write(
         path, "frame,id,x,y,width,height,xVelocity,yVelocity,laneId", traffic(rate=25.0),
         lambda t, i, x, y, lane: ",".join(map(str, (
-            round(25 * t), i, x - LENGTH / 2, y - WIDTH / 2, LENGTH, WIDTH, 20, 0, lane + 5,
+            round(25 * t), i, x - size(i)[0] / 2, y - size(i)[1] / 2, *size(i), 20, 0, lane + 5,
         ))),
     )  # fmt: skip
 
@@ -63,7 +70,7 @@ def exi_d(path: Path) -> Path:
     return write(
         path, "recordingId,trackId,frame,xCenter,yCenter,heading,width,length", traffic(rate=25.0),
         lambda t, i, x, y, lane: ",".join(map(str, (
-            0, i, round(25 * t), x * np.cos(a) + y * np.sin(a), x * np.sin(a) - y * np.cos(a), 45.0, WIDTH, LENGTH,
+            0, i, round(25 * t), x * np.cos(a) + y * np.sin(a), x * np.sin(a) - y * np.cos(a), 45.0, *size(i)[::-1],
         ))),
     )  # fmt: skip
 
@@ -77,9 +84,11 @@ def common_road(path: Path) -> Path:
             f"<{tag}><position><point><x>{x}</x><y>{-y}</y></point></position><orientation><exact>0.0</exact>"
             f"</orientation><time><exact>{round(10 * t)}</exact></time></{tag}>"
         )
-    shape = f"<shape><rectangle><length>{LENGTH}</length><width>{WIDTH}</width></rectangle></shape>"
+    box = "<length>{}</length><width>{}</width>"
     text = "".join(
-        f'<dynamicObstacle id="{i}"><type>car</type>{shape}{states[0]}<trajectory>{"".join(states[1:])}</trajectory>'
+        f'<dynamicObstacle id="{i}"><type>{"truck" if i == TRUCK else "car"}</type><shape><rectangle>'
+        f"{box.format(*size(i))}</rectangle></shape>"
+        f"{states[0]}<trajectory>{''.join(states[1:])}</trajectory>"
         "</dynamicObstacle>"
         for i, states in cars.items()
     )

@@ -9,7 +9,19 @@ import pytest
 from scenarios import find
 from scenarios.traffic.fitting import fit
 from scenarios.traffic.motion import course, smoothed
-from tests.scenarios.traffic.recorded import LANES, LENGTH, WIDTH, common_road, exi_d, high_d, ngsim, own, traffic
+from tests.scenarios.traffic.recorded import (
+    LANES,
+    LENGTH,
+    LONG,
+    WIDE,
+    WIDTH,
+    common_road,
+    exi_d,
+    high_d,
+    ngsim,
+    own,
+    traffic,
+)
 
 EXTRACT = Path(__file__).resolve().parents[4] / "shared" / "data"
 
@@ -27,7 +39,8 @@ def test_every_layout_gives_the_same_traffic(write, name, tmp_path):
     assert found.lanes.width == pytest.approx(3.7, abs=0.02)
     ego, other = found.ego, next(part for part in found.others if part.id == "9")
     np.testing.assert_allclose(ego.size, [LENGTH, WIDTH], atol=1e-6)
-    assert ego.kind == "car"
+    np.testing.assert_allclose(other.size, [LONG, WIDE], atol=1e-6)
+    assert (ego.kind, other.kind) == ("car", "truck")
     assert ego.table[-1, 0] == pytest.approx(6.0)
     np.testing.assert_allclose(np.hypot(*ego.table[:, 4:6].T), 20.0, atol=1e-3)
     np.testing.assert_allclose(ego.table[:, [3, 6]], 0.0, atol=1e-3)
