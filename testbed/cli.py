@@ -110,6 +110,8 @@ def run(
     Example: [bold]testbed run merge --tracker htg-map --tracker rm-feldmann --radar front --seed 3[/bold]
     Example: [bold]testbed run cut-in --fault front:outage:3:5 --fault drop:0.2[/bold]
     Example: [bold]testbed run highway-v0 --config cfg.json --tracker my_ekf:CentroidEKF[/bold]
+
+    Recorded traffic: [bold]testbed run replay:i80.csv:ego=12,react=5[/bold]; docs/real-traffic.md
     """
     from testbed.run import RunConfig, check, length
     from testbed.run import run as run_once

@@ -123,7 +123,7 @@ def own_module(name: str, what: str) -> str | None:
 def own_modules(module: str) -> dict[str, Path]:
     """A module that is not ours and what it imports of the same package, or folder, directly or not: name -> file.
 
-    A module without a source file, and one of ours or of the standard library, has none.
+    A module without a source file, and one of ours or of the standard library, has none. Recorded traffic has its file.
     """
     if is_replay(module):
         return {module: Path(replay_of(module).file)}
