@@ -92,11 +92,12 @@ REGRET_TRACKERS := imm-spline edra-imm rm-feldmann rm-koch
 REGRET_PLANNERS := idm mpc mpc-cautious tree
 REGRET_DOSES := velocity_lag=0.25 velocity_lag=0.5 velocity_lag=1 lateral_velocity=0.5 lateral_velocity=1 near_edge=-1 \
 	near_edge=1 birth_delay=0.6 birth_delay=1.2 loss_rate=0.1 loss_rate=0.3 latency=0.2 latency=0.4
+ATTRIBUTION := probe-oncoming probe-passing probe-reveal
 CAUTION := probe-reveal probe-pullout
 REGRET := $(BIN)/testbed regret --jobs -1
 regret: $(STAMP)
 	$(REGRET) $(REGRET_PLANNERS:%=--planner %) $(REGRET_TRACKERS:%=--tracker %) --seeds 200:220 --out runs/regret/main
-	$(REGRET) --planner idm --planner mpc --tracker imm-spline --tracker rm-feldmann --attribute --seeds 200:203 \
+	$(REGRET) $(ATTRIBUTION) --planner mpc --tracker imm-spline --tracker rm-feldmann --attribute --seeds 200:205 \
 		--out runs/regret/attribution
 	$(REGRET) $(REGRET_DOSES:%=--inject %) --seeds 200:205 --out runs/regret/doses
 	$(REGRET) $(CAUTION) --planner mpc --planner mpc-cautious --tracker imm-spline \
