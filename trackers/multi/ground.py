@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.batch import keep
 from trackers.estimate import Estimate
 from trackers.geometry import dot, to_frame, to_world, unit, vector, wrap_angle
 from trackers.multi.association import SortedScan
@@ -85,21 +84,22 @@ class GroundTest:
         sensors: SensorArray,
     ) -> Ground:  # fmt: skip
         """The ground of tracks d (D,), whose estimates are e, after a scan of M detections, among T tracks."""
+        k, row = np.nonzero(view.expected[:, d] > 0)  # G pairs of sensor and track, one sensor after the other
+        poses, body, size = sensors.poses(z.scan.platform)[k], e.pose[row], e.size[row]
         shift = shift_of(ground, e)
-        along = self._along(e, shift, z)
+        aside = to_frame(body, poses[:, None, :2])[:, 0, 1:]  # (G, 1) of the sensors
+        density = self._density(body, size, shift[row], aside, d[row], estimate, poses, sensors.at(k))
+        cell, there, across, most = (a[row] for a in self._along(e, shift, z))
+        towards = across * np.sign(aside)
+        there &= (z.sensor == k[:, None]) & (towards > 0) & (towards < most)
+        n = counts(cell, there) * (density > 0)
+        total = n.sum(1, keepdims=True)
+        weight = np.minimum(1.0, self.independent / np.maximum(total, 1.0))
+        share = density / np.maximum(density.sum(1, keepdims=True), 1e-9)
         seen, expected = ground.seen.copy(), ground.expected.copy()
-        for k, pose in enumerate(sensors.poses(z.scan.platform)):
-            looks = view.expected[k, d] > 0
-            rows = np.flatnonzero(looks)
-            if len(rows):
-                some = keep(e, looks)
-                density = self._density(some, shift[rows], d[rows], estimate, pose, k, sensors)
-                n = self._seen(some, [a[rows] for a in along], pose, z.sensor == k) * (density > 0)
-                total = n.sum(1, keepdims=True)
-                weight = np.minimum(1.0, self.independent / np.maximum(total, 1.0))
-                share = density / np.maximum(density.sum(1, keepdims=True), 1e-9)
-                seen[rows] += weight * n  # (LIFE.32)
-                expected[rows] += weight * total * share  # (LIFE.32)
+        for one, own, foretold in zip(row, weight * n, weight * total * share, strict=True):
+            seen[one] += own  # (LIFE.32)
+            expected[one] += foretold  # (LIFE.32)
         return ground._replace(seen=seen, expected=expected)
 
     def _along(self, e: Estimate, shift: NDArray, z: SortedScan) -> tuple[NDArray, NDArray, NDArray, NDArray]:
@@ -114,29 +114,22 @@ class GroundTest:
         most = e.size[:, 1:] / 2 + self.aside + np.sqrt(z.var_across)
         return cell, rate & along & (cell >= 0) & (cell < CELLS), body[..., 1], most
 
-    def _seen(self, e: Estimate, along: list[NDArray], pose: NDArray, mine: NDArray) -> NDArray:
-        """Detections (D, CELLS), whoever owns them, on the halves of the bodies that face a sensor at pose (3,)."""
-        cell, there, across, most = along
-        towards = across * np.sign(to_frame(e.pose, pose[None, :2])[..., 1])
-        d, m = np.nonzero(there & mine & (towards > 0) & (towards < most))
-        seen = np.zeros((len(e.pose), CELLS))
-        np.add.at(seen, (d, cell[d, m]), 1.0)
-        return seen
-
     def _density(
-        self, e: Estimate, shift: NDArray, d: NDArray, estimate: Estimate, pose: NDArray, sensor: int,
-        sensors: SensorArray,
+        self, body: NDArray, size: NDArray, shift: NDArray, aside: NDArray, d: NDArray, estimate: Estimate,
+        poses: NDArray, sensor: SensorArray,
     ) -> NDArray:  # fmt: skip
-        """Relative density (D, CELLS) of a sensor's detections along the sides of tracks d (D,), 0 where hidden."""
-        x = PLACE.reshape(-1, COARSE).mean(-1) - shift  # (D, C) in the body frame
-        half = e.size[:, 1:] / 2
-        aside = to_frame(e.pose, pose[None, :2])[:, 0, 1:]  # of the sensor
-        v = to_world(e.pose, vector(x, np.sign(aside) * half)) - pose[:2]  # (D, C, 2)
+        """Relative density (G, CELLS) of the detections along the sides of G boxes, 0 where hidden.
+
+        The boxes, body (G, 3), size (G, 2), shift (G, 1) and rows d (G,) among all tracks, are seen by sensors at poses
+        (G, 3), which lie aside (G, 1) [m] of their axes; all of that is of pairs, so are the data sheets.
+        """
+        x = PLACE.reshape(-1, COARSE).mean(-1) - shift  # (G, C) in the body frame
+        half = size[:, 1:] / 2
+        v = to_world(body, vector(x, np.sign(aside) * half)) - poses[:, None, :2]  # (G, C, 2)
         r = np.hypot(v[..., 0], v[..., 1])
-        sees = np.abs(wrap_angle(np.arctan2(v[..., 1], v[..., 0]) - pose[2])) < sensors.fov[sensor] / 2
-        sees &= (r < sensors.max_range[sensor]) & (np.abs(x) < e.size[:, :1] / 2 + STEP)
-        hit = ray_box(pose[None, :2], (v / r[..., None]).reshape(1, -1, 2), estimate.pose, estimate.size)[0]
-        hit = hit.reshape(*r.shape, -1)
+        sees = np.abs(wrap_angle(np.arctan2(v[..., 1], v[..., 0]) - poses[:, 2:])) < sensor.fov[:, None] / 2
+        sees &= (r < sensor.max_range[:, None]) & (np.abs(x) < size[:, :1] / 2 + STEP)
+        hit = ray_box(poses[:, :2], v / r[..., None], estimate.pose, estimate.size)
         hit[np.arange(len(d)), :, d] = np.inf
         sees &= hit.min(-1) > r
         lit = np.maximum(np.abs(aside) - half, 0.0) / r  # sine of the angle under which the side is seen
@@ -173,6 +166,14 @@ class GroundTest:
             gap = np.where(better[:, None], found, gap)
         end = estimate.size[:, 0] / 2
         return Split(best > self.surer, best, vector(-end, gap[:, 0]), vector(gap[:, 1], end))
+
+
+def counts(cell: NDArray, there: NDArray) -> NDArray:
+    """Detections (G, CELLS) in the cells (G, M) int where there (G, M) is true."""
+    g, m = np.nonzero(there)
+    n = np.zeros((len(cell), CELLS))
+    np.add.at(n, (g, cell[g, m]), 1.0)
+    return n
 
 
 def shift_of(ground: Ground, estimate: Estimate) -> NDArray:

@@ -35,6 +35,10 @@ class SensorArray(NamedTuple):
         """World poses (S, 3) on a platform (6,)."""
         return compose(platform[:3], self.mount)
 
+    def at(self, sensor: NDArray) -> "SensorArray":
+        """Rows of the sensors (G,) int."""
+        return SensorArray(*(field[sensor] for field in self))
+
     @classmethod
     def of(cls, sensors: tuple[SensorModel, ...]) -> "SensorArray":
         """Arrays of the data sheets."""
