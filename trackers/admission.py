@@ -69,6 +69,12 @@ FIELDS = (
 )
 
 
+class Inside(Scan):
+    """A scan beyond the door: what a layer passes on to the filter that it is around is not examined again."""
+
+    __slots__ = ()
+
+
 class Admitted(NamedTuple):
     """A scan in which every number is plausible, padding included."""
 
@@ -177,13 +183,18 @@ def guarded_update(update: Method) -> Method:
 
     A state is a NamedTuple of arrays, the first a vector (..., n) for each object, its covariances called P. An object
     whose update would not be usable is updated without its detections: its state stays as it was. The information has
-    notes of these objects, and of those with implausible detections.
+    notes of these objects, and of those with implausible detections. Within the door of a layer around the filter only
+    rounding is taken off: the door of the layer sees to the rest.
     """
 
     @wraps(update)
     def checked(self: Any, state: Any, scan: Scan, *rest: Any) -> tuple[Any, Any]:
+        if isinstance(scan, Inside):
+            new, info = update(self, state, scan, *rest)
+            return without_rounding(new, state), info
         lead = next(arrays(state)).shape[:-1]
-        scan, implausible = admit(scan, lead)
+        admitted, implausible = admit(scan, lead)
+        scan = Inside(*admitted)
 
         def attempt(mask: NDArray) -> tuple[Any, Any, NDArray]:
             """New state, information, and the objects (...) whose state can be used."""
@@ -192,8 +203,7 @@ def guarded_update(update: Method) -> Method:
                     new, info = update(self, state, scan._replace(mask=mask), *rest)
             except np.linalg.LinAlgError:
                 return state, None, np.zeros(lead, bool)
-            if new is not state:
-                new = without_rounding(new, state)
+            new = without_rounding(new, state)
             return new, info, usable(new, state, lead)
 
         new, info, good = attempt(scan.mask)
@@ -234,8 +244,11 @@ def usable(new: Any, old: Any, lead: tuple[int, ...]) -> NDArray:
     """
     good = np.ones(lead, bool)
     values = list(changed(new, old))
-    if not values or (np.abs(np.concatenate(values, axis=None)) <= LARGEST).all():
-        return good  # the usual case, decided at little cost
+    if not values:
+        return good
+    every = np.concatenate(values, axis=None)
+    if np.vdot(every, every) <= LARGEST**2:  # the usual case, decided at little cost
+        return good
     for value in values:
         good = good & (np.abs(value) <= LARGEST).all(tuple(range(len(lead), np.ndim(value))))
     return good
@@ -246,6 +259,8 @@ def without_rounding(new: Any, old: Any) -> Any:
 
     `old` is the state before: the rounding is a share of the covariance that the new one was computed from.
     """
+    if new is old:
+        return new
     repaired = {}
     for name, value, before in zip(new._fields, new, old, strict=True):
         definite = value

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from trackers import TRACKERS, Scan, find, prior
+from trackers import TRACKERS, Scan, admission, find, prior
 from trackers.admission import LARGEST, MAX_RANGE, MAX_STEP, admit, guarded_update
 from trackers.batch import stack
 from trackers.linalg import floored
@@ -215,3 +215,40 @@ def test_a_covariance_that_rounding_made_indefinite_is_definite_again_and_others
     np.testing.assert_array_equal(got[[0, 1, 3]], P[[0, 1, 3]])
     np.testing.assert_allclose(got[2], broken[2], atol=1e-10)
     assert floored(P, P) is P
+
+
+class Around(NamedTuple):
+    """The state of a layer around a filter."""
+
+    m: np.ndarray
+    inner: NamedTuple
+
+
+class Layer:
+    """A layer that passes its scan on."""
+
+    def __init__(self, inner):
+        self.inner = inner
+
+    @guarded_update
+    def update(self, state, scan):
+        inner, info = self.inner.update(state.inner, scan)
+        return Around(inner.m, inner), info
+
+
+def test_what_the_door_of_a_layer_let_through_is_not_examined_again(monkeypatch):
+    f = find("rm-feldmann")
+    start = f.init(prior([[21.0, 3.0, 0.1]] * 3, velocity=(10.0, 0.0)))
+    far = start.m.copy()
+    far[1] *= LARGEST
+    start = start._replace(m=far)
+    layer, scan = Layer(f), stack([scan_of()] * 3)
+    state, info = layer.update(Around(start.m, start), scan)
+    alone, _ = f.update(start, scan)
+    for got, want in zip(state.inner, alone, strict=True):
+        np.testing.assert_array_equal(got, want)
+    assert [note.kind for note in info.notes] == ["skipped"]
+    examined = []
+    monkeypatch.setattr(admission, "check_fields", lambda *of: examined.append(of))
+    layer.update(Around(start.m, start), scan)
+    assert len(examined) == 1
