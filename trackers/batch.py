@@ -21,13 +21,17 @@ def _walk(function: Any, *states: Any) -> Any:
     if first is None:
         return None
     if isinstance(first, tuple):
-        return type(first)(*(_walk(function, *leaves) for leaves in zip(*states, strict=True)))
+        return type(first)(*[_walk(function, *leaves) for leaves in zip(*states, strict=True)])
     return function(*states)
 
 
 def take(state: T, index: NDArray) -> T:
     """Rows `index` (integers or a boolean mask) of the first axis of every field."""
-    return _walk(lambda leaf: np.asarray(leaf)[index], state)
+    if state is None:
+        return None
+    if isinstance(state, tuple):
+        return type(state)(*[take(leaf, index) for leaf in state])
+    return np.asarray(state)[index]
 
 
 def keep(state: T, mask: NDArray) -> T:

@@ -156,8 +156,8 @@ class Ends:
         box = self.box(inner)
         turned = np.cos(box.pose[..., 2] - before) < 0  # front and rear changed places
         anchor = np.where(turned[..., None], -state.anchor, state.anchor)
-        new = self._look(state._replace(inner=inner), box, anchor, scan, around)
-        return (new if some.all() else select(some, new, state)), info
+        new = self._look(state._replace(inner=inner), box, anchor, scan, around)  # rows without a detection stay
+        return (new if some.all() else new._replace(inner=select(some, new.inner, state.inner))), info
 
     def estimate(self, state: EndsState) -> Estimate:
         """The inner filter's, with size, class, and the place of the centre between both ends."""
