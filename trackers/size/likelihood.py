@@ -50,8 +50,10 @@ def log_likelihood(grid: Grid, z: Depths, start: NDArray, eps: float) -> NDArray
     length = np.maximum(grid.sizes - inner, z.least[:, None])
     for room in z.rooms:
         g = room.rows
-        open_ = by_size_and_offset(room.far, N) - room.near[:, None] - inner[g, None]
-        p[g] *= length[g, :, None] / np.maximum(open_, z.least[g, None, None])  # (ENDS.5)
+        shown = by_size_and_offset(room.far, N) - room.near[:, None]  # in place from here on: a large array
+        shown -= inner[g, None]
+        np.maximum(shown, z.least[g, None, None], out=shown)
+        p[g] *= np.divide(length[g, :, None], shown, out=shown)  # (ENDS.5)
     p *= ((1 - eps) * even[:, None] / length)[..., None]  # (ENDS.5)
     behind, var = z.behind[:, 0], z.sigma**2 + z.behind[:, 1] ** 2
     height = (1 - eps) * z.face / np.sqrt(2 * np.pi * var)
