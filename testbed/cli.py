@@ -239,7 +239,7 @@ def record(
 
 @app.command()
 def review(
-    path: Annotated[list[Path], typer.Argument(help="Logs (.rrd) of runs.")],
+    path: Annotated[list[Path] | None, typer.Argument(help="Logs (.rrd) of runs.")] = None,
     web: Annotated[bool, typer.Option("--web", help="Serve the viewer to a browser on this machine.")] = False,
     screenshot: Annotated[Path | None, typer.Option(help="Write a picture (.png) instead of opening a window.")] = None,
     at: Annotated[
@@ -255,6 +255,10 @@ def review(
         Path | None,
         typer.Option(help="Write the run as one page (.html) for a browser instead; nothing else is needed."),
     ] = None,
+    report: Annotated[
+        Path | None,
+        typer.Option(help="Show a folder of results in a browser on this machine, with a page of every log."),
+    ] = None,
 ) -> None:
     """Open the logs of runs in the viewer, or make a page, an animation or a picture of one.
 
@@ -262,9 +266,19 @@ def review(
     Example: [bold]testbed review runs/a.rrd --html a.html[/bold]
     Example: [bold]testbed review runs/a.rrd --gif a.gif[/bold]
     Example: [bold]testbed review runs/a.rrd --screenshot a.png --at 9 --view overview[/bold]
+    Example: [bold]testbed review --report runs/compare[/bold]
     """
+    if report is not None:
+        from testbed.review_page.server import serve
+
+        with user_input():
+            if path or web or (screenshot, gif, html) != (None, None, None):
+                raise ValueError("--report shows a whole folder; leave out logs and other options, or call twice")
+            serve(report, lambda address: console.print(f"report   {address}\nCtrl-C ends it", highlight=False))
+        return
     from testbed.log import review as reviewing
 
+    path = path or []
     if html is not None:
         from testbed.review_page.page import write
 

@@ -147,6 +147,9 @@ def test_two_runs_at_once_leave_whole_files(tmp_path):
         (["review", "nowhere.rrd"], ["nowhere.rrd", "testbed run"]),
         (["review", "FILE"], ["is not a review log", ".rrd"]),
         (["review", "FILE", "--at", "3"], ["FILE"]),
+        (["review"], ["at least one log", "testbed run"]),
+        (["review", "--report", "nowhere"], ["no folder nowhere", "--out"]),
+        (["review", "FILE", "--report", "."], ["--report shows a whole folder"]),
         (["calibrate", "--data", "nowhere"], ["nowhere", "objects.npz"]),
     ],
 )

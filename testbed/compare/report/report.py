@@ -1,20 +1,20 @@
 """The report of a comparison: one page with the verdict in words, all tables, the figures and links to the logs."""
 
-import os
-import shlex
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
-from urllib.parse import quote
 
 import pandas as pd
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from testbed.compare.report import figures
+from testbed.compare.report import figures, grouping
+from testbed.compare.report import links as report_links
 from testbed.compare.report import logs as log_files
 from testbed.compare.report import tables as report_tables
 from testbed.compare.report import words as report_words
+from testbed.compare.report.links import LogFiles, href
+from testbed.compare.report.ranking import ranking
 from testbed.compare.report.tables import Grid
 from testbed.compare.runs.config import read_settings
 from testbed.compare.runs.engine import Engine
@@ -35,9 +35,7 @@ class LogLink(NamedTuple):
     """A line of the table of logs."""
 
     pick: log_files.Pick
-    href: str  # relative to the page, empty where there is no log
-    command: str
-    note: str
+    log: LogFiles
 
 
 def write_report(
@@ -88,9 +86,10 @@ def render(
     return _template().render(
         **_about(results, tally),
         **tables,
-        figures=[(d, _href(d.svg, folder), _href(d.png, folder)) for d in drawn],
+        figures=[(d, href(d.svg, folder), href(d.png, folder)) for d in drawn],
         links=links,
-        failed=tally.failed if tally else [],
+        no_logs=_common_note(links),
+        failures=grouping.failures(tally.failed if tally else []),
         missing=results.missing,
     )
 
@@ -125,6 +124,8 @@ def tables_of(results: Results, bands: dict[str, pd.DataFrame]) -> dict[str, Any
         "caveats": report_words.caveats(results, main),
         "open_questions": unresolved(main),
         "differences_known": sum(c.difference is not None for c in main),
+        "ranking": ranking(results, main),
+        "reach": grouping.reach(results),
         "overview": report_tables.overview(main, baseline) if main else None,
         "differences": report_tables.differences(main, baseline) if several else None,
         "by_scenario": report_tables.by_scenario(scenarios, baseline) if scenarios else None,
@@ -220,13 +221,11 @@ def _logs(
     links = []
     for pick in found:
         path = log_files.log_path(pick.task, results.comparison, folder)
-        if path.exists():
-            links.append(LogLink(pick, _href(path, folder), f"testbed review {shlex.quote(str(path))}", ""))
-        else:
-            links.append(LogLink(pick, "", "", notes.get(pick.task.name, NO_LOG)))
+        links.append(LogLink(pick, report_links.found(path, folder, notes.get(pick.task.name, NO_LOG))))
     return links
 
 
-def _href(path: Path, folder: Path) -> str:
-    """Address of a file as seen from the page."""
-    return quote(Path(os.path.relpath(path, folder)).as_posix(), safe="/")
+def _common_note(links: Sequence[LogLink]) -> str:
+    """Why there is no log at all, empty where some are there or the reasons differ."""
+    notes = {link.log.note for link in links}
+    return notes.pop() if len(notes) == 1 else ""

@@ -5,6 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from testbed.command_line.tables import number
+from testbed.compare.report.grouping import listed, reach
+from testbed.compare.report.ranking import order as by_gospa
 from testbed.compare.report.tables import bounds
 from testbed.compare.runs.measures import KEYS, MAIN, badness
 from testbed.compare.runs.results import Results
@@ -17,7 +19,7 @@ BESIDES = tuple(key for key in MAIN if key != "gospa")
 
 def verdict(results: Results, cells: Sequence[Cell]) -> list[str]:
     """Best in GOSPA and whether that is resolved, the others against the reference, then the other measures."""
-    order = _by_gospa(cells)
+    order = by_gospa(cells)
     if not order:
         return ["No run has a GOSPA yet, so there is nothing to compare."]
     sentences = [_best(results, order)]
@@ -34,18 +36,7 @@ def caveats(results: Results, cells: Sequence[Cell]) -> list[str]:
     if len(comparison.seeds) < FEWEST:
         few = f"{_count(len(comparison.seeds), 'seed')} {'is' if len(comparison.seeds) == 1 else 'are'}"
         found.append(f"{few} too few for intervals: {FEWEST} are the least.")
-    lacking = {t: sum(task.tracker == t for task in results.missing) for t in comparison.trackers}
-    each = len(comparison.scenarios) * len(comparison.seeds)
-    for tracker, count in lacking.items():
-        if count == each:
-            found.append(f"{tracker} has no finished run and is left out.")
-        elif count:
-            found.append(f"{tracker} lacks {count} of {each} runs: its means are over the others, see below.")
-    blind = {c.tracker for c in cells if c.measure == "rmse_position" and not np.isfinite(c.mean.value)}
-    known = {c.tracker for c in cells if c.measure == "rmse_position"}
-    for tracker in comparison.trackers:
-        if lacking[tracker] < each and (tracker in blind or tracker not in known):
-            found.append(f"{tracker} never tracked an object, so it has no errors of position, velocity and extent.")
+    found += [*_lacking(results), *_blind(results, cells), *_unreached(results)]
     count = sum(c.difference is not None and np.isfinite(c.difference.mean.low) for c in cells)
     if count >= 20:
         found.append(
@@ -55,9 +46,53 @@ def caveats(results: Results, cells: Sequence[Cell]) -> list[str]:
     return found
 
 
-def _by_gospa(cells: Sequence[Cell]) -> list[Cell]:
-    found = [c for c in cells if c.measure == "gospa" and np.isfinite(c.mean.value)]
-    return sorted(found, key=lambda c: c.mean.value)
+def _missing(results: Results) -> dict[str, int]:
+    """Number of missing runs of each tracker."""
+    return {t: sum(task.tracker == t for task in results.missing) for t in results.comparison.trackers}
+
+
+def _each(results: Results) -> int:
+    """Number of runs that each tracker should have."""
+    return len(results.comparison.scenarios) * len(results.comparison.seeds)
+
+
+def _lacking(results: Results) -> list[str]:
+    """A sentence for all trackers that lack the same number of runs."""
+    alike: dict[int, list[str]] = {}
+    for tracker, count in _missing(results).items():
+        alike.setdefault(count, []).append(tracker)
+    alike.pop(0, None)
+    each, said = _each(results), []
+    for count, names in alike.items():
+        one = len(names) == 1
+        if count == each:
+            has = "has no finished run and is" if one else "have no finished run and are"
+            said.append(f"{listed(names)} {has} left out.")
+        else:
+            lack, their = ("lacks", "its") if one else ("lack", "their")
+            apiece = "" if one else " each"
+            said.append(
+                f"{listed(names)} {lack} {count} of {each} runs{apiece}: {their} means are over the others, see below."
+            )
+    return said
+
+
+def _blind(results: Results, cells: Sequence[Cell]) -> list[str]:
+    """A sentence for all trackers that have runs, but no track on any object."""
+    missing, each = _missing(results), _each(results)
+    seeing = {c.tracker for c in cells if c.measure == "rmse_position" and np.isfinite(c.mean.value)}
+    names = [t for t in results.comparison.trackers if missing[t] < each and t not in seeing]
+    if not names:
+        return []
+    it = "it has" if len(names) == 1 else "they have"
+    return [f"{listed(names)} never tracked an object, so {it} no errors of position, velocity and extent."]
+
+
+def _unreached(results: Results) -> list[str]:
+    """A sentence for the phases of the maneuver in which no run has a scan."""
+    empty = [phase.text for phase in reach(results) if not phase.reached]
+    phases = "this phase" if len(empty) == 1 else "these phases"
+    return [f"{listed(empty)}: no mean is of {phases} of the maneuver."] if empty else []
 
 
 def _best(results: Results, order: Sequence[Cell]) -> str:

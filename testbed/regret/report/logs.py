@@ -1,6 +1,5 @@
 """Logs of the worst pairs: the drive on the truth and the drive on tracks, side by side on one timeline."""
 
-import shlex
 from contextlib import closing
 from pathlib import Path
 from typing import NamedTuple
@@ -76,11 +75,6 @@ def replayed(task: Task, settings: Settings) -> Replayed:
         drive_through(env, task)
         road = road_geometry(lane_shapes(env.get_wrapper_attr("unwrapped").road.network))
     return Replayed(observer, frames, road)
-
-
-def command(task: Task, out: Path) -> str:
-    """How to open the log of a pair."""
-    return f"testbed review {shlex.quote(str(log_path(task, out)))}"
 
 
 def made(outcomes: list[Outcome]) -> int:

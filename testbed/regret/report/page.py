@@ -1,15 +1,17 @@
 """The report page of a study: tables, figures, logs of the worst pairs."""
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
-from urllib.parse import quote
 
+import numpy as np
 import pandas as pd
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
+from testbed.compare.report import links
 from testbed.compare.report.figures import FOLDER, FigureFiles
+from testbed.compare.report.grouping import failures
+from testbed.compare.report.links import LogFiles, href
 from testbed.compare.report.report import seeds_text
 from testbed.compare.runs.tasks import FAILED, Outcome
 from testbed.compare.runs.work import Tally
@@ -29,7 +31,8 @@ ATTRIBUTED = ("J", "drac_max", "progress")  # measures that are taken apart
 PARTS = (
     ("verdict", "Verdict"), ("overview", "Overview"), ("total", "Total"), ("tracking", "Tracking"),
     ("sensing", "Sensing"), ("attribution", "Attribution"), ("doses", "Doses"), ("errors", "Errors"),
-    ("figures", "Figures"), ("worst", "Worst pairs"), ("runs", "Drives"),
+    ("figures", "Figures"), ("worst", "Worst pairs"), ("runs", "Failures"),
+    ("about", "Provenance"),
 )  # fmt: skip
 
 
@@ -114,9 +117,9 @@ def render(
         facts=facts,
         open_questions=analysis.unresolved(found.total),
         one_sided=analysis.one_sided(found.total),
-        figures=[(d, _href(d.svg, folder), _href(d.png, folder)) for d in drawn],
+        figures=[(d, href(d.svg, folder), href(d.png, folder)) for d in drawn],
         logs=[_log(pair, o, folder) for pair, o in zip(found.worst, outcomes, strict=False)],
-        failed=tally.failed,
+        failures=failures(tally.failed),
         missing=results.missing,
         **grids(found),
     )
@@ -126,7 +129,7 @@ def grids(found: Findings) -> dict[str, Any]:
     """All tables by their names in the template, None for what there are no data for."""
     vs_truth, vs_view = "Drive on tracks minus drive on the truth.", "Drive minus drive on what is in view."
     return {
-        "overview": found.together and tables.overview(found.together, "J on the truth minus J on tracks [s]."),
+        "overview": found.together and tables.overview(ranked(found.together), "J on the truth minus J on tracks [s]."),
         "total": found.total and tables.changes(found.total, vs_truth),
         "tracking": found.tracking and tables.changes(found.tracking, vs_view),
         "sensing": found.sensing
@@ -136,6 +139,14 @@ def grids(found: Findings) -> dict[str, Any]:
         "errors": found.ranks and tables.correlation(found.ranks),
         "worst": found.worst and tables.worst(found.worst),
     }
+
+
+def ranked(cells: Sequence[Cell]) -> list[Cell]:
+    """Cells over all scenarios, those of the condition with the least mean regret J over the planners first."""
+    cost: dict[str, list[float]] = {}
+    for cell in _only_J(cells):
+        cost.setdefault(cell.condition, []).append(-cell.change.mean.value)
+    return sorted(cells, key=lambda c: float(np.mean(cost.get(c.condition, [np.inf]))))
 
 
 def drawable(
@@ -149,11 +160,11 @@ def _only_J(cells: Sequence[Cell]) -> list[Cell]:
     return [c for c in cells if c.measure == "J"]
 
 
-def _log(pair: analysis.WorstPair, outcome: Outcome, folder: Path) -> tuple[str, str, str]:
-    """Name, address and command of the log of a pair; without a log the reason in place of the command."""
+def _log(pair: analysis.WorstPair, outcome: Outcome, folder: Path) -> tuple[str, LogFiles]:
+    """Name of a pair, and its log."""
     if outcome.status == FAILED:
-        return pair.task.name, "", outcome.note
-    return pair.task.name, _href(logs.log_path(pair.task, folder), folder), logs.command(pair.task, folder)
+        return pair.task.name, LogFiles(note=outcome.note)
+    return pair.task.name, links.found(logs.log_path(pair.task, folder), folder, "not here")
 
 
 def _template() -> Any:
@@ -162,8 +173,3 @@ def _template() -> Any:
         loader=ChoiceLoader(loaders), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     return environment.get_template(TEMPLATE)
-
-
-def _href(path: Path, folder: Path) -> str:
-    """Address of a file as seen from the page."""
-    return quote(Path(os.path.relpath(path, folder)).as_posix(), safe="/")

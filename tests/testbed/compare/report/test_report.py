@@ -1,6 +1,7 @@
 """The page of a comparison: what it says, where it leads, and what it does with little or odd input."""
 
 import json
+import re
 import shutil
 from dataclasses import replace
 from html.parser import HTMLParser
@@ -11,8 +12,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from testbed.compare.report import logs
+from testbed.compare.report import links, logs
 from testbed.compare.report import words as report_words
+from testbed.compare.report.grouping import failures
+from testbed.compare.report.ranking import ranking
 from testbed.compare.report.report import bands_of, render, seeds_text, tables_of, write_report
 from testbed.compare.runs.config import SETTINGS, Comparison, Settings, Task, identity
 from testbed.compare.runs.engine import Engine
@@ -99,7 +102,8 @@ def test_every_link_leads_to_a_file_or_a_part_of_the_page(page):
 
 
 def test_the_page_needs_nothing_from_outside(page):
-    assert not {"script", "link", "iframe"} & set(page.tags)
+    assert not {"link", "iframe"} & set(page.tags)
+    assert "<script src" not in page.path.read_text()
     assert "url(" not in page.path.read_text()
     assert "@import" not in page.path.read_text()
 
@@ -143,7 +147,7 @@ def test_nothing_that_comes_from_outside_is_taken_for_markup(tmp_path):
     comparison = Comparison(("cut-in",), ("good", "a<b>&c"), (0, 1, 2), out=str(tmp_path))
     failed = [Outcome(f"cut-in_{evil}", FAILED, f"Traceback {evil}")]
     page = written(make(comparison), tmp_path, Tally(failed=failed))
-    assert "script" not in page.tags
+    assert page.tags.count("script") == 1  # ours
     assert f"Traceback {evil}" in page.by_section["runs"]
     assert "a<b>&c" in page.by_section["overview"]
 
@@ -176,7 +180,62 @@ def test_a_folder_without_a_finished_run_says_so(tmp_path):
     page = Page(write_report(collect(comparison), Tally(failed=failed)))
     check_links(page)
     assert "nothing to compare" in page.by_section["verdict"]
-    assert page.by_section["runs"].count("ZeroDivisionError") == 6
+    assert page.by_section["runs"].count("6 failed: ZeroDivisionError") == 1
+    assert all(task.name in page.by_section["runs"] for task in comparison.tasks)
+
+
+def test_the_verdict_stands_first_and_the_provenance_last(page):
+    sections = [i for i in page.ids if i in page.by_section]
+    assert sections[:2] == ["verdict", "ranking"]
+    assert sections[-1] == "about"
+
+
+def test_the_ranking_has_the_best_first_whatever_order_the_trackers_were_named_in(tmp_path):
+    comparison = Comparison(("cut-in", "merge"), TRACKERS, (0, 1, 2, 3), reference="bad", out=str(tmp_path))
+    made = make(comparison)
+    turned = made._replace(comparison=replace(comparison, trackers=TRACKERS[::-1]))
+    grid = ranking(turned, list(cells(turned, MAIN)))
+    assert [line.name for line in grid.lines] == ["good", "fair", "bad"]
+    assert [line.fields[0].text for line in grid.lines] == ["1", "2", "3"]
+    behind = [float(line.fields[2].text) for line in grid.lines[1:]]
+    means = made.runs.groupby("tracker")["gospa"].mean()
+    assert behind == pytest.approx([means["fair"] - means["good"], means["bad"] - means["good"]], abs=0.006)
+
+
+def test_rows_of_scenarios_are_marked_for_the_filter_and_the_page_is_whole_without_it(page):
+    text = page.path.read_text()
+    assert text.count('<tr data-scenario="merge">') == page.by_section["logs"].count("merge") + 1
+    assert not re.search(r"<\w[^>]*\shidden", text.partition("<script>")[0])
+
+
+def test_a_phase_that_no_run_reaches_is_said_with_its_count(tmp_path):
+    found = make(Comparison(("cut-in",), TRACKERS, (0, 1, 2), out=str(tmp_path)))
+    found.spans.loc[(found.spans["phase"] == "after"), "gospa"] = np.nan
+    page = written(found, tmp_path)
+    assert "after: 0 of 9 runs: no mean is of this phase" in page.text
+    assert "during: 9 of 9 runs, after: 0 of 9 runs" in page.by_section["phases"]
+
+
+def test_trackers_that_lack_as_many_runs_are_one_sentence(tmp_path):
+    gone = (Task("cut-in", "fair", 1), Task("cut-in", "bad", 2))
+    page = written(make(Comparison(("cut-in",), TRACKERS, (0, 1, 2), out=str(tmp_path)), gone=gone), tmp_path)
+    assert "fair and bad lack 1 of 3 runs each: their means" in page.text
+
+
+def test_failures_are_grouped_by_their_reason_the_most_frequent_first():
+    outcomes = [Outcome(f"run{k}", FAILED, f"Traceback {k}\n{why}\n") for k, why in enumerate(["A: 1", "B: 2", "B: 2"])]
+    found = failures([*outcomes, Outcome("run3", FAILED, "")])
+    assert [(f.reason, len(f.outcomes)) for f in found] == [("B: 2", 2), ("A: 1", 1), ("no reason was given", 1)]
+
+
+def test_a_page_of_a_log_is_linked_where_it_was_written(tmp_path):
+    log = tmp_path / "logs" / "a b.rrd"
+    assert links.found(log, tmp_path, "not here") == links.LogFiles(note="not here")
+    log.parent.mkdir()
+    log.touch()
+    assert links.found(log, tmp_path, "").page == ""
+    log.with_suffix(".html").touch()
+    assert links.found(log, tmp_path, "")[:2] == ("logs/a%20b.rrd", "logs/a%20b.html")
 
 
 def test_missing_runs_are_named(tmp_path):
