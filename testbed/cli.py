@@ -339,6 +339,11 @@ def check(
 
 @app.command()
 def bench(
+    scenario: Annotated[
+        list[str] | None, typer.Argument(help="Names of `testbed list scenarios`. Without any name: all benchmarks.")
+    ] = None,
+    tracker: Annotated[list[str] | None, typer.Option(help="Repeat for several, on the same scans.")] = None,
+    radar: Annotated[list[str] | None, typer.Option(help="Repeat for several, one after the other.")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Fewer repetitions.")] = False,
     docs: Annotated[
         Path | None, typer.Option(help="Measure against the goals instead, and write the page speed.md there.")
@@ -346,9 +351,16 @@ def bench(
 ) -> None:
     """Measure speed: ratios of CPU times that are taken in turn in this run.
 
+    With a scenario, tracker or radar: what a frame costs with these, where the
+    planner gets the tracks of the first tracker.
+
     Example: [bold]testbed bench --quick[/bold]
+    Example: [bold]testbed bench cut-in --tracker rm-koch --tracker imm-spline --radar imaging[/bold]
     Example: [bold]testbed bench --docs docs[/bold]
     """
+    if scenario or tracker or radar:
+        _bench_chosen(scenario, tracker, radar, quick, docs)
+        return
     if docs is not None:
         from testbed.speed import page
 
@@ -365,6 +377,26 @@ def bench(
         task = bar.add_task("benchmarks", total=1)
         report = benching.measure(
             quick, lambda done, total, what: bar.update(task, completed=done, total=total, description=what)
+        )
+    for table in report:
+        console.print(table)
+
+
+def _bench_chosen(
+    scenario: list[str] | None, tracker: list[str] | None, radar: list[str] | None, quick: bool, docs: Path | None
+) -> None:
+    """The cost of a frame with what was named."""
+    from testbed.speed import chosen
+
+    with user_input():
+        if docs is not None:
+            raise ValueError("--docs writes the page of all goals; leave out scenarios, trackers and radars")
+        choice = chosen.Choice.of(scenario, tracker, radar, quick)
+        choice.check()
+    with progress_bar("part {task.completed:.0f} / {task.total:.0f}") as bar:
+        task = bar.add_task("benchmarks", total=1)
+        report = chosen.measure(
+            choice, lambda done, total, what: bar.update(task, completed=done, total=total, description=what)
         )
     for table in report:
         console.print(table)

@@ -4,11 +4,11 @@ from collections.abc import Mapping
 from contextlib import closing
 from typing import Any, NamedTuple
 
-from scenarios import SCENARIOS, Scenario, find
+from scenarios import SCENARIOS, Scenario
 from scenarios.probes import PROBES
 from sensors import find as find_radar
 from testbed.environment.perception import tracker_of
-from testbed.environment.registration import make
+from testbed.environment.registration import make, scenario_of
 from testbed.evaluation.driving import DriveEvaluator, DriveMeasures
 from testbed.frame import Observer
 from testbed.planners import begin, settings
@@ -37,11 +37,16 @@ def find_probe(name: str) -> Scenario:
     """A probe of the catalogue, or a scenario of a user that has a parameter.
 
     Raises:
-        LookupError: there is none; the nearest name is suggested.
+        LookupError: there is none, and the nearest name is suggested; or it has no parameter.
     """
     if not is_own(name, {**PROBES, **SCENARIOS}):
         return look_up(name, PROBES, "probe")
-    found = find(name)
+    found = scenario_of(name)
+    if not isinstance(found, Scenario):
+        raise LookupError(
+            f"{name} is an environment of highway-env, of which nothing says what makes it harder; "
+            "probe a scenario with `parameters`, see docs/own-code.md"
+        )
     if not found.parameters:
         raise LookupError(f"{name} has no parameter that can be made harder; give its Scenario `parameters`")
     return found

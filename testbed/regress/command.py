@@ -10,7 +10,6 @@ from joblib import cpu_count
 from rich.console import Console
 from rich.progress import Progress
 
-from scenarios import find as find_scenario
 from sensors.fault_text import split_faults
 from testbed.command_line.terminal import stages, user_input
 from testbed.compare.command import show_tally
@@ -21,6 +20,7 @@ from testbed.compare.runs.replay import write_log
 from testbed.compare.runs.results import Results, collect, write_runs
 from testbed.compare.runs.tasks import RecordingTask, obtain
 from testbed.compare.runs.work import execute
+from testbed.environment.registration import scenario_of
 from testbed.files import check_target, make_directory, versions
 from testbed.regress import junit, tables
 from testbed.regress.baselines import NONE, Baselines, Update, load, merge, save
@@ -62,7 +62,7 @@ def prepare(options: Options) -> Baselines:
     suite = options.suite
     comparison = suite.comparison  # finds repeated names
     for scenario in suite.scenarios:
-        find_scenario(split_faults(scenario)[0])
+        scenario_of(split_faults(scenario)[0])
     for tracker in suite.trackers:
         build(tracker, (SensorModel(),))
     check_engine(options.engine)
@@ -186,7 +186,7 @@ def _update(options: Options, old: Baselines, results: Results, findings: Findin
         console.print(f"[red]baselines are left as they were: {len(findings.failed)} results failed[/red]")
         return 1
     today = Update(datetime.now(UTC).date().isoformat(), versions())
-    dropped = orphans(old) if options.suite.complete else []
+    dropped = orphans(old, options.suite) if options.suite.complete else []
     new = merge(old, measured(results, options.suite), today, [key for key in old.values if key not in dropped])
     save(new, options.suite, options.path)
     console.print(f"Baselines of {today.date}:\n", highlight=False)

@@ -56,7 +56,7 @@ def examine(results: Results, tally: Tally, suite: Suite, baselines: Baselines) 
         judge(values, baselines.values),
         failed,
         [key for key in cells if key not in baselines.values and key not in failed],
-        orphans(baselines),
+        orphans(baselines, suite),
         _seconds(results.seconds),
     )
 
@@ -78,9 +78,10 @@ def failures(results: Results, tally: Tally) -> dict[Key, str]:
     return {(task.tracker, task.scenario): notes.get(task.name, UNREAD) for task in results.missing}
 
 
-def orphans(baselines: Baselines) -> list[Key]:
-    """Baselines of trackers and scenarios that are no longer in the catalogues."""
-    return [key for key in baselines.values if key[0] not in TRACKERS or key[1] not in CASES]
+def orphans(baselines: Baselines, suite: Suite) -> list[Key]:
+    """Baselines of trackers and scenarios that are no longer in the catalogues, nor asked for by a name of the user."""
+    trackers, scenarios = {*TRACKERS, *suite.trackers}, {*CASES, *suite.scenarios}
+    return [key for key in baselines.values if key[0] not in trackers or key[1] not in scenarios]
 
 
 def worst_run(findings: Findings, values: Mapping[Key, Mapping[str, NDArray]], baselines: Baselines) -> tuple[Key, int]:

@@ -14,7 +14,7 @@ DOCS = Path(__file__).parents[2] / "docs"
 PAGE = (DOCS / "own-code.md").read_text()
 COMMANDS = [line for block in re.findall(r"```bash\n(.*?)```", PAGE, re.S) for line in block.splitlines()]
 CONFIG = re.search(r"such as `(\{.*?\})`", PAGE).group(1)
-SLOW = {"compare", "regret"}
+SLOW = {"bench", "compare", "regret"}
 
 
 @pytest.fixture

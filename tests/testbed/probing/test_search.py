@@ -74,6 +74,9 @@ def test_the_command_finds_limits_and_finds_them_again(tmp_path):
     ("options", "sentence"),
     [
         (("probe-brak",), "did you mean 'probe-brake'"),
+        (("highway-v0",), "highway-v0 is an environment of highway-env"),
+        (("highwy-v0",), "did you mean 'highway-v0'"),
+        (("docs.examples.own_scenario:scenario",), "no parameter that can be made harder"),
         (("probe-brake", "--search", "gab"), "did you mean 'gap'"),
         (("probe-brake", "--tracker", "truth"), "the truth is what a tracker is compared with"),
         (("probe-brake", "--resolution", "0"), "resolution must be positive"),

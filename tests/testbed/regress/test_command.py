@@ -10,7 +10,10 @@ from xml.etree import ElementTree
 
 import pytest
 
-from testbed.regress.command import COMMITTED
+from testbed.regress.baselines import NONE
+from testbed.regress.command import COMMITTED, Options, prepare
+from testbed.regress.findings import orphans
+from testbed.regress.suite import Suite
 
 TESTBED = [sys.executable, "-m", "testbed", "regress"]
 PLAIN = {**os.environ, "COLUMNS": "160", "NO_COLOR": "1", "TERM": "dumb"}
@@ -184,3 +187,12 @@ def test_the_help_has_examples(told):
     done = told("--help")
     assert done.status == 0
     assert "testbed regress --update --tracker htg-map" in done.out
+
+
+def test_a_scenario_of_the_user_and_one_of_highway_env_have_baselines_of_their_own(tmp_path):
+    scenarios = ("docs.examples.own_scenario:scenario", "highway-v0:vehicles_count=2,duration=1")
+    suite = Suite.of(scenarios, ("rm-koch",), str(tmp_path))
+    key = ("rm-koch", scenarios[1])
+    old = NONE._replace(values={key: {}, ("rm-koch", "gone"): {}})
+    assert orphans(old, suite) == [("rm-koch", "gone")]
+    prepare(Options(suite, update=True, baselines=tmp_path / "none.json"))

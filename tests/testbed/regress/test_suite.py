@@ -18,4 +18,4 @@ def test_the_fault_matrix_has_every_kind_and_can_be_run():
 
 def test_baselines_of_faults_that_are_no_longer_in_the_matrix_are_gone():
     values = {("rm-koch", f"cut-in+{fault}"): {} for fault in (FAULTS[0], "drop:0.9")}
-    assert orphans(NONE._replace(values=values)) == [("rm-koch", "cut-in+drop:0.9")]
+    assert orphans(NONE._replace(values=values), Suite()) == [("rm-koch", "cut-in+drop:0.9")]

@@ -1,0 +1,116 @@
+"""What a frame costs with the scenarios, radars and trackers that a user names."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import closing
+from itertools import product
+from statistics import median
+from tempfile import TemporaryDirectory
+from time import perf_counter
+from typing import Any, NamedTuple
+
+from rich.markup import escape
+from rich.table import Table
+
+from testbed.bench import Progress
+from testbed.command_line.tables import light_table
+from testbed.planners import begin
+from testbed.planners import find as find_planner
+from testbed.run import RunConfig, check, make_env
+from trackers import DEFAULT
+
+SECONDS = 10  # simulated, of each scenario
+QUICK = 3
+
+
+class Choice(NamedTuple):
+    """What is measured, by names as `testbed run` takes them; every scenario is driven with every radar."""
+
+    scenarios: Sequence[str]
+    trackers: Sequence[str]
+    radars: Sequence[str]
+    seconds: int = SECONDS
+
+    @classmethod
+    def of(
+        cls, scenarios: Sequence[str] | None, trackers: Sequence[str] | None, radars: Sequence[str] | None, quick: bool
+    ) -> "Choice":
+        """What was named, with the defaults of `testbed run` for the rest."""
+        seconds = QUICK if quick else SECONDS
+        return cls(scenarios or ["cut-in"], trackers or [DEFAULT], radars or [RunConfig.radar], seconds)
+
+    def configs(self, out: str) -> list[RunConfig]:
+        """A run for each scenario and radar."""
+        return [
+            RunConfig(scenario, tuple(self.trackers), radar, out=out, log="off", metrics=False)
+            for scenario, radar in product(self.scenarios, self.radars)
+        ]
+
+    def check(self) -> None:
+        """Raise LookupError or ValueError, in one sentence, for what cannot be run."""
+        with TemporaryDirectory() as out:
+            for run in self.configs(out):
+                check(run)
+
+
+class Spent(NamedTuple):
+    """Wall time [s] of one decision, or until now."""
+
+    radar: float
+    trackers: tuple[float, ...]
+    simulation: float  # with planner and observation
+
+
+def measure(choice: Choice, progress: Progress) -> list[Table]:
+    """A table a scenario and radar; progress(done, total, name) before each."""
+    tables = []
+    with TemporaryDirectory() as out:
+        runs = choice.configs(out)
+        for k, run in enumerate(runs):
+            progress(k, len(runs), run.scenario)
+            with closing(make_env(run)) as env:
+                frames = env.unwrapped.config["simulation_frequency"] / env.unwrapped.config["policy_frequency"]  # type: ignore[attr-defined]
+                tables.append(table(run, list(decisions(env, run, choice.seconds)), frames))
+        progress(len(runs), len(runs), "done")
+    return tables
+
+
+def decisions(env: Any, run: RunConfig, seconds: int) -> Iterator[Spent]:
+    """What each decision of so many simulated seconds took; an episode that ends earlier is followed by the next."""
+    planner = find_planner(run.planner)
+    done, seed = True, run.seed
+    for _ in range(seconds * env.unwrapped.config["policy_frequency"]):
+        if done:
+            env.reset(seed=seed)
+            begin(planner, env)
+            seed += 1
+        before, start = _spent(env), perf_counter()
+        action, env.plan = planner.choose(env)
+        _, _, terminated, truncated, _ = env.step(action)
+        wall, after = perf_counter() - start, _spent(env)
+        done = terminated or truncated
+        radar = after.radar - before.radar
+        trackers = tuple(b - a for a, b in zip(before.trackers, after.trackers, strict=True))
+        yield Spent(radar, trackers, wall - radar - sum(trackers))
+
+
+def table(run: RunConfig, spent: Sequence[Spent], frames: float) -> Table:
+    """Medians over the decisions, a frame; ratios are medians of the ratios of one decision, on the same scans."""
+    shown = light_table(f"{run.scenario}, radar {run.radar}: wall time a frame, medians of {len(spent)} decisions")
+    for head in ("", "[ms]", f"times {run.trackers[0]}", "times the simulation"):
+        shown.add_column(escape(head), justify="right" if head else "left")
+    parts = [(name, [s.trackers[k] for s in spent]) for k, name in enumerate(run.trackers)]
+    first, simulation = parts[0][1], [s.simulation for s in spent]
+    for name, times in [*parts, ("scene and radar", [s.radar for s in spent]), ("simulation, planner", simulation)]:
+        shown.add_row(
+            escape(name), f"{1e3 * median(times) / frames:.2f}", _ratio(times, first), _ratio(times, simulation)
+        )
+    return shown
+
+
+def _ratio(times: Sequence[float], others: Sequence[float]) -> str:
+    return f"{median(a / b for a, b in zip(times, others, strict=True)):.2f}"
+
+
+def _spent(env: Any) -> Spent:
+    """Wall time so far of what is measured by itself."""
+    return Spent(env.seconds["sense"], tuple(cost.seconds for cost in env.costs.values()), 0.0)
