@@ -36,6 +36,8 @@ def contents(path: str | Path) -> dict[str, Any]:
         raise ValueError(f"the log {path} has no step")
     run = groups.get("run", {})
     trackers = str(run.get("trackers", "")).split()
+    if not trackers:
+        raise ValueError(f"the log {path} is of several drives, or of none with a tracker; `testbed review` opens it")
     tables = {name: json.loads(str(text)) for name, text in groups.get("tables", {}).items()}
     steps = list(times)
     shapes = Shapes()

@@ -23,7 +23,8 @@ LOOPBACK = "127.0.0.1"
 REPORT = "report.html"
 HTML, LOG = ".html", ".rrd"
 MOST = 500  # logs in the list of a folder without a report
-LINK = re.compile(r'(?:<a href="[^"]+\.html">page</a> )?<a href="([^"]+)\.rrd">rrd</a>')
+PAIR = "_beside_truth"  # ends the name of a log of two drives, which has no page
+LINK = re.compile(rf'(?:<a href="[^"]+\.html">page</a> )?<a href="([^"]+)(?<!{PAIR})\.rrd">rrd</a>')
 
 
 class Pages:
@@ -65,9 +66,9 @@ class Handler(SimpleHTTPRequestHandler):
             return self._refuse(HTTPStatus.FORBIDDEN, "that file is not in the folder that is shown")
         if path == self.root:
             report = path / REPORT
-            return self._text(_linked(report.read_text("utf-8")) if report.is_file() else _listed(self.root))
+            return self._text(linked(report.read_text("utf-8")) if report.is_file() else _listed(self.root))
         if path == self.root / REPORT and path.is_file():
-            return self._text(_linked(path.read_text("utf-8")))
+            return self._text(linked(path.read_text("utf-8")))
         log = path.with_suffix(LOG)
         if path.suffix == HTML and log.is_file() and log.resolve().is_relative_to(self.root):
             return self._page(log)
@@ -127,10 +128,10 @@ def server(folder: Path, made: Path) -> Server:
     return Server((LOOPBACK, 0), partial(Handler, directory=str(folder), pages=Pages(made)))
 
 
-def _linked(report: str) -> str:
+def linked(report: str) -> str:
     """A report with a link to the page of every log that it links.
 
-    >>> _linked('<a href="logs/a.rrd">rrd</a>')
+    >>> linked('<a href="logs/a.rrd">rrd</a>')
     '<a href="logs/a.html">page</a> <a href="logs/a.rrd">rrd</a>'
     """
     return LINK.sub(r'<a href="\1.html">page</a> <a href="\1.rrd">rrd</a>', report)
@@ -138,7 +139,7 @@ def _linked(report: str) -> str:
 
 def _listed(root: Path) -> str:
     """The logs of a folder without a report."""
-    logs = sorted(path.relative_to(root) for path in root.rglob(f"*{LOG}"))
+    logs = sorted(path.relative_to(root) for path in root.rglob(f"*{LOG}") if not path.stem.endswith(PAIR))
     items = [
         f'<li>{html.escape(log.stem)}: <a href="{quote(log.with_suffix(HTML).as_posix())}">page</a> '
         f'<a href="{quote(log.as_posix())}">rrd</a></li>'

@@ -7,7 +7,7 @@ from threading import Thread
 import pytest
 
 from testbed.log import RunLog
-from testbed.review_page.server import LOOPBACK, server
+from testbed.review_page.server import LOOPBACK, linked, server
 from tests.testbed.log import log_runs
 
 REPORT = '<p>verdict</p><a href="logs/a%20b.rrd">rrd</a>'
@@ -105,3 +105,8 @@ def test_a_folder_without_a_report_lists_its_logs(get, folder):
     status, text = get("/")
     assert status == 200
     assert '<a href="logs/a%20b.html">page</a>' in text
+
+
+def test_a_log_of_a_pair_of_drives_has_no_link_to_a_page():
+    link = '<a href="logs/x_beside_truth.rrd">rrd</a>'
+    assert linked(link) == link
