@@ -226,12 +226,17 @@ def scan_of(objects: int) -> Scan:
     return Scan(polar, np.ones(polar.shape[:2], bool), np.zeros((1, 3)), np.array([[speed, 0.0]]), noise)
 
 
-def cycle(filter: Filter, objects: int, repeat: int) -> float:
-    """Wall time [s] of one prediction and update, per object."""
+def cycling(filter: Filter, objects: int) -> Callable[[], Any]:
+    """One prediction and update of so many objects, to be called."""
     (centre, _, speed), scan = CAR, scan_of(objects)
     before = np.tile([centre[0] - FRAME * speed, centre[1], 0.0], (objects, 1))
     state = filter.init(prior(before, velocity=np.tile([speed, 0.0], (objects, 1))))
-    return seconds(lambda: filter.update(filter.predict(state, FRAME), scan), repeat) / objects
+    return lambda: filter.update(filter.predict(state, FRAME), scan)
+
+
+def cycle(filter: Filter, objects: int, repeat: int) -> float:
+    """Wall time [s] of one prediction and update, per object."""
+    return seconds(cycling(filter, objects), repeat) / objects
 
 
 def filters(repeat: int) -> Table:

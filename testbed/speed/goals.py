@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from testbed.bench import OBJECTS, Pairs, cycle, deciding, highway, interleaved, stepping
+from testbed.bench import OBJECTS, Pairs, cycling, deciding, highway, interleaved, stepping
 from testbed.environment.wrapper import TrackedEnv
 from testbed.frame import TRUTH
 from testbed.planners import find as find_planner
@@ -100,12 +100,15 @@ def starts(repeat: int) -> list[Goal]:
 
 
 def updates(repeat: int) -> list[Goal]:
-    """Prediction and update of the default tracker's filter against the plain random matrix."""
-    filters, found = [find_tracker(name) for name in (PLAIN, DEFAULT)], []
-    for objects, goal in zip(OBJECTS, (2.0, 1.5), strict=True):
-        plain, ours = (cycle(filter, objects, repeat) for filter in filters)
-        found.append(Goal(f"update of {objects} objects, `{DEFAULT}`", f"`{PLAIN}`", goal, ours / plain))
-    return found
+    """Prediction and update of the default tracker's filter, without its layers, against the plain random matrix."""
+    plain, ours = (find_tracker(name) for name in (PLAIN, DEFAULT))
+    return [
+        Goal(
+            f"prediction and update of {objects} objects, filter of `{DEFAULT}`", f"`{PLAIN}`", goal,
+            ratio(interleaved(cycling(plain, objects), cycling(ours, objects), repeat)),
+        )
+        for objects, goal in zip(OBJECTS, (2.0, 1.5), strict=True)
+    ]  # fmt: skip
 
 
 def measure(quick: bool, progress: Callable[[float, float, str], None]) -> list[Goal]:
