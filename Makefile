@@ -114,7 +114,7 @@ surround: $(STAMP)  # five minutes: what other figures of the default rig would 
 standing: $(STAMP)  # half a minute; DATA is the folder with frames.npz of the real radar
 	$(BIN)/python -m testbed.studies standing-returns $(DATA) --docs docs
 
-# About two CPU hours; the same command goes on where it was interrupted. Seeds that no parameter was set on.
+# Half a CPU hour; the same command goes on where it was interrupted. Seeds that no parameter was set on.
 FAULTS := front:outage:2:4 outage:2:3 front:yaw:0.5 corners:yaw:2 clock:0.05 drop:0.2 drop:0.5 burst:3:500 \
 	burst:2:200:2 blind:rain:0.5 blind:dirt:0.5
 FAULT_TRACKERS := imm-spline edra-imm htg-map rm-feldmann
