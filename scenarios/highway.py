@@ -16,7 +16,7 @@ from scenarios.bodies import parts
 from scenarios.corridor import drive_value, gap_ahead, time_to_collision
 from scenarios.record import Scenario
 from scenarios.registry import find
-from scenarios.stage import TARGET_SPEEDS, Phase
+from scenarios.stage import TARGET_SPEEDS, Phase, maneuver_end
 from scenarios.vehicles import PedalEgo
 from trackers.geometry import box_corners, unit
 
@@ -71,6 +71,8 @@ def build_config(default: dict[str, Any], config: dict[str, Any] | None) -> dict
         raise ValueError(f"config['reward'] must be one of {', '.join(REWARDS)}, got {merged['reward']!r}")
     if not is_positive(merged["duration"]):
         raise ValueError(f"config['duration'] must be positive and finite, got {merged['duration']!r}; give seconds")
+    if merged["after"] is not None and not is_positive(merged["after"]):
+        raise ValueError(f"config['after'] must be positive and finite, got {merged['after']!r}; give seconds or None")
     return merged
 
 
@@ -108,6 +110,7 @@ class ScenarioEnv(AbstractEnv):
             "simulation_frequency": 15,
             "policy_frequency": 5,
             "duration": 20.0,  # [s]
+            "after": None,  # [s] from the end of the maneuver, at which an episode ends where `duration` is longer
             "reward": "speed",
             "collision_reward": 0.0,  # what a step that ends in a crash is worth
             "neighbour_vehicles_connected_lanes": True,
@@ -176,7 +179,13 @@ class ScenarioEnv(AbstractEnv):
 
     def _is_truncated(self) -> bool:
         """Time is over, by the frame counter: highway-env's own clock may drift."""
-        return bool(self.steps >= round(self.config["duration"] * self.config["simulation_frequency"]))
+        return bool(self.steps >= round(self._length * self.config["simulation_frequency"]))
+
+    @property
+    def _length(self) -> float:
+        """Time [s] at which the episode is over."""
+        after, end = self.config["after"], maneuver_end(self.phases)
+        return self.config["duration"] if after is None or end is None else min(self.config["duration"], end + after)
 
     def to_finite_mdp(self) -> Any:
         """highway-env's finite Markov decision process over times to collision, with the reward of this environment.

@@ -5,6 +5,7 @@ second; here every platoon starts at or beyond the gap at which the model drives
 later is caused by the maneuver.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +24,7 @@ TARGET_SPEEDS = tuple(np.linspace(0.0, 40.0, 17).tolist())  # [m/s] what the ego
 EGO_SIZE = (4.7, 1.9)  # [m]
 TARGET_RATIO = 1.2  # target speed of drivers behind a leader, as a multiple of their speed
 ARTICULATED = "articulated"  # a kind of vehicle of two contours; all other kinds are contours
+AFTER = "after"  # name of the phase in which the maneuver is over
 
 
 class Phase(NamedTuple):
@@ -68,11 +70,17 @@ def balanced_target(speed: float, gap: float, headway: float, standstill: float 
     return speed * min((1 - share) ** -0.25 if share < 1 else TARGET_RATIO, TARGET_RATIO)
 
 
-def phases(onset: float, end: float, duration: float = 20.0) -> tuple[Phase, ...]:
-    """Before, onset (its first second), during and after a maneuver from `onset` to `end` [s]."""
+def phases(onset: float, end: float, duration: float = 25.0) -> tuple[Phase, ...]:
+    """Before, onset (its first second), during and after a maneuver from `onset` to `end` [s]; courses last 25 s."""
     cuts = (0.0, onset, onset + 1.0, end, duration)
-    names = ("before", "onset", "during", "after")
+    names = ("before", "onset", "during", AFTER)
     return tuple(Phase(n, a, b) for n, a, b in zip(names, cuts, cuts[1:], strict=False) if b > a)
+
+
+def maneuver_end(parts: Sequence[Phase]) -> float | None:
+    """Time [s] at which the maneuver is over: the start of `AFTER`, or else the end of all; None without phases."""
+    over = [part.start for part in parts if part.name == AFTER] + [part.end for part in parts[-1:]]
+    return over[0] if over else None
 
 
 class Stage:

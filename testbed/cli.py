@@ -82,6 +82,9 @@ def run(
     planner: Annotated[str, typer.Option(help="A name of `testbed list planners`.")] = "idm",
     seed: Annotated[int, typer.Option(help="Of traffic and radar noise; the same seed gives the same result.")] = 0,
     duration: Annotated[float | None, typer.Option(help="Seconds. Without it: the scenario's own.")] = None,
+    after: Annotated[
+        float | None, typer.Option(help="End the run that many seconds after the maneuver, or with its duration.")
+    ] = None,
     out: Annotated[Path, typer.Option(help="Directory for the log and the results.")] = Path("runs"),
     log: Annotated[str, typer.Option(help="What goes into the log: off, metrics or full.")] = "full",
     no_metrics: Annotated[
@@ -130,6 +133,7 @@ def run(
             tuple(fault or ()),
             None if config is None else str(config),
             focus,
+            after,
         )
         check(settings)
     with user_input((OSError,)), progress_bar("{task.completed:.1f} / {task.total:.1f} s") as bar:
@@ -501,6 +505,10 @@ def compare(
         typer.Option(help="Every scenario also with this fault; repeat for several, one after the other."),
     ] = None,
     duration: Annotated[float | None, typer.Option(help="Seconds. Without it: the scenarios' own.")] = None,
+    after: Annotated[
+        float | None, typer.Option(help="End a run that many seconds after the maneuver, or with its duration.")
+    ] = None,
+    settle: Annotated[float, typer.Option(help="Seconds at the start of a run of which no scan enters a mean.")] = 0.0,
     jobs: Annotated[int, typer.Option(help="Number of processes; -1 for one a core.")] = 1,
     dask: Annotated[str | None, typer.Option(help="Address of a Dask scheduler, in place of local processes.")] = None,
     out: Annotated[Path, typer.Option(help="Directory of the results; runs that lie there are kept.")] = Path(
@@ -515,7 +523,7 @@ def compare(
 
     Example: [bold]testbed compare cut-in merge --tracker htg-map --tracker rm-feldmann --seeds 0:20 --jobs 2[/bold]
     Example: [bold]testbed compare cut-in --tracker imm-spline --fault drop:0.2 --fault front:outage:3:5[/bold]
-    Example: [bold]testbed compare all --seeds 0:5 --duration 10 --jobs -1 --reference htg-map[/bold]
+    Example: [bold]testbed compare all --seeds 0:5 --after 3 --settle 2 --jobs -1 --reference htg-map[/bold]
     """
     from testbed.compare import command
     from testbed.compare.runs.config import Comparison, Settings, check, expand, parse_seeds, with_faults
@@ -523,7 +531,7 @@ def compare(
     from testbed.compare.runs.engine import check as check_engine
 
     with user_input():
-        settings = Settings(radar, loop, planner, duration)
+        settings = Settings(radar, loop, planner, duration, after, settle)
         comparison = Comparison(
             with_faults(expand(scenario, "scenarios"), fault or ()),
             expand(tracker or ["all"], "trackers"),

@@ -35,18 +35,20 @@ def check_seeds(*seeds: Any, name: str = "seed") -> None:
         check_whole(name, seed, 0, LARGEST_SEED)
 
 
-def check_duration(duration: Any) -> None:
-    """A simulated time [s], or None."""
+def check_duration(duration: Any, name: str = "duration", without: str = "that of the scenario") -> None:
+    """A simulated time [s], or None for what is had without it."""
     if duration is None:
         return
     if not isinstance(duration, Real) or isinstance(duration, bool) or not 0 < float(duration) < inf:
-        raise ValueError(
-            f"duration must be positive and finite, got {duration!r} s; leave it out for that of the scenario"
-        )
+        raise ValueError(f"{name} must be positive and finite, got {duration!r} s; leave it out for {without}")
     if float(duration) > LONGEST:
-        raise ValueError(
-            f"duration must be at most {LONGEST:g} s, got {duration!r} s; make several runs of other seeds"
-        )
+        raise ValueError(f"{name} must be at most {LONGEST:g} s, got {duration!r} s; make several runs of other seeds")
+
+
+def check_settle(settle: Any) -> None:
+    """A time [s] from the start of a run, of which no scan enters a mean."""
+    if not isinstance(settle, Real) or isinstance(settle, bool) or not 0 <= float(settle) <= LONGEST:
+        raise ValueError(f"settle must be a number from 0 to {LONGEST:g} s, got {settle!r}; give 2 for two seconds")
 
 
 def check_jobs(jobs: Any) -> None:

@@ -52,10 +52,12 @@ class RunConfig:
     faults: tuple[str, ...] = ()  # of the radar, all at once
     config: str | None = None  # JSON file of the environment's config
     focus: int | None = None  # id of the object with a page of its own in the log; None: that of the worst moment
+    after: float | None = None  # [s] from the end of the maneuver, at which the run ends; None: with its duration
 
     def __post_init__(self) -> None:
         check_names("trackers", self.trackers)
         check_duration(self.duration)
+        check_duration(self.after, "after", "a run that ends with its duration")
         check_seeds(self.seed)
         check_folder(self.out)
         if not (self.config is None or isinstance(self.config, str | Path)):
@@ -116,6 +118,8 @@ def make_env(config: RunConfig) -> gym.Env:
     settings = deepcopy(config.settings) | planner_settings(planner)  # an environment may change what is nested in it
     if config.duration is not None and (isinstance(scenario, Scenario) or "duration" in scenario.default):
         settings["duration"] = config.duration
+    if config.after is not None:
+        settings["after"] = config.after
     first = "truth" if planner.knows_truth else config.trackers[0]
     also = config.trackers if planner.knows_truth else config.trackers[1:]
     env: Any = make(

@@ -72,6 +72,11 @@ def birth_delay(history: History) -> float:
     return float(history.time[history.held.argmax()] - first_counted(history))  # (MET.17)
 
 
+def unborn(history: History) -> NDArray:
+    """Scans (F,) at which the object counted and had not had a track yet."""
+    return history.counted & ~np.logical_or.accumulate(history.held)  # (MET.32)
+
+
 def never_tracked(history: History) -> bool:
     """Whether it was counted for `NEVER_AFTER` and never assigned."""
     counted = np.diff(history.time) @ history.counted[:-1]

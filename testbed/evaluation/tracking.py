@@ -55,15 +55,16 @@ UNKNOWN = FrameScore({}, {}, dict.fromkeys([n for n in _FrameCounts._fields if n
 class Evaluator:
     """Scores of one tracker: call `step` or `keep` once a frame, then the methods that give tables.
 
-    Phases are (name, start [s], end [s]); a scan belongs to a phase when start <= time < end.
+    Phases are (name, start [s], end [s]); a scan belongs to a phase when start <= time < end. What is averaged over
+    scans leaves out those before `settle` [s], when trackers have just begun; births are of the whole run.
     """
 
-    def __init__(self, tracker: str, phases: Sequence[tuple[str, float, float]] = ()) -> None:
+    def __init__(self, tracker: str, phases: Sequence[tuple[str, float, float]] = (), settle: float = 0.0) -> None:
         for name, start, end in phases:
             if not start < end:
                 raise ValueError(f"phase {name!r} must end after it starts, got {start} s to {end} s; swap the times")
         self.tracker = tracker
-        self.phases = tuple(phases)
+        self.phases, self.settle = tuple(phases), settle
         self._frames: list[_FrameCounts] = []
         self._pair_keys: list[tuple[float, int]] = []  # time, object id of each counted pair
         self._pair_errors: list[NDArray] = []  # (K, len(ERRORS)) of counted pairs, in the order of the scans
@@ -246,12 +247,16 @@ class Evaluator:
         return np.concatenate([np.zeros((0, len(ERRORS))), *self._pair_errors])
 
     def _table(self, start: float, end: float) -> Row:
-        """The measures of the scans from start up to end [s]."""
-        within = [f for f in self._frames if start <= f.time < end]
+        """The measures of the scans from start up to end [s]; means only of those that are not before `settle`."""
+        settled = max(start, self.settle)
+        within = [f for f in self._frames if settled <= f.time < end]
         frames = {name: np.array([getattr(f, name) for f in within], float) for name in _FrameCounts._fields}
-        chosen = [start <= time < end for time, _ in self._pair_keys]
+        chosen = [settled <= time < end for time, _ in self._pair_keys]
         past = list(self.histories().values())
         births = [histories.birth_delay(h) for h in past if start <= histories.first_counted(h) < end]
+        scans = [(start <= h.time) & (h.time < end) for h in past]
+        unborn = sum(int((histories.unborn(h) & w).sum()) for h, w in zip(past, scans, strict=True))
+        all_counted = sum(int((h.counted & w).sum()) for h, w in zip(past, scans, strict=True))
         counted = [h for h in past if (h.counted & (start <= h.time) & (h.time < end)).any()]
         confirmed = [h for h in past if (h.held & (start <= h.time) & (h.time < end)).any()]
         ids = {t for t, seen in self._reports.items() if any(start <= time < end for time, _ in seen)}
@@ -275,6 +280,7 @@ class Evaluator:
             "lost": sum(_within(histories.losses(h), start, end) for h in past),
             "never": sum(histories.never_tracked(h) for h in counted),
             "birth_delay": mean([delay for delay in births if not np.isnan(delay)]),
+            "unborn_percent": 100 * unborn / all_counted if all_counted else np.nan,
         }
         return table | _error_table(self._errors()[np.array(chosen, bool)])
 

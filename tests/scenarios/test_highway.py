@@ -7,7 +7,7 @@ from gymnasium.utils.env_checker import check_env
 from scenarios import SCENARIOS, Scenario, find
 from scenarios.bodies import parts, rear_extent
 from scenarios.highway import ScenarioEnv, build_config
-from scenarios.stage import balanced_target, steady_gap
+from scenarios.stage import Phase, balanced_target, maneuver_end, phases, steady_gap
 from scenarios.vehicles import SizedIDM
 from tests.scenarios.episodes import world_only
 
@@ -150,6 +150,26 @@ def test_the_duration_of_the_scenario_holds_unless_the_config_names_one():
         assert env.steps == frames
 
 
+def test_an_episode_may_end_with_the_maneuver():
+    env = ScenarioEnv("cut-in", config={"after": 2.0, "duration": 30.0})
+    env.reset(seed=0)
+    (over,) = [phase.start for phase in env.phases if phase.name == "after"]
+    while not env.step(IDLE)[3]:
+        assert env.steps < 450
+    assert env.steps / 15 == pytest.approx(over + 2.0, abs=0.1 + 1 / 5)  # whole decisions
+    short = ScenarioEnv("cut-in", config={"after": 2.0, "duration": 1.0})
+    short.reset(seed=0)
+    while not short.step(IDLE)[3]:
+        assert short.steps < 450
+    assert short.steps == 15
+
+
+def test_a_maneuver_ends_where_what_is_after_it_begins():
+    assert maneuver_end(()) is None
+    assert maneuver_end((Phase("right", 0.0, 3.0), Phase("left", 3.0, 8.0))) == 8.0
+    assert maneuver_end(phases(2.0, 7.0)) == 7.0
+
+
 def test_a_picture_shows_the_road():
     env = ScenarioEnv("cut-in", render_mode="rgb_array")
     env.reset(seed=0)
@@ -173,6 +193,7 @@ def test_a_picture_shows_the_road():
         ({"duration": 0}, "'duration'. must be positive and finite, got 0; give seconds"),
         ({"duration": "x"}, "'duration'. must be positive and finite, got 'x'"),
         ({"duration": float("nan")}, "'duration'. must be positive and finite, got nan"),
+        ({"after": 0}, "'after'. must be positive and finite, got 0; give seconds or None"),
         ({"duration": float("inf")}, "'duration'. must be positive and finite, got inf"),
         ({"observation": {"vehicles_count": 5}}, "whole dict"),
         ({"action": {"type": "MultiAgentAction"}}, "ContinuousAction, DiscreteAction, DiscreteMetaAction, got 'Multi"),

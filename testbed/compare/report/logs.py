@@ -125,6 +125,7 @@ def write_one(task: Task, comparison: Comparison, out: Path) -> Outcome:
                     settings.duration,
                     part,
                     faults=faults,
+                    after=settings.config(scenario).get("after"),
                 )
                 done = run_live(config)
                 if done.interrupted:

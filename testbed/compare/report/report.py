@@ -152,7 +152,8 @@ def _about(results: Results, tally: Tally | None) -> dict[str, Any]:
         ("reference", comparison.baseline),
         ("scenarios", f"{len(comparison.scenarios)}: {', '.join(comparison.scenarios)}"),
         ("seeds", f"{len(comparison.seeds)}: {seeds_text(comparison.seeds)}"),
-        ("duration", f"{settings.duration:g} s of each run" if settings.duration else "the scenarios' own"),
+        ("length of a run", settings.length),
+        ("not in the means", f"the first {settings.settle:g} s of each run" if settings.settle else "nothing"),
         ("radar", settings.radar),
         ("loop", _loop(settings.loop, settings.planner)),
         (

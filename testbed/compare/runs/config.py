@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from scenarios import SCENARIOS
+from scenarios.record import Scenario
 from sensors import faults_of
 from sensors import find as find_radar
 from sensors.fault_text import split_faults
@@ -13,7 +14,16 @@ from sensors.faults import chosen
 from testbed.compare.runs.identity import own_code, own_names, shared_digest, tracker_digest
 from testbed.environment.registration import scenario_of
 from testbed.files import make_directory, versions, write_json
-from testbed.limits import LARGEST_SEED, MOST_RUNS, check_choice, check_duration, check_folder, check_names, check_seeds
+from testbed.limits import (
+    LARGEST_SEED,
+    MOST_RUNS,
+    check_choice,
+    check_duration,
+    check_folder,
+    check_names,
+    check_seeds,
+    check_settle,
+)
 from testbed.planners import find as find_planner
 from trackers import TRACKERS, SensorModel, build
 from trackers.json_file import read_json
@@ -43,15 +53,29 @@ class Settings:
     radar: str = "surround"
     loop: str = "open"  # open: recorded scans are replayed; closed: the planner uses the tracks of each
     planner: str = "idm"  # in closed loop; recordings use the planner that knows the truth
-    duration: float | None = None  # [s], None: the scenario's own
+    duration: float | None = None  # [s] of a run at most, None: the scenario's own
+    after: float | None = None  # [s] from the end of the maneuver, at which a run ends; None: with its duration
+    settle: float = 0.0  # [s] from the start, of which no scan enters a mean
 
     def __post_init__(self) -> None:
         check_choice("loop", self.loop, LOOPS)
         check_duration(self.duration)
+        check_duration(self.after, "after", "a run that ends with its duration")
+        check_settle(self.settle)
 
-    def seconds(self, scenario: str) -> float:
-        """Simulated time [s] of a run."""
-        return self.duration or scenario_of(split_faults(scenario)[0]).duration
+    def config(self, scenario: str) -> dict[str, float]:
+        """How long a run is, as configuration of its environment; only scenarios of ours know when a maneuver ends."""
+        ours = isinstance(scenario_of(scenario), Scenario)
+        given = {"duration": self.duration, "after": self.after if ours else None}
+        return {key: value for key, value in given.items() if value is not None}
+
+    @property
+    def length(self) -> str:
+        """How long a run is, in words."""
+        if self.after is None:
+            return f"{self.duration:g} s of each run" if self.duration else "the scenarios' own"
+        most = f"{self.duration:g} s" if self.duration else "the scenario's own length"
+        return f"to {self.after:g} s after the maneuver, {most} at most"
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ The ego is driven by the planner that knows the truth, so that what there is to 
 recording is one `.npz` file of flat arrays: a ragged series is stored as its parts joined, with their lengths beside.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
 from time import perf_counter
@@ -52,8 +52,13 @@ class Recording(NamedTuple):
     seconds: dict[str, float]  # wall time: simulation, sensing
 
 
-def record(scenario: str, seed: int, radar: str, duration: float | None = None) -> Recording:
-    """Drive once and keep every frame; the same arguments give the same frames."""
+def record(
+    scenario: str, seed: int, radar: str, duration: float | None = None, config: Mapping[str, Any] | None = None
+) -> Recording:
+    """Drive once and keep every frame; the same arguments give the same frames.
+
+    `duration` [s] may be given by itself, or in the configuration of the environment.
+    """
     planner = find_planner(TRUTH)
     frames: list[RecordedFrame] = []
 
@@ -61,7 +66,7 @@ def record(scenario: str, seed: int, radar: str, duration: float | None = None) 
         frames.append(RecordedFrame(frame.scene, frame.scan, frame.origin))
 
     start = perf_counter()
-    config = {} if duration is None else {"duration": duration}
+    config = dict(config or {}) | ({} if duration is None else {"duration": duration})
     with closing(make(scenario, config, tracker=TRUTH, radar=radar, planner=TRUTH)) as env:
         tracked: Any = env
         tracked.attach(keep)

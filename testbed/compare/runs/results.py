@@ -40,12 +40,16 @@ class Results(NamedTuple):
         """One row a run, without the phases."""
         return self.spans[self.spans["phase"] == WHOLE_RUN]
 
-    def rows(self, columns: Sequence[str], scenario: str | None = None) -> pd.DataFrame:
-        """Some columns of the rows of all runs, or of those of one scenario; see `rows.COLUMNS`."""
+    def rows(self, columns: Sequence[str], scenario: str | None = None, settled: bool = False) -> pd.DataFrame:
+        """Some columns of the rows of all runs, or of those of one scenario; see `rows.COLUMNS`.
+
+        settled: without those of the time that trackers have to settle.
+        """
         gone = set(self.missing)
         tasks = [t for t in self.comparison.tasks if t not in gone and scenario in (None, t.scenario)]
         paths = [str(rows_path(task, Path(self.comparison.out))) for task in tasks]
-        return ds.dataset(paths, schema=SCHEMA, format="parquet").to_table(columns=list(columns)).to_pandas()
+        later = ds.field("time") >= self.comparison.settings.settle if settled else None
+        return ds.dataset(paths, schema=SCHEMA, format="parquet").to_table(list(columns), later).to_pandas()
 
 
 def collect(comparison: Comparison) -> Results:

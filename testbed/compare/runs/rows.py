@@ -99,9 +99,9 @@ SCHEMA = pa.schema([pa.field(c.name, c.type, metadata={"unit": c.unit, "note": c
 class Rows:
     """Observer of an environment or of a replay that keeps the rows of one tracker."""
 
-    def __init__(self, task: Task, phases: tuple[Phase, ...] = ()) -> None:
+    def __init__(self, task: Task, phases: tuple[Phase, ...] = (), settle: float = 0.0) -> None:
         self.task = task
-        self.evaluator = Evaluator(task.tracker, phases)
+        self.evaluator = Evaluator(task.tracker, phases, settle)
         self._rows: list[tuple[Any, ...]] = []
         self._ends = Ends()
         self._first: dict[int, float] = {}  # object id -> time [s] at which it first counted

@@ -77,7 +77,7 @@ def obtain(task: RecordingTask, settings: Settings, out: Path) -> recordings.Rec
     if path.exists():
         with suppress(ValueError):
             return recordings.load(path, task.scenario, task.seed, settings.radar)
-    made = recordings.record(task.scenario, task.seed, settings.radar, settings.duration)
+    made = recordings.record(task.scenario, task.seed, settings.radar, config=settings.config(task.scenario))
     recordings.save(made, path)
     return made
 
@@ -112,7 +112,7 @@ def _replayed(task: Task, settings: Settings, out: Path) -> tuple[Rows, dict[str
     start = perf_counter()
     recording = obtain(recording_of(task), settings, out)
     loaded = perf_counter() - start
-    rows = Rows(task, recording.phases)
+    rows = Rows(task, recording.phases, settings.settle)
     perception = replay(recording, (task.tracker,), [rows], split_faults(task.scenario)[1])
     seconds = {"loading": loaded, "tracking": perception.seconds["track"]}
     return rows, {"seconds": seconds, "cost": jsonable(perception.costs[task.tracker].row()), "drive": None}
@@ -121,9 +121,9 @@ def _replayed(task: Task, settings: Settings, out: Path) -> tuple[Rows, dict[str
 def _driven(task: Task, settings: Settings, out: Path) -> tuple[Rows, dict[str, Any]]:
     """In closed loop the trackers' worlds differ, but traffic and radar draw the same numbers for the same seed."""
     planner = find_planner(settings.planner)
-    config = planner_settings(planner) | ({} if settings.duration is None else {"duration": settings.duration})
     first, *also = [TRUTH, task.tracker] if planner.knows_truth else [task.tracker]  # the planner uses the first
     scenario, faults = split_faults(task.scenario)
+    config = planner_settings(planner) | settings.config(scenario)
     options = {"tracker": first, "also": also, "radar": settings.radar, "planner": settings.planner, "faults": faults}
     drive = DriveEvaluator()
     start = perf_counter()
@@ -135,7 +135,7 @@ def _driven(task: Task, settings: Settings, out: Path) -> tuple[Rows, dict[str, 
         def observe(frame: Frame) -> None:
             nonlocal rows, scoring
             before = perf_counter()
-            rows = rows or Rows(task, tuple(getattr(tracked.unwrapped, "phases", ())))
+            rows = rows or Rows(task, tuple(getattr(tracked.unwrapped, "phases", ())), settings.settle)
             drive.step(frame.scene)
             rows(frame)
             scoring += perf_counter() - before

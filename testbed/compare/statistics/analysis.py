@@ -110,7 +110,7 @@ def by_band(results: Results, band: str) -> pd.DataFrame:
     """
     edges, labels = BANDS[band]
     errors = ("position", "velocity", "length")
-    rows = results.rows(["scenario", "tracker", "seed", "status", band, *errors])
+    rows = results.rows(["scenario", "tracker", "seed", "status", band, *errors], settled=True)
     rows = rows[rows["status"].isin(("pair", "missed"))]
     right = band == "visible"
     rows = rows.assign(band=pd.cut(rows[band], edges, right=right, labels=labels), held=rows["status"] == "pair")
@@ -157,7 +157,8 @@ def consistency(results: Results) -> pd.DataFrame:
             "length_std",
             "width",
             "width_std",
-        ]
+        ],
+        settled=True,
     )
     rows = rows[rows["status"] == "pair"].copy()
     z = float(norm.ppf((1 + LEVEL) / 2))

@@ -118,7 +118,7 @@ def render(folder: Path) -> str:
         scenarios=len(comparison.scenarios),
         seeds=len(comparison.seeds),
         runs=len(comparison.tasks),
-        seconds=f"{settings.duration:g} s" if settings.duration else "the scenarios' own length",
+        length=settings.length,
         radar=settings.radar,
         versions=", ".join(f"{name} {version}" for name, version in versions.items()),
         code=known["identity"]["code"],

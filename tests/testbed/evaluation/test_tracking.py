@@ -47,9 +47,9 @@ def tracks_at(x, ids, existence=0.9, **belief):
     )
 
 
-def run(held, expected=None, visible=1.0, phases=()):
+def run(held, expected=None, visible=1.0, phases=(), settle=0.0):
     """One car, scan by scan: '.' without a track, a digit for the id of the track on it."""
-    evaluator, scene = Evaluator("case", phases), road([20.0])
+    evaluator, scene = Evaluator("case", phases, settle), road([20.0])
     for k, name in enumerate(held):
         ids = [] if name == "." else [int(name)]
         count = 9.0 if expected is None else expected[k]
@@ -263,6 +263,21 @@ def test_phases_split_scans_and_events():
     unheld = run("..11", phases=[("before", 0.0, 1.0)]).phase_rows()[0]
     assert [unheld[name] for name in ("objects_visible", "objects_confirmed")] == [1, 0]
     assert np.isnan([rows[1]["birth_delay"], rows[2]["gospa"], rows[2]["missed_percent"]]).all()
+
+
+def test_means_leave_out_the_time_to_settle_and_births_do_not():
+    whole, later = (run("..11.1", phases=[("before", 0.0, 1.0), ("on", 1.0, 9.0)], settle=s) for s in (0.0, 1.0))
+    first, second = whole.summary(), later.summary()
+    assert [first[name] for name in ("scans", "missed_percent", "pairs")] == [6, 50.0, 3]
+    assert [second[name] for name in ("scans", "missed_percent", "pairs")] == [4, 25.0, 3]
+    assert first["gospa"] > second["gospa"] > 0
+    for row in (first, second):
+        assert [row[name] for name in ("birth_delay", "switches", "objects_visible")] == [1.0, 0, 1]
+        assert row["unborn_percent"] == pytest.approx(100 * 2 / 6)  # the scan that is missed later is after its birth
+    before, on = later.phase_rows()
+    assert (before["scans"], on["scans"]) == (0, 4)
+    assert np.isnan(before["gospa"])
+    assert (before["birth_delay"], before["unborn_percent"], on["unborn_percent"]) == (1.0, 100.0, 0.0)
 
 
 def test_each_object_has_a_row_of_its_own():

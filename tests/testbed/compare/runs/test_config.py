@@ -96,9 +96,24 @@ def test_a_loop_is_open_or_closed():
         Settings(loop="half")
 
 
-def test_time_to_simulate_is_that_of_the_scenario_unless_given():
-    assert Settings().seconds("cut-in") == SCENARIOS["cut-in"].duration
-    assert SHORT.seconds("cut-in") == 1.0
+def test_how_long_runs_are_is_given_by_duration_and_maneuver():
+    assert (Settings().config("cut-in"), Settings().length) == ({}, "the scenarios' own")
+    assert (SHORT.config("cut-in"), SHORT.length) == ({"duration": 1.0}, "1 s of each run")
+    both = Settings(duration=60.0, after=3.0)
+    assert both.config("cut-in") == {"duration": 60.0, "after": 3.0}
+    assert both.config("highway-v0") == {"duration": 60.0}  # nobody knows when its maneuver ends
+    assert both.length == "to 3 s after the maneuver, 60 s at most"
+
+
+@pytest.mark.parametrize("settle", [-1, float("nan"), float("inf"), "2", True])
+def test_the_time_to_settle_is_a_time(settle):
+    with pytest.raises(ValueError, match="settle must be a number from 0 to 3600 s, got"):
+        Settings(settle=settle)
+
+
+def test_a_run_cannot_end_before_the_maneuver_does():
+    with pytest.raises(ValueError, match="after must be positive and finite, got -1 s; leave it out for a run that"):
+        Settings(after=-1)
 
 
 @pytest.mark.parametrize(
