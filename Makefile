@@ -62,10 +62,15 @@ reproduce: $(STAMP)
 	done
 	$(BIN)/python -m testbed.studies verdicts
 
-comparison: $(STAMP)  # an hour on two idle cores; the same command goes on where it was interrupted
+# Two CPU hours; the same command goes on where it was interrupted.
+RECORD := --duration 60 --after 3 --settle 2 --jobs -1
+CLOSED := following hard-brake cut-in cut-out dense-traffic merge
+comparison: $(STAMP)
 	$(BIN)/testbed compare all --tracker all --tracker imm-spline:size=off --tracker imm-spline:motion=off \
-		--seeds 0:8 --duration 6 --jobs -1 --reference rm-feldmann --out runs/comparison
-	$(BIN)/python -m testbed.studies publish runs/comparison --reference rm-feldmann
+		--seeds 0:10 $(RECORD) --reference rm-feldmann --out runs/comparison
+	$(BIN)/testbed compare $(CLOSED) --tracker all --seeds 0:10 $(RECORD) --loop closed --reference rm-feldmann \
+		--out runs/closed
+	$(BIN)/python -m testbed.studies publish runs/comparison --closed runs/closed --reference rm-feldmann
 	$(BIN)/python -m testbed.studies consistency runs/comparison --docs docs
 	$(MAKE) comparison-page
 

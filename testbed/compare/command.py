@@ -13,7 +13,7 @@ from testbed.compare.report.renderers import terminal
 from testbed.compare.report.report import write_report
 from testbed.compare.runs.config import Comparison
 from testbed.compare.runs.engine import Engine
-from testbed.compare.runs.measures import MAIN
+from testbed.compare.runs.measures import DRIVE, MAIN
 from testbed.compare.runs.results import Results, collect, write_runs
 from testbed.compare.runs.work import Progress, Tally, execute
 from testbed.compare.statistics import analysis
@@ -81,13 +81,14 @@ def show_tally(tally: Tally, console: Console) -> None:
 def overview(results: Results, console: Console) -> None:
     """Means, and differences to the reference, of the main measures over all scenarios."""
     comparison = results.comparison
-    cells = list(analysis.cells(results, MAIN))
+    cells, drives = list(analysis.cells(results, MAIN)), list(analysis.cells(results, DRIVE))
     where = f"{len(comparison.scenarios)} scenarios, {len(comparison.seeds)} seeds, {comparison.settings.loop} loop"
-    means, title = tables.overview(cells, comparison.baseline), f"{where}: means with 95 % intervals"
-    if len(means.lines) <= FEW:
-        console.print(terminal(means.transposed("measure"), title, no_wrap=True))
-    else:
-        console.print(terminal(means, title, narrow=True))
+    for what, group in (("means", cells), ("the drives", drives)):
+        means, title = tables.overview(group, comparison.baseline), f"{where}: {what} with 95 % intervals"
+        if group and len(means.lines) <= FEW:
+            console.print(terminal(means.transposed("measure"), title, no_wrap=True))
+        elif group:
+            console.print(terminal(means, title, narrow=True))
     if len(comparison.trackers) > 1:
         found = tables.differences(cells, comparison.baseline).only(*SHOWN)
         console.print(terminal(found, f"difference to {comparison.baseline} on the same seeds; negative is better"))

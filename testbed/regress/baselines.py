@@ -1,6 +1,6 @@
 """The committed results that new ones are compared with: one JSON file, written by `testbed regress --update` only.
 
-`{"layout", "seeds", "duration" [s], "radar", "updates": [{"date", "versions"}, ...], "trackers": {NAME: {"overall":
+`{"layout", "seeds", and each of `Settings`, "updates": [{"date", "versions"}, ...], "trackers": {NAME: {"overall":
 {MEASURE: {"mean", "interval"}}, "scenarios": {NAME: {"update": its entry in updates, MEASURE: {"values": by seed, null
 where nothing was measured, "mean", "interval"}}}}}}`. Only the values are read again; means and 95 % intervals are for
 people: in a scenario from the spread between seeds pooled over scenarios, overall by the bootstrap over scenarios.
@@ -8,6 +8,7 @@ people: in a scenario from the spread between seeds pooled over scenarios, overa
 
 import json
 from collections.abc import Iterable
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -104,7 +105,7 @@ def _damaged(path: Path, error: Exception) -> str:
 
 
 def _conditions(suite: Suite) -> dict[str, Any]:
-    return {"seeds": list(suite.seeds), "duration": suite.duration, "radar": suite.radar}
+    return {"seeds": list(suite.seeds), **asdict(suite.settings)}
 
 
 def _parse(found: dict[str, Any], suite: Suite) -> Baselines:

@@ -1,4 +1,4 @@
-"""What a regression run runs: every scenario by every tracker on two seeds, the first seconds of each, in open loop.
+"""What a regression run runs: every scenario by every tracker on two seeds, to 3 s after its maneuver, in open loop.
 
 Its results folder holds runs of the present code only: runs of other code or versions are deleted, those of the same
 code, of an interrupted call, are kept.
@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from scenarios import SCENARIOS
-from testbed.compare.runs.config import SETTINGS, Comparison, Settings, identity
+from testbed.compare.runs.config import RECORD, SETTINGS, Comparison, Settings, identity
 from testbed.compare.runs.identity import project_digest
 from testbed.compare.runs.results import RUNS
 from testbed.compare.runs.tasks import RECORDINGS
@@ -72,8 +72,7 @@ class Suite:
     scenarios: tuple[str, ...] = CASES  # with faults: NAME+FAULT+FAULT
     trackers: tuple[str, ...] = tuple(TRACKERS)
     seeds: tuple[int, ...] = (0, 1)
-    duration: float = 6.0  # [s]
-    radar: str = "surround"
+    settings: Settings = RECORD
     out: str = "runs/regress"
 
     @classmethod
@@ -84,8 +83,7 @@ class Suite:
     @property
     def comparison(self) -> Comparison:
         """The runs as work for `testbed.compare`."""
-        settings = Settings(radar=self.radar, duration=self.duration)
-        return Comparison(self.scenarios, self.trackers, self.seeds, settings, out=self.out)
+        return Comparison(self.scenarios, self.trackers, self.seeds, self.settings, out=self.out)
 
     @property
     def complete(self) -> bool:

@@ -70,7 +70,7 @@ def test_the_table_says_what_was_run(results):
     comparison = results.comparison
     assert (
         f"over {len(comparison.scenarios)} scenarios and {len(comparison.seeds)} seeds "
-        f"({comparison.settings.duration:g} s each, radar `{comparison.settings.radar}`)"
+        f"(each {comparison.settings.length}, radar `{comparison.settings.radar}`)"
     ) in PROSE
 
 

@@ -18,7 +18,7 @@ from testbed.compare.report.ranking import ranking
 from testbed.compare.report.tables import Grid
 from testbed.compare.runs.config import read_settings
 from testbed.compare.runs.engine import Engine
-from testbed.compare.runs.measures import MAIN
+from testbed.compare.runs.measures import DRIVE, MAIN
 from testbed.compare.runs.results import Results
 from testbed.compare.runs.tasks import FAILED, rows_path
 from testbed.compare.runs.work import Progress, Tally
@@ -117,6 +117,7 @@ def tables_of(results: Results, bands: dict[str, pd.DataFrame]) -> dict[str, Any
     main = list(cells(results, MAIN))
     scenarios = list(cells(results, ("gospa",), by="scenario"))
     phases = list(cells(results, BY_PHASE, by="phase"))
+    drives = list(cells(results, DRIVE))
     known = pd.DataFrame() if results.runs.empty else consistency(results)
     several = any(c.difference for c in main)
     return {
@@ -127,6 +128,7 @@ def tables_of(results: Results, bands: dict[str, pd.DataFrame]) -> dict[str, Any
         "ranking": ranking(results, main),
         "reach": grouping.reach(results),
         "overview": report_tables.overview(main, baseline) if main else None,
+        "drives": report_tables.overview(drives, baseline, report_tables.SIGNS) if drives else None,
         "differences": report_tables.differences(main, baseline) if several else None,
         "by_scenario": report_tables.by_scenario(scenarios, baseline) if scenarios else None,
         "by_phase": report_tables.by_phase(phases, baseline) if phases else None,

@@ -76,11 +76,18 @@ def bounds(found: Interval, digits: int) -> str:
     return f"[{found.low:.{digits}f}, {found.high:.{digits}f}]" if np.isfinite(found.low) else ""
 
 
-def overview(cells: Sequence[Cell], baseline: str) -> Grid:
+OVERVIEW = (
+    "Means with 95 % intervals; bold: the best of a column. Below: the difference to the reference on the same seeds, "
+    "coloured only where its interval leaves out zero."
+)
+IDEAL = " For the NEES it is the distance from 2 that counts."
+SIGNS = " Of J and progress more is better; their differences are turned round, so that negative is better everywhere."
+
+
+def overview(cells: Sequence[Cell], baseline: str, note: str = IDEAL) -> Grid:
     """Trackers down, measures across: means with intervals, and the difference to the reference in words."""
     return Grid(
-        "Means with 95 % intervals; bold: the best of a column. Below: the difference to the reference on the same "
-        "seeds, coloured only where its interval leaves out zero. For the NEES it is the distance from 2 that counts.",
+        OVERVIEW + note,
         "tracker",
         list(dict.fromkeys(KEYS[c.measure].title for c in cells)),
         _lines(cells, lambda c: c.tracker, lambda c: c.measure, _with_difference),

@@ -14,6 +14,7 @@ class Measure(NamedTuple):
     unit: str
     digits: int
     ideal: float | None = None  # best value; None: the smaller the better
+    more: bool = False  # the greater the better
 
     @property
     def title(self) -> str:
@@ -47,7 +48,17 @@ MEASURES = (
     Measure("ms_per_scan", "cost of a scan", "ms", 1),
     Measure("us_per_update", "cost of an update", "us", 0),
 )
-KEYS = {measure.key: measure for measure in MEASURES}
+DRIVES = (  # of the ego, in closed loop
+    Measure("collisions", "collisions", "1", 2),
+    Measure("J", "J", "s", 2, more=True),
+    Measure("progress", "progress", "m", 1, more=True),
+    Measure("drac_max", "braking that was needed (DRAC)", "m/s^2", 2),
+    Measure("tit", "time-integrated TTC", "s^2", 2),
+    Measure("deceleration_max", "hardest braking", "m/s^2", 2),
+    Measure("jerk", "jerk", "m/s^3", 2),
+)
+DRIVE = tuple(measure.key for measure in DRIVES)
+KEYS = {measure.key: measure for measure in (*MEASURES, *DRIVES)}
 MAIN = ("gospa", "missed_percent", "false_per_scan", "rmse_position", "rmse_velocity", "rmse_length", "nees_position")
 COSTS = ("ms_per_scan", "us_per_update")  # wall time: the only columns that differ from one execution to the next
 
@@ -58,13 +69,14 @@ SPAN_UNITS = {  # the columns of `runs.parquet` that are no measures
     "tracks_clutter": "1", "tracks_ghost": "1", "jumps": "1",
     "gwd2": "m^2", "abs_length": "m", "abs_width": "m",
     "nees_low": "1", "nees_high": "1", "pairs": "1", "plain_view_gap": "s", "orphan_duration": "s",
-    "elapsed": "s", "collisions": "1", "ttc_min": "s", "ttc_plane_min": "s", "distance_min": "m",
-    "distance_min_at": "s", "progress": "m", "speed_mean": "m/s", "speed_max": "m/s", "deceleration_max": "m/s^2",
-    "harsh_braking": "1",
+    "elapsed": "s", "ttc_min": "s", "ttc_plane_min": "s", "ttc_5": "s", "headway_min": "s", "distance_min": "m",
+    "distance_min_at": "s", "speed_mean": "m/s", "speed_max": "m/s", "harsh_braking": "1",
 }  # fmt: skip
 
 
 def badness(key: str, value: float) -> float:
-    """The value on a scale on which smaller is better: itself, or its distance from the ideal."""
-    ideal = KEYS[key].ideal
-    return value if ideal is None else abs(value - ideal)
+    """The value on a scale on which smaller is better: itself, its distance from the ideal, or its negative."""
+    measure = KEYS[key]
+    if measure.ideal is not None:
+        return abs(value - measure.ideal)
+    return -value if measure.more else value

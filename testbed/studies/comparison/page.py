@@ -12,26 +12,28 @@ import typer
 from testbed.command_line.terminal import user_input
 from testbed.compare.report import tables
 from testbed.compare.report.renderers import markdown
-from testbed.compare.runs.measures import KEYS, MAIN
+from testbed.compare.runs.measures import DRIVE, KEYS, MAIN
 from testbed.compare.runs.results import Results
 from testbed.compare.statistics.analysis import cells
 from testbed.evaluation.metrics import CUTOFF
 from testbed.log.text import markdown_table
 from testbed.studies.comparison import committed
-from testbed.studies.comparison.publish import read
+from testbed.studies.comparison.publish import read, read_closed
 from testbed.studies.page import DOCS, Docs, Page
 from trackers import DEFAULT
 
 BY_SCENARIO = ("gospa", "rmse_position", "rmse_length")
+BIRTHS = ("birth_delay", "unborn_percent", "never")
 ERRORS = ("position", "velocity", "length")
 DIFFERENCES = ("measure", "mean difference", "probability of improvement", "verdict")
 
 PAGE = """# How the trackers compare
 
-From the committed results of {date}: {trackers} trackers, {scenarios} scenarios, {seeds} seeds each, {runs} runs of
-{seconds} on common random numbers.
+From the committed results of {date}: {trackers} trackers, {scenarios} scenarios, {seeds} seeds each, {runs} runs on
+common random numbers; length of a run: {length}.
 In every scenario and seed all trackers get the same detections of the radar `{radar}`, recorded once with a planner
-that knows the truth. Brackets hold 95 % bootstrap intervals over seeds. [results.md](results.md) defines the
+that knows the truth. Means leave out {settle}, in which the tracks of what is there at the start are born; births
+have a table of their own. Brackets hold 95 % bootstrap intervals over seeds. [results.md](results.md) defines the
 measures, [comparing.md](comparing.md) the statistics; `make comparison` repeats the runs.
 
 Versions: {versions}. Digest of the code behind the runs: `{code}`.
@@ -43,6 +45,13 @@ The same as one page with figures: [comparison/report.html](comparison/report.ht
 Means over scenarios of the means over seeds. A consistent filter has a NEES of 2.
 
 {overview}
+
+## Births
+
+Over the whole runs, their beginning too: from when a vehicle is first expected to be detected to its first confirmed
+track; the share of its scans until then, of all; and vehicles that never had one in a run.
+
+{births}
 
 ## Differences to `{reference}`
 
@@ -62,6 +71,10 @@ A verdict is given where the interval leaves out zero.
 ## GOSPA [m] by phase of the maneuver
 
 {by_phase}
+
+## In closed loop
+
+{closed}
 
 ## By range
 
@@ -96,6 +109,17 @@ lies in the 95 % interval that the tracker claims.
 """
 
 
+CLOSED = """The planner `{planner}` drives on the tracks of each tracker, in a world of its own ({scenarios}; {seeds} seeds,
+{runs} runs of the same length). Collisions are those of the ego; of J and progress more is better, of the others less.
+What tracking errors cost a planner that is put to the test says [regret.md](regret.md).
+
+{drives}
+
+Errors of the tracks in these drives:
+
+{errors}"""
+
+
 def main(
     docs: Docs = DOCS,
     results: Annotated[Path, typer.Option(help="Directory of the committed results.")] = Path("docs/results"),
@@ -119,6 +143,9 @@ def render(folder: Path) -> str:
         seeds=len(comparison.seeds),
         runs=len(comparison.tasks),
         length=settings.length,
+        settle=f"the first {settings.settle:g} s of each run" if settings.settle else "nothing",
+        births=markdown(tables.overview(list(cells(results, BIRTHS)), baseline)),
+        closed=closed(read_closed(folder)),
         radar=settings.radar,
         versions=", ".join(f"{name} {version}" for name, version in versions.items()),
         code=known["identity"]["code"],
@@ -152,6 +179,22 @@ def scenario_part(results: Results, measure: str) -> str:
     found = tables.by_scenario(list(cells(results, (measure,), by="scenario")), results.comparison.baseline)
     note = f"\n\nc = {CUTOFF:g} m, over the rooted Gaussian Wasserstein distance." if measure == "gospa" else ""
     return f"## {KEYS[measure].title} by scenario{note}\n\n{markdown(found)}"
+
+
+def closed(results: Results | None) -> str:
+    """Every tracker with a planner that drives on its tracks: the drives, then the errors."""
+    if results is None:
+        return "No run was made in closed loop."
+    comparison, settings = results.comparison, results.comparison.settings
+    drives, errors = (list(cells(results, measures)) for measures in (DRIVE, MAIN))
+    return CLOSED.format(
+        planner=settings.planner,
+        scenarios=", ".join(comparison.scenarios),
+        seeds=len(comparison.seeds),
+        runs=len(comparison.tasks),
+        drives=markdown(tables.overview(drives, comparison.baseline)),
+        errors=markdown(tables.overview(errors, comparison.baseline)),
+    )
 
 
 def bands(table: pd.DataFrame) -> str:

@@ -1,7 +1,8 @@
 """The results of a complete comparison, made small enough to be committed: `make comparison`.
 
 `RESULTS/comparison.json` says what was run, `runs.parquet` has the measures of every run and phase, `range.csv`,
-`visible.csv` and `consistency.csv` are the tables of `testbed.compare.statistics.analysis` that need all rows.
+`visible.csv` and `consistency.csv` are the tables of `testbed.compare.statistics.analysis` that need all rows. Runs in
+closed loop of the same trackers are `closed.json` and `closed.parquet`.
 `testbed.studies.comparison.page` makes the page from them.
 """
 
@@ -21,7 +22,7 @@ from scenarios import SCENARIOS
 from testbed.command_line.terminal import console, user_input
 from testbed.compare.report.report import write_report
 from testbed.compare.runs.config import Comparison, Settings, Task, read_settings
-from testbed.compare.runs.measures import COSTS, KEYS
+from testbed.compare.runs.measures import COSTS, DRIVE, KEYS, MAIN
 from testbed.compare.runs.results import Results, collect
 from testbed.compare.runs.rows import read_meta
 from testbed.compare.runs.tasks import ROWS
@@ -31,6 +32,7 @@ from trackers import TRACKERS
 from trackers.lookup import parse
 
 ABOUT, RUNS = "comparison.json", "runs.parquet"
+CLOSED_ABOUT, CLOSED_RUNS = "closed.json", "closed.parquet"
 TABLES = ("range", "visible", "consistency")  # .csv
 KEY = ["scenario", "tracker", "seed", "phase"]  # of a row of `runs.parquet`
 DIGITS = 6  # significant, of the tables
@@ -59,6 +61,20 @@ def publish(folder: Path, target: Path, report: Path, reference: str | None = No
     target.mkdir(parents=True, exist_ok=True)
     _write(target, *_small(results), about(results))
     write_report(results, out=report, logs=False)
+
+
+def publish_closed(folder: Path, target: Path, reference: str | None = None) -> None:
+    """Write the small results of runs in closed loop beside the others: no phases, no tables of rows.
+
+    Raises ValueError where the runs are of open loop.
+    """
+    results = collect(stored_comparison(folder, reference))
+    if results.comparison.settings.loop != "closed":
+        raise ValueError(f"closed: {folder} holds runs of open loop; make them with --loop closed")
+    target.mkdir(parents=True, exist_ok=True)
+    spans = results.runs[[*KEY, *MAIN, *DRIVE]].astype(dict.fromkeys([*MAIN, *DRIVE], "float32"))
+    _write_spans(target / CLOSED_RUNS, spans)
+    write_json(target / CLOSED_ABOUT, about(results))
 
 
 def replace_trackers(folder: Path, target: Path) -> tuple[str, ...]:
@@ -106,11 +122,15 @@ def _small(results: Results) -> tuple[pd.DataFrame, list[pd.DataFrame]]:
     return spans, [by_band(results, "range"), by_band(results, "visible"), consistency(results)]
 
 
-def _write(target: Path, spans: pd.DataFrame, tables: Sequence[pd.DataFrame], known: dict[str, Any]) -> None:
+def _write_spans(path: Path, spans: pd.DataFrame) -> None:
     table = pa.Table.from_pandas(spans, preserve_index=False)
     described = [f.with_metadata({"unit": KEYS[f.name].unit if f.name in KEYS else ""}) for f in table.schema]
-    with atomic_file(target / RUNS) as file:
+    with atomic_file(path) as file:
         pq.write_table(table.cast(pa.schema(described, table.schema.metadata)), file, compression="zstd")
+
+
+def _write(target: Path, spans: pd.DataFrame, tables: Sequence[pd.DataFrame], known: dict[str, Any]) -> None:
+    _write_spans(target / RUNS, spans)
     for name, found in zip(TABLES, tables, strict=True):
         write_atomic(target / f"{name}.csv", found.to_csv(index=False, float_format=f"%.{DIGITS}g"))
     write_json(target / ABOUT, known)
@@ -135,13 +155,21 @@ def about(results: Results) -> dict[str, Any]:
 
 def read(target: Path) -> tuple[Results, dict[str, Any], dict[str, pd.DataFrame]]:
     """Read published results: measures, `ABOUT`, and the tables by name."""
-    known = json.loads((target / ABOUT).read_text())
+    results, known = _read_runs(target, ABOUT, RUNS)
+    return results, known, {name: pd.read_csv(target / f"{name}.csv") for name in TABLES}
+
+
+def read_closed(target: Path) -> Results | None:
+    """Published results of closed loop; None where there are none."""
+    return _read_runs(target, CLOSED_ABOUT, CLOSED_RUNS)[0] if (target / CLOSED_ABOUT).exists() else None
+
+
+def _read_runs(target: Path, about: str, runs: str) -> tuple[Results, dict[str, Any]]:
+    known = json.loads((target / about).read_text())
     settings = Settings(**{f.name: known["identity"][f.name] for f in fields(Settings)})
     scenarios, trackers, seeds = (tuple(known[what]) for what in ("scenarios", "trackers", "seeds"))
     comparison = Comparison(scenarios, trackers, seeds, settings, known["reference"], str(target))
-    spans = pd.read_parquet(target / RUNS)
-    tables = {name: pd.read_csv(target / f"{name}.csv") for name in TABLES}
-    return Results(comparison, spans, pd.DataFrame(), []), known, tables
+    return Results(comparison, pd.read_parquet(target / runs), pd.DataFrame(), []), known
 
 
 def _in_order(values: Sequence[Any], what: str) -> tuple[Any, ...]:
@@ -158,6 +186,9 @@ def main(
     target: Annotated[Path, typer.Argument(help="Directory for the small results.")] = Path("docs/results"),
     report: Annotated[Path, typer.Argument(help="Directory for the report page.")] = Path("docs/comparison"),
     reference: Annotated[str | None, typer.Option(help="The tracker that the others are compared with.")] = None,
+    closed: Annotated[
+        Path | None, typer.Option(help="Also the runs in closed loop that `testbed compare --loop closed` left there.")
+    ] = None,
     replace: Annotated[
         bool,
         typer.Option("--replace", help="FOLDER has some trackers of TARGET: replace these only."),
@@ -169,4 +200,6 @@ def main(
             console.print(f"replaced {', '.join(replace_trackers(folder, target))}", highlight=False)
         else:
             publish(folder, target, report, reference)
+        if closed is not None:
+            publish_closed(closed, target, reference)
     console.print(f"results  {target}, {report}", soft_wrap=True)

@@ -71,6 +71,20 @@ def test_tables_are_printed_where_they_cannot_be_written(tmp_path, command):
     assert done.err.splitlines()[-1].startswith(f"testbed: cannot write {tmp_path / RUNS}: it is a directory;")
 
 
+def test_a_closed_loop_shows_the_drives_and_keeps_them_with_their_units(tmp_path, command):
+    asked = ["compare", "xia2020-lane", "--radar", "front", "--duration", "0.5", "--seeds", "0", "--loop", "closed"]
+    done = command(*asked, "--tracker", "rm-koch", "--out", tmp_path)
+    assert done.status == 0, done.err
+    assert "the drives with 95 % intervals" in done.out
+    assert "progress [m]" in done.out
+    stored = pq.read_schema(tmp_path / RUNS)
+    assert {name: stored.field(name).metadata[b"unit"] for name in ("progress", "tit")} == {
+        "progress": b"m",
+        "tit": b"s^2",
+    }
+    assert "The drives" in (tmp_path / "report.html").read_text()
+
+
 def started(out):
     """A comparison on two processes that has made its first runs."""
     command = [sys.executable, "-m", "testbed", *ASKED, *TRACKERS, "--jobs", "2", "--out", str(out)]

@@ -11,7 +11,7 @@ from testbed.regress.suite import CASES, FAULTS, Suite
 def test_the_fault_matrix_has_every_kind_and_can_be_run():
     assert {str(fault).split(":")[k] for text in FAULTS for fault in faults_of(text) for k in (0, 1)} >= set(KINDS)
     for case in CASES:
-        check_case(case, find(Suite().radar).models)
+        check_case(case, find(Suite().settings.radar).models)
     assert Suite().complete
     assert not Suite.of(["cut-in"], None, "out").complete
 

@@ -9,8 +9,10 @@ import pytest
 
 from testbed.compare.runs.config import Comparison, Settings
 from testbed.compare.runs.engine import Engine
+from testbed.compare.runs.results import collect
 from testbed.compare.runs.work import execute
-from testbed.studies.comparison.publish import ABOUT, RUNS, TABLES, replace_trackers
+from testbed.studies.comparison.page import closed
+from testbed.studies.comparison.publish import ABOUT, RUNS, TABLES, publish_closed, read_closed, replace_trackers
 
 PART = Comparison(("xia2020-lane",), ("htg-mm",), (0, 1, 2), Settings(duration=1.0))
 
@@ -74,3 +76,19 @@ def test_the_digest_that_all_share_is_left_to_refresh(part, older):
     (older / ABOUT).write_text(json.dumps(known))
     replace_trackers(part, older)
     assert json.loads((older / ABOUT).read_text())["identity"]["code"] == "0123456789ab"
+
+
+def test_runs_in_closed_loop_are_published_beside_the_others_and_stand_on_the_page(part, tmp_path):
+    assert read_closed(tmp_path) is None
+    assert "No run was made in closed loop" in closed(None)
+    with pytest.raises(ValueError, match="holds runs of open loop; make them with --loop closed"):
+        publish_closed(part, tmp_path)
+    comparison = replace(PART, settings=Settings(duration=0.6, loop="closed"), seeds=(0, 1), out=str(tmp_path / "runs"))
+    execute(comparison, Engine())
+    publish_closed(tmp_path / "runs", tmp_path)
+    found = read_closed(tmp_path)
+    runs = collect(comparison).runs.set_index("seed")
+    assert found.comparison.settings.loop == "closed"
+    assert found.spans.set_index("seed")["progress"].to_numpy() == pytest.approx(runs["progress"].to_numpy(), rel=1e-6)
+    (row,) = [line for line in closed(found).splitlines() if line.startswith("| `htg-mm`") and "[" not in line][:1]
+    assert float(row.split("|")[4]) == pytest.approx(runs["progress"].mean(), abs=0.05)
