@@ -14,7 +14,7 @@ SITE := build/docs
 # Byte code is kept, also where the machine's default is not to.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo test test-all test-lowest lint types unit generated docs bench regress reproduce comparison comparison-page learning-docs family modes partial-view contours probes calibration regret regret-page standing surround faults faults-page persistence clean
+.PHONY: demo test test-all test-lowest lint types unit generated docs bench regress reproduce comparison comparison-page learning-docs family modes partial-view contours probes calibration regret regret-page standing surround faults faults-page persistence learned clean
 
 demo: $(STAMP)
 	@echo
@@ -111,6 +111,16 @@ regret: $(STAMP)
 
 regret-page: $(STAMP)  # docs/regret.md, from STUDIES or else from the committed results
 	$(BIN)/python -m testbed.studies regret $(STUDIES) --docs docs
+
+# Three CPU hours; needs the extra rl. Trainings that are there are kept.
+LEARNED := $(foreach tracker,truth imm-spline,$(foreach seed,0 1 2,runs/learned/$(tracker)-$(seed).npz))
+learned: $(LEARNED)
+	$(BIN)/python -m testbed.studies learned-policies runs/learned --docs docs
+runs/learned/%.npz: $(STAMP)
+	$(PIP) --editable '.[rl]'
+	mkdir -p runs/learned
+	$(BIN)/python docs/examples/train.py --tracker $(shell echo $* | sed 's/-[0-9]*$$//') --seed $(lastword $(subst -, ,$*)) \
+		--episodes 1 --out $@
 
 surround: $(STAMP)  # five minutes: what other figures of the default rig would change, for docs/radars.md
 	$(BIN)/python -m testbed.studies surround

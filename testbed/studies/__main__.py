@@ -13,6 +13,7 @@ from testbed.studies.consistency import page as consistency
 from testbed.studies.contours import page as contours
 from testbed.studies.faults import page as faults
 from testbed.studies.htg_tables import page as htg_tables
+from testbed.studies.learned import page as learned
 from testbed.studies.modes import page as modes
 from testbed.studies.partial_view import page as partial_view
 from testbed.studies.persistence import page as persistence
@@ -32,6 +33,7 @@ STUDIES: Mapping[str, Callable[..., None]] = {
     "ghosts": ghosts_figure.main,  # a picture for docs/ghosts.md
     "htg-tables": htg_tables.main,
     "layers": layers_figure.main,  # pictures for docs/layers.md
+    "learned-policies": learned.main,
     "modes": modes.main,
     "partial-view": partial_view.main,
     "persistence": persistence.main,

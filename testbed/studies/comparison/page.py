@@ -109,8 +109,9 @@ lies in the 95 % interval that the tracker claims.
 """
 
 
-CLOSED = """The planner `{planner}` drives on the tracks of each tracker, in a world of its own ({scenarios}; {seeds} seeds,
-{runs} runs of the same length). Collisions are those of the ego; of J and progress more is better, of the others less.
+CLOSED = """The planner `{planner}` drives on the tracks of each tracker, in a world of its own ({scenarios};
+{seeds} seeds, {runs} runs of the same length). Collisions are those of the ego; of J and progress more is better, of
+the others less.
 What tracking errors cost a planner that is put to the test says [regret.md](regret.md).
 
 {drives}
