@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from sensors.illumination import Illuminated
 from sensors.origin import DOUBLE, MIRROR
-from sensors.raycast import Edges, crossing_range
+from sensors.raycast import Edges, box_edges, crossing_range
 from sensors.returns import Returns
 from sensors.scattering import choose_elements, draw_counts
-from sensors.scene import Bodies, Scene
-from trackers.geometry import perpendicular, point_velocity, rotation, unit, wrap_angle
+from sensors.scene import Scene
+from trackers.geometry import perpendicular, point_velocity, unit, wrap_angle
 
 LONGEST_ROUGH = 4.0  # [m] edges of bodies that are longer are flat enough to mirror: the sides of trucks
 STRIDE = 8  # of the rays that reach a mirror, one in so many is followed
@@ -79,7 +79,7 @@ def draw_ghosts(
 ) -> Returns:  # fmt: skip
     """Noise-free ghosts in mirrors and of double reflections, given what the rays reach first."""
     mirrors = find_mirrors(rig, scene, edges, elements, rail)
-    seen = in_mirrors(rig, scene, boxes(scene.bodies, edges), mirrors)
+    seen = in_mirrors(rig, scene, box_edges(scene.bodies, edges), mirrors)  # boxes: enough for a mirror
     twice = doubled(rig, scene, edges, elements)
     V, S, N = int(seen.view.max(initial=-1)) + 1, len(rig.pose), len(scene.objects.id)
     paths = Paths(*map(np.concatenate, zip(seen, twice._replace(view=twice.view + V), strict=True)))
@@ -124,19 +124,6 @@ def find_mirrors(rig: Rig, scene: Scene, edges: Edges, elements: Illuminated, ra
     velocity = np.concatenate([moving, np.zeros((len(wall), 2))])
     body_of = np.concatenate([owner, np.full(len(wall), -1)])
     return Mirrors(sensor, bearing, r, perpendicular(along), a, velocity, body_of)
-
-
-def boxes(bodies: Bodies, edges: Edges) -> Edges:
-    """The four sides of the box around each outline, in its own frame: enough for what a mirror shows."""
-    R = rotation(bodies.pose[:, 2])
-    if not len(R):
-        return edges
-    local = ((edges.a - bodies.pose[edges.body, :2])[:, None] @ R[edges.body])[:, 0]
-    low, high = np.minimum.reduceat(local, edges.start), np.maximum.reduceat(local, edges.start)
-    x, y = np.stack([low, high, high, low])[..., 0], np.stack([low, low, high, high])[..., 1]
-    corners = bodies.pose[:, None, :2] + np.stack([x, y], -1).swapaxes(0, 1) @ R.mT  # (B, 4, 2)
-    each, ends = np.arange(len(R)), np.roll(corners, -1, 1)
-    return Edges(corners.reshape(-1, 2), ends.reshape(-1, 2), each.repeat(4), np.tile(np.arange(4), len(R)), 4 * each)
 
 
 def in_mirrors(rig: Rig, scene: Scene, edges: Edges, mirrors: Mirrors) -> Paths:

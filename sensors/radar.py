@@ -20,7 +20,6 @@ from sensors.returns import add_noise, false_alarms, join, merge_cells, rows
 from sensors.scattering import draw_counts
 from sensors.scene import Scene, check_scene
 from sensors.surroundings import Surroundings, surrounding_returns
-from trackers.geometry import compose, point_velocity, rotation
 from trackers.scan import DepthProfile, Scan, SensorModel
 
 
@@ -179,7 +178,8 @@ class Radar:
         """
         check_scene(scene)
         platform = scene.ego.platform
-        pose, velocity = self._mounted(platform)
+        at = Mounted.on(platform, self.column("mount"))
+        pose, velocity = at
         edges = outline_edges(scene.bodies.outline)
         elements, visible, rail = illuminate(
             self._beams(pose), edges, scene.bodies.owner, len(scene.objects.id), scene.walls
@@ -190,7 +190,6 @@ class Radar:
             expected = self._expected_by_aspect(self._aspects, visible, sides, scene.objects.kind)
             shape = interpolated(self._aspects["count_shape"], sides)  # (RAD.31)
         counts = self._counts(expected, shape, rng)
-        at = Mounted(pose, velocity)
         vehicles = vehicle_returns(self._body_figures, scene, elements, edges, counts, at, rng)
         density, falloff = self.column("static_density"), self.column("count_falloff")
         walls = wall_returns(density, falloff, scene.walls, rail, at, rng)
@@ -230,12 +229,6 @@ class Radar:
         count = [len(sensor.azimuths) for sensor in self.sensors]
         azimuth = np.concatenate([sensor.azimuths for sensor in self.sensors])
         return np.repeat(np.arange(len(count)), count), azimuth, self.column("fov_deg", np.pi / 180) / count
-
-    def _mounted(self, platform: NDArray) -> tuple[NDArray, NDArray]:
-        """Poses (S, 3) and velocities (S, 2) [m/s] of all sensors in the world, as `SensorModel` has them of one."""
-        mount = self.column("mount")
-        lever = (rotation(platform[2]) @ mount[:, :2, None])[..., 0]
-        return compose(platform[:3], mount), point_velocity(platform[3:5], platform[5], lever)  # (RAD.1)
 
     def _beams(self, pose: NDArray) -> Beams:
         """The rays of all sensors at poses (S, 3)."""

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sensors.scene import Bodies
-from trackers.geometry import cross, unit, wrap_angle
+from trackers.geometry import cross, rotation, unit, wrap_angle
 
 NEAREST = 1e-9  # [m]
 MARGIN = 1e-6  # [m] by which a reach is widened: far above rounding
@@ -61,6 +61,19 @@ def outline_edges(outlines: Sequence[NDArray]) -> Edges:
     edge = index - start[body]
     after = np.where(edge + 1 == size[body], start[body], index + 1)
     return Edges(a, a[after], body, edge, start)
+
+
+def box_edges(bodies: Bodies, edges: Edges) -> Edges:
+    """The four sides of the box around each outline, in its own frame."""
+    R = rotation(bodies.pose[:, 2])
+    if not len(R):
+        return edges
+    local = ((edges.a - bodies.pose[edges.body, :2])[:, None] @ R[edges.body])[:, 0]
+    low, high = np.minimum.reduceat(local, edges.start), np.maximum.reduceat(local, edges.start)
+    x, y = np.stack([low, high, high, low])[..., 0], np.stack([low, low, high, high])[..., 1]
+    corners = bodies.pose[:, None, :2] + np.stack([x, y], -1).swapaxes(0, 1) @ R.mT  # (B, 4, 2)
+    each, ends = np.arange(len(R)), np.roll(corners, -1, 1)
+    return Edges(corners.reshape(-1, 2), ends.reshape(-1, 2), each.repeat(4), np.tile(np.arange(4), len(R)), 4 * each)
 
 
 def crossing_range(u: NDArray, wa: NDArray, wb: NDArray) -> NDArray:

@@ -16,7 +16,7 @@ from sensors.raycast import Edges
 from sensors.returns import Returns, standing
 from sensors.scattering import Draws, choose_elements, draw_depth, draw_scatter, room_behind, surface_points
 from sensors.scene import Scene
-from trackers.geometry import point_velocity, rotation, wrap_angle
+from trackers.geometry import compose, point_velocity, rotation, wrap_angle
 
 
 class Mounted(NamedTuple):
@@ -24,6 +24,12 @@ class Mounted(NamedTuple):
 
     pose: NDArray  # (S, 3) x, y [m], heading [rad]
     velocity: NDArray  # (S, 2) [m/s]
+
+    @classmethod
+    def on(cls, platform: NDArray, mount: NDArray) -> "Mounted":
+        """Radars at the places mount (S, 3) of a platform (6,), in the world, as `SensorModel` has them of one."""
+        lever = (rotation(platform[2]) @ mount[:, :2, None])[..., 0]
+        return cls(compose(platform[:3], mount), point_velocity(platform[3:5], platform[5], lever))  # (RAD.1)
 
 
 class BodyFigures(NamedTuple):

@@ -27,11 +27,7 @@ def _walk(function: Any, *states: Any) -> Any:
 
 def take(state: T, index: NDArray) -> T:
     """Rows `index` (integers or a boolean mask) of the first axis of every field."""
-    if state is None:
-        return None
-    if isinstance(state, tuple):
-        return type(state)(*[take(leaf, index) for leaf in state])
-    return np.asarray(state)[index]
+    return _walk(lambda leaf: np.asarray(leaf)[index], state)
 
 
 def keep(state: T, mask: NDArray) -> T:

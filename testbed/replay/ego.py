@@ -21,7 +21,7 @@ def egos(table: Loaded, times: NDArray) -> list[Ego]:
     if not table.rows:
         raise ValueError(f"{table.file} has no row; give the vehicle at the times of the scans, also where it stands")
     check_motion(table)
-    _check_growing(table)
+    table.check_sorted(once=True)
     where = between(table["time"], times, GAP)
     if not where.known.all():
         at = times[~where.known][0]
@@ -34,10 +34,3 @@ def egos(table: Loaded, times: NDArray) -> list[Ego]:
     size = np.stack([table.numbers(n, d)[where.first] for n, d in zip(("length", "width"), SIZE, strict=True)], -1)
     corners = box_corners(pose, size)
     return [Ego(pose[k], velocity[k], float(rate[k]), size[k], corners[k]) for k in range(len(times))]
-
-
-def _check_growing(table: Loaded) -> None:
-    time = table["time"]
-    wrong = np.append(False, np.diff(time) <= 0)
-    remedy = "sort the rows by time, and keep one of each"
-    table.check("time", wrong, lambda row: f"{time[row]} s comes after {time[row - 1]} s", remedy)

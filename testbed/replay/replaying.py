@@ -1,6 +1,6 @@
 """A recording of a folder given to trackers: log, results and tracks, as of a run."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter, process_time
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from testbed.command_line.interruption import interruptible
-from testbed.compare.runs.replay import REPLAY, RecordedRadar
+from testbed.compare.runs.replay import REPLAY, RecordedRadar, through
 from testbed.environment.perception import Perception, tracker_of
 from testbed.environment.recorder import Recorder, check_level
 from testbed.evaluation.tracking import jsonable
@@ -101,10 +101,11 @@ def replay(
     tracks, lives = TracksFile(tracks_path(config, recorded), recorded.times, recorder.lost), Lives()
     perception.observers.extend([recorder, tracks, lives])
     total, done = len(recorded.frames), 0
+    unused = np.random.default_rng(0)  # a recorded radar draws nothing
     start, cpu = perf_counter(), process_time()
     with interruptible() as interrupt, tracks:
         try:
-            for done in _steps(perception, recorded):
+            for done in through(perception, recorded.frames, recorded.road, unused):
                 progress(done, total)
                 if interrupt.signal is not None:
                     break
@@ -119,17 +120,6 @@ def replay(
     return ReplayResult(
         recorder.close(), lives.rows(), recorder.written, recorder.log.file, tracks.written, status, lost
     )
-
-
-def _steps(perception: Perception, recorded: Recorded) -> Iterator[int]:
-    """Give one scan after the other; yields how many were given."""
-    unused = np.random.default_rng(0)  # a recorded radar draws nothing
-    perception.start(lambda k: recorded.frames[k].scene, recorded.road, unused, action=REPLAY)
-    perception.notify()
-    yield 1
-    for k in range(1, len(recorded.frames)):
-        perception.step(REPLAY, np.zeros((0, 2)))
-        yield k + 1
 
 
 def _meta(config: ReplayConfig, recorded: Recorded) -> RunMeta:

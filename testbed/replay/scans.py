@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sensors.origin import KINDS
+from sensors.reflections import Mounted
 from testbed.replay.sensor_sheets import SensorSheets
 from testbed.replay.tables import Loaded
 from trackers.admission import MAX_STEP
@@ -34,7 +35,7 @@ class Scans(NamedTuple):
         """The scan at time f, of sensors on a platform (6,)."""
         rows = slice(self.bounds[f], self.bounds[f + 1])
         s = self.sensor[rows]
-        pose, velocity = sensors.mounted(platform)
+        pose, velocity = Mounted.on(platform, sensors.mount)
         return Scan(
             self.polar[rows], np.ones(len(s), bool), pose[s], velocity[s], sensors.sigma[s], s, platform,
             self.delivered[f],
@@ -48,7 +49,7 @@ def scans_of(detections: Loaded, listed: Loaded | None, sensors: SensorSheets) -
     """
     for table in (detections, listed):
         if table is not None:
-            _check_sorted(table)
+            table.check_sorted()
     sensor, time = sensors.rows_of(detections), detections["time"]
     also = np.zeros(0) if listed is None else listed["time"]
     times = np.union1d(time, also)
@@ -64,12 +65,6 @@ def scans_of(detections: Loaded, listed: Loaded | None, sensors: SensorSheets) -
     _check_rates(detections, sensors, times, delivered)
     of = detections.texts("object")
     return Scans(times, bounds, delivered, sensor, _polar(detections), of, _kinds(detections))
-
-
-def _check_sorted(table: Loaded) -> None:
-    time = table["time"]
-    wrong = np.diff(time, prepend=time[:1]) < 0
-    table.check("time", wrong, lambda row: f"{time[row]} s comes after {time[row - 1]} s", "sort the rows by time")
 
 
 def _check_crowd(table: Loaded, times: NDArray, bounds: NDArray) -> None:

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from testbed.replay.columns import TWO_SIDED
 from testbed.replay.tables import Loaded
-from trackers.geometry import compose, point_velocity, rotation
 from trackers.scan import DepthProfile, SensorModel
 
 OPTIONAL = ("sigma_rate", "max_rate", "count_at_15m", "count_falloff", "count_max", "clutter")
@@ -27,11 +26,10 @@ class SensorSheets(NamedTuple):
         """Standard deviations (S, 3) of range [m], azimuth [rad], range rate [m/s]."""
         return np.array([(m.sigma_range, m.sigma_azimuth, m.sigma_rate) for m in self.models])
 
-    def mounted(self, platform: NDArray) -> tuple[NDArray, NDArray]:
-        """Poses (S, 3) and velocities (S, 2) [m/s] of all sensors on a platform (6,)."""
-        mount = np.array([model.mount for model in self.models], float)
-        lever = (rotation(platform[2]) @ mount[:, :2, None])[..., 0]
-        return compose(platform[:3], mount), point_velocity(platform[3:5], platform[5], lever)  # (RAD.1)
+    @property
+    def mount(self) -> NDArray:
+        """Places (S, 3) on the vehicle: x, y [m], heading [rad]."""
+        return np.array([model.mount for model in self.models], float)
 
     def rows_of(self, table: Loaded) -> NDArray:
         """Which sensor (N,) each row of a table is of; ValueError, in one sentence, for one that is not known."""

@@ -58,6 +58,14 @@ class Loaded:
             row = int(wrong.argmax())
             raise self.fault(name, row, what(row), remedy)
 
+    def check_sorted(self, once: bool = False) -> None:
+        """Raise the error about the first row whose time is before that of the row above, or, if `once`, the same."""
+        time = self["time"]
+        step = np.diff(time, prepend=-np.inf)
+        remedy = "sort the rows by time, and keep one of each" if once else "sort the rows by time"
+        wrong = step <= 0 if once else step < 0
+        self.check("time", wrong, lambda row: f"{time[row]} s comes after {time[row - 1]} s", remedy)
+
 
 def path_of(folder: Path, name: str) -> Path | None:
     """The file of a table, None where there is none; ValueError where it is there in both formats."""

@@ -74,8 +74,7 @@ def truth_at(table: Loaded | None, times: NDArray) -> Truth:
         raise ValueError(f"{table.file} has no row; delete it where there is no truth")
     check_motion(table)
     time = table["time"]
-    wrong = np.append(False, np.diff(time) < 0)
-    table.check("time", wrong, lambda row: f"{time[row]} s comes after {time[row - 1]} s", "sort the rows by time")
+    table.check_sorted()
     table.check("id", table["id"] == "", lambda row: "it is empty", "give each vehicle its id")
     parts = [_course(table, rows, times) for rows in _rows_of_each(table)]
     scan, first, second, share = (np.concatenate(column) for column in zip(*parts, strict=True))

@@ -1,6 +1,6 @@
 """A recorded drive given to trackers as if it were live: the same scans in the same order, to the same observers."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from testbed.environment.recorder import Recorder
 from testbed.files import versions
 from testbed.frame import Observer
 from testbed.log.record import RunMeta, run_id
+from trackers.multi.road import RoadMap
 from trackers.scan import Scan, SensorModel
 
 REPLAY = "replay"  # in place of the planner's name and of its action: a replay has no planner
@@ -63,11 +64,28 @@ def rescan(
     perception = Perception.mount(radar, trackers, faults)
     rngs = streams(perception.faults, recording.seed)
     perception.observers.extend(observers)
-    perception.start(lambda k: recording.frames[k].scene, recording.road, rng, action=REPLAY, fault_rngs=rngs)
-    perception.notify()
-    for _ in recording.frames[1:]:
-        perception.step(REPLAY, np.zeros((0, 2)))
+    for _ in through(perception, recording.frames, recording.road, rng, rngs):
+        pass
     return perception
+
+
+def through(
+    perception: Perception,
+    frames: Sequence[RecordedFrame],
+    road: RoadMap,
+    rng: np.random.Generator,
+    fault_rngs: Sequence[np.random.Generator] = (),
+) -> Iterator[int]:
+    """Scan one recorded scene after the other; yields how many were scanned.
+
+    The generators are those of the radar and of its faults, as `Perception.start` has them.
+    """
+    perception.start(lambda k: frames[k].scene, road, rng, action=REPLAY, fault_rngs=fault_rngs)
+    perception.notify()
+    yield 1
+    for k in range(1, len(frames)):
+        perception.step(REPLAY, np.zeros((0, 2)))
+        yield k + 1
 
 
 def write_log(recording: Recording, trackers: Sequence[str], out: Path, faults: Sequence[str] = ()) -> Path:
