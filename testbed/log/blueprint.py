@@ -31,7 +31,7 @@ from testbed.log.record import RoadGeometry, RunMeta
 from testbed.log.road_shape import AHEAD, BEHIND, fixed_middle, road_shape, road_span
 
 TRAIL = 2.0  # [s]
-BACKGROUND = (14, 15, 19)  # RGB of scenes
+BACKGROUND = palette.rgb(palette.GROUND)
 CLOSE = (-22.0, 48.0, -16.0, 16.0)  # [m] close-up: behind and before the ego, left and right of it on the screen
 HALF = {"strip": 12.0, "long": 22.0}  # [m] the overview shows at least this far to the sides
 MARGIN = 4.0  # [m] around a map that is shown whole

@@ -2,6 +2,7 @@
 
 from collections import defaultdict
 from collections.abc import Iterator
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -58,6 +59,14 @@ class Columns:
             for step, texts in zip(steps.tolist(), lists.to_pylist(), strict=True)
         }
 
+    def held(self, entity: str, component: str, first: str) -> dict[int, list[str]]:
+        """Step of every scan -> texts of what is logged when it changes; `first` before that."""
+        changes = self.texts(entity, component)
+        found, last = {}, [first]
+        for step in self.times:
+            found[step] = last = changes.get(step, last)
+        return found
+
     def points(self, entity: str, component: str) -> dict[int, NDArray]:
         """Step -> points (n, 2)."""
         found: dict[int, NDArray] = {}
@@ -76,6 +85,7 @@ class Columns:
                 found[step] = each[end - count : end]
         return found
 
+    @cached_property
     def times(self) -> dict[int, float]:
         """Step -> time [s] of every scan."""
         found: dict[int, float] = {}

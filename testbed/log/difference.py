@@ -1,6 +1,6 @@
 """The first step at which two logs part, layer by layer, and what differs there."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -36,12 +36,14 @@ def compare_logs(first: str | Path, second: str | Path) -> Difference:
     """Compare two logs exactly; raises OSError or ValueError, in one sentence, for one that cannot be read."""
     readable(first, second)
     a, b = Columns(first), Columns(second)
-    times = a.times(), b.times()
+    times = a.times, b.times
     shared = [step for step in times[0] if step in times[1]]
     if not shared:
         raise ValueError(f"{first} and {second} have no step in common; give the logs of two runs")
+    runs = [properties(log).get("run", {}) for log in (first, second)]
+    trackers = list(dict.fromkeys(name for run in runs for name in str(run.get("trackers", "")).split()))
     found = []
-    for what, one, other in _layers(a, b, _trackers(first) | _trackers(second)):
+    for what, one, other in _layers(a, b, trackers):
         for step in shared:
             if said := _difference(one.get(step), other.get(step)):
                 found.append(Parting(what, step, times[0][step], said))
@@ -51,15 +53,10 @@ def compare_logs(first: str | Path, second: str | Path) -> Difference:
         step = next(step for step in longer if step not in times[0] or step not in times[1])
         ends = " / ".join(f"{len(t)} steps" for t in times)
         found.append(Parting("length of the run", step, longer[step], ends))
-    settings = _settings(properties(first).get("run", {}), properties(second).get("run", {}))
-    return Difference(settings, sorted(found, key=lambda p: p.step), len(shared), times[0][shared[-1]])
+    return Difference(_settings(*runs), sorted(found, key=lambda p: p.step), len(shared), times[0][shared[-1]])
 
 
-def _trackers(log: str | Path) -> dict[str, None]:
-    return dict.fromkeys(str(properties(log).get("run", {}).get("trackers", "")).split())
-
-
-def _layers(a: Columns, b: Columns, trackers: Mapping[str, None]) -> Iterator[tuple[str, Mapping, Mapping]]:
+def _layers(a: Columns, b: Columns, trackers: Sequence[str]) -> Iterator[tuple[str, Mapping, Mapping]]:
     """Name of each layer, and step -> values in both logs, in the order in which a frame is made."""
 
     def both(method: str, *where: str) -> tuple[Mapping, Mapping]:
@@ -74,22 +71,13 @@ def _layers(a: Columns, b: Columns, trackers: Mapping[str, None]) -> Iterator[tu
         yield f"tracks of {name}", *both("strips", paths.tracker(name, "extent"))
         yield f"tentative tracks of {name}", *both("strips", paths.tracker(name, "tentative"))
     yield "plan", *both("strips", paths.EGO_PLAN)
-    one, other = both("texts", paths.EGO_ACTION, "StateChange:state")
-    yield "action", _held(one, a.times()), _held(other, b.times())
+    yield "action", *both("held", paths.EGO_ACTION, "StateChange:state", "nothing")
     yield "speed of the ego [m/s]", *both("numbers", paths.EGO_SPEED, "Scalars:scalars")
     for name in trackers:
         leaf = f"/{paths.plain(name)}"
         for entity in dict.fromkeys([*a.entities("metrics/"), *b.entities("metrics/")]):
             if entity.endswith(leaf):
                 yield f"{entity.split('/')[1]} of {name}", *both("numbers", entity, "Scalars:scalars")
-
-
-def _held(changes: Mapping[int, list[str]], times: Mapping[int, float]) -> dict[int, list[str]]:
-    """Values at every step of what is logged when it changes."""
-    found, last = {}, ["nothing"]
-    for step in times:
-        found[step] = last = changes.get(step, last)
-    return found
 
 
 def _difference(one: Any, other: Any) -> str:

@@ -56,13 +56,21 @@ def mode(index: int) -> int:
     return _MODES[index % len(_MODES)]
 
 
+def rgb(color: int) -> tuple[int, int, int]:
+    """Red, green and blue, 0 to 255, of a colour 0xRRGGBBAA.
+
+    >>> rgb(0x43E66BFF)
+    (67, 230, 107)
+    """
+    return color >> 24, color >> 16 & 255, color >> 8 & 255
+
+
 def dimmed(color: int, visible: NDArray) -> NDArray:
     """A colour (n,) uint32 mixed with the ground, the more the smaller the visible shares (n,); lines are opaque."""
-    shift = np.array([24, 16, 8])
-    near, far = ((np.uint32(c) >> shift) & 255 for c in (color, GROUND))
+    near, far = np.array(rgb(color)), np.array(rgb(GROUND))
     share = DIM + (1 - DIM) * np.clip(visible, 0.0, 1.0)[:, None]
-    mixed = np.rint(far + share * (near.astype(float) - far)).astype(np.uint32)
-    return (mixed << shift.astype(np.uint32)).sum(-1, dtype=np.uint32) | np.uint32(0xFF)
+    mixed = np.rint(far + share * (near - far)).astype(np.uint32)
+    return (mixed << np.array([24, 16, 8], np.uint32)).sum(-1, dtype=np.uint32) | np.uint32(0xFF)
 
 
 def identity(number: ArrayLike) -> NDArray:

@@ -33,19 +33,8 @@ SMOOTHED = "world/smoothed"  # tracks smoothed over all detections of the run
 SMOOTHED_LAYERS = ("extent", "path")
 SEEN = "radar"  # leaf of an object's entity: detections, expected number and visible share
 
-STATIC = (
-    RADAR_FOV,
-    RINGS,
-    RING_LABELS,
-    ROAD_SURFACE,
-    ROAD_EDGES,
-    ROAD_LANES,
-    CONFIG,
-    SUMMARY,
-    MOMENTS,
-    OBJECTS,
-    LEGEND,
-)
+FIXED = (RADAR_FOV, RINGS, RING_LABELS, ROAD_SURFACE, ROAD_EDGES, ROAD_LANES)  # geometry that never changes
+STATIC = (*FIXED, CONFIG, SUMMARY, MOMENTS, OBJECTS, LEGEND)
 NUMBERS = (EGO_ACTION, EGO_SPEED)
 RISK = (EGO_TTC, EGO_DRAC, EGO_BRAKING)  # where the drive is measured
 
@@ -103,20 +92,8 @@ def of_object(object_id: int, leaf: str) -> str:
 
 def scene_layers(trackers: tuple[str, ...]) -> tuple[str, ...]:
     """Every layer of geometry of a run at level full, static ones included."""
-    fixed = (
-        FOLLOW,
-        OVERVIEW,
-        EGO,
-        RADAR_FOV,
-        RINGS,
-        RING_LABELS,
-        ROAD_SURFACE,
-        ROAD_EDGES,
-        ROAD_LANES,
-        WALLS,
-        EGO_PLAN,
-    )
+    around = (FOLLOW, OVERVIEW, EGO, *FIXED, WALLS, EGO_PLAN)
     truth = (TRUTH_CONTOUR, TRUTH_HEADING, TRUTH_EGO, TRUTH_NAMES)
     tracked = tuple(tracker(name, layer) for name in trackers for layer in TRACKER_LAYERS)
     after = tuple(smoothed(name, layer) for name in trackers for layer in SMOOTHED_LAYERS)
-    return fixed + truth + tuple(detections(kind) for kind in KINDS) + tracked + after
+    return around + truth + tuple(detections(kind) for kind in KINDS) + tracked + after

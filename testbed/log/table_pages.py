@@ -1,10 +1,9 @@
 """Pages of a log as tables in markdown: the worst moments, and the objects sorted by harm."""
 
 from collections.abc import Mapping, Sequence
-from math import isfinite
 
 from testbed.log import paths
-from testbed.log.text import markdown_table
+from testbed.log.text import markdown_table, number
 
 Table = Mapping[str, float | int | str | None]  # a row of it
 
@@ -56,12 +55,8 @@ def objects_text(objects: Sequence[Table]) -> str:
         (
             f"{paths.vehicle(int(row['object'] or 0))} {row['kind']}",
             str(row["tracker"]),
-            *(_number(row.get(key), digits) for key, _, digits in COLUMNS),
+            *(number(row.get(key), digits) for key, _, digits in COLUMNS),
         )
         for row in rows
     ]
     return markdown_table(head, body)
-
-
-def _number(value: float | int | str | None, digits: int) -> str:
-    return "-" if value is None or not isfinite(float(value)) else f"{float(value):.{digits}f}"

@@ -70,7 +70,7 @@ def unfinished_text(meta: RunMeta) -> str:
 def summary_text(meta: RunMeta, summary: Mapping[str, Value | Mapping[str, Value]]) -> str:
     """Page with a table of measures with one column a tracker, and the facts of the drive, by their plain names."""
     named = {f"drive_{key}": (label, digits) for key, label, digits in DRIVE}
-    facts = {named[name][0]: _number(value, named[name][1]) for name, value in summary.items() if name in named}
+    facts = {named[name][0]: number(value, named[name][1]) for name, value in summary.items() if name in named}
     facts |= {
         name: _short(value)
         for name, value in summary.items()
@@ -80,7 +80,7 @@ def summary_text(meta: RunMeta, summary: Mapping[str, Value | Mapping[str, Value
     pages = [_title(meta)]
     if tables:
         body = [
-            (label.strip(), *(_number(table.get(key), digits) for table in tables.values()))
+            (label.strip(), *(number(table.get(key), digits) for table in tables.values()))
             for key, label, digits in ROWS
             if any(key in table for table in tables.values())
         ]
@@ -94,16 +94,16 @@ def _title(meta: RunMeta) -> str:
     return f"## {meta.scenario}, seed {meta.seed}"
 
 
-def _number(value: object, digits: int) -> str:
-    """A figure with so many digits, a dash where nothing was measured."""
-    measured = isinstance(value, int | float | np.number) and np.isfinite(value)
-    return f"{value:.{digits}f}" if measured else "-"
-
-
 def _short(value: Value) -> str:
     if isinstance(value, float | np.floating):
         return "-" if np.isnan(value) else f"{value:.3g}"
     return {True: "yes", False: "no"}[value] if isinstance(value, bool) else str(value)
+
+
+def number(value: object, digits: int) -> str:
+    """A figure with so many digits, a dash where nothing was measured."""
+    measured = isinstance(value, int | float | np.number) and np.isfinite(value)
+    return f"{value:.{digits}f}" if measured else "-"
 
 
 def markdown_table(head: tuple[str, ...], body: Iterable[tuple[str, ...]]) -> str:

@@ -18,7 +18,7 @@ from testbed.log import layers, palette, paths, road_shape
 from testbed.log.legend import legend_text
 from testbed.log.modes import class_names, modes_of
 from testbed.log.record import RoadGeometry, RunMeta, SmoothedTracks
-from testbed.log.table_pages import moments_text, objects_text
+from testbed.log.table_pages import Table, moments_text, objects_text
 from testbed.log.text import config_text, flat_properties, flat_summary, summary_text, unfinished_text
 from trackers.multi.tracks import NO_TRACK, Event, StepInfo, Tracks
 from trackers.scan import SensorModel
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
 Value = str | int | float | bool
 Summary = Mapping[str, Value | Mapping[str, Value]]
-Table = Mapping[str, float | int | str | None]  # a row of it
 Scores = Mapping[str, FrameScore]  # by name of the tracker, in the order of the run
 LogEvents = Iterable[tuple[str, str]]  # severity, text
 

@@ -31,7 +31,7 @@ PLAIN_LEVELS = ("INFO", "WARN", "ERROR")
 def contents(path: str | Path) -> dict[str, Any]:
     """Everything that the page draws; raises OSError or ValueError, in one sentence, for a log that cannot be read."""
     columns, groups = Columns(path), properties(path)
-    times = columns.times()
+    times = columns.times
     if not times:
         raise ValueError(f"the log {path} has no step")
     run = groups.get("run", {})
@@ -60,7 +60,7 @@ def contents(path: str | Path) -> dict[str, Any]:
         "road": _road(columns),
         "curves": [{"key": key, "title": title} for key, title in CURVES],
         "shapes": shapes.found,
-        "action": _action(columns, steps),
+        "action": [texts[0] for texts in columns.held(paths.EGO_ACTION, "StateChange:state", "").values()],
         "events": [[round(e.time, 3), e.level, e.text] for e in events(path) if e.level in PLAIN_LEVELS],
         "moments": tables.get("moments", []),
         "objects": [row for row in tables.get("objects", []) if row["scans_counted"]],
@@ -163,13 +163,3 @@ def _road(columns: Columns) -> dict[str, Any]:
         "edges": lines(paths.ROAD_EDGES),
         "lanes": lines(paths.ROAD_LANES),
     }
-
-
-def _action(columns: Columns, steps: list[int]) -> list[str]:
-    """The action of the ego at each scan."""
-    changes = columns.texts(paths.EGO_ACTION, "StateChange:state")
-    found, last = [], ""
-    for step in steps:
-        last = changes.get(step, [last])[0]
-        found.append(last)
-    return found
