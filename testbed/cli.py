@@ -14,6 +14,7 @@ from rich.markup import escape
 
 import testbed
 from testbed.command_line import tables
+from testbed.command_line.results import show_files, show_measures
 from testbed.command_line.terminal import (
     complain,
     console,
@@ -156,14 +157,7 @@ def _losses(lost: Iterable[str]) -> Iterator[None]:
 
 def _show(result: "RunResult") -> None:
     if result.config.metrics:
-        console.print(tables.metrics(result.result))
-        for line in tables.EXPLAINED:
-            console.print(line)
-        console.print()
-        if result.result["moments"]:
-            console.print(tables.moments(result.result))
-            console.print(escape(tables.HARM))
-            console.print()
+        show_measures(result.result, console)
         console.print(tables.drive(result.result))
     else:
         console.print(tables.costs(result.result))
@@ -171,11 +165,7 @@ def _show(result: "RunResult") -> None:
         console.print(escape(f"at {event['time']:.1f} s: {event['text']}"))
     if result.interrupted:
         console.print("[yellow]interrupted: the tables and files hold what was run until then[/yellow]")
-    if result.json is not None:
-        console.print(f"results  {result.json}", soft_wrap=True)
-    if result.rrd is not None:
-        console.print(f"log      {result.rrd}", soft_wrap=True)
-        console.print(f"open it  testbed review {shlex.quote(str(result.rrd))}", soft_wrap=True)
+    show_files({"results": result.json, "log": result.rrd}, console)
 
 
 @app.command()

@@ -46,15 +46,15 @@ def metrics(result: Mapping[str, Any], title: str | None = None) -> Table:
 
 def moments(result: Mapping[str, Any]) -> Table:
     """The worst moments of the run, the worst first."""
+    from testbed.log.table_pages import happened, subject
+
     several = len(result["trackers"]) > 1
     table = light_table(f"the {len(result['moments'])} worst moments")
     for name in ("time [s]", "who", "what and why", "harm"):
         table.add_column(escape(name), justify="right" if name in ("time [s]", "harm") else "left", overflow="fold")
     for m in result["moments"]:
-        who = f"track {m['track']}" if m["object"] is None else f"veh_{m['object']:02d} {m['kind']}"
-        who += f"\n{m['tracker']}" if several else ""
-        said = f"{m['what']}: {m['text']}\n{m['why']}"
-        table.add_row(*map(escape, (number(m["time"], 1), who, said, number(m["harm"], 1))))
+        who = subject(m) + (f"\n{m['tracker']}" if several else "")
+        table.add_row(*map(escape, (number(m["time"], 1), who, f"{happened(m)}\n{m['why']}", number(m["harm"], 1))))
     return table
 
 

@@ -1,6 +1,5 @@
 """`testbed replay` and `testbed record` as people see them."""
 
-import shlex
 from pathlib import Path
 
 from rich.console import Console
@@ -8,6 +7,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from testbed.command_line import tables
+from testbed.command_line.results import show_files, show_measures
 from testbed.environment.perception import radar_of
 from testbed.environment.registration import scenario_of
 from testbed.limits import check_duration, check_seeds
@@ -25,22 +25,11 @@ LIVES = (  # key, label, digits
 def show(done: ReplayResult, console: Console) -> None:
     """Tables and files of a replay: errors where there is a truth, and what became of the tracks."""
     if "trackers" in done.result:
-        console.print(tables.metrics(done.result, done.result["run"]["scenario"]))
-        for line in tables.EXPLAINED:
-            console.print(line)
-        console.print()
-        if done.result["moments"]:
-            console.print(tables.moments(done.result))
-            console.print(escape(tables.HARM))
-            console.print()
+        show_measures(done.result, console, done.result["run"]["scenario"])
     console.print(lives(done))
     if done.result["interrupted"]:
         console.print("[yellow]interrupted: the tables and files hold what was replayed until then[/yellow]")
-    for name, path in (("results", done.json), ("tracks", done.tracks), ("log", done.rrd)):
-        if path is not None:
-            console.print(f"{name:8} {path}", soft_wrap=True)
-    if done.rrd is not None:
-        console.print(f"open it  testbed review {shlex.quote(str(done.rrd))}", soft_wrap=True)
+    show_files({"results": done.json, "tracks": done.tracks, "log": done.rrd}, console)
 
 
 def lives(done: ReplayResult) -> Table:
