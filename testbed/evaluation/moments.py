@@ -123,14 +123,9 @@ class _Story:
     def __init__(
         self, tracker: str, key: int, history: History, place: NDArray, frames: Sequence[Snapshot], on: list
     ) -> None:
-        self.tracker, self.key, self.history, self.place, self.frames, self.on = (
-            tracker,
-            key,
-            history,
-            place,
-            frames,
-            on,
-        )
+        self.tracker, self.key = tracker, key
+        self.history, self.place = history, place
+        self.frames, self.on = frames, on
         time = np.append(history.time, history.time[-1])
         self.lasts = np.diff(time)  # [s] that each scan stands for
         self.kind = frames[place[0]].objects.kind[frames[place[0]].row[key]]
@@ -246,8 +241,10 @@ def _false_tracks(
 ) -> Iterator[Moment]:
     """Periods in which a reported track belonged to no object, but those of an object that was without a track."""
     alone: dict[int, list[int]] = {}
+    first: dict[int, int] = {}  # track -> frame of its first appearance
     for k, frame in enumerate(frames):
         for track in frame.outputs[name].id.tolist():
+            first.setdefault(track, k)
             if track not in on[k]:
                 alone.setdefault(track, []).append(k)
     lasts = np.diff(np.append(time, time[-1]))
@@ -257,8 +254,7 @@ def _false_tracks(
         for a, b in _joined(_runs(where), time):
             index = [k for k in range(a, b) if where[k]]
             episode = Episode(name, None, [frames[k] for k in index], [on[k] for k in index])
-            born = not any(track in frame.outputs[name].id for frame in frames[:a])
-            cause, why, source = why_false(episode, track, born and len(index) == 1)
+            cause, why, source = why_false(episode, track, first[track] == a and len(index) == 1)
             if 2 * sum(source in missing[k] for k in index) > len(index):
                 continue  # the entry of that object says that this track lies on it
             harm = sum(MISSING * lasts[k] * _track_nearness(frames[k], name, track) for k in index)
