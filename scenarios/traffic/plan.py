@@ -52,15 +52,8 @@ def plan_of(path: Path, changed: int, ego: str | None, window: float | None) -> 
     layout, vehicles = read(path)
     seconds = WINDOWS.get(layout.name, WINDOW) if window is None else window
     chosen = default_ego(vehicles, path.name) if ego is None else _asked_for(vehicles, ego, path.name)
-    begin, end = (round(float(t), 6) for t in chosen.time[[0, -1]])
-    if end - begin < SHORTEST:
-        raise ValueError(
-            f"ego must be on record for {SHORTEST:g} s, got {chosen.id} with {end - begin:.1f} s in {path.name}; "
-            "choose another vehicle"
-        )
-    ahead = chosen.xy[-1] - chosen.xy[0]
-    steps = np.array([v.xy[-1] - v.xy[0] for v in vehicles])
-    along = direction(steps, ahead if np.hypot(*ahead) > 1.0 else steps[np.hypot(*steps.T).argmax()])
+    begin, end = _on_record(chosen, path.name)
+    along = _direction(vehicles, chosen)
     local = [_turned(v, along) for v in vehicles]
     forward = {v.id: bool(v.xy[-1, 0] >= v.xy[0, 0]) for v in local} | {chosen.id: True}
     lanes, opposite = (_lanes([v for v in local if forward[v.id] == way]) for way in (True, False))
@@ -70,18 +63,46 @@ def plan_of(path: Path, changed: int, ego: str | None, window: float | None) -> 
     for v in local:
         if v.time[-1] > begin and v.time[0] < end and len(v.time) > 1:
             front = v.size[0] / 2 if layout.anchor == "front" else 0.0
-            way = 0.0 if forward[v.id] else np.pi
-            table = course(v.time - begin, v.xy - origin, v.heading, seconds, way, front)
-            parts[v.id] = Part(v.id, table, v.size, v.kind, forward[v.id])
+            moved = v._replace(time=v.time - begin, xy=v.xy - origin)
+            parts[v.id] = _part(moved, seconds, front, forward[v.id])
     main = parts.pop(chosen.id)
     near = tuple(p for p in parts.values() if _comes_near(p.table, main.table))
     _check_free(main, near, path.name)
     xs = np.concatenate([p.table[:, 1] for p in (main, *near)])
     here = Lanes(lanes.places - origin[1], lanes.width)
     there = None if opposite is None else Lanes(opposite.places - origin[1], opposite.width)
-    every = np.concatenate([here.places, [] if there is None else there.places])
-    off = np.concatenate([np.abs(p.table[:, 2, None] - every).min(1) for p in (main, *near)])
-    return Plan(main, near, here, there, (float(xs.min()), float(xs.max())), float(np.quantile(off, 0.9)))
+    error = _fit_error((main, *near), np.concatenate([here.places, [] if there is None else there.places]))
+    return Plan(main, near, here, there, (float(xs.min()), float(xs.max())), error)
+
+
+def _on_record(ego: Trajectory, file: str) -> tuple[float, float]:
+    """First and last time [s] of an ego; ValueError where they are too near to each other."""
+    begin, end = (round(float(t), 6) for t in ego.time[[0, -1]])
+    if end - begin < SHORTEST:
+        raise ValueError(
+            f"ego must be on record for {SHORTEST:g} s, got {ego.id} with {end - begin:.1f} s in {file}; "
+            "choose another vehicle"
+        )
+    return begin, end
+
+
+def _direction(vehicles: Sequence[Trajectory], ego: Trajectory) -> float:
+    """Direction [rad] of the road, the way that the ego drives; of one that stands, that of the longest way."""
+    ahead = ego.xy[-1] - ego.xy[0]
+    steps = np.array([v.xy[-1] - v.xy[0] for v in vehicles])
+    return direction(steps, ahead if np.hypot(*ahead) > 1.0 else steps[np.hypot(*steps.T).argmax()])
+
+
+def _part(vehicle: Trajectory, window: float, front: float, forward: bool) -> Part:
+    """A vehicle with its smoothed course; window [s] and front [m] as `course` has them."""
+    table = course(vehicle.time, vehicle.xy, vehicle.heading, window, 0.0 if forward else np.pi, front)
+    return Part(vehicle.id, table, vehicle.size, vehicle.kind, forward)
+
+
+def _fit_error(parts: Sequence[Part], places: NDArray) -> float:
+    """Distance [m] from the nearest of the lanes at `places` (L,) [m] that 9 of 10 recorded places keep below."""
+    off = np.concatenate([np.abs(p.table[:, 2, None] - places).min(1) for p in parts])
+    return float(np.quantile(off, 0.9))
 
 
 def default_ego(vehicles: Sequence[Trajectory], file: str) -> Trajectory:

@@ -123,15 +123,7 @@ def _trajectories(columns: dict[str, list[str]], layout: Layout, file: str) -> l
             row = int(np.argmax(number[key] <= 0))
             given = columns[key][row]
             raise ValueError(f"{file}, column {layout.columns[key]}, row {row + 1}: {given} is no size; leave it out")
-    time = number["time"] if "time" in number else number["frame"] / layout.rate
-    side = -1.0 if layout.left else 1.0
-    size = np.column_stack([number["length"], number["width"]]) * layout.unit
-    xy = np.column_stack([number["x"], number["y"]]) * layout.unit
-    xy = (xy + size / 2 if layout.anchor == "corner" else xy) * [1.0, side]
-    heading = None
-    if "heading" in number:
-        heading = side * (np.deg2rad(number["heading"]) if layout.degrees else number["heading"])
-    lane = number["lane"].astype(int) if "lane" in number else np.full(len(time), NO_LANE)
+    time, xy, heading, size, lane = _in_si(number, layout)
     order = np.lexsort((time, owner))
     groups = np.split(order, np.flatnonzero(np.diff(owner[order])) + 1)
     found = []
@@ -145,6 +137,20 @@ def _trajectories(columns: dict[str, list[str]], layout: Layout, file: str) -> l
         turning = None if heading is None else heading[rows]
         found.append(Trajectory(str(names[k]), time[rows], xy[rows], turning, box, kind, lane[rows]))
     return found
+
+
+def _in_si(number: dict[str, NDArray], layout: Layout) -> tuple[NDArray, NDArray, NDArray | None, NDArray, NDArray]:
+    """Time, place, heading, size and lane of all rows, as `Trajectory` has them."""
+    time = number["time"] if "time" in number else number["frame"] / layout.rate
+    side = -1.0 if layout.left else 1.0
+    size = np.column_stack([number["length"], number["width"]]) * layout.unit
+    xy = np.column_stack([number["x"], number["y"]]) * layout.unit
+    xy = (xy + size / 2 if layout.anchor == "corner" else xy) * [1.0, side]
+    heading = None
+    if "heading" in number:
+        heading = side * (np.deg2rad(number["heading"]) if layout.degrees else number["heading"])
+    lane = number["lane"].astype(int) if "lane" in number else np.full(len(time), NO_LANE)
+    return time, xy, heading, size, lane
 
 
 def _check_times(name: str, time: NDArray, file: str) -> None:

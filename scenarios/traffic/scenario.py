@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from scenarios.record import Scenario
-from scenarios.traffic.plan import Plan, plan_of
 from trackers.lookup import parse
 
 if TYPE_CHECKING:
     from scenarios.stage import World
+    from scenarios.traffic.plan import Plan
 
 FAMILY = "replay:"
 REACT = 5.0  # [m] from its recorded place at which the ego has left its record
@@ -39,8 +39,10 @@ class Replay:
                 raise ValueError(f"{key} must be a number from 0 on, got {value!r}; give {remedy}")
 
     @property
-    def plan(self) -> Plan:
+    def plan(self) -> "Plan":
         """What is played; ValueError where the file cannot be used."""
+        from scenarios.traffic.plan import plan_of  # loaded by the first recording that is played
+
         path = Path(self.file)
         changed = path.stat().st_mtime_ns if path.is_file() else 0
         return plan_of(path, changed, self.ego, self.smooth)

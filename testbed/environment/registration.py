@@ -10,8 +10,7 @@ import scenarios
 from scenarios.probes import PROBES
 from scenarios.record import Scenario
 from scenarios.registry import SCENARIOS
-from scenarios.traffic.scenario import is_replay
-from trackers.lookup import installed, parse
+from trackers.lookup import installed
 
 if TYPE_CHECKING:
     from scenarios.native import Native
@@ -58,9 +57,7 @@ def scenario_of(text: str) -> "Scenario | Native":
         LookupError: there is no such scenario; the nearest name is suggested.
         ValueError: a parameter or value that it cannot have.
     """
-    if is_replay(text):
-        return scenarios.find(text)
-    if isinstance(text, str) and NATIVE.fullmatch(name := parse(text)[0]) and name not in installed("scenario"):
+    if isinstance(text, str) and NATIVE.fullmatch(name := text.partition(":")[0]) and name not in installed("scenario"):
         from scenarios.native import find_native  # loads highway-env
 
         return find_native(text)
