@@ -12,6 +12,7 @@ ROWS = (  # key of the summary, label, digits
     ("switches", "switches", 0),
     ("lost", "lost tracks", 0),
     ("birth_delay", "birth delay [s]", 2),
+    ("unborn_percent", "missed before birth [%]", 1),
     ("uncovered_gap", "longest in view without one [s]", 2),
     ("plain_view_gap", "  without one that fits [s]", 2),
     ("tracks_clutter", "tracks of clutter", 0),
