@@ -66,11 +66,12 @@ reproduce: $(STAMP)
 RECORD := --duration 60 --after 3 --settle 2 --jobs -1
 CLOSED := following hard-brake cut-in cut-out dense-traffic merge
 comparison: $(STAMP)
-	$(BIN)/testbed compare all --tracker all --tracker imm-spline:size=off --tracker imm-spline:motion=off \
-		--seeds 0:10 $(RECORD) --reference rm-feldmann --out runs/comparison
+	$(BIN)/testbed compare all --tracker all --seeds 0:10 $(RECORD) --reference rm-feldmann --out runs/comparison
+	$(BIN)/testbed compare all --tracker imm-spline --tracker imm-spline:size=off --tracker imm-spline:motion=off \
+		--seeds 0:8 --duration 6 --jobs -1 --out runs/layers
 	$(BIN)/testbed compare $(CLOSED) --tracker all --seeds 0:10 $(RECORD) --loop closed --reference rm-feldmann \
 		--out runs/closed
-	$(BIN)/python -m testbed.studies publish runs/comparison --closed runs/closed --reference rm-feldmann
+	$(BIN)/python -m testbed.studies publish runs/comparison --closed runs/closed --layers runs/layers --reference rm-feldmann
 	$(BIN)/python -m testbed.studies consistency runs/comparison --docs docs
 	$(MAKE) comparison-page
 

@@ -18,7 +18,7 @@ from testbed.compare.statistics.analysis import cells
 from testbed.evaluation.metrics import CUTOFF
 from testbed.log.text import markdown_table
 from testbed.studies.comparison import committed
-from testbed.studies.comparison.publish import read, read_closed
+from testbed.studies.comparison.publish import read, read_part
 from testbed.studies.page import DOCS, Docs, Page
 from trackers import DEFAULT
 
@@ -61,8 +61,6 @@ A verdict is given where the interval leaves out zero.
 {differences}
 
 ## What each layer earns
-
-`{default}` without a layer, minus `{default}` complete: what the layer takes off ([layers.md](layers.md)).
 
 {layers}
 
@@ -109,6 +107,11 @@ lies in the 95 % interval that the tracker claims.
 """
 
 
+LAYERS = """`{default}` without a layer, minus `{default}` complete: what the layer takes off ([layers.md](layers.md)).
+From {scenarios} scenarios and {seeds} seeds; length: {length}.
+
+{table}"""
+
 CLOSED = """The planner `{planner}` drives on the tracks of each tracker, in a world of its own ({scenarios};
 {seeds} seeds, {runs} runs of the same length). Collisions are those of the ego; of J and progress more is better, of
 the others less.
@@ -146,15 +149,14 @@ def render(folder: Path) -> str:
         length=settings.length,
         settle=f"the first {settings.settle:g} s of each run" if settings.settle else "nothing",
         births=markdown(tables.overview(list(cells(results, BIRTHS)), baseline)),
-        closed=closed(read_closed(folder)),
+        closed=closed(read_part("closed", folder)),
         radar=settings.radar,
         versions=", ".join(f"{name} {version}" for name, version in versions.items()),
         code=known["identity"]["code"],
         reference=baseline,
         overview=markdown(tables.overview(main_cells, baseline)),
         differences=markdown(tables.differences(main_cells, baseline).only(*DIFFERENCES)),
-        default=DEFAULT,
-        layers=layers(results),
+        layers=layers(read_part("layers", folder)),
         by_scenario="\n\n".join(scenario_part(results, measure) for measure in BY_SCENARIO),
         by_phase=markdown(tables.by_phase(list(cells(results, ("gospa",), by="phase")), baseline, every=True)),
         by_range=bands(frames["range"]),
@@ -165,14 +167,19 @@ def render(folder: Path) -> str:
     )
 
 
-def layers(results: Results) -> str:
+def layers(results: Results | None) -> str:
     """The default tracker with a layer off, held against the complete one."""
-    ablated = [name for name in results.comparison.trackers if name.startswith(f"{DEFAULT}:")]
-    if not ablated:
+    if results is None:
         return "No run was made without a layer."
-    held = replace(results.comparison, reference=DEFAULT)
-    found = [cell for cell in cells(results._replace(comparison=held), MAIN) if cell.tracker in (DEFAULT, *ablated)]
-    return markdown(tables.differences(found, DEFAULT).only(*DIFFERENCES))
+    comparison = results.comparison
+    held = results._replace(comparison=replace(comparison, reference=DEFAULT))
+    return LAYERS.format(
+        default=DEFAULT,
+        scenarios=len(comparison.scenarios),
+        seeds=len(comparison.seeds),
+        length=comparison.settings.length,
+        table=markdown(tables.differences(list(cells(held, MAIN)), DEFAULT).only(*DIFFERENCES)),
+    )
 
 
 def scenario_part(results: Results, measure: str) -> str:

@@ -1,8 +1,9 @@
 """The results of a complete comparison, made small enough to be committed: `make comparison`.
 
 `RESULTS/comparison.json` says what was run, `runs.parquet` has the measures of every run and phase, `range.csv`,
-`visible.csv` and `consistency.csv` are the tables of `testbed.compare.statistics.analysis` that need all rows. Runs in
-closed loop of the same trackers are `closed.json` and `closed.parquet`.
+`visible.csv` and `consistency.csv` are the tables of `testbed.compare.statistics.analysis` that need all rows. Two
+smaller comparisons stand beside it, `NAME.json` and `NAME.parquet` each: `closed`, trackers in closed loop, and
+`layers`, the default tracker without each of its layers.
 `testbed.studies.comparison.page` makes the page from them.
 """
 
@@ -28,11 +29,11 @@ from testbed.compare.runs.rows import read_meta
 from testbed.compare.runs.tasks import ROWS
 from testbed.compare.statistics.analysis import by_band, consistency
 from testbed.files import atomic_file, write_atomic, write_json
-from trackers import TRACKERS
+from trackers import DEFAULT, TRACKERS
 from trackers.lookup import parse
 
 ABOUT, RUNS = "comparison.json", "runs.parquet"
-CLOSED_ABOUT, CLOSED_RUNS = "closed.json", "closed.parquet"
+PARTS = {"closed": (*MAIN, *DRIVE), "layers": MAIN}  # smaller comparisons -> their measures
 TABLES = ("range", "visible", "consistency")  # .csv
 KEY = ["scenario", "tracker", "seed", "phase"]  # of a row of `runs.parquet`
 DIGITS = 6  # significant, of the tables
@@ -63,18 +64,19 @@ def publish(folder: Path, target: Path, report: Path, reference: str | None = No
     write_report(results, out=report, logs=False)
 
 
-def publish_closed(folder: Path, target: Path, reference: str | None = None) -> None:
-    """Write the small results of runs in closed loop beside the others: no phases, no tables of rows.
+def publish_part(name: str, folder: Path, target: Path, reference: str | None = None) -> None:
+    """Write the small results of one of `PARTS` beside the others: no phases, no tables of rows.
 
-    Raises ValueError where the runs are of open loop.
+    Raises ValueError where the runs are of the other loop.
     """
     results = collect(stored_comparison(folder, reference))
-    if results.comparison.settings.loop != "closed":
-        raise ValueError(f"closed: {folder} holds runs of open loop; make them with --loop closed")
+    loop = "closed" if name == "closed" else "open"
+    if results.comparison.settings.loop != loop:
+        raise ValueError(f"{name}: {folder} does not hold runs of {loop} loop; make them with --loop {loop}")
     target.mkdir(parents=True, exist_ok=True)
-    spans = results.runs[[*KEY, *MAIN, *DRIVE]].astype(dict.fromkeys([*MAIN, *DRIVE], "float32"))
-    _write_spans(target / CLOSED_RUNS, spans)
-    write_json(target / CLOSED_ABOUT, about(results))
+    measures = list(PARTS[name])
+    _write_spans(target / f"{name}.parquet", results.runs[[*KEY, *measures]].astype(dict.fromkeys(measures, "float32")))
+    write_json(target / f"{name}.json", about(results))
 
 
 def replace_trackers(folder: Path, target: Path) -> tuple[str, ...]:
@@ -159,9 +161,10 @@ def read(target: Path) -> tuple[Results, dict[str, Any], dict[str, pd.DataFrame]
     return results, known, {name: pd.read_csv(target / f"{name}.csv") for name in TABLES}
 
 
-def read_closed(target: Path) -> Results | None:
-    """Published results of closed loop; None where there are none."""
-    return _read_runs(target, CLOSED_ABOUT, CLOSED_RUNS)[0] if (target / CLOSED_ABOUT).exists() else None
+def read_part(name: str, target: Path) -> Results | None:
+    """Published results of one of `PARTS`; None where there are none."""
+    about, runs = f"{name}.json", f"{name}.parquet"
+    return _read_runs(target, about, runs)[0] if (target / about).exists() else None
 
 
 def _read_runs(target: Path, about: str, runs: str) -> tuple[Results, dict[str, Any]]:
@@ -186,9 +189,8 @@ def main(
     target: Annotated[Path, typer.Argument(help="Directory for the small results.")] = Path("docs/results"),
     report: Annotated[Path, typer.Argument(help="Directory for the report page.")] = Path("docs/comparison"),
     reference: Annotated[str | None, typer.Option(help="The tracker that the others are compared with.")] = None,
-    closed: Annotated[
-        Path | None, typer.Option(help="Also the runs in closed loop that `testbed compare --loop closed` left there.")
-    ] = None,
+    closed: Annotated[Path | None, typer.Option(help="Also these runs of trackers in closed loop.")] = None,
+    layers: Annotated[Path | None, typer.Option(help="Also these runs of the default tracker without layers.")] = None,
     replace: Annotated[
         bool,
         typer.Option("--replace", help="FOLDER has some trackers of TARGET: replace these only."),
@@ -200,6 +202,7 @@ def main(
             console.print(f"replaced {', '.join(replace_trackers(folder, target))}", highlight=False)
         else:
             publish(folder, target, report, reference)
-        if closed is not None:
-            publish_closed(closed, target, reference)
+        for name, part in (("closed", closed), ("layers", layers)):
+            if part is not None:
+                publish_part(name, part, target, DEFAULT if name == "layers" else reference)
     console.print(f"results  {target}, {report}", soft_wrap=True)

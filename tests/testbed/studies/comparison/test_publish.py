@@ -12,7 +12,7 @@ from testbed.compare.runs.engine import Engine
 from testbed.compare.runs.results import collect
 from testbed.compare.runs.work import execute
 from testbed.studies.comparison.page import closed
-from testbed.studies.comparison.publish import ABOUT, RUNS, TABLES, publish_closed, read_closed, replace_trackers
+from testbed.studies.comparison.publish import ABOUT, RUNS, TABLES, publish_part, read_part, replace_trackers
 
 PART = Comparison(("xia2020-lane",), ("htg-mm",), (0, 1, 2), Settings(duration=1.0))
 
@@ -79,14 +79,14 @@ def test_the_digest_that_all_share_is_left_to_refresh(part, older):
 
 
 def test_runs_in_closed_loop_are_published_beside_the_others_and_stand_on_the_page(part, tmp_path):
-    assert read_closed(tmp_path) is None
+    assert read_part("closed", tmp_path) is None
     assert "No run was made in closed loop" in closed(None)
-    with pytest.raises(ValueError, match="holds runs of open loop; make them with --loop closed"):
-        publish_closed(part, tmp_path)
+    with pytest.raises(ValueError, match="does not hold runs of closed loop; make them with --loop closed"):
+        publish_part("closed", part, tmp_path)
     comparison = replace(PART, settings=Settings(duration=0.6, loop="closed"), seeds=(0, 1), out=str(tmp_path / "runs"))
     execute(comparison, Engine())
-    publish_closed(tmp_path / "runs", tmp_path)
-    found = read_closed(tmp_path)
+    publish_part("closed", tmp_path / "runs", tmp_path)
+    found = read_part("closed", tmp_path)
     runs = collect(comparison).runs.set_index("seed")
     assert found.comparison.settings.loop == "closed"
     assert found.spans.set_index("seed")["progress"].to_numpy() == pytest.approx(runs["progress"].to_numpy(), rel=1e-6)
