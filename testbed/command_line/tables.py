@@ -24,6 +24,10 @@ HARM = (
     "docs/methods/metrics.md."
 )
 
+BESIDE = {  # what runs without being an entry, by catalogue
+    "scenarios": "Recorded traffic runs too: replay:FILE[:ego=ID,react=METRES,smooth=SECONDS]; docs/real-traffic.md.",
+}
+
 
 def number(value: float | None, digits: int) -> str:
     """A figure as people read it; a dash where nothing was measured."""
@@ -120,11 +124,18 @@ def _catalogue(title: str, rows: Sequence[tuple[str, str]]) -> Table:
     table.add_column("what")
     for row in rows:
         table.add_row(*map(escape, row))
+    table.caption = escape(BESIDE[title]) if title in BESIDE else None
     return table
 
 
 def light_table(title: str) -> Table:
     """Light lines: wide rows, and little to delete when a table is pasted into a report."""
     return Table(
-        title=escape(title), title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, min_width=len(title) + 2
+        title=escape(title),
+        title_justify="left",
+        title_style="bold",
+        caption_justify="left",
+        caption_style="",
+        box=box.SIMPLE_HEAD,
+        min_width=len(title) + 2,
     )

@@ -17,6 +17,7 @@ from rich.console import Console
 
 import testbed
 from scenarios import SCENARIOS
+from scenarios.traffic.scenario import KEYS
 from testbed.command_line import tables
 from testbed.log import reader
 from trackers import DEFAULT
@@ -179,6 +180,12 @@ def test_catalogues_name_every_entry_within_80_columns(command, what):
     for name, entries in tables.entries().items():
         listed = {entry for entry, _ in entries} <= first_words
         assert listed == (what in (None, name))
+    assert ("replay:FILE[:ego=ID,react=METRES,smooth=SECONDS]" in done.out) == (what in (None, "scenarios"))
+
+
+def test_the_list_of_scenarios_names_the_parameters_of_recorded_traffic():
+    written = tables.BESIDE["scenarios"].partition("[:")[2].partition("]")[0]
+    assert tuple(part.partition("=")[0] for part in written.split(",")) == KEYS
 
 
 COMMANDS = (
