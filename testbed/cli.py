@@ -98,7 +98,7 @@ def run(
     config: Annotated[Path | None, typer.Option(help="JSON file of the environment's config.")] = None,
     focus: Annotated[
         int | None,
-        typer.Option(help="Vehicle with a page of its own in the log. Without it: that of the worst moment."),
+        typer.Option(help="Vehicle whose page comes first in the log. Without it: that of the worst moment."),
     ] = None,
 ) -> None:
     """Run one scenario in closed loop: traffic, radar, tracker, planner.
@@ -242,6 +242,10 @@ def review(
     view: Annotated[
         str | None, typer.Option(help="Name of a view, or how it begins: a picture of that alone, such as overview.")
     ] = None,
+    focus: Annotated[
+        int | None,
+        typer.Option(help="Vehicle whose page comes first, such as 3 for veh_03. Without it: as the log was written."),
+    ] = None,
     gif: Annotated[
         Path | None, typer.Option(help="Write the run from above as an animation (.gif) instead; no viewer is needed.")
     ] = None,
@@ -260,19 +264,23 @@ def review(
     Example: [bold]testbed review runs/a.rrd --html a.html[/bold]
     Example: [bold]testbed review runs/a.rrd --gif a.gif[/bold]
     Example: [bold]testbed review runs/a.rrd --screenshot a.png --at 9 --view overview[/bold]
+    Example: [bold]testbed review runs/a.rrd --focus 3[/bold]
     Example: [bold]testbed review --report runs/compare[/bold]
     """
     if report is not None:
         from testbed.review_page.server import serve
 
         with user_input():
-            if path or web or (screenshot, gif, html) != (None, None, None):
+            if path or web or (screenshot, gif, html, focus) != (None,) * 4:
                 raise ValueError("--report shows a whole folder; leave out logs and other options, or call twice")
             serve(report, lambda address: console.print(f"report   {address}\nCtrl-C ends it", highlight=False))
         return
     from testbed.log import review as reviewing
 
     path = path or []
+    if focus is not None and screenshot is None and (html, gif) != (None, None):
+        with user_input():
+            raise ValueError("--focus goes with the viewer and --screenshot; a page opens at a vehicle by #veh=3")
     if html is not None:
         from testbed.review_page.page import write
 
@@ -288,7 +296,7 @@ def review(
     if screenshot is None and (html, gif) != (None, None):
         return
     with user_input():
-        reviewing.review(path, web, screenshot, at, view)
+        reviewing.review(path, web, screenshot, at, view, focus)
     if screenshot is not None:
         console.print(f"picture  {screenshot}", soft_wrap=True)
 

@@ -13,7 +13,8 @@
 ```
 
 On compact roads (crossings, roundabouts) the overview stands beside the close-up instead. Where a tracker mixes motion
-models, another page beside the errors shows the probability of each for the vehicle in focus.
+models, another page beside the errors shows the probability of each for the vehicle in focus. The page of the focus has
+a page of its own for each of some vehicles, the one in focus first.
 """
 
 from collections.abc import Mapping, Sequence
@@ -73,13 +74,17 @@ def title(metric: str) -> str:
 def layout(
     meta: RunMeta,
     metrics: Metrics,
-    focus: int | None,
+    focus: Sequence[int],
     road: RoadGeometry,
     full: bool,
     modes: Modes = MappingProxyType({}),
+    in_front: bool = False,
 ) -> rrb.Blueprint:
-    """The layout of all views; without geometry (`full` false) plots take the place of the scenes."""
-    plots = _plots(meta, metrics, focus, modes)
+    """The layout of all views; without geometry (`full` false) plots take the place of the scenes.
+
+    `focus` has the objects with a page of their own, the one to be shown first; `in_front` opens these pages.
+    """
+    plots = _plots(meta, metrics, focus, modes, in_front)
     shape = road_shape(road)
     if not full:
         rows, shares = [plots], [2.4]
@@ -198,22 +203,24 @@ def _source(target: str, component: str) -> VisualizerComponentMapping:
     return VisualizerComponentMapping(target=target, source_kind="SourceComponent", source_component=component)
 
 
-def _plots(meta: RunMeta, metrics: Metrics, focus: int | None, modes: Modes) -> rrb.Tabs:
+def _plots(meta: RunMeta, metrics: Metrics, focus: Sequence[int], modes: Modes, in_front: bool) -> rrb.Tabs:
     known = list(dict.fromkeys(name for names in metrics.values() for name in names))
     rest = [name for name in known if name not in ERRORS + GOSPA]
     pages: list = []
+    active = 0
     for name, chosen in (("Errors (mean over tracks)", ERRORS), ("GOSPA and counts", GOSPA), ("More", rest)):
         views = [_plot(metric, meta, metrics) for metric in chosen if metric in known]
         if views:
             pages.append(rrb.Grid(*views, grid_columns=2, name=name))
-    if focus is not None:
-        pages.append(_focus(meta, metrics, focus))
+    if focus:
+        active = len(pages) if in_front else 0
+        pages.append(rrb.Tabs(*(_focus(meta, metrics, key) for key in focus), name="Focus", active_tab=0))
         if any(modes.values()):
-            pages.append(_motion(meta, metrics, focus, modes))
+            pages.append(_motion(meta, metrics, focus[0], modes))
         pages.append(rrb.TextDocumentView(origin=f"/{paths.OBJECTS}", name="Objects"))
     if not pages:  # a recording without truth
         pages.append(rrb.TextDocumentView(origin=f"/{paths.CONFIG}", name="No truth, no errors"))
-    return rrb.Tabs(*pages, active_tab=0)
+    return rrb.Tabs(*pages, active_tab=active)
 
 
 def _plot(metric: str, meta: RunMeta, metrics: Metrics) -> rrb.TimeSeriesView:
@@ -232,7 +239,7 @@ def _focus(meta: RunMeta, metrics: Metrics, focus: int) -> rrb.Vertical:
     got = _series("radar:detections", palette.DETECTION["contour"], "detections")
     expected = _series("radar:expected", palette.TRUTH, "expected")
     views.append(_series_view(f"{paths.vehicle(focus)}: detections", {seen: [got, expected]}, True))
-    return rrb.Vertical(*views, name=f"Focus: {paths.vehicle(focus)}")
+    return rrb.Vertical(*views, name=paths.vehicle(focus))
 
 
 def _motion(meta: RunMeta, metrics: Metrics, focus: int, modes: Modes) -> rrb.Vertical:

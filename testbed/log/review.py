@@ -5,20 +5,28 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from testbed.files import check_target
+from testbed.log.focus import write_focused
 from testbed.log.intact import damage
 from testbed.log.reader import complete, span
 from testbed.log.screenshot import existing, render, viewer_command
 
 
 def check(
-    logs: Sequence[str | Path], png: str | Path | None = None, at: float | None = None, view: str | None = None
+    logs: Sequence[str | Path],
+    png: str | Path | None = None,
+    at: float | None = None,
+    view: str | None = None,
+    focus: int | None = None,
 ) -> None:
     """Raise ValueError or OSError, in one sentence, for what cannot be shown."""
     if not logs:
         raise ValueError("review needs at least one log; `testbed run` with --log full writes one")
     readable(*logs)
+    if focus is not None:
+        only(logs, "--focus")
     if png is None:
         if at is not None:
             raise ValueError(f"a time, --at {at:g}, goes with --screenshot only; the viewer has a time line")
@@ -57,19 +65,28 @@ def review(
     png: str | Path | None = None,
     at: float | None = None,
     view: str | None = None,
+    focus: int | None = None,
 ) -> int:
     """Show logs with their layout in place until the viewer is closed; returns its exit status.
 
     With `png`, a picture of one log is rendered instead, at `at` [s], by default in the middle of the run, of all of it
-    or of the view of a name. Raises OSError or ValueError as `check` does.
+    or of the view of a name. `focus` is the vehicle of one log whose page comes first. Raises OSError or ValueError as
+    `check` does, or where there is no such vehicle.
     """
-    check(logs, png, at, view)
-    if png is not None:
-        render(logs[0], png, middle(logs[0]) if at is None else at, view=view)
-        return 0
-    for log in logs:
-        if not complete(log):
-            print(f"{log}: {unfinished_hint(log)}", file=sys.stderr)
+    check(logs, png, at, view, focus)
+    with TemporaryDirectory() as folder:
+        shown = logs if focus is None else [write_focused(logs[0], focus, Path(folder) / Path(logs[0]).name)]
+        if png is not None:
+            render(shown[0], png, middle(logs[0]) if at is None else at, view=view)
+            return 0
+        for log in logs:
+            if not complete(log):
+                print(f"{log}: {unfinished_hint(log)}", file=sys.stderr)
+        return _show(shown, web)
+
+
+def _show(logs: Sequence[str | Path], web: bool) -> int:
+    """Open the viewer, and wait until it is closed."""
     if not web and not has_display():
         raise OSError("there is no display; use --web for a browser or --screenshot PNG for a picture")
     with subprocess.Popen(viewer_command(logs, web)) as viewer:

@@ -32,6 +32,7 @@ Scores = Mapping[str, FrameScore]  # by name of the tracker, in the order of the
 LogEvents = Iterable[tuple[str, str]]  # severity, text
 
 SEVERITIES = ("DEBUG", "INFO", "WARN", "ERROR")
+PAGES = 3  # objects with a page of their own
 CHANGE_SHOWN = 10**9  # [ns] a contour that has changed is drawn so long, where the track was
 
 
@@ -78,7 +79,7 @@ class RunLog(NullLog):
         meta: what identifies the run; `run_id` must be unique, viewers merge recordings of one id.
         level: "full" with all geometry, "metrics" with numbers and events only.
         every: steps in a block; a run that is killed loses at most the last block.
-        focus: object whose errors have a page of their own until `tables` says which had the worst moment; without it
+        focus: object whose errors have a page of their own until `tables` says which had the worst moments; without it
             the one nearest to the ego at the first step.
     """
 
@@ -103,7 +104,7 @@ class RunLog(NullLog):
         self.path = self._path = Path(path)
         self.meta = meta
         self._level, self._every, self._focus = level, every, focus
-        self._shown: int | None = None  # object with a page of its own
+        self._shown: tuple[int, ...] = ()  # objects with a page of their own
         self._asked: int | None = None  # by `focus_on`
         self._modes = modes_of(meta.trackers)
         self._classes = {name: class_names(name) for name in meta.trackers}
@@ -178,7 +179,7 @@ class RunLog(NullLog):
         )
 
     def focus_on(self, key: int) -> None:
-        """Give an object a page of its own, from the call of `tables` on, in place of that of the worst moment."""
+        """Give an object the first of the pages of single objects, from the call of `tables` on."""
         self._asked = key
 
     def event(self, level: str, text: str) -> None:
@@ -192,19 +193,20 @@ class RunLog(NullLog):
     def tables(self, moments: Sequence[Table], objects: Sequence[Table]) -> None:
         """Write the pages of the worst moments and of the objects, and both as JSON in the property "tables".
 
-        Unless an object was asked for, the page of one object is from now on that of the worst moment.
+        From now on the objects of the worst moments have a page each, the one that was asked for first.
         """
         if self._stream is None or self._stopped or self._closed:
             return
         self._write_text(paths.MOMENTS, moments_text(moments))
         self._write_text(paths.OBJECTS, objects_text(objects))
         self._stream.property("tables", {"moments": json.dumps(moments), "objects": json.dumps(objects)})
-        worst = next((int(m["object"]) for m in moments if m["object"] is not None), None)
-        if self._asked is not None and self._asked not in self._known | dict.fromkeys(row["object"] for row in objects):
-            self.event("WARN", f"there was no veh_{self._asked:02d} to focus on")
+        known = {*self._known, *(int(row["object"]) for row in objects if row["object"] is not None)}
+        if self._asked is not None and self._asked not in known:
+            there = ", ".join(map(str, sorted(known))) or "none"
+            self.event("WARN", f"there was no veh_{self._asked:02d} to focus on; vehicles: {there}")
             self._asked = None
-        wanted = worst if self._asked is None else self._asked
-        if wanted is not None and wanted != self._shown:
+        wanted = in_focus(self._asked, moments)
+        if wanted and wanted != self._shown:
             self._shown = wanted
             self._stream.blueprint(self._layout())
 
@@ -256,7 +258,7 @@ class RunLog(NullLog):
         from testbed.log.styles import styles
 
         self._metrics = metrics = {name: tuple(score.mean) for name, score in scores.items()}
-        self._shown = _focus(self._focus, first) if first else None
+        self._shown = _focus(self._focus, first) if first else ()
         self._stream = Stream(self._path, self.meta.run_id, self._layout())
         self.file = self._stream.path
         self._stream.property("run", flat_properties(self.meta))
@@ -420,12 +422,20 @@ def _is_whole(log: Path) -> bool:
         return False
 
 
-def _focus(asked: int | None, first: Frame) -> int | None:
-    """The object asked for, else the one nearest to the ego, None where there is none."""
+def in_focus(asked: int | None, moments: Sequence[Table]) -> tuple[int, ...]:
+    """The objects with a page of their own: the one asked for, then those of the worst moments."""
+    worst = [int(m["object"]) for m in moments if m["object"] is not None]
+    return tuple(dict.fromkeys(worst if asked is None else [asked, *worst]))[:PAGES]
+
+
+def _focus(asked: int | None, first: Frame) -> tuple[int, ...]:
+    """The object asked for, else the one nearest to the ego, nothing where there is none."""
     objects = first.scene.objects
     if asked is not None and asked not in objects.id:
         raise ValueError(f"focus must be an object of the first scene, {objects.id.tolist()}, got {asked}")
-    if asked is not None or len(objects.id) == 0:
-        return asked
+    if asked is not None:
+        return (asked,)
+    if len(objects.id) == 0:
+        return ()
     distance = np.hypot(*(objects.pose[:, :2] - first.scene.ego.pose[:2]).T)
-    return int(objects.id[distance.argmin()])
+    return (int(objects.id[distance.argmin()]),)

@@ -154,6 +154,7 @@ def test_two_runs_at_once_leave_whole_files(tmp_path):
         (["review"], ["at least one log", "testbed run"]),
         (["review", "--report", "nowhere"], ["no folder nowhere", "--out"]),
         (["review", "FILE", "--report", "."], ["--report shows a whole folder"]),
+        (["review", "FILE", "--focus", "3", "--html", "a.html"], ["--focus goes with the viewer", "#veh=3"]),
         (["calibrate", "--data", "nowhere"], ["nowhere", "objects.npz"]),
     ],
 )

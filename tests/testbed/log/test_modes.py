@@ -20,7 +20,7 @@ def log(tmp_path_factory):
 def pages(meta, modes):
     metrics = {name: tuple(score.mean) for name, score in next(log_runs.records(1)).scores.items()}
     metrics = dict(zip(meta.trackers, metrics.values(), strict=True))
-    layout = blueprint.layout(meta, metrics, 2, log_runs.road(), True, modes)
+    layout = blueprint.layout(meta, metrics, (2,), log_runs.road(), True, modes)
     return [str(page.name) for page in layout.root_container.contents[1].contents[1].contents], layout
 
 

@@ -29,7 +29,7 @@ def views(part):
 
 
 def all_views(full=True):
-    layout = blueprint.layout(META, METRICS, 2, log_runs.road(), full=full)
+    layout = blueprint.layout(META, METRICS, (2,), log_runs.road(), full=full)
     return views(layout.root_container)
 
 
@@ -72,7 +72,7 @@ def test_level_metrics_has_no_scene():
 )
 def test_the_overview_fits_the_shape_of_the_road(length, width, overview):
     road = RoadGeometry(edges=(np.array([[0.0, 0.0], [length, width]]),))
-    first = views(blueprint.layout(META, METRICS, None, road, full=True).root_container)[0]
+    first = views(blueprint.layout(META, METRICS, (), road, full=True).root_container)[0]
     bounds = first.properties["VisualBounds2D"].range.as_arrow_array().to_pylist()[0]
     assert [*bounds["x_range"], *bounds["y_range"]] == pytest.approx(overview)
 

@@ -61,7 +61,7 @@ def test_rows_of_the_past_are_written_beside_those_of_the_run(tmp_path):
 
 
 def test_one_page_shows_smoothed_tracks_and_all_other_scenes_hide_them():
-    layout = blueprint.layout(META, dict.fromkeys(META.trackers, ()), 2, log_runs.road(), full=True)
+    layout = blueprint.layout(META, dict.fromkeys(META.trackers, ()), (2,), log_runs.road(), full=True)
     scenes = [view for view in views(layout.root_container) if view.class_identifier == "2D"]
     hidden = f"- /{paths.SMOOTHED}/**"
     assert [str(view.name) for view in scenes if hidden not in view.contents] == ["Smoothed"]

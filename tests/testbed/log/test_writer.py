@@ -12,6 +12,7 @@ import pytest
 
 from sensors.origin import KINDS
 from testbed.log import NullLog, RunLog, paths, reader
+from testbed.log.writer import in_focus
 from tests.testbed.log import log_runs
 
 TRACKERS = log_runs.META.trackers
@@ -381,16 +382,16 @@ MOMENT = {
 
 
 def focus_pages(path):
-    """Names of the pages of one object in the layouts that the log holds, sorted."""
+    """Names of the pages of single objects in the layout that the log shows last, in no order."""
     from rerun.chunk import RrdReader
 
-    log, found = RrdReader(path), []
+    log, found = RrdReader(path), {}
     for store in log.blueprints():
         batches = [chunk.to_record_batch() for chunk in log.stream(store=store).to_chunks()]
         column = "ContainerBlueprint:display_name"
         names = [name for b in batches if column in b.schema.names for name in b[column].to_pylist()]
-        found += [name[0] for name in names if name and name[0].startswith("Focus")]
-    return sorted(found)
+        found[len(found)] = {name[0] for name in names if name and name[0].startswith(("veh_", "Motion"))}
+    return sorted(map(sorted, found.values()), key=len)
 
 
 def ended(path, asked=None):
@@ -399,16 +400,24 @@ def ended(path, asked=None):
             log.step(*record)
         if asked is not None:
             log.focus_on(asked)
-        log.tables([MOMENT | {"object": None}, MOMENT], [])
+        log.tables([MOMENT | {"object": None}, MOMENT, MOMENT | {"object": 3}, MOMENT], [])
     return path
 
 
-def test_the_object_of_the_worst_moment_has_the_page_of_one_object_unless_another_was_asked_for(tmp_path):
-    assert focus_pages(ended(tmp_path / "a.rrd")) == ["Focus: veh_02", "Focus: veh_04"]
-    assert focus_pages(ended(tmp_path / "b.rrd", asked=1)) == ["Focus: veh_01", "Focus: veh_02"]
+def test_the_objects_of_the_worst_moments_have_pages_and_so_has_one_that_was_asked_for(tmp_path):
+    assert focus_pages(ended(tmp_path / "a.rrd")) == [["veh_02"], ["veh_03", "veh_04"]]
+    assert focus_pages(ended(tmp_path / "b.rrd", asked=1)) == [["veh_02"], ["veh_01", "veh_03", "veh_04"]]
     unknown = ended(tmp_path / "c.rrd", asked=77)
-    assert focus_pages(unknown) == ["Focus: veh_02", "Focus: veh_04"]
-    assert [e.text for e in reader.events(unknown) if e.level == "WARN"] == ["there was no veh_77 to focus on"]
+    assert focus_pages(unknown) == [["veh_02"], ["veh_03", "veh_04"]]
+    warned = [e.text for e in reader.events(unknown) if e.level == "WARN"]
+    assert warned == ["there was no veh_77 to focus on; vehicles: 0, 1, 2, 3, 4"]
+
+
+def test_the_object_asked_for_comes_first_then_the_worst_each_once():
+    moments = [{"object": key} for key in (4, None, 4, 3, 9, 8)]
+    assert in_focus(None, moments) == (4, 3, 9)
+    assert in_focus(3, moments) == (3, 4, 9)
+    assert in_focus(None, []) == ()
 
 
 def test_pages_of_moments_objects_and_colours_are_in_the_log(tmp_path):
