@@ -14,7 +14,7 @@ SITE := build/docs
 # Byte code is kept, also where the machine's default is not to.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo test test-all test-lowest lint types unit generated docs bench regress reproduce comparison comparison-page learning-docs family modes partial-view contours probes calibration regret regret-page standing surround faults faults-page persistence learned clean
+.PHONY: demo test test-all test-lowest lint types unit generated docs bench regress reproduce comparison comparison-page learning-docs family modes partial-view contours probes calibration regret regret-page standing surround faults faults-page persistence learned clean traffic
 
 demo: $(STAMP)
 	@echo
@@ -146,6 +146,9 @@ faults-page: $(STAMP)  # docs/faults.md, from FOLDER or else from the committed 
 persistence: $(STAMP)  # five minutes; OPTIONS= writes the page alone, from the committed results
 	$(BIN)/python -m testbed.studies persistence --docs docs $(OPTIONS)
 persistence: OPTIONS ?= --seeds 320:323
+
+traffic: $(STAMP)  # three minutes; DATA is the folder of the recordings, DATA= writes the page alone, from the committed results
+	$(BIN)/python -m testbed.studies traffic $(DATA) --docs docs
 
 contours: $(STAMP)  # twelve minutes
 	$(BIN)/python -m testbed.studies contours --docs docs

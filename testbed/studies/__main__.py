@@ -22,6 +22,7 @@ from testbed.studies.regret import page as regret
 from testbed.studies.rigs import figure as rigs_figure
 from testbed.studies.rigs import sensitivity
 from testbed.studies.standing import page as standing
+from testbed.studies.traffic import page as traffic
 
 STUDIES: Mapping[str, Callable[..., None]] = {
     "calibration": calibration.main,
@@ -40,6 +41,7 @@ STUDIES: Mapping[str, Callable[..., None]] = {
     "probes": probes.main,
     "regret": regret.main,
     "standing-returns": standing.main,
+    "traffic": traffic.main,
     "radars": rigs_figure.main,  # a picture for docs/radars.md
     "vehicles": vehicle_figure.main,  # a picture for docs/methods
     # committed results that the page of the comparison shows
