@@ -6,7 +6,7 @@ How long and wide vehicles are, how fast they drive and what gap they keep: in r
 the catalogue of scenarios, and in `highway-v0` of highway-env.
 
 - **I-80** and **US-101**: NGSIM (US Department of Transportation), congested traffic. I-80 are 200 vehicles over
-  10 s, 16:00, as SMARTS has them; US-101 two CommonRoad scenarios, in which 8 of 26 vehicles are the same, counted once.
+  10 s, 16:00, as SMARTS has them; US-101 two CommonRoad scenarios, 8 of their 26 vehicles in both.
   Nothing recorded is part of this project.
 - **catalogue**: the {scenes} scenarios with more than one vehicle besides the ego, as they start under {seeds} seeds
   ("start"), and over their course under {driven} of them ("all"), the ego driven by `truth`. The ego is a leader for
