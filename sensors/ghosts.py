@@ -15,7 +15,7 @@ from sensors.raycast import Edges, box_edges, crossing_range
 from sensors.returns import Returns
 from sensors.scattering import choose_elements, draw_counts
 from sensors.scene import Scene
-from trackers.geometry import perpendicular, point_velocity, unit, wrap_angle
+from trackers.geometry import dot, perpendicular, point_velocity, unit, wrap_angle
 
 LONGEST_ROUGH = 4.0  # [m] edges of bodies that are longer are flat enough to mirror: the sides of trucks
 STRIDE = 8  # of the rays that reach a mirror, one in so many is followed
@@ -54,8 +54,9 @@ class Mirrors(NamedTuple):
     sensor: NDArray  # (L,) int
     bearing: NDArray  # (L,) [rad] of the ray in the world
     range: NDArray  # (L,) [m]
+    point: NDArray  # (L, 2) [m] where the ray meets the mirror
     normal: NDArray  # (L, 2) of the mirror
-    anchor: NDArray  # (L, 2) [m] one of its points
+    anchor: NDArray  # (L, 2) [m] another one of its points
     velocity: NDArray  # (L, 2) [m/s] of the mirror where the ray meets it
     body: NDArray  # (L,) int, whose side it is, -1 for a rail
 
@@ -100,7 +101,7 @@ def draw_ghosts(
     s, n = chosen.sensor, chosen.normal
     lever = chosen.point - scene.bodies.pose[chosen.body, :2]
     v = point_velocity(scene.bodies.velocity[chosen.body], scene.bodies.yaw_rate[chosen.body], lever)
-    apparent = v - 2 * (n * (v - chosen.moving)).sum(-1)[:, None] * n  # (GHO.4)
+    apparent = v - 2 * dot(n, v - chosen.moving)[:, None] * n  # (GHO.4)
     times = np.where(again, 2, 1)
     rate = times * (unit(chosen.bearing) * (apparent - rig.velocity[s])).sum(-1)  # (GHO.5), (GHO.8)
     r = chosen.range + times * rig.depth[s] * rng.standard_exponential(len(pick))
@@ -110,37 +111,42 @@ def draw_ghosts(
 
 def find_mirrors(rig: Rig, scene: Scene, edges: Edges, elements: Illuminated, rail: Illuminated) -> Mirrors:
     """Where rays meet guard rails and long edges of bodies, one ray in `STRIDE`."""
-    length = np.hypot(*(edges.b - edges.a).T)
-    smooth = np.flatnonzero(length[elements.segment] >= LONGEST_ROUGH)[::STRIDE]
+    side = edges.b - edges.a
+    smooth = np.flatnonzero((np.hypot(side[:, 0], side[:, 1]) >= LONGEST_ROUGH)[elements.segment])[::STRIDE]
     flat, wall = elements.segment[smooth], rail.segment[::STRIDE]
     a = np.concatenate([edges.a[flat], scene.walls[wall, 0]])
     b = np.concatenate([edges.b[flat], scene.walls[wall, 1]])
     sensor, bearing, r = (np.concatenate([x[smooth], y[::STRIDE]]) for x, y in zip(elements[:3], rail[:3], strict=True))
-    along = (b - a) / np.hypot(*(b - a).T)[:, None]
+    way = b - a
+    along = way / np.hypot(way[:, 0], way[:, 1])[:, None]
     owner = edges.body[flat]
-    point = (rig.pose[sensor, :2] + r[:, None] * unit(bearing))[: len(flat)]
-    lever = point - scene.bodies.pose[owner, :2]
+    point = rig.pose[:, :2][sensor] + r[:, None] * unit(bearing)
+    lever = point[: len(flat)] - scene.bodies.pose[owner, :2]
     moving = point_velocity(scene.bodies.velocity[owner], scene.bodies.yaw_rate[owner], lever)
     velocity = np.concatenate([moving, np.zeros((len(wall), 2))])
     body_of = np.concatenate([owner, np.full(len(wall), -1)])
-    return Mirrors(sensor, bearing, r, perpendicular(along), a, velocity, body_of)
+    return Mirrors(sensor, bearing, r, point, perpendicular(along), a, velocity, body_of)
 
 
 def in_mirrors(rig: Rig, scene: Scene, edges: Edges, mirrors: Mirrors) -> Paths:
     """Objects seen in mirrors: in the direction of the mirror, as far away as the way over it is long."""
     _, first, view = np.unique(same_mirror(mirrors, scene.ego.pose[:2]), return_index=True, return_inverse=True)
-    place = rig.pose[mirrors.sensor, :2]
-    image = reflected(place[first], mirrors.anchor[first], mirrors.normal[first])  # (V, 2), of the sensor; (GHO.1)
-    way = place + mirrors.range[:, None] * unit(mirrors.bearing) - image[view]
+    place = rig.pose[mirrors.sensor[first], :2]
+    image = reflected(place, mirrors.anchor[first], mirrors.normal[first])  # (V, 2), of the sensor; (GHO.1)
+    way = mirrors.point - image[view]
     along = way / np.hypot(way[:, 0], way[:, 1])[:, None]
     ray, segment, r = crossed_sides(image, view, along, edges)
     reach = rig.max_range[mirrors.sensor]
-    seen = (r > mirrors.range[ray] + APART) & (r <= reach[ray]) & (edges.body[segment] != mirrors.body[ray])
-    ray, segment, r = ray[seen], segment[seen], r[seen]
-    order = np.lexsort((r, ray))
-    nearest = order[np.diff(ray[order], prepend=-1) > 0]  # (GHO.2)
+    beyond = (r > mirrors.range[ray] + APART) & (r <= reach[ray]) & (edges.body[segment] != mirrors.body[ray])
+    seen = np.flatnonzero(beyond)
+    order = seen[np.lexsort((r[seen], ray[seen]))]
+    first = np.ones(len(order), bool)
+    first[1:] = ray[order[1:]] != ray[order[:-1]]
+    nearest = order[first]  # (GHO.2)
     ray, segment, r = ray[nearest], segment[nearest], r[nearest]
-    view, (sensor, arrival, _, normal, _, moving, _) = view[ray], (column[ray] for column in mirrors)
+    view, sensor, arrival, normal, moving = (
+        column[ray] for column in (view, mirrors.sensor, mirrors.bearing, mirrors.normal, mirrors.velocity)
+    )
     point = image[view] + r[:, None] * along[ray]
     return Paths(view, sensor, arrival, r, edges.body[segment], point, normal, moving)
 
@@ -153,8 +159,9 @@ def crossed_sides(origin: NDArray, view: NDArray, along: NDArray, edges: Edges) 
     x, y = (edges.a[:, k] - origin[:, k, None] for k in (0, 1))  # (V, E), by columns: rows of two are slow
     left = along[:, :1] * y.take(view, 0) >= along[:, 1:] * x.take(view, 0)  # (L, E)
     end = np.arange(1, len(edges.a) + 1)  # the corner where each side ends begins the next one
-    end[edges.start - 1] = np.roll(edges.start, 1)
-    ray, segment = np.nonzero(left != left.take(end, 1))
+    end[edges.start - 1] = edges.start[np.arange(len(edges.start)) - 1]
+    crossed = np.flatnonzero(left != left.take(end, 1))  # of a flat array: several times as fast as of (L, E)
+    ray, segment = np.divmod(crossed, max(len(end), 1))
     start = origin[view[ray]]
     return ray, segment, crossing_range(along[ray], edges.a[segment] - start, edges.b[segment] - start)
 
@@ -166,21 +173,21 @@ def doubled(rig: Rig, scene: Scene, edges: Edges, elements: Illuminated) -> Path
     across = np.maximum(np.abs(np.cos(from_ego)), np.abs(np.sin(from_ego))) >= SQUARE
     square = np.flatnonzero(near)[across]  # (GHO.6)
     s, bearing, r, body = (a[square] for a in (elements.sensor, elements.bearing, elements.range, elements.segment))
-    point, still = rig.pose[s, :2] + r[:, None] * unit(bearing), np.zeros((len(s), 2))
+    point, still = rig.pose[:, :2][s] + r[:, None] * unit(bearing), np.zeros((len(s), 2))
     return Paths(s, s, bearing, 2 * r, edges.body[body], point, still, still)  # (GHO.7)
 
 
 def same_mirror(mirrors: Mirrors, origin: NDArray) -> NDArray:
     """A number (L,) that points share where one sensor sees them in one straight mirror, of however many pieces."""
     angle = np.arctan2(mirrors.normal[:, 1], mirrors.normal[:, 0]) + np.pi
-    away = ((mirrors.anchor - origin) * mirrors.normal).sum(-1)
+    away = dot(mirrors.anchor - origin, mirrors.normal)
     turned, moved = (np.rint(x).astype(np.int64) for x in (1e4 * angle, 1e3 * away))
     return (mirrors.sensor * 10**5 + turned) * 10**8 + moved
 
 
 def reflected(point: NDArray, anchor: NDArray, normal: NDArray) -> NDArray:
     """Mirror images (..., 2) [m] of points in lines through `anchor` (..., 2) [m] with unit normals (..., 2)."""
-    return point - 2 * ((point - anchor) * normal).sum(-1)[..., None] * normal  # (GHO.1)
+    return point - 2 * dot(point - anchor, normal)[..., None] * normal  # (GHO.1)
 
 
 def expected(rig: Rig, seen: Illuminated, sensor: NDArray, objects: int) -> NDArray:
@@ -200,12 +207,14 @@ def expected(rig: Rig, seen: Illuminated, sensor: NDArray, objects: int) -> NDAr
 
 def draw_some(mean: NDArray, shape: NDArray, rng: np.random.Generator) -> NDArray:
     """Counts (V, N) of the given mean (V, N), with the shape (V,) of their law; nothing is drawn for a mean of 0."""
-    counts = np.zeros(mean.shape, int)
-    there = mean > 0
-    counts[there] = draw_counts(mean[there], np.broadcast_to(shape[:, None], mean.shape)[there], rng)
-    return counts
+    counts = np.zeros(mean.size, int)
+    there = np.flatnonzero(mean)
+    counts[there] = draw_counts(mean.ravel()[there], shape[there // max(mean.shape[1], 1)], rng)
+    return counts.reshape(mean.shape)
 
 
 def _returns(r: NDArray, azimuth: NDArray, rate: NDArray, sensor: NDArray, kind: NDArray) -> Returns:
     none = np.full(len(r), -1)
-    return Returns(np.stack([r, wrap_angle(azimuth), rate], -1), sensor, none, none, none, kind)
+    polar = np.empty((len(r), 3))
+    polar[:, 0], polar[:, 1], polar[:, 2] = r, wrap_angle(azimuth), rate
+    return Returns(polar, sensor, none, none, none, kind)

@@ -65,15 +65,20 @@ def outline_edges(outlines: Sequence[NDArray]) -> Edges:
 
 def box_edges(bodies: Bodies, edges: Edges) -> Edges:
     """The four sides of the box around each outline, in its own frame."""
-    R = rotation(bodies.pose[:, 2])
-    if not len(R):
+    B = len(bodies.pose)
+    if not B:
         return edges
-    local = ((edges.a - bodies.pose[edges.body, :2])[:, None] @ R[edges.body])[:, 0]
-    low, high = np.minimum.reduceat(local, edges.start), np.maximum.reduceat(local, edges.start)
-    x, y = np.stack([low, high, high, low])[..., 0], np.stack([low, low, high, high])[..., 1]
-    corners = bodies.pose[:, None, :2] + np.stack([x, y], -1).swapaxes(0, 1) @ R.mT  # (B, 4, 2)
-    each, ends = np.arange(len(R)), np.roll(corners, -1, 1)
-    return Edges(corners.reshape(-1, 2), ends.reshape(-1, 2), each.repeat(4), np.tile(np.arange(4), len(R)), 4 * each)
+    R, body = rotation(bodies.pose[:, 2]), edges.body
+    dx, dy = (edges.a[:, k] - bodies.pose[body, k] for k in (0, 1))
+    cos, sin = R[body, 0, 0], R[body, 1, 0]
+    local = np.empty((B, 4, 2))
+    for k, along, low, high in ((0, dx * cos + dy * sin, slice(0, 4, 3), slice(1, 3)),
+                                (1, dy * cos - dx * sin, slice(0, 2), slice(2, 4))):  # fmt: skip
+        local[:, low, k] = np.minimum.reduceat(along, edges.start)[:, None]
+        local[:, high, k] = np.maximum.reduceat(along, edges.start)[:, None]
+    corners = bodies.pose[:, None, :2] + local @ R.mT
+    each, ends = np.arange(B), corners[:, [1, 2, 3, 0]]
+    return Edges(corners.reshape(-1, 2), ends.reshape(-1, 2), each.repeat(4), np.tile(np.arange(4), B), 4 * each)
 
 
 def crossing_range(u: NDArray, wa: NDArray, wb: NDArray) -> NDArray:

@@ -87,7 +87,7 @@ def perception(steps: int) -> Table:
 def ghosts(scans: int) -> Table:
     """A rig with ghosts against the same without, CPU time a scan, scenes of stock traffic between rails."""
     table = _table("ghosts against none, CPU time", "scenario", "radar [ms]", "with ghosts [ms]", "ratio (goal 1.5)")
-    for scenario in ("cut-in", "dense-traffic", "tunnel"):
+    for scenario in ("cut-in", "dense-traffic", "tunnel", "beside-truck"):
         with closing(gym.make(f"testbed/{scenario}-v0", tracker=TRUTH, radar="front")) as env:
             env.reset(seed=0)
             scene, rng = env.get_wrapper_attr("truth"), np.random.default_rng(0)
