@@ -48,7 +48,8 @@ SIDE = Sensor(
     max_range=30.0, fov_deg=90.0, spacing_deg=0.25, sigma_range=0.15, sigma_azimuth_deg=1.2, sigma_rate=0.12,
     count_at_15m=7.0, count_falloff=0.6, clutter=1.5,
 )  # fmt: skip
-# Counts, shares, depths and aspects are fitted to real cars, see docs/calibration.md: `testbed calibrate`.
+# Counts, shares, depths and aspects are fitted to real cars, see docs/calibration.md: `testbed calibrate`. The noise of
+# range rates is that of the same real radar, docs/radars.md.
 IMAGING = Sensor(
     max_range=100.0, fov_deg=110.0, spacing_deg=0.1, sigma_range=0.12, sigma_azimuth_deg=0.32, sigma_rate=0.08,
     count_at_15m=86.0, count_falloff=0.75, count_max=75.0, clutter=8.0, grazing=0.0, share_volume=0.43,
@@ -88,7 +89,7 @@ RADARS = MappingProxyType({r.name: r for r in (
           (FRONT, REAR, *SIDES)),
     Radar("surround-ghosts", "surround with ghosts in rails and trucks, and between leader and ego; shares are ours",
           (FRONT, REAR, *SIDES), ghosts=Ghosts()),
-    Radar("nuscenes-like", "five radars at 13 Hz, sparse and merged in cells; layout after Caesar et al. (2020)", (
+    Radar("nuscenes-like", "five radars at 13 Hz, sparse and merged; rate and places after Caesar et al. (2020)", (
         facing(NUSCENES, NOSE, 0.0, 0.0),
         facing(NUSCENES, 1.9, FLANK, 55.0), facing(NUSCENES, 1.9, -FLANK, -55.0),
         facing(NUSCENES, -NOSE, FLANK, 170.0), facing(NUSCENES, -NOSE, -FLANK, -170.0)), rate=13.0),

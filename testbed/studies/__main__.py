@@ -20,7 +20,7 @@ from testbed.studies.persistence import page as persistence
 from testbed.studies.probes import page as probes
 from testbed.studies.regret import page as regret
 from testbed.studies.rigs import figure as rigs_figure
-from testbed.studies.rigs import sensitivity
+from testbed.studies.rigs import range_rates, sensitivity
 from testbed.studies.standing import page as standing
 from testbed.studies.traffic import page as traffic
 
@@ -44,11 +44,12 @@ STUDIES: Mapping[str, Callable[..., None]] = {
     "traffic": traffic.main,
     "radars": rigs_figure.main,  # a picture for docs/radars.md
     "vehicles": vehicle_figure.main,  # a picture for docs/methods
-    # committed results that the page of the comparison shows
+    # committed results that pages show
     "publish": publish.main,
     "refresh": refresh.main,
     "verdicts": committed.main,
     "surround": sensitivity.main,
+    "range-rates": range_rates.main,
     # what the documentation says about the registries
     "generated": generated.main,
 }

@@ -10,7 +10,8 @@ LEGEND: Mapping[str, str] = MappingProxyType({
     "W": "of the simulated world in which the multi-object tracker was developed: plausible, of no data sheet",
     "C": "fitted to the cars of Meyer and Kuschk (2019), `testbed calibrate`",
     "S": "compared with the scans of Ding et al. (2022), [standing-returns.md](standing-returns.md)",
-    "A": "after the radar of the data set of Caesar et al. (2020), a Continental ARS 408-21 and its near scan",
+    "R": "measured on whole scans of Meyer and Kuschk (2019), `python -m testbed.studies range-rates`",
+    "A": "near scan of the Continental ARS 408-21, the radar of Caesar et al. (2020), as published by the maker",
     "L": "learned from simulated detections of this radar, `python -m testbed.learn.profile`",
     "P": "a choice: plausible, no source",
     "I": "by definition: what the rig is for",
@@ -33,11 +34,11 @@ _IMAGING = {
 SOURCES: Mapping[str, Mapping[str, str]] = MappingProxyType({  # sensor -> key of the legend -> names of fields
     "LONG_RANGE": {"W": _WORLD, "P": "spacing_deg"},
     "SIDE": {"W": _WORLD, "P": "spacing_deg"},
-    "IMAGING": {**_IMAGING, "W": "max_range sigma_range sigma_rate"},
+    "IMAGING": {**_IMAGING, "R": "sigma_rate"},
     "ROADSIDE": {**_IMAGING, "S": "sigma_rate surroundings"},
     "NUSCENES": {
-        "A": "fov_deg sigma_range sigma_azimuth_deg sigma_rate cell_range cell_azimuth_deg cell_rate",
-        "P": "max_range spacing_deg count_at_15m count_falloff clutter",
+        "A": "fov_deg sigma_range sigma_azimuth_deg cell_range cell_azimuth_deg cell_rate",
+        "P": "max_range spacing_deg sigma_rate count_at_15m count_falloff clutter",
     },
     "LIDAR": {
         "I": "fov_deg spacing_deg share_volume depth_contour clutter count_shape",

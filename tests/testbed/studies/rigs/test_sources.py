@@ -37,6 +37,6 @@ def test_sources_name_fields_once_with_keys_of_the_legend(sensor):
 def test_a_source_by_hand():
     assert (source("ROADSIDE", "sigma_rate"), source("IMAGING", "sigma_rate"), source("SIDE", "scatter")) == (
         "S",
-        "W",
+        "R",
         "-",
     )
