@@ -1,4 +1,4 @@
-"""What ghosts and unused options of a radar cost is on the page as in the committed measurement, and within the goals."""
+"""What ghosts and unused options of a radar cost is on the page as in the committed result, and within the goals."""
 
 import json
 from pathlib import Path
