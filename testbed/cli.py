@@ -657,6 +657,10 @@ def regress(
     update: Annotated[bool, typer.Option("--update", help="Write the results as the new baselines.")] = False,
     tracker: Annotated[list[str] | None, typer.Option(help="Repeat for several. Without it: all.")] = None,
     scenario: Annotated[list[str] | None, typer.Option(help="Repeat for several. Without it: all.")] = None,
+    fault: Annotated[
+        list[str] | None,
+        typer.Option(help="Every scenario also with this fault; repeat for several, one after the other."),
+    ] = None,
     jobs: Annotated[int | None, typer.Option(help="Number of processes. Without it: one a core.")] = None,
     junit: Annotated[Path | None, typer.Option(help="Also write the findings to this file, as JUnit XML.")] = None,
     baselines: Annotated[
@@ -675,12 +679,14 @@ def regress(
     Example: [bold]testbed regress[/bold]
     Example: [bold]testbed regress --tracker htg-map --scenario cut-in --scenario merge --junit regress.xml[/bold]
     Example: [bold]testbed regress --update --tracker htg-map[/bold]
+    Example: [bold]testbed regress --scenario cut-in --fault drop:0.2[/bold]
     """
     from testbed.regress import command
     from testbed.regress.suite import Suite
 
     with user_input():
-        options = command.Options(Suite.of(scenario, tracker, str(out)), baselines, update, junit, jobs)
+        suite = Suite.of(scenario, tracker, str(out), fault or ())
+        options = command.Options(suite, baselines, update, junit, jobs)
         found = command.prepare(options)
     raise typer.Exit(
         command.regress(options, found, console, progress_bar("{task.completed:.0f} / {task.total:.0f}", 600.0))

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from scenarios import SCENARIOS
-from testbed.compare.runs.config import RECORD, SETTINGS, Comparison, Settings, identity
+from testbed.compare.runs.config import RECORD, SETTINGS, Comparison, Settings, identity, with_faults
 from testbed.compare.runs.identity import project_digest
 from testbed.compare.runs.results import RUNS
 from testbed.compare.runs.tasks import RECORDINGS
@@ -76,9 +76,15 @@ class Suite:
     out: str = "runs/regress"
 
     @classmethod
-    def of(cls, scenarios: Sequence[str] | None, trackers: Sequence[str] | None, out: str) -> "Suite":
-        """The part of the suite with these names; all of them where none is named."""
-        return cls(tuple(scenarios or CASES), tuple(trackers or TRACKERS), out=out)
+    def of(
+        cls, scenarios: Sequence[str] | None, trackers: Sequence[str] | None, out: str, faults: Sequence[str] = ()
+    ) -> "Suite":
+        """The part of the suite with these names; all of them where none is named.
+
+        With faults each scenario takes part as it is and under each of them. ValueError for what is no fault.
+        """
+        cases = with_faults(scenarios or tuple(SCENARIOS), faults) if faults else tuple(scenarios or CASES)
+        return cls(cases, tuple(trackers or TRACKERS), out=out)
 
     @property
     def comparison(self) -> Comparison:

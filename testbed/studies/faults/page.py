@@ -24,6 +24,7 @@ A fault is an option of every run, and of every environment:
 testbed run cut-in --fault front:outage:3:5 --fault drop:0.2
 testbed compare cut-in --tracker imm-spline --fault drop:0.2 --fault corners:yaw:0.5
 testbed regret probe-brake --tracker imm-spline --fault front:outage:2:3
+testbed regress --scenario cut-in --fault drop:0.2
 ```
 
 ```python
@@ -32,8 +33,8 @@ env = gym.make("testbed/cut-in-v0", faults=["front:outage:3:5", sensors.Dropout(
 
 It reads `[SENSORS:]KIND:VALUES`, times in seconds since the reset. SENSORS is `surround` (all of the rig, also where
 nothing stands there), `front`, `rear`, `corners`, `left`, `right`, or the number of a sensor. Several at once are
-joined by `+`, or, in `testbed run`, given one by one; `compare` and `regret` take every `--fault` by itself, beside
-runs without one. In `compare` a fault belongs to the scenario, `cut-in+drop:0.2`; in `regret` to the tracker,
+joined by `+`, or, in `testbed run`, given one by one; the others take every `--fault` by itself, beside runs without
+one. In `compare` and `regress` a fault belongs to the scenario, `cut-in+drop:0.2`; in `regret` to the tracker,
 `imm-spline+drop:0.2`. Definitions: [radar-faults.md](methods/radar-faults.md).
 
 | fault | what | Python |
