@@ -73,13 +73,9 @@ class Settings:
     def length(self) -> str:
         """How long a run is, in words."""
         if self.after is None:
-            return f"{self.duration:g} s of each run" if self.duration else "the scenarios' own"
+            return f"{self.duration:g} s" if self.duration else "the scenarios' own"
         most = f"{self.duration:g} s" if self.duration else "the scenario's own length"
         return f"to {self.after:g} s after the maneuver, {most} at most"
-
-
-RECORD = Settings(duration=60.0, after=3.0, settle=2.0)
-"""What the comparison of record and the baselines of `testbed regress` are made with."""
 
 
 @dataclass(frozen=True)

@@ -32,9 +32,8 @@ PAGE = """# How the trackers compare
 From the committed results of {date}: {trackers} trackers, {scenarios} scenarios, {seeds} seeds each, {runs} runs on
 common random numbers; length of a run: {length}.
 In every scenario and seed all trackers get the same detections of the radar `{radar}`, recorded once with a planner
-that knows the truth. Means leave out {settle}, in which the tracks of what is there at the start are born; births
-have a table of their own. Brackets hold 95 % bootstrap intervals over seeds. [results.md](results.md) defines the
-measures, [comparing.md](comparing.md) the statistics; `make comparison` repeats the runs.
+that knows the truth. {settle} Brackets hold 95 % bootstrap intervals over seeds. [results.md](results.md) defines the
+measures, [comparing.md](comparing.md) the statistics.
 
 Versions: {versions}. Digest of the code behind the runs: `{code}`.
 
@@ -48,8 +47,8 @@ Means over scenarios of the means over seeds. A consistent filter has a NEES of 
 
 ## Births
 
-Over the whole runs, their beginning too: from when a vehicle is first expected to be detected to its first confirmed
-track; the share of its scans until then, of all; and vehicles that never had one in a run.
+Over the whole runs, their beginning too: the time from when a vehicle is first expected to be detected to its first
+confirmed track, and, where they were measured, the share of scans until then, and vehicles that never had a track.
 
 {births}
 
@@ -107,6 +106,9 @@ lies in the 95 % interval that the tracker claims.
 """
 
 
+SETTLED = "Means leave out the first {settle:g} s of each run, in which the tracks of what is there already are born."
+WHOLE = "Means are over whole runs, their first seconds too, in which the tracks of what is there already are born."
+
 LAYERS = """`{default}` without a layer, minus `{default}` complete: what the layer takes off ([layers.md](layers.md)).
 From {scenarios} scenarios and {seeds} seeds; length: {length}.
 
@@ -147,7 +149,7 @@ def render(folder: Path) -> str:
         seeds=len(comparison.seeds),
         runs=len(comparison.tasks),
         length=settings.length,
-        settle=f"the first {settings.settle:g} s of each run" if settings.settle else "nothing",
+        settle=SETTLED.format(settle=settings.settle) if settings.settle else WHOLE,
         births=markdown(tables.overview(list(cells(results, BIRTHS)), baseline)),
         closed=closed(read_part("closed", folder)),
         radar=settings.radar,

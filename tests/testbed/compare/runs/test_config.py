@@ -98,7 +98,7 @@ def test_a_loop_is_open_or_closed():
 
 def test_how_long_runs_are_is_given_by_duration_and_maneuver():
     assert (Settings().config("cut-in"), Settings().length) == ({}, "the scenarios' own")
-    assert (SHORT.config("cut-in"), SHORT.length) == ({"duration": 1.0}, "1 s of each run")
+    assert (SHORT.config("cut-in"), SHORT.length) == ({"duration": 1.0}, "1 s")
     both = Settings(duration=60.0, after=3.0)
     assert both.config("cut-in") == {"duration": 60.0, "after": 3.0}
     assert both.config("highway-v0") == {"duration": 60.0}  # nobody knows when its maneuver ends
