@@ -18,6 +18,7 @@ from scenarios import Scenario
 from sensors import faults_of
 from sensors import find as find_radar
 from sensors.faults import chosen
+from testbed import planners
 from testbed.command_line.interruption import interruptible
 from testbed.compare.runs.identity import own_code, own_module, own_names, tracker_digest
 from testbed.environment.perception import tracker_of
@@ -27,9 +28,6 @@ from testbed.evaluation.tracking import jsonable
 from testbed.files import make_directory, noting_losses
 from testbed.frame import Observer
 from testbed.limits import LONGEST, check_duration, check_folder, check_names, check_seeds
-from testbed.planners import begin
-from testbed.planners import find as find_planner
-from testbed.planners import settings as planner_settings
 from trackers import DEFAULT
 from trackers.json_file import read_json
 
@@ -107,15 +105,15 @@ def check(config: RunConfig) -> None:
         chosen(fault.sensors, radar.models)
     for name in config.trackers:
         tracker_of(name, radar)
-    find_planner(config.planner)
+    planners.find(config.planner)
     check_level(config.log, config.metrics)
     make_directory(Path(config.out))
 
 
 def make_env(config: RunConfig) -> gym.Env:
     """The scenario's environment with radar and trackers, writing its files to `config.out`."""
-    planner, scenario = find_planner(config.planner), scenario_of(config.scenario)
-    settings = deepcopy(config.settings) | planner_settings(planner)  # an environment may change what is nested in it
+    planner, scenario = planners.find(config.planner), scenario_of(config.scenario)
+    settings = deepcopy(config.settings) | planners.settings(planner)  # an environment may change what is nested in it
     if config.duration is not None and (isinstance(scenario, Scenario) or "duration" in scenario.default):
         settings["duration"] = config.duration
     if config.after is not None:
@@ -164,13 +162,13 @@ def run(
         LookupError: an unknown scenario, tracker, radar or planner; the nearest name is suggested.
         OSError: log or results cannot be written where they belong; raised before the run begins.
     """
-    planner = find_planner(config.planner)
+    planner = planners.find(config.planner)
     with interruptible() as interrupt, closing(make_env(config)) as env:
         tracked: Any = env
         for observer in observers:
             tracked.attach(observer)
         env.reset(seed=config.seed)
-        begin(planner, env)
+        planners.begin(planner, env)
         recorder = tracked.recorder
         if config.focus is not None:
             recorder.log.focus_on(config.focus)

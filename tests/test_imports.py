@@ -30,10 +30,13 @@ def test_what_only_names_things_loads_no_heavy_library(code):
     assert loaded(code, HEAVY) == []
 
 
-def test_a_run_needs_no_statistics():
-    assert loaded("import testbed.run", ("rerun", "scipy.stats", "scipy.optimize")) == []
+def test_a_run_loads_the_simulator_when_its_environment_is_made():
+    needed = ("scipy", "shapely")
+    late = (*(name for name in HEAVY if name not in needed), "matplotlib", "scipy.optimize")
+    assert loaded("import testbed.run", late) == []
+    assert loaded("import testbed.run\ntestbed.run.planners.find('idm')", ("highway_env",)) == ["highway_env"]
 
 
 def test_the_check_sees_what_is_loaded():
-    code = "import testbed.run, scipy.stats"
+    code = "import testbed.environment.wrapper, scipy.stats"
     assert loaded(code, DRAWING) == ["matplotlib.pyplot", "scipy.stats"]  # highway-env brings pyplot

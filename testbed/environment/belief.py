@@ -98,19 +98,6 @@ class TrackVehicle(IDMVehicle):
         return super().desired_gap(ego_vehicle, front_vehicle, projected) + halves  # (ENV.3)
 
 
-def advance(estimate: Estimate, lag: float) -> Estimate:
-    """The estimates predicted by lag [s] at constant velocity and yaw rate; the uncertainties are not changed."""
-    turn = lag * np.asarray(estimate.yaw_rate)
-    with np.errstate(invalid="ignore"):  # estimates that are not finite are dropped by `plausible`
-        step = np.concatenate([lag * estimate.velocity, turn[..., None]], -1)
-    pose = estimate.pose + step  # (ENV.1)
-    contour = estimate.contour
-    if contour is not None:
-        offsets = (contour - estimate.pose[..., None, :2]) @ rotation(turn).mT
-        contour = pose[..., None, :2] + offsets  # (ENV.1)
-    return estimate._replace(pose=pose, contour=contour)
-
-
 def plausible(estimate: Estimate, egos: Sequence[Vehicle]) -> NDArray:
     """Which of T estimates a planner can use, (T,) bool.
 

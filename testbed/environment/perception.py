@@ -19,9 +19,9 @@ from sensors.fault_text import faults_of
 from sensors.faults import Fault, apply_faults, chosen
 from sensors.origin import Origin
 from sensors.scene import Scene
-from testbed.environment.belief import advance
 from testbed.frame import TRUTH, Frame, Observer
 from trackers.estimate import Estimate, prior
+from trackers.geometry import rotation
 from trackers.multi.road import RoadMap
 from trackers.multi.tracker import MultiObjectTracker
 from trackers.multi.tracks import StepInfo, Tracks
@@ -193,6 +193,19 @@ def truth_info(scene: Scene, origin: Origin) -> StepInfo:
     count = np.bincount(origin.object[owned], minlength=n)
     seen = origin.visible > 0
     return StepInfo(owner, scene.objects.id, origin.expected, seen, count, np.zeros(n), np.full(n, np.nan), ())
+
+
+def advance(estimate: Estimate, lag: float) -> Estimate:
+    """The estimates predicted by lag [s] at constant velocity and yaw rate; the uncertainties are not changed."""
+    turn = lag * np.asarray(estimate.yaw_rate)
+    with np.errstate(invalid="ignore"):  # estimates that are not finite are dropped by `belief.plausible`
+        step = np.concatenate([lag * estimate.velocity, turn[..., None]], -1)
+    pose = estimate.pose + step  # (ENV.1)
+    contour = estimate.contour
+    if contour is not None:
+        offsets = (contour - estimate.pose[..., None, :2]) @ rotation(turn).mT
+        contour = pose[..., None, :2] + offsets  # (ENV.1)
+    return estimate._replace(pose=pose, contour=contour)
 
 
 class Perception:

@@ -10,7 +10,6 @@ from types import MappingProxyType
 from typing import Any
 from weakref import finalize
 
-from scenarios.lanes import LaneShape, is_dashed, is_drawn
 from sensors.faults import Fault, is_active
 from sensors.scene import Scene
 from testbed.environment.smoothing import StateHistory
@@ -293,14 +292,3 @@ class Recorder:
                 if time - since >= LOST_AFTER - TIME_ROUNDING:
                     events.append(("WARN", f"{name}: veh_{key:02d} lost, was track {held.pop(key)}"))
         return events
-
-
-def road_geometry(lanes: Sequence[LaneShape]) -> RoadGeometry:
-    """Lines and surfaces of a road, for the log to draw."""
-    lines = [pair for lane in lanes for pair in zip(lane.borders, lane.lines, strict=True)]
-    return RoadGeometry(
-        edges=tuple(line for line, kind in lines if is_drawn(kind) and not is_dashed(kind)),
-        lane_lines=tuple(line for line, kind in lines if is_dashed(kind)),
-        surface=tuple(lane.centre for lane in lanes),
-        half_width=tuple(lane.width / 2 for lane in lanes),
-    )

@@ -30,10 +30,11 @@ from sensors.fault_text import faults_of
 from sensors.faults import streams
 from sensors.origin import Origin
 from sensors.scene import Scene
-from testbed.environment.belief import BeliefView, RoadSwap, advance, attach_view, belief_road, mirror_road
+from testbed.environment.belief import BeliefView, RoadSwap, attach_view, belief_road, mirror_road
 from testbed.environment.observation import without_frames
-from testbed.environment.perception import Cost, Perception, radar_label
-from testbed.environment.recorder import Recorder, check_level, road_geometry
+from testbed.environment.perception import Cost, Perception, advance, radar_label
+from testbed.environment.recorder import Recorder, check_level
+from testbed.environment.road_geometry import road_geometry
 from testbed.evaluation.driving import drive_frame
 from testbed.files import versions
 from testbed.frame import Observer

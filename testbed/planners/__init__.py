@@ -1,9 +1,29 @@
 """Planners: what chooses the ego's actions.
 
 In: a highway-env environment whose road holds ego and tracks. Out: an action, and a planned path for the log. May
-import highway-env and scenarios; no tracker, no truth.
+import highway-env and scenarios; no tracker, no truth. What is named here is loaded when it is
+first used, and highway-env with it.
 """
 
-from testbed.planners.registry import PLANNERS, Planner, begin, find, settings
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
-__all__ = ["PLANNERS", "Planner", "begin", "find", "settings"]
+if TYPE_CHECKING:
+    from testbed.planners.registry import LEARNED as LEARNED
+    from testbed.planners.registry import PLANNERS as PLANNERS
+    from testbed.planners.registry import Planner as Planner
+    from testbed.planners.registry import begin as begin
+    from testbed.planners.registry import find as find
+    from testbed.planners.registry import settings as settings
+
+__all__ = ["LEARNED", "PLANNERS", "Planner", "begin", "find", "settings"]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in __all__:
+        raise AttributeError(f"module 'testbed.planners' has no attribute {name!r}")
+    return getattr(import_module("testbed.planners.registry"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

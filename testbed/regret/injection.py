@@ -15,8 +15,7 @@ from scipy.special import ndtr
 
 from sensors.origin import Origin
 from sensors.scene import Scene
-from testbed.environment.belief import advance
-from testbed.environment.perception import TrackerLike, TruthBased, on_road
+from testbed.environment.perception import TrackerLike, TruthBased, advance, on_road
 from trackers.estimate import Estimate
 from trackers.geometry import rotation, unit, wrap_angle
 from trackers.multi.road import RoadMap

@@ -23,9 +23,8 @@ from scenarios import find as find_scenario
 from scenarios.traffic.scenario import FAMILY, is_replay, replay_of
 from sensors import RADARS
 from sensors import find as find_radar
+from testbed import planners
 from testbed.frame import TRUTH
-from testbed.planners.registry import LEARNED, PLANNERS
-from testbed.planners.registry import find as find_planner
 from trackers import TRACKERS, SensorModel, build
 from trackers.lookup import home, parse, search_here
 
@@ -40,9 +39,12 @@ SCORES = (  # modules of testbed that decide about rows
     "evaluation.tracking",
     "compare.runs.recording", "compare.runs.replay", "compare.runs.rows", "compare.runs.tasks",
 )  # fmt: skip
-CATALOGUES: Mapping[str, Container[str]] = {
-    "tracker": {*TRACKERS, TRUTH}, "planner": PLANNERS, "radar": RADARS, "scenario": {**SCENARIOS, **PROBES},
-}  # fmt: skip
+CATALOGUES: Mapping[str, Callable[[], Container[str]]] = {
+    "tracker": lambda: {*TRACKERS, TRUTH},
+    "planner": lambda: planners.PLANNERS,  # loads highway-env
+    "radar": lambda: RADARS,
+    "scenario": lambda: {**SCENARIOS, **PROBES},
+}
 ADDRESS = re.compile(r" at 0x[0-9a-f]+")  # in the text of an object that is no dataclass
 TABLES = {"trackers.htg.bins": "htg/tables", "trackers.pmht.model": "pmht/models"}  # by the module that reads them
 
@@ -97,7 +99,7 @@ def own_names(
 
 def own_code(names: Iterable[tuple[str, str]]) -> dict[str, str]:
     """Digests of what users have given as (what, name), of its code and parameters, under `code of WHAT NAME`."""
-    find: Mapping[str, Callable[[str], Any]] = {"scenario": find_scenario, "radar": find_radar, "planner": find_planner}
+    find: dict[str, Callable[[str], Any]] = {"scenario": find_scenario, "radar": find_radar, "planner": planners.find}
     return {
         f"code of {what} {name}": code_digest(
             own_modules(own_module(name, what) or "").values(), ADDRESS.sub("", repr(find[what](name)))
@@ -111,12 +113,12 @@ def own_module(name: str, what: str) -> str | None:
 
     Recorded traffic has its file, as `replay:FILE`.
     """
-    if what == "planner" and name.startswith(LEARNED):
+    if what == "planner" and name.startswith(planners.LEARNED):
         return None
     if what == "scenario" and is_replay(name):
         return f"{FAMILY}{replay_of(name).file}"
     entry = parse(name)[0]
-    path = None if entry in CATALOGUES[what] else home(entry, what)
+    path = None if entry in CATALOGUES[what]() else home(entry, what)
     return None if path is None else path.partition(":")[0]
 
 

@@ -18,8 +18,8 @@ from scenarios.stage import Phase
 from sensors.origin import Origin
 from sensors.scene import Bodies, Ego, Objects, Scene
 from testbed.arrays import read_arrays
-from testbed.environment.recorder import road_geometry
 from testbed.environment.registration import make
+from testbed.environment.road_geometry import road_geometry
 from testbed.files import atomic_file
 from testbed.frame import TRUTH, Frame
 from testbed.log.record import RoadGeometry

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from scenarios.lanes import lane_shapes
 from testbed.compare.runs.tasks import DONE, FOUND, Outcome, outcome_of
-from testbed.environment.recorder import road_geometry
+from testbed.environment.road_geometry import road_geometry
 from testbed.evaluation.driving import LONGEST
 from testbed.files import make_directory
 from testbed.frame import TRUTH, Frame

@@ -16,12 +16,12 @@ from testbed.environment.belief import (
     BeliefView,
     RoadSwap,
     TrackVehicle,
-    advance,
     belief_road,
     is_map,
     mirror_road,
     plausible,
 )
+from testbed.environment.perception import advance
 from trackers.estimate import prior
 from trackers.geometry import box_corners, unit
 
