@@ -2,8 +2,12 @@
 
 Of the truth nothing goes further: a `Scene` goes in, `Tracks` come out. There are two exceptions, both for experiments
 that ask what tracking costs: the tracker called "truth", whose tracks are the scene itself, and `TruthBased` ones.
+
+Where the truth is the only tracker and nobody observes, scenes wait until a frame is asked for. They are then scanned in
+their order, so that the radar draws the same numbers as if it had scanned them at once.
 """
 
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import fields, replace
@@ -26,6 +30,8 @@ from trackers.multi.road import RoadMap
 from trackers.multi.tracker import MultiObjectTracker
 from trackers.multi.tracks import StepInfo, Tracks
 from trackers.scan import Scan, SensorModel
+
+PATIENCE = 1000  # scenes that may wait to be scanned; a minute of highway-v0
 
 
 class RadarLike(Protocol):
@@ -211,7 +217,7 @@ def advance(estimate: Estimate, lag: float) -> Estimate:
 class Perception:
     """Radar, trackers and their last frame; a deep copy of the environment holds None in its place."""
 
-    frame: Frame  # of the last scan
+    scene: Scene  # of the last scan
 
     def __init__(
         self,
@@ -224,6 +230,7 @@ class Perception:
         self.observers: list[Observer] = []
         self.seconds = {"sense": 0.0, "track": 0.0}  # wall time spent on scene and radar, and on the trackers
         self.costs = {name: Cost() for name in self.trackers}
+        self.only_truth = set(self.trackers.values()) == {None}
         self.steps = 0  # simulated frames since the start
 
     def __deepcopy__(self, memo: dict) -> None:
@@ -267,6 +274,7 @@ class Perception:
         """
         self._read, self._rng, self._frequency, self.steps = read, rng, frequency, 0
         self._fault_rngs = tuple(fault_rngs)
+        self._waiting: deque[tuple[int, Scene, str, NDArray]] = deque()  # frames without a scan yet, the last one last
         self._mapped: dict[str, TrackerLike | None] = {}
         self._tracks: dict[str, Tracks] = {}
         self._states: dict[str, Any] = {}  # of those that are truth-based
@@ -294,7 +302,13 @@ class Perception:
     def estimate(self, time: float) -> tuple[NDArray, Estimate]:
         """Ids (T,) and estimates of the first tracker's reported tracks, predicted to a time [s] after its scan."""
         reported = self.tracks.reported
-        return reported.id, advance(reported.estimate, time - self.frame.time)
+        return reported.id, advance(reported.estimate, time - self.scene.time)
+
+    @property
+    def frame(self) -> Frame:
+        """That of the last scan."""
+        self._catch_up(0)
+        return self._frame
 
     @property
     def knows_truth(self) -> bool:
@@ -304,6 +318,8 @@ class Perception:
     @property
     def tracks(self) -> Tracks:
         """All tracks of the first tracker."""
+        if self.only_truth:
+            return truth_tracks(self.scene)
         return next(iter(self.frame.outputs.values()))[0]
 
     def _due(self) -> bool:
@@ -314,17 +330,29 @@ class Perception:
         return int(self.steps * scans + 1e-9) > int((self.steps - 1) * scans + 1e-9)  # (RAD.24)
 
     def _scan(self, action: str, plan: NDArray) -> None:
-        """Read the scene, scan it, and give the scan to all trackers."""
+        """Read the scene, scan it, and give the scan to all trackers; where nobody looks the scene waits."""
         start = perf_counter()
         scene = self._read(self.steps)
-        scene = scene._replace(dt=scene.time - self.frame.time if self.steps else 0.0)
+        self.scene = scene._replace(dt=scene.time - self.scene.time if self.steps else 0.0)
+        self._waiting.append((self.steps, self.scene, action, plan))
+        self.seconds["sense"] += perf_counter() - start
+        self._catch_up(PATIENCE if self.only_truth and not self.observers else 0)
+
+    def _catch_up(self, patience: int) -> None:
+        """Scan the scenes that wait, until so many are left."""
+        while len(self._waiting) > patience:
+            self._frame = self._scanned(*self._waiting.popleft())
+
+    def _scanned(self, step: int, scene: Scene, action: str, plan: NDArray) -> Frame:
+        """The frame of a scene."""
+        start = perf_counter()
         scan, origin = self.radar.scan(scene, self._rng)
         scan, origin = apply_faults(self.faults, self._fault_rngs, self.radar.models, scene, scan, origin)
         scanned = perf_counter()
         outputs = {name: self._track(name, scene, scan, origin) for name in self.trackers}
-        self.frame = Frame(self.steps, scene, scan, origin, outputs, action, plan)
         self.seconds["sense"] += scanned - start
         self.seconds["track"] += perf_counter() - scanned
+        return Frame(step, scene, scan, origin, outputs, action, plan)
 
     def _track(self, name: str, scene: Scene, scan: Scan, origin: Origin) -> tuple[Tracks, StepInfo]:
         start, tracker = perf_counter(), self.trackers[name]

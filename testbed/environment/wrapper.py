@@ -226,7 +226,7 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
     @property
     def truth(self) -> Scene:
         """The scene of the last scan; for metrics and logs only."""
-        return self._perception.frame.scene
+        return self._perception.scene
 
     @property
     def scan(self) -> Scan:
@@ -248,7 +248,7 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
         """`tracks` predicted to the present frame, as on the belief road; for planners that want uncertainty."""
         perception, tracks = self._perception, self.tracks
         now = perception.steps / self._core.config["simulation_frequency"]
-        return tracks._replace(estimate=advance(tracks.estimate, now - perception.frame.time))
+        return tracks._replace(estimate=advance(tracks.estimate, now - perception.scene.time))
 
     @property
     def all_tracks(self) -> dict[str, Tracks]:
@@ -489,13 +489,17 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
     def _report(self, info: dict[str, Any]) -> dict[str, Any]:
         """The environment's info, the numbers of reported tracks of the first tracker and of detections, and the drive.
 
+        Where the truth is the only tracker, detections are not counted: nothing is scanned until the scan is read.
         `info["drive"]` is a `DriveFrame` as a dict: the true risk ahead now, and the acceleration since the last
         decision, NaN at the reset.
         """
-        perception, frame = self._perception, self._perception.frame
-        scene = frame.scene if frame.step == perception.steps else self._read(perception.steps)
+        perception = self._perception
+        now = perception.steps / self._core.config["simulation_frequency"]
+        scene = perception.scene if perception.scene.time == now else self._read(perception.steps)
         drive, self._decided = drive_frame(scene, self._decided)._asdict(), scene
-        counts = {"tracks": len(self.tracks.reported.id), "detections": int(self.scan.mask.sum())}
+        counts = {"tracks": len(self.tracks.reported.id)}
+        if not perception.only_truth:
+            counts["detections"] = int(self.scan.mask.sum())
         return {**info, **counts, "drive": drive}
 
 

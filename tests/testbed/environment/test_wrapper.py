@@ -17,6 +17,7 @@ from highway_env.vehicle.kinematics import Vehicle
 
 import sensors
 from scenarios.constants import protect_idm_constants
+from testbed.environment import perception
 from testbed.environment.belief import TrackVehicle
 from testbed.environment.perception import label, on_road
 from testbed.environment.wrapper import TrackedEnv
@@ -337,11 +338,56 @@ def test_a_slow_radar_scans_at_its_own_rate_and_tracks_are_predicted_in_between(
 
 
 def test_info_counts_tracks_and_detections():
-    env = TrackedEnv(make("highway-fast-v0"), tracker="truth")
+    env = TrackedEnv(make("highway-fast-v0"), tracker="truth", also=["rm-feldmann"])
     _, info = env.reset(seed=0)
     assert info["tracks"] == len(env.truth.objects.id)
     assert info["detections"] == int(env.scan.mask.sum())
     assert {type(info["tracks"]), type(info["detections"])} == {int}
+
+
+class Counting:
+    """The radar `ideal`, which counts its scans."""
+
+    def __init__(self) -> None:
+        self.radar, self.scans = sensors.find("ideal"), 0
+        self.models, self.rate = self.radar.models, self.radar.rate
+
+    def scan(self, scene, rng):
+        self.scans += 1
+        return self.radar.scan(scene, rng)
+
+
+def driven(frames: list[Frame] | None = None, **options: Any) -> tuple[TrackedEnv, Counting]:
+    """Ten simulated frames on perfect tracks, frame 0 not counted; with a list, under an observer."""
+    radar = Counting()
+    env = TrackedEnv(make("highway-fast-v0", simulation_frequency=5), tracker="truth", radar=radar, **options)
+    if frames is not None:
+        env.attach(frames.append)
+    env.reset(seed=0)
+    for _ in range(2):
+        _, _, _, _, info = env.step(1)
+        assert ("detections" in info) == bool(options)
+    assert env.truth.time == 2.0
+    np.testing.assert_array_equal(env.tracks.id, env.truth.objects.id)
+    return env, radar
+
+
+def test_perfect_tracks_alone_need_no_scan_and_one_that_is_read_late_is_the_same():
+    (env, radar), frames = driven(), list[Frame]()
+    assert radar.scans == 0
+    watched, busy = driven(frames)
+    assert (busy.scans, len(frames)) == (11, 11)
+    np.testing.assert_array_equal(env.scan.polar, frames[-1].scan.polar)
+    np.testing.assert_array_equal(env.origin.object, watched.origin.object)
+    assert (radar.scans, env.costs["truth"].scans) == (11, 11)
+    assert driven(also=["rm-feldmann"])[1].scans == 11
+
+
+def test_of_the_scenes_that_wait_for_a_scan_the_first_is_scanned_when_they_are_too_many(monkeypatch):
+    monkeypatch.setattr(perception, "PATIENCE", 4)
+    env, radar = driven()
+    assert radar.scans == 11 - 4
+    np.testing.assert_array_equal(env.scan.polar, driven()[0].scan.polar)
 
 
 # Life and errors
