@@ -1,6 +1,7 @@
 """The one place where highway-env becomes a Scene; it reads any highway-env environment, stock or ours."""
 
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -142,7 +143,8 @@ def _bodies(objects: Sequence[list[RigidPart]]) -> Bodies:
     flat = [b for bodies in objects for b in bodies]
     pose = _wrapped(np.array([b.pose for b in flat]).reshape(-1, 3))
     turned = rotation(pose[:, 2]).mT
-    outline = tuple(p[:2] + find(b.contour).fit(b.size) @ R for b, p, R in zip(flat, pose, turned, strict=True))
+    shapes = [_shape(b.contour, *b.size.tolist()) for b in flat]
+    outline = tuple(p + shape @ R for p, shape, R in zip(pose[:, :2], shapes, turned, strict=True))
     return Bodies(
         owner=np.array(owner, int),
         pose=pose,
@@ -150,6 +152,14 @@ def _bodies(objects: Sequence[list[RigidPart]]) -> Bodies:
         yaw_rate=np.array([b.yaw_rate for b in flat], float),
         outline=outline,
     )
+
+
+@lru_cache(maxsize=1024)
+def _shape(contour: str, length: float, width: float) -> NDArray:
+    """Outline (C, 2) [m] about the centre of a body; the same in every frame, so it is worked out once."""
+    shape = find(contour).fit(np.array([length, width]))
+    shape.flags.writeable = False
+    return shape
 
 
 def _walls(env: Any) -> NDArray:

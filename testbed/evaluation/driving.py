@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scenarios.corridor import NEAR, drive_value, gap_ahead, time_to_collision
 from sensors.scene import Bodies, Ego, Scene
 from testbed.evaluation.metrics import box_areas
+from trackers.batch import Last
 from trackers.geometry import box_corners, compose, point_velocity, rotation, unit
 
 LONGEST = 10.0  # [s] a longer time to collision or headway counts as this, and so does none
@@ -108,23 +109,31 @@ class DriveFrame(NamedTuple):
 
 def drive_frame(scene: Scene, last: Scene | None) -> DriveFrame:
     """The ego at one scene; `last` is the one before, from which the acceleration follows."""
+    ego, now = scene.ego, _alone(scene)
+    if last is None or ego.crashed:
+        return now
+    before = float(last.ego.velocity @ unit(last.ego.pose[2]))
+    return now._replace(acceleration=(now.speed - before) / (scene.time - last.time))
+
+
+def _drive_alone(scene: Scene) -> DriveFrame:
+    """The ego at one scene, whatever was before."""
     ego, boxes = scene.ego, body_boxes(scene.bodies)
     gap, closing = ahead(ego, boxes)
     nearest, speed = _smallest(gap), float(ego.velocity @ unit(ego.pose[2]))
-    acceleration = np.nan
-    if last is not None and not ego.crashed:
-        before = float(last.ego.velocity @ unit(last.ego.pose[2]))
-        acceleration = (speed - before) / (scene.time - last.time)
     return DriveFrame(
         distance=_smallest(box_distance(ego, boxes)),
         ttc=_smallest(time_to_collision(gap, closing)),
         ttc_plane=_smallest(contact_time(ego, boxes)),
         speed=speed,
-        acceleration=acceleration,
+        acceleration=np.nan,
         gap=nearest,
         headway=nearest / speed if speed > 0 else np.inf,
         drac=float(deceleration_needed(gap, closing).max(initial=0.0)),
     )
+
+
+_alone = Last(_drive_alone)  # the environment's `info` and the evaluator ask for the same scene
 
 
 class DriveCurves(NamedTuple):
