@@ -32,6 +32,9 @@ class Strips(NamedTuple):
     @classmethod
     def of(cls, lines: tuple[NDArray, ...] | NDArray, closed: bool = False) -> "Strips":
         """Polylines (C, 2) each, of equal length as one array (n, C, 2); `closed` ones end where they began."""
+        if isinstance(lines, np.ndarray):
+            rings = np.concatenate([lines, lines[:, :1]], 1) if closed else lines
+            return cls(np.array(rings.reshape(-1, 2), np.float32), np.full(len(rings), rings.shape[1], np.int64))
         if closed:
             lines = tuple(np.concatenate([line, line[:1]]) for line in lines)
         flat = np.concatenate(lines) if len(lines) else np.zeros((0, 2))
