@@ -4,11 +4,9 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-import gymnasium as gym
-import highway_env
 import pandas as pd
 
-from testbed.environment.wrapper import TrackedEnv
+from testbed.environment.registration import make
 from testbed.frame import TRUTH
 from testbed.planners.learned import Learned
 from testbed.studies.page import steps
@@ -69,8 +67,7 @@ def drives(found: Sequence[Policy], episodes: int = EPISODES) -> pd.DataFrame:
 
 
 def _episodes(policy: Policy, on: str, episodes: int) -> Iterator[Drive]:
-    gym.register_envs(highway_env)
-    env = TrackedEnv(gym.make(ENVIRONMENT), tracker=on, radar=RADAR, warm_up=WARM_UP)
+    env = make(ENVIRONMENT, tracker=on, radar=RADAR, warm_up=WARM_UP)
     planner = Learned(str(policy.file))
     try:
         for seed in range(FIRST, FIRST + episodes):
@@ -78,7 +75,7 @@ def _episodes(policy: Policy, on: str, episodes: int) -> Iterator[Drive]:
             length, total, done, crashed = 0, 0.0, False, False
             while not done:
                 _, reward, crashed, over, _ = env.step(planner.act(env))
-                length, total, done = length + 1, total + float(reward), crashed or over
-            yield Drive(policy.seed, policy.trained, on, seed, length, total, crashed)
+                length, total, done = length + 1, total + float(reward), bool(crashed or over)
+            yield Drive(policy.seed, policy.trained, on, seed, length, total, bool(crashed))
     finally:
         env.close()

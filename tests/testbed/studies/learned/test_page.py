@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 from testbed.planners.learned import save_policy
+from testbed.studies.effects import read_runs
 from testbed.studies.learned.drives import ENVIRONMENT, RADAR, WARM_UP, drives, policies
+from testbed.studies.learned.page import RESULTS, render
+from testbed.studies.page import frame
 
 DOCS = Path(__file__).parents[4] / "docs"
 FASTER = 3
@@ -44,3 +47,9 @@ def test_files_of_other_names_are_refused(tmp_path):
     (tmp_path / "my-policy.npz").touch()
     with pytest.raises(ValueError, match=r"my-policy\.npz is not named TRACKER-SEED.npz"):
         policies(tmp_path)
+
+
+def test_the_page_shows_the_committed_drives():
+    body = frame(render(read_runs(DOCS / "results" / RESULTS, "")), "command", "date").split("\n", 4)[4]
+    shown = (DOCS / "learned-policies.md").read_text().split("\n", 4)[4]
+    assert shown.partition("<!--")[0] == body.partition("<!--")[0]
