@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
-from highway_env.road.road import LaneIndex, RoadNetwork
 from numpy.typing import NDArray
 
 from scenarios import SCENARIOS
@@ -28,7 +27,7 @@ DRIVEN = {CATALOGUE: 5, NATIVE: 3}  # seeds that are driven to their ends
 class Place(NamedTuple):
     """Where a vehicle is on the road."""
 
-    lane: LaneIndex  # (start, end, number)
+    lane: tuple[str, str, int]  # start, end, number
     s: float  # [m] of its centre along the lane
     length: float  # [m] of the vehicle
 
@@ -58,7 +57,7 @@ def _plain(scenario: str) -> gym.Env:
     return ScenarioEnv(found) if isinstance(found, Scenario) else found.make({})
 
 
-def _rows(source: str, scenario: str, seed: int, time: float, scene: Scene, network: RoadNetwork) -> Iterator[Row]:
+def _rows(source: str, scenario: str, seed: int, time: float, scene: Scene, network: Any) -> Iterator[Row]:
     gap = gaps(scene, network)
     objects = scene.objects
     speed = np.hypot(*objects.velocity.T)
@@ -67,7 +66,7 @@ def _rows(source: str, scenario: str, seed: int, time: float, scene: Scene, netw
         yield Row(source, scenario, seed, str(objects.id[k]), kind, time, length, width, float(speed[k]), float(gap[k]))
 
 
-def gaps(scene: Scene, network: RoadNetwork) -> NDArray:
+def gaps(scene: Scene, network: Any) -> NDArray:
     """Gap (N,) [m] along the lane from each object to the next vehicle ahead on its lane or the one after it, or NaN.
 
     A vehicle is on the lane that is nearest to its centre.
@@ -86,12 +85,12 @@ def gaps(scene: Scene, network: RoadNetwork) -> NDArray:
     return np.array(found)
 
 
-def _place(pose: NDArray, size: NDArray, network: RoadNetwork) -> Place:
+def _place(pose: NDArray, size: NDArray, network: Any) -> Place:
     index = network.get_closest_lane_index(pose[:2], pose[2])
     return Place(index, float(network.get_lane(index).local_coordinates(pose[:2])[0]), float(size[0]))
 
 
-def distance(own: Place, other: Place, network: RoadNetwork) -> float:
+def distance(own: Place, other: Place, network: Any) -> float:
     """Distance [m] along the lane from one vehicle to another that is ahead of it, infinite for any other."""
     if other.lane == own.lane:
         return other.s - own.s if other.s > own.s else np.inf
