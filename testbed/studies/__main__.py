@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 
 import typer
 
-from testbed.studies import generated, ghosts_figure, layers_figure, vehicle_figure
+from testbed.studies import generated, ghosts_figure, layers_figure, size_by_radar, vehicle_figure
 from testbed.studies.calibration import page as calibration
 from testbed.studies.closed_loop import page as closed_loop
 from testbed.studies.comparison import committed, publish, refresh
@@ -49,6 +49,7 @@ STUDIES: Mapping[str, Callable[..., None]] = {
     "refresh": refresh.main,
     "verdicts": committed.main,
     "surround": sensitivity.main,
+    "size-by-radar": size_by_radar.main,
     "range-rates": range_rates.main,
     # what the documentation says about the registries
     "generated": generated.main,
