@@ -1,4 +1,4 @@
-"""What a regression run runs: every scenario by every tracker on two seeds, the first seconds of each, in open loop.
+"""What a regression run runs: every scenario by every tracker on two seeds, to 3 s after its maneuver, in open loop.
 
 Its results folder holds runs of the present code only: runs of other code or versions are deleted, those of the same
 code, of an interrupted call, are kept.
@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from scenarios import SCENARIOS
-from testbed.compare.runs.config import SETTINGS, Comparison, Settings, identity, with_faults
+from testbed.compare.runs.config import RECORD, SETTINGS, Comparison, Settings, identity, with_faults
 from testbed.compare.runs.identity import project_digest
 from testbed.compare.runs.results import RUNS
 from testbed.compare.runs.tasks import RECORDINGS
@@ -32,7 +32,6 @@ FAULTS = (
     "corners:yaw:2+clock:0.05",
     "blind:rain:0.5+burst:3:100",
 )
-HELD = Settings(duration=6.0)
 CASES = (*SCENARIOS, *(f"cut-in+{fault}" for fault in FAULTS))
 
 
@@ -73,7 +72,7 @@ class Suite:
     scenarios: tuple[str, ...] = CASES  # with faults: NAME+FAULT+FAULT
     trackers: tuple[str, ...] = tuple(TRACKERS)
     seeds: tuple[int, ...] = (0, 1)
-    settings: Settings = HELD
+    settings: Settings = RECORD
     out: str = "runs/regress"
 
     @classmethod

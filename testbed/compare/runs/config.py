@@ -78,6 +78,10 @@ class Settings:
         return f"to {self.after:g} s after the maneuver, {most} at most"
 
 
+RECORD = Settings(duration=60.0, after=3.0, settle=2.0)
+"""What the comparison of record and the baselines of `testbed regress` are made with."""
+
+
 @dataclass(frozen=True)
 class Comparison:
     """A comparison, and the folder of its results."""

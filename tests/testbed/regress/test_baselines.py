@@ -105,7 +105,7 @@ def test_a_file_that_is_missing_or_damaged_is_told_in_a_sentence(written, tmp_pa
     ("change", "told"),
     [
         (lambda f: f.update(layout=0), "has layout 0, not 1"),
-        (lambda f: f.update(duration=3.0), "has duration 3.0, the suite has 6.0"),
+        (lambda f: f.update(duration=3.0), "has duration 3.0, the suite has 60.0"),
         (lambda f: f.pop("trackers"), "is damaged"),
         (lambda f: f["updates"].clear(), "is damaged"),
         (lambda f: f["trackers"]["a"]["scenarios"]["scenario-0"].pop("gospa"), "has other measures"),
