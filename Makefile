@@ -62,7 +62,7 @@ reproduce: $(STAMP)
 	done
 	$(BIN)/python -m testbed.studies verdicts
 
-# Two CPU hours; the same command goes on where it was interrupted.
+# Three CPU hours or more; the same command goes on where it was interrupted.
 RECORD := --duration 60 --after 3 --settle 2 --jobs -1
 CLOSED := following hard-brake cut-in cut-out dense-traffic merge
 comparison: $(STAMP)
