@@ -98,7 +98,8 @@ class RunResult:
 
 def check(config: RunConfig) -> None:
     """Raise LookupError, ValueError or OSError, in one sentence, for a configuration that cannot be run."""
-    scenario_of(config.scenario)
+    if not isinstance(scenario_of(config.scenario), Scenario) and config.after is not None:
+        raise ValueError(f"after: {config.scenario} is of highway-env and has no maneuver; give --duration")
     _ = config.settings  # refuses what is no config
     radar = find_radar(config.radar)
     for fault in faults_of(config.faults):

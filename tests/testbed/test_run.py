@@ -242,6 +242,12 @@ def test_a_config_that_is_none_is_refused_in_a_sentence(tmp_path, text, sentence
         check(RunConfig("cut-in", out=str(tmp_path), config=str(file)))
 
 
+def test_only_scenarios_of_ours_know_when_a_maneuver_ends(tmp_path):
+    with pytest.raises(ValueError, match="after: highway-v0 is of highway-env and has no maneuver; give --duration"):
+        check(RunConfig("highway-v0", out=str(tmp_path), after=3.0))
+    check(RunConfig("cut-in", out=str(tmp_path), after=3.0))
+
+
 def test_an_environment_without_a_duration_ends_with_that_of_the_run(tmp_path):
     done = run(RunConfig("merge-v0", ("rm-feldmann",), duration=1.0, out=str(tmp_path), log="off"))
     assert done.result["drive"]["elapsed"] == pytest.approx(1.0, abs=0.2)
