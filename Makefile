@@ -113,7 +113,7 @@ regret: $(STAMP)
 regret-page: $(STAMP)  # docs/regret.md, from STUDIES or else from the committed results
 	$(BIN)/python -m testbed.studies regret $(STUDIES) --docs docs
 
-# Three CPU hours; needs the extra rl. Trainings that are there are kept.
+# Two CPU hours; needs the extra rl. Trainings that are there are kept.
 LEARNED := $(foreach tracker,truth imm-spline,$(foreach seed,0 1 2,runs/learned/$(tracker)-$(seed).npz))
 learned: $(LEARNED)
 	$(BIN)/python -m testbed.studies learned-policies runs/learned --docs docs

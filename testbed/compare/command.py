@@ -84,10 +84,12 @@ def overview(results: Results, console: Console) -> None:
     cells, drives = list(analysis.cells(results, MAIN)), list(analysis.cells(results, DRIVE))
     where = f"{len(comparison.scenarios)} scenarios, {len(comparison.seeds)} seeds, {comparison.settings.loop} loop"
     for what, group in (("means", cells), ("the drives", drives)):
+        if not group:
+            continue
         means, title = tables.overview(group, comparison.baseline), f"{where}: {what} with 95 % intervals"
-        if group and len(means.lines) <= FEW:
+        if len(means.lines) <= FEW:
             console.print(terminal(means.transposed("measure"), title, no_wrap=True))
-        elif group:
+        else:
             console.print(terminal(means, title, narrow=True))
     if len(comparison.trackers) > 1:
         found = tables.differences(cells, comparison.baseline).only(*SHOWN)

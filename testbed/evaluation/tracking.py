@@ -254,11 +254,11 @@ class Evaluator:
         chosen = [settled <= time < end for time, _ in self._pair_keys]
         past = list(self.histories().values())
         births = [histories.birth_delay(h) for h in past if start <= histories.first_counted(h) < end]
-        scans = [(start <= h.time) & (h.time < end) for h in past]
-        unborn = sum(int((histories.unborn(h) & w).sum()) for h, w in zip(past, scans, strict=True))
-        all_counted = sum(int((h.counted & w).sum()) for h, w in zip(past, scans, strict=True))
-        counted = [h for h in past if (h.counted & (start <= h.time) & (h.time < end)).any()]
-        confirmed = [h for h in past if (h.held & (start <= h.time) & (h.time < end)).any()]
+        spans = [(h, (start <= h.time) & (h.time < end)) for h in past]  # each object and its scans of the period
+        objects = sum(int((h.counted & now).sum()) for h, now in spans)
+        unborn = sum(int((histories.unborn(h) & now).sum()) for h, now in spans)
+        counted = [h for h, now in spans if (h.counted & now).any()]
+        confirmed = [h for h, now in spans if (h.held & now).any()]
         ids = {t for t, seen in self._reports.items() if any(start <= time < end for time, _ in seen)}
         empty = [i for i in ids if self._took.get(i, (0, 0))[1] > self._took.get(i, (0, 0))[0]]
         ghosts = [i for i in empty if 2 * self._ghosts.get(i, 0) > self._took[i][1]]
@@ -280,7 +280,7 @@ class Evaluator:
             "lost": sum(_within(histories.losses(h), start, end) for h in past),
             "never": sum(histories.never_tracked(h) for h in counted),
             "birth_delay": mean([delay for delay in births if not np.isnan(delay)]),
-            "unborn_percent": 100 * unborn / all_counted if all_counted else np.nan,
+            "unborn_percent": 100 * unborn / objects if objects else np.nan,
         }
         return table | _error_table(self._errors()[np.array(chosen, bool)])
 

@@ -1,14 +1,20 @@
 """Trackers measured on a recorded drive that another radar sees, for studies that compare radars on the same drives."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from sensors import Radar
+from sensors import Radar, Sensor
 from testbed.compare.runs.recording import Recording
 from testbed.compare.runs.replay import rescan
 from testbed.evaluation.tracking import Evaluator
 from testbed.frame import Frame
+
+
+def every_sensor(radar: Radar, change: Callable[[Sensor], Sensor]) -> Radar:
+    """The rig with each of its sensors changed."""
+    return replace(radar, sensors=tuple(change(sensor) for sensor in radar.sensors))
 
 
 def measured(

@@ -13,8 +13,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from testbed.command_line.terminal import console
 from testbed.compare.report.report import seeds_text
 from testbed.evaluation.intervals import Interval, bootstrap_interval
+from testbed.files import make_directory
 from testbed.log.text import markdown_table
 
 DIGITS = 6  # significant, of the committed results
@@ -94,8 +96,10 @@ def facts(table: pd.DataFrame) -> str:
 
 
 def write_runs(table: pd.DataFrame, path: Path) -> None:
-    """Write the committed runs."""
+    """Write the committed runs into a directory, which is made, and print where."""
+    make_directory(path.parent)
     table.to_csv(path, index=False, float_format=f"%.{DIGITS}g", lineterminator="\n")
+    console.print(f"table    {path}", soft_wrap=True)
 
 
 def read_runs(path: Path, remedy: str) -> pd.DataFrame:

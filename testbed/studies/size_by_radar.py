@@ -6,11 +6,11 @@ from typing import Annotated, Any
 
 import typer
 
-from sensors import RADARS, Radar
+from sensors import RADARS
 from testbed.command_line.terminal import console
 from testbed.compare.runs.recording import record
 from testbed.files import write_json
-from testbed.studies.drives import measured
+from testbed.studies.drives import every_sensor, measured
 from testbed.studies.page import steps
 from trackers import DEFAULT
 from trackers.scan import DepthProfile
@@ -46,10 +46,7 @@ def _row(name: str, scenario: str, seed: int) -> dict[str, float]:
     off, ends = (row["gospa"] for row in measured(drive, RADARS[name], [OFF, DEFAULT], ["gospa"]))
     row = {"off": round(off, 2), "ends": round(ends, 2)}
     if name == BESIDE:
-        (known,) = measured(drive, _with_default_profile(RADARS[name]), [DEFAULT], ["gospa"])
+        known_less = every_sensor(RADARS[name], lambda sensor: replace(sensor, profile=DepthProfile()))
+        (known,) = measured(drive, known_less, [DEFAULT], ["gospa"])
         row["default_profile"] = round(known["gospa"], 2)
     return row
-
-
-def _with_default_profile(radar: Radar) -> Radar:
-    return replace(radar, sensors=tuple(replace(sensor, profile=DepthProfile()) for sensor in radar.sensors))

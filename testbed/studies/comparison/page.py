@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -174,13 +173,12 @@ def layers(results: Results | None) -> str:
     if results is None:
         return "No run was made without a layer."
     comparison = results.comparison
-    held = results._replace(comparison=replace(comparison, reference=DEFAULT))
     return LAYERS.format(
         default=DEFAULT,
         scenarios=len(comparison.scenarios),
         seeds=len(comparison.seeds),
         length=comparison.settings.length,
-        table=markdown(tables.differences(list(cells(held, MAIN)), DEFAULT).only(*DIFFERENCES)),
+        table=markdown(tables.differences(list(cells(results, MAIN)), DEFAULT).only(*DIFFERENCES)),
     )
 
 

@@ -163,12 +163,11 @@ def read(target: Path) -> tuple[Results, dict[str, Any], dict[str, pd.DataFrame]
 
 def read_part(name: str, target: Path) -> Results | None:
     """Published results of one of `PARTS`; None where there are none."""
-    about, runs = f"{name}.json", f"{name}.parquet"
-    return _read_runs(target, about, runs)[0] if (target / about).exists() else None
+    return _read_runs(target, f"{name}.json", f"{name}.parquet")[0] if (target / f"{name}.json").exists() else None
 
 
-def _read_runs(target: Path, about: str, runs: str) -> tuple[Results, dict[str, Any]]:
-    known = json.loads((target / about).read_text())
+def _read_runs(target: Path, facts: str, runs: str) -> tuple[Results, dict[str, Any]]:
+    known = json.loads((target / facts).read_text())
     settings = Settings(**{f.name: known["identity"][f.name] for f in fields(Settings)})
     scenarios, trackers, seeds = (tuple(known[what]) for what in ("scenarios", "trackers", "seeds"))
     comparison = Comparison(scenarios, trackers, seeds, settings, known["reference"], str(target))

@@ -6,9 +6,8 @@ from typing import Annotated
 import pandas as pd
 import typer
 
-from testbed.command_line.terminal import console, user_input
+from testbed.command_line.terminal import user_input
 from testbed.compare.runs.results import collect
-from testbed.files import make_directory
 from testbed.studies.comparison.publish import stored_comparison
 from testbed.studies.effects import effect, effects_table, facts, names, read_runs, write_runs
 from testbed.studies.faults.figure import draw
@@ -87,9 +86,7 @@ def main(
             table = by_fault(collect(stored_comparison(folder)).runs)
             if NONE not in set(table["fault"]):
                 raise ValueError(f"{folder} has no runs without a fault; compare the scenarios themselves too")
-            make_directory(path.parent)
             write_runs(table, path)
-            console.print(f"table    {path}", soft_wrap=True)
         table = read_runs(path, "give the folder of `testbed compare --out FOLDER`")
         page = Page("faults", docs)
         trackers, faults = names(table, "tracker"), [f for f in names(table, "fault") if f != NONE]

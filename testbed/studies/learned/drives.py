@@ -16,7 +16,6 @@ RADAR = {"name": "surround", "rate": 5}  # as docs/examples/train.py has it
 WARM_UP = 1.0  # [s]
 FIRST = 1000  # seed of the first episode; those of the training are others
 EPISODES = 50
-MEASURES = ("length", "reward", "crashed")
 
 
 class Policy(NamedTuple):

@@ -6,8 +6,7 @@ from typing import Annotated
 import pandas as pd
 import typer
 
-from testbed.command_line.terminal import console, user_input
-from testbed.files import make_directory
+from testbed.command_line.terminal import user_input
 from testbed.frame import TRUTH
 from testbed.log.text import markdown_table
 from testbed.studies.effects import Factor, effects_table, names, read_runs, write_runs
@@ -76,8 +75,5 @@ def main(
     with user_input((OSError, ValueError)):
         path = docs / "results" / RESULTS
         if folder is not None:
-            table = drives(policies(folder))
-            make_directory(path.parent)
-            write_runs(table, path)
-            console.print(f"table    {path}", soft_wrap=True)
+            write_runs(drives(policies(folder)), path)
         Page("learned-policies", docs).write(render(read_runs(path, "give the folder of the policies")))

@@ -15,6 +15,7 @@ from sensors.radar import Radar
 from sensors.scene import Ego, Scene, boxes_scene
 from testbed.evaluation.intervals import PlusMinus, student_interval
 from testbed.evaluation.metrics import contour_iou
+from testbed.studies.drives import every_sensor
 from trackers.estimate import Estimate, prior
 from trackers.geometry import box_corners, rotation, to_world, unit
 from trackers.scan import Scan
@@ -98,7 +99,7 @@ def simulate(encounter: Encounter, radar: Radar, kind: str, runs: int, rng: np.r
     body = CONTOURS[kind]
     size = body.size * (1 + SPREAD * rng.standard_normal((runs, 2)))
     outline = np.stack([body.fit(s) / s for s in size])
-    alone = replace(radar, sensors=tuple(replace(s, clutter=0.0) for s in radar.sensors))
+    alone = every_sensor(radar, lambda sensor: replace(sensor, clutter=0.0))
     frames = range(len(encounter.vehicle.pose))
     scans = tuple(padded([detections(encounter, k, alone, kind, s, rng) for s in size]) for k in frames)
     start = drawn_prior(encounter.vehicle, body.size, runs, rng)

@@ -5,9 +5,8 @@ from typing import Annotated
 import pandas as pd
 import typer
 
-from testbed.command_line.terminal import console, user_input
+from testbed.command_line.terminal import user_input
 from testbed.compare.runs.config import parse_seeds
-from testbed.files import make_directory
 from testbed.studies.effects import effects_table, facts, read_runs, write_runs
 from testbed.studies.page import DOCS, Docs, Page
 from testbed.studies.persistence.runs import DURATION, LIFETIME, RIG, runs
@@ -65,8 +64,5 @@ def main(
     with user_input((OSError, ValueError)):
         path = docs / "results" / RESULTS
         if seeds is not None:
-            table = runs(seeds=parse_seeds(seeds))
-            make_directory(path.parent)
-            write_runs(table, path)
-            console.print(f"table    {path}", soft_wrap=True)
+            write_runs(runs(seeds=parse_seeds(seeds)), path)
         Page("persistence", docs).write(render(read_runs(path, "give the seeds to run, --seeds 320:323")))

@@ -7,7 +7,7 @@ import pandas as pd
 
 from sensors import RADARS, Persistence, Radar
 from testbed.compare.runs.recording import record
-from testbed.studies.drives import measured
+from testbed.studies.drives import every_sensor, measured
 from testbed.studies.effects import Factor
 from testbed.studies.page import steps
 
@@ -23,7 +23,7 @@ COLUMNS = ("scenario", "lifetime", "tracker", "seed", *MEASURES)
 def lasting(radar: Radar, lifetime: float) -> Radar:
     """The rig with scattering centres that last for so long [s], 0 for those drawn anew in each scan."""
     option = Persistence(lifetime) if lifetime else None
-    return replace(radar, sensors=tuple(replace(sensor, persistence=option) for sensor in radar.sensors))
+    return every_sensor(radar, lambda sensor: replace(sensor, persistence=option))
 
 
 def runs(

@@ -11,7 +11,7 @@ from sensors import RADARS, Sensor, Surroundings
 from testbed.command_line.terminal import console
 from testbed.compare.runs.recording import record
 from testbed.files import write_json
-from testbed.studies.drives import measured
+from testbed.studies.drives import every_sensor, measured
 from testbed.studies.page import steps
 from trackers import DEFAULT
 
@@ -39,8 +39,7 @@ def main(out: Annotated[Path, typer.Argument(help="The JSON file.")] = Path(f"do
             step(f"{scenario} {seed}")
             drive = record(scenario, seed, "ideal", DURATION)
             for name, change in CHANGES.items():
-                changed = replace(RADARS[RIG], sensors=tuple(change(sensor) for sensor in RADARS[RIG].sensors))
-                rows[name] += measured(drive, changed, [DEFAULT], MEASURES)
+                rows[name] += measured(drive, every_sensor(RADARS[RIG], change), [DEFAULT], MEASURES)
     write_json(out, {"rig": RIG, "tracker": DEFAULT, "scenarios": SCENARIOS, "seeds": SEEDS, "duration": DURATION,
                      "rows": rows})  # fmt: skip
     console.print(f"results  {out}", soft_wrap=True)
