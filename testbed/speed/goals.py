@@ -4,7 +4,7 @@ import os
 import resource
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack, closing
 from functools import partial
 from statistics import median
@@ -18,6 +18,8 @@ from testbed.environment.wrapper import TrackedEnv
 from testbed.frame import TRUTH
 from testbed.planners import find as find_planner
 from testbed.run import RunConfig, make_env
+from testbed.speed import training
+from testbed.speed.growth import Growth, exponent
 from trackers import DEFAULT
 from trackers import find as find_tracker
 
@@ -115,8 +117,27 @@ def updates(repeat: int) -> list[Goal]:
     ]  # fmt: skip
 
 
-def measure(quick: bool, progress: Callable[[float, float, str], None]) -> list[Goal]:
-    """All goals; progress(done, total, name) is called before each part."""
+def growing(found: Sequence[Growth]) -> list[Goal]:
+    """How time and memory of a step grow with the number of tracks, as exponents."""
+    objects, seconds, peak = (
+        np.array([getattr(g, name) for g in found], float) for name in ("objects", "seconds", "peak")
+    )
+    span = f"{objects[0]:.0f} to {objects[-1]:.0f} tracks, all in sight, exponent"
+    return [
+        Goal(f"{what} of a step, {span}", "linear: 1", 1.1, exponent(objects, values))
+        for what, values in (("time", seconds), ("memory", peak))
+    ]
+
+
+def lasting(early: int, late: int) -> list[Goal]:
+    """What many episodes leave behind in a process."""
+    memory, files = training.episodes(early, late)
+    name, against = f"after {late:,} episodes of cut-in in one process", f"after {early:,}"
+    return [Goal(f"peak memory {name}", against, 1.05, memory), Goal(f"open files {name}", against, 1.0, files)]
+
+
+def measure(quick: bool, found: Sequence[Growth], progress: Callable[[float, float, str], None]) -> list[Goal]:
+    """All goals, one of them on growth as `found`; progress(done, total, name) is called before each part."""
     steps, seconds = (3, 3) if quick else (12, 20)
     native = "a step of stock highway-v0"
     off: dict[str, Any] = {"log": "off"}
@@ -129,14 +150,26 @@ def measure(quick: bool, progress: Callable[[float, float, str], None]) -> list[
     def run(name: str, settings: tuple[dict[str, Any], dict[str, Any]], against: str, goal: float) -> list[Goal]:
         return [Goal(name, against, goal, ratio(run_seconds(settings, "cut-in", seconds)))]
 
+    def seen(scenario: str, goal: float) -> Goal:
+        name = f"scene, radar and `{DEFAULT}` in {scenario}, a simulated frame"
+        return Goal(name, "a frame of stock highway-v0, 20 vehicles", goal, training.perception(scenario, 2 * steps))
+
+    def processes(count: int) -> Goal:
+        name = "a step of two environments, a process each"
+        return Goal(name, "a step of one in a process", 2 / 1.9, training.two_processes(count))
+
     parts: tuple[tuple[str, Callable[[], list[Goal]]], ...] = (
         ("20 vehicles", lambda: step(20, DEFAULT, 1.0)),
         ("perfect tracks", lambda: step(20, TRUTH, 0.8)),
         ("50 vehicles", lambda: step(50, DEFAULT, 0.6)),
+        ("perception", lambda: [seen("cut-in", 0.35), seen("dense-traffic", 0.6)]),
         ("metrics", lambda: run("`testbed run cut-in` with metrics", (bare, off), "without", 1.05)),
         ("log", lambda: run("`testbed run cut-in` with the full log", (off, {"log": "full"}), "without a log", 1.1)),
         ("start", lambda: starts(1 if quick else 5)),
         ("update", lambda: updates(10 if quick else 100)),
+        ("growth", lambda: growing(found)),
+        ("two processes", lambda: [processes(2 * steps)]),
+        ("episodes", lambda: lasting(*((5, 10) if quick else (200, 1000)))),
     )
     goals = []
     for i, (what, part) in enumerate(parts):

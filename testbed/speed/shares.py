@@ -5,12 +5,11 @@ from contextlib import closing
 from time import perf_counter
 from typing import Any, NamedTuple
 
-import gymnasium as gym
-
 from testbed.bench import deciding, highway, stepping
 from testbed.environment.wrapper import TrackedEnv
 from testbed.planners import find as find_planner
 from testbed.run import RunConfig, make_env
+from testbed.speed.training import frames
 from trackers import DEFAULT
 
 SCENARIOS = ("cut-in", "dense-traffic")
@@ -52,17 +51,11 @@ def costs(vehicles: int, steps: int) -> Costs:
     with closing(highway(vehicles)) as native, closing(TrackedEnv(highway(vehicles), tracker=DEFAULT)) as tracked:
         native.reset(seed=0)
         tracked.reset(seed=0)
-        frames = steps * _frames(native)
+        passed = steps * frames(native)
         start = perf_counter()
         stepping(native, steps)
         simulation = perf_counter() - start
         before = dict(tracked.seconds)
         stepping(tracked, steps)
-        radar, tracker = ((tracked.seconds[key] - before[key]) / frames * 1e3 for key in ("sense", "track"))
-        return Costs(vehicles, simulation / frames * 1e3, radar, tracker, len(tracked.tracks.reported.id))
-
-
-def _frames(env: gym.Env) -> int:
-    """Simulated frames of a decision."""
-    config = env.unwrapped.config  # type: ignore[attr-defined]
-    return config["simulation_frequency"] // config["policy_frequency"]
+        radar, tracker = ((tracked.seconds[key] - before[key]) / passed * 1e3 for key in ("sense", "track"))
+        return Costs(vehicles, simulation / passed * 1e3, radar, tracker, len(tracked.tracks.reported.id))

@@ -7,9 +7,12 @@ import pytest
 
 from testbed.bench import Pairs
 from testbed.frame import TRUTH
-from testbed.speed.goals import Goal, ratio, tracked_steps
+from testbed.speed import training
+from testbed.speed.goals import Goal, growing, ratio, tracked_steps
+from testbed.speed.growth import Growth, exponent, growth, motorway
 from testbed.speed.page import render, table
 from testbed.speed.shares import Costs, shares
+from testbed.speed.training import Step
 
 
 def test_a_goal_is_met_at_its_figure_and_not_above():
@@ -22,12 +25,17 @@ def test_the_ratio_is_the_median_of_the_pairs():
 
 def test_the_page_says_what_was_found_and_whether_it_is_enough():
     goals = [Goal("step", "native", 1.0, 2.5), Goal("start", "numpy", 2.0, 1.25)]
-    page = render(Path("docs"), goals, {"cut-in": {"radar": 0.25, "tracker": 0.75}}, [Costs(5, 1, 2, 3.25, 4)], "today")
+    steps, grown = [Step("perfect tracks", 0.625)], [Growth(10, 9, 0.005, 2e6), Growth(20, 21, 0.008, 4e6)]
+    parts = {"cut-in": {"radar": 0.25, "tracker": 0.75}}
+    page = render(Path("docs"), goals, steps, grown, parts, [Costs(5, 1, 2, 3.25, 4)], "today")
     for line in (
         "| step | native | 2.50 | 1 | not met |",
         "| start | numpy | 1.25 | 2 | met |",
         "| cut-in | 25% | 75% |",
         "| 5 | 4 | 1.0 | 2.0 | 3.2 |",
+        "| perfect tracks | 0.62 |",
+        "| 20 | 21 | 8.0 | 400 | 4.0 |",
+        "of 20 beside one of 10",
         "EnvPool",
     ):
         assert line in page
@@ -48,3 +56,47 @@ def test_the_shares_of_a_run_add_up_to_its_time(tmp_path):
     found = shares("xia2020-lane", 1, str(tmp_path))
     assert sum(found.values()) == pytest.approx(1.0)
     assert all(0 < share < 1 for share in found.values())
+
+
+def test_an_exponent_is_that_of_a_power():
+    x = np.array([10.0, 20.0, 50.0])
+    assert exponent(x, 3 * x**1.25) == pytest.approx(1.25)
+
+
+def test_growth_is_judged_by_its_exponents():
+    found = growing([Growth(n, n, 0.001 * n**1.2, 1e5 * n) for n in (10, 100)])
+    assert [goal.found for goal in found] == pytest.approx([1.2, 1.0])
+    assert [goal.met for goal in found] == [False, True]
+
+
+def test_the_motorway_of_growth_has_room_between_its_vehicles():
+    places = motorway(200)
+    d = np.abs(places[:, None] - places)[~np.eye(200, dtype=bool)]
+    assert ((d >= [5.0, 0.0]) | (d >= [0.0, 3.0])).any(-1).all()
+    assert np.hypot(*places.T).min() > 3.0
+
+
+def test_each_vehicle_of_the_motorway_has_one_track():
+    found = growth(10, warm_up=8, steps=2)
+    assert found.tracks == 10
+    assert found.seconds > 0
+    assert found.peak > 0
+
+
+def test_perfect_tracks_cost_more_where_somebody_asks_for_scans():
+    bare, scanned = (training.against_native({"tracker": TRUTH}, 2, watched) for watched in (False, True))
+    assert 0 < bare < scanned
+
+
+def test_episodes_leave_nothing_open():
+    memory, files = training.episodes(1, 3)
+    assert memory >= 1
+    assert files == 1
+
+
+def test_two_processes_step_two_environments():
+    assert training.two_processes(1) > 0
+
+
+def test_perception_is_a_part_of_a_frame():
+    assert training.perception("xia2020-lane", 1) > 0
