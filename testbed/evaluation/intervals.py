@@ -3,15 +3,18 @@
 Units are what is drawn independently: seeds, Monte Carlo runs, or blocks of scans. A sample of the bootstrap is a list
 of arrays, one a stratum (a scenario): strata are fixed, units are drawn within them, and the estimate is the mean over
 strata of the means over units (Agarwal et al. (2021), "Deep Reinforcement Learning at the Edge of the Statistical
-Precipice", section 4).
+Precipice", section 4). Where the strata have their units in common, as scenarios have seeds, a unit is drawn for all of
+them at once: one seed gives the vehicles of different scenarios the same sizes, and what these do to a tracker does not
+average out over scenarios.
 """
 
+import warnings
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.stats import bootstrap, chi2, norm, t, trim_mean
+from scipy.stats import bootstrap, chi2, norm, t
 
 LEVEL = 0.95
 TAIL = (1 - LEVEL) / 2  # probability on either side of an interval
@@ -54,14 +57,17 @@ NO_INTERVAL = Interval(np.nan, np.nan, np.nan)
 
 
 def mean_of_means(*strata: NDArray, axis: int = -1) -> NDArray:
-    """Mean over strata of the means over units."""
-    return np.mean([np.mean(stratum, axis=axis) for stratum in strata], axis=0)
+    """Mean over strata of the means over units; NaN is not measured."""
+    with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # a resample without a value of a stratum
+        return np.nanmean([np.nanmean(stratum, axis=axis) for stratum in strata], axis=0)
 
 
 def interquartile_mean(*strata: NDArray, axis: int = -1) -> NDArray:
-    """Mean of the middle half of all units, Agarwal et al. (2021)."""
-    joined = np.concatenate([np.moveaxis(stratum, axis, -1) for stratum in strata], -1)
-    return trim_mean(joined, 0.25, axis=-1)
+    """Mean of the middle half of all units, Agarwal et al. (2021); NaN is not measured."""
+    joined = np.sort(np.concatenate([np.moveaxis(stratum, axis, -1) for stratum in strata], -1))
+    count = np.isfinite(joined).sum(-1, keepdims=True)
+    cut, place = count // 4, np.arange(joined.shape[-1])
+    return np.mean(joined, axis=-1, where=(cut <= place) & (place < count - cut))
 
 
 def bootstrap_interval(sample: Strata, statistic: Statistic = mean_of_means) -> Interval:
@@ -89,6 +95,45 @@ def bootstrap_interval(sample: Strata, statistic: Statistic = mean_of_means) -> 
         n_resamples=RESAMPLES,
         confidence_level=expanded([len(stratum) for stratum in sample]),
         method="BCa" if one and statistic is mean_of_means else "percentile",
+        vectorized=True,
+        rng=np.random.default_rng(SEED),
+    ).confidence_interval
+    return Interval(value, float(found.low), float(found.high))
+
+
+def crossed_interval(sample: Strata | NDArray, statistic: Statistic = mean_of_means) -> Interval:
+    """Estimate and 95 % bootstrap interval of strata with common units: entry k of each is that of unit k.
+
+    Units are drawn for all strata together; what they share widens the interval, what they do not share averages out.
+    Values that are not finite count as not measured, and shorter strata as not measured at the end. One stratum alone
+    has its `bootstrap_interval`.
+
+    >>> crossed_interval([np.array([1.0, 3.0, 5.0]), np.array([5.0, 3.0, 1.0])])
+    Interval(value=3.0, low=3.0, high=3.0)
+    """
+    most = max(map(len, sample), default=0)
+    table = np.full((len(sample), most), np.nan)
+    for row, stratum in zip(table, sample, strict=True):
+        row[: len(stratum)] = np.where(np.isfinite(stratum), stratum, np.nan)
+    finite = np.isfinite(table)
+    enough = finite.sum(1) >= FEWEST
+    table = table[enough if enough.any() else finite.any(1)]
+    table = table[:, np.isfinite(table).any(0)]
+    if len(table) <= 1 or table.shape[1] < FEWEST:
+        return bootstrap_interval(list(table), statistic)
+    table = table[:, np.lexsort(table)]  # the order of the units has no influence on the draws
+    value = float(statistic(*table))
+
+    def drawn(unit: NDArray, axis: int = -1) -> NDArray:
+        return statistic(*table[:, unit], axis=axis)
+
+    units = (np.arange(table.shape[1]),)
+    found = bootstrap(
+        units,
+        drawn,
+        n_resamples=RESAMPLES,
+        confidence_level=expanded([table.shape[1]]),
+        method="percentile",
         vectorized=True,
         rng=np.random.default_rng(SEED),
     ).confidence_interval

@@ -50,12 +50,12 @@ def run_id(
 ) -> str:
     """Name of a run's files: the same settings give the same name, and replace each other.
 
-    duration [s]: None for the scenario's own, which is not in the name. A colon of a fault reads `~` there.
+    duration [s]: None for the scenario's own, which is not in the name. Colons read `~` there.
     """
     parts = [scenario, "+".join(trackers), radar, planner, f"seed{seed}"]
     parts += [] if duration is None else [f"{float(duration)!r}s".replace(".0s", "s")]
-    parts += ["+".join(faults).replace(":", "~")] if faults else []
-    return "_".join(parts).replace("/", "-")
+    parts += ["+".join(faults)] if faults else []
+    return "_".join(parts).replace("/", "-").replace(":", "~")
 
 
 class RoadGeometry(NamedTuple):

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from testbed.compare.runs.rows import content
 from testbed.compare.statistics.differences import PairedDifference, needed
-from testbed.evaluation.intervals import NO_INTERVAL, Interval, bootstrap_interval, measured
+from testbed.evaluation.intervals import NO_INTERVAL, Interval, bootstrap_interval, crossed_interval, measured
 from testbed.regret.conditions import IN_VIEW
 from testbed.regret.measures import BOTH_SIDES, KEYS, TRACKING
 from testbed.regret.results import Results
@@ -44,17 +44,16 @@ def cells(pairs: pd.DataFrame, measures: Sequence[str], together: bool = False) 
     groups = [(ALL, scenarios)] if together else [(s, (s,)) for s in scenarios]
     for (planner, condition), part in pairs.groupby(["planner", "condition"], sort=False):
         for name, within in groups:
-            strata = [part[part["scenario"] == s] for s in within]
             for key in measures:
-                values = [stratum[key].to_numpy(float) for stratum in strata]
-                if any(len(v) for v in values):
-                    yield Cell(name, planner, condition, key, change(values))
+                table = part.pivot(index="scenario", columns="seed", values=key).reindex(within).to_numpy(float)
+                if np.isfinite(table).any():
+                    yield Cell(name, planner, condition, key, change(list(table)))
 
 
 def change(values: Sequence[NDArray]) -> PairedDifference:
-    """Mean change with its interval, and nothing else; values: drive minus reference, one array a scenario."""
+    """Mean change with its interval, and nothing else; values: drive minus reference, a scenario each, by seed."""
     d = measured(values)
-    mean = bootstrap_interval(d)
+    mean = crossed_interval(values)
     return PairedDifference(mean, NO_INTERVAL, NO_INTERVAL, sum(map(len, d)), needed(d, mean))
 
 

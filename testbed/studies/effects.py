@@ -1,7 +1,7 @@
 """What a factor varied in a study (a fault, a lifetime) changes for each tracker, and the committed runs that say so.
 
 A table of runs has the columns scenario, the factor's, tracker, seed, and one a measure. Changes are against the
-factor's usual value, paired by seed; scenarios are strata, and seeds the units in them.
+factor's usual value, paired by seed; scenarios are strata, and seeds the units that they have in common.
 """
 
 from collections.abc import Callable
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from testbed.command_line.terminal import console
 from testbed.compare.report.report import seeds_text
-from testbed.evaluation.intervals import Interval, bootstrap_interval
+from testbed.evaluation.intervals import Interval, crossed_interval
 from testbed.files import make_directory
 from testbed.log.text import markdown_table
 
@@ -40,14 +40,14 @@ class Effect(NamedTuple):
 
 def effect(table: pd.DataFrame, factor: Factor, value: Any, tracker: str, measure: str) -> Effect:
     """Mean and change of a measure."""
-    found, usual = (_strata(table, factor.column, v, tracker, measure) for v in (value, factor.usual))
-    return Effect(bootstrap_interval(found), bootstrap_interval([a - b for a, b in zip(found, usual, strict=True)]))
+    found, usual = (_by_seed(table, factor.column, v, tracker, measure) for v in (value, factor.usual))
+    return Effect(crossed_interval(found), crossed_interval(found - usual))
 
 
-def _strata(table: pd.DataFrame, column: str, value: Any, tracker: str, measure: str) -> list[NDArray]:
-    """Values over seeds of each scenario."""
-    chosen = table[(table[column] == value) & (table["tracker"] == tracker)].sort_values("seed")
-    return [group[measure].to_numpy(float) for _, group in chosen.groupby("scenario", sort=True)]
+def _by_seed(table: pd.DataFrame, column: str, value: Any, tracker: str, measure: str) -> NDArray:
+    """Values (C, S) of each scenario and seed."""
+    chosen = table[(table[column] == value) & (table["tracker"] == tracker)]
+    return chosen.pivot(index="scenario", columns="seed", values=measure).to_numpy(float)
 
 
 def names(table: pd.DataFrame, column: str) -> list[Any]:

@@ -76,9 +76,13 @@ class MultiObjectTracker:
 
     @cached_property
     def layered(self) -> Filter:
-        """The filter that holds the tracks: `filter`, with motion modes and `Ends` around it where these are on."""
+        """The filter that holds the tracks: `filter`, with motion modes and `Ends` around it where these are on.
+
+        Sensors that tell nothing of sizes, all of them, leave these to the filter.
+        """
         moved = SharedMotion(self.filter) if self.motion else self.filter
-        return Ends(moved, self.sensors) if self.size == "ends" else moved
+        sized = self.size == "ends" and any(sensor.profile.weight > 0 for sensor in self.sensors)
+        return Ends(moved, self.sensors) if sized else moved
 
     @cached_property
     def sensor_array(self) -> SensorArray:

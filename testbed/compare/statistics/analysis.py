@@ -12,7 +12,7 @@ from scipy.stats import norm
 from testbed.compare.runs.measures import EDGES, KEYS, LABELS, badness
 from testbed.compare.runs.results import WHOLE_RUN, Results
 from testbed.compare.statistics.differences import PairedDifference, compare
-from testbed.evaluation.intervals import LEVEL, Interval, bootstrap_interval, chi2_limits
+from testbed.evaluation.intervals import LEVEL, Interval, crossed_interval, chi2_limits
 
 PHASES = ("before", "onset", "during", "after")
 RANGES = (0.0, 25.0, 50.0, 75.0, 100.0, np.inf)  # [m]
@@ -79,7 +79,7 @@ def _cell(group: str, tracker: str, measure: str, found: dict[str, list[NDArray]
     if tracker != baseline and baseline in found:
         bad = [[_badness(measure, values) for values in found[name]] for name in (tracker, baseline)]
         difference = compare(*bad)
-    return Cell(group, tracker, measure, bootstrap_interval(found[tracker]), difference)
+    return Cell(group, tracker, measure, crossed_interval(found[tracker]), difference)
 
 
 def _badness(measure: str, values: NDArray) -> NDArray:
@@ -129,9 +129,9 @@ def by_band(results: Results, band: str) -> pd.DataFrame:
                 "band": label,
                 "frames": counts.loc[(tracker, label), "size"],
             }
-            row |= _columns("held", bootstrap_interval(_by_scenario(part["held"])))
+            row |= _columns("held", crossed_interval(_by_scenario(part["held"])))
             for error in errors:
-                row |= _columns(error, _root(bootstrap_interval(_by_scenario(part[error]))))
+                row |= _columns(error, _root(crossed_interval(_by_scenario(part[error]))))
             table.append(row)
     return pd.DataFrame(table)
 
@@ -177,7 +177,7 @@ def consistency(results: Results) -> pd.DataFrame:
             part = runs.loc[(tracker, phase)]
             row: dict[str, float | str] = {"tracker": tracker, "phase": phase}
             for value in values:
-                row |= _columns(value, bootstrap_interval(_by_scenario(part[value])))
+                row |= _columns(value, crossed_interval(_by_scenario(part[value])))
             for quantity in QUANTITIES:
                 mean, count = (instants.loc[(tracker, phase)][(quantity, k)].to_numpy() for k in ("mean", "count"))
                 row[f"{quantity}_inside"] = inside_share(mean, count)
@@ -218,8 +218,8 @@ def _root(square: Interval) -> Interval:
 
 
 def _by_scenario(values: pd.Series) -> list[NDArray]:
-    """Values by (scenario, seed) as a sample."""
-    return [group.to_numpy(float) for _, group in values.groupby(level="scenario")]
+    """Values by (scenario, seed) as a sample, NaN where a run has none."""
+    return list(values.unstack("seed").to_numpy(float))
 
 
 def _columns(name: str, found: Interval) -> dict[str, float]:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from testbed.evaluation.intervals import Interval, Strata, bootstrap_interval, interquartile_mean, measured
+from testbed.evaluation.intervals import Interval, Strata, crossed_interval, interquartile_mean, measured
 
 
 class PairedDifference(NamedTuple):
@@ -39,11 +39,12 @@ def compare(tracker: Strata, reference: Strata) -> PairedDifference:
             "tracker and reference must hold the same seeds, got "
             f"{[len(a) for a in tracker]} and {[len(b) for b in reference]}; drop the runs that one of them lacks"
         )
-    d = measured([a - b for a, b in zip(tracker, reference, strict=True)])
-    mean = bootstrap_interval(d)
-    better = [(group < 0) + 0.5 * (group == 0) for group in d]
-    iqm, improvement = bootstrap_interval(d, interquartile_mean), bootstrap_interval(better)
-    return PairedDifference(mean, iqm, improvement, sum(map(len, d)), needed(d, mean))
+    aligned = [a - b for a, b in zip(tracker, reference, strict=True)]
+    mean = crossed_interval(aligned)
+    better = [np.where(np.isfinite(d), (d < 0) + 0.5 * (d == 0), np.nan) for d in aligned]
+    iqm, improvement = crossed_interval(aligned, interquartile_mean), crossed_interval(better)
+    both = measured(aligned)
+    return PairedDifference(mean, iqm, improvement, sum(map(len, both)), needed(both, mean))
 
 
 def needed(d: Strata, mean: Interval) -> float:

@@ -11,6 +11,7 @@ from testbed.evaluation.intervals import (
     LEVEL,
     bootstrap_interval,
     chi2_limits,
+    crossed_interval,
     expanded,
     interquartile_mean,
     mean_of_means,
@@ -24,10 +25,10 @@ groups = st.lists(st.lists(numbers, min_size=FEWEST, max_size=8).map(np.array), 
 few = settings(max_examples=25, deadline=None)
 
 
-def coverage(draw, truth, seed):
+def coverage(draw, truth, seed, interval=bootstrap_interval):
     """Share of the intervals of draw(rng) that hold the truth."""
     rng = np.random.default_rng(seed)
-    return np.mean([truth in bootstrap_interval(draw(rng)) for _ in range(RUNS)])
+    return np.mean([truth in interval(draw(rng)) for _ in range(RUNS)])
 
 
 def within(share, level):
@@ -59,6 +60,41 @@ def test_twenty_skewed_seeds_cover_a_little_less():
 
 def test_seeds_counted_four_times_are_caught():
     assert coverage(lambda rng: [np.repeat(rng.normal(size=5), 4)], 0.0, seed=7) < 0.75
+
+
+def common_seeds(share):
+    """Six scenarios of ten seeds, of whose spread a share is that of the seed."""
+    return lambda rng: list(np.sqrt(share) * rng.normal(size=10) + np.sqrt(1 - share) * rng.normal(size=(6, 10)))
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
+def test_intervals_of_seeds_that_scenarios_have_in_common_cover_what_they_promise(share):
+    assert within(coverage(common_seeds(share), 0.0, 7, crossed_interval), LEVEL)
+
+
+def test_intervals_that_take_common_seeds_for_independent_cover_less():
+    assert coverage(common_seeds(0.3), 0.0, seed=7) < 0.85
+
+
+def test_crossed_intervals_of_one_scenario_are_those_of_its_seeds():
+    values = np.array([3.0, np.nan, 1.0, 4.0, 1.5])
+    assert crossed_interval([values]) == bootstrap_interval([values])
+
+
+@few
+@given(groups)
+def test_a_crossed_interval_has_the_mean_of_the_scenarios_and_holds_it(sample):
+    found = crossed_interval(sample)
+    assert found.value == pytest.approx(np.mean([group.mean() for group in sample]), abs=1e-9)
+    if np.isfinite(found.low):
+        assert found.low - 1e-9 <= found.value <= found.high + 1e-9
+
+
+def test_a_seed_that_was_not_measured_in_a_scenario_counts_in_the_others():
+    full = [np.arange(6.0), np.arange(6.0) ** 2]
+    gap = [np.where(np.arange(6) == 2, np.nan, full[0]), full[1]]
+    assert crossed_interval(gap).value == pytest.approx((13 / 5 + 55 / 6) / 2)
+    assert crossed_interval([*full, np.full(6, np.nan)]) == crossed_interval(full)
 
 
 def test_scenarios_that_differ_do_not_widen_the_interval():

@@ -15,7 +15,7 @@ from testbed.compare.runs.results import collect, write_runs
 from testbed.compare.runs.rows import COLUMNS, NAMES, SCHEMA, write
 from testbed.compare.runs.tasks import ROWS, rows_path
 from testbed.compare.statistics import analysis
-from testbed.evaluation.intervals import bootstrap_interval
+from testbed.evaluation.intervals import crossed_interval
 
 HONEST, OVERCONFIDENT, BLIND = "rm-koch", "rm-vmm", "htg-map"
 SCENARIOS, SEEDS = ("cut-in", "merge"), (0, 1, 2, 5)
@@ -274,7 +274,7 @@ def test_an_unresolved_difference_is_named_with_the_seeds_it_takes(results):
 def test_intervals_of_a_cell_are_those_of_its_runs(results):
     (cell,) = [c for c in analysis.cells(results, ["gospa"]) if c.tracker == HONEST]
     values = [np.array([value_of(Task(c, HONEST, s), "gospa") for s in SEEDS]) for c in SCENARIOS]
-    assert cell.mean == bootstrap_interval(values)
+    assert cell.mean == crossed_interval(values)
 
 
 def test_files_hold_json_without_nan(results):

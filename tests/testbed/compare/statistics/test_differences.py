@@ -16,9 +16,11 @@ few = settings(max_examples=25, deadline=None)
 @few
 @given(groups, st.randoms(use_true_random=False))
 def test_the_order_of_the_seeds_changes_nothing(sample, random):
-    order = [random.sample(range(len(group)), len(group)) for group in sample]
+    seeds = min(map(len, sample))
+    sample = [group[:seeds] for group in sample]
+    order = random.sample(range(seeds), seeds)
     other = [group[::-1] ** 2 / 50 for group in sample]
-    mixed = [[group[k] for group, k in zip(values, order, strict=True)] for values in (sample, other)]
+    mixed = [[group[order] for group in values] for values in (sample, other)]
     assert bootstrap_interval(sample) == bootstrap_interval(mixed[0])
     assert compare(sample, other) == compare(*mixed)
 
