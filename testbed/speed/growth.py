@@ -1,4 +1,4 @@
-"""What more tracks cost: the default tracker on a wide motorway where every vehicle is detected in every scan."""
+"""What more tracks and detections cost: the default tracker on a wide motorway, all vehicles detected in every scan."""
 
 import tracemalloc
 from dataclasses import replace
@@ -18,13 +18,15 @@ LANES, LANE, GAP = 20, 5.0, 25.0  # number, width [m], and distance [m] of vehic
 SIZE = np.array([4.7, 1.8])  # [m]
 SPEED, STEP = 25.0, 0.1  # [m/s] of all, the radar too; [s]
 EACH = 6  # detections a vehicle and scan, anywhere in its box
+DETECTIONS, AMONG = (4, 10, 20, 60), 20  # other numbers of them, of so many vehicles
 SENSOR = SensorModel(max_range=200.0, fov=2 * np.pi, sigma_azimuth=0.004)
 
 
 class Growth(NamedTuple):
-    """A step of the tracker with so many objects in sight."""
+    """A step of the tracker with so many objects in sight, and so many detections of each."""
 
     objects: int
+    each: int
     tracks: int  # reported at the end
     seconds: float  # CPU time [s], median
     peak: float  # [bytes] that a step needs for a while
@@ -38,9 +40,9 @@ def motorway(objects: int) -> NDArray:
     return places[np.hypot(*places.T).argsort(kind="stable")[:objects]]
 
 
-def scan_of(objects: NDArray, x: float, rng: np.random.Generator) -> Scan:
-    """Detections of vehicles (N, 2) [m] around a radar at x [m] that is as fast as they are."""
-    xy = np.repeat(objects, EACH, 0) + rng.uniform(-SIZE / 2, SIZE / 2, (len(objects) * EACH, 2))
+def scan_of(objects: NDArray, each: int, x: float, rng: np.random.Generator) -> Scan:
+    """Detections, so many of each vehicle (N, 2) [m] around a radar at x [m] that is as fast as they are."""
+    xy = np.repeat(objects, each, 0) + rng.uniform(-SIZE / 2, SIZE / 2, (len(objects) * each, 2))
     polar = np.stack([np.hypot(*xy.T), np.arctan2(xy[:, 1], xy[:, 0]), np.zeros(len(xy))], -1)
     noise = np.array([[SENSOR.sigma_range, SENSOR.sigma_azimuth, SENSOR.sigma_rate]])
     polar += noise * rng.standard_normal(polar.shape)
@@ -48,8 +50,8 @@ def scan_of(objects: NDArray, x: float, rng: np.random.Generator) -> Scan:
     return Scan(polar, np.ones(len(xy), bool), platform[None, :3], platform[None, 3:5], noise, platform=platform)
 
 
-def growth(objects: int, tracker: str = DEFAULT, warm_up: int = 15, steps: int = 10) -> Growth:
-    """Time and memory of a step with so many objects, after `warm_up` steps."""
+def growth(objects: int, each: int = EACH, tracker: str = DEFAULT, warm_up: int = 15, steps: int = 10) -> Growth:
+    """Time and memory of a step with so many objects and detections of each, after `warm_up` steps."""
     places, rng = motorway(objects), np.random.default_rng(0)
     far = GAP * LANES + SPEED * STEP * (warm_up + steps)
     lanes: list[tuple[ArrayLike, float]] = [
@@ -58,17 +60,17 @@ def growth(objects: int, tracker: str = DEFAULT, warm_up: int = 15, steps: int =
     multi = replace(build(tracker, (SENSOR,)), road=RoadMap.of(lanes))
     tracks, times = multi.start(), []
     for k in range(warm_up + steps):
-        scan = scan_of(places, SPEED * STEP * k, rng)
+        scan = scan_of(places, each, SPEED * STEP * k, rng)
         start = process_time()
         tracks, _ = multi.step(tracks, scan, STEP if k else 0.0)
         times.append(process_time() - start)
     tracemalloc.start()
     try:
-        multi.step(tracks, scan_of(places, SPEED * STEP * len(times), rng), STEP)
+        multi.step(tracks, scan_of(places, each, SPEED * STEP * len(times), rng), STEP)
         peak = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
-    return Growth(objects, len(tracks.reported.id), median(times[warm_up:]), float(peak))
+    return Growth(objects, each, len(tracks.reported.id), median(times[warm_up:]), float(peak))
 
 
 def exponent(x: NDArray, y: NDArray) -> float:

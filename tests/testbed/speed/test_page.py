@@ -25,7 +25,7 @@ def test_the_ratio_is_the_median_of_the_pairs():
 
 def test_the_page_says_what_was_found_and_whether_it_is_enough():
     goals = [Goal("step", "native", 1.0, 2.5), Goal("start", "numpy", 2.0, 1.25)]
-    steps, grown = [Step("perfect tracks", 0.625)], [Growth(10, 9, 0.005, 2e6), Growth(20, 21, 0.008, 4e6)]
+    steps, grown = [Step("perfect tracks", 0.625)], [Growth(10, 6, 9, 0.005, 2e6), Growth(20, 2, 21, 0.008, 4e6)]
     parts = {"cut-in": {"radar": 0.25, "tracker": 0.75}}
     page = render(Path("docs"), goals, steps, grown, parts, [Costs(5, 1, 2, 3.25, 4)], "today")
     for line in (
@@ -34,7 +34,7 @@ def test_the_page_says_what_was_found_and_whether_it_is_enough():
         "| cut-in | 25% | 75% |",
         "| 5 | 4 | 1.0 | 2.0 | 3.2 |",
         "| perfect tracks | 0.62 |",
-        "| 20 | 21 | 8.0 | 400 | 4.0 |",
+        "| 20 | 2 | 21 | 8.0 | 400 | 4.0 |",
         "of 20 beside one of 10",
         "EnvPool",
     ):
@@ -64,7 +64,7 @@ def test_an_exponent_is_that_of_a_power():
 
 
 def test_growth_is_judged_by_its_exponents():
-    found = growing([Growth(n, n, 0.001 * n**1.2, 1e5 * n) for n in (10, 100)])
+    found = growing([Growth(n, 6, n, 0.001 * n**1.2, 1e5 * n) for n in (10, 100)])
     assert [goal.found for goal in found] == pytest.approx([1.2, 1.0])
     assert [goal.met for goal in found] == [False, True]
 
