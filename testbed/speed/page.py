@@ -47,6 +47,12 @@ rate only.
   step are calls between layers, which they leave as they are, and every result would have had a second form.
 - **One tracker call for several environments** saves no more: the table of growth shows what a track costs in a batch
   of {most} beside one of {least}, the bound for a batch that does all but the simulation together.
+- **Updates of the contour filter** ask three times which of 24 pieces of a contour each detection is of. For 100
+  objects a third of the time are these densities; a random matrix has one.
+- **Metrics**: half of their time is the area that each track shares with its vehicle, box and contour, 35 us a pair in
+  a library; the rest assigns tracks to vehicles and measures the drive.
+- **The log** keeps some 60 entities a frame, each of a few numbers: most of its time goes into their rows in Python,
+  less than a third into the file.
 - **A log in blocks of 30 steps** instead of 15 costs 1.18 instead of 1.25, and loses two seconds instead of one where
   a run is killed.
 - **What helps training** is a process for each environment, and fewer scans.

@@ -55,7 +55,7 @@ class MultiObjectTracker:
     rate_factor: float = 0.8  # of the data sheets' expected counts
     complete_above: float = 0.75  # visible share of an object's span from which an update teaches its class
     road: RoadMap | None = None  # map of the lanes; without it no standing vehicle is born
-    size: str = "off"  # "ends": sizes are those of `trackers.size.Ends`; "off": the filter's own
+    size: str = "off"  # "ends": those of `trackers.size.Ends`, where any sensor tells of sizes; "off": the filter's own
     ground: GroundTest | None = None  # divides long tracks over empty ground; None: they stay one
     motion: bool = False  # velocity and heading are those of `trackers.shared_motion`
 
