@@ -143,9 +143,9 @@ faults: $(STAMP)
 faults-page: $(STAMP)  # docs/faults.md, from FOLDER or else from the committed results
 	$(BIN)/python -m testbed.studies faults $(FOLDER) --docs docs
 
-persistence: $(STAMP)  # five minutes; OPTIONS= writes the page alone, from the committed results
+persistence: $(STAMP)  # ten minutes; OPTIONS= writes the page alone, from the committed results
 	$(BIN)/python -m testbed.studies persistence --docs docs $(OPTIONS)
-persistence: OPTIONS ?= --seeds 320:323
+persistence: OPTIONS ?= --seeds 320:330
 
 traffic: $(STAMP)  # three minutes; DATA is the folder of the recordings, DATA= writes the page alone, from the committed results
 	$(BIN)/python -m testbed.studies traffic $(DATA) --docs docs

@@ -36,9 +36,9 @@ OUTLINE = DepthProfile(
 )  # fmt: skip
 
 # Many detections of the inside, few of them deep: learned from the imaging radar, `python -m testbed.learn.profile`.
-# They crowd where a vehicle reflects and say too little of its ends: docs/methods/size-from-both-ends.md, "Other radars".
+# They crowd where a vehicle reflects, at its ends and wheels: a stretch without any is no gap between two vehicles.
 SHALLOW = DepthProfile(
-    inside=0.333, inside_depth=1.3, depth=0.153, depth_std=0.17, grazing=0.0, surface_std=0.0795, weight=0.0
+    inside=0.333, inside_depth=1.3, depth=0.153, depth_std=0.17, grazing=0.0, surface_std=0.0795, patchy=True
 )  # fmt: skip
 
 LONG_RANGE = Sensor(

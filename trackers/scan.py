@@ -99,12 +99,13 @@ class DepthProfile:
     depth_std: float = 0.105  # [m] and its spread
     grazing: float = 0.5  # 0: these spread over the projected outline; 1: over its true length
     surface_std: float = 0.1  # [m] roughness of the body, added to the noise
-    weight: float = 0.5  # alpha, information of a detection: those of one scan are not independent; 0: none on sizes
+    weight: float = 0.5  # alpha, information of a detection: those of one scan are not independent
     rounding: tuple[float, float] = (0.0, 0.0)  # [m] by how much sooner than the body its sides end, along and across
     rounding_std: tuple[float, float] = (0.0, 0.0)  # [m]
     least_room: tuple[float, float] = (1.0, 0.3)  # [m] least visible part of length and width
     hides_within: float = 0.0  # [rad] a detection hides what is behind it, so far to either side; 0: it hides nothing
     hides_behind: float = 0.7  # [m] and so much further away
+    patchy: bool = False  # sides have stretches without detections; else these lie all along what is seen of a side
 
     def __post_init__(self) -> None:
         shares = (self.inside, self.grazing, self.weight)

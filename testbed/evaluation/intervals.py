@@ -115,14 +115,17 @@ def crossed_interval(sample: Strata | NDArray, statistic: Statistic = mean_of_me
     table = np.full((len(sample), most), np.nan)
     for row, stratum in zip(table, sample, strict=True):
         row[: len(stratum)] = np.where(np.isfinite(stratum), stratum, np.nan)
-    finite = np.isfinite(table)
-    enough = finite.sum(1) >= FEWEST
-    table = table[enough if enough.any() else finite.any(1)]
-    table = table[:, np.isfinite(table).any(0)]
-    if len(table) <= 1 or table.shape[1] < FEWEST:
+    enough = np.isfinite(table).sum(1) >= FEWEST
+    if enough.sum() <= 1:
         return bootstrap_interval(list(table), statistic)
+    table = table[enough]
+    table = table[:, np.isfinite(table).any(0)]
     table = table[:, np.lexsort(table)]  # the order of the units has no influence on the draws
     value = float(statistic(*table))
+    centre = np.zeros((len(table), 1))
+    if statistic is mean_of_means:  # a resample without a value of a stratum must not count its mean as drawn
+        centre = np.nanmean(table, axis=1, keepdims=True)
+        table = table - centre
 
     def drawn(unit: NDArray, axis: int = -1) -> NDArray:
         return statistic(*table[:, unit], axis=axis)
@@ -137,7 +140,8 @@ def crossed_interval(sample: Strata | NDArray, statistic: Statistic = mean_of_me
         vectorized=True,
         rng=np.random.default_rng(SEED),
     ).confidence_interval
-    return Interval(value, float(found.low), float(found.high))
+    shift = centre.mean()
+    return Interval(value, float(found.low + shift), float(found.high + shift))
 
 
 def expanded(units: Sequence[int]) -> float:

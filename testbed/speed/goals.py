@@ -130,14 +130,17 @@ def growing(found: Sequence[Growth]) -> list[Goal]:
 
 
 def lasting(early: int, late: int) -> list[Goal]:
-    """What many episodes leave behind in a process."""
-    memory, files = training.episodes(early, late)
-    name, against = f"after {late:,} episodes of cut-in in one process", f"after {early:,}"
+    """What many resets leave behind in a process."""
+    memory, files = training.resets(early, late)
+    name, against = f"after {late:,} resets of cut-in, a decision each", f"after {early:,}"
     return [Goal(f"peak memory {name}", against, 1.05, memory), Goal(f"open files {name}", against, 1.0, files)]
 
 
 def measure(quick: bool, found: Sequence[Growth], progress: Callable[[float, float, str], None]) -> list[Goal]:
-    """All goals, one of them on growth as `found`; progress(done, total, name) is called before each part."""
+    """All goals; progress(done, total, name) is called before each part.
+
+    found: growth with the number of tracks, which was measured before.
+    """
     steps, seconds = (3, 3) if quick else (12, 20)
     native = "a step of stock highway-v0"
     off: dict[str, Any] = {"log": "off"}
@@ -169,7 +172,7 @@ def measure(quick: bool, found: Sequence[Growth], progress: Callable[[float, flo
         ("update", lambda: updates(10 if quick else 100)),
         ("growth", lambda: growing(found)),
         ("two processes", lambda: [processes(2 * steps)]),
-        ("episodes", lambda: lasting(*((5, 10) if quick else (200, 1000)))),
+        ("resets", lambda: lasting(*((5, 10) if quick else (200, 1000)))),
     )
     goals = []
     for i, (what, part) in enumerate(parts):

@@ -33,7 +33,7 @@ class Growth(NamedTuple):
 
 
 def motorway(objects: int) -> NDArray:
-    """Centres (objects, 2) [m] of the vehicles next to a radar in the middle of the road; none where the radar is."""
+    """Centres (objects, 2) [m] of the vehicles nearest to a radar in the middle of the road, none at its place."""
     across = LANE * (np.arange(LANES) - LANES / 2 + 0.5)
     along = GAP * np.arange(-LANES, LANES + 1)
     places = np.stack(np.meshgrid(along + 0.37 * GAP, across, indexing="ij"), -1).reshape(-1, 2)

@@ -1,5 +1,6 @@
 """docs/speed.md: what tracking costs beside the simulation; written by `testbed bench --docs`."""
 
+import json
 from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -24,7 +25,7 @@ Ratios of CPU times, both sides measured in turns in one run, so that a busy mac
 
 {goals}
 
-Where two processes or perception are asked for, the times are those on the wall; all others are CPU times.
+The rows of perception, "scene, radar and tracker", and of two processes have wall times instead.
 
 ## What a decision is made of
 
@@ -39,22 +40,22 @@ rate only.
 ## Why not faster
 
 - **The scans alone leave no room.** What is added to perfect tracks before any tracker runs is in the table above: the
-  goal of 1 leaves the tracker next to nothing of the time of a frame.
+  goal of 1 leaves the tracker nothing of the time of a frame.
 - **The time is in the calls, not in the sums.** A frame of the default tracker is about a thousand numpy calls on small
   arrays, spread over births, claims, three layers of filters and their checks; no function has a tenth of it.
 - **Compiled kernels** of all the arithmetic of the default tracker (numba, 600 lines, 210 MB installed) were built,
   held equal to 1e-9 and measured: a step was 1.22 to 1.36 times as fast. They were taken out again: two thirds of a
   step are calls between layers, which they leave as they are, and every result would have had a second form.
-- **One tracker call for several environments** saves no more: the table of growth shows what a track costs in a batch
-  of {most} beside one of {least}, the bound for a batch that does all but the simulation together.
+- **One tracker call for several environments** could save no more than half of the tracker's time: a track costs
+  {many} us in a batch of {most} and {few} us in one of {least}, without what it costs to gather the scans.
 - **Updates of the contour filter** ask three times which of 24 pieces of a contour each detection is of. For 100
   objects a third of the time are these densities; a random matrix has one.
 - **Metrics**: half of their time is the area that each track shares with its vehicle, box and contour, 35 us a pair in
   a library; the rest assigns tracks to vehicles and measures the drive.
 - **The log** keeps some 60 entities a frame, each of a few numbers: most of its time goes into their rows in Python,
   less than a third into the file.
-- **A log in blocks of 30 steps** instead of 15 costs 1.18 instead of 1.25, and loses two seconds instead of one where
-  a run is killed.
+- **A log in blocks of 30 steps** instead of 15 takes a quarter less time, and loses two seconds instead of one where a
+  run is killed.
 - **What helps training** is a process for each environment, and fewer scans.
 
 ## Where the time of a frame goes
@@ -63,21 +64,7 @@ Shares of the wall time of a run with the default tracker, without a log.
 
 {shares}
 
-Before and after what was done for speed, with the same tracks: CPU time a frame [ms] of the code before (b312589) and
-of that of 2026-11-23, six seconds of each run in turns, the median of three.
-
-| | cut-in before | after | dense-traffic before | after |
-| --- | --- | --- | --- | --- |
-| scene and radar | 1.7 | 1.6 | 2.4 | 2.2 |
-| default tracker | 10.7 | 7.2 | 15.4 | 10.7 |
-| metrics, which can be left out now | 1.7 | 1.1 | 2.5 | 1.6 |
-| simulation, planner, observation | 1.7 | 1.5 | 3.8 | 3.5 |
-| all | 15.8 | 11.4 | 24.1 | 18.1 |
-
-What brought it: work that was done several times a scan is done once, gates are searched instead of tried, errors of
-pairs are worked out for many scans at once, perfect tracks need no scan, and the cached road stands under every id of
-highway-env. A scan of the six radars takes 1.0 ms instead of 1.1; the ray cast is a third of it.
-
+{before}
 ## Cost against vehicles, tracks and detections
 
 ![Cost of a frame against the numbers of vehicles, tracks and detections]({picture})
@@ -95,6 +82,15 @@ scan, of which at most 16 of a track are used.
 
 EnvPool has highway-env rewritten in C++, hundreds of times as fast as highway-env. Its infos hold no traffic, so the
 radar here cannot stand on it, and no speed is claimed against it.
+"""
+BEFORE = """Before ({before}) and after ({after}) what was done for speed, with the same tracks: {measured}.
+
+{table}
+
+What brought it: work that was done several times a scan is done once, gates are searched instead of tried, errors of
+pairs are worked out for many scans at once, perfect tracks need no scan, metrics can be left out, and the cached road
+stands under every id of highway-env. The scan of the six radars takes 0.9 times as long as before, the ray cast is a
+third of it.
 """
 
 
@@ -138,15 +134,19 @@ def render(
         ]
         for g in grown
     ]
+    fewest, most = (choose(grown, key=lambda g: g.objects) for choose in (min, max))
     return TEXT.format(
         folder=docs,
+        before=before_and_after(docs / "results"),
         steps=table(["decision with", "of stock highway-v0"], [[s.what, f"{s.ratio:.2f}"] for s in steps]),
         growth=table(
             ["vehicles", "detections of each", "tracks reported", "step [ms]", "of a track [us]", "peak memory [MB]"],
             growing,
         ),
-        least=min(g.objects for g in grown),
-        most=max(g.objects for g in grown),
+        least=fewest.objects,
+        few=f"{1e6 * fewest.seconds / fewest.objects:.0f}",
+        many=f"{1e6 * most.seconds / most.objects:.0f}",
+        most=most.objects,
         lanes=growth.LANES,
         date=date,
         picture=PICTURE,
@@ -154,6 +154,19 @@ def render(
         shares=table(["scenario", *names], rows),
         costs=table(["vehicles", "tracks reported", "highway-env [ms]", "radar [ms]", "tracker [ms]"], cost),
     )
+
+
+def before_and_after(results: Path) -> str:
+    """What a frame took before and after, from the committed results; nothing where there are none."""
+    path = results / "speed-before.json"
+    if not path.exists():
+        return ""
+    found = json.loads(path.read_text())
+    parts = {name: found[name] for name in shares.SCENARIOS}
+    heads = ["", *(f"{name}, {when}" for name in parts for when in ("before", "after"))]
+    rows = [[part, *(f"{ms:.1f}" for row in parts.values() for ms in row[part])] for part in parts[shares.SCENARIOS[0]]]
+    facts = {key: found[key] for key in ("measured", "before", "after")}
+    return BEFORE.format(**facts, table=table(heads, rows))
 
 
 def table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

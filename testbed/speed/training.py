@@ -1,4 +1,4 @@
-"""What training pays: what a decision is made of, environments in two processes, a thousand episodes in one."""
+"""What training pays: what a decision is made of, environments in two processes, a thousand resets in one."""
 
 import subprocess
 import sys
@@ -19,16 +19,16 @@ from trackers import DEFAULT
 
 VEHICLES = 20
 RATES = (5, 2)  # scans a second, fewer than the 15 simulated frames of highway-v0
-EPISODES = """
+RESETS = """
 import os, resource, sys
 import gymnasium
 import testbed
 env = gymnasium.make("testbed/cut-in-v0")
 early, late = map(int, sys.argv[1:])
-for episode in range(late):
-    env.reset(seed=episode)
+for seed in range(late):
+    env.reset(seed=seed)
     env.step(1)
-    if episode + 1 in (early, late):
+    if seed + 1 in (early, late):
         print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, len(os.listdir("/dev/fd")))
 """
 
@@ -88,9 +88,9 @@ def waiting(vector: gym.vector.VectorEnv) -> None:
     vector.step(np.full(vector.num_envs, IDLE))
 
 
-def episodes(early: int, late: int) -> tuple[float, float]:
-    """Peak memory and open files of a process after so many episodes, over those after fewer."""
-    command = [sys.executable, "-c", EPISODES, str(early), str(late)]
+def resets(early: int, late: int) -> tuple[float, float]:
+    """Peak memory and open files of a process after so many resets, a decision each, over those after fewer."""
+    command = [sys.executable, "-c", RESETS, str(early), str(late)]
     found = subprocess.run(command, check=True, capture_output=True, text=True).stdout.split()
     memory, files, more_memory, more_files = map(float, found)
     return more_memory / memory, more_files / files

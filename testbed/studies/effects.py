@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from testbed.command_line.terminal import console
 from testbed.compare.report.report import seeds_text
@@ -41,13 +40,13 @@ class Effect(NamedTuple):
 def effect(table: pd.DataFrame, factor: Factor, value: Any, tracker: str, measure: str) -> Effect:
     """Mean and change of a measure."""
     found, usual = (_by_seed(table, factor.column, v, tracker, measure) for v in (value, factor.usual))
-    return Effect(crossed_interval(found), crossed_interval(found - usual))
+    return Effect(crossed_interval(found.to_numpy(float)), crossed_interval((found - usual).to_numpy(float)))
 
 
-def _by_seed(table: pd.DataFrame, column: str, value: Any, tracker: str, measure: str) -> NDArray:
-    """Values (C, S) of each scenario and seed."""
+def _by_seed(table: pd.DataFrame, column: str, value: Any, tracker: str, measure: str) -> pd.DataFrame:
+    """Values by scenario, in rows, and seed."""
     chosen = table[(table[column] == value) & (table["tracker"] == tracker)]
-    return chosen.pivot(index="scenario", columns="seed", values=measure).to_numpy(float)
+    return chosen.pivot(index="scenario", columns="seed", values=measure)
 
 
 def names(table: pd.DataFrame, column: str) -> list[Any]:

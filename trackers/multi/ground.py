@@ -83,8 +83,12 @@ class GroundTest:
         self, ground: Ground, d: NDArray, e: Estimate, estimate: Estimate, view: Visibility, z: SortedScan,
         sensors: SensorArray,
     ) -> Ground:  # fmt: skip
-        """The ground of tracks d (D,), whose estimates are e, after a scan of M detections, among T tracks."""
-        k, row = np.nonzero(view.expected[:, d] > 0)  # G pairs of sensor and track, one sensor after the other
+        """The ground of tracks d (D,), whose estimates are e, after a scan of M detections, among T tracks.
+
+        Sensors whose detections are patchy say nothing of it.
+        """
+        looks = (view.expected[:, d] > 0) & ~sensors.patchy[:, None]
+        k, row = np.nonzero(looks)  # G pairs of sensor and track, one sensor after the other
         poses, body, size = sensors.poses(z.scan.platform)[k], e.pose[row], e.size[row]
         shift = shift_of(ground, e)
         aside = to_frame(body, poses[:, None, :2])[:, 0, 1:]  # (G, 1) of the sensors

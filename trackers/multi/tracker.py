@@ -55,7 +55,7 @@ class MultiObjectTracker:
     rate_factor: float = 0.8  # of the data sheets' expected counts
     complete_above: float = 0.75  # visible share of an object's span from which an update teaches its class
     road: RoadMap | None = None  # map of the lanes; without it no standing vehicle is born
-    size: str = "off"  # "ends": those of `trackers.size.Ends`, where any sensor tells of sizes; "off": the filter's own
+    size: str = "off"  # "ends": sizes are those of `trackers.size.Ends`; "off": the filter's own
     ground: GroundTest | None = None  # divides long tracks over empty ground; None: they stay one
     motion: bool = False  # velocity and heading are those of `trackers.shared_motion`
 
@@ -76,13 +76,9 @@ class MultiObjectTracker:
 
     @cached_property
     def layered(self) -> Filter:
-        """The filter that holds the tracks: `filter`, with motion modes and `Ends` around it where these are on.
-
-        Sensors that tell nothing of sizes, all of them, leave these to the filter.
-        """
+        """The filter that holds the tracks: `filter`, with motion modes and `Ends` around it where these are on."""
         moved = SharedMotion(self.filter) if self.motion else self.filter
-        sized = self.size == "ends" and any(sensor.profile.weight > 0 for sensor in self.sensors)
-        return Ends(moved, self.sensors) if sized else moved
+        return Ends(moved, self.sensors) if self.size == "ends" else moved
 
     @cached_property
     def sensor_array(self) -> SensorArray:

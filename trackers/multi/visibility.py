@@ -30,6 +30,7 @@ class SensorArray(NamedTuple):
     clutter_density: NDArray  # (S,) false alarms a scan per m^2 and m/s
     clutter_density_2d: NDArray  # (S,) the same integrated over the range rate, per m^2
     rates: NDArray  # (S, 3) count_at_15m, count_falloff, count_max
+    patchy: NDArray  # (S,) bool, sides have stretches without detections
 
     def poses(self, platform: NDArray) -> NDArray:
         """World poses (S, 3) on a platform (6,)."""
@@ -53,6 +54,7 @@ class SensorArray(NamedTuple):
             clutter_density=clutter / (area * 2 * np.array([s.max_rate for s in sensors])),  # (MOT.6)
             clutter_density_2d=clutter / area,  # (MOT.6) without the range rate
             rates=np.array([(s.count_at_15m, s.count_falloff, s.count_max) for s in sensors], float),
+            patchy=np.array([s.profile.patchy for s in sensors], bool),
         )
 
     def expected_count(self, sensor: NDArray, distance: NDArray, outline: NDArray) -> NDArray:

@@ -12,7 +12,7 @@ from scipy.stats import norm
 from testbed.compare.runs.measures import EDGES, KEYS, LABELS, badness
 from testbed.compare.runs.results import WHOLE_RUN, Results
 from testbed.compare.statistics.differences import PairedDifference, compare
-from testbed.evaluation.intervals import LEVEL, Interval, crossed_interval, chi2_limits
+from testbed.evaluation.intervals import LEVEL, Interval, chi2_limits, crossed_interval
 
 PHASES = ("before", "onset", "during", "after")
 RANGES = (0.0, 25.0, 50.0, 75.0, 100.0, np.inf)  # [m]

@@ -28,8 +28,8 @@ truth and on tracks. The observation is that of the environment in both, five ve
 `surround` at 5 Hz, and a second of traffic passes before the first observation. For orientation: the author of
 highway-env publishes a run on truth with a length of 25.2 and a return of 19.7.
 
-Columns are what a policy was trained on, rows what it drives on. In brackets 95 % intervals, from episodes drawn anew
-within each training seed, so they say nothing of other training seeds: each training by itself stands below. A change
+Columns are what a policy was trained on, rows what it drives on. In brackets 95 % intervals, from episodes drawn for
+all trainings at once, so they say nothing of other training seeds: each training by itself stands below. A change
 is against the drive of the same policy on the truth, episode by episode, bold where its interval leaves out zero.
 
 {tables}

@@ -15,7 +15,7 @@ RIG = "surround"
 LIFETIMES = (0.0, 0.2, 1.0, 5.0)  # [s]; 0: drawn anew in each scan
 LIFETIME = Factor("lifetime", 0.0, lambda lifetime: f"{lifetime:g} s" if lifetime else "off")
 TRACKERS = ("imm-spline", "rm-feldmann")
-SCENARIOS, SEEDS, DURATION = ("cut-in", "dense-traffic"), (320, 321, 322), 6.0  # [s]
+SCENARIOS, SEEDS, DURATION = ("cut-in", "dense-traffic"), tuple(range(320, 330)), 6.0  # [s]
 MEASURES = ("gospa", "nees_position", "nees_length", "abs_length", "rmse_position")
 COLUMNS = ("scenario", "lifetime", "tracker", "seed", *MEASURES)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.stats import binom, chi2, t
+from scipy.stats import binom, chi2, t, trim_mean
 
 from testbed.evaluation.intervals import (
     FEWEST,
@@ -90,6 +90,20 @@ def test_a_crossed_interval_has_the_mean_of_the_scenarios_and_holds_it(sample):
         assert found.low - 1e-9 <= found.value <= found.high + 1e-9
 
 
+def test_scenarios_with_fewer_seeds_than_an_interval_needs_have_none():
+    for sample in ([[1.0], [5.0], [9.0]], [[1.0, 1.1, np.nan, np.nan], [np.nan, np.nan, 5.0, 5.1]]):
+        found = crossed_interval([np.array(values) for values in sample])
+        assert np.isnan([found.low, found.high]).all()
+        assert np.isfinite(found.value)
+
+
+def test_a_scenario_that_few_seeds_measured_stays_in_every_draw():
+    rng = np.random.default_rng(1)
+    few_seeds = np.where(np.arange(10) < 3, 100 + 0.01 * rng.normal(size=10), np.nan)
+    found = crossed_interval([0.01 * rng.normal(size=10), few_seeds])
+    assert found.high - found.low < 0.1
+
+
 def test_a_seed_that_was_not_measured_in_a_scenario_counts_in_the_others():
     full = [np.arange(6.0), np.arange(6.0) ** 2]
     gap = [np.where(np.arange(6) == 2, np.nan, full[0]), full[1]]
@@ -145,6 +159,15 @@ def test_the_interquartile_mean_is_that_of_the_middle_half_of_all_runs(lists):
     middle = values[cut : len(values) - cut]
     found = interquartile_mean(*(np.array(group) for group in lists))
     assert float(found) == pytest.approx(sum(middle) / len(middle), rel=1e-9, abs=1e-9)
+
+
+@few
+@given(st.lists(numbers, min_size=4, max_size=12), st.lists(st.booleans(), min_size=12, max_size=12))
+def test_the_interquartile_mean_leaves_out_what_was_not_measured(values, missing):
+    seen = np.array([np.nan if gone else x for x, gone in zip(values, missing, strict=False)])
+    known = seen[np.isfinite(seen)]
+    if len(known):
+        assert interquartile_mean(seen) == pytest.approx(trim_mean(known, 0.25), abs=1e-9)
 
 
 def test_one_wild_run_hardly_moves_the_interquartile_mean():

@@ -1,5 +1,6 @@
 """The page of speed: verdicts and tables from made figures, ratios from real but short work."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ from testbed.frame import TRUTH
 from testbed.speed import training
 from testbed.speed.goals import Goal, growing, ratio, tracked_steps
 from testbed.speed.growth import Growth, exponent, growth, motorway
-from testbed.speed.page import render, table
+from testbed.speed.page import before_and_after, render, table
 from testbed.speed.shares import Costs, shares
 from testbed.speed.training import Step
 
@@ -35,11 +36,21 @@ def test_the_page_says_what_was_found_and_whether_it_is_enough():
         "| 5 | 4 | 1.0 | 2.0 | 3.2 |",
         "| perfect tracks | 0.62 |",
         "| 20 | 2 | 21 | 8.0 | 400 | 4.0 |",
-        "of 20 beside one of 10",
+        "400 us in a batch of 20 and 500 us in one of 10",
         "EnvPool",
     ):
         assert line in page
     assert page.startswith("# Speed\n")
+
+
+def test_before_and_after_are_those_of_the_result(tmp_path):
+    results = Path(__file__).parents[3] / "docs" / "results"
+    found = json.loads((results / "speed-before.json").read_text())
+    text = before_and_after(results)
+    for part in found["cut-in"]:
+        figures = [f"{ms:.1f}" for scenario in ("cut-in", "dense-traffic") for ms in found[scenario][part]]
+        assert f"| {part} | {' | '.join(figures)} |" in text
+    assert before_and_after(tmp_path) == ""
 
 
 def test_a_table_has_a_rule_below_its_heads():
@@ -88,9 +99,9 @@ def test_perfect_tracks_cost_more_where_somebody_asks_for_scans():
     assert 0 < bare < scanned
 
 
-def test_episodes_leave_nothing_open():
-    memory, files = training.episodes(1, 3)
-    assert memory >= 1
+def test_resets_leave_nothing_open():
+    memory, files = training.resets(1, 3)
+    assert 1 <= memory < 1.1
     assert files == 1
 
 
@@ -98,5 +109,5 @@ def test_two_processes_step_two_environments():
     assert training.two_processes(1) > 0
 
 
-def test_perception_is_a_part_of_a_frame():
+def test_perception_takes_time():
     assert training.perception("xia2020-lane", 1) > 0

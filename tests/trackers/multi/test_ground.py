@@ -9,6 +9,7 @@ from tests.trackers.multi.known_objects import KnownObjects, scan_of, tracks_of
 from trackers import MultiObjectTracker, SensorModel, prior
 from trackers.batch import take
 from trackers.multi.ground import NOTHING, GroundTest
+from trackers.scan import DepthProfile
 
 DT = 1 / 15
 SIDE = SensorModel(max_range=30.0, fov=2 * np.pi, sigma_azimuth=0.02, count_at_15m=7.0, count_falloff=0.6, clutter=1.5)
@@ -28,10 +29,10 @@ def box(centre=0.0, length=10.2, y=4.0, speed=0.0):
     return prior([(centre, y, 0.0)], velocity=(speed, 0.0), size=(length, 1.8), position_std=0.1)
 
 
-def after(bodies, scans, estimate=None, seed=0, even=False):
+def after(bodies, scans, estimate=None, seed=0, even=False, sensor=SIDE):
     """The tracks after so many scans of the bodies, and the events of them all."""
     rng, events = np.random.default_rng(seed), []
-    tracker = MultiObjectTracker(KnownObjects(), (SIDE,), ground=GroundTest())
+    tracker = MultiObjectTracker(KnownObjects(), (sensor,), ground=GroundTest())
     tracks = tracks_of(box() if estimate is None else estimate, existence=0.99)
     for _ in range(scans):
         tracks, info = tracker.step(tracks, scan_of(side_of(rng, bodies, even), NOISE, 0.0), DT)
@@ -55,6 +56,13 @@ def test_two_cars_in_a_queue_held_for_one_become_two_and_stay_so(seed):
 @pytest.mark.parametrize("seed", range(3))
 def test_one_long_vehicle_stays_one_however_its_detections_spread_along_it(seed, even):
     tracks, events = after(LONG, 150, seed=seed, even=even)
+    assert events == []
+    assert tracks.id.tolist() == [0]
+
+
+def test_a_stretch_without_detections_is_no_gap_where_these_are_patchy():
+    patchy = replace(SIDE, profile=DepthProfile(patchy=True))
+    tracks, events = after(CARS, 45, sensor=patchy)
     assert events == []
     assert tracks.id.tolist() == [0]
 

@@ -22,7 +22,6 @@ from trackers.multi.tracks import NO_TRACK, Tracks
 from trackers.multi.visibility import SensorArray, predict_visibility, ray_box
 from trackers.multi.window import EMPTY
 from trackers.protocols import Note
-from trackers.size import Ends
 
 CARS = [(30, 0, 0, 25.0), (50, 4, 0, 28.0), (60, -4, 0, 22.0)]
 
@@ -410,10 +409,3 @@ def test_a_filter_that_knows_more_than_an_estimate_is_restarted_and_not_born_aga
     merged, info = marked.step(tracks, empty(np.array([0.0, 0, 0, 25, 0, 0])), 0.0)
     assert [e.kind for e in info.events] == ["merged"]
     assert merged.state.nu.tolist() == [777.0]
-
-
-def test_sizes_are_those_of_the_filter_where_no_sensor_tells_of_them():
-    mute = replace(RADAR, profile=replace(RADAR.profile, weight=0.0))
-    filter = find("pmht-spline")
-    assert isinstance(MultiObjectTracker(filter, (RADAR, mute), size="ends").layered, Ends)
-    assert MultiObjectTracker(filter, (mute, mute), size="ends").layered is filter

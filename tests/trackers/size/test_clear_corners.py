@@ -43,34 +43,25 @@ def mean_iou(radar, filter):
 
 
 def with_profile(radar, profile):
-    """Ends around the spline filter, with the data sheets of a radar but for where its detections lie.
-
-    All count as much as those of other radars, also where the rig counts them as nothing.
-    """
-    profile = replace(profile, weight=profile.weight or DepthProfile.weight)
+    """Ends around the spline filter, with the data sheets of a radar but for where its detections lie."""
     return Ends(find("pmht-spline"), tuple(replace(model, profile=profile) for model in radar.models))
-
-
-def with_own(radar):
-    """Ends around the spline filter with the profile of the radar's detections."""
-    return with_profile(radar, radar.models[0].profile)
 
 
 @pytest.mark.parametrize("name", ["lidar-1deg", "imaging"])
 def test_where_corners_are_clear_ends_is_no_worse_than_the_filter_inside_it(name):
     radar = sensors.find(name)
-    assert mean_iou(radar, with_own(radar)) > mean_iou(radar, find("pmht-spline"))
+    assert mean_iou(radar, Ends(find("pmht-spline"), radar.models)) > mean_iou(radar, find("pmht-spline"))
 
 
 @pytest.mark.parametrize(("name", "other"), [("lidar-1deg", "imaging"), ("imaging", "lidar-1deg")])
 def test_with_the_profile_of_another_sensor_it_is_worse(name, other):
     radar = sensors.find(name)
-    own = mean_iou(radar, with_own(radar))
+    own = mean_iou(radar, Ends(find("pmht-spline"), radar.models))
     assert mean_iou(radar, with_profile(radar, sensors.find(other).models[0].profile)) < own - 0.01
 
 
 @pytest.mark.parametrize("name", ["lidar-1deg", "imaging"])
 def test_with_the_default_profile_it_is_worse(name):
     radar = sensors.find(name)
-    own = mean_iou(radar, with_own(radar))
+    own = mean_iou(radar, Ends(find("pmht-spline"), radar.models))
     assert mean_iou(radar, with_profile(radar, DepthProfile())) < own - 0.01
