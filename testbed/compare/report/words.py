@@ -109,13 +109,12 @@ def _lead(results: Results, order: Sequence[Cell]) -> str:
     comparison = results.comparison
     best, second = order[0].tracker, order[1].tracker
     found = samples(results.runs, "gospa", comparison.scenarios, comparison.seeds)
-    d = compare(found[best], found[second])
-    lead = f"{-d.mean.value:.2f} m"
-    if d.verdict == "better":
-        mean = d.mean
+    d = compare(found[second], found[best])  # as the ranking has it: an interval is not that of the opposite, turned
+    lead = f"{d.mean.value:.2f} m"
+    if d.verdict == "worse":
         return (
-            f"Its lead over the next, {second}, is {lead} [{-mean.high:.2f}, {-mean.low:.2f}] and resolved; "
-            f"it is the better one in {100 * d.improvement.value:.0f} % of the runs."
+            f"Its lead over the next, {second}, is {lead} [{d.mean.low:.2f}, {d.mean.high:.2f}] and resolved; "
+            f"it is the better one in {100 * (1 - d.improvement.value):.0f} % of the runs."
         )
     if d.verdict == "too few seeds":
         return f"The next is {second}, {lead} behind; the seeds are too few to say whether that is chance."

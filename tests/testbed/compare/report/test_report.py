@@ -3,6 +3,7 @@
 import json
 import re
 import shutil
+import subprocess
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
@@ -126,6 +127,26 @@ def test_the_verdict_names_the_best_and_says_what_is_resolved(page):
     assert "good is best in GOSPA" in verdict
     assert "lead over the next, fair" in verdict
     assert "against the reference fair" in verdict
+
+
+BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+FITS = """<script>
+const nav = document.querySelector("nav");
+document.title = JSON.stringify([nav.scrollWidth - nav.clientWidth, document.documentElement.scrollWidth - innerWidth]);
+</script></body>"""
+
+
+@pytest.mark.skipif(BROWSER is None, reason="no Chromium is installed; on Debian the package chromium")
+@pytest.mark.parametrize("width", [1400, 900, 500])
+def test_in_a_browser_no_link_of_the_navigation_is_cut_off(page, tmp_path, width):
+    probe = tmp_path / "probe.html"
+    probe.write_text(page.path.read_text().replace("</body>", FITS))
+    command = [BROWSER, "--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}"]
+    command += [f"--window-size={width},900", "--dump-dom", probe.as_uri()]
+    dom = subprocess.run(command, capture_output=True, text=True, check=True, timeout=120).stdout
+    cut, beyond = json.loads(re.search(r"<title>(.*?)</title>", dom, re.S)[1])
+    assert cut <= 0
+    assert beyond <= 0
 
 
 def test_light_and_dark_and_narrow_screens_are_thought_of(page):
@@ -310,6 +331,23 @@ def test_a_lead_that_is_chance_is_not_called_resolved():
     results = gospa_of(values)
     verdict = " ".join(report_words.verdict(results, list(cells(results, MAIN))))
     assert "not resolved: about" in verdict
+
+
+def test_the_verdict_gives_a_lead_the_interval_that_the_ranking_gives():
+    rng = np.random.default_rng(3)
+    values = {
+        (where, t, s): float(5 + (t == "b") + rng.exponential())
+        for where in ("easy", "hard")
+        for s in range(10)
+        for t in ("a", "b")
+    }
+    results = gospa_of(values)
+    found = list(cells(results, MAIN))
+    behind = ranking(results, found).lines[1].fields[2]
+    verdict = " ".join(report_words.verdict(results, found))
+    assert f"lead over the next, b, is {behind.text} m {behind.bounds} and resolved" in verdict
+    better = np.mean([values[where, "a", s] < values[where, "b", s] for where in ("easy", "hard") for s in range(10)])
+    assert f"it is the better one in {100 * better:.0f} % of the runs" in verdict
 
 
 def test_seeds_are_written_as_people_do():
