@@ -23,6 +23,9 @@ COLUMNS = (  # key of a row of `objects` in the results, heading with unit, digi
 )
 
 
+NOTHING_WRONG = "Nothing went wrong that counts: every vehicle in view had a track, and no track was wrong."
+
+
 def subject(moment: Table) -> str:
     """Whom a moment is about: the object with its class, or the track."""
     if moment["object"] is None:
@@ -38,7 +41,7 @@ def happened(moment: Table) -> str:
 def moments_text(moments: Sequence[Table]) -> str:
     """Page of the worst moments, the worst first."""
     if not moments:
-        return "Nothing went wrong that counts: every vehicle in view had a track, and no track was wrong."
+        return NOTHING_WRONG
     entries = [
         f"{n}. **{m['time']:.1f} s, {subject(m)}**: {happened(m)}. *{m['why']}* ({m['tracker']}, {m['harm']:.1f} m^2 s)"
         for n, m in enumerate(moments, 1)

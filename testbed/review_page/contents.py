@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 from sensors.origin import KINDS
 from testbed.log import legend, palette, paths
 from testbed.log.columns import Columns
+from testbed.log.focus import vehicles
 from testbed.log.reader import events, properties
+from testbed.log.table_pages import NOTHING_WRONG
 from testbed.review_page.shapes import Shapes, centimetres
 
 CURVES = (  # metric of every scan, title with unit
@@ -26,6 +28,8 @@ CURVES = (  # metric of every scan, title with unit
     ("ghosts", "tracks without an object"),
 )
 PLAIN_LEVELS = ("INFO", "WARN", "ERROR")
+NO_TRUTH = "This log has no truth: nothing is measured against it."
+INTERRUPTED = "The run was interrupted: worst moments and objects are found when a run ends."
 
 
 def contents(path: str | Path) -> dict[str, Any]:
@@ -53,7 +57,7 @@ def contents(path: str | Path) -> dict[str, Any]:
             for kind in KINDS
         ],
         "rings": legend.RINGS,
-        "names": _names(columns),
+        "names": _names(columns, tables.get("objects", [])),
         "truth": _truth(columns, shapes, steps),
         "ego": _ego(columns, shapes, steps),
         "detections": _detections(columns, steps),
@@ -63,13 +67,15 @@ def contents(path: str | Path) -> dict[str, Any]:
         "action": [texts[0] for texts in columns.held(paths.EGO_ACTION, "StateChange:state", "").values()],
         "events": [[round(e.time, 3), e.level, e.text] for e in events(path) if e.level in PLAIN_LEVELS],
         "moments": tables.get("moments", []),
+        "no_moments": NOTHING_WRONG if tables else INTERRUPTED if columns.entities("metrics/") else NO_TRUTH,
         "objects": [row for row in tables.get("objects", []) if row["scans_counted"]],
     }
 
 
-def _names(columns: Columns) -> dict[str, str]:
-    """Id of an object -> its name and class."""
-    found = {}
+def _names(columns: Columns, objects: list[dict[str, Any]]) -> dict[str, str]:
+    """Id of an object -> its name and class, as far as the log knows it."""
+    found = {str(key): paths.vehicle(key) for key in vehicles(columns)}
+    found |= {str(row["object"]): f"{paths.vehicle(row['object'])} {row['kind']}" for row in objects}
     for entry in columns.static(paths.TRUTH_CONTOUR, "AnnotationContext:context"):
         for info in entry if isinstance(entry, list) else [entry]:
             described = info["class_description"]["info"]

@@ -55,7 +55,7 @@ function play(on) {
 }
 
 function look(object) { // at an object: follow it, and show its curves
-  const key = object === null ? "" : String(object);
+  const key = object in run.names ? String(object) : "";
   view.object = key;
   el("whose").value = key;
   el("follow").value = view.follow = key && run.truth.some((f) => f.some((b) => String(b[0]) === key)) ? "veh" + key : "ego";
@@ -73,10 +73,11 @@ function fillMoments() {
       "data-start": m.start, "data-end": m.end, onclick: () => jump(m.time, m.object),
     }, head, m.what + ": " + m.text + tracker, make("span", { class: "why" }, m.why))));
   }
-  if (!run.moments.length) el("moments").append(make("li", {}, "None are in this log."));
+  if (!run.moments.length) el("moments").append(make("li", {}, run.no_moments));
 }
 
 function fillLayers() {
+  const scene = run.ego.length > 0;
   const add = (key, text, draw, on = true) => {
     const box = make("input", { type: "checkbox", onchange: () => { box.checked ? view.shown.add(key) : view.shown.delete(key); drawScene(); } });
     box.checked = on;
@@ -85,11 +86,12 @@ function fillLayers() {
     const g = sample.getContext("2d");
     g.scale(2, 2);
     draw(g);
-    el("layers").append(make("label", {}, box, sample, text));
+    el("layers").append(make("label", {}, ...(scene ? [box] : []), sample, text));
   };
   const line = (color, dash, width) => (g) => { g.strokeStyle = color; g.lineWidth = width; g.setLineDash(dash); g.strokeRect(3, 4, 24, 10); };
-  add("truth", "truth: vehicles with their names, dimmed where hidden from the radars; the ego in white", line("#d6d8e0", [], 1.4));
-  run.trackers.forEach((t, i) => add("tracker" + i, "tracks of " + t.name + " with their ids", line(t.color, DASHES[i % DASHES.length], 2)));
+  if (scene) add("truth", "truth: vehicles with their names, dimmed where hidden from the radars; the ego in white", line("#d6d8e0", [], 1.4));
+  run.trackers.forEach((t, i) => add("tracker" + i, scene ? "tracks of " + t.name + " with their ids" : t.name, line(t.color, DASHES[i % DASHES.length], 2)));
+  if (!scene) return;
   run.kinds.forEach((kind, i) => add("kind" + i, kind.note, (g) => { g.fillStyle = g.strokeStyle = kind.color; g.lineWidth = 1.2; mark(g, i, 9, 9, 3.4); mark(g, i, 21, 9, 3.4); }));
   add("rings", "distance from the ego", (g) => { g.strokeStyle = "#8d95a6"; g.beginPath(); g.arc(2, 9, 18, -0.5, 0.5); g.stroke(); });
 }
@@ -102,7 +104,8 @@ function drawCharts() {
     const lines = run.trackers.map((t) => curvesOf(t)[key]);
     const values = lines.flatMap((line) => line || []).filter((v) => v !== null);
     figure.hidden = !values.length;
-    if (values.length) drawChart(figure.querySelector("canvas"), lines, Math.min(0, ...values), Math.max(...values, 1e-9), title);
+    const low = Math.min(0, ...values), high = Math.max(0, ...values);
+    if (values.length) drawChart(figure.querySelector("canvas"), lines, low, high > low ? high : 1, title);
   }
 }
 
@@ -223,11 +226,15 @@ function listen() {
 }
 
 el("about").textContent = "radar " + run.run.radar + ", planner " + run.run.planner + ", " + run.trackers.map((t) => t.name).join(" and ") + "; log " + run.run.log;
+document.body.classList.toggle("numbers", !run.ego.length);
 fillLayers();
 fillMoments();
 fillCharts();
 fillEvents();
 fillObjects();
+document.querySelector(".objects").hidden = !run.objects.length;
+document.querySelector(".moments .note").hidden = !run.moments.length;
+document.querySelector(".curves").hidden = run.trackers.every((t) => Object.values(t.means).flat().every((v) => v === null));
 listen();
 const asked = new URLSearchParams(location.hash.slice(1)); // #t=9&veh=3 opens the page there
 if (asked.has("veh")) look(+asked.get("veh"));

@@ -65,8 +65,8 @@ function bounds() {
 }
 
 function drawScene() {
+  if (!run.ego.length) return; // numbers only
   const [g, width, height] = fit(el("scene"));
-  if (!run.ego.length) { g.fillStyle = "#a9adb8"; g.fillText("This log holds numbers only; record with --log full for the scene.", 12, 24); return; }
   if (view.scale === null) view.scale = width / (width < 600 ? 75 : 130); // metres across
   const [mx, my] = middle(), scale = view.scale;
   const to = (x, y) => [width * (view.follow === "all" ? 0.5 : 0.42) + (x - mx) * scale + view.dx, height / 2 + (y - my) * scale + view.dy];

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from sensors.origin import KINDS
+from testbed.frame import FrameScore
 from testbed.log import RunLog
 from testbed.review_page.contents import contents
 from testbed.review_page.page import write
@@ -122,8 +123,27 @@ def test_twenty_seconds_would_be_less_than_three_megabytes(page):
 def test_a_log_of_numbers_makes_a_page_without_a_scene(tmp_path):
     found = contents(written(tmp_path / "numbers.rrd", "metrics"))
     assert found["ego"] == []
+    assert found["names"]["2"] == "veh_02 car"
     assert len(found["trackers"][0]["means"]["gwd"]) == STEPS
     assert found["moments"]
+
+
+def test_a_log_without_moments_says_why(tmp_path):
+    def reason(records, *tables):
+        path = tmp_path / f"{len(list(tmp_path.iterdir()))}.rrd"
+        with RunLog(path, META) as log:
+            log.static(log_runs.road(), log_runs.SENSORS)
+            for record in records:
+                log.step(*record)
+            if tables:
+                log.tables(*tables)
+        return contents(path)["no_moments"]
+
+    records = list(log_runs.records(2))
+    blind = [record._replace(scores=dict.fromkeys(record.scores, FrameScore({}, {}, {}))) for record in records]
+    assert reason(records, [], []).startswith("Nothing went wrong")
+    assert reason(records).startswith("The run was interrupted")
+    assert reason(blind).startswith("This log has no truth")
 
 
 def test_other_files_are_refused(log, tmp_path):
@@ -164,15 +184,46 @@ document.title = JSON.stringify(seen);
 """
 
 
+def probed(page, probe, width, tmp_path):
+    """What a program finds on the page in the browser."""
+    target = tmp_path / "probe.html"
+    target.write_text(page.read_text().replace("</body>", probe + "</body>"))
+    command = [BROWSER, "--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}"]
+    command += [f"--window-size={width},900", "--dump-dom", target.as_uri()]
+    dom = subprocess.run(command, capture_output=True, text=True, check=True, timeout=120).stdout
+    return json.loads(re.search(r"<title>(.*?)</title>", dom, re.S)[1])
+
+
+NUMBERS_PROBE = """
+<script>
+const there = (node) => node.getClientRects().length > 0;
+const ticks = [];
+const write = CanvasRenderingContext2D.prototype.fillText;
+CanvasRenderingContext2D.prototype.fillText = function (text, ...rest) { ticks.push(text); write.call(this, text, ...rest); };
+el("moments").querySelector("button").click();
+document.title = JSON.stringify({
+  controls: [...document.querySelectorAll("button, select, input, canvas")].filter(there).map((n) => n.id).filter((n) => n),
+  whose: el("whose").selectedOptions[0].textContent, boxes: document.querySelectorAll("#layers input").length,
+  long: ticks.filter((t) => t.length > 5),
+});
+</script>
+"""
+
+
+@pytest.mark.skipif(BROWSER is None, reason="no Chromium is installed; on Debian the package chromium")
+def test_in_a_browser_a_page_of_numbers_has_no_control_of_a_scene(tmp_path):
+    page = write(written(tmp_path / "numbers.rrd", "metrics"), tmp_path / "numbers.html")
+    seen = probed(page, NUMBERS_PROBE, 1400, tmp_path)
+    assert seen["controls"] == ["back", "play", "next", "time", "speed", "whose"]
+    assert seen["whose"] == "veh_02 car"
+    assert seen["boxes"] == 0
+    assert seen["long"] == []  # ticks of 1e-9 would be cut off
+
+
 @pytest.mark.skipif(BROWSER is None, reason="no Chromium is installed; on Debian the package chromium")
 @pytest.mark.parametrize("width", [1400, 400])
 def test_in_a_browser_keys_moments_and_columns_work_and_the_page_fits(page, tmp_path, width):
-    probe = tmp_path / "probe.html"
-    probe.write_text(page.read_text().replace("</body>", PROBE + "</body>"))
-    command = [BROWSER, "--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}"]
-    command += [f"--window-size={width},900", "--dump-dom", probe.as_uri()]
-    dom = subprocess.run(command, capture_output=True, text=True, check=True, timeout=120).stdout
-    seen = json.loads(re.search(r"<title>(.*?)</title>", dom, re.S)[1])
+    seen = probed(page, PROBE, width, tmp_path)
     assert (seen["ready"], seen["first"], seen["stepped"]) == ("yes", 0, 1)
     assert seen["end"] == seen["beyond"] == STEPS - 1
     assert seen["time"] == pytest.approx(1.0, abs=0.07)
