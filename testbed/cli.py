@@ -163,6 +163,10 @@ def _show(result: "RunResult") -> None:
         console.print(tables.costs(result.result))
     for event in result.result["run"].get("events", ()):
         console.print(escape(f"at {event['time']:.1f} s: {event['text']}"))
+    focus, there = result.config.focus, sorted({row["object"] for row in result.result["objects"]})
+    if focus not in (None, *there):
+        known = ", ".join(map(str, there)) or "none"
+        console.print(f"[yellow]--focus: there was no vehicle {focus}; vehicles: {known}[/yellow]", highlight=False)
     if result.interrupted:
         console.print("[yellow]interrupted: the tables and files hold what was run until then[/yellow]")
     show_files({"results": result.json, "log": result.rrd}, console)
@@ -271,16 +275,22 @@ def review(
         from testbed.review_page.server import serve
 
         with user_input():
-            if path or web or (screenshot, gif, html, focus) != (None,) * 4:
+            if path or web or (screenshot, at, view, gif, html, focus) != (None,) * 6:
                 raise ValueError("--report shows a whole folder; leave out logs and other options, or call twice")
             serve(report, lambda address: console.print(f"report   {address}\nCtrl-C ends it", highlight=False))
         return
     from testbed.log import review as reviewing
 
     path = path or []
-    if focus is not None and screenshot is None and (html, gif) != (None, None):
+    if screenshot is None and (html, gif) != (None, None):
         with user_input():
-            raise ValueError("--focus goes with the viewer and --screenshot; a page opens at a vehicle by #veh=3")
+            if focus is not None:
+                raise ValueError("--focus goes with the viewer and --screenshot; a page opens at a vehicle by #veh=3")
+            if (at, view) != (None, None):
+                raise ValueError("--at and --view go with --screenshot; a page opens at a time by #t=3.5")
+    if web and (screenshot, html, gif) != (None,) * 3:
+        with user_input():
+            raise ValueError("--web shows logs in a browser; leave out --screenshot, --html and --gif, or call twice")
     if html is not None:
         from testbed.review_page.page import write
 

@@ -62,6 +62,8 @@ class RunConfig:
             raise ValueError(f"config must be a JSON file like {EXAMPLE}, got {self.config!r}")
         if not (self.focus is None or (isinstance(self.focus, int) and self.focus >= 0)):
             raise ValueError(f"focus must be the number of a vehicle, such as 3 for veh_03, got {self.focus!r}")
+        if self.focus is not None and self.log == "off":
+            raise ValueError(f"focus {self.focus} is of the log, which --log off does not write")
         if not (isinstance(self.faults, tuple) and all(isinstance(fault, str) for fault in self.faults)):
             raise ValueError(f"faults must be a tuple of texts, got {self.faults!r}; write faults=('drop:0.2',)")
 

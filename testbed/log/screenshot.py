@@ -4,6 +4,7 @@ Drawing needs Vulkan; without a graphics card a software renderer does (on Debia
 """
 
 import os
+import re
 import socket
 import sys
 import time
@@ -74,10 +75,11 @@ def find_view(views: Mapping[str, str], wanted: str) -> str:
     """Number of the view of that name, or of the only one whose name begins so, whatever the case."""
     found = [name for name in views if name.lower() == wanted.lower()]
     found = found or [name for name in views if name.lower().startswith(wanted.lower())]
-    if len(found) != 1:
-        raise ValueError(
-            f"--view: {'no' if not found else 'more than one'} view {wanted!r}; there are {', '.join(sorted(views))}"
-        )
+    if not found:
+        starts = sorted({re.split("[:,(]", name)[0].strip() for name in views})  # all names are too many to be read
+        raise ValueError(f"--view: no view {wanted!r}; there are {', '.join(starts)}")
+    if len(found) > 1:
+        raise ValueError(f"--view: more than one view {wanted!r}; there are {'; '.join(sorted(found))}")
     return views[found[0]]
 
 

@@ -67,6 +67,12 @@ def test_a_run_prints_its_tables_and_where_its_files_are(tmp_path):
     assert "1.0 / 1.0 s" in done.stderr
 
 
+def test_a_focus_on_nobody_is_told(tmp_path, command):
+    done = command("run", "lone-leader", "--radar", "front", "--duration", 1, "--focus", 99, "--out", tmp_path)
+    assert done.status == 0
+    assert "--focus: there was no vehicle 99; vehicles: 1" in " ".join(done.out.split())
+
+
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_a_signal_leaves_a_whole_log_and_partial_results(tmp_path, number, status):
     process = start(tmp_path)
@@ -154,6 +160,11 @@ def test_two_runs_at_once_leave_whole_files(tmp_path):
         (["review"], ["at least one log", "testbed run"]),
         (["review", "--report", "nowhere"], ["no folder nowhere", "--out"]),
         (["review", "FILE", "--report", "."], ["--report shows a whole folder"]),
+        (["review", "--report", "nowhere", "--view", "overview"], ["--report shows a whole folder"]),
+        (["review", "FILE", "--html", "a.html", "--at", "3"], ["--at and --view go with --screenshot", "#t=3.5"]),
+        (["review", "FILE", "--gif", "a.gif", "--view", "overview"], ["--at and --view go with --screenshot"]),
+        (["review", "FILE", "--html", "a.html", "--web"], ["--web shows logs in a browser", "--html"]),
+        (["run", "cut-in", "--log", "off", "--focus", "3"], ["focus 3 is of the log", "--log off"]),
         (["review", "FILE", "--focus", "3", "--html", "a.html"], ["--focus goes with the viewer", "#veh=3"]),
         (["calibrate", "--data", "nowhere"], ["nowhere", "objects.npz"]),
     ],

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from testbed.command_line.terminal import LONGEST
 from testbed.log import blueprint, paths, reader, screenshot
 from testbed.log.record import RoadGeometry
 from testbed.log.review import check, middle, review, unfinished_hint
@@ -94,8 +95,19 @@ def test_a_view_is_found_by_its_name_or_by_how_it_begins():
     assert screenshot.find_view(views, "gwd [m]") == "b"
     with pytest.raises(ValueError, match="no view 'close'; there are Ego action, Ego speed, Events"):
         screenshot.find_view(views, "close")
-    with pytest.raises(ValueError, match="more than one view 'ego'"):
+    with pytest.raises(ValueError, match=r"more than one view 'ego'; there are Ego action; Ego speed$"):
         screenshot.find_view(views, "ego")
+
+
+def test_the_names_of_many_views_are_told_within_a_sentence():
+    metrics = [blueprint.title(name) for name in blueprint.TITLES]
+    objects = [f"veh_{i:02d}: {name}" for i in range(3) for name in metrics]
+    views = dict.fromkeys(
+        ["Overview (follows the ego, 2 s trails)", *metrics, *objects, "Only imm-spline: association"], ""
+    )
+    with pytest.raises(ValueError, match=r"Only imm-spline, Overview, box IoU.*, veh_00, veh_01, veh_02") as told:
+        screenshot.find_view(views, "nothing")
+    assert len(str(told.value)) < LONGEST
 
 
 def test_missing_renderer_is_one_sentence(log, tmp_path, monkeypatch):

@@ -199,10 +199,13 @@ NUMBERS_PROBE = """
 const there = (node) => node.getClientRects().length > 0;
 const ticks = [];
 const write = CanvasRenderingContext2D.prototype.fillText;
-CanvasRenderingContext2D.prototype.fillText = function (text, ...rest) { ticks.push(text); write.call(this, text, ...rest); };
+CanvasRenderingContext2D.prototype.fillText = function (text, ...rest) {
+  ticks.push(text);
+  write.call(this, text, ...rest);
+};
 el("moments").querySelector("button").click();
 document.title = JSON.stringify({
-  controls: [...document.querySelectorAll("button, select, input, canvas")].filter(there).map((n) => n.id).filter((n) => n),
+  controls: [...document.querySelectorAll("button[id], select, input, canvas[id]")].filter(there).map((n) => n.id),
   whose: el("whose").selectedOptions[0].textContent, boxes: document.querySelectorAll("#layers input").length,
   long: ticks.filter((t) => t.length > 5),
 });
