@@ -47,6 +47,7 @@ def why_missing(episode: Episode, before: int | None) -> Reason:
         _unseen(episode)
         or _merged(episode)
         or _covered(episode)
+        or _spanned(episode)
         or _few(episode)
         or _ended(episode, before)
         or _in_view(episode)
@@ -147,6 +148,27 @@ def _covered(episode: Episode) -> Reason | None:
     if not there or there.most_common(1)[0][1] <= HALF * len(episode.frames):
         return None
     return "too wrong", f"track {there.most_common(1)[0][0]} lies on it, too wrong in size or place to be its track"
+
+
+def _spanned(episode: Episode) -> Reason | None:
+    """A track of no object has most of the object's detections, perhaps with those of another."""
+    total, held = 0, Counter[tuple[int, int]]()  # held: track, source
+    for frame, on in zip(episode.frames, episode.on, strict=True):
+        assert episode.object is not None
+        total += int(frame.detections[frame.row[episode.object]])
+        for track, source, count in frame.outputs[episode.tracker].owned.tolist():
+            held[track, source] += count if track not in on else 0
+    track, most = max(((t, n) for (t, i), n in held.items() if i == episode.object), key=lambda p: p[1], default=(0, 0))
+    if most <= HALF * total:
+        return None
+    others = {i: n for (t, i), n in held.items() if t == track and i >= 0 and i != episode.object}
+    if others and sum(others.values()) > SHARED * (most + sum(others.values())):
+        other = vehicle(max(others, key=lambda i: others[i]))
+        return "merged", f"merged with {other}: track {track} has detections of both, and is too wrong for either"
+    return (
+        "too wrong",
+        f"track {track} has {most} of its {total} detections, too wrong in size or place to be its track",
+    )
 
 
 def _few(episode: Episode) -> Reason | None:

@@ -183,6 +183,11 @@ NEXT = Body(y=4.0, owner=8)
             "merged", "merged with veh_02, whose track has 54 of its 54 detections",
         ),
         (LOOSE, [], [Track(5, 31.5, size=(18.0, 3.0))], "too wrong", "track 5 lies on it, too wrong in size or place"),
+        (Body(owner=5), [], [Track(5, 35.0, size=(18.0, 3.0))], "too wrong", "track 5 has 54 of its 54 detections"),
+        (
+            Body(owner=5), [Body(40.0, owner=5)], [Track(5, 35.0, size=(18.0, 3.0))],
+            "merged", "merged with veh_02: track 5 has detections of both, and is too wrong for either",
+        ),
         (LOOSE._replace(hits=(0.0,)), [], [], "few detections", "1.0 detections a scan"),
         (LOOSE, [], [], "unknown", "in view, 9 detections a scan"),
     ],
