@@ -1,6 +1,6 @@
 """`testbed diff`: two logs step by step, or two results key by key."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,7 @@ from testbed.log.difference import Difference, compare_logs
 from trackers.json_file import read_json
 
 APART = ("timing", "run.versions", "interrupted")  # of results: say nothing about what happened
+NOTHING = "nothing"  # for what results do not have
 SHOWN = 30  # keys of results in the table
 
 
@@ -29,11 +30,33 @@ def show(first: Path, second: Path, console: Console) -> int:
 
 
 def compare_results(first: Any, second: Any) -> list[tuple[str, Any, Any]]:
-    """Key, value in the first and in the second results, of all that differ, those far apart first."""
+    """Key, value in the first and in the second results, of all that differ, those far apart first.
+
+    What only one of them has, such as all of a tracker, is one row: `NOTHING` and the number of its values.
+    """
     a, b = dict(_leaves(first)), dict(_leaves(second))
     keys = [key for key in dict.fromkeys([*a, *b]) if not key.startswith(APART)]
-    found = [(key, a.get(key), b.get(key)) for key in keys if a.get(key) != b.get(key)]
+    found: list[tuple[str, Any, Any]] = [(key, what, NOTHING) for key, what in _only(a, b, keys)]
+    found += [(key, NOTHING, what) for key, what in _only(b, a, keys)]
+    found += [(key, a[key], b[key]) for key in keys if key in a and key in b and a[key] != b[key]]
     return sorted(found, key=lambda row: -_apart(row[1], row[2]))
+
+
+def _only(a: dict[str, Any], b: dict[str, Any], keys: Sequence[str]) -> Iterator[tuple[str, Any]]:
+    """Shortest beginnings of keys that `b` has nothing of, and the value in `a`, or how many there are."""
+    known = {start for key in b for start in _starts(key)}
+    alone = [key for key in keys if key in a and key not in b]
+    below: dict[str, list[str]] = {}
+    for key in alone:
+        below.setdefault(next((start for start in _starts(key) if start not in known), key), []).append(key)
+    for start, found in below.items():
+        yield (found[0], a[found[0]]) if len(found) == 1 else (start, f"{len(found)} values")
+
+
+def _starts(key: str) -> list[str]:
+    """Beginnings of a dotted key, the shortest first."""
+    parts = key.split(".")
+    return [".".join(parts[:n]) for n in range(1, len(parts) + 1)]
 
 
 def _apart(x: Any, y: Any) -> float:

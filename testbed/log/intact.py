@@ -34,7 +34,7 @@ def damage(logs: Sequence[Path]) -> tuple[Path, str] | None:
 
 
 def read_through(log: Path) -> None:
-    """Read the footer, if there is one, and every block; raises RuntimeError where that is impossible."""
+    """Read the footer, if there is one, and every block; raises RuntimeError or ValueError where that is impossible."""
     from rerun.chunk import RrdReader
 
     reader = RrdReader(log)
@@ -61,7 +61,7 @@ if __name__ == "__main__":
         limit_memory(MEMORY + TIMES * Path(name).stat().st_size)
         try:
             read_through(Path(name))
-        except RuntimeError as error:
+        except (RuntimeError, ValueError) as error:  # ValueError: there is no recording in it
             print(str(error).removeprefix(f"Failed to read RRD file at {name}: "), file=sys.stderr)
             sys.exit(REFUSED)
         print(flush=True)

@@ -1,6 +1,7 @@
 """Open review logs in the viewer, or make a picture of one without a display."""
 
 import os
+import shlex
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -103,7 +104,8 @@ def unfinished_hint(log: str | Path) -> str:
 
 
 def _rescue(log: Path) -> str:
-    return f"`rerun rrd optimize {log} -o {log.with_name(f'{log.stem}-repaired.rrd')}`"
+    repaired = log.with_name(f"{log.stem}-repaired.rrd")
+    return f"`{shlex.join(['rerun', 'rrd', 'optimize', str(log), '-o', str(repaired)])}`"
 
 
 def middle(log: str | Path) -> float:

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from testbed.command_line.differences import compare_results
+from testbed.command_line.differences import NOTHING, compare_results
 from testbed.log import RunLog
 from testbed.log.difference import compare_logs
 from tests.testbed.log import log_runs
@@ -85,9 +85,19 @@ def test_results_are_compared_by_what_their_rows_are_about():
     other["timing"]["wall"] = 9.0
     found = compare_results(RESULTS, other)
     assert ("objects.x.5.gwd", 2.0, 2.5) in found
-    assert ("objects.x.3.gwd", 1.0, None) in found
+    assert ("objects.x.3", "3 values", NOTHING) in found
     assert found[-1][0] == "objects.x.5.gwd"  # the smallest
-    assert len(found) == 4
+    assert len(found) == 2
+
+
+def test_what_only_one_of_two_results_has_is_one_row():
+    rm, spline = {"gospa": 2.0, "gwd": 1.0}, {"gospa": 1.0, "gwd": None}
+    first, second = ({"run": {"id": "a"}, "trackers": t} for t in ({"rm": rm, "spline": spline}, {"spline": spline}))
+    assert compare_results(first, second) == [("trackers.rm", "2 values", NOTHING)]
+    assert compare_results(second, first) == [("trackers.rm", NOTHING, "2 values")]
+    first["trackers"] = {"rm": rm}
+    assert [row[0] for row in compare_results(first, second)] == ["trackers.rm", "trackers.spline"]
+    assert compare_results({"run": {}, "seed": 3}, {"run": {}}) == [("seed", 3, NOTHING)]
 
 
 def test_the_command_ends_with_one_where_runs_differ(command, log, tmp_path):

@@ -5,6 +5,7 @@ import sys
 
 import pytest
 import rerun as rr
+import rerun.blueprint as rrb
 
 from testbed.log.intact import damage
 from testbed.log.review import readable
@@ -61,6 +62,14 @@ def test_what_is_no_log_is_refused_with_a_reason(small, tmp_path, content):
     assert reason
     assert "Traceback" not in reason
     assert str(other) not in reason
+
+
+def test_a_log_that_holds_no_recording_says_so(tmp_path):
+    path = tmp_path / "layout alone.rrd"
+    rrb.Blueprint(rrb.TextLogView()).save("alone", path)
+    assert "No recording" in damage([path])[1]
+    with pytest.raises(ValueError, match=r"optimize '.*/layout alone\.rrd' -o '.*/layout alone-repaired\.rrd'`"):
+        readable(path)
 
 
 def test_a_log_that_ends_within_a_block_is_refused(small, tmp_path):
