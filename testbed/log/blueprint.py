@@ -35,7 +35,7 @@ TRAIL = 2.0  # [s]
 BACKGROUND = palette.rgb(palette.GROUND)
 CLOSE = (-22.0, 48.0, -16.0, 16.0)  # [m] close-up: behind and before the ego, left and right of it on the screen
 HALF = {"strip": 12.0, "long": 22.0}  # [m] the overview shows at least this far to the sides
-MARGIN = 4.0  # [m] around a map that is shown whole
+MARGIN = 8.0  # [m] around a map that is shown whole, for the ids of tracks below its lowest lane
 AROUND, CLOSE_AROUND = 65.0, 26.0  # [m] overview and close-up on compact roads, where traffic comes from all sides
 
 TITLES = {
