@@ -3,7 +3,7 @@
 import re
 from dataclasses import dataclass
 from importlib import import_module
-from math import inf
+from math import floor, inf
 from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from scenarios.traffic.plan import Plan
 
 FAMILY = "replay:"
+DECISION = 0.2  # [s] of a planner, as in all scenarios
 REACT = 5.0  # [m] from its recorded place at which the ego has left its record
 NAME = re.compile(r"replay:(?P<file>.+?)(?::(?P<parameters>\w+=[^/]*))?")
 KEYS = ("ego", "react", "smooth")
@@ -99,5 +100,14 @@ def replayed(name: str) -> Scenario:
         builder,
         len(plan.others),
         max_lateral=inf,
-        duration=round(float(plan.ego.table[-1, 0]), 6),
+        duration=whole_decisions(float(plan.ego.table[-1, 0])),
     )
+
+
+def whole_decisions(time: float) -> float:
+    """The end [s] of the last decision that ends by then: after the record nobody is there any more.
+
+    >>> whole_decisions(8.7)
+    8.6
+    """
+    return round(floor(time / DECISION + 1e-9) * DECISION, 6)

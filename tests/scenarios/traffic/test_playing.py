@@ -115,6 +115,18 @@ def test_an_environment_is_made_of_a_recording(tmp_path):
         assert len(env.truth.objects.id) == 11
 
 
+def test_nobody_is_gone_before_the_last_decision_ends(tmp_path):
+    path = own(tmp_path / "a.csv", traffic(seconds=2.3))
+    with make(f"replay:{path}:ego=5", tracker="rm-koch") as env:
+        env.reset(seed=0)
+        truncated = False
+        while not truncated:
+            _, _, terminated, truncated, _ = env.step(1)
+            assert not terminated
+        assert env.truth.time == pytest.approx(2.2)
+        assert len(env.truth.objects.id) == 11
+
+
 def test_another_recording_under_the_same_name_is_another_scenario(tmp_path):
     path = own(tmp_path / "a.csv")
     names = own_names([f"replay:{path}:ego=5", "cut-in"])
