@@ -21,8 +21,8 @@ def lanes_of(table: Loaded | None) -> tuple[RoadMap, RoadGeometry]:
     centres = np.split(xy, starts[1:])
     width = table["width"][starts]
     for start, centre in zip(starts.tolist(), centres, strict=True):
-        if len(centre) < 2 or names[start] in names[:start]:
-            raise table.fault("lane", start, f"lane {str(names[start])!r} is not one line of two points or more",
+        if (centre == centre[0]).all() or names[start] in names[:start]:
+            raise table.fault("lane", start, f"lane {str(names[start])!r} is not one line of two places or more",
                               "put its points below each other, in the direction of travel")  # fmt: skip
     road = RoadMap.of([(centre, float(w)) for centre, w in zip(centres, width, strict=True)])
     return road, _drawn(centres, width)

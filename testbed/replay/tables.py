@@ -112,6 +112,8 @@ def _read_csv(path: Path) -> pa.Table:
     if not head:
         raise csv.Error("it is empty")
     names = [name.strip() for name in head]
+    if len(names) == 1 and (other := next((mark for mark in ";\t|" if mark in names[0]), None)):
+        raise csv.Error(f"its columns are separated by {other!r}, not by commas")
     return pa_csv.read_csv(
         path,
         read_options=pa_csv.ReadOptions(column_names=names, skip_rows=1),

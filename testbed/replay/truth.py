@@ -42,7 +42,7 @@ class There(NamedTuple):
 class Truth(NamedTuple):
     """The truth of all scans."""
 
-    file: str
+    table: Loaded | None
     rows: TruthRows
     numbers: Mapping[str, int]  # id in the table -> id in scenes
     span: tuple[float, float] | None  # [s] its first and last time; None: there is no truth
@@ -57,31 +57,43 @@ class Truth(NamedTuple):
     def _bodies(self, r: TruthRows) -> Bodies:
         """Their outlines: those of the table, else boxes; each body moves as its vehicle does."""
         boxes, texts = box_corners(r.pose, r.size), r.contour.tolist()
-        outlines = [parse_contour(text, self.file) if text else [box] for box, text in zip(boxes, texts, strict=True)]
+        outlines = [self._outlines(text) if text else [box] for box, text in zip(boxes, texts, strict=True)]
         owner = np.array([k for k, parts in enumerate(outlines) for _ in parts], int)
         flat = tuple(part for parts in outlines for part in parts)
         return Bodies(owner, r.pose[owner], r.velocity[owner], r.yaw_rate[owner], flat)
+
+    def _outlines(self, text: str) -> list[NDArray]:
+        try:
+            return parse_contour(text)
+        except ValueError as error:
+            assert self.table is not None  # it has the text
+            row = int(np.argmax(self.table["contour"] == text))
+            raise self.table.fault("contour", row, str(error), "write three points or more, x y;x y;x y") from None
 
 
 def truth_at(table: Loaded | None, times: NDArray) -> Truth:
     """The vehicles at each of the times (F,) [s]; none without a table.
 
-    Raises ValueError, in one sentence, where rows are not sorted, or a vehicle is there twice at one time.
+    Raises ValueError, in one sentence, where rows are not sorted, a vehicle is there twice at one time, or all scans
+    are before or after the truth.
     """
     if table is None:
-        return Truth("", _no_rows(), {}, None)
+        return Truth(None, _no_rows(), {}, None)
     if not table.rows:
         raise ValueError(f"{table.file} has no row; delete it where there is no truth")
     check_motion(table)
     time = table["time"]
     table.check_sorted()
     table.check("id", table["id"] == "", lambda row: "it is empty", "give each vehicle its id")
+    if time[-1] < times[0] or times[-1] < time[0]:
+        what = f"the truth is from {time[0]} s to {time[-1]} s, the scans are from {times[0]} s to {times[-1]} s"
+        raise table.fault("time", 0, what, "give all tables the same clock, or delete this one")
     parts = [_course(table, rows, times) for rows in _rows_of_each(table)]
     scan, first, second, share = (np.concatenate(column) for column in zip(*parts, strict=True))
     order = np.lexsort((first, scan))
     where = Between(first[order], second[order], share[order], np.ones(len(order), bool))
     numbers = _numbers(table["id"])
-    return Truth(table.file, _states(table, scan[order], where, numbers), numbers, (float(time[0]), float(time[-1])))
+    return Truth(table, _states(table, scan[order], where, numbers), numbers, (float(time[0]), float(time[-1])))
 
 
 def _no_rows() -> TruthRows:
@@ -139,16 +151,14 @@ def _numbers(names: NDArray) -> dict[str, int]:
     return {name: number for number, name in enumerate(different, 1)}
 
 
-def parse_contour(text: str, file: str) -> list[NDArray]:
-    """The outlines in a cell `x y;x y;x y|x y;x y;x y`, each (C, 2) [m]; ValueError, in one sentence, for others."""
+def parse_contour(text: str) -> list[NDArray]:
+    """The outlines in a cell `x y;x y;x y|x y;x y;x y`, each (C, 2) [m]; ValueError for others."""
     try:
         parts = [np.array([point.split() for point in part.split(";")], float) for part in text.split("|")]
     except ValueError:
         parts = []
     if not parts or not all(p.ndim == 2 and len(p) > 2 and p.shape[1] == 2 and np.isfinite(p).all() for p in parts):
-        raise ValueError(
-            f"{file}, column contour: {text[:60]!r} is no outline; write three points or more, x y;x y;x y"
-        )
+        raise ValueError(f"{text[:60]!r} is no outline")
     return parts
 
 

@@ -136,7 +136,20 @@ CASES = {
     "too many at once": (crowd, r"detections\.csv, column time, row 1: 20001 detections .* most is 20000"),
     "unknown kind": (column("detections", "kind", "lorry"), r"column kind, row 1: .*'lorry'; choose one of contour"),
     "unknown object": (column("detections", "object", "c"), r"column object, row 1: .*no vehicle 'c'; write its id"),
-    "bad contour": (column("truth", "contour", "1 2;3"), r"truth\.csv, column contour: '1 2;3' is no outline"),
+    "bad contour": (column("truth", "contour", "1 2;3"), r"contour, row 1: '1 2;3' is no outline; write three"),
+    "a truth of another clock": (
+        lambda t: t["truth"].update(time=[time + 100 for time in t["truth"]["time"]]),
+        r"truth\.csv, column time, row 1: the truth is from",
+    ),
+    "a lane of one place": (scaled("lanes", "x", 0.0), r"lanes\.csv, column lane, row 1: lane '0' is not one line"),
+    "speed in km/h": (scaled("ego", "speed", 3.6), r"column x, row 1: in 0\.5 s .* go 10\.0 m, .* 36\.0 m, .*in m/s"),
+    "an ego whose places are not known": (scaled("ego", "x", 0.0), r"x and y go 0\.0 m, .* a frame that stands"),
+    "small heading in degrees": (column("ego", "heading", 5.0), r"column x, row 1: .*headings in radians"),
+    "heading turned round": (column("ego", "heading", np.pi), r"heading 10\.0 m, 20\.0 m apart"),
+    "a velocity across the heading": (
+        lambda t: t["ego"].update(vx=t["ego"].pop("speed"), vy=t["ego"]["y"], heading=[5.0] * len(t["ego"]["y"])),
+        r"column x, row 1: .*headings in radians",
+    ),
     "a lane of one point": (only("lanes", 3), r"lanes\.csv, column lane, row 3: lane '1' is not one line"),
     "bad profile": (column("sensors", "profile_inside", 2), r"sensors\.csv, row 1: inside, .*profile_"),
 }
@@ -166,6 +179,7 @@ def test_the_tables_are_good_but_for_that(tmp_path):
         (b"time,x\n1,2,3\n", r"ego\.csv cannot be read: CSV parse error.*; write"),
         (b"time,x,x\n1,2,3\n", r"ego\.csv has the column x twice"),
         (b"\xff\xfe\x00t", r"ego\.csv cannot be read: "),
+        (b"time;x;y\n1;2;3\n", r"ego\.csv cannot be read: its columns are separated by ';', not by commas; write it"),
     ],
 )
 def test_a_broken_csv_is_refused_in_a_sentence(content, sentence, tmp_path):
