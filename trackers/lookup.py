@@ -13,6 +13,9 @@ from difflib import get_close_matches
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from inspect import Parameter, isclass, isroutine, signature
+from numbers import Integral, Real
+from pathlib import Path
+from traceback import extract_tb
 from typing import Any, TypeVar
 
 T = TypeVar("T")
@@ -39,6 +42,14 @@ def look_up(name: str, catalogue: Mapping[str, T], what: str) -> T:
         raise LookupError(f"no {what} {name!r}; {hint}") from None
 
 
+KINDS: Mapping[str, tuple[type, str]] = {  # of parameters that say of which type they are: who goes, in words
+    "float": (Real, "a number, such as 0.5"), "int": (Integral, "a whole number, such as 2"),
+    "bool": (Integral, "on or off"),
+}  # fmt: skip
+FAULTS = (  # of a class or function of a user that is called; a ValueError is a sentence already
+    ArithmeticError, AssertionError, AttributeError, ImportError, LookupError, NameError, OSError, RuntimeError,
+    TypeError,
+)  # fmt: skip
 SWITCHES = {"on": True, "off": False, "none": None}
 
 
@@ -51,12 +62,14 @@ def parse(text: str) -> tuple[str, dict[str, Any]]:
     ('my_ekf:CentroidEKF', {'gain': 2})
 
     Raises:
-        ValueError: a parameter without a value, or given twice.
+        ValueError: a parameter without a value, or given twice, or a file in place of a module.
     """
     name, colon, rest = text.partition(":")
     item, more, parameters_of_item = rest.partition(":")
     if _is_path(name) and _is_path(item):
         name, colon, rest = f"{name}:{item}", more, parameters_of_item
+    if name.endswith(".py"):
+        raise ValueError(f"{text!r} names a file; start in its folder, and write {Path(name).stem}:OBJECT")
     parameters: dict[str, Any] = {}
     for part in rest.split(",") if colon else ():
         key, equals, value = (piece.strip() for piece in part.partition("="))
@@ -179,18 +192,44 @@ def parameters_of(made_by: Any) -> tuple[str, ...]:
     return ()
 
 
+def check_types(made_by: Any, name: str, parameters: Mapping[str, Any]) -> None:
+    """Raise ValueError for a value that is no number, no whole number or no switch, where the parameter says so.
+
+    Args:
+        made_by: a class, a function, or an instance of a dataclass, which has the parameters.
+        name: what it is called, for the error.
+        parameters: values as given; a parameter says its type by the annotation float, int or bool.
+    """
+    if is_dataclass(made_by):
+        said: dict[str, Any] = {field.name: field.type for field in fields(made_by)}
+    else:
+        said = {key: p.annotation for key, p in signature(made_by).parameters.items()}
+    for key, value in parameters.items():
+        kind, words = KINDS.get(getattr(said[key], "__name__", said[key]), (object, ""))
+        if not isinstance(value, kind) or (isinstance(value, bool) and words and "off" not in words):
+            raise ValueError(f"{name}: {key} must be {words}, got {value!r}")
+
+
 def with_parameters(found: Any, name: str, parameters: Mapping[str, Any]) -> Any:
     """An object of a class or function called with these parameters, or a dataclass instance with them replaced.
 
-    Raises ValueError for a parameter that it does not have, or one that it needs and does not get.
+    Raises ValueError for a parameter that it does not have, one that it needs and does not get, one of another type,
+    and where the class or function fails.
     """
     known = parameters_of(found)
     if unknown := parameters.keys() - {*known}:
         raise ValueError(f"{name} has no parameter {', '.join(sorted(unknown))}; it has {', '.join(known) or 'none'}")
+    if parameters:
+        check_types(found, name, parameters)
     if not (isclass(found) or isroutine(found)):
         return replace(found, **parameters) if parameters else found
     taken = signature(found).parameters.values()
     needed = [p.name for p in taken if p.default is p.empty and p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)]
     if missing := [key for key in needed if key not in parameters]:
         raise ValueError(f"{name} needs a value of {', '.join(missing)}; write {name}:{missing[0]}=VALUE")
-    return found(**parameters)
+    try:
+        return found(**parameters)
+    except FAULTS as error:
+        at = extract_tb(error.__traceback__)[-1]
+        what = f"making it fails with {type(error).__name__}: {error}"
+        raise ValueError(f"{name}: {what} ({Path(at.filename).name}:{at.lineno}, in {at.name})") from error

@@ -10,7 +10,7 @@ from trackers.htg.learned import HTGLearned
 from trackers.htg.map import HTGMap
 from trackers.htg.moment import HTGMoment
 from trackers.htg.online import HTGOnline
-from trackers.lookup import find_own, is_own, look_up, parameters_of, parse, with_parameters
+from trackers.lookup import check_types, find_own, is_own, look_up, parameters_of, parse, with_parameters
 from trackers.multi.ground import GroundTest
 from trackers.multi.tracker import MultiObjectTracker
 from trackers.pmht import AdaptiveSpline, Learner, SplinePmht, Walk
@@ -160,6 +160,7 @@ def build(text: str, sensors: Sequence[SensorModel], **parameters: Any) -> Any:
         known = ", ".join([*entry.filter.__dataclass_fields__, *sorted(LAYERS)])
         fault = TypeError if unknown & parameters.keys() else ValueError
         raise fault(f"{name} has no parameter {', '.join(sorted(unknown))}; it has {known}")
+    check_types(MultiObjectTracker, name, {key: wanted[key] for key in own})
     filter = _changed(entry.filter, name, {key: value for key, value in wanted.items() if key not in own})
     layers = {**entry.layers, **{key: wanted[key] for key in own}}
     if layers.get("size") == "off":
@@ -184,6 +185,7 @@ def _built(found: Any, name: str, wanted: Mapping[str, Any], sensors: tuple[Sens
             f"tracker {name!r} is {made!r}, which has no {', '.join(missing)}; a filter has init, predict, update and "
             "estimate, a tracker has start and step"
         )
+    check_types(MultiObjectTracker, name, layers)
     return MultiObjectTracker(made, sensors, **layers)
 
 
@@ -193,4 +195,5 @@ def _changed(filter: Any, name: str, parameters: Mapping[str, Any]) -> Any:
         raise TypeError(
             f"{name} has no parameter {', '.join(sorted(unknown))}; it has {', '.join(filter.__dataclass_fields__)}"
         )
+    check_types(filter, name, parameters)
     return replace(filter, **parameters)

@@ -33,6 +33,10 @@ MODULE = """
         def start(self): ...
         def step(self, tracks, scan, dt): ...
 
+    class Fails:
+        def __init__(self, share: "float" = 0.5):
+            raise KeyError("no such file")
+
     class Namespace:
         inner = tuned
 
@@ -117,6 +121,23 @@ def test_radars_of_a_user_are_found_and_those_of_the_catalogue_take_parameters(u
         ("my_filters:needy", ValueError, "needs a value of must; write my_filters:needy:must=VALUE"),
         ("my_filters:number", ValueError, "is 3, which has no init, predict, update, estimate; a filter has"),
         ("my_filters:Own:size=ends", ValueError, "is a whole tracker, which has no parameter size"),
+        (
+            "my_filters:tuned:sigma=wide",
+            ValueError,
+            "tuned: sigma must be a number, such as 0.5, got 'wide'",
+        ),
+        ("my_filters:Mine:gain=none", ValueError, "my_filters:Mine: gain must be a number, such as 0.5, got None"),
+        ("my_filters:Fails:share=x", ValueError, "my_filters:Fails: share must be a number, such as 0.5, got 'x'"),
+        (
+            "my_filters:Fails",
+            ValueError,
+            "making it fails with KeyError: 'no such file' (my_filters.py:",
+        ),
+        ("my_filters:tuned:prune_below=on", ValueError, "tuned: prune_below must be a number, such as 0.5, got True"),
+        ("rm-feldmann:sigma=on", ValueError, "rm-feldmann: sigma must be a number, such as 0.5, got True"),
+        ("rm-feldmann:prune_below=off", ValueError, "prune_below must be a number, such as 0.5, got False"),
+        ("htg-rm:rounds=2.5", ValueError, "htg-rm: rounds must be a whole number, such as 2, got 2.5"),
+        ("./my_filters.py:tuned", ValueError, "names a file; start in its folder, and write my_filters:OBJECT"),
         ("rm-kochh", LookupError, "no tracker 'rm-kochh'; did you mean 'rm-koch'"),
     ],
 )
