@@ -1,11 +1,11 @@
 """One closed-loop run from start to table."""
 
 import json
-from collections.abc import Callable, Sequence
-from contextlib import closing
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, contextmanager, nullcontext
 from copy import deepcopy
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from hashlib import sha256
 from math import inf
 from pathlib import Path
@@ -32,6 +32,11 @@ from trackers import DEFAULT
 from trackers.json_file import read_json
 
 EXAMPLE = '{"vehicles_count": 30}'
+OF_CONFIGS = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError)  # what environments raise about them
+
+
+class Unusable(ValueError):
+    """The environment, or the planner, does not take what the user has configured; one sentence says what."""
 
 
 @dataclass(frozen=True)
@@ -78,6 +83,7 @@ class RunConfig:
             raise ValueError(f"config: cannot read {self.config}: {error}; give a JSON file like {EXAMPLE}") from None
         if not isinstance(found, dict):
             raise ValueError(f"config: {self.config} must hold one JSON object like {EXAMPLE}")
+        check_duration(found.get("duration"))
         return found
 
 
@@ -145,6 +151,19 @@ def make_env(config: RunConfig) -> gym.Env:
     return env
 
 
+@contextmanager
+def _configured(config: RunConfig) -> Iterator[None]:
+    """Around what depends on a config or an environment of highway-env: an error there is one of the user's choice."""
+    try:
+        yield
+    except OF_CONFIGS as error:
+        if not config.settings and isinstance(scenario_of(config.scenario), Scenario):
+            raise
+        what = f"{config.scenario} with {config.config}" if config.settings else config.scenario
+        kind = "" if type(error) is ValueError else f"{type(error).__name__}: "
+        raise Unusable(f"{what} cannot be run: {kind}{error}; change the config or the planner") from error
+
+
 def length(config: RunConfig) -> float:
     """Simulated time [s] after which a run ends at the latest."""
     given = config.duration or config.settings.get("duration") or scenario_of(config.scenario).duration
@@ -163,10 +182,14 @@ def run(
 
     Raises:
         LookupError: an unknown scenario, tracker, radar or planner; the nearest name is suggested.
+        Unusable: the environment does not take the config, or the planner of the catalogue not the environment.
         OSError: log or results cannot be written where they belong; raised before the run begins.
     """
     planner = planners.find(config.planner)
-    with interruptible() as interrupt, closing(make_env(config)) as env:
+    choice = nullcontext if own_module(config.planner, "planner") else partial(_configured, config)
+    with _configured(config):
+        env = make_env(config)
+    with interruptible() as interrupt, closing(env):
         tracked: Any = env
         for observer in observers:
             tracked.attach(observer)
@@ -180,7 +203,8 @@ def run(
         start, cpu, done = perf_counter(), process_time(), False
         try:
             while not done and interrupt.signal is None:
-                action, tracked.plan = planner.choose(env)
+                with choice():
+                    action, tracked.plan = planner.choose(env)
                 _, _, terminated, truncated, _ = env.step(action)
                 done = terminated or truncated or tracked.truth.time >= until
                 if progress:

@@ -12,7 +12,7 @@ from testbed.environment.wrapper import TrackedEnv
 from testbed.files import LostFileWarning
 from testbed.log import reader
 from testbed.log.record import run_id
-from testbed.run import RunConfig, check, make_env, run
+from testbed.run import RunConfig, Unusable, check, make_env, run
 from trackers import DEFAULT
 from trackers.multi.tracks import StepInfo
 
@@ -232,14 +232,58 @@ def test_a_config_in_a_file_is_in_the_name_and_in_the_results(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "sentence"), [("{", "cannot read"), ("[1]", "must hold one JSON object"), (None, "no")]
+    ("text", "sentence"),
+    [
+        ("{", "config: .*cannot read"),
+        ("[1]", "config: .*must hold one JSON object"),
+        (None, "config: .*no"),
+        ('{"duration": "long"}', "duration must be positive and finite, got 'long' s"),
+    ],
 )
 def test_a_config_that_is_none_is_refused_in_a_sentence(tmp_path, text, sentence):
     file = tmp_path / "cfg.json"
     if text is not None:
         file.write_text(text)
-    with pytest.raises(ValueError, match=f"config: .*{sentence}"):
+    with pytest.raises(ValueError, match=sentence):
         check(RunConfig("cut-in", out=str(tmp_path), config=str(file)))
+
+
+@pytest.mark.parametrize(
+    ("scenario", "text", "sentence"),
+    [
+        (
+            "highway-v0",
+            '{"vehicle_count": 3}',
+            "highway-v0 with .*cannot be run: highway-v0 has no config veh.*;",
+        ),
+        (
+            "highway-v0",
+            '{"vehicles_count": "many"}',
+            "cannot be run: TypeError: .*; change the config",
+        ),
+        ("highway-v0", '{"policy_frequency": 0}', r"config\['policy_frequency'\] must be positive and finite, got 0;"),
+        ("highway-v0", '{"action": {"type": "Fly"}}', "cannot be run: Unknown action type; change the config"),
+        ("cut-in", '{"vehicles_count": 3}', "cut-in with .*cfg.json cannot be run: config has no key 'vehicles_count'"),
+        (
+            "parking-v0",
+            "{}",
+            "parking-v0 cannot be run: TypeError: the planner needs .*; change",
+        ),
+    ],
+)
+def test_a_config_that_the_environment_does_not_take_is_told_in_a_sentence(tmp_path, scenario, text, sentence):
+    file = tmp_path / "cfg.json"
+    file.write_text(text)
+    config = RunConfig(scenario, ("rm-feldmann",), duration=1.0, out=str(tmp_path), log="off", config=str(file))
+    check(config)
+    with pytest.raises(Unusable, match=sentence):
+        run(config)
+
+
+def test_what_nobody_has_configured_stays_a_defect(tmp_path, monkeypatch):
+    monkeypatch.setattr("testbed.run.make_env", lambda config: {}["gone"])
+    with pytest.raises(KeyError):
+        run(short(tmp_path))
 
 
 def test_only_scenarios_of_ours_know_when_a_maneuver_ends(tmp_path):
