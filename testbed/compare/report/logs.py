@@ -13,7 +13,7 @@ from testbed.compare.runs.config import Comparison, Task
 from testbed.compare.runs.engine import Engine, perform
 from testbed.compare.runs.replay import REPLAY, write_log
 from testbed.compare.runs.results import Results
-from testbed.compare.runs.tasks import DONE, FAILED, FOUND, Outcome, obtain, recording_of, recording_path
+from testbed.compare.runs.tasks import DONE, FAILED, FOUND, Outcome, obtain, recording_of, recording_path, rows_path
 from testbed.files import make_directory
 from testbed.log.record import run_id
 from testbed.run import RunConfig
@@ -59,9 +59,10 @@ def picks(results: Results) -> list[Pick]:
     return found
 
 
-def side_by_side(task: Task, baseline: str) -> tuple[str, ...]:
-    """The trackers in a log: the one it is about, then the reference."""
-    return tuple(dict.fromkeys((task.tracker, baseline)))
+def side_by_side(task: Task, baseline: str, out: Path) -> tuple[str, ...]:
+    """The trackers in a log: the one it is about, then the reference, unless that failed on this seed."""
+    beside = rows_path(task._replace(tracker=baseline), out).exists()
+    return tuple(dict.fromkeys((task.tracker, *[baseline] * beside)))
 
 
 def log_path(task: Task, comparison: Comparison, out: Path) -> Path:
@@ -69,7 +70,7 @@ def log_path(task: Task, comparison: Comparison, out: Path) -> Path:
     settings = comparison.settings
     planner = REPLAY if settings.loop == "open" else settings.planner
     scenario, faults = split_faults(task.scenario)
-    trackers = side_by_side(task, comparison.baseline)
+    trackers = side_by_side(task, comparison.baseline, out)
     name = run_id(scenario, trackers, settings.radar, planner, task.seed, None, faults)
     return out / FOLDER / f"{name}.rrd"
 
@@ -108,7 +109,7 @@ def _reads(task: Task, comparison: Comparison, out: Path) -> list[Path]:
 def write_one(task: Task, comparison: Comparison, out: Path) -> Outcome:
     """Write one log into the folder of the results, where it appears when it is complete."""
     path = log_path(task, comparison, out)
-    trackers, settings = side_by_side(task, comparison.baseline), comparison.settings
+    trackers, settings = side_by_side(task, comparison.baseline, out), comparison.settings
     scenario, faults = split_faults(task.scenario)
     try:
         with TemporaryDirectory(dir=path.parent, prefix=".part-") as part:

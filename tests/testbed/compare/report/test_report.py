@@ -22,7 +22,7 @@ from testbed.compare.runs.config import SETTINGS, Comparison, Settings, Task, id
 from testbed.compare.runs.engine import Engine
 from testbed.compare.runs.measures import MAIN
 from testbed.compare.runs.results import Results, collect
-from testbed.compare.runs.tasks import FAILED, Outcome
+from testbed.compare.runs.tasks import FAILED, Outcome, rows_path
 from testbed.compare.runs.work import Tally, execute
 from testbed.compare.statistics.analysis import cells
 from tests.testbed.compare.made_results import make
@@ -396,6 +396,16 @@ def test_logs_that_are_there_are_kept(recorded, tmp_path):
     outcomes = logs.write(results, found)
     assert [o.status for o in outcomes] == ["found", "done"]
     assert kept.read_text() == "mine"
+
+
+def test_a_reference_that_failed_is_in_no_log(recorded, tmp_path):
+    copied = replace(recorded[0], out=str(shutil.copytree(recorded[0].out, tmp_path / "copy")))
+    shutil.rmtree(tmp_path / "copy" / "logs", ignore_errors=True)
+    task = next(task for task in copied.tasks if task.tracker == copied.baseline)
+    rows_path(task, tmp_path / "copy").unlink()
+    results = collect(copied)
+    assert {outcome.status for outcome in logs.write(results, logs.picks(results))} == {"done"}
+    assert [p.stem for p in (tmp_path / "copy" / "logs").glob("*.rrd")] == ["cut-in_rm-koch_surround_replay_seed0"]
 
 
 def test_logs_of_closed_loops_are_driven_again(tmp_path):
