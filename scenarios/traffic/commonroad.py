@@ -30,6 +30,7 @@ def columns_of(path: Path) -> dict[str, list[str]]:
         raise ValueError(f"{path.name} is no XML: {error}; give a CommonRoad scenario") from None
     if root.tag != "commonRoad" or "timeStepSize" not in root.attrib:
         raise ValueError(f"{path.name} begins with {root.tag!r}, not with 'commonRoad' and its timeStepSize")
+    step = _number(root.attrib["timeStepSize"], "timeStepSize", path.name)
     found: dict[str, list[str]] = {key: [] for key in LAYOUT.columns}
     for obstacle in _obstacles(root):
         name = obstacle.get("id", "")
@@ -37,7 +38,7 @@ def columns_of(path: Path) -> dict[str, list[str]]:
         fixed |= {"id": name, "kind": obstacle.findtext("type", "")}
         for state in (*obstacle.findall("initialState"), *obstacle.findall("trajectory/state")):
             row = fixed | {key: _text(state, place, name, path.name) for key, place in PLACES.items()}
-            row["time"] = f"{int(row['time']) * float(root.attrib['timeStepSize']):.6f}"
+            row["time"] = f"{_number(row['time'], f'time of obstacle {name}', path.name) * step:.6f}"
             for key, cell in row.items():
                 found[key].append(cell)
     return found
@@ -47,6 +48,13 @@ def _obstacles(root: Element) -> Iterator[Element]:
     """Dynamic obstacles of both versions."""
     yield from root.findall("dynamicObstacle")
     yield from (o for o in root.findall("obstacle") if o.findtext("role") == "dynamic")
+
+
+def _number(text: str, what: str, file: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise ValueError(f"{file}: {what} is {text!r}; give a number") from None
 
 
 def _text(element: Element, place: str, name: str, file: str) -> str:

@@ -95,6 +95,8 @@ def recognised(header: Sequence[str], file: str) -> Layout:
     lacking = [len(layout.missing(header)) / len(layout.needed) for layout in LAYOUTS]
     layout = LAYOUTS[lacking.index(min(lacking))]
     if min(lacking) > KNOWN:
+        if len(header) == 1 and (mark := next((mark for mark in ";\t|" if mark in header[0]), None)):
+            raise ValueError(f"{file} has its columns separated by {mark!r}; write it with commas and decimal points")
         names = ", ".join(other.name for other in LAYOUTS[1:])
         raise ValueError(
             f"{file} has the columns {', '.join(header) or 'none'}, which are of no known layout ({names}); "

@@ -14,9 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenarios.traffic import commonroad
-from scenarios.traffic.layouts import Layout, recognised
+from scenarios.traffic.layouts import FOOT, Layout, recognised
+from trackers.geometry import unit
 
 LONGEST_GAP = 1.0  # [s] between two rows of a vehicle that is interpolated
+LARGEST = 100.0  # [m] of a vehicle
+FASTEST = 100.0  # [m/s] of a vehicle, on average
+DRIVEN = 10.0  # [m] from where on a way has a direction that headings can be compared with
 FEWEST = 5  # rows of a vehicle; those with fewer are left out
 NO_LANE = -1
 CODES = {"1": "motorcycle", "2": "car", "3": "truck"}  # of NGSIM, and what is derived from it
@@ -123,6 +127,10 @@ def _trajectories(columns: dict[str, list[str]], layout: Layout, file: str) -> l
             row = int(np.argmax(number[key] <= 0))
             given = columns[key][row]
             raise ValueError(f"{file}, column {layout.columns[key]}, row {row + 1}: {given} is no size; leave it out")
+        if (large := number[key] * layout.unit > LARGEST).any():
+            row = int(np.argmax(large))
+            given = f"{columns[key][row]} is more than {LARGEST:g} m"
+            raise ValueError(f"{file}, column {layout.columns[key]}, row {row + 1}: {given}; give {_unit(layout)}")
     time, xy, heading, size, lane = _in_si(number, layout)
     order = np.lexsort((time, owner))
     groups = np.split(order, np.flatnonzero(np.diff(owner[order])) + 1)
@@ -136,7 +144,28 @@ def _trajectories(columns: dict[str, list[str]], layout: Layout, file: str) -> l
         kind = kind_of(columns["kind"][rows[0]] if "kind" in columns else "", float(box[0]), float(box[1]))
         turning = None if heading is None else heading[rows]
         found.append(Trajectory(str(names[k]), time[rows], xy[rows], turning, box, kind, lane[rows]))
+    _check_ways(found, layout, file)
     return found
+
+
+def _unit(layout: Layout) -> str:
+    return "feet" if layout.unit == FOOT else "metres"
+
+
+def _check_ways(vehicles: Sequence[Trajectory], layout: Layout, file: str) -> None:
+    """Refuse vehicles that are too fast for their unit, and headings that are not those of the motion."""
+    ahead = []
+    for v in vehicles:
+        way = float(np.hypot(*(v.xy[-1] - v.xy[0])))
+        if (speed := way / (v.time[-1] - v.time[0])) > FASTEST:
+            raise ValueError(f"{file}: vehicle {v.id} drives {speed:.0f} m/s; give places in {_unit(layout)}, the same "
+                             "for all, and times in seconds")  # fmt: skip
+        if v.heading is not None and way > DRIVEN:
+            ahead.append(float((np.diff(v.xy, axis=0) * unit(v.heading[1:])).sum()) / way)  # 1 and more where it fits
+    if ahead and np.median(ahead) < 0.5:
+        column, angle = layout.columns["heading"], "degrees" if layout.degrees else "radians"
+        raise ValueError(f"{file}, column {column}: most vehicles do not drive where it points; give {angle} from x "
+                         "towards y, or leave the column out")  # fmt: skip
 
 
 def _in_si(number: dict[str, NDArray], layout: Layout) -> tuple[NDArray, NDArray, NDArray | None, NDArray, NDArray]:

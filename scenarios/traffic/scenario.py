@@ -75,11 +75,13 @@ def replay_of(name: str) -> Replay:
     match = NAME.fullmatch(name)
     if match is None:
         raise ValueError(f"scenario {name!r} has no file; write replay:FILE, or replay:FILE:ego=ID,react=5")
-    values = parse(f"replay:{match['parameters']}")[1] if match["parameters"] else {}
+    given = match["parameters"] or ""
+    values = parse(f"replay:{given}")[1] if given else {}
     if unknown := values.keys() - {*KEYS}:
         raise ValueError(f"replay has no parameter {', '.join(sorted(unknown))}; it has {', '.join(KEYS)}")
     if "ego" in values:
-        values["ego"] = str(values["ego"])
+        texts = (part.partition("=") for part in given.split(","))
+        values["ego"] = next(text.strip() for key, _, text in texts if key.strip() == "ego")  # 007 and 1e3 are ids
     if values.get("react", 0) is False:
         values["react"] = None
     return Replay(match["file"], **values)

@@ -9,6 +9,7 @@ import pytest
 from scenarios import find
 from scenarios.traffic.fitting import fit
 from scenarios.traffic.motion import course, smoothed
+from scenarios.traffic.scenario import replay_of
 from tests.scenarios.traffic.recorded import (
     LANES,
     LENGTH,
@@ -101,6 +102,8 @@ def test_lanes_without_numbers_are_those_where_most_drive():
         ("time,id,x,y,length,width\n0,1,0,0,0,2\n", "column length, row 1: 0 is no size"),
         ("time,id,x,y,length,width\n0,1,0,0,4,2\n0,1,5,0,4,2\n", "vehicle 1 has two rows at 0.00 s"),
         ("time,id,x,y,length,width\n0,1,0,0,4,2\n3,1,5,0,4,2\n", "vehicle 1 has no row for 3.0 s after 0.00 s"),
+        ("time,id,x,y,length,width\n0,1,0,0,440,2\n", "column length, row 1: 440 is more than 100 m; give metres"),
+        ("time;id;x;y;length;width\n0;1;0;0;4;2\n", "columns separated by ';'; write it with commas"),
     ],
 )
 def test_a_wrong_file_is_answered_by_name(text, message, tmp_path):
@@ -109,6 +112,31 @@ def test_a_wrong_file_is_answered_by_name(text, message, tmp_path):
     with pytest.raises(ValueError, match=message) as caught:
         find(f"replay:{path}")
     assert "\n" not in str(caught.value)
+
+
+def scaled(path, column, factor):
+    """A recording with one column of numbers multiplied."""
+    head, *lines = path.read_text().splitlines()
+    rows = [line.split(",") for line in lines]
+    k = head.split(",").index(column)
+    path.write_text(
+        "\n".join([head, *(",".join([*row[:k], str(float(row[k]) * factor), *row[k + 1 :]]) for row in rows)])
+    )
+    return path
+
+
+def test_places_and_headings_of_another_unit_are_refused(tmp_path):
+    with pytest.raises(ValueError, match=r"a\.csv: vehicle 1 drives 2000 m/s; give places in metres"):
+        plan(scaled(own(tmp_path / "a.csv"), "x", 100))
+    rows = [line + ",1.57" for line in own(tmp_path / "b.csv").read_text().splitlines()]
+    (tmp_path / "b.csv").write_text("\n".join(rows).replace(",1.57", ",heading", 1))
+    with pytest.raises(ValueError, match=r"column heading: most vehicles do not drive where it points; give radians"):
+        plan(tmp_path / "b.csv")
+
+
+def test_an_id_is_a_text(tmp_path):
+    for name in ("007", "1e3", "on"):
+        assert replay_of(f"replay:a.csv:react=off,ego={name}").ego == name
 
 
 def test_a_vehicle_that_is_not_there_is_named(tmp_path):
@@ -149,6 +177,7 @@ def test_a_file_that_is_no_common_road_is_refused(tmp_path):
         ("<osm/>", "begins with 'osm'"),
         ('<commonRoad timeStepSize="0.1"><dynamicObstacle id="7"/></commonRoad>', "obstacle 7 has no shape/rectangle"),
         ('<commonRoad timeStepSize="0.1"/>', "no rows"),
+        ('<commonRoad timeStepSize="fast"/>', "a.xml: timeStepSize is 'fast'; give a number"),
     ]:
         path.write_text(text)
         with pytest.raises(ValueError, match=message):
