@@ -16,6 +16,7 @@ import testbed
 from testbed.command_line import tables
 from testbed.command_line.results import show_files, show_measures
 from testbed.command_line.terminal import (
+    busy,
     complain,
     console,
     drop_stdout,
@@ -197,7 +198,7 @@ def replay(
     from testbed.replay.replaying import ReplayConfig, prepare
     from testbed.replay.replaying import replay as replay_once
 
-    with user_input():
+    with user_input(), busy(f"reading {folder}"):
         settings = ReplayConfig(str(folder), tuple(tracker or (DEFAULT,)), start, end, str(out), log)
         recorded = prepare(settings)
     with user_input((OSError,)), progress_bar("{task.completed:.0f} / {task.total:.0f} scans") as bar:
@@ -228,7 +229,7 @@ def record(
 
     with user_input():
         command.check(scenario, seed, radar, duration, out, format)
-    with user_input((OSError,)):
+    with user_input((OSError,)), busy(f"driving {scenario}, seed {seed}"):
         written = command.record(scenario, seed, radar, duration, out, format)
     for path in written:
         console.print(f"{path.stem:10} {path}", soft_wrap=True)

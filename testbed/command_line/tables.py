@@ -108,7 +108,10 @@ def entries() -> dict[str, list[tuple[str, str]]]:
         "planners": [(p.name, p.note) for p in PLANNERS.values()],
     }
     for what in ("scenario", "tracker", "radar", "planner"):
-        found[f"{what}s"] += [(name, origin(point)) for name, point in installed(what).items()]
+        ours = {name for name, _ in found[f"{what}s"]}
+        for name, point in installed(what).items():
+            taken = f"; the name is ours, write {point.value}" if name in ours else ""
+            found[f"{what}s"].append((name, origin(point) + taken))
     return found
 
 

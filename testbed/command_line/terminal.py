@@ -9,7 +9,9 @@ from typing import IO, Any, cast
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.status import Status
 
 console = Console()
 LONGEST = 600  # characters of a sentence
@@ -73,6 +75,11 @@ def progress_bar(amount: str, window: float = 30.0) -> Progress:
     )
     console = Console(file=cast(IO[str], LossyStderr()))
     return Progress(*columns, console=console, speed_estimate_period=window)
+
+
+def busy(what: str) -> Status:
+    """Says on a terminal what is going on while nothing measures how far it is; nothing where stderr is a file."""
+    return Console(file=cast(IO[str], LossyStderr())).status(escape(what))
 
 
 class LossyStderr:

@@ -11,6 +11,7 @@ import signal
 import subprocess
 import sys
 import time
+from io import StringIO
 
 import pytest
 from rich.console import Console
@@ -19,6 +20,7 @@ import testbed
 from scenarios import SCENARIOS
 from scenarios.traffic.scenario import KEYS
 from testbed.command_line import tables
+from testbed.command_line.terminal import busy
 from testbed.log import reader
 from trackers import DEFAULT
 
@@ -256,3 +258,15 @@ def test_units_in_brackets_are_printed(tmp_path):
 def test_every_scenario_says_its_duration_before_it_is_built():
     """The progress bar takes it from the catalogue."""
     assert all(scenario.duration > 0 for scenario in SCENARIOS.values())
+
+
+@pytest.mark.parametrize("terminal", [True, False])
+def test_a_long_reading_is_said_on_a_terminal_and_nowhere_else(monkeypatch, terminal):
+    shown = StringIO()
+    monkeypatch.setattr(shown, "isatty", lambda: terminal, raising=False)
+    monkeypatch.setattr(sys, "stderr", shown)
+    monkeypatch.setenv("TERM", "xterm")
+    with busy("reading [drive]"):
+        pass
+    assert ("reading [drive]" in shown.getvalue()) == terminal
+    assert terminal or not shown.getvalue()

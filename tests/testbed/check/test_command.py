@@ -66,9 +66,10 @@ def test_what_cannot_be_checked_is_one_sentence_and_exit_status_2(user, argument
 
 
 def test_the_list_shows_what_packages_register_and_where_it_comes_from(user, monkeypatch):
-    register(user, "my-package", {"trackers": "centroid = my_filters:Centroid"})
+    register(user, "my-package", {"trackers": "centroid = my_filters:Centroid\nrm-koch = my_filters:Centroid"})
     monkeypatch.syspath_prepend(str(user))
     done = call("list", "trackers")
+    assert "the name is ours, write my_filters:Centroid" in " ".join(done.output.split())
     assert done.exit_code == 0
     assert "centroid" in done.output
     assert "from my-package 1.2: my_filters:Centroid" in done.output
