@@ -96,6 +96,8 @@ def drive(planner: Any, spoil: bool = False) -> NDArray:
                 raise Broken("the planner moves vehicles of the road that it reads; work on a copy")
             if np.ndim(choice.plan) != 2 or np.shape(choice.plan)[-1] != 2:
                 raise Broken(f"plan must be points (P, 2) in metres, got shape {np.shape(choice.plan)}")
+            if choice.action is None:
+                raise Broken("the action is None, which drives on unchanged; is a return missing?")
             found.append(np.ravel(choice.action))
             over = env.step(choice.action)[2:4]
             if any(over):

@@ -258,6 +258,11 @@ class Wild(Restive):
         return Choice(99, np.zeros((0, 2)))
 
 
+class Silent(Restive):
+    def choose(self, env):
+        return Choice(None, np.zeros((0, 2)))
+
+
 class Pushes(Restive):
     def choose(self, env):
         env.unwrapped.road.vehicles[-1].position += 1.0
@@ -301,6 +306,7 @@ def begins_late(world, count):
         (entry_laws.the_same_generator_gives_the_same_scan, Noisy(), "draw from the generator that scan gets"),
         (entry_laws.a_car_in_view_is_detected_and_an_empty_road_has_none, Blind(), "have no detection of any"),
         (entry_laws.every_action_is_in_the_action_space, Wild(), "InvalidAction: action 99"),
+        (entry_laws.every_action_is_in_the_action_space, Silent(), "the action is None.*is a return missing"),
         (entry_laws.every_action_is_in_the_action_space, Pushes(), "moves vehicles of the road that it reads"),
         (entry_laws.the_same_drive_has_the_same_actions, Restive(), "has other actions the second time"),
         (entry_laws.a_world_repeats_under_its_seed, scenario_with(drifts), "two worlds of one seed differ"),
