@@ -72,7 +72,9 @@ def check_equal(
         if not close.all():
             where = np.argwhere(~close)[0]
             at = f"{name}[{', '.join(map(str, where))}]" if len(where) else name
-            raise Broken(f"{law}: {at} is {float(a[tuple(where)]):.9g}, which should be {float(b[tuple(where)]):.9g}")
+            found, due = (float(array[tuple(where)]) for array in (a, b))
+            digits = 9 if f"{found:.9g}" != f"{due:.9g}" else 17
+            raise Broken(f"{law}: {at} is {found:.{digits}g}, which should be {due:.{digits}g}")
 
 
 def check_finite(value: Any, law: str) -> None:

@@ -12,6 +12,7 @@ from scenarios import find as find_scenario
 from sensors import RADARS
 from sensors import find as find_radar
 from testbed.check import entry_laws, examine_filter, laws, tracker_laws
+from testbed.check.draws import Broken, check_equal
 from testbed.check.report import (
     FILTER_LAWS,
     ONCE,
@@ -323,3 +324,8 @@ def begins_late(world, count):
 def test_a_broken_radar_planner_or_scenario_is_caught_and_told_why(law, twin, sentence):
     found = verdict(law, twin)
     assert re.search(sentence, found.fault), found
+
+
+def test_two_numbers_that_differ_are_told_with_digits_that_differ():
+    with pytest.raises(Broken, match=r"array\[0\] is 0\.30000000000000004, which should be 0\.2999999999999999"):
+        check_equal(np.array([0.1 + 0.2]), np.array([0.3]), 0, 0)
