@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from trackers.geometry import to_frame
 
 NEAR = 3.0  # [s] below this, a time to collision is a risk
+ROUNDING = 1e-6  # [m/s] of a closing speed; a gap of a kilometre lasts thirty years
 NEXT = [1, 2, 3, 0]  # corner after each of a box
 UNIT_SPEED, UNIT_BRAKING = 30.0, 8.0  # [m/s], [m/s^2] that are worth 1 s, and cost 0.5 s, of J a second
 
@@ -40,8 +41,8 @@ def gap_ahead(pose: NDArray, size: NDArray, corners: NDArray) -> NDArray:
 
 
 def time_to_collision(gap: NDArray, closing: NDArray) -> NDArray:
-    """Gaps [m] over closing speeds [m/s], (...) [s], inf where they open."""
-    return np.divide(gap, closing, out=np.full(np.shape(gap), np.inf), where=closing > 0)  # (MET.21)
+    """Gaps [m] over closing speeds [m/s], (...) [s], inf where they open or close by rounding alone."""
+    return np.divide(gap, closing, out=np.full(np.shape(gap), np.inf), where=closing > ROUNDING)  # (MET.21)
 
 
 def drive_value(speed: NDArray, ttc: NDArray, braking: NDArray) -> NDArray:

@@ -123,6 +123,8 @@ class Radar:
     def __post_init__(self) -> None:
         if not self.sensors:
             raise ValueError(f"{self.name}: sensors is empty; a rig needs at least one")
+        if not isinstance(self.sensors, tuple) or not all(isinstance(sensor, Sensor) for sensor in self.sensors):
+            raise ValueError(f"{self.name}: sensors must be a tuple of Sensor, got {self.sensors!r}")
         if self.rate is not None and not self.rate > 0:
             raise ValueError(f"{self.name}: rate must be positive, got {self.rate}; None scans every frame")
 

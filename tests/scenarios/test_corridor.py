@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import shapely
 
-from scenarios.corridor import gap_ahead
+from scenarios.corridor import gap_ahead, time_to_collision
 from scenarios.highway import ScenarioEnv
 from tests.scenarios.episodes import ONE_NUMBER
 from trackers.geometry import box_corners, to_frame
@@ -67,3 +67,8 @@ def test_a_crash_is_worth_what_the_config_says():
         _, reward, terminated, truncated, _ = env.step(1)
     assert terminated
     assert reward == -3.0
+
+
+def test_no_time_to_collision_comes_of_rounding():
+    found = time_to_collision(np.array([30.0, 30.0, 30.0]), np.array([1e-14, 0.0, 3.0]))
+    assert found.tolist() == [np.inf, np.inf, 10.0]

@@ -280,3 +280,9 @@ def test_sensors_of_other_rates_and_phases_take_part_in_turn():
 def test_rates_and_phases_that_mean_nothing_are_refused(parameters, message):
     with pytest.raises(ValueError, match=message):
         replace(IDEAL, **parameters)
+
+
+@pytest.mark.parametrize("sensors", [3, [1], (3,), "front"])
+def test_a_rig_is_a_tuple_of_sensors(sensors):
+    with pytest.raises(ValueError, match="sensors must be a tuple of Sensor, got"):
+        replace(find("front"), sensors=sensors)
