@@ -13,7 +13,7 @@ from testbed.compare.runs.config import Comparison, Task
 from testbed.compare.runs.engine import Engine, perform
 from testbed.compare.runs.replay import REPLAY, write_log
 from testbed.compare.runs.results import Results
-from testbed.compare.runs.tasks import DONE, FAILED, FOUND, Outcome, obtain, recording_of, recording_path, rows_path
+from testbed.compare.runs.tasks import DONE, FAILED, FOUND, Outcome, obtain, recording_of, recording_path
 from testbed.files import make_directory
 from testbed.log.record import run_id
 from testbed.run import RunConfig
@@ -30,6 +30,12 @@ class Pick(NamedTuple):
     task: Task
     gospa: float  # [m]
     relative: float  # GOSPA over the mean of its scenario
+    trackers: tuple[str, ...]  # in the log: the one it is about, then the reference, unless that failed on this seed
+
+    @property
+    def name(self) -> str:
+        """That of the run."""
+        return self.task.name
 
 
 def picks(results: Results) -> list[Pick]:
@@ -46,6 +52,8 @@ def picks(results: Results) -> list[Pick]:
     runs = runs[np.isfinite(runs["gospa"].astype(float))]
     runs = runs.assign(mean=runs.groupby("scenario")["gospa"].transform("mean"))
     runs = runs.assign(relative=(runs["gospa"] / runs["mean"].where(runs["mean"] > 0)).fillna(1.0))
+    reference = runs[runs["tracker"] == results.comparison.baseline]
+    has_reference = set(zip(reference["scenario"], reference["seed"], strict=True))
     found: list[Pick] = []
     for tracker in results.comparison.trackers:
         order = runs[runs["tracker"] == tracker].sort_values("relative", kind="stable")
@@ -55,23 +63,18 @@ def picks(results: Results) -> list[Pick]:
             for k, place in sorted(distinct.items()):
                 row = order.iloc[k]
                 task = Task(row["scenario"], tracker, int(row["seed"]))
-                found.append(Pick(place, task, float(row["gospa"]), float(row["relative"])))
+                beside = [results.comparison.baseline] * ((row["scenario"], row["seed"]) in has_reference)
+                trackers = tuple(dict.fromkeys((tracker, *beside)))
+                found.append(Pick(place, task, float(row["gospa"]), float(row["relative"]), trackers))
     return found
 
 
-def side_by_side(task: Task, baseline: str, out: Path) -> tuple[str, ...]:
-    """The trackers in a log: the one it is about, then the reference, unless that failed on this seed."""
-    beside = rows_path(task._replace(tracker=baseline), out).exists()
-    return tuple(dict.fromkeys((task.tracker, *[baseline] * beside)))
-
-
-def log_path(task: Task, comparison: Comparison, out: Path) -> Path:
+def log_path(pick: Pick, comparison: Comparison, out: Path) -> Path:
     """Where the log of a run lies in the folder of the report."""
     settings = comparison.settings
     planner = REPLAY if settings.loop == "open" else settings.planner
-    scenario, faults = split_faults(task.scenario)
-    trackers = side_by_side(task, comparison.baseline, out)
-    name = run_id(scenario, trackers, settings.radar, planner, task.seed, None, faults)
+    scenario, faults = split_faults(pick.task.scenario)
+    name = run_id(scenario, pick.trackers, settings.radar, planner, pick.task.seed, None, faults)
     return out / FOLDER / f"{name}.rrd"
 
 
@@ -88,38 +91,37 @@ def write(
     """
     comparison, out = results.comparison, Path(results.comparison.out)
     make_directory(out / FOLDER)
-    tasks = list(dict.fromkeys(pick.task for pick in found))
-    outcomes = [Outcome(task.name, FOUND) for task in tasks if log_path(task, comparison, out).exists()]
-    work = [(task, comparison, out) for task in tasks if not log_path(task, comparison, out).exists()]
+    runs = list({pick.task: pick for pick in found}.values())
+    outcomes = [Outcome(pick.name, FOUND) for pick in runs if log_path(pick, comparison, out).exists()]
+    work = [(pick, comparison, out) for pick in runs if not log_path(pick, comparison, out).exists()]
     with closing(perform(write_one, work, engine, _reads)) as finished:
         if progress:
-            progress(len(outcomes), len(tasks))
+            progress(len(outcomes), len(runs))
         for outcome in finished:
             outcomes.append(outcome)
             if progress:
-                progress(len(outcomes), len(tasks))
+                progress(len(outcomes), len(runs))
     return outcomes
 
 
-def _reads(task: Task, comparison: Comparison, out: Path) -> list[Path]:
+def _reads(pick: Pick, comparison: Comparison, out: Path) -> list[Path]:
     """What a log is made from: in open loop a recording, in closed loop nothing."""
-    return [recording_path(recording_of(task), out)] if comparison.settings.loop == "open" else []
+    return [recording_path(recording_of(pick.task), out)] if comparison.settings.loop == "open" else []
 
 
-def write_one(task: Task, comparison: Comparison, out: Path) -> Outcome:
+def write_one(pick: Pick, comparison: Comparison, out: Path) -> Outcome:
     """Write one log into the folder of the results, where it appears when it is complete."""
-    path = log_path(task, comparison, out)
-    trackers, settings = side_by_side(task, comparison.baseline, out), comparison.settings
+    path, task, settings = log_path(pick, comparison, out), pick.task, comparison.settings
     scenario, faults = split_faults(task.scenario)
     try:
         with TemporaryDirectory(dir=path.parent, prefix=".part-") as part:
             if settings.loop == "open":
                 recording = obtain(recording_of(task), settings, out)
-                made = write_log(recording, trackers, Path(part), faults)
+                made = write_log(recording, pick.trackers, Path(part), faults)
             else:
                 config = RunConfig(
                     scenario,
-                    trackers,
+                    pick.trackers,
                     settings.radar,
                     settings.planner,
                     task.seed,

@@ -223,7 +223,7 @@ def _logs(
         notes = {outcome.name: outcome.note for outcome in outcomes if outcome.status == FAILED}
     links = []
     for pick in found:
-        path = log_files.log_path(pick.task, results.comparison, folder)
+        path = log_files.log_path(pick, results.comparison, folder)
         links.append(LogLink(pick, report_links.found(path, folder, notes.get(pick.task.name, NO_LOG))))
     return links
 

@@ -390,7 +390,7 @@ def test_logs_that_are_there_are_kept(recorded, tmp_path):
     shutil.rmtree(tmp_path / "copy" / "logs", ignore_errors=True)
     results = collect(copied)
     found = logs.picks(results)
-    kept = logs.log_path(found[0].task, copied, tmp_path / "copy")
+    kept = logs.log_path(found[0], copied, tmp_path / "copy")
     kept.parent.mkdir()
     kept.write_text("mine")
     outcomes = logs.write(results, found)

@@ -124,7 +124,7 @@ def test_a_cluster_gives_the_rows_and_logs_of_one_process_also_where_files_are_d
     assert_same_results(here, there)
     found = logs.picks(results)
     assert [o.status for o in logs.write(results, found, engine)] == [DONE] * 4
-    assert all(logs.log_path(pick.task, there, out).stat().st_size > 1000 for pick in found)
+    assert all(logs.log_path(pick, there, out).stat().st_size > 1000 for pick in found)
 
 
 def test_a_worker_of_another_environment_does_nothing():
@@ -261,7 +261,7 @@ def test_the_command_on_a_real_cluster_that_loses_a_worker_gives_the_tables_of_o
     out = Path(there.out)
     assert len(pd.read_parquet(out / RUNS)) == len(collect(here).spans)
     assert {path.name for path in (out / RECORDINGS).iterdir()} == {f"xia2020-lane_seed{k}.npz" for k in range(6)}
-    picked = {logs.log_path(pick.task, there, out).name for pick in logs.picks(collect(there))}
+    picked = {logs.log_path(pick, there, out).name for pick in logs.picks(collect(there))}
     assert {path.name for path in (out / logs.FOLDER).glob("*.rrd")} == picked
     assert len(picked) == 6
     page = (out / "report.html").read_text()
