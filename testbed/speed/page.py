@@ -56,7 +56,9 @@ rate only.
   less than a third into the file.
 - **A log in blocks of 30 steps** instead of 15 takes a quarter less time, and loses two seconds instead of one where a
   run is killed.
-- **What helps training** is a process for each environment, and fewer scans.
+- **Two processes** wait at every step for the slower of the two, and share the memory of one machine: 1.06 to 1.09 in
+  three measurements.
+- **What helps training** is a process for each environment all the same, and fewer scans.
 
 ## Where the time of a frame goes
 
