@@ -56,8 +56,8 @@ rate only.
   less than a third into the file.
 - **A log in blocks of 30 steps** instead of 15 takes a quarter less time, and loses two seconds instead of one where a
   run is killed.
-- **Two processes** wait at every step for the slower of the two, and share one machine: 1.04 to 1.09 in six measurements
-  on two idle cores, up to 1.6 where others used these.
+- **Two processes** wait at every step for the slower of the two, and share one machine: 1.04 to 1.09 in six
+  measurements on two idle cores, up to 1.6 where others used these.
 - **What helps training** is a process for each environment all the same, and fewer scans.
 
 ## Where the time of a frame goes
