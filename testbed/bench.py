@@ -58,6 +58,12 @@ def highway(vehicles: int) -> gym.Env:
     return gym.make("highway-v0", config={"vehicles_count": vehicles, "duration": 1000})
 
 
+def frames_of(env: gym.Env) -> int:
+    """Simulated frames of a decision."""
+    config = env.unwrapped.config  # type: ignore[attr-defined]
+    return config["simulation_frequency"] // config["policy_frequency"]
+
+
 def stepping(env: gym.Env, steps: int) -> float:
     """Wall time [s] of so many idle decisions."""
     start = perf_counter()
@@ -77,7 +83,7 @@ def perception(steps: int) -> Table:
         simulation = [stepping(native, 1) for _ in range(steps)]
         before = dict(tracked.seconds)
         stepping(tracked, steps)
-        frames = native.unwrapped.config["simulation_frequency"] // native.unwrapped.config["policy_frequency"]  # type: ignore[attr-defined]
+        frames = frames_of(native)
         frame = median(simulation) / frames * 1e3
         radar, track = ((tracked.seconds[k] - before[k]) / (steps * frames) * 1e3 for k in ("sense", "track"))
         table.add_row(str(n), f"{frame:.2f}", f"{radar:.2f}", f"{track:.2f}", f"{(radar + track) / frame:.2f}")
@@ -108,6 +114,11 @@ class Pairs(NamedTuple):
     def added(self) -> float:
         """Median time [s] that the addition takes in a piece."""
         return float(np.median(self.extra - self.plain))
+
+    @property
+    def ratio(self) -> float:
+        """Median ratio of the second way to the first."""
+        return float(np.median(self.extra / self.plain))
 
     @property
     def share(self) -> float:

@@ -86,6 +86,11 @@ LAYOUTS = (
 )  # fmt: skip
 
 
+def other_separator(header: Sequence[str]) -> str | None:
+    """What separates the columns of a header that was split at commas, where that is something else."""
+    return next((mark for mark in ";\t|" if mark in header[0]), None) if len(header) == 1 else None
+
+
 def recognised(header: Sequence[str], file: str) -> Layout:
     """The layout of a header; `file` is its name, for the error.
 
@@ -95,7 +100,7 @@ def recognised(header: Sequence[str], file: str) -> Layout:
     lacking = [len(layout.missing(header)) / len(layout.needed) for layout in LAYOUTS]
     layout = LAYOUTS[lacking.index(min(lacking))]
     if min(lacking) > KNOWN:
-        if len(header) == 1 and (mark := next((mark for mark in ";\t|" if mark in header[0]), None)):
+        if mark := other_separator(header):
             raise ValueError(f"{file} has its columns separated by {mark!r}; write it with commas and decimal points")
         names = ", ".join(other.name for other in LAYOUTS[1:])
         raise ValueError(

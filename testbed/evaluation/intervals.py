@@ -121,27 +121,16 @@ def crossed_interval(sample: Strata | NDArray, statistic: Statistic = mean_of_me
     table = table[enough]
     table = table[:, np.isfinite(table).any(0)]
     table = table[:, np.lexsort(table)]  # the order of the units has no influence on the draws
-    value = float(statistic(*table))
     centre = np.zeros((len(table), 1))
     if statistic is mean_of_means:  # a resample without a value of a stratum must not count its mean as drawn
         centre = np.nanmean(table, axis=1, keepdims=True)
-        table = table - centre
+    apart, shift = table - centre, float(centre.mean())
 
-    def drawn(unit: NDArray, axis: int = -1) -> NDArray:
-        return statistic(*table[:, unit], axis=axis)
+    def of_units(unit: NDArray, axis: int = -1) -> NDArray:
+        return statistic(*apart[:, unit.astype(int)], axis=axis)
 
-    units = (np.arange(table.shape[1]),)
-    found = bootstrap(
-        units,
-        drawn,
-        n_resamples=RESAMPLES,
-        confidence_level=expanded([table.shape[1]]),
-        method="percentile",
-        vectorized=True,
-        rng=np.random.default_rng(SEED),
-    ).confidence_interval
-    shift = centre.mean()
-    return Interval(value, float(found.low + shift), float(found.high + shift))
+    found = bootstrap_interval([np.arange(table.shape[1])], of_units)
+    return Interval(float(statistic(*table)), found.low + shift, found.high + shift)
 
 
 def expanded(units: Sequence[int]) -> float:

@@ -1,6 +1,6 @@
 """Texts of the review log: the pages beside the scene and the flat properties of a run."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -106,7 +106,7 @@ def number(value: object, digits: int) -> str:
     return f"{value:.{digits}f}" if measured else "-"
 
 
-def markdown_table(head: tuple[str, ...], body: Iterable[tuple[str, ...]]) -> str:
+def markdown_table(head: Sequence[str], body: Iterable[Sequence[str]]) -> str:
     """A table in markdown; "|" in a cell becomes "/"."""
-    lines = [head, ("---",) * len(head), *body]
+    lines: list[Sequence[str]] = [head, ("---",) * len(head), *body]
     return "\n".join("| " + " | ".join(cell.replace("|", "/") for cell in line) + " |" for line in lines)

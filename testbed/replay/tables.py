@@ -16,6 +16,7 @@ import pyarrow.csv as pa_csv
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from scenarios.traffic.layouts import other_separator
 from testbed.replay.columns import TABLES, Column, Table
 
 PARQUET, CSV = ".parquet", ".csv"
@@ -112,7 +113,7 @@ def _read_csv(path: Path) -> pa.Table:
     if not head:
         raise csv.Error("it is empty")
     names = [name.strip() for name in head]
-    if len(names) == 1 and (other := next((mark for mark in ";\t|" if mark in names[0]), None)):
+    if other := other_separator(names):
         raise csv.Error(f"its columns are separated by {other!r}, not by commas")
     return pa_csv.read_csv(
         path,

@@ -13,13 +13,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from testbed.bench import OBJECTS, Pairs, cycling, deciding, highway, interleaved, stepping
-from testbed.environment.wrapper import TrackedEnv
+from testbed.bench import OBJECTS, Pairs, cycling, deciding, interleaved
 from testbed.frame import TRUTH
 from testbed.planners import find as find_planner
 from testbed.run import RunConfig, make_env
 from testbed.speed import training
 from testbed.speed.growth import Growth, exponent
+from testbed.speed.training import tracked_steps
 from trackers import DEFAULT
 from trackers import find as find_tracker
 
@@ -47,19 +47,6 @@ class Goal(NamedTuple):
     def met(self) -> bool:
         """Whether the goal is reached."""
         return self.found <= self.goal
-
-
-def ratio(pairs: Pairs) -> float:
-    """Median ratio of the second piece of work of each pair to the first."""
-    return float(np.median(pairs.extra / pairs.plain))
-
-
-def tracked_steps(vehicles: int, tracker: str, steps: int) -> Pairs:
-    """Decisions of the stock highway, and of the same one with radar and tracker, in turns."""
-    with closing(highway(vehicles)) as native, closing(TrackedEnv(highway(vehicles), tracker=tracker)) as tracked:
-        native.reset(seed=0)
-        tracked.reset(seed=0)
-        return interleaved(partial(stepping, native, 1), partial(stepping, tracked, 1), steps)
 
 
 def run_seconds(settings: tuple[dict[str, Any], dict[str, Any]], scenario: str, seconds: int) -> Pairs:
@@ -111,7 +98,7 @@ def updates(repeat: int) -> list[Goal]:
     return [
         Goal(
             f"prediction and update of {objects} objects, filter of `{DEFAULT}`", f"`{PLAIN}`", goal,
-            ratio(interleaved(cycling(plain, objects), cycling(ours, objects), repeat)),
+            interleaved(cycling(plain, objects), cycling(ours, objects), repeat).ratio,
         )
         for objects, goal in zip(OBJECTS, (2.0, 1.5), strict=True)
     ]  # fmt: skip
@@ -148,10 +135,10 @@ def measure(quick: bool, found: Sequence[Growth], progress: Callable[[float, flo
 
     def step(vehicles: int, tracker: str, goal: float) -> list[Goal]:
         name = f"step of `TrackedEnv(highway-v0)`, {vehicles} vehicles, `{tracker}`"
-        return [Goal(name, native, goal, ratio(tracked_steps(vehicles, tracker, steps)))]
+        return [Goal(name, native, goal, tracked_steps(vehicles, steps, tracker=tracker).ratio)]
 
     def run(name: str, settings: tuple[dict[str, Any], dict[str, Any]], against: str, goal: float) -> list[Goal]:
-        return [Goal(name, against, goal, ratio(run_seconds(settings, "cut-in", seconds)))]
+        return [Goal(name, against, goal, run_seconds(settings, "cut-in", seconds).ratio)]
 
     def seen(scenario: str, goal: float) -> Goal:
         name = f"scene, radar and `{DEFAULT}` in {scenario}, a simulated frame"

@@ -7,6 +7,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from testbed.files import make_directory, write_atomic
+from testbed.log.text import markdown_table
 from testbed.speed import goals, growth, shares, training
 from testbed.speed.figure import draw
 from testbed.speed.goals import Goal
@@ -140,8 +141,8 @@ def render(
     return TEXT.format(
         folder=docs,
         before=before_and_after(docs / "results"),
-        steps=table(["decision with", "of stock highway-v0"], [[s.what, f"{s.ratio:.2f}"] for s in steps]),
-        growth=table(
+        steps=markdown_table(("decision with", "of stock highway-v0"), [(s.what, f"{s.ratio:.2f}") for s in steps]),
+        growth=markdown_table(
             ["vehicles", "detections of each", "tracks reported", "step [ms]", "of a track [us]", "peak memory [MB]"],
             growing,
         ),
@@ -152,9 +153,9 @@ def render(
         lanes=growth.LANES,
         date=date,
         picture=PICTURE,
-        goals=table(["what", "against", "found", "goal", "verdict"], verdicts),
-        shares=table(["scenario", *names], rows),
-        costs=table(["vehicles", "tracks reported", "highway-env [ms]", "radar [ms]", "tracker [ms]"], cost),
+        goals=markdown_table(["what", "against", "found", "goal", "verdict"], verdicts),
+        shares=markdown_table(["scenario", *names], rows),
+        costs=markdown_table(["vehicles", "tracks reported", "highway-env [ms]", "radar [ms]", "tracker [ms]"], cost),
     )
 
 
@@ -168,9 +169,4 @@ def before_and_after(results: Path) -> str:
     heads = ["", *(f"{name}, {when}" for name in parts for when in ("before", "after"))]
     rows = [[part, *(f"{ms:.1f}" for row in parts.values() for ms in row[part])] for part in parts[shares.SCENARIOS[0]]]
     facts = {key: found[key] for key in ("measured", "before", "after")}
-    return BEFORE.format(**facts, table=table(heads, rows))
-
-
-def table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A table in Markdown."""
-    return "\n".join("| " + " | ".join(row) + " |" for row in (heads, ["---"] * len(heads), *rows))
+    return BEFORE.format(**facts, table=markdown_table(heads, rows))

@@ -5,11 +5,10 @@ from contextlib import closing
 from time import perf_counter
 from typing import Any, NamedTuple
 
-from testbed.bench import deciding, highway, stepping
+from testbed.bench import deciding, frames_of, highway, stepping
 from testbed.environment.wrapper import TrackedEnv
 from testbed.planners import find as find_planner
 from testbed.run import RunConfig, make_env
-from testbed.speed.training import frames
 from trackers import DEFAULT
 
 SCENARIOS = ("cut-in", "dense-traffic")
@@ -51,7 +50,7 @@ def costs(vehicles: int, steps: int) -> Costs:
     with closing(highway(vehicles)) as native, closing(TrackedEnv(highway(vehicles), tracker=DEFAULT)) as tracked:
         native.reset(seed=0)
         tracked.reset(seed=0)
-        passed = steps * frames(native)
+        passed = steps * frames_of(native)
         start = perf_counter()
         stepping(native, steps)
         simulation = perf_counter() - start

@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-from collections.abc import Callable
 from contextlib import ExitStack, closing
 from functools import partial
 from statistics import median
@@ -12,7 +11,7 @@ from typing import Any, NamedTuple
 import gymnasium as gym
 import numpy as np
 
-from testbed.bench import IDLE, highway, interleaved, stepping
+from testbed.bench import IDLE, Pairs, frames_of, highway, interleaved, stepping
 from testbed.environment.wrapper import TrackedEnv
 from testbed.frame import TRUTH
 from trackers import DEFAULT
@@ -42,28 +41,26 @@ class Step(NamedTuple):
 
 def steps(count: int) -> list[Step]:
     """What is added to a decision of the stock highway, one piece after the other, and what fewer scans save."""
-    default: dict[str, Any] = {"tracker": DEFAULT}
-    found = [
-        Step("perfect tracks, nothing is scanned", against_native({"tracker": TRUTH}, count)),
-        Step("scans on top, no tracker", against_native({"tracker": TRUTH}, count, watched=True)),
-        Step("scans and `rm-feldmann`", against_native({"tracker": "rm-feldmann"}, count)),
-        Step(f"scans and `{DEFAULT}`", against_native(default, count)),
+    cases: list[tuple[str, dict[str, Any]]] = [
+        ("perfect tracks, nothing is scanned", {"tracker": TRUTH}),
+        ("scans on top, no tracker", {"tracker": TRUTH, "watched": True}),
+        ("scans and `rm-feldmann`", {"tracker": "rm-feldmann"}),
+        (f"scans and `{DEFAULT}`", {"tracker": DEFAULT}),
     ]
     for rate in RATES:
-        slow = default | {"radar": {"name": "surround", "rate": rate}}
-        found.append(Step(f"the same, {rate} scans a second instead of 15", against_native(slow, count)))
-    return found
+        slow = {"tracker": DEFAULT, "radar": {"name": "surround", "rate": rate}}
+        cases.append((f"the same, {rate} scans a second instead of 15", slow))
+    return [Step(what, tracked_steps(VEHICLES, count, **settings).ratio) for what, settings in cases]
 
 
-def against_native(settings: dict[str, Any], count: int, watched: bool = False) -> float:
-    """CPU time of a decision with radar and tracker over that of the stock highway, median of so many pairs."""
-    with closing(highway(VEHICLES)) as native, closing(TrackedEnv(highway(VEHICLES), **settings)) as tracked:
+def tracked_steps(vehicles: int, count: int, watched: bool = False, **settings: Any) -> Pairs:
+    """Decisions of the stock highway, and of the same one with radar and tracker, in turns."""
+    with closing(highway(vehicles)) as native, closing(TrackedEnv(highway(vehicles), **settings)) as tracked:
         if watched:
             tracked.attach(lambda frame: None)  # perfect tracks need no scan, an observer gets one
         native.reset(seed=0)
         tracked.reset(seed=0)
-        pairs = interleaved(partial(stepping, native, 1), partial(stepping, tracked, 1), count)
-        return median(pairs.extra / pairs.plain)
+        return interleaved(partial(stepping, native, 1), partial(stepping, tracked, 1), count)
 
 
 def tracked_highway() -> gym.Env:
@@ -79,8 +76,7 @@ def two_processes(count: int) -> float:
             stack.callback(vector.close)
             vector.reset(seed=0)
         one, two = (partial(waiting, vector) for vector in vectors)
-        pairs = interleaved(one, two, count, perf_counter)
-        return median(pairs.extra / pairs.plain)
+        return interleaved(one, two, count, perf_counter).ratio
 
 
 def waiting(vector: gym.vector.VectorEnv) -> None:
@@ -101,17 +97,10 @@ def perception(scenario: str, count: int) -> float:
     with closing(highway(VEHICLES)) as native, closing(gym.make(f"testbed/{scenario}-v0")) as tracked:
         native.reset(seed=0)
         tracked.reset(seed=0)
-        spent: Callable[[], dict[str, float]] = tracked.get_wrapper_attr("seconds").copy
-        ratios = []
+        spent, ratios = tracked.get_wrapper_attr("seconds"), []  # it counts on
         for _ in range(count):
-            frame = stepping(native, 1) / frames(native)
-            before = sum(spent().values())
+            frame = stepping(native, 1) / frames_of(native)
+            before = sum(spent.values())
             tracked.step(IDLE)
-            ratios.append((sum(spent().values()) - before) / frames(tracked) / frame)
+            ratios.append((sum(spent.values()) - before) / frames_of(tracked) / frame)
         return median(ratios)
-
-
-def frames(env: gym.Env) -> int:
-    """Simulated frames of a decision."""
-    config = env.unwrapped.config  # type: ignore[attr-defined]
-    return config["simulation_frequency"] // config["policy_frequency"]

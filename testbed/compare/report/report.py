@@ -224,7 +224,7 @@ def _logs(
     links = []
     for pick in found:
         path = log_files.log_path(pick, results.comparison, folder)
-        links.append(LogLink(pick, report_links.found(path, folder, notes.get(pick.task.name, NO_LOG))))
+        links.append(LogLink(pick, report_links.found(path, folder, notes.get(pick.name, NO_LOG))))
     return links
 
 

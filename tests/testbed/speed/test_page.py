@@ -8,10 +8,11 @@ import pytest
 
 from testbed.bench import Pairs
 from testbed.frame import TRUTH
+from testbed.log.text import markdown_table
 from testbed.speed import training
-from testbed.speed.goals import Goal, growing, ratio, tracked_steps
+from testbed.speed.goals import Goal, growing
 from testbed.speed.growth import Growth, exponent, growth, motorway
-from testbed.speed.page import before_and_after, render, table
+from testbed.speed.page import before_and_after, render
 from testbed.speed.shares import Costs, shares
 from testbed.speed.training import Step
 
@@ -21,7 +22,7 @@ def test_a_goal_is_met_at_its_figure_and_not_above():
 
 
 def test_the_ratio_is_the_median_of_the_pairs():
-    assert ratio(Pairs(np.array([1.0, 2.0, 4.0]), np.array([2.0, 3.0, 40.0]))) == pytest.approx(2.0)
+    assert Pairs(np.array([1.0, 2.0, 4.0]), np.array([2.0, 3.0, 40.0])).ratio == pytest.approx(2.0)
 
 
 def test_the_page_says_what_was_found_and_whether_it_is_enough():
@@ -54,11 +55,11 @@ def test_before_and_after_are_those_of_the_result(tmp_path):
 
 
 def test_a_table_has_a_rule_below_its_heads():
-    assert table(["a", "b"], [["1", "2"]]) == "| a | b |\n| --- | --- |\n| 1 | 2 |"
+    assert markdown_table(("a", "b"), [("1", "2")]) == "| a | b |\n| --- | --- |\n| 1 | 2 |"
 
 
 def test_steps_are_timed_in_pairs():
-    pairs = tracked_steps(2, TRUTH, 2)
+    pairs = training.tracked_steps(2, 2, tracker=TRUTH)
     assert pairs.plain.shape == pairs.extra.shape == (2,)
     assert (pairs.plain > 0).all()
 
@@ -95,7 +96,9 @@ def test_each_vehicle_of_the_motorway_has_one_track():
 
 
 def test_perfect_tracks_cost_more_where_somebody_asks_for_scans():
-    bare, scanned = (training.against_native({"tracker": TRUTH}, 2, watched) for watched in (False, True))
+    bare, scanned = (
+        training.tracked_steps(training.VEHICLES, 2, watched, tracker=TRUTH).ratio for watched in (False, True)
+    )
     assert 0 < bare < scanned
 
 
