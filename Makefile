@@ -2,6 +2,7 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+STUDY := PYTHONPATH=docs $(BIN)/python -m studies
 STAMP := $(VENV)/.installed
 DOCS_STAMP := $(VENV)/.installed-docs
 LOWEST := .venv-lowest
@@ -41,9 +42,9 @@ unit: $(STAMP)
 	$(PYTEST)
 
 generated: $(STAMP)  # what the documentation says about the registries; after adding a scenario, tracker, radar, ...
-	$(BIN)/python -m testbed.studies generated
-	$(BIN)/python -m testbed.studies vehicles --docs docs
-	$(BIN)/python -m testbed.studies radars --docs docs
+	$(STUDY) generated
+	$(STUDY) vehicles --docs docs
+	$(STUDY) radars --docs docs
 
 docs: $(DOCS_STAMP)  # the pages and the API reference as a site; a warning or a broken link is an error
 	$(BIN)/sphinx-build --fail-on-warning --keep-going --quiet -c docs . $(SITE)
@@ -60,7 +61,7 @@ reproduce: $(STAMP)
 	for paper in hoher2022 xia2020 xia2020-learned xu2023 yao2021; do \
 		$(BIN)/testbed reproduce $$paper --runs 100 --out runs/reproduce || test $$? -eq 1 || exit; \
 	done
-	$(BIN)/python -m testbed.studies verdicts
+	$(STUDY) verdicts
 
 # Three CPU hours or more; the same command goes on where it was interrupted.
 RECORD := --duration 60 --after 3 --settle 2 --jobs -1
@@ -71,27 +72,27 @@ comparison: $(STAMP)
 		--seeds 0:8 --duration 6 --jobs -1 --out runs/layers
 	$(BIN)/testbed compare $(CLOSED) --tracker all --seeds 0:10 $(RECORD) --loop closed --reference rm-feldmann \
 		--out runs/closed
-	$(BIN)/python -m testbed.studies publish runs/comparison --closed runs/closed --layers runs/layers --reference rm-feldmann
-	$(BIN)/python -m testbed.studies consistency runs/comparison --docs docs
+	$(STUDY) publish runs/comparison --closed runs/closed --layers runs/layers --reference rm-feldmann
+	$(STUDY) consistency runs/comparison --docs docs
 	$(MAKE) comparison-page
 
 comparison-page: $(STAMP)  # docs/comparison.md from the committed results
-	$(BIN)/python -m testbed.studies comparison --docs docs
+	$(STUDY) comparison --docs docs
 
 family: $(STAMP)  # half an hour or more; OPTIONS="--seed 0 --seed 1" for more
-	$(BIN)/python -m testbed.studies closed-loop --docs docs $(OPTIONS)
+	$(STUDY) closed-loop --docs docs $(OPTIONS)
 
 modes: $(STAMP)  # two minutes
-	$(BIN)/python -m testbed.studies modes --docs docs
+	$(STUDY) modes --docs docs
 
 probes: $(STAMP)  # five minutes
-	$(BIN)/python -m testbed.studies probes --docs docs
+	$(STUDY) probes --docs docs
 
 calibration: $(STAMP)  # half a minute; needs the real detections
-	$(BIN)/python -m testbed.studies calibration --docs docs
+	$(STUDY) calibration --docs docs
 
 partial-view: $(STAMP)  # eight minutes
-	$(BIN)/python -m testbed.studies partial-view --docs docs
+	$(STUDY) partial-view --docs docs
 
 # Four CPU hours; the same command goes on where it was interrupted. Seeds that no parameter was set on.
 REGRET_TRACKERS := imm-spline edra-imm rm-feldmann rm-koch
@@ -111,12 +112,12 @@ regret: $(STAMP)
 	$(MAKE) regret-page STUDIES="$(foreach part,main attribution doses caution,$(part)=runs/regret/$(part))"
 
 regret-page: $(STAMP)  # docs/regret.md, from STUDIES or else from the committed results
-	$(BIN)/python -m testbed.studies regret $(STUDIES) --docs docs
+	$(STUDY) regret $(STUDIES) --docs docs
 
 # Two CPU hours; needs the extra rl. Trainings that are there are kept.
 LEARNED := $(foreach tracker,truth imm-spline,$(foreach seed,0 1 2,runs/learned/$(tracker)-$(seed).npz))
 learned: $(LEARNED)
-	$(BIN)/python -m testbed.studies learned-policies runs/learned --docs docs
+	$(STUDY) learned-policies runs/learned --docs docs
 runs/learned/%.npz: $(STAMP)
 	$(PIP) --editable '.[rl]'
 	mkdir -p runs/learned
@@ -124,11 +125,11 @@ runs/learned/%.npz: $(STAMP)
 		--episodes 1 --out $@
 
 surround: $(STAMP)  # five minutes: what other figures of the default rig would change, for docs/radars.md
-	$(BIN)/python -m testbed.studies surround
-	$(BIN)/python -m testbed.studies generated
+	$(STUDY) surround
+	$(STUDY) generated
 
 standing: $(STAMP)  # half a minute; DATA is the folder with frames.npz of the real radar
-	$(BIN)/python -m testbed.studies standing-returns $(DATA) --docs docs
+	$(STUDY) standing-returns $(DATA) --docs docs
 
 # Half a CPU hour; the same command goes on where it was interrupted. Seeds that no parameter was set on.
 FAULTS := front:outage:2:4 outage:2:3 front:yaw:0.5 corners:yaw:2 clock:0.05 drop:0.2 drop:0.5 burst:3:500 \
@@ -141,20 +142,20 @@ faults: $(STAMP)
 	$(MAKE) faults-page FOLDER=runs/faults
 
 faults-page: $(STAMP)  # docs/faults.md, from FOLDER or else from the committed results
-	$(BIN)/python -m testbed.studies faults $(FOLDER) --docs docs
+	$(STUDY) faults $(FOLDER) --docs docs
 
 persistence: $(STAMP)  # ten minutes; OPTIONS= writes the page alone, from the committed results
-	$(BIN)/python -m testbed.studies persistence --docs docs $(OPTIONS)
+	$(STUDY) persistence --docs docs $(OPTIONS)
 persistence: OPTIONS ?= --seeds 320:330
 
 traffic: $(STAMP)  # three minutes; DATA is the folder of the recordings, DATA= writes the page alone, from the committed results
-	$(BIN)/python -m testbed.studies traffic $(DATA) --docs docs
+	$(STUDY) traffic $(DATA) --docs docs
 
 contours: $(STAMP)  # twelve minutes
-	$(BIN)/python -m testbed.studies contours --docs docs
+	$(STUDY) contours --docs docs
 
 learning-docs: $(STAMP)  # DATA is the folder with objects.npz of the real extract
-	$(BIN)/python -m testbed.studies htg-tables $(DATA) --docs docs
+	$(STUDY) htg-tables $(DATA) --docs docs
 
 $(STAMP): pyproject.toml constraints.txt
 	@$(PYTHON) -c "import sys; v = sys.version_info; sys.exit(0 if v >= (3, 11) else f'Python >= 3.11 is needed, $(PYTHON) is {v[0]}.{v[1]}; call make PYTHON=python3.11')"

@@ -1,9 +1,10 @@
 """Scenarios that put the papers' courses on a road: one vehicle, the ego with the radar, nobody else.
 
-Courses of Xia et al. (2020), Hoher et al. (2022), Xu et al. (2023), Table I, and Yao et al. (2021); testbed/papers has
-the experiments themselves. The courses of the first two are mirrored: y is to the driver's right here. The ego drives
-itself, at those of its target speeds that are nearest to the 12 and 8 m/s of the experiments, and turns have smooth
-onsets. The size of the vehicle is drawn: from the range of the experiment where the paper has one, else as in traffic.
+Courses of Xia et al. (2020), Hoher et al. (2022), Xu et al. (2023), Table I, and Yao et al. (2021); docs/studies/papers
+has the experiments themselves. The courses of the first two are mirrored: y is to the driver's right here. The ego
+drives itself, at those of its target speeds that are nearest to the 12 and 8 m/s of the experiments, and turns have
+smooth onsets. The size of the vehicle is drawn: from the range of the experiment where the paper has one, else as in
+traffic.
 """
 
 import numpy as np

@@ -358,9 +358,6 @@ def bench(
     tracker: Annotated[list[str] | None, typer.Option(help="Repeat for several, on the same scans.")] = None,
     radar: Annotated[list[str] | None, typer.Option(help="Repeat for several, one after the other.")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Fewer repetitions.")] = False,
-    docs: Annotated[
-        Path | None, typer.Option(help="Measure against the goals instead, and write the page speed.md there.")
-    ] = None,
 ) -> None:
     """Measure speed: ratios of CPU times that are taken in turn in this run.
 
@@ -369,20 +366,9 @@ def bench(
 
     Example: [bold]testbed bench --quick[/bold]
     Example: [bold]testbed bench cut-in --tracker rm-koch --tracker imm-spline --radar imaging[/bold]
-    Example: [bold]testbed bench --docs docs[/bold]
     """
     if scenario or tracker or radar:
-        _bench_chosen(scenario, tracker, radar, quick, docs)
-        return
-    if docs is not None:
-        from testbed.speed import page
-
-        with user_input((OSError,)), progress_bar("part {task.completed:.0f} / {task.total:.0f}") as bar:
-            task = bar.add_task("goals", total=1)
-            written = page.write(
-                docs, quick, lambda done, total, what: bar.update(task, completed=done, total=total, description=what)
-            )
-        console.print(f"page     {written}", soft_wrap=True)
+        _bench_chosen(scenario, tracker, radar, quick)
         return
     from testbed import bench as benching
 
@@ -395,15 +381,11 @@ def bench(
         console.print(table)
 
 
-def _bench_chosen(
-    scenario: list[str] | None, tracker: list[str] | None, radar: list[str] | None, quick: bool, docs: Path | None
-) -> None:
+def _bench_chosen(scenario: list[str] | None, tracker: list[str] | None, radar: list[str] | None, quick: bool) -> None:
     """The cost of a frame with what was named."""
-    from testbed.speed import chosen
+    from testbed.bench import chosen
 
     with user_input():
-        if docs is not None:
-            raise ValueError("--docs writes the page of all goals; leave out scenarios, trackers and radars")
         choice = chosen.Choice.of(scenario, tracker, radar, quick)
         choice.check()
     with progress_bar("part {task.completed:.0f} / {task.total:.0f}") as bar:
@@ -713,14 +695,16 @@ def reproduce(
 ) -> None:
     """Repeat a paper's experiment: its numbers beside ours, and a verdict on each claim.
 
-    Exit status 1: a claim is not confirmed under any condition. Ctrl-C keeps
-    the cases that are finished.
+    A command of a checkout: the experiments are no part of the package. Exit
+    status 1: a claim is not confirmed under any condition. Ctrl-C keeps the
+    cases that are finished.
 
     Example: [bold]testbed reproduce hoher2022 --runs 20[/bold]
     """
-    from testbed.papers import catalogue
+    from testbed.command_line.checkout import study
 
     with user_input():
+        catalogue = study("papers.catalogue", "testbed reproduce")
         catalogue.check(paper, runs, seed, out)
     with user_input((OSError,)), progress_bar("{task.percentage:.0f} %", window=600.0) as bar:
         task = bar.add_task(paper, total=1)

@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-PACKAGES = ("trackers", "sensors", "scenarios", "testbed")
+PACKAGES = ("trackers", "sensors", "scenarios", "testbed", "studies")
+FOLDERS = {package: ROOT / ("docs" if package == "studies" else "") / package for package in PACKAGES}
 
 # Package -> what its modules may import besides themselves and the standard library; testbed may import everything.
 FLOORS = {
@@ -27,11 +28,11 @@ HOMES = {
         "testbed.planners",
         "testbed.bench",
     ),
-    "gymnasium": ("scenarios.highway", "scenarios.adapter", "scenarios.native", "testbed"),
+    "gymnasium": ("scenarios.highway", "scenarios.adapter", "scenarios.native", "testbed", "studies"),
     "rerun": ("testbed.log",),
 }
-LEAVES = ("testbed.studies",)  # packages that nothing else may import: they only make pages of the documentation
-FIGURES = re.compile(r"^testbed\.(?:\w+\.)*\w*figures?\w*$")  # modules that may draw with matplotlib
+LEAVES = ("studies",)  # beside the documentation and out of the wheel: nothing else may import it
+FIGURES = re.compile(r"^(?:testbed|studies)\.(?:\w+\.)*\w*figures?\w*$")  # modules that may draw with matplotlib
 CATCHES_ALL = {
     "testbed.compare.runs.tasks",  # one failed run of thousands is reported, and must not stop the others
     "testbed.check.report",  # so is one law that the code of a user does not get through
@@ -46,13 +47,14 @@ MACHINE_PATH = re.compile(r"(?<![\w.~:/-])/(?:ho[m]e|roo[t]|wor[k]|User[s])/\w|\
 
 
 def source_files() -> dict[str, Path]:
-    """Module name -> file, over the four packages."""
-    files = [file for package in PACKAGES for file in sorted((ROOT / package).rglob("*.py"))]
+    """Module name -> file, over the four packages and the studies of the documentation."""
+    files = [file for package in FOLDERS.values() for file in sorted(package.rglob("*.py"))]
     return {module_name(file): file for file in files}
 
 
 def module_name(file: Path) -> str:
     parts = file.relative_to(ROOT).with_suffix("").parts
+    parts = parts[1:] if parts[0] == "docs" else parts
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
@@ -192,8 +194,8 @@ def test_no_file_names_a_package_registry_or_a_path_of_one_machine():
         ("testbed.evaluation.metrics", "import rerun as rr"),
         ("testbed.evaluation.metrics", "import matplotlib.pyplot as plt"),
         ("testbed.evaluation.metrics", "import random"),
-        ("testbed.papers.verdict", "from testbed.studies.page import frame"),
-        ("testbed.cli", "from testbed import studies"),
+        ("testbed.bench.chosen", "from studies.page import frame"),
+        ("testbed.cli", "import studies"),
         ("testbed.evaluation.metrics", "import numpy as np\nnp.random.seed(0)"),
         ("testbed.evaluation.metrics", "import numpy as np\nx = np.random.rand(3)"),
         ("testbed.evaluation.metrics", "import numpy as np\nrng = np.random.default_rng()"),
@@ -213,8 +215,8 @@ def test_an_offending_module_is_caught(module, source):
         ("sensors.radar", "from dataclasses import dataclass\nfrom trackers.scan import Scan"),
         ("scenarios.highway", "import gymnasium\nfrom highway_env import utils\nfrom sensors.scene import Scene"),
         ("testbed.log.writer", "import rerun as rr"),
-        ("testbed.papers.figures", "import matplotlib.pyplot as plt"),
-        ("testbed.studies.modes.page", "from testbed.studies.page import frame"),
+        ("studies.papers.figures", "import matplotlib.pyplot as plt"),
+        ("studies.modes.page", "from studies.page import frame"),
         ("testbed.run", "import numpy as np\nrng = np.random.default_rng(3)\ntry:\n    f()\nexcept OSError:\n    pass"),
     ],
 )

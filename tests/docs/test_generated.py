@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from testbed.studies.generated import pages
+from studies.generated import pages
 
 DOCS = Path(__file__).parents[2] / "docs"
 

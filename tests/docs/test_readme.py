@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from studies.comparison.publish import read
 from testbed.compare.runs.measures import KEYS
 from testbed.compare.statistics.analysis import cells
-from testbed.studies.comparison.publish import read
 from trackers import DEFAULT
 
 ROOT = Path(__file__).parents[2]

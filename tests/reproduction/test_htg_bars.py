@@ -5,8 +5,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from testbed.papers.xia2020.generators import COURSES, PUBLISHED
-from testbed.papers.xia2020.methods import (
+from studies.papers.xia2020.generators import COURSES, PUBLISHED
+from studies.papers.xia2020.methods import (
     BEST,
     LEARNED,
     LEARNED_N,
@@ -18,7 +18,7 @@ from testbed.papers.xia2020.methods import (
     full_methods,
     partial_methods,
 )
-from testbed.papers.xia2020.trials import SIZE, EllipseErrors, errors, full_view, partial_view, track
+from studies.papers.xia2020.trials import SIZE, EllipseErrors, errors, full_view, partial_view, track
 from trackers import Scan
 from trackers.geometry import extent_matrix, rotation
 from trackers.htg.bins import single

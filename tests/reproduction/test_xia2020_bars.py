@@ -7,11 +7,11 @@ import json
 
 import pytest
 
-from testbed.papers.verdict import CONFIRMED, REFUTED
-from testbed.papers.xia2020 import experiment as xia2020
-from testbed.papers.xia2020.claims import COURSES, ROUGH, SPARSE
-from testbed.papers.xia2020.generators import GENERATORS
-from testbed.papers.xia2020.methods import BEST, LEARNED, LEARNED_N, MAP, MM, ONLINE_N, RM, RM_MATCHED
+from studies.papers.verdict import CONFIRMED, REFUTED
+from studies.papers.xia2020 import experiment as xia2020
+from studies.papers.xia2020.claims import COURSES, ROUGH, SPARSE
+from studies.papers.xia2020.generators import GENERATORS
+from studies.papers.xia2020.methods import BEST, LEARNED, LEARNED_N, MAP, MM, ONLINE_N, RM, RM_MATCHED
 
 pytestmark = pytest.mark.slow
 

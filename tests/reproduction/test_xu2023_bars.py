@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from testbed.papers.xu2023 import experiment as xu2023
-from testbed.papers.xu2023.cases import BEHIND, FAR, METHODS, NEAR, Sweep, Variant
-from testbed.papers.xu2023.enumeration import Enumeration
-from testbed.papers.xu2023.reference import BARS, COLUMNS
+from studies.papers.xu2023 import experiment as xu2023
+from studies.papers.xu2023.cases import BEHIND, FAR, METHODS, NEAR, Sweep, Variant
+from studies.papers.xu2023.enumeration import Enumeration
+from studies.papers.xu2023.reference import BARS, COLUMNS
 
 RUNS = 50
 SEED = 0

@@ -5,8 +5,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from testbed.papers.yao2021 import experiment as yao2021
-from testbed.papers.yao2021.simulation import CONTOURS, A, B, run_stages, simulate
+from studies.papers.yao2021 import experiment as yao2021
+from studies.papers.yao2021.simulation import CONTOURS, A, B, run_stages, simulate
 from trackers.pmht.model import find
 
 RUNS = 100

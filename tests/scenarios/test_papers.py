@@ -8,7 +8,7 @@ import pytest
 from scenarios.adapter import SceneReader
 from scenarios.registry import find
 from sensors import find as find_radar
-from testbed.papers.xia2020.generators import FOLLOWING, RIGHT_TURN, S_CURVE, drive
+from studies.papers.xia2020.generators import FOLLOWING, RIGHT_TURN, S_CURVE, drive
 from tests.scenarios.episodes import world_only
 from trackers.geometry import to_frame, wrap_angle
 

@@ -158,7 +158,6 @@ def test_two_runs_at_once_leave_whole_files(tmp_path):
         (["review", "FILE", "--at", "3"], ["FILE"]),
         (["bench", "cut-inn"], ["did you mean 'cut-in'"]),
         (["bench", "--radar", "sonar"], ["radar 'sonar'"]),
-        (["bench", "cut-in", "--docs", "docs"], ["--docs writes the page"]),
         (["review"], ["at least one log", "testbed run"]),
         (["review", "--report", "nowhere"], ["no folder nowhere", "--out"]),
         (["review", "FILE", "--report", "."], ["--report shows a whole folder"]),

@@ -1,6 +1,6 @@
 """Parameter sets of data-region association; docs/methods/data-regions.md has a table of them.
 
-The paper's own values are in `testbed.papers.xu2023.cases`.
+The paper's own values are in `studies.papers.xu2023.cases`.
 """
 
 from collections.abc import Mapping

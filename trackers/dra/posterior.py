@@ -24,7 +24,7 @@ class RegionPosterior(NamedTuple):
 
 
 class RegionUpdate(Protocol):
-    """A form of the update that is not built in, such as `testbed.papers.xu2023.enumeration.Enumeration`."""
+    """A form of the update that is not built in, such as `studies.papers.xu2023.enumeration.Enumeration`."""
 
     def posterior(self, regions: LinearisedRegions, residuals: RegionResiduals, flat: FlatScan) -> RegionPosterior:
         """The posterior of all objects and models, which start at u ~ N(0, I)."""

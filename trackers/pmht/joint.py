@@ -36,7 +36,7 @@ class PredictedEllipses(NamedTuple):
 
 
 class EllipseUpdate(Protocol):
-    """A form of the update that is not built in, such as `testbed.papers.yao2021.sequential.OneByOne`."""
+    """A form of the update that is not built in, such as `studies.papers.yao2021.sequential.OneByOne`."""
 
     def update(
         self, m: NDArray, P: NDArray, mu: NDArray, E: NDArray, z: SyntheticDetections

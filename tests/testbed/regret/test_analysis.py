@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from studies.regret.caution import differences
 from testbed.regret.analysis import (
     Cell,
     attributions,
@@ -20,7 +21,6 @@ from testbed.regret.injection import Errors
 from testbed.regret.measures import MEASURES
 from testbed.regret.report.figures import DOSE_UNITS, dose_response
 from testbed.regret.substitution import subsets
-from testbed.studies.regret.caution import differences
 
 SEEDS = range(8)
 

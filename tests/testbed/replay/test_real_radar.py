@@ -7,10 +7,10 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 
+from studies.standing.scans import read_real
+from studies.standing.statistics import fit_motion
 from testbed.replay.reading import read
 from testbed.replay.replaying import ReplayConfig, prepare, replay
-from testbed.studies.standing.scans import read_real
-from testbed.studies.standing.statistics import fit_motion
 
 REAL = Path(__file__).resolve().parents[4] / "shared/data/raflow"
 PERIOD = 0.1 * 19 / 15  # [s] of a scan: there are 15 different ones in 19 frames at 10 Hz

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from studies.papers.yao2021.simulation import CONTOURS, PRIOR, PRIOR_VAR, simulate
 from testbed.check.draws import arrays
 from testbed.evaluation.metrics import areas, region_iou
-from testbed.papers.yao2021.simulation import CONTOURS, PRIOR, PRIOR_VAR, simulate
 from trackers import Scan, find, prior
 from trackers.batch import concatenate, take
 from trackers.geometry import rotation, to_world, unit

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from testbed.papers.hoher2022.printed import PrintedKoch
+from studies.papers.hoher2022.printed import PrintedKoch
 from trackers import Scan, prior
 from trackers.geometry import rotation
 from trackers.random_matrix.koch import NU_LEAST, Koch, KochState, degrees_of_freedom, singer

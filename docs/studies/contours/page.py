@@ -1,0 +1,164 @@
+"""What `pmht-spline-adaptive` learns of contours and classes: the page docs/contours.md, its picture and its tables."""
+
+from collections.abc import Mapping, Sequence
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from scenarios import SCENARIOS
+from studies.contours.classes import SURE, ClassHistory, ClassProbe, calibration, confusion_table, delay_table
+from studies.contours.figure import draw
+from studies.contours.passing import KINDS, PassedTrack, Passing, follow
+from studies.page import DOCS, Docs, Page, steps
+from testbed.command_line.terminal import user_input
+from testbed.compare.runs.recording import record
+from testbed.compare.runs.replay import replay
+from testbed.log.text import markdown_table
+from trackers import find
+
+TRACKER, PLAIN = "pmht-spline-adaptive", "pmht-spline"
+MOMENTS = (1.0, 5.0, 30.0)  # [s]; before the first, hardly anything is learned
+RADAR = "surround"
+Passed = Mapping[tuple[str, str], Sequence[PassedTrack]]  # by class and tracker, one a seed
+
+
+def second_before(track: PassedTrack, moment: float) -> slice:
+    """The frames of the second before a moment [s]."""
+    last = min(int(np.searchsorted(track.time, moment - 1e-9)), len(track.time) - 1)
+    return slice(max(last - 14, 0), last + 1)
+
+
+def passing_table(passed: Passed) -> str:
+    """One row a class and tracker, means over the seeds and the second before each moment."""
+    rows = []
+    for (kind, tracker), runs in passed.items():
+        cells = [kind, tracker]
+        for moment in MOMENTS:
+            parts = [(track, second_before(track, moment)) for track in runs]
+            for values in (
+                [track.iou[k] for track, k in parts],
+                [np.abs(track.length_error[k]) for track, k in parts],
+                [track.position_error[k] for track, k in parts],
+            ):
+                flat = np.concatenate(values)
+                cells.append(f"{np.nanmean(flat):.2f}" if np.isfinite(flat).any() else "–")
+        rows.append(tuple(cells))
+    head = [f"{what}, {moment:g} s" for moment in MOMENTS for what in ("IoU", "length error [m]", "place error [m]")]
+    return markdown_table(("vehicle", "tracker", *head), rows)
+
+
+PAGE = """# Contours and classes learned on the way
+
+`{tracker}` is `{plain}` with a class and a contour of its own for every track. The rule, in
+`trackers/pmht/adaptive.py` and `trackers/pmht/learner.py`:
+
+- Each track keeps its last scans. When they span half a second and hold 25 detections, or the window of 32 scans is
+  full, its turn may come.
+- In its turn an unscented RTS smoother over the window takes the motion out of the detections. They join a pool of at
+  most 40 for each of 8 directions that the track was seen from.
+- With the next scan the pool is compared with the classes. Where one has a probability above {sure:g}, its contour is
+  the one to start from, the track takes the place and the size of the fit, and the size is drawn to the mean of the
+  class.
+- With 150 new detections since the last time, six scans follow with one iteration of regularised expectation
+  maximisation each, and a seventh in which the filter takes the contour over, unless it crosses itself.
+- Scans of a part of a vehicle (less than three quarters of it, cut off by a field of view or hidden by others) are not
+  learned from: half a car resembles a motorcycle.
+- One track at most has a turn in one scan: first the one that has begun, then the one that has waited longest.
+
+Rays from the sensor of each detection weigh the ellipses, the known noise of each detection is taken out, and vehicles
+are taken for symmetric: what is seen of one side is known of the other. The frame moves only where its offset is
+observable, see [partial-view.md](partial-view.md).
+
+Every change is an event in the review log, `classified` or `adapted`, and is drawn for a second where the track was:
+the contour before in grey, the one after in the colour of the tracker.
+
+## Contours in passing
+
+The ego comes from {ahead:g} m behind, passes each vehicle in the next lane in {duration:g} s, and is {ahead:g} m ahead
+at the end. The tracker finds the vehicle by itself. Grey: truth; blue: the contour of the track.
+
+![Contours after 1, 5 and 30 s](pictures/contours.png)
+
+Means over {seeds} seeds and the second before each moment. The IoU is of the shapes, each in its own frame, so an error
+of the place does not count in it; lengths are magnitudes of errors of the box, places are distances of the centres.
+
+{passed}
+
+## Classes
+
+`Estimate.class_probability` holds the probabilities of the classes `filter.classes`: {classes}. For
+each the contour of a catalogue (`python -m testbed.learn.classes`, learned from our radar on lone vehicles of that
+class) is placed so that the end which was seen lies where the track has it, and fitted to the detections: place, length
+and width, each tied to the mean of the class. The probabilities are those of the fits, with the shares of the classes
+in traffic before them. A detection counts for {counts:g} of one, because those of one body are not independent.
+
+The radar `{radar}` in {scenarios} scenarios, first {length:g} s, {class_seeds} seed(s), {tracks} tracks on vehicles
+that count. Right: the true class is the most probable one; the age is that of the track.
+
+{delays}
+
+At the end of each track:
+
+{confusion}
+
+{sure_share:.0%} of the frames have a class with a probability above {sure:g}; {sure_right:.0%} of these are right.
+"""
+
+
+def render(
+    passed: Passed, histories: Sequence[ClassHistory], classes: Sequence[str], counts: Mapping[str, float]
+) -> str:
+    """What the page says; `counts` has numbers of seeds, scenarios and seconds."""
+    share, right = calibration(histories, classes)
+    passing = Passing("car")
+    return PAGE.format(
+        tracker=TRACKER,
+        plain=PLAIN,
+        sure=SURE,
+        ahead=passing.ahead,
+        duration=passing.duration,
+        passed=passing_table(passed),
+        classes=", ".join(classes),
+        counts=find(TRACKER).learner.catalogue.counts,  # type: ignore[attr-defined]
+        radar=RADAR,
+        tracks=len(histories),
+        delays=delay_table(histories, classes),
+        confusion=confusion_table(histories, classes),
+        sure_share=share,
+        sure_right=right,
+        **counts,
+    )
+
+
+def main(
+    docs: Docs = DOCS,
+    seeds: Annotated[int, typer.Option(min=1, help="Runs past each vehicle.")] = 4,
+    scenario: Annotated[list[str] | None, typer.Option(help="For the classes; repeat; all without it.")] = None,
+    class_seeds: Annotated[int, typer.Option(min=1, help="Runs of each of these.")] = 2,
+    length: Annotated[float, typer.Option(min=1.0, help="Of each of these [s].")] = 12.0,
+) -> None:
+    """Pass vehicles of some classes, run the scenarios, and write contours.md with its picture.
+
+    Example: PYTHONPATH=docs python -m studies contours --seeds 1 --scenario slow-tractor --class-seeds 1
+    """
+    with user_input():
+        page = Page("contours", docs)
+    chosen = scenario or sorted(SCENARIOS)
+    passed: dict[tuple[str, str], list[PassedTrack]] = {}
+    histories: list[ClassHistory] = []
+    with steps(2 * len(KINDS) * seeds + len(chosen) * class_seeds) as next_step:
+        for kind in KINDS:
+            for tracker in (PLAIN, TRACKER):
+                for seed in range(seeds):
+                    next_step(f"{kind}, {tracker}")
+                    passed.setdefault((kind, tracker), []).append(follow(Passing(kind, seed=seed), tracker))
+        for name in chosen:
+            for seed in range(class_seeds):
+                next_step(f"{name}, seed {seed}")
+                probe = ClassProbe(TRACKER)
+                replay(record(name, seed, RADAR, length), [TRACKER], [probe])
+                histories += probe.histories
+    counts = {"seeds": seeds, "scenarios": len(chosen), "class_seeds": class_seeds, "length": length}
+    draw({kind: passed[kind, TRACKER][0] for kind in KINDS}, MOMENTS, page.picture("contours"))
+    page.write(render(passed, histories, ClassProbe(TRACKER).classes, counts))

@@ -1,0 +1,181 @@
+"""What the documentation says about the code: catalogue.md, radars.md, columns in comparing.md and own-recordings.md.
+
+`make generated` writes them in a second; tests/docs/test_generated.py holds them against the code.
+"""
+
+import re
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from scenarios import CONTOURS, PROBES, SCENARIOS, Contour, Scenario
+from sensors import RADARS
+from studies.page import Docs
+from studies.recording_columns import input_tables, track_columns
+from studies.rigs.page import text as radars
+from testbed.command_line.terminal import console
+from testbed.compare.runs.rows import COLUMNS, TEXT
+from testbed.environment.registration import env_id
+from testbed.files import write_atomic
+from testbed.log.text import markdown_table
+from testbed.planners import PLANNERS
+from trackers import DEFAULT, TRACKERS
+
+CATALOGUE = """# Catalogue
+
+Written by `make generated` from the registries; do not edit it by hand. `testbed list` prints the same names.
+
+## Scenarios
+
+`gym.make("{example}")` makes the environment of `cut-in`, and so for every name; `testbed run NAME` drives one. The
+registry is [scenarios/registry.py](../scenarios/registry.py). Vehicles are those besides the ego.
+
+{scenarios}
+
+## Probes
+
+Short scenes in which a planner on the truth is just safe, [scenarios/probes.py](../scenarios/probes.py). Their
+parameters say how hard they are: `gym.make("{probe}", config={{"gap": 26}})`. [probes.md](probes.md) shows each.
+
+{probes}
+
+## Trackers
+
+Filters of one object, each under the same [multi-object tracker](methods/multi-object-tracking.md). The default is
+`{default}`. The registry is [trackers/registry.py](../trackers/registry.py).
+
+{trackers}
+
+## Radars
+
+The registry is [sensors/rigs.py](../sensors/rigs.py). Rate: scans a second; "frame" is one every simulated frame.
+[radars.md](radars.md) has every number with its source, and the fields of view.
+
+{radars}
+
+## Planners
+
+The registry is [testbed/planners/registry.py](../testbed/planners/registry.py).
+
+{planners}
+
+## Contours
+
+Outlines of vehicles, [scenarios/contours.py](../scenarios/contours.py). Each vehicle has a size of its own from the
+range of its class; the default is the size that the outline is drawn at. How sizes are distributed and outlines fitted
+to them: [methods/vehicles.md](methods/vehicles.md).
+
+{contours}
+"""
+WRITTEN = "<!-- {}: written by `make generated` -->", "<!-- end of {} -->"  # around a part of a page
+
+
+def pages(docs: Path) -> dict[Path, str]:
+    """Text of each generated page under `docs`, by file; of some pages only parts are generated, and the rest stays."""
+    comparing, recordings = docs / "comparing.md", docs / "own-recordings.md"
+    tables = {"tables": input_tables(), "tracks": track_columns()}
+    return {
+        docs / "catalogue.md": catalogue(),
+        comparing: with_parts(comparing.read_text(), {"columns": columns()}),
+        recordings: with_parts(recordings.read_text(), tables),
+        docs / "radars.md": radars(docs),
+    }
+
+
+def with_parts(page: str, parts: Mapping[str, str]) -> str:
+    """The page with new parts, by name, between their marks."""
+    for name, text in parts.items():
+        start, end = (mark.format(name) for mark in WRITTEN)
+        before, _, rest = page.partition(start)
+        page = f"{before}{start}\n\n{text}\n\n{end}{rest.partition(end)[2]}"
+    return page
+
+
+def catalogue() -> str:
+    """The page docs/catalogue.md."""
+    return CATALOGUE.format(
+        example=env_id("cut-in"),
+        default=DEFAULT,
+        scenarios=markdown_table(
+            ("name", "what", "vehicles", "s", "code"),
+            [(f"`{s.name}`", s.purpose, str(s.vehicles), f"{s.duration:g}", builder(s)) for s in SCENARIOS.values()],
+        ),
+        probe=env_id("probe-brake"),
+        probes=markdown_table(
+            ("name", "what", "s", "parameters"),
+            [(f"`{p.name}`", p.purpose, f"{p.duration:g}", parameters(p)) for p in PROBES.values()],
+        ),
+        trackers=markdown_table(
+            ("name", "what", "code", "method"),
+            [(f"`{t.name}`", t.source, source(t.filter), method(t.filter)) for t in TRACKERS.values()],
+        ),
+        radars=markdown_table(
+            ("name", "what", "sensors", "rate"),
+            [
+                (f"`{r.name}`", r.note, str(len(r.sensors)), "frame" if r.rate is None else f"{r.rate:g}")
+                for r in RADARS.values()
+            ],
+        ),
+        planners=markdown_table(("name", "what"), [(f"`{p.name}`", p.note) for p in PLANNERS.values()]),
+        contours=markdown_table(
+            ("name", "what", "default [m]", "lengths [m]", "widths [m]"),
+            [(f"`{c.name}`", c.note, f"{c.length:g} x {c.width:g}", *ranges(c)) for c in CONTOURS.values()],
+        ),
+    )
+
+
+def ranges(contour: Contour) -> tuple[str, str]:
+    """Lengths and widths of a class in words."""
+    if contour.sizes is None:
+        return f"{contour.length:g}", f"{contour.width:g}"
+    sizes = contour.sizes
+    low, high = sizes.box[:, 1]
+    lengths = f"{sizes.length.low:g} to {sizes.length.high:g}"
+    if sizes.long is not None:
+        lengths += f", or {sizes.long[1]:g}"
+    return lengths, f"{low:.2f} to {high:.2f}" if high > low else f"{low:g}"
+
+
+def columns() -> str:
+    """The table of columns of a comparison's rows."""
+    return markdown_table(
+        ("column", "type", "unit", "what"),
+        [(f"`{c.name}`", "text" if c.type == TEXT else str(c.type), c.unit, c.note) for c in COLUMNS],
+    )
+
+
+def builder(scenario: Scenario) -> str:
+    """Link to the file in which the world of a scenario is built."""
+    module = scenario.builder if isinstance(scenario.builder, str) else scenario.builder.__module__
+    return link(module.partition(":")[0])
+
+
+def parameters(probe: Scenario) -> str:
+    """The parameters of a probe in words."""
+    return "; ".join(f"`{p.name}` = {p.default:g} {p.unit}, {p.note}" for p in probe.parameters)
+
+
+def source(filter: Any) -> str:
+    """Link to the file of a filter."""
+    return link(type(filter).__module__)
+
+
+def method(filter: Any) -> str:
+    """Link to the first method page that the docstring of the filter's module or class names; a dash without one."""
+    texts = sys.modules[type(filter).__module__].__doc__, type(filter).__doc__
+    named = [name for text in texts for name in re.findall(r"docs/methods/([\w-]+)\.md", text or "")]
+    return f"[{named[0]}](methods/{named[0]}.md)" if named else "–"
+
+
+def link(module: str) -> str:
+    """Link to the file of a module, for a page in docs/."""
+    path = f"{module.replace('.', '/')}.py"
+    return f"[{path}](../{path})"
+
+
+def main(docs: Docs = Path("docs")) -> None:
+    """Write what the documentation says about the registries: catalogue.md, radars.md, tables of columns in others."""
+    for page, text in pages(docs).items():
+        write_atomic(page, text)
+        console.print(f"page     {page}", soft_wrap=True)

@@ -1,0 +1,240 @@
+"""The page docs/regret.md, and the committed tables of drives and pairs that it is made from."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import pandas as pd
+import typer
+
+from studies.page import DOCS, Docs, Page
+from studies.regret.caution import differences
+from testbed.command_line.terminal import console, user_input
+from testbed.compare.report.renderers import markdown
+from testbed.compare.report.report import seeds_text
+from testbed.files import make_directory
+from testbed.regret.analysis import Attribution, Cell, one_sided, unresolved
+from testbed.regret.report import figures, tables
+from testbed.regret.report.page import drawable, find
+from testbed.regret.results import DRIVES, PAIRS, write_table
+from testbed.regret.study import Task
+
+PARTS = ("main", "attribution", "doses", "caution")  # folders of docs/results/regret
+SHOWN = ("J", "collided", "drac_max", "tit", "progress", "brake_max", "extra_braking", "changed")
+TITLE = """# What tracking error costs in driving
+
+Every scenario is driven on the truth, on what is in view, and on the tracks of a tracker, with the same seed, so that
+the drives differ by tracking alone. The regret J is J on the truth minus J on tracks [s]: positive means that tracking
+cost something. Definitions: [methods/regret.md](methods/regret.md), measures: [metrics](methods/metrics.md#the-drive),
+scenarios: [probes.md](probes.md). In brackets 95 % intervals over the seeds, paired.
+
+{facts}
+
+{verdict}
+
+## Regret by tracker and planner
+
+{overview}
+
+![regret by scenario, tracker and planner](pictures/regret-regret.png)
+
+## By scenario
+
+Each measure on tracks minus the same on the truth; less J and less progress are worse, more of all others is.
+
+{total}
+
+{sides}
+
+## What is in view against the truth
+
+{sensing}
+
+## Which tracking error matters to a planner
+
+{errors}
+
+![regret against the errors of the tracker](pictures/regret-errors.png)
+
+## The worst pairs, and where they part from the truth
+
+{worst}
+"""
+ATTRIBUTION = """## Which group of errors costs what
+
+{facts}
+
+{table}
+
+![Shapley values of the groups](pictures/regret-attribution.png)
+"""
+DOSES = """## Injected errors: dose and response
+
+{facts}
+
+![regret by the size of an injected error](pictures/regret-doses.png)
+
+{table}
+"""
+CAUTION = """## Does knowing the uncertainty help?
+
+`mpc-cautious` minus `mpc` on the same seeds and tracks: with the covariance of the tracker, and with one scaled by 1/4
+and by 4, which is dishonest. {facts}
+
+{table}
+
+{open}
+"""
+
+
+def main(
+    studies: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[PART=FOLDER]...",
+            help=f"A folder of `testbed regret --out` for a part: {', '.join(PARTS)}; several folders for one part are "
+            "joined. Without any: as committed.",
+        ),
+    ] = None,
+    add: Annotated[bool, typer.Option("--add", help="To what is committed, instead of in its place.")] = False,
+    docs: Docs = DOCS,
+) -> None:
+    """Write the page "What tracking error costs in driving" and the tables that it shows.
+
+    PYTHONPATH=docs python -m studies regret main=runs/regret/main caution=runs/regret/caution --docs docs
+    """
+    with user_input((OSError, ValueError)):
+        results = docs / "results" / "regret"
+        for name, folders in by_part(studies or ()).items():
+            kept = [results / name] if add and (results / name / DRIVES).exists() else []
+            publish([*kept, *folders], results / name)
+        found = {name: load(results / name) for name in PARTS if (results / name / DRIVES).exists()}
+        if "main" not in found:
+            raise ValueError(f"{results} has no drives yet; give main=FOLDER of `testbed regret --out FOLDER`")
+        page = Page("regret", docs)
+        page.write(text(found, page))
+
+
+def by_part(studies: Sequence[str]) -> dict[str, list[Path]]:
+    """Folders by part, from `PART=FOLDER`; ValueError for anything else.
+
+    >>> by_part(["main=runs/a", "main=runs/b"])["main"] == [Path("runs/a"), Path("runs/b")]
+    True
+    """
+    found: dict[str, list[Path]] = {}
+    for study in studies:
+        name, equals, folder = study.partition("=")
+        if name not in PARTS or not (equals and folder):
+            raise ValueError(f"a study reads PART=FOLDER with PART one of {', '.join(PARTS)}, got {study!r}")
+        found.setdefault(name, []).append(Path(folder))
+    return found
+
+
+def publish(folders: Sequence[Path], place: Path) -> None:
+    """Join the tables of some folders in a place; ValueError where one has none, or two differ about a drive."""
+    for folder in folders:
+        for name in (DRIVES, PAIRS):
+            if not (folder / name).exists():
+                raise ValueError(f"{folder} has no {name}; make it with `testbed regret --out {folder}`")
+    for name, keys in ((DRIVES, [*Task._fields]), (PAIRS, ["reference", *Task._fields])):
+        table = joined([pd.read_parquet(folder / name) for folder in folders], keys)
+        make_directory(place)
+        write_table(table, place / name)
+    console.print(f"tables   {place}", soft_wrap=True)
+
+
+def joined(tables: Sequence[pd.DataFrame], keys: list[str]) -> pd.DataFrame:
+    """One table of all rows, each drive once, in the order of the keys; ValueError where two rows of a drive differ.
+
+    The CPU time of a drive is its first one.
+    """
+    table = pd.concat(tables, ignore_index=True)
+    twice = table[table.duplicated(keys, keep=False)].drop(columns="cpu", errors="ignore")
+    if differing := twice.drop_duplicates().groupby(keys).size().loc[lambda n: n > 1].index.tolist():
+        raise ValueError(f"two folders differ about {differing[0]}; make both with the same code")
+    return table.drop_duplicates(keys).sort_values(keys, ignore_index=True)
+
+
+def load(place: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """The tables of drives and of pairs."""
+    return pd.read_parquet(place / DRIVES), pd.read_parquet(place / PAIRS)
+
+
+def text(found: dict[str, tuple[pd.DataFrame, pd.DataFrame]], page: Page | None = None) -> str:
+    """The page from the tables of its parts; with a page its pictures are drawn as well."""
+    written = [_main(*found["main"], page)]
+    if "attribution" in found:
+        written.append(_attribution(*found["attribution"], page))
+    if "doses" in found:
+        written.append(_doses(*found["doses"], page))
+    if "caution" in found:
+        written.append(_caution(found["caution"][0]))
+    return "\n".join(written)
+
+
+def _main(drives: pd.DataFrame, pairs: pd.DataFrame, page: Page | None) -> str:
+    found = find(drives, pairs)
+    total, _, errors, _ = drawable(found)
+    _draw(page, total, errors=errors)
+    grids = {
+        "overview": tables.overview(found.together, ""),
+        "total": tables.changes([c for c in found.total if c.measure in SHOWN], ""),
+        "sensing": tables.changes([c for c in found.sensing if c.measure in SHOWN], ""),
+        "errors": tables.correlation(found.ranks),
+        "worst": tables.worst(found.worst),
+    }
+    sides = one_sided(found.total)
+    return TITLE.format(
+        facts=_facts(drives),
+        verdict="\n\n".join(found.verdict),
+        sides="Risk and loss on different sides:\n\n" + _items(sides) if sides else "",
+        **{name: markdown(grid) for name, grid in grids.items()},
+    )
+
+
+def _attribution(drives: pd.DataFrame, pairs: pd.DataFrame, page: Page | None) -> str:
+    found = find(drives, pairs)
+    _, shares, _, _ = drawable(found)
+    _draw(page, shares=shares)
+    return ATTRIBUTION.format(facts=_facts(drives), table=markdown(tables.attribution(found.shares)))
+
+
+def _doses(drives: pd.DataFrame, pairs: pd.DataFrame, page: Page | None) -> str:
+    found = find(drives, pairs)
+    *_, doses = drawable(found)
+    _draw(page, doses=doses)
+    shown = [c for c in found.doses if c.measure in SHOWN]
+    return DOSES.format(facts=_facts(drives), table=markdown(tables.changes(shown, "")))
+
+
+def _caution(drives: pd.DataFrame) -> str:
+    cells = list(differences(drives))
+    open_questions = _items(unresolved([c for c in cells if c.measure == "J"]))
+    return CAUTION.format(facts=_facts(drives), table=markdown(tables.changes(cells, "")), open=open_questions)
+
+
+def _draw(
+    page: Page | None,
+    total: Sequence[Cell] = (),
+    shares: Sequence[Attribution] = (),
+    errors: pd.DataFrame | None = None,
+    doses: Sequence[Cell] = (),
+) -> None:
+    """Draw the pictures of a part beside the page; arguments as those of `figures.draw`."""
+    if page is not None:
+        table = pd.DataFrame() if errors is None else errors
+        for figure in figures.draw(total, shares, table, doses, page.docs / "pictures", ("png",), "regret-"):
+            console.print(f"picture  {figure.png}", soft_wrap=True)
+
+
+def _facts(drives: pd.DataFrame) -> str:
+    seeds = tuple(sorted(drives["seed"].unique().tolist()))
+    planners = ", ".join(f"`{p}`" for p in drives["planner"].unique())
+    return (
+        f"{len(drives)} drives, {drives['cpu'].sum() / 60:.0f} CPU minutes: {drives['scenario'].nunique()} scenarios, "
+        f"planners {planners}, {len(seeds)} seeds ({seeds_text(seeds)})."
+    )
+
+
+def _items(sentences: Sequence[str]) -> str:
+    return "\n".join(f"- {sentence}" for sentence in sentences)

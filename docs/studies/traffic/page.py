@@ -1,0 +1,141 @@
+"""The page docs/traffic.md, and the committed quantiles that it is made from."""
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
+
+import typer
+
+from studies.page import DOCS, Docs, Page, steps
+from studies.traffic.distributions import LEVEL, SHOWN, UNITS, Distribution, distributions, table_of
+from studies.traffic.driven import CATALOGUE, DRIVEN, NATIVE, SCENES, SEEDS, driven
+from studies.traffic.figure import draw
+from studies.traffic.recorded import FILES, ONE_CLOCK, recorded
+from studies.traffic.rows import FARTHEST, Row
+from studies.traffic.text import TEXT
+from testbed.command_line.terminal import console, user_input
+from testbed.files import make_directory, write_json
+from testbed.log.text import markdown_table
+
+RESULTS = "traffic.json"
+COMMAND = "PYTHONPATH=docs python -m studies traffic DATA --docs docs"  # DATA lies elsewhere on every machine
+
+
+class Study(NamedTuple):
+    """What is committed."""
+
+    seeds: int  # drives of each scenario
+    inside: Mapping[str, float]  # share of the vehicles of a recording that are inside of others at some time
+    found: Sequence[Distribution]
+
+
+def counted(data: Path, seeds: Sequence[int] = SEEDS) -> Study:
+    """The study made anew, from a folder of recordings and from drives.
+
+    Raises:
+        ValueError: a recording is missing or cannot be used.
+    """
+    rows: list[Row] = []
+    inside: dict[str, float] = {}
+    for source in FILES:
+        more, inside[source] = recorded(source, data)
+        rows += more
+    drives = [(CATALOGUE, name, seed) for name in SCENES for seed in seeds] + [(NATIVE, NATIVE, s) for s in seeds]
+    with steps(len(drives)) as step:
+        for source, name, seed in drives:
+            step(f"{name} {seed}")
+            rows += driven(source, name, seed)
+    return Study(len(seeds), inside, distributions(table_of(rows)))
+
+
+def write(study: Study, path: Path) -> None:
+    """Write the committed results."""
+    found = [one._asdict() for one in study.found]
+    write_json(path, {"seeds": study.seeds, "inside": dict(study.inside), "distributions": found})
+
+
+def read(path: Path) -> Study:
+    """The committed results; ValueError where there are none."""
+    if not path.exists():
+        raise ValueError(f"{path} is not there yet; give the folder of the recordings")
+    held: dict[str, Any] = json.loads(path.read_text())
+    return Study(held["seeds"], held["inside"], [Distribution(**one) for one in held["distributions"]])
+
+
+def render(study: Study) -> str:
+    """The page from the results."""
+    found = study.found
+    return TEXT.format(
+        seeds=study.seeds,
+        driven=DRIVEN[CATALOGUE],
+        native=DRIVEN[NATIVE],
+        scenes=len(SCENES),
+        farthest=FARTHEST,
+        level=LEVEL,
+        fewest=UNITS,
+        clock=_clock(study.inside),
+        length=_table([d for d in found if d.quantity == "length"], "class"),
+        width=_table([d for d in found if d.quantity == "width"], "class"),
+        speed=_table([d for d in found if d.quantity == "speed" and d.by == "all"], "when"),
+        gap=_table([d for d in found if d.quantity == "gap" and d.by == "speed"], "speed [m/s]"),
+        time_gap=_table([d for d in found if d.quantity == "time_gap" and d.by == "speed"], "speed [m/s]"),
+        scenarios=_scenarios([d for d in found if d.by == "scenario"]),
+    )
+
+
+def _clock(inside: Mapping[str, float]) -> str:
+    """Which recordings have the times of all vehicles on one clock."""
+    sentences = []
+    for source, share in inside.items():
+        verdict = "are not of one clock, so it has no gaps" if share >= ONE_CLOCK else "are of one clock"
+        overlap = f"In {source} {share:.1%} of the vehicles are inside of another one at some time"
+        sentences.append(f"{overlap}: its times {verdict}.")
+    return " ".join(sentences)
+
+
+def _table(found: Sequence[Distribution], group: str) -> str:
+    """A row a distribution: quantiles, those of 5, 50 and 95 % with their interval."""
+    head = ("source", group, "vehicles", "values", *(f"{level} %" for level in SHOWN))
+    return markdown_table(head, [(d.source, d.group, f"{d.vehicles:,}", f"{d.values:,}", *_cells(d)) for d in found])
+
+
+def _cells(one: Distribution) -> Iterator[str]:
+    for k, value in enumerate(one.quantiles):
+        limits = f" ({one.low[k]:.2f} to {one.high[k]:.2f})" if one.low and k % 2 == 0 else ""
+        yield f"{value:.2f}{limits}"
+
+
+def _scenarios(found: Sequence[Distribution]) -> str:
+    """A row a scenario: 5, 50 and 95 % of speed, gap and time gap."""
+    quantities = ("speed", "gap", "time_gap")
+    held = {(d.group, d.quantity): d for d in found}
+    body = []
+    for name in dict.fromkeys(d.group for d in found):
+        cells = []
+        for quantity in quantities:
+            one = held.get((name, quantity))
+            cells.append("–" if one is None else ", ".join(f"{one.quantiles[k]:.1f}" for k in (0, 2, 4)))
+        one = held.get((name, "gap"))
+        body.append((f"`{name}`", *cells, "0" if one is None else f"{one.values:,}"))
+    return markdown_table(("scenario", "speed [m/s]", "gap [m]", "time gap [s]", "gaps"), body)
+
+
+def main(
+    data: Annotated[
+        Path | None, typer.Argument(help="Folder of ngsim_i80 and ngsim_us101. Without it: the page as committed.")
+    ] = None,
+    docs: Docs = DOCS,
+) -> None:
+    """Write the page "Our traffic beside real traffic", its picture and the quantiles that it shows."""
+    with user_input((OSError, ValueError)):
+        path = docs / "results" / RESULTS
+        if data is not None:
+            study = counted(data)
+            make_directory(path.parent)
+            write(study, path)
+            console.print(f"results  {path}", soft_wrap=True)
+        study = read(path)
+        page = Page("traffic", docs)
+        draw(study.found, page.picture("traffic"))
+        page.write(render(study), COMMAND)

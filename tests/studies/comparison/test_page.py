@@ -1,0 +1,108 @@
+"""Committed results and the page made from them."""
+
+import json
+import re
+import shutil
+
+import pandas as pd
+import pytest
+
+from studies.comparison import committed
+from studies.comparison.page import layers, render
+from studies.comparison.publish import read, stored_comparison
+from studies.page import frame, notes_of
+from studies.papers.catalogue import PAPERS
+from testbed.compare.runs.config import Comparison, Settings
+from testbed.compare.runs.results import collect, write_runs
+from tests.studies.comparison.conftest import DOCS, TRACKERS
+from tests.testbed.compare.made_results import make
+
+
+def test_a_folder_tells_which_comparison_made_it(folder):
+    found = stored_comparison(folder)
+    assert (found.scenarios, found.trackers, found.seeds) == (("xia2020-lane",), TRACKERS, (0, 1, 2))
+    assert found.settings == Settings(duration=1.0)
+
+
+def test_a_folder_that_lacks_a_run_is_refused_with_its_name(folder, tmp_path):
+    part = tmp_path / "part"
+    shutil.copytree(folder, part)
+    (part / "rows" / "xia2020-lane_htg-mm_seed1.parquet").unlink()
+    with pytest.raises(ValueError, match="lacks 1 runs, xia2020-lane_htg-mm_seed1 among them"):
+        stored_comparison(part)
+
+
+def test_published_runs_are_those_of_the_folder(folder, published):
+    results, known, tables = read(published)
+    whole = pd.read_parquet(write_runs(collect(stored_comparison(folder)))).set_index(
+        ["scenario", "tracker", "seed", "phase"]
+    )["gospa"]
+    kept = results.spans.set_index(["scenario", "tracker", "seed", "phase"])["gospa"]
+    pd.testing.assert_series_equal(kept, whole, check_dtype=False, rtol=1e-6)
+    assert known["reference"] == results.comparison.baseline == "htg-mm"
+    assert set(known["seconds"]) == {"simulation", "sensing", "loading", "tracking", "metrics", "writing"}
+    assert set(tables["consistency"]["tracker"]) == set(TRACKERS)
+
+
+def test_the_page_shows_every_tracker_scenario_paper_and_the_calibration(published):
+    page = render(published)
+    assert all(f"`{tracker}`" in page for tracker in TRACKERS)
+    assert "| xia2020-lane |" in page
+    assert all(paper.source in page for paper in PAPERS.values())
+    papers = committed.read(published / "reproduce")
+    assert page.count("not reproduced yet") == sum(not paper["verdicts"] for paper in papers)
+    assert "real/simulated" in page
+
+
+def test_layers_are_held_against_the_complete_tracker_and_not_against_the_reference(tmp_path):
+    """Errors of made results rise in the order of the trackers, so the tracker without a layer is worse."""
+    names = ("imm-spline", "imm-spline:size=off")
+    table = layers(make(Comparison(("cut-in",), names, (0, 1, 2, 3), out=str(tmp_path))))
+    assert "From 1 scenarios and 4 seeds; length: the scenarios' own." in table
+    (row,) = [line for line in table.splitlines() if "size=off" in line and "GOSPA" in line]
+    assert float(row.split("|")[3].split("[")[0]) > 0
+    assert layers(None) == "No run was made without a layer."
+
+
+def test_the_report_is_published_without_logs(published):
+    page = (published.parent / "report" / "report.html").read_text()
+    assert "rm-feldmann" in page
+    assert not (published.parent / "report" / "logs").exists()
+
+
+def test_the_committed_page_is_of_the_committed_results():
+    """On failure: `make comparison-page`."""
+    known = json.loads((DOCS / "results" / "comparison.json").read_text())
+    page = (DOCS / "comparison.md").read_text()
+    assert f"committed results of {known['date']}" in page
+    assert known["identity"]["code"] in page
+    assert all(f"| {scenario} |" in page for scenario in known["scenarios"])
+    assert all(f"`{tracker}`" in page for tracker in known["trackers"])
+    assert all(
+        v["outcome"] in page for paper in committed.read(DOCS / "results" / "reproduce") for v in paper["verdicts"]
+    )
+
+
+@pytest.mark.slow
+def test_the_committed_page_is_what_the_results_give():
+    """On failure: `make comparison-page`."""
+    file = DOCS / "comparison.md"
+    command, date = re.findall(r"^Written by `(.*)` on (\S+);", file.read_text(), re.M)[0]
+    assert frame(render(DOCS / "results"), command, date, notes_of(file)) == file.read_text()
+
+
+def test_verdicts_are_taken_out_of_complete_reproductions_only(tmp_path):
+    verdict = {"claim": "better", "source": "IV", "outcome": "confirmed", "numbers": "1 < 2"}
+    found = {"paper": "hoher2022", "settings": {"runs": 3, "seed": 0, "more": 1}, "rows": [1], "verdicts": [verdict]}
+    (tmp_path / "hoher2022.json").write_text(json.dumps({**found, "interrupted": False}))
+    (tmp_path / "xia2020.json").write_text(json.dumps({**found, "paper": "xia2020", "interrupted": True}))
+    (path,) = committed.take(tmp_path, tmp_path / "kept")
+    kept = json.loads(path.read_text())
+    assert kept["verdicts"] == [verdict]
+    assert kept["settings"] == {"runs": 3, "seed": 0}
+    assert "rows" not in kept
+
+
+def test_a_folder_without_reproductions_is_refused(tmp_path):
+    with pytest.raises(ValueError, match="holds no complete reproduction"):
+        committed.take(tmp_path, tmp_path / "kept")
