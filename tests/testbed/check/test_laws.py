@@ -29,7 +29,7 @@ from testbed.planners import find as find_planner
 from testbed.planners.idm import Choice
 from tests.testbed.check import broken
 from trackers import TRACKERS, build, find, prior
-from trackers.protocols import Shiftable
+from trackers.filter import Shiftable
 
 FILTERS = pytest.mark.parametrize("name", tuple(TRACKERS))
 

@@ -5,7 +5,7 @@ import pytest
 
 from tests.trackers.rear_sides import RADAR, Road, drive
 from trackers import MultiObjectTracker, build, find
-from trackers.shared_motion import FIVE, SharedMotion
+from trackers.motion import FIVE, SharedMotion
 from trackers.size import Ends
 
 CARS = [(30, 0, 0, 25.0), (50, 4, 0, 28.0), (60, -4, 0, 22.0)]

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from trackers.motion import cartesian_covariance
+from trackers.motion.turn import cartesian_covariance
 
 
 def test_at_standstill_the_velocity_varies_across_the_heading_as_sampled():

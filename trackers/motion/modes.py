@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from trackers.geometry import perpendicular, unit
 from trackers.linalg import outer, symmetrize
-from trackers.motion import OMEGA, PHI, SPEED, coordinated_turn
+from trackers.motion.turn import OMEGA, PHI, SPEED, coordinated_turn
 from trackers.parameters import check_numbers
 
 SLOW = 3.0  # [m/s] below which a yaw rate may differ from 0 by `Modes.slow_yaw`, whatever the speed

@@ -10,19 +10,19 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.admission import guarded_predict, guarded_update
 from trackers.batch import select
 from trackers.estimate import Estimate
+from trackers.filter import Attentive, ContourFilter, Gaussian, Learning, Note, Restartable
 from trackers.geometry import dot, perpendicular, unit
 from trackers.imm import chain, mix, moments, reweight
 from trackers.linalg import outer, symmetrize
-from trackers.motion import OMEGA, PHI, ROUNDING, SPEED
+from trackers.motion.modes import Modes
+from trackers.motion.places import corrected, likelihood
+from trackers.motion.rates import Body, ScanRates
+from trackers.motion.turn import OMEGA, PHI, ROUNDING, SPEED
 from trackers.parameters import check_numbers
-from trackers.protocols import Attentive, ContourFilter, Gaussian, Learning, Note, Restartable
 from trackers.scan import Scan
-from trackers.shared_motion.modes import Modes
-from trackers.shared_motion.places import corrected, likelihood
-from trackers.shared_motion.rates import Body, ScanRates
+from trackers.validation import guarded_predict, guarded_update
 
 SIZE = OMEGA + 1  # first of the two components that hold the size
 ANGLES = (PHI,)

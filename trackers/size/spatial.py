@@ -17,7 +17,7 @@ from trackers.size.profile import Profiles
 LEAST_DENSITY = 1e-300
 
 
-def log_claim(grids: tuple[Grid, Grid], hits: Hits, boxes: Boxes, belief: Belief, place_var: NDArray) -> NDArray:
+def log_spatial(grids: tuple[Grid, Grid], hits: Hits, boxes: Boxes, belief: Belief, place_var: NDArray) -> NDArray:
     """Log density (G,) [1/m^2] of detections under the objects that `hits.row` names.
 
     boxes, belief (T,) and place_var (T, 2) [m^2], the variance of the box along its axes, are those of all objects.

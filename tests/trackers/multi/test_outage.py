@@ -8,7 +8,7 @@ from scipy.stats import nbinom
 
 from tests.trackers.multi.known_objects import KnownObjects, scan_of, tracks_of
 from trackers import MultiObjectTracker, SensorModel, prior
-from trackers.multi.silence import Silence
+from trackers.multi.outage import SensorOutage
 
 DT = 1 / 15
 NOISE = (0.2, 0.01, 0.1)
@@ -59,19 +59,19 @@ def test_probability_of_silence_by_hand():
     expected, existence = np.array([[2.0, 0.5]]), np.array([0.9, 0.6])
     none = nbinom.pmf(0, 2.0, 2.0 / (2.0 + expected[0]))
     silent = np.prod(1 - existence + existence * none) * np.exp(-0.8 * 3.0)
-    got = Silence().probability(np.zeros(1), np.zeros(1, bool), expected, existence, np.array([3.0]))
+    got = SensorOutage().probability(np.zeros(1), np.zeros(1, bool), expected, existence, np.array([3.0]))
     np.testing.assert_allclose(got, 1e-4 / (1e-4 + (1 - 1e-4) * silent))
-    again = Silence().probability(got, np.zeros(1, bool), expected, existence, np.array([3.0]))
+    again = SensorOutage().probability(got, np.zeros(1, bool), expected, existence, np.array([3.0]))
     prior = 1e-4 + (0.9 - 1e-4) * got
     np.testing.assert_allclose(again, prior / (prior + (1 - prior) * silent))
-    assert Silence().probability(got, np.ones(1, bool), expected, existence, np.array([3.0])) == 0
+    assert SensorOutage().probability(got, np.ones(1, bool), expected, existence, np.array([3.0])) == 0
 
 
 def test_sensors_with_nothing_in_view_are_out_with_the_others_but_not_alone():
     expected, sure = np.array([[8.0] * 6, [0.0] * 6]), np.ones(6)
     none = np.zeros(2)
-    one = Silence().probability(none, np.array([True, False]), expected, sure, np.full(2, 1.0))
-    both = Silence().probability(none, np.zeros(2, bool), expected, sure, np.full(2, 1.0))
+    one = SensorOutage().probability(none, np.array([True, False]), expected, sure, np.full(2, 1.0))
+    both = SensorOutage().probability(none, np.zeros(2, bool), expected, sure, np.full(2, 1.0))
     assert one[1] < 0.01
     assert (both > 0.99).all()
 

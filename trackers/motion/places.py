@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.filter import Gaussian
 from trackers.geometry import wrap_angle
 from trackers.linalg import symmetrize
-from trackers.motion import PHI
-from trackers.protocols import Gaussian
+from trackers.motion.turn import PHI
 from trackers.unscented import root
 
 LOST = -0.1  # share of the information of the prediction that an update took away, from which on it was no update

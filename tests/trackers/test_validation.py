@@ -5,11 +5,11 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from trackers import TRACKERS, Scan, admission, find, prior
-from trackers.admission import LARGEST, MAX_RANGE, MAX_STEP, admit, guarded_update
+from trackers import TRACKERS, Scan, find, prior, validation
 from trackers.batch import stack
+from trackers.filter import UpdateInfo
 from trackers.linalg import floored
-from trackers.protocols import UpdateInfo
+from trackers.validation import LARGEST, MAX_RANGE, MAX_STEP, admit, guarded_update
 
 NAN, INF = np.nan, np.inf
 XY = np.array([[20.0, 3.0], [21.0, 3.5], [22.0, 2.5]])
@@ -249,6 +249,6 @@ def test_what_the_door_of_a_layer_let_through_is_not_examined_again(monkeypatch)
         np.testing.assert_array_equal(got, want)
     assert [note.kind for note in info.notes] == ["skipped"]
     examined = []
-    monkeypatch.setattr(admission, "check_fields", lambda *of: examined.append(of))
+    monkeypatch.setattr(validation, "check_fields", lambda *of: examined.append(of))
     layer.update(Around(start.m, start), scan)
     assert len(examined) == 1

@@ -14,7 +14,7 @@ from trackers.parameters import check_numbers
 
 
 @dataclass(frozen=True)
-class Silence:
+class SensorOutage:
     """Whether a sensor without a detection is out, where the scan does not say it."""
 
     begins: float = 1e-4  # probability that an outage begins with a scan

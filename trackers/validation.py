@@ -11,8 +11,8 @@ from typing import Any, NamedTuple, TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.filter import Note
 from trackers.linalg import floored
-from trackers.protocols import Note
 from trackers.scan import Scan
 
 MAX_STEP = 60.0  # [s] after a minute a vehicle may be anywhere within kilometres: nothing is left of a track

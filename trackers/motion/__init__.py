@@ -4,8 +4,8 @@ In: the detections of each object. Out: velocity, heading and yaw rate. Equation
 Imports numpy, scipy and `trackers` only.
 """
 
-from trackers.shared_motion.layer import SharedMotion, SharedMotionInfo, SharedMotionState
-from trackers.shared_motion.modes import FIVE, Mode, Modes
-from trackers.shared_motion.rates import ScanRates
+from trackers.motion.layer import SharedMotion, SharedMotionInfo, SharedMotionState
+from trackers.motion.modes import FIVE, Mode, Modes
+from trackers.motion.rates import ScanRates
 
 __all__ = ["FIVE", "Mode", "Modes", "ScanRates", "SharedMotion", "SharedMotionInfo", "SharedMotionState"]

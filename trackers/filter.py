@@ -144,7 +144,7 @@ class Smoothable(Protocol):
 
 @runtime_checkable
 class ContourFilter(Filter, Smoothable, Resizable, Shiftable, SpatialModel, Protocol):
-    """A filter that `trackers.shared_motion` can take over the motion of.
+    """A filter that `trackers.motion` can take over the motion of.
 
     Its Gaussian is of x = [px, py, phi, v, omega, s1, s2] as in `trackers.motion`, s1 and s2 length and width or their
     logarithms.

@@ -12,11 +12,11 @@ from testbed.check import draws, laws
 from testbed.check.draws import arrays, check_equal, random_prior
 from trackers import Scan, find, prior
 from trackers.batch import take
+from trackers.filter import Attentive, Resizable, Restartable, Shiftable, SpatialModel
 from trackers.geometry import rotation, unit, wrap_angle
-from trackers.protocols import Attentive, Resizable, Restartable, Shiftable, SpatialModel
-from trackers.shared_motion import FIVE, Modes, ScanRates, SharedMotion
-from trackers.shared_motion.layer import without_rates
-from trackers.shared_motion.rates import Body
+from trackers.motion import FIVE, Modes, ScanRates, SharedMotion
+from trackers.motion.layer import without_rates
+from trackers.motion.rates import Body
 
 BASES = ("htg-map", "pmht-spline", "pmht-spline-adaptive")
 EITHER = pytest.mark.parametrize("base", BASES)
