@@ -15,7 +15,7 @@ SITE := build/docs
 # Byte code is kept, also where the machine's default is not to.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo test test-all test-lowest lint types unit generated docs bench regress reproduce comparison comparison-page learning-docs family modes partial-view contours probes calibration regret regret-page standing surround faults faults-page persistence learned clean traffic
+.PHONY: demo test test-all explore test-lowest lint types unit generated docs bench regress reproduce comparison comparison-page learning-docs family modes partial-view contours probes calibration regret regret-page standing surround faults faults-page persistence learned clean traffic
 
 demo: $(STAMP)
 	@echo
@@ -27,6 +27,10 @@ test: $(STAMP)  # side by side; the tests end last
 
 test-all: lint types  # with what is marked slow
 	$(PYTEST) -m ""
+
+explore: $(STAMP)  # every property with EXAMPLES new random examples; a failure prints the example that fails
+	EXPLORE=$(EXAMPLES) $(PYTEST) -m hypothesis
+explore: EXAMPLES ?= 500
 
 test-lowest: $(LOWEST_STAMP)  # what users meet, with the lowest versions that pyproject.toml allows
 	$(LOWEST)/bin/pytest -n auto --dist worksteal --disable-warnings tests/sensors tests/scenarios tests/trackers tests/testbed

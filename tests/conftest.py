@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+from hypothesis import settings
 
 # Tests run on all cores already (`pytest -n auto`): threads of the linear algebra would only wait for each other.
 for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -14,6 +15,11 @@ for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 # Programs that tests start find the studies of the documentation, as tests do by pytest's `pythonpath`.
 STUDIES = str(Path(__file__).resolve().parents[1] / "docs")
 os.environ["PYTHONPATH"] = os.pathsep.join([STUDIES, *filter(None, [os.environ.get("PYTHONPATH")])])
+
+# Properties draw the same examples in every run; with EXPLORE=N (`make explore`) N new ones each.
+settings.register_profile("repeated", derandomize=True, database=None, deadline=None, max_examples=20)
+settings.register_profile("explored", database=None, deadline=None, max_examples=int(os.environ.get("EXPLORE", 20)))
+settings.load_profile("explored" if "EXPLORE" in os.environ else "repeated")
 
 
 class Done(NamedTuple):

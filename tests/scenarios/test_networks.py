@@ -2,7 +2,7 @@ import copy
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarios import networks
@@ -29,7 +29,6 @@ S_BEND = along((10.0, -5.0, 0.4), ((60.0, 0.0), (80.0, -1 / 40), (90.0, 1 / 30))
 
 
 @given(st.floats(-15.0, S_BEND.length + 15.0), st.floats(-8.0, 8.0))
-@settings(deadline=None)
 def test_projection_inverts_position_also_beyond_the_ends(s, lateral):
     assert S_BEND.project(S_BEND.position(s, lateral)) == pytest.approx((s, lateral), abs=1e-7)
 

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -62,7 +62,6 @@ def test_every_hit_object_and_edge_agrees_with_the_slow_reference_in_random_scen
 GRID = st.integers(-3, 3).map(float)
 
 
-@settings(max_examples=300, deadline=None)
 @given(
     arrays(float, (2,), elements=GRID),
     arrays(float, (6, 2, 2), elements=GRID),

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from trackers import Scan, find, prior
@@ -20,7 +20,6 @@ def random_chain(seed, K=3):
     return np.random.default_rng(seed).dirichlet(np.ones(K), K)
 
 
-@settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_mixing_keeps_mean_and_covariance_of_the_whole(seed):
     m, P, mu = random_mixture(seed, (2,))
@@ -30,7 +29,6 @@ def test_mixing_keeps_mean_and_covariance_of_the_whole(seed):
     np.testing.assert_allclose(mixed[2].sum(-1), 1, rtol=1e-12)
 
 
-@settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_mixing_equals_a_loop_with_the_weights_inside_the_sum(seed):
     m, P, mu = random_mixture(seed)
@@ -55,7 +53,6 @@ def test_the_printed_mixing_with_the_weights_outside_the_sum_loses_the_whole():
     assert abs(np.trace(moments(m0, printed, c)[1]) / np.trace(moments(m, P, mu)[1]) - 1) > 0.05
 
 
-@settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_names_of_the_modes_do_not_matter(seed):
     m, P, mu = random_mixture(seed)
@@ -92,7 +89,6 @@ def test_the_chain_is_a_power_of_one_step_and_the_identity_without_time():
     np.testing.assert_array_equal(chain(3, 0.9, 0.0), np.eye(3))
 
 
-@settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), scale=st.sampled_from([1.0, 1e3, 1e6]))
 def test_probabilities_sum_to_one_and_none_is_lost(seed, scale):
     rng = np.random.default_rng(seed)

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import chi2
 
@@ -83,7 +83,6 @@ def batch_solution(z, dt, R=0.4):
     return (cov @ h.ravel()).reshape(K, 2), np.stack([cov[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] for k in range(K)])
 
 
-@settings(max_examples=20, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_smoothing_a_linear_chain_is_the_batch_solution(seed):
     dt = np.random.default_rng(seed).choice([0.5, 1.0, 2.0], 12)

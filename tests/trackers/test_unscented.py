@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from trackers.geometry import wrap_angle
@@ -17,7 +17,6 @@ def gaussian(seed, lead=(), n=4):
     return rng.normal(0, 3, (*lead, n)), A @ A.mT + 0.1 * np.eye(n)
 
 
-@settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), scaling=st.sampled_from(SCALINGS))
 def test_moments_of_a_linear_function_are_exact(seed, scaling):
     m, P = gaussian(seed, (3,))
@@ -44,7 +43,6 @@ def test_many_at_once_equal_one_at_a_time(lead):
             np.testing.assert_allclose(many[i], one, rtol=1e-12, atol=1e-14)
 
 
-@settings(max_examples=40, deadline=None)
 @given(turn=st.floats(-20, 20))
 def test_wrapped_angles_have_the_moments_of_unwrapped_ones(turn):
     m, P = np.array([turn, 1.0]), np.array([[0.3, 0.1], [0.1, 0.2]])

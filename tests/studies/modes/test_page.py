@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from sensors.origin import Origin
@@ -72,7 +72,6 @@ def test_a_vehicle_that_turns_and_brakes_counts_as_turning():
     assert true_modes(both).tolist() == [2, 2, 1]
 
 
-@settings(max_examples=60, deadline=None)
 @given(st.lists(st.integers(0, 2), min_size=1, max_size=60))
 def test_phases_cover_all_frames_in_order_and_none_but_first_and_last_is_short(mode):
     time = DT * np.arange(len(mode))

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import sensors
@@ -92,7 +92,6 @@ def test_the_same_generator_gives_the_same_detections():
 
 
 @given(st.floats(-3, 3), st.floats(-2, 2), st.floats(-2, 2))
-@settings(max_examples=20, deadline=None)
 def test_errors_are_along_and_across_the_body(heading, along, across):
     vehicle = straight((4.0, -3.0, heading), 5.0, 1)
     body = CONTOURS["box"]
@@ -130,7 +129,6 @@ def test_with_visibility_a_vehicle_seen_from_behind_keeps_its_place():
 
 
 @given(st.integers(0, 2**32 - 1))
-@settings(max_examples=20, deadline=None)
 def test_positions_tell_neither_direction_of_the_offset_and_nothing_else_is_hidden(seed):
     """Places of ellipses as linear functions of centre and offset: rank 2 of 4, whatever part of them is seen."""
     rng = np.random.default_rng(seed)

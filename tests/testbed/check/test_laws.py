@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarios import PROBES, SCENARIOS, Scenario
@@ -41,21 +41,18 @@ def test_a_batch_equals_the_loop(name, lead):
 
 
 @FILTERS
-@settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_order_and_padding_do_not_matter(name, seed):
     laws.order_and_padding_do_not_matter(find(name), seed)
 
 
 @FILTERS
-@settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), turn=st.floats(-3, 3))
 def test_turning_the_world_turns_the_answer(name, seed, turn):
     laws.turning_the_world_turns_the_answer(find(name), seed, turn)
 
 
 @FILTERS
-@settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), tiny=st.sampled_from([1e-6, 1e-3, 1.0]))
 def test_covariances_stay_symmetric_and_positive(name, seed, tiny):
     laws.covariances_stay_symmetric_and_positive(find(name), seed, tiny)

@@ -20,7 +20,7 @@ from testbed.compare.runs.results import RUNS, collect, write_runs
 from testbed.compare.runs.rows import check_part
 from testbed.compare.runs.tasks import ROWS, rows_path
 from testbed.compare.runs.work import execute
-from tests.testbed.command_line import refused
+from tests.testbed.command_line.refused import refused
 
 PLAIN = {**os.environ, "COLUMNS": "200", "NO_COLOR": "1", "TERM": "dumb"}
 LONG = Comparison(("xia2020-lane",), ("rm-koch", "rm-feldmann"), tuple(range(6)), Settings("front", duration=0.5))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 import shapely
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from testbed.evaluation.metrics import (
@@ -51,7 +51,6 @@ def test_aligned_boxes_differ_by_their_half_sizes():
     assert gwd(HERE, a, np.array([3.0, 4.0, 0.0]), b) == pytest.approx(np.sqrt(26.25))
 
 
-@settings(deadline=None)
 @given(seeds)
 def test_the_distance_agrees_with_general_matrix_square_roots(seed):
     pose, size = random_boxes(seed, 2)
@@ -61,7 +60,6 @@ def test_the_distance_agrees_with_general_matrix_square_roots(seed):
     assert gwd2(pose[0], size[0], pose[1], size[1]) == pytest.approx(slow, rel=1e-7, abs=1e-9)
 
 
-@settings(deadline=None)
 @given(seeds)
 def test_the_distance_is_symmetric_and_blind_to_frames_and_to_turned_boxes(seed):
     pose, size = random_boxes(seed, 2)
@@ -73,7 +71,6 @@ def test_the_distance_is_symmetric_and_blind_to_frames_and_to_turned_boxes(seed)
     assert gwd2(pose[0], size[0], around, size[1]) == pytest.approx(d, rel=1e-9, abs=1e-9)
 
 
-@settings(deadline=None)
 @given(seeds)
 def test_the_distance_of_a_box_to_itself_is_zero_and_never_negative(seed):
     pose, size = random_boxes(seed, 8)
@@ -82,7 +79,6 @@ def test_the_distance_of_a_box_to_itself_is_zero_and_never_negative(seed):
     assert (d < 1e-12 * 16**2).all()  # rounding of extents of up to (16 m / 2)^2
 
 
-@settings(deadline=None)
 @given(seeds)
 def test_the_distance_is_at_least_that_of_the_centres(seed):
     pose, size = random_boxes(seed, 2, 9)
@@ -197,14 +193,12 @@ def test_the_best_set_of_pairs_is_found_not_the_nearest_first():
     assert gospa(np.array([[1.0, 2.0], [2.0, 4.5]])).localisation == pytest.approx(8.0)
 
 
-@settings(deadline=None)
 @given(seeds, st.integers(0, 3), st.integers(0, 3))
 def test_gospa_is_the_minimum_over_all_assignments(seed, N, T):
     distance = np.random.default_rng(seed).uniform(0, 8, (N, T))
     assert gospa(distance).total == pytest.approx(slow_gospa(distance), abs=1e-9)
 
 
-@settings(deadline=None)
 @given(seeds)
 def test_order_of_truths_and_tracks_does_not_matter(seed):
     rng = np.random.default_rng(seed)
@@ -215,7 +209,6 @@ def test_order_of_truths_and_tracks_does_not_matter(seed):
     assert {(rows[i], columns[j]) for i, j in other.pairs} == {tuple(pair) for pair in score.pairs}
 
 
-@settings(deadline=None)
 @given(seeds)
 def test_the_parts_add_up_to_the_square(seed):
     score = gospa(np.random.default_rng(seed).uniform(0, 8, (4, 6)))

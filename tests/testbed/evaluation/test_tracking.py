@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from sensors.origin import CLUTTER, CONTOUR, DOUBLE, MIRROR, STATIC, Origin
@@ -149,7 +149,6 @@ def test_tracks_that_are_not_reported_do_not_exist():
     assert (score.mean["unassigned"], score.mean["ghosts"], score.pairs) == (1, 0, {})
 
 
-@settings(deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_far_pairs_may_be_told_apart_by_their_centres(seed):
     rng = np.random.default_rng(seed)
@@ -160,7 +159,6 @@ def test_far_pairs_may_be_told_apart_by_their_centres(seed):
     assert gospa(pair_distances(objects, belief)).total == pytest.approx(gospa(full).total)
 
 
-@settings(deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_order_of_tracks_and_objects_does_not_matter(seed):
     rng = np.random.default_rng(seed)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import t as student
 
@@ -49,7 +49,6 @@ def test_the_same_results_are_the_same():
 
 
 @given(st.sampled_from(sorted(TOLERANCES)), st.sampled_from([made_suites.SCENARIOS[k] for k in (0, 7, 23)]))
-@settings(deadline=None, max_examples=15)
 def test_a_fault_in_one_scenario_is_found_where_nothing_else_moves(measure, scenario):
     before = BASE["b", scenario][measure]
     (change,) = found(made_suites.changed(BASE, ("b", scenario), measure, before + 2), WORSE)
@@ -134,7 +133,6 @@ def test_runs_without_a_baseline_are_passed_over():
 
 
 @given(st.permutations(list(BASE)))
-@settings(deadline=None, max_examples=5)
 def test_the_order_of_runs_does_not_matter(order):
     new = made_suites.shaken(BASE, 3, 3.0)
     expected = {c[:3]: c for c in judge(new, BASE)}

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from testbed.cli import app
 from testbed.log import reader
-from tests.testbed.command_line import refused
+from tests.testbed.command_line.refused import refused
 
 ASKED = ["regret", "probe-brake", "--planner", "idle", "--tracker", "rm-koch", "--seeds", "0:3", "--duration", "0.4"]
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.special import logsumexp
 
@@ -53,7 +53,6 @@ def test_updates_are_those_of_an_independent_implementation(prior_of, x, y, log_
     np.testing.assert_allclose(info.log_likelihood, log_c1, atol=2e-6)
 
 
-@settings(max_examples=10, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), gate=st.sampled_from([0.05, 0.3, 100.0]))
 def test_the_sequential_form_is_a_loop_over_detections_and_regions(seed, gate):
     """(DRA.22) with one matrix for each detection in each region that it may come from."""
@@ -84,7 +83,6 @@ def test_the_sequential_form_is_a_loop_over_detections_and_regions(seed, gate):
 
 
 @pytest.mark.parametrize("form", ["sequential", "soft"])
-@settings(max_examples=10, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_a_batch_with_different_gates_and_detections_is_a_loop_over_its_objects(form, seed):
     rng = np.random.default_rng(seed)
@@ -101,7 +99,6 @@ def test_a_batch_with_different_gates_and_detections_is_a_loop_over_its_objects(
 
 
 @pytest.mark.parametrize("form", ["sequential", "soft"])
-@settings(max_examples=10, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_order_and_padding_do_not_matter_to_any_form(form, seed):
     rng = np.random.default_rng(seed)
@@ -208,7 +205,6 @@ def test_thousands_of_detections_of_several_sensors_are_taken():
     np.testing.assert_allclose(f.estimate(state).pose[:2], X[[0, 3]], atol=0.3)
 
 
-@settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), grow=st.floats(0.7, 1.5), spread=st.floats(0.5, 2.0))
 def test_resizing_changes_the_size_and_nothing_else(seed, grow, spread):
     rng = np.random.default_rng(seed)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from trackers import Scan
@@ -35,7 +35,6 @@ def random_state(seed, lead=()):
 
 @pytest.mark.parametrize("model", ["cv", "ca", "ct"])
 @pytest.mark.parametrize("rotating", [False, True])
-@settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), w=st.sampled_from([0.0, 1e-5, 9.9e-4, 1.1e-3, 0.3, -2.0]))
 def test_transitions_have_the_jacobian_of_finite_differences(model, rotating, seed, w):
     m, p = random_state(seed), replace(RECOMMENDED, rotating_ca=rotating)
@@ -64,7 +63,6 @@ def test_a_turn_gives_the_state_of_an_independent_implementation():
     np.testing.assert_allclose(m, want, atol=5e-6)
 
 
-@settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), T=st.floats(0.01, 1.0))
 def test_a_turn_without_yaw_rate_is_constant_velocity_and_the_series_is_smooth(seed, T):
     m = random_state(seed)
@@ -129,7 +127,6 @@ def test_the_prior_of_rays_is_that_of_an_independent_implementation(place, want)
     np.testing.assert_allclose(region_prior.rays(m, np.zeros(2), 0.6, 0.1), want, atol=1e-6)
 
 
-@settings(max_examples=50, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_the_prior_of_rays_sums_to_one_and_is_even_inside_and_the_same_in_a_mirror(seed):
     m, sensor = random_state(seed), np.random.default_rng(seed).normal(0, 20, 2)
@@ -239,7 +236,6 @@ def test_the_heading_follows_the_velocity_when_it_moves_and_not_at_standstill():
     np.linalg.cholesky(cov)
 
 
-@settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_small_inverses_are_those_of_lapack(seed):
     A = np.random.default_rng(seed).normal(0, 1, (4, 3, 3))

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from trackers import MultiObjectTracker, Scan, SensorModel, find, prior
@@ -30,7 +30,6 @@ def test_on_the_rear_side_the_density_is_that_of_a_line_with_noise():
     np.testing.assert_allclose(got, 1 / (0.1 * np.sqrt(2 * np.pi)) / SIZE[1], rtol=1e-9)
 
 
-@settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), name=st.sampled_from(NAMES))
 def test_the_density_turns_and_moves_with_the_world(seed, name):
     rng = np.random.default_rng(seed)
@@ -64,7 +63,6 @@ def test_all_three_tell_the_multi_object_tracker_where_detections_lie():
         assert MultiObjectTracker(find(name), (sensor,)).spatial is not None
 
 
-@settings(max_examples=25, deadline=None)
 @given(angle=st.floats(-3, 3), length=st.floats(2, 18), width=st.floats(0.8, 2.9), variance=st.floats(1e-6, 1e-2))
 def test_a_body_that_swings_becomes_uncertain_in_heading_and_in_nothing_else(angle, length, width, variance):
     m, size = np.zeros(11), np.array([length, width])

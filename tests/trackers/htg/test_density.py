@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.special import log_ndtr
 
@@ -89,7 +89,6 @@ def plain_log_density(u, p):
     return np.array(out)
 
 
-@settings(max_examples=50, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_density_equals_the_plain_form(seed):
     p = random_density(seed)
@@ -97,7 +96,6 @@ def test_density_equals_the_plain_form(seed):
     np.testing.assert_allclose(log_density(u, p), plain_log_density(u, p), rtol=1e-9, atol=1e-9)
 
 
-@settings(max_examples=50, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_score_is_the_slope_of_the_log_density(seed):
     p, h = random_density(seed), 1e-6

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 from scipy.special import log_ndtr, ndtr
@@ -168,7 +168,6 @@ def test_one_sided_bound_has_the_reference_value(t, b, start):
     assert (got[[0, 1, 3]] == start).all()  # cannot be seen
 
 
-@settings(max_examples=100, deadline=None)
 @given(
     t=st.lists(st.floats(-3, 6), min_size=1, max_size=6),
     sg=st.floats(0.005, 0.5),

@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from testbed.check import draws, laws
@@ -321,14 +321,12 @@ def test_an_object_in_a_batch_of_240_is_the_object_alone():
 
 
 @EITHER
-@settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_order_and_padding_do_not_matter(base, seed):
     laws.order_and_padding_do_not_matter(SharedMotion(find(base)), seed, missing=True, rtol=1e-6, atol=1e-7)
 
 
 @EITHER
-@settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), turn=st.floats(-3, 3))
 def test_turning_the_world_turns_the_answer(base, seed, turn):
     laws.turning_the_world_turns_the_answer(SharedMotion(find(base)), seed, turn, missing=True, atol=1e-6)

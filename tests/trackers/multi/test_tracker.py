@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from testbed.check.draws import arrays
@@ -53,7 +53,6 @@ def test_an_empty_road_with_clutter_stays_empty(tracker, seed):
     assert sum(reported) == 0
 
 
-@settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_order_padding_and_splitting_of_detections_change_nothing(seed):
     tracker, rng = MultiObjectTracker(RandomMatrix(), (RADAR,)), np.random.default_rng(seed)

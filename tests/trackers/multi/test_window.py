@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
@@ -194,7 +194,6 @@ def test_many_detections_at_one_point_take_bounded_memory():
     assert info.events[0].kind == "crowded"
 
 
-@settings(max_examples=15, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_order_and_padding_of_detections_change_neither_window_nor_births(seed):
     rng, tracker = np.random.default_rng(seed), MultiObjectTracker(RandomMatrix(), (FRONT,))

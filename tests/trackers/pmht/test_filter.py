@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from trackers import Scan, prior
@@ -122,7 +122,6 @@ def test_no_time_changes_nothing_and_noise_is_a_density():
 
 
 @pytest.mark.parametrize("f", [PAPER, CAR, replace(CAR, visibility="none")])
-@settings(max_examples=8, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_order_padding_and_batches_do_not_matter(f, seed):
     rng = np.random.default_rng(seed)
@@ -140,7 +139,6 @@ def test_order_padding_and_batches_do_not_matter(f, seed):
 
 
 @pytest.mark.parametrize("f", [PAPER, CAR])
-@settings(max_examples=8, deadline=None)
 @given(turn=st.floats(-3, 3), seed=st.integers(0, 2**32 - 1))
 def test_turning_the_world_turns_the_answer(f, turn, seed):
     rng = np.random.default_rng(seed)

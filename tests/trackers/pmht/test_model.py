@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.interpolate import BSpline
 
@@ -21,7 +21,6 @@ BOX = rectangle_start()
 SIZE = np.array([5.0, 2.0])
 
 
-@settings(max_examples=30, deadline=None)
 @given(n_c=st.integers(4, 20), degree=st.integers(1, 3), seed=st.integers(0, 2**32 - 1))
 def test_the_basis_is_a_partition_of_unity_and_closes(n_c, degree, seed):
     r = np.random.default_rng(seed).uniform(0, n_c, 20)
@@ -115,7 +114,6 @@ def test_a_wheel_hides_the_bonnet_behind_it():
     assert table[DIRECTIONS // 4][bonnet].sum() > 0
 
 
-@settings(max_examples=30, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_weights_sum_to_one_and_change_without_a_jump(seed):
     rng = np.random.default_rng(seed)

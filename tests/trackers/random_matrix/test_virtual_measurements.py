@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
@@ -55,7 +55,6 @@ def test_grazing_rays_keep_their_digits():
     assert_allclose(hits(bearing, centre=(60.0, 7.0)), float(exact), rtol=1e-8)
 
 
-@settings(max_examples=60, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_the_sector_holds_every_ray_that_hits(seed):
     rng = np.random.default_rng(seed)
@@ -210,7 +209,6 @@ def test_rays_meet_a_box_at_its_sides():
     assert_allclose(inside, [2.5, 1.0, 1.5])
 
 
-@settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_rays_meet_a_box_where_the_ray_caster_does(seed):
     rng = np.random.default_rng(seed)

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from testbed.check import laws
@@ -183,14 +183,12 @@ def test_a_batch_equals_the_loop(name, lead):
 
 
 @pytest.mark.parametrize("name", ["htg-map", "edra-imm", "pmht-spline"])
-@settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_order_and_padding_do_not_matter(name, seed):
     laws.order_and_padding_do_not_matter(Ends(find(name)), seed)
 
 
 @pytest.mark.parametrize("name", ["htg-map", "edra-imm", "pmht-spline"])
-@settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), turn=st.floats(-3, 3))
 def test_turning_the_world_turns_the_answer(name, seed, turn):
     laws.turning_the_world_turns_the_answer(Ends(find(name)), seed, turn)

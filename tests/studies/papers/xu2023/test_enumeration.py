@@ -5,7 +5,7 @@ from itertools import product as combinations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from studies.papers.xu2023.cases import VARIANCES
@@ -78,7 +78,6 @@ def test_the_update_is_a_loop_over_all_hypotheses():
     np.testing.assert_allclose(info.log_likelihood, np.log(np.exp(weights).sum()), rtol=1e-5)
 
 
-@settings(max_examples=10, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_objects_side_by_side_are_updated_as_alone_and_order_and_padding_do_not_matter(seed):
     rng = np.random.default_rng(seed)
@@ -168,7 +167,6 @@ def positive_definite(rng, count, scale):
     return np.eye(OBSERVED) + D @ D.mT
 
 
-@settings(deadline=None)
 @given(st.integers(0, 2**32), st.integers(1, 20), st.floats(0.01, 300))
 def test_packed_inverses_products_and_determinants_are_those_of_the_whole_matrices(seed, count, scale):
     rng = np.random.default_rng(seed)
@@ -181,7 +179,6 @@ def test_packed_inverses_products_and_determinants_are_those_of_the_whole_matric
     np.testing.assert_allclose(log_det, np.linalg.slogdet(A)[1], rtol=1e-9, atol=1e-9)
 
 
-@settings(deadline=None)
 @given(st.integers(0, 2**32), st.integers(1, 6), st.integers(1, 40))
 def test_hypotheses_are_alike_exactly_where_object_and_numbers_by_region_are_equal(seed, M, F):
     rng = np.random.default_rng(seed)
@@ -194,7 +191,6 @@ def test_hypotheses_are_alike_exactly_where_object_and_numbers_by_region_are_equ
     assert (np.diff(owner[first]) >= 0).all()  # those of one object stand together
 
 
-@settings(max_examples=20, deadline=None)
 @given(st.integers(0, 2**32), st.integers(1, 40))
 def test_objects_with_fewer_detections_have_their_own_best_assignments(seed, cap):
     rng = np.random.default_rng(seed)

@@ -5,7 +5,7 @@ import xml.etree.ElementTree as ET
 import matplotlib
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import t as student
 
@@ -97,7 +97,6 @@ def test_two_seeds_have_a_mean_but_no_band():
     assert np.isnan([mean[1], *low]).all()
 
 
-@settings(deadline=None)
 @given(st.lists(st.floats(-1e3, 1e3), min_size=3, max_size=12), st.randoms(use_true_random=False))
 def test_bands_do_not_know_the_order_of_seeds_nor_those_that_are_missing(values, random):
     shuffled = [*values, np.nan]

@@ -8,7 +8,7 @@ from pathlib import Path
 import gymnasium as gym
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarios.stage import Phase
@@ -216,7 +216,6 @@ def worlds(draw):
     return Recording("made", seed, "front", tuple(frames), phases, road, drawn, {"simulation": 1.5, "sensing": 0.25})
 
 
-@settings(max_examples=40, deadline=None)
 @given(worlds())
 def test_whatever_is_seen_comes_back(tmp_path_factory, world):
     path = tmp_path_factory.mktemp("made") / "drive.npz"
@@ -227,7 +226,6 @@ def test_whatever_is_seen_comes_back(tmp_path_factory, world):
     assert back.seconds == world.seconds
 
 
-@settings(max_examples=60, deadline=None)
 @given(st.integers(0, 10**6), st.integers(1, 255))
 def test_a_flipped_byte_is_harmless_or_refused_in_one_sentence(lane_bytes, place, flip):
     made, data, folder = lane_bytes

@@ -7,7 +7,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarios.stage import Phase
@@ -152,7 +152,6 @@ def test_a_run_without_a_frame_is_an_empty_table():
     assert table.schema.equals(SCHEMA)
 
 
-@settings(max_examples=40, deadline=None)
 @given(st.integers(0, 10**6), st.integers(0, 5), st.integers(0, 5))
 def test_rows_of_a_frame_add_up_to_its_gospa(seed, objects, tracks):
     rng = np.random.default_rng(seed)
@@ -263,7 +262,6 @@ def test_polars_reads_a_file(part, drive):
     assert frame["gospa2"].sum() == pytest.approx(sum(row["gospa2"] for row in entries(drive[0])), rel=1e-4)
 
 
-@settings(max_examples=60, deadline=None)
 @given(place=st.integers(0, 10**6), flip=st.integers(1, 255))
 def test_a_flipped_byte_is_harmless_or_refused_in_one_sentence(drive, whole_part, place, flip):
     data, meta, folder = whole_part

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from testbed.compare.statistics.differences import compare, needed
@@ -10,10 +10,8 @@ from testbed.evaluation.intervals import FEWEST, Interval, bootstrap_interval
 
 numbers = st.floats(-100, 100).map(lambda x: round(x, 3))
 groups = st.lists(st.lists(numbers, min_size=FEWEST, max_size=8).map(np.array), min_size=1, max_size=3)
-few = settings(max_examples=25, deadline=None)
 
 
-@few
 @given(groups, st.randoms(use_true_random=False))
 def test_the_order_of_the_seeds_changes_nothing(sample, random):
     seeds = min(map(len, sample))
@@ -25,7 +23,6 @@ def test_the_order_of_the_seeds_changes_nothing(sample, random):
     assert compare(sample, other) == compare(*mixed)
 
 
-@few
 @given(groups)
 def test_a_tracker_compared_with_itself_is_the_same(sample):
     found = compare(sample, sample)
@@ -36,7 +33,6 @@ def test_a_tracker_compared_with_itself_is_the_same(sample):
     assert found.needed == np.inf
 
 
-@few
 @given(groups, groups)
 def test_an_unresolved_difference_needs_more_seeds_than_there_are_and_a_resolved_one_no_more(a, b):
     a = [x[: min(map(len, (x, y)))] for x, y in zip(a, b, strict=False)]
