@@ -19,7 +19,8 @@ from testbed.command_line.interruption import interruptible
 from testbed.command_line.terminal import user_input
 from testbed.compare.runs.identity import shared_digest
 from testbed.environment.registration import env_id
-from testbed.evaluation.driving import LONGEST, DriveEvaluator
+from testbed.evaluation.drive_evaluator import DriveEvaluator
+from testbed.evaluation.driving import LONGEST
 from testbed.files import make_directory, write_json
 from testbed.frame import Frame
 from testbed.log.text import markdown_table

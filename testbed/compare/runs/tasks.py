@@ -13,7 +13,7 @@ from testbed.compare.runs.config import Settings, Task
 from testbed.compare.runs.replay import replay
 from testbed.compare.runs.rows import Rows, check_part, write
 from testbed.environment.registration import make
-from testbed.evaluation.driving import DriveEvaluator
+from testbed.evaluation.drive_evaluator import DriveEvaluator
 from testbed.evaluation.tracking import jsonable
 from testbed.frame import TRUTH, Frame
 from testbed.planners import begin

@@ -22,10 +22,10 @@ from testbed.compare.report import logs
 from testbed.compare.runs.cluster import Folder, carried, difference, environment, modules_in
 from testbed.compare.runs.config import Comparison, Settings, Task
 from testbed.compare.runs.engine import Engine, check, perform
-from testbed.compare.runs.measures import COSTS
 from testbed.compare.runs.results import RUNS, collect
 from testbed.compare.runs.tasks import DONE, FAILED, RECORDINGS, ROWS, Outcome, RecordingTask, recording_path, rows_path
 from testbed.compare.runs.work import execute
+from testbed.evaluation.metric import COSTS
 from tests.testbed.compare.runs.orders import DIES, DIES_ONCE, FAILS, FINE, Order, orders, status, work
 
 ROOT = Path(__file__).resolve().parents[4]
