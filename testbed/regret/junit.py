@@ -5,8 +5,8 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import pandas as pd
 
-from testbed.compare.runs.tasks import Outcome
 from testbed.evaluation.metric import METRICS
+from testbed.experiments.run import Outcome
 from testbed.files import write_atomic
 from testbed.frame import TRUTH
 from testbed.regress.junit import FORBIDDEN

@@ -6,10 +6,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from testbed.environment.sources.conditions import IN_VIEW, parse
 from testbed.evaluation.driving import SAME, Driven, changed_decisions
 from testbed.evaluation.metric import DRIVES, keys, values
 from testbed.frame import TRUTH
-from testbed.regret.conditions import IN_VIEW, parse
 from testbed.regret.curves import Curves
 from testbed.regret.results import Drive, Results
 from testbed.regret.study import Task

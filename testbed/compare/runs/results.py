@@ -10,11 +10,11 @@ import pyarrow.dataset as ds
 import pyarrow.parquet as pq
 
 from testbed.compare.runs.config import Comparison, Task
-from testbed.compare.runs.recording import read_seconds
-from testbed.compare.runs.rows import SCHEMA, read_meta
 from testbed.compare.runs.tasks import RecordingTask, recording_of, recording_path, rows_path
 from testbed.evaluation.metric import METRICS
+from testbed.experiments.rows import SCHEMA, read_meta
 from testbed.files import atomic_file
+from testbed.replay.recording import read_seconds
 
 RUNS = "runs.parquet"
 UNITS = {"seed": "1", "start": "s", "end": "s"}  # of the columns of `RUNS` that are numbers and no metrics

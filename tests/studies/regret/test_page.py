@@ -10,11 +10,11 @@ from typer.testing import CliRunner
 from studies.__main__ import app
 from studies.page import NOTES
 from studies.regret.page import PARTS, joined, load, text
+from testbed.environment.sources.substitution import subsets
 from testbed.evaluation import metric
 from testbed.evaluation.metric import keys
 from testbed.regret.pairs import MEASURES
 from testbed.regret.results import DRIVES, PAIRS
-from testbed.regret.substitution import subsets
 
 DOCS = Path(__file__).parents[3] / "docs"
 ZERO = dict.fromkeys((*MEASURES, *keys(metric.DRIVES)), 0.0)
