@@ -114,8 +114,8 @@ From {scenarios} scenarios and {seeds} seeds; length: {length}.
 {table}"""
 
 CLOSED = """The planner `{planner}` drives on the tracks of each tracker, in a world of its own ({scenarios};
-{seeds} seeds, {runs} runs of the same length). Collisions are those of the ego; of J and progress more is better, of
-the others less.
+{seeds} seeds, {runs} runs of the same length). Collisions are those of the ego; of drive score and progress
+more is better, of the others less.
 What tracking errors cost a planner that is put to the test says [regret.md](regret.md).
 
 {drives}

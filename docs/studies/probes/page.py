@@ -67,7 +67,7 @@ the parameter is a distance. A drive is survived if nothing is hit, and in `prob
 ## The reward of highway-env is no measure of what tracking costs
 
 The default reward is the speed: who brakes late is faster until then, so a planner whose tracks come late can earn more
-than on the truth. `config["reward"] = "drive"` rewards what `J` measures instead: speed, less the prices of a short
+than on the truth. `config["reward"] = "drive"` rewards the drive score instead: speed, less the prices of a short
 time to collision and of braking ([MET.28](methods/metrics.md#the-drive)).
 
 {sections}

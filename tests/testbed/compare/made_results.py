@@ -10,7 +10,7 @@ from testbed.compare.runs.config import Comparison, Task
 from testbed.compare.runs.results import Results, collect
 from testbed.compare.runs.tasks import ROWS, rows_path
 from testbed.evaluation.metric import COSTS, METRICS
-from testbed.evaluation.pair_errors import ERRORS
+from testbed.evaluation.tracking import ERRORS
 from testbed.experiments.rows import COLUMNS, SCHEMA, write
 
 PHASES = (("before", 0.0, 3.0), ("onset", 3.0, 4.0), ("during", 4.0, 6.0), ("after", 6.0, 8.0))

@@ -14,8 +14,7 @@ from scenarios.stage import Phase
 from sensors.origin import CLUTTER, CONTOUR, Origin
 from sensors.scene import boxes_scene
 from testbed.compare.runs.config import Task
-from testbed.evaluation.pair_errors import ERRORS
-from testbed.evaluation.tracking import Evaluator
+from testbed.evaluation.tracking import ERRORS, Evaluator
 from testbed.experiments.rows import COLUMNS, NAMES, SCHEMA, Rows, check_part, read_meta, write
 from testbed.frame import Frame
 from testbed.replay.recording import record
