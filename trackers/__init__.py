@@ -7,11 +7,11 @@ if TYPE_CHECKING:
     from trackers.default import DEFAULT as DEFAULT
     from trackers.estimate import Estimate as Estimate
     from trackers.estimate import prior as prior
+    from trackers.filter import Filter as Filter
     from trackers.multi.tracker import MultiObjectTracker as MultiObjectTracker
     from trackers.multi.tracks import Event as Event
     from trackers.multi.tracks import StepInfo as StepInfo
     from trackers.multi.tracks import Tracks as Tracks
-    from trackers.protocols import Filter as Filter
     from trackers.random_matrix.feldmann import RandomMatrix as RandomMatrix
     from trackers.registry import TRACKERS as TRACKERS
     from trackers.registry import build as build
@@ -26,7 +26,7 @@ _HOME = {
     "TRACKERS": "trackers.registry",
     "Estimate": "trackers.estimate",
     "Event": "trackers.multi.tracks",
-    "Filter": "trackers.protocols",
+    "Filter": "trackers.filter",
     "MultiObjectTracker": "trackers.multi.tracker",
     "RandomMatrix": "trackers.random_matrix.feldmann",
     "Scan": "trackers.scan",

@@ -71,7 +71,7 @@ def concatenate(states: Sequence[T]) -> T:
     return _walk(lambda *leaves: np.concatenate(leaves), *states)
 
 
-class Last(Generic[States, V]):
+class Memoised(Generic[States, V]):
     """A function of states or arrays that keeps its last value: one step asks the same of the same several times.
 
     States are never written into, so the same objects have the same value.
@@ -89,4 +89,4 @@ class Last(Generic[States, V]):
         return kept[1]
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Last, (self.function,)  # copies begin anew
+        return Memoised, (self.function,)  # copies begin anew

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from trackers.geometry import cross, dot, unit
 from trackers.linalg import symmetrize
-from trackers.motion import OMEGA, PHI, SPEED
+from trackers.motion.turn import OMEGA, PHI, SPEED
 from trackers.parameters import check_numbers
 from trackers.scan import Scan
 

@@ -6,6 +6,7 @@ from types import MappingProxyType
 from typing import Any
 
 from trackers.dra import DataRegion
+from trackers.filter import Filter
 from trackers.htg.learned import HTGLearned
 from trackers.htg.map import HTGMap
 from trackers.htg.moment import HTGMoment
@@ -14,7 +15,6 @@ from trackers.lookup import check_types, find_own, is_own, look_up, parameters_o
 from trackers.multi.ground import GroundTest
 from trackers.multi.tracker import MultiObjectTracker
 from trackers.pmht import AdaptiveSpline, Learner, SplinePmht, Walk
-from trackers.protocols import Filter
 from trackers.random_matrix.adaptation import GaussNewton
 from trackers.random_matrix.feldmann import RandomMatrix
 from trackers.random_matrix.koch import Koch

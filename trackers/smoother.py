@@ -1,7 +1,7 @@
 """Unscented Rauch-Tung-Striebel smoother for every filter whose state holds a Gaussian.
 
 Equations: docs/methods/smoothing.md, after Yao et al. (2021). Of a filter only `predict` and the methods of
-`trackers.protocols.Smoothable` are used: the values of `predict` at sigma points give the cross covariance D.
+`trackers.filter.Smoothable` are used: the values of `predict` at sigma points give the cross covariance D.
 
 Extents of random matrices are smoothed by a rule of ours, (SM.8): their prediction forgets a share of the information,
 so every step of a smoothed extent counts all detections, past and future, with a weight that falls with their distance
@@ -20,10 +20,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from trackers import unscented
 from trackers.batch import concatenate, stack, take
+from trackers.filter import Extent, Gaussian, Interacting, Smoothable, SmoothableExtent
 from trackers.geometry import rotation, wrap_angle
 from trackers.imm import moments
 from trackers.linalg import symmetrize
-from trackers.protocols import Extent, Gaussian, Interacting, Smoothable, SmoothableExtent
 
 T = TypeVar("T", bound=tuple)
 
@@ -63,7 +63,7 @@ def smooth_stacked(filter: Any, states: T, dt: ArrayLike) -> T:
     if not isinstance(filter, Smoothable):
         raise TypeError(
             f"{type(filter).__name__} must have angles, gaussian and with_gaussian to be smoothed; "
-            "see trackers.protocols.Smoothable"
+            "see trackers.filter.Smoothable"
         )
     m, P = filter.gaussian(states)
     if len(m) == 0:

@@ -13,7 +13,7 @@ import numpy as np
 
 import testbed
 from trackers import Estimate, Scan
-from trackers.protocols import UpdateInfo
+from trackers.filter import UpdateInfo
 
 
 class State(NamedTuple):

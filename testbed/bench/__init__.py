@@ -29,7 +29,7 @@ from testbed.planners import settings as planner_settings
 from testbed.run import RunConfig, make_env
 from trackers import Scan, prior
 from trackers import find as find_tracker
-from trackers.protocols import Filter
+from trackers.filter import Filter
 from trackers.range_rate import RangeRates
 
 Progress = Callable[[float, float, str], None]  # done, total, name of the next benchmark

@@ -2,7 +2,7 @@
 
 Each law is a function of a filter that returns where it holds and raises `Broken` where it does not. Keywords choose
 the draw (`seed`, `lead`: leading axes; `missing`: a range rate of each object was not measured) and how much of
-rounding is allowed (`rtol`, `atol`). The sources of the laws are the protocols of `trackers.protocols`.
+rounding is allowed (`rtol`, `atol`). The sources of the laws are the protocols of `trackers.filter`.
 """
 
 from typing import Any

@@ -10,8 +10,8 @@ import numpy as np
 
 from testbed.check import entry_laws, laws, tracker_laws
 from testbed.check.draws import Broken
+from trackers.filter import Resizable, Shiftable
 from trackers.multi.tracker import MultiObjectTracker
-from trackers.protocols import Resizable, Shiftable
 
 Law = Callable[..., Any]
 Cases = Sequence[Mapping[str, Any]]

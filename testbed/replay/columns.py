@@ -9,8 +9,8 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from sensors.origin import KINDS
-from trackers.admission import MAX_PLACE, MAX_RANGE, MAX_SPEED
 from trackers.scan import DepthProfile
+from trackers.validation import MAX_PLACE, MAX_RANGE, MAX_SPEED
 
 TWO_SIDED = ("rounding", "rounding_std", "least_room")  # fields of `DepthProfile` that are pairs: along and across
 LATEST = 1e10  # [s] of a time: seconds since 1970 until the year 2286

@@ -13,8 +13,8 @@ from sensors.origin import KINDS
 from sensors.reflections import Mounted
 from testbed.replay.sensor_sheets import SensorSheets
 from testbed.replay.tables import Loaded
-from trackers.admission import MAX_STEP
 from trackers.scan import Scan
+from trackers.validation import MAX_STEP
 
 MOST_AT_ONCE = 20_000  # detections of one time; more take trackers minutes a scan
 FASTER, SLOWER = 3.0, 100.0  # how much more, and how much less often than its rate a sensor may deliver

@@ -9,8 +9,8 @@ from sensors import RADARS, Radar, Sensor, find
 from sensors.origin import CLUTTER, CONTOUR, STATIC, VOLUME
 from sensors.scattering import draw_counts, draw_depth
 from sensors.scene import Ego, boxes_scene
-from trackers.admission import admit
 from trackers.geometry import box_corners, to_frame, unit
+from trackers.validation import admit
 
 IDEAL = RADARS["ideal"].sensors[0]
 

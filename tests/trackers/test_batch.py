@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from trackers.batch import Last, keep, put, select, take
+from trackers.batch import Memoised, keep, put, select, take
 
 
 class Inner(NamedTuple):
@@ -55,13 +55,13 @@ def test_what_two_states_share_is_not_chosen_between():
 
 def test_the_last_value_is_kept_for_the_same_state_only_and_copies_begin_anew():
     seen = []
-    last = Last(lambda state: seen.append(1) or state.b.sum())
+    last = Memoised(lambda state: seen.append(1) or state.b.sum())
     state = Outer(Inner(np.zeros((3, 2))), np.arange(3.0))
     assert last(state) == last(state) == 3.0
     assert len(seen) == 1
     equal = Outer(*state)
     assert last(equal) == last(state) == 3.0  # the one before is forgotten
     assert len(seen) == 3
-    kept = Last(len)
+    kept = Memoised(len)
     kept((1, 2))
     assert pickle.loads(pickle.dumps(kept))._kept is None

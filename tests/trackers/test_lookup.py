@@ -4,7 +4,7 @@ import pytest
 
 from trackers import SensorModel, build
 from trackers.lookup import look_up, parse
-from trackers.shared_motion import SharedMotion
+from trackers.motion import SharedMotion
 from trackers.size import Ends
 
 PAGES = {"cut-in": 1, "cut-out": 2, "merge": 3}

@@ -9,7 +9,7 @@ from trackers import Scan, SensorModel, prior
 from trackers.batch import concatenate, select, take
 from trackers.geometry import box_corners, compose, extent_matrix, point_velocity, to_frame, to_world, unit, wrap_angle
 from trackers.linalg import sqrtm
-from trackers.motion import coordinated_turn
+from trackers.motion.turn import coordinated_turn
 from trackers.random_matrix.surface import visible_offset
 
 angles = st.floats(-20, 20)

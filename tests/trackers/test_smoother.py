@@ -11,9 +11,9 @@ from scipy.stats import chi2
 from testbed.check.draws import arrays
 from trackers import TRACKERS, RandomMatrix, Scan, find, prior
 from trackers.batch import stack, take
+from trackers.filter import Extent, Gaussian, Interacting, Smoothable
 from trackers.geometry import extent_matrix, rotation, to_world, unit, wrap_angle
-from trackers.motion import PHI, coordinated_turn, turn_noise
-from trackers.protocols import Extent, Gaussian, Interacting, Smoothable
+from trackers.motion.turn import PHI, coordinated_turn, turn_noise
 from trackers.smoother import smooth, smooth_extents, smooth_moments, smooth_stacked
 
 DT, SIZE = 0.1, np.array([4.7, 1.85])

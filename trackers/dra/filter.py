@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers import linalg
-from trackers.admission import guarded_predict, guarded_update
 from trackers.dra import motion, parameters, region_prior
 from trackers.dra.constraints import heading, rectangle
 from trackers.dra.flat_scan import FlatScan, flatten
@@ -39,11 +38,12 @@ from trackers.dra.state import (
     to_estimate,
 )
 from trackers.estimate import Estimate, check_estimate
+from trackers.filter import Gaussian, Smoothable
 from trackers.imm import LEAST, chain, mix, moments, reweight
 from trackers.linalg import symmetrize
 from trackers.parameters import check_numbers
-from trackers.protocols import Gaussian, Smoothable
 from trackers.scan import Scan
+from trackers.validation import guarded_predict, guarded_update
 
 PRIORS = ("uniform", "rays")
 FORMS = ("sequential", "soft")

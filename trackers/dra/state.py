@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.estimate import Estimate
+from trackers.filter import Note
 from trackers.geometry import dot, perpendicular, unit
 from trackers.imm import moments
 from trackers.linalg import ROUNDING, quadratic, symmetrize
-from trackers.protocols import Note
 
 #          left
 #   p4 ------------- p1

@@ -10,19 +10,19 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.admission import guarded_update
 from trackers.batch import select
 from trackers.estimate import Estimate
+from trackers.filter import Extent, Gaussian, UpdateInfo
 from trackers.htg.bins import HTGTable, resolve
 from trackers.htg.density import complement, log_mass, noise_matrix
 from trackers.htg.pseudo import Hole, body_axes, correct, fill, length, mean_extent, posterior, sample_of, scale_of
 from trackers.htg.spatial import log_spatial
 from trackers.linalg import sqrtm
-from trackers.motion import PHI
+from trackers.motion.turn import PHI
 from trackers.parameters import check_numbers
-from trackers.protocols import Extent, Gaussian, UpdateInfo
 from trackers.random_matrix.feldmann import RandomMatrix, RMState
 from trackers.scan import Scan
+from trackers.validation import guarded_update
 
 LEAST_SHARE = 1e-3  # of the Gaussian outside the hole: N = n / c_D must stay finite
 

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.admission import guarded_predict, guarded_update
 from trackers.estimate import Estimate, check_estimate
+from trackers.filter import Gaussian, UpdateInfo
 from trackers.geometry import rotation, unit, wrap_angle
 from trackers.htg.bins import HTGTable, metric_ends, resolve
 from trackers.htg.density import moments
@@ -21,10 +21,10 @@ from trackers.htg.information import information
 from trackers.htg.objective import LOG_L, LOG_W, OMEGA, PHI, SPEED, Objective, Points, flatten, shape_of
 from trackers.htg.spatial import log_spatial
 from trackers.linalg import symmetrize
-from trackers.motion import cartesian_covariance, coordinated_turn, polar_moments, turn_noise
+from trackers.motion.turn import cartesian_covariance, coordinated_turn, polar_moments, turn_noise
 from trackers.parameters import check_numbers
-from trackers.protocols import Gaussian, UpdateInfo
 from trackers.scan import Scan
+from trackers.validation import guarded_predict, guarded_update
 
 LOG_SIZES = np.log((0.01, 1e3))  # [m] detections of something else, scan after scan, draw the sizes no further
 

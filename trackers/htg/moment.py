@@ -11,18 +11,18 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.admission import guarded_update
 from trackers.batch import select
 from trackers.estimate import Estimate
+from trackers.filter import Extent, Gaussian, UpdateInfo
 from trackers.htg.bins import HTGTable, resolve
 from trackers.htg.pseudo import body_axes, inverse_axes, length, mean_extent, sample_of
 from trackers.htg.spatial import log_spatial
 from trackers.linalg import inverse, inverse_sqrtm, outer, sqrtm, symmetrize
-from trackers.motion import PHI
+from trackers.motion.turn import PHI
 from trackers.parameters import check_numbers
-from trackers.protocols import Extent, Gaussian, UpdateInfo
 from trackers.random_matrix.feldmann import RandomMatrix, RMState
 from trackers.scan import Scan
+from trackers.validation import guarded_update
 
 
 @dataclass(frozen=True)

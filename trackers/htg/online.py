@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.admission import guarded_update
 from trackers.batch import put, select, take
 from trackers.estimate import Estimate
+from trackers.filter import Extent, Gaussian, UpdateInfo
 from trackers.htg.density import HTG, log_density, truncated
 from trackers.htg.learned import LEAST_SHARE
 from trackers.htg.pseudo import (
@@ -30,11 +30,11 @@ from trackers.htg.pseudo import (
 )
 from trackers.htg.sides import BoundProblem, fit
 from trackers.linalg import I2, sqrtm
-from trackers.motion import PHI
+from trackers.motion.turn import PHI
 from trackers.parameters import check_numbers
-from trackers.protocols import Extent, Gaussian, UpdateInfo
 from trackers.random_matrix.feldmann import RandomMatrix, RMState
 from trackers.scan import Scan
+from trackers.validation import guarded_update
 
 AXIS = np.array([0, 1, 0, 1])  # of the sides a1, a2, b1, b2: rear, right, front, left
 SIGN = np.array([-1.0, -1.0, 1.0, 1.0])

@@ -14,11 +14,11 @@ from scipy.spatial import cKDTree
 from scipy.special import ndtr
 
 from trackers.estimate import Estimate
+from trackers.filter import SpatialModel
 from trackers.geometry import cross, dot, rotation, to_frame, unit
 from trackers.multi.road import RoadMap
 from trackers.multi.visibility import SensorArray
 from trackers.parameters import check_numbers
-from trackers.protocols import SpatialModel
 from trackers.range_rate import over_ground
 from trackers.scan import Scan
 

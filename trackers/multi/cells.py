@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from trackers.geometry import dot, perpendicular, unit
-from trackers.multi.window import Loose
+from trackers.multi.window import Unexplained
 from trackers.parameters import check_numbers
 
 
@@ -27,39 +27,38 @@ class Linkage:
     def __post_init__(self) -> None:
         check_numbers(self, positive=("along", "across", "rate", "rate_between", "thin"))
 
-    def label(self, loose: Loose) -> NDArray:
+    def label(self, points: Unexplained) -> NDArray:
         """Cell (P,) of each detection, counted from 0."""
-        a, b = self._pairs(loose)
-        d = loose.xy[a] - loose.xy[b]
-        along = unit(loose.course[np.maximum(a, b)])
-        reach = (loose.sigma[a] + loose.sigma[b]) / 2
+        a, b = self._pairs(points)
+        d = points.xy[a] - points.xy[b]
+        along = unit(points.course[np.maximum(a, b)])
+        reach = (points.sigma[a] + points.sigma[b]) / 2
         near = (dot(d, along) / (self.along + reach)) ** 2 + (
             dot(d, perpendicular(along)) / (self.across + reach)
         ) ** 2 < 1  # (LIFE.3)
-        limit, rate = np.where(loose.age[a] == loose.age[b], self.rate, self.rate_between), loose.filled_rate
+        limit, rate = np.where(points.age[a] == points.age[b], self.rate, self.rate_between), points.filled_rate
         near &= np.abs(rate[a] - rate[b]) < limit  # (LIFE.3)
-        return components(len(loose.rate), a[near], b[near])
+        return components(len(points.rate), a[near], b[near])
 
-    def label_crowd(self, loose: Loose) -> NDArray:
+    def label_crowd(self, points: Unexplained) -> NDArray:
         """The same in bounded time and memory: detections in one cell of a fine grid are linked as one."""
-        grid = np.floor(np.c_[loose.xy, loose.filled_rate, loose.sensor] / [self.thin, self.thin, self.thin, 1]).astype(
-            int
-        )
+        fine = [self.thin, self.thin, self.thin, 1]
+        grid = np.floor(np.c_[points.xy, points.filled_rate, points.sensor] / fine).astype(int)
         _, first, back = np.unique(grid, axis=0, return_index=True, return_inverse=True)
-        return self.label(Loose(*(leaf[first] for leaf in loose)))[back.ravel()]
+        return self.label(Unexplained(*(leaf[first] for leaf in points)))[back.ravel()]
 
-    def volume(self, loose: Loose) -> NDArray:
+    def volume(self, points: Unexplained) -> NDArray:
         """Volume (P,) [m^2 m/s] in which a detection is linked to each of these, [m^2] without range rate."""
-        sigma = loose.sigma
-        rates = np.where(loose.measured, 2 * np.where(loose.now, self.rate, self.rate_between), 1.0)
+        sigma = points.sigma
+        rates = np.where(points.measured, 2 * np.where(points.now, self.rate, self.rate_between), 1.0)
         return np.pi * (self.along + sigma) * (self.across + sigma) * rates  # (LIFE.5)
 
-    def _pairs(self, loose: Loose) -> tuple[NDArray, NDArray]:
+    def _pairs(self, points: Unexplained) -> tuple[NDArray, NDArray]:
         """Rows of all pairs that may be linked, each pair once."""
-        if len(loose.rate) < 2:
+        if len(points.rate) < 2:
             return np.zeros((2, 0), int)  # type: ignore[return-value]
-        radius = self.along + loose.sigma.max()
-        points = np.c_[loose.xy, loose.filled_rate * radius / self.rate]
+        radius = self.along + points.sigma.max()
+        points = np.c_[points.xy, points.filled_rate * radius / self.rate]
         return cKDTree(points).query_pairs(radius, p=np.inf, output_type="ndarray").T
 
 
@@ -75,7 +74,7 @@ def components(P: int, a: NDArray, b: NDArray) -> NDArray:
 
 
 def cut(
-    loose: Loose, label: NDArray, wide: NDArray, heading: NDArray, widest: float, least: int, gap: float
+    points: Unexplained, label: NDArray, wide: NDArray, heading: NDArray, widest: float, least: int, gap: float
 ) -> NDArray:
     """Labels (P,) after those of the cells `wide` (B,) that are wider than any vehicle are cut.
 
@@ -85,11 +84,11 @@ def cut(
     """
     label = label.copy()
     for cell, across in zip(wide, perpendicular(unit(heading)), strict=True):
-        offset, waiting = loose.xy @ across, [cell]
+        offset, waiting = points.xy @ across, [cell]
         while waiting:
             mine = np.flatnonzero(label == waiting.pop())
             mine = mine[np.argsort(offset[mine], kind="stable")]
-            if len(mine) < 2 * least or np.ptp(offset[mine]) < widest + 4 * loose.sigma[mine].mean():
+            if len(mine) < 2 * least or np.ptp(offset[mine]) < widest + 4 * points.sigma[mine].mean():
                 continue
             gaps = np.diff(offset[mine])[least - 1 : len(mine) - least]
             if gaps.max() < gap:

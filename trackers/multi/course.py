@@ -12,7 +12,7 @@ from scipy.special import expit
 
 from trackers.geometry import dot, perpendicular, unit
 from trackers.linalg import outer
-from trackers.multi.window import Loose
+from trackers.multi.window import Unexplained
 from trackers.parameters import check_numbers
 
 
@@ -60,7 +60,7 @@ class Course:
             signed=("any_log_odds",),
         )
 
-    def of(self, loose: Loose, W: NDArray, lanes: Lanes, standing: NDArray) -> Motion:
+    def of(self, points: Unexplained, W: NDArray, lanes: Lanes, standing: NDArray) -> Motion:
         """Motion of the cells W (B, P) of detections; standing (B,) bool those that seem not to move.
 
         A lane seen from abeam hides the speed on it: such a cell may stand, or drive. Cells without range rates have
@@ -72,16 +72,18 @@ class Course:
         broad = np.broadcast_to(self.any_std**2 * np.eye(2), lane.shape)
         odds = np.where(lanes.on_lane, *self.any_log_odds)
         priors = ((along, lane, 0.0), (-along, lane, 0.0), (np.zeros_like(along), broad, odds))
-        fits = [self._fit(loose, W, mean, cov) for mean, cov, _ in priors]
+        fits = [self._fit(points, W, mean, cov) for mean, cov, _ in priors]
         best = np.argmax([fit[2] + odds for fit, (*_, odds) in zip(fits, priors, strict=True)], 0)  # (LIFE.14)
         b = np.arange(len(W))
         velocity, cov = (np.stack([fit[k] for fit in fits])[best, b] for k in (0, 1))
-        still = self._fit(loose, W, np.zeros_like(along), np.broadcast_to(self.standing_std**2 * np.eye(2), lane.shape))
+        still = self._fit(
+            points, W, np.zeros_like(along), np.broadcast_to(self.standing_std**2 * np.eye(2), lane.shape)
+        )
         either = mixture(still, fits[0])
         velocity = np.where(standing[:, None], either[0], velocity)
         cov = np.where(standing[:, None, None], either[1], cov)
         motion = self._with_heading(velocity, cov, lanes.direction, (best < 2) | standing)
-        unknown = ~(W & loose.measured).any(1)
+        unknown = ~(W & points.measured).any(1)
         return motion._replace(
             heading=np.where(unknown, lanes.direction, motion.heading),
             heading_std=np.where(unknown, self.std_bounds[1], motion.heading_std),
@@ -97,13 +99,13 @@ class Course:
         std = np.sqrt(power[:, 0] / np.maximum(power[:, 1], self.above**2))  # (LIFE.15)
         return Motion(velocity, cov, heading, np.clip(np.where(slow, self.slow_std, std), *self.std_bounds))
 
-    def _fit(self, loose: Loose, W: NDArray, mean: NDArray, cov: NDArray) -> Fit:
+    def _fit(self, points: Unexplained, W: NDArray, mean: NDArray, cov: NDArray) -> Fit:
         """Velocity (B, 2), covariance (B, 2, 2) and log evidence (B,) of the range rates under Gaussian priors.
 
         mean (B, 2) and cov (B, 2, 2) are those of the priors.
         """
-        w, rate = W.astype(float), loose.filled_rate
-        u = np.where(loose.measured[:, None], loose.sight, 0.0)
+        w, rate = W.astype(float), points.filled_rate
+        u = np.where(points.measured[:, None], points.sight, 0.0)
         S = (w @ (u[:, :, None] * u[:, None]).reshape(-1, 4)).reshape(-1, 2, 2) / self.sigma_rate**2
         r, square = w @ (u * rate[:, None]) / self.sigma_rate**2, w @ rate**2 / self.sigma_rate**2
         information = np.linalg.inv(cov) + S  # (LIFE.11)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit, logit
 
-from trackers.multi.window import Loose
+from trackers.multi.window import Unexplained
 from trackers.parameters import check_numbers
 
 
@@ -48,57 +48,59 @@ class Evidence:
             self, positive=("least", "intensity", "intensity_first", "first_decay", "off_lane", "clutter_factor")
         )
 
-    def clutter(self, loose: Loose, label: NDArray, false_alarms: NDArray) -> NDArray:
+    def clutter(self, points: Unexplained, label: NDArray, false_alarms: NDArray) -> NDArray:
         """Clutter intensity (P,) [1/(m^2 m/s)], measured by the number of cells of each sensor in the present scan.
 
         label (P,) are the cells, false_alarms (S,) those expected of each sensor a scan.
         """
         S = len(false_alarms)
-        pairs = np.unique((label * S + loose.sensor)[loose.now])
+        pairs = np.unique((label * S + points.sensor)[points.now])
         cells = np.bincount(pairs % S, minlength=S)
         factor = np.maximum(1.0, self.clutter_factor * cells / np.maximum(false_alarms, 1.0))  # (LIFE.4)
-        return loose.clutter * factor[loose.sensor]  # (LIFE.4)
+        return points.clutter * factor[points.sensor]  # (LIFE.4)
 
     def newcomers(self, time: float) -> float:
         """Intensity of new vehicles [1/(m^2 m/s)] a scan, time [s] after the first scan."""
         fade = float(np.exp(-time / self.first_decay))
         return self.intensity + fade * (self.intensity_first - self.intensity)  # (LIFE.7)
 
-    def judge(self, loose: Loose, label: NDArray, clutter: NDArray, chance: NDArray, newcomers: float) -> Cells:
+    def judge(self, points: Unexplained, label: NDArray, clutter: NDArray, chance: NDArray, newcomers: float) -> Cells:
         """What the cells with labels (P,) are worth.
 
         clutter (P,) is that intensity, [1/m^2] without range rate, chance (P,) the number of false alarms expected to
         be linked to each detection.
         """
         C = label.max(initial=-1) + 1
-        n, n_now = np.bincount(label, minlength=C), np.bincount(label[loose.now], minlength=C)
+        n, n_now = np.bincount(label, minlength=C), np.bincount(label[points.now], minlength=C)
         worth = np.minimum(-np.log(np.minimum(chance, 0.9)), self.pair_cap)  # (LIFE.5)
         most, least = np.full(C, -np.inf), np.full(C, np.inf)
         np.maximum.at(most, label, worth)
-        np.minimum.at(least, label, np.where(loose.measured, clutter, clutter / self.rate_span))
-        off_lane = np.bincount(label, loose.off_lane, C) > n / 2
+        np.minimum.at(least, label, np.where(points.measured, clutter, clutter / self.rate_span))
+        off_lane = np.bincount(label, points.off_lane, C) > n / 2
         rho = newcomers * np.where(off_lane, self.off_lane, 1.0)
         log_odds = np.log(rho / least) + np.bincount(label, worth, C) - most  # (LIFE.6)
         born = (n >= self.least) & (n_now > 0) & (expit(log_odds) > self.born_above)
-        scans = scan_counts(loose, label, C)
-        standing = np.bincount(label, np.abs(loose.rate), C) / n < self.standing_rate
-        over_time = (scans >= self.static_scans) & (n_now > 0) & self._stays(loose, label, n)
+        scans = scan_counts(points, label, C)
+        standing = np.bincount(label, np.abs(points.rate), C) / n < self.standing_rate
+        over_time = (scans >= self.static_scans) & (n_now > 0) & self._stays(points, label, n)
         at_once = n_now >= self.static_least
         q = np.where(over_time, self.static_existence[1], np.where(at_once, self.static_existence[0], 0.0))
         with np.errstate(divide="ignore"):  # the logit of 0
             return Cells(np.where(standing, logit(q), np.where(born, log_odds, -np.inf)), standing, n, scans)
 
-    def _stays(self, loose: Loose, label: NDArray, n: NDArray) -> NDArray:
+    def _stays(self, points: Unexplained, label: NDArray, n: NDArray) -> NDArray:
         """Which of C cells with n (C,) detections have been seen for long enough and have not moved."""
         mean = lambda a: np.bincount(label, a, len(n)) / n  # noqa: E731
-        oldest, t = np.zeros(len(n)), loose.age - mean(loose.age)[label]
-        np.maximum.at(oldest, label, loose.age)
-        slope = np.hypot(mean(t * loose.xy[:, 0]), mean(t * loose.xy[:, 1])) / np.maximum(mean(t**2), 1e-9)  # (LIFE.8)
+        oldest, t = np.zeros(len(n)), points.age - mean(points.age)[label]
+        np.maximum.at(oldest, label, points.age)
+        slope = np.hypot(mean(t * points.xy[:, 0]), mean(t * points.xy[:, 1])) / np.maximum(
+            mean(t**2), 1e-9
+        )  # (LIFE.8)
         return (oldest > self.static_time) & (slope < self.static_drift)
 
 
-def scan_counts(loose: Loose, label: NDArray, cells: int) -> NDArray:
+def scan_counts(points: Unexplained, label: NDArray, cells: int) -> NDArray:
     """Number (C,) of scans that the detections of cells with labels (P,) come from."""
-    _, scan = np.unique(loose.age, return_inverse=True)
+    _, scan = np.unique(points.age, return_inverse=True)
     scans = scan.max(initial=0) + 1
     return np.bincount(np.unique(label * scans + scan) // scans, minlength=cells)

@@ -19,11 +19,11 @@ from trackers.multi.course import Course, Lanes
 from trackers.multi.evidence import Cells, Evidence
 from trackers.multi.road import RoadMap
 from trackers.multi.sizes import BirthSize
-from trackers.multi.window import EMPTY, Loose, Window, join
+from trackers.multi.window import EMPTY, Unexplained, Window, join
 from trackers.parameters import check_numbers
 from trackers.random_matrix.surface import visible_offset
 
-NOBODY = prior(np.zeros((0, 3)))
+EMPTY_ESTIMATE = prior(np.zeros((0, 3)))
 
 
 class Births(NamedTuple):
@@ -37,7 +37,7 @@ class Births(NamedTuple):
     hits: NDArray  # (B,) int, scans with a detection
     detections: NDArray  # (B,) int, in all of these scans
     owner: NDArray  # (M,) row of the birth that takes each detection of the scan, -1 for none
-    loose: Loose  # unexplained detections to remember
+    unexplained: Unexplained  # unexplained detections to remember
     crowd: int  # number of candidates where they are too many to be remembered, else 0
 
 
@@ -67,7 +67,7 @@ class Initiation:
         return min(self.evidence.born_above, *self.evidence.static_existence)
 
     def births(
-        self, z: SortedScan, candidate: NDArray, loose: Loose, false_alarms: NDArray, time: float, dt: float,
+        self, z: SortedScan, candidate: NDArray, points: Unexplained, false_alarms: NDArray, time: float, dt: float,
         road: RoadMap | None = None,
     ) -> Births:  # fmt: skip
         """New tracks from the candidates (M,) bool of a scan and the window before it, in the order of their place.
@@ -78,7 +78,7 @@ class Initiation:
         j = self._born_here(z, np.flatnonzero(candidate), road)
         crowd = len(j) if len(j) > self.crowd else 0
         now = self.window.candidates(z, j, None if crowd else road)
-        pool = now if crowd else join(loose, now)
+        pool = now if crowd else join(points, now)
         if not len(pool.rate):
             return self._none(len(z.rate), pool, crowd)
         label, cells = self._cells(z, pool, false_alarms, time, dt, road, crowd > 0)
@@ -112,25 +112,25 @@ class Initiation:
             return j
         return j[~silent | self.window.courses(z.xy[j], road, 0.0)[1]]
 
-    def _none(self, detections: int, loose: Loose, crowd: int) -> Births:
+    def _none(self, detections: int, points: Unexplained, crowd: int) -> Births:
         """No new track of a scan with so many detections."""
         none, count, xy = np.zeros(0), np.zeros(0, int), np.zeros((0, 2))
-        return Births(NOBODY, none, xy, xy, none, count, count, np.full(detections, -1), loose, crowd)
+        return Births(EMPTY_ESTIMATE, none, xy, xy, none, count, count, np.full(detections, -1), points, crowd)
 
     def _cells(
-        self, z: SortedScan, loose: Loose, false_alarms: NDArray, time: float, dt: float, road: RoadMap | None,
+        self, z: SortedScan, points: Unexplained, false_alarms: NDArray, time: float, dt: float, road: RoadMap | None,
         crowded: bool,
     ) -> tuple[NDArray, Cells]:  # fmt: skip
         """Cell (P,) of each detection, and what the cells are worth."""
-        label = self.linkage.label_crowd(loose) if crowded else self.linkage.label(loose)
-        clutter = self.evidence.clutter(loose, label, false_alarms)
-        scans = np.where(loose.now, 1.0, self.window.span / dt if dt > 0 else 1.0)
-        chance = clutter * self.linkage.volume(loose) * scans  # (LIFE.5)
+        label = self.linkage.label_crowd(points) if crowded else self.linkage.label(points)
+        clutter = self.evidence.clutter(points, label, false_alarms)
+        scans = np.where(points.now, 1.0, self.window.span / dt if dt > 0 else 1.0)
+        chance = clutter * self.linkage.volume(points) * scans  # (LIFE.5)
         newcomers = self.evidence.newcomers(np.inf if crowded else time)
-        cells = self.evidence.judge(loose, label, clutter, chance, newcomers)
-        cut = self._cut(z, loose, label, cells, road)
+        cells = self.evidence.judge(points, label, clutter, chance, newcomers)
+        cut = self._cut(z, points, label, cells, road)
         if cut.max(initial=-1) > label.max(initial=-1):
-            return cut, self.evidence.judge(loose, cut, clutter, chance, newcomers)
+            return cut, self.evidence.judge(points, cut, clutter, chance, newcomers)
         return label, cells
 
     def _lanes(self, z: SortedScan, road: RoadMap | None, mean: NDArray) -> Lanes:
@@ -138,16 +138,16 @@ class Initiation:
         speed = float(z.scan.platform[3:5] @ unit(heading))
         return Lanes(*self.window.courses(mean, road, heading), speed)
 
-    def _cut(self, z: SortedScan, loose: Loose, label: NDArray, cells: Cells, road: RoadMap | None) -> NDArray:
+    def _cut(self, z: SortedScan, points: Unexplained, label: NDArray, cells: Cells, road: RoadMap | None) -> NDArray:
         """Labels (P,) after those cells that may be born and are wider than any vehicle are cut."""
         least = self.evidence.least  # both parts need enough for a birth
         wide = np.flatnonzero(np.isfinite(cells.log_odds) & (cells.detections >= 2 * least))
         if not len(wide):
             return label
         W = label == wide[:, None]
-        mean = W @ loose.xy / cells.detections[wide, None]
-        heading = self.course.of(loose, W, self._lanes(z, road, mean), cells.standing[wide]).heading
-        return cut(loose, label, wide, heading, self.widest, least, self.cut_gap)
+        mean = W @ points.xy / cells.detections[wide, None]
+        heading = self.course.of(points, W, self._lanes(z, road, mean), cells.standing[wide]).heading
+        return cut(points, label, wide, heading, self.widest, least, self.cut_gap)
 
     def sized(self, births: Births, size: NDArray, size_std: NDArray) -> Estimate:
         """Estimates (B,) of births whose size (B, 2) [m] and its std (B, 2) are known from elsewhere."""
@@ -156,15 +156,15 @@ class Initiation:
         return births.estimate._replace(pose=pose, size=size, size_std=size_std)
 
     def _start(
-        self, loose: Loose, W: NDArray, mean: NDArray, place: NDArray, standing: NDArray, lanes: Lanes
+        self, points: Unexplained, W: NDArray, mean: NDArray, place: NDArray, standing: NDArray, lanes: Lanes
     ) -> tuple[Estimate, NDArray]:
         """Estimates (B,) of the cells W (B, P) bool before their first update, and their lengths (B,) [m] in this scan.
 
         mean and place (B, 2) [m] are the means of the detections and of their sensors, standing (B,) bool.
         """
-        motion = self.course.of(loose, W, lanes, standing)
+        motion = self.course.of(points, W, lanes, standing)
         along = unit(motion.heading)
-        axis, of_now = loose.xy @ along.T, (W & loose.now).T  # (P, B)
+        axis, of_now = points.xy @ along.T, (W & points.now).T  # (P, B)
         length = np.where(of_now, axis, -np.inf).max(0, initial=-np.inf)
         length -= np.where(of_now, axis, np.inf).min(0, initial=np.inf)
         size, size_std = self.sizes.of(length)

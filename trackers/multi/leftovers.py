@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from trackers.estimate import Estimate
 from trackers.geometry import to_frame
 from trackers.multi.association import SortedScan
-from trackers.multi.window import Loose
+from trackers.multi.window import Unexplained
 from trackers.parameters import check_numbers
 
 
@@ -41,9 +41,9 @@ class Suppression:
         free[j] = ~self._near(z.xy[j], z.sight[j], z.rate[j], z.var_across[j], estimate, existence)
         return free
 
-    def unexplained(self, loose: Loose, estimate: Estimate, existence: NDArray) -> NDArray:
+    def unexplained(self, points: Unexplained, estimate: Estimate, existence: NDArray) -> NDArray:
         """Mask (P,) of remembered detections that no track has come to explain."""
-        return ~self._near(loose.xy, loose.sight, loose.rate, loose.var_across, estimate, existence)
+        return ~self._near(points.xy, points.sight, points.rate, points.var_across, estimate, existence)
 
     def _near(
         self, xy: NDArray, sight: NDArray, rate: NDArray, var_across: NDArray, estimate: Estimate, existence: NDArray

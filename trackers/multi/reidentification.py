@@ -17,7 +17,7 @@ from trackers.multi.road import RoadMap
 from trackers.parameters import check_numbers
 
 
-class Gone(NamedTuple):
+class LostTracks(NamedTuple):
     """D confirmed tracks that died."""
 
     id: NDArray  # (D,) int
@@ -45,18 +45,18 @@ class Reidentification:
     def __post_init__(self) -> None:
         check_numbers(self, positive=("most", "newcomer_speed"))
 
-    def remember(self, gone: Gone | None, died: Gone) -> Gone:
+    def remember(self, lost: LostTracks | None, died: LostTracks) -> LostTracks:
         """The memory with the tracks that died and had been seen often enough."""
         died = take(died, died.hits >= self.least_hits)
-        both = died if gone is None else concatenate([gone, died])
+        both = died if lost is None else concatenate([lost, died])
         return take(both, np.arange(max(0, len(both.id) - self.most), len(both.id)))
 
-    def predict(self, gone: Gone, dt: float, road: RoadMap | None) -> Gone:
+    def predict(self, lost: LostTracks, dt: float, road: RoadMap | None) -> LostTracks:
         """The memory after dt [s]: vehicles drive on at their speed, and turn as their lane does."""
-        gone = keep(gone, gone.age + dt < self.span)
-        e = gone.estimate
-        if not len(gone.id):
-            return gone
+        lost = keep(lost, lost.age + dt < self.span)
+        e = lost.estimate
+        if not len(lost.id):
+            return lost
         pose, velocity, cov = e.pose.copy(), e.velocity, e.cov.copy()
         pose[:, :2] += velocity * dt  # (LIFE.24)
         if road is not None:
@@ -69,23 +69,23 @@ class Reidentification:
         M = rotation(pose[:, 2])
         cov = F @ cov @ F.T
         cov[:, 2:, 2:] += (M * np.square(self.wander)) @ M.mT * dt  # (LIFE.25)
-        return gone._replace(age=gone.age + dt, estimate=e._replace(pose=pose, velocity=velocity, cov=cov))
+        return lost._replace(age=lost.age + dt, estimate=e._replace(pose=pose, velocity=velocity, cov=cov))
 
-    def match(self, gone: Gone, born: Estimate, length: NDArray) -> NDArray:
+    def match(self, lost: LostTracks, born: Estimate, length: NDArray) -> NDArray:
         """Row (B,) of the memory that each birth is, -1 for none; length (B,) [m] is that of its cell.
 
         The filter's covariance at birth is that of the place and the velocity of `born` (B,).
         """
-        B, D = len(length), len(gone.id)
+        B, D = len(length), len(lost.id)
         if not B or not D:
             return np.full(B, -1)
-        old = gone.estimate
+        old = lost.estimate
         x, y = (np.concatenate([e.pose[:, :2], e.velocity], -1) for e in (born, old))
         M = rotation(old.pose[:, 2])
-        lost = np.zeros((D, 4, 4))
-        lost[:, 2:, 2:] = (M * np.square(self.sudden)) @ M.mT
-        lost[:, :2, :2] = lost[:, 2:, 2:] * (gone.age**2)[:, None, None] + (M * np.square(self.misplaced)) @ M.mT
-        S = born.cov[:, None] + (old.cov + lost)  # (B, D, 4, 4)
+        spread = np.zeros((D, 4, 4))
+        spread[:, 2:, 2:] = (M * np.square(self.sudden)) @ M.mT
+        spread[:, :2, :2] = spread[:, 2:, 2:] * (lost.age**2)[:, None, None] + (M * np.square(self.misplaced)) @ M.mT
+        S = born.cov[:, None] + (old.cov + spread)  # (B, D, 4, 4)
         log_density = -0.5 * (quadratic(x[:, None] - y, S) + np.linalg.slogdet(2 * np.pi * S)[1])  # (LIFE.26)
         fresh = (
             np.log(self.newcomers)

@@ -4,8 +4,8 @@ from typing import Any, TypeVar
 
 from numpy.typing import ArrayLike
 
+from trackers.filter import Smoothable
 from trackers.multi.tracker import MultiObjectTracker
-from trackers.protocols import Smoothable
 from trackers.size.ends import Ends
 from trackers.smoother import smooth_stacked
 

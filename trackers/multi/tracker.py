@@ -10,26 +10,26 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.admission import Admitted, admit, check_step
 from trackers.batch import keep, put, select, take
 from trackers.estimate import Estimate, prior
+from trackers.filter import Attentive, Filter, Note, Reaching, Restartable, SpatialModel, Surveying
 from trackers.linalg import largest_eigenvalue
+from trackers.motion import SharedMotion
 from trackers.multi.association import Association, Claims, SortedScan, gather, shares
 from trackers.multi.exclusion import Exclusion
 from trackers.multi.existence import Existence
 from trackers.multi.ground import GroundTest, piece
 from trackers.multi.initiation import Births, Initiation
 from trackers.multi.leftovers import Suppression
-from trackers.multi.reidentification import Gone, Reidentification
+from trackers.multi.outage import SensorOutage, without
+from trackers.multi.reidentification import LostTracks, Reidentification
 from trackers.multi.road import RoadMap
-from trackers.multi.silence import Silence, without
 from trackers.multi.tracks import NO_TRACK, REPORT_ABOVE, Event, StepInfo, Tracks
 from trackers.multi.visibility import SensorArray, Visibility, predict_visibility
 from trackers.parameters import check_numbers
-from trackers.protocols import Attentive, Filter, Note, Reaching, Restartable, SpatialModel, Surveying
 from trackers.scan import Scan, SensorModel
-from trackers.shared_motion import SharedMotion
 from trackers.size.ends import Ends
+from trackers.validation import Admitted, admit, check_step
 
 SIZES = ("off", "ends")
 
@@ -42,7 +42,7 @@ class MultiObjectTracker:
     sensors: tuple[SensorModel, ...]
     association: Association = field(default_factory=Association)
     existence: Existence = field(default_factory=Existence)
-    silence: Silence = field(default_factory=Silence)
+    outage: SensorOutage = field(default_factory=SensorOutage)
     suppression: Suppression = field(default_factory=Suppression)
     initiation: Initiation = field(default_factory=Initiation)
     reidentification: Reidentification = field(default_factory=Reidentification)
@@ -57,7 +57,7 @@ class MultiObjectTracker:
     road: RoadMap | None = None  # map of the lanes; without it no standing vehicle is born
     size: str = "off"  # "ends": sizes are those of `trackers.size.Ends`; "off": the filter's own
     ground: GroundTest | None = None  # divides long tracks over empty ground; None: they stay one
-    motion: bool = False  # velocity and heading are those of `trackers.shared_motion`
+    motion: bool = False  # velocity and heading are those of `trackers.motion`
 
     def __post_init__(self) -> None:
         check_numbers(self, positive=("most_detections",), unlimited=("prune_position_std",))
@@ -183,7 +183,7 @@ class MultiObjectTracker:
             heard = np.bincount(sensor, minlength=len(self.sensors)) > 0
             before = np.zeros(len(self.sensors)) if tracks.memory.out is None else tracks.memory.out
             clutter = self.sensor_array.clutter
-            out = self.silence.probability(before, heard, view.expected, tracks.existence, clutter)
+            out = self.outage.probability(before, heard, view.expected, tracks.existence, clutter)
         return without(view, out), out
 
     def _restart(self, state: object, estimate: Estimate) -> object:
@@ -223,35 +223,35 @@ class MultiObjectTracker:
     def _initiate(self, tracks: Tracks, z: SortedScan, candidate: NDArray, dt: float) -> tuple[Tracks, list[Event]]:
         """The tracks and those born of the candidates (M,) bool and of the window, which goes on."""
         memory = tracks.memory
-        loose = self.initiation.window.predict(memory.loose, dt)
-        loose = keep(loose, self.suppression.unexplained(loose, tracks.estimate, tracks.existence))
+        points = self.initiation.window.predict(memory.unexplained, dt)
+        points = keep(points, self.suppression.unexplained(points, tracks.estimate, tracks.existence))
         clutter, time = self.sensor_array.clutter, memory.time + dt
-        births = self.initiation.births(z, candidate, loose, clutter, time, dt, self.road)
-        gone = None if memory.gone is None else self.reidentification.predict(memory.gone, dt, self.road)
-        tracks = tracks._replace(memory=memory._replace(time=time, loose=births.loose, gone=gone))
+        births = self.initiation.births(z, candidate, points, clutter, time, dt, self.road)
+        lost = None if memory.lost is None else self.reidentification.predict(memory.lost, dt, self.road)
+        tracks = tracks._replace(memory=memory._replace(time=time, unexplained=births.unexplained, lost=lost))
         events = []
         if births.crowd:
             reason = f"{births.crowd} unexplained detections; births need three of one scan"
             events.append(Event("crowded", NO_TRACK, reason))
         if not len(births.existence):
             return tracks, events
-        tracks, born = self._bear(tracks, z, births)
+        tracks, born = self._create_tracks(tracks, z, births)
         return tracks, [*events, *born]
 
-    def _bear(self, tracks: Tracks, z: SortedScan, births: Births) -> tuple[Tracks, list[Event]]:
+    def _create_tracks(self, tracks: Tracks, z: SortedScan, births: Births) -> tuple[Tracks, list[Event]]:
         """The tracks and those born, updated with their detections of this scan; a lost vehicle gets its id back."""
-        B, memory, gone = len(births.existence), tracks.memory, tracks.memory.gone
+        B, memory, lost = len(births.existence), tracks.memory, tracks.memory.lost
         state, hits, returned = self.layered.init(births.estimate), births.hits, np.zeros(B, bool)
         id = tracks.next_id + np.arange(B)
-        if gone is not None and len(gone.id):
-            row = self.reidentification.match(gone, births.estimate, births.length)
+        if lost is not None and len(lost.id):
+            row = self.reidentification.match(lost, births.estimate, births.length)
             returned = row >= 0
-            old = take(gone, np.maximum(row, 0))
+            old = take(lost, np.maximum(row, 0))
             known = self.initiation.sized(births, old.estimate.size, old.estimate.size_std)
             state = select(returned, self._restart(old.state, known), state)
             hits = hits + np.where(returned, old.hits, 0)
             id = np.where(returned, old.id, tracks.next_id + np.cumsum(~returned) - 1)
-            memory = memory._replace(gone=keep(gone, ~np.isin(gone.id, id)))
+            memory = memory._replace(lost=keep(lost, ~np.isin(lost.id, id)))
         index = shares(births.owner, B, self.most_detections)
         state, info = self.layered.update(state, gather(z, index))
         born = Tracks(
@@ -332,9 +332,9 @@ class MultiObjectTracker:
             Event("died", int(tracks.id[t]), "position too uncertain" if vague[t] else "nothing seen of it any more")
             for t in np.flatnonzero(unsure | vague)
         ]
-        lost = take(tracks._replace(next_id=None, memory=None), (unsure | vague) & tracks.confirmed)  # type: ignore[arg-type]
-        died = Gone(lost.id, lost.hits, np.zeros(len(lost.id)), lost.estimate, lost.state)
-        memory = tracks.memory._replace(gone=self.reidentification.remember(tracks.memory.gone, died))
+        dead = take(tracks._replace(next_id=None, memory=None), (unsure | vague) & tracks.confirmed)  # type: ignore[arg-type]
+        died = LostTracks(dead.id, dead.hits, np.zeros(len(dead.id)), dead.estimate, dead.state)
+        memory = tracks.memory._replace(lost=self.reidentification.remember(tracks.memory.lost, died))
         return tracks.rows(~(unsure | vague))._replace(memory=memory), events
 
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from trackers.batch import concatenate, take
 from trackers.estimate import Estimate
 from trackers.multi.ground import NOTHING, Ground
-from trackers.multi.reidentification import Gone
-from trackers.multi.window import EMPTY, Loose
+from trackers.multi.reidentification import LostTracks
+from trackers.multi.window import EMPTY, Unexplained
 
 NO_TRACK = -1  # id in an event about a scan
 REPORT_ABOVE = 0.5  # existence probability above which a track is output, (MOT.48)
@@ -31,9 +31,9 @@ class Memory(NamedTuple):
     """What is known beside the tracks; it has no axis T."""
 
     time: float = 0.0  # [s] since the first scan
-    loose: Loose = EMPTY  # unexplained detections of the last scans
+    unexplained: Unexplained = EMPTY  # unexplained detections of the last scans
     out: NDArray | None = None  # (S,) probability that a sensor delivered nothing in the last scan; None before it
-    gone: Gone | None = None  # confirmed tracks that died; None before the first
+    lost: LostTracks | None = None  # confirmed tracks that died; None before the first
     ground: Ground = NOTHING  # what was seen along the long tracks
     divided: NDArray = np.zeros(0, int)  # (A,) ids of tracks with empty ground at one end
 

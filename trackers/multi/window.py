@@ -17,7 +17,7 @@ from trackers.multi.road import RoadMap
 from trackers.parameters import check_numbers
 
 
-class Loose(NamedTuple):
+class Unexplained(NamedTuple):
     """P detections that no track explains; the older ones first, all of them with range rate."""
 
     xy: NDArray  # (P, 2) [m] where it was seen, moved since
@@ -54,7 +54,7 @@ class Loose(NamedTuple):
 
 
 NO_POINTS, NO_VALUES = np.zeros((0, 2)), np.zeros(0)
-EMPTY = Loose(
+EMPTY = Unexplained(
     NO_POINTS, NO_POINTS, NO_VALUES, NO_VALUES, NO_VALUES, NO_VALUES, NO_VALUES.astype(int), NO_POINTS, NO_VALUES,
     NO_VALUES.astype(bool), NO_VALUES,
 )  # fmt: skip
@@ -74,33 +74,33 @@ class Window:
     def __post_init__(self) -> None:
         check_numbers(self)
 
-    def candidates(self, z: SortedScan, j: NDArray, road: RoadMap | None) -> Loose:
+    def candidates(self, z: SortedScan, j: NDArray, road: RoadMap | None) -> Unexplained:
         """The detections with rows j (P,) of a scan."""
         scan = z.scan
         course, on_lane = self.courses(z.xy[j], road, float(scan.platform[2]))
         off_lane = ~on_lane & (road is not None)
-        return Loose(
+        return Unexplained(
             z.xy[j], z.sight[j], z.rate[j], z.var_along[j], z.var_across[j], z.clutter[j], z.sensor[j],
             scan.pose[j, :2], course, off_lane, np.zeros(len(j)),
         )  # fmt: skip
 
-    def predict(self, loose: Loose, dt: float) -> Loose:
+    def predict(self, points: Unexplained, dt: float) -> Unexplained:
         """The window after dt [s]: detections move along their lanes by their own range rates; old ones go."""
-        along, moving = unit(loose.course), self.moves(loose)
-        speed = np.where(moving, loose.rate / dot(loose.sight, along), 0.0)
-        moved = loose._replace(xy=loose.xy + (speed * dt)[:, None] * along, age=loose.age + dt)  # (LIFE.1)
+        along, moving = unit(points.course), self.moves(points)
+        speed = np.where(moving, points.rate / dot(points.sight, along), 0.0)
+        moved = points._replace(xy=points.xy + (speed * dt)[:, None] * along, age=points.age + dt)  # (LIFE.1)
         return keep(moved, moved.age < np.where(moving, self.span, self.span_standing) + 1e-9)
 
-    def moves(self, loose: Loose) -> NDArray:
+    def moves(self, points: Unexplained) -> NDArray:
         """Mask (P,) of those that move."""
-        return np.abs(loose.rate) > self.moving
+        return np.abs(points.rate) > self.moving
 
-    def keep(self, loose: Loose) -> Loose:
+    def keep(self, points: Unexplained) -> Unexplained:
         """Those that stand, or whose motion follows from their range rate; none without one."""
-        along = np.abs(dot(loose.sight, unit(loose.course)))
-        d = loose.xy - loose.place
-        useful = ((along > self.along_sight) | ~self.moves(loose)) & (np.hypot(*d.T) > self.beyond) & loose.measured
-        return keep(loose, useful)  # (LIFE.2)
+        along = np.abs(dot(points.sight, unit(points.course)))
+        d = points.xy - points.place
+        useful = ((along > self.along_sight) | ~self.moves(points)) & (np.hypot(*d.T) > self.beyond) & points.measured
+        return keep(points, useful)  # (LIFE.2)
 
     def courses(self, xy: NDArray, road: RoadMap | None, heading: float) -> tuple[NDArray, NDArray]:
         """Direction (P,) [rad] of the lanes at points (P, 2), the ego's heading off the lanes; and bool (P,) which."""
@@ -111,6 +111,6 @@ class Window:
         return np.where(on_lane, direction, heading), on_lane
 
 
-def join(old: Loose, new: Loose) -> Loose:
+def join(old: Unexplained, new: Unexplained) -> Unexplained:
     """Both, the older ones first."""
     return concatenate([old, new])

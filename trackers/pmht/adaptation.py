@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.geometry import rotation
-from trackers.motion import PHI
+from trackers.motion.turn import PHI
 from trackers.pmht.model import curve
 from trackers.pmht.state import LENGTH
 

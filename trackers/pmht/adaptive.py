@@ -18,11 +18,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.admission import guarded_predict, guarded_update
 from trackers.batch import put, select, take
 from trackers.estimate import Estimate, check_estimate
+from trackers.filter import Gaussian, Note
 from trackers.geometry import rotation, to_frame, to_world
-from trackers.motion import PHI
+from trackers.motion.turn import PHI
 from trackers.parameters import check_numbers
 from trackers.pmht import pool as pools
 from trackers.pmht import window as windows
@@ -34,8 +34,8 @@ from trackers.pmht.learner import Learner
 from trackers.pmht.learning import SplineContour
 from trackers.pmht.motion import predicted
 from trackers.pmht.state import LENGTH, moments_of, resized
-from trackers.protocols import Gaussian, Note
 from trackers.scan import Scan
+from trackers.validation import guarded_predict, guarded_update
 
 NOTED_ABOVE = 0.2  # [m] that a comparison with the classes has to move an outline to be noted
 

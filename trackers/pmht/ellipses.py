@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from trackers.geometry import rotation
 from trackers.linalg import I2
-from trackers.motion import PHI
+from trackers.motion.turn import PHI
 from trackers.pmht.association import RelativeDetections, log_density
 from trackers.pmht.state import LENGTH
 from trackers.pmht.symmetric import columns, congruence

@@ -10,12 +10,12 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.admission import guarded_predict, guarded_update
-from trackers.batch import Last, select
+from trackers.batch import Memoised, select
 from trackers.estimate import Estimate, check_estimate
+from trackers.filter import Gaussian
 from trackers.geometry import rotation
 from trackers.linalg import outer
-from trackers.motion import PHI
+from trackers.motion.turn import PHI
 from trackers.parameters import check_numbers
 from trackers.pmht import joint
 from trackers.pmht.association import RelativeDetections, log_density, responsibilities, synthesise
@@ -28,9 +28,9 @@ from trackers.pmht.spline import chain
 from trackers.pmht.state import LEAST_SIZE, LENGTH, SplineState, estimate_of, moments_of, resized
 from trackers.pmht.symmetric import columns, polar_noise
 from trackers.pmht.visibility import directions, visibility_table, weights
-from trackers.protocols import Gaussian
 from trackers.range_rate import RangeRates
 from trackers.scan import Scan
+from trackers.validation import guarded_predict, guarded_update
 
 VISIBILITIES = ("rays", "none")
 FORMS = ("joint",)
@@ -106,14 +106,14 @@ class SplinePmht:
         return np.stack([m.p for m in self.models]), np.stack([m.Sigma for m in self.models]), visible
 
     @cached_property
-    def outline(self) -> Last[[NDArray, NDArray], NDArray]:
+    def outline(self) -> Memoised[[NDArray, NDArray], NDArray]:
         """Drawn contours (..., C, 2) in the unit frame of control points and covariances."""
-        return Last(self._outlined)
+        return Memoised(self._outlined)
 
     @cached_property
-    def ellipses(self) -> Last[[NDArray, NDArray], UnitEllipses]:
+    def ellipses(self) -> Memoised[[NDArray, NDArray], UnitEllipses]:
         """The ellipses of control points and covariances in the unit frame."""
-        return Last(self._chained)
+        return Memoised(self._chained)
 
     @cached_property
     def interior(self) -> float:

@@ -8,12 +8,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.filter import Note
 from trackers.geometry import dot
 from trackers.linalg import I2
 from trackers.pmht.association import RelativeDetections
 from trackers.pmht.joint import PredictedEllipses
 from trackers.pmht.symmetric import matrices
-from trackers.protocols import Note
 
 
 class SplineInfo(NamedTuple):

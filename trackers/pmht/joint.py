@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from trackers.geometry import rotation
 from trackers.linalg import symmetrize
-from trackers.motion import PHI
+from trackers.motion.turn import PHI
 from trackers.pmht.association import LEAST_WEIGHT, SyntheticDetections
 from trackers.pmht.state import LENGTH, N, rotating_root
 from trackers.pmht.symmetric import determinant, upright

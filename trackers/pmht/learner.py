@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from trackers.batch import select
 from trackers.geometry import rotation
-from trackers.motion import PHI
+from trackers.motion.turn import PHI
 from trackers.parameters import check_numbers
 from trackers.pmht import pool as pools
 from trackers.pmht import window as windows

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.motion import OMEGA, PHI, PX, PY, SPEED
+from trackers.motion.turn import OMEGA, PHI, PX, PY, SPEED
 from trackers.parameters import check_numbers
 from trackers.pmht.state import LENGTH, WIDTH, N, rotating_root
 from trackers.unscented import STANDARD, Transformed, moments

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from trackers.estimate import Estimate
 from trackers.geometry import to_world, unit, wrap_angle
-from trackers.motion import OMEGA, PHI, SPEED, cartesian_covariance, polar_moments
+from trackers.motion.turn import OMEGA, PHI, SPEED, cartesian_covariance, polar_moments
 from trackers.unscented import root
 
 LENGTH, WIDTH = 5, 6

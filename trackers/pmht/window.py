@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.geometry import rotation, wrap_angle
-from trackers.motion import PHI
+from trackers.motion.turn import PHI
 from trackers.pmht.association import RelativeDetections
 from trackers.pmht.state import LENGTH, N
 from trackers.pmht.symmetric import congruence

@@ -9,17 +9,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.admission import guarded_predict, guarded_update
 from trackers.batch import select
 from trackers.estimate import Estimate, check_estimate
+from trackers.filter import Extent, Gaussian, UpdateInfo
 from trackers.geometry import extent_matrix, rotation, unit, wrap_angle
 from trackers.linalg import I2, inverse, inverse_sqrtm, outer, sqrtm, symmetrize
-from trackers.motion import OMEGA, PHI, SPEED, cartesian_covariance, coordinated_turn, polar_moments, turn_noise
+from trackers.motion.turn import OMEGA, PHI, SPEED, cartesian_covariance, coordinated_turn, polar_moments, turn_noise
 from trackers.parameters import check_numbers
-from trackers.protocols import Extent, Gaussian, UpdateInfo
 from trackers.random_matrix.surface import visible_offset
 from trackers.range_rate import RangeRates
 from trackers.scan import Scan
+from trackers.validation import guarded_predict, guarded_update
 
 NU_REST = 1e-9  # of nu above 6 that no forgetting takes: at 0 the mean of the extent does not exist
 NU_MIN = 8.5  # the variance of the extent exists for nu > 8 only

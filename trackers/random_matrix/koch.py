@@ -11,16 +11,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.admission import guarded_predict, guarded_update
 from trackers.batch import select
 from trackers.estimate import Estimate, check_estimate
+from trackers.filter import Extent, Gaussian, UpdateInfo
 from trackers.geometry import extent_matrix, perpendicular, rotation, unit, wrap_angle
 from trackers.linalg import inverse, outer, symmetrize
 from trackers.parameters import check_numbers
-from trackers.protocols import Extent, Gaussian, UpdateInfo
 from trackers.random_matrix.feldmann import moments
 from trackers.range_rate import over_ground
 from trackers.scan import Scan
+from trackers.validation import guarded_predict, guarded_update
 
 NU_LEAST = 3.5  # the mean of the extent exists above 3
 NU_SPREAD = 5.5  # its variance above 5

@@ -12,18 +12,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.admission import guarded_update
 from trackers.batch import select
 from trackers.estimate import Estimate
+from trackers.filter import Gaussian, UpdateInfo
 from trackers.geometry import rotation, to_frame, unit, wrap_angle
 from trackers.parameters import check_numbers
-from trackers.protocols import Gaussian, UpdateInfo
 from trackers.random_matrix.adaptation import Descent, Difference, GaussNewton, Rule, Variances, descend
 from trackers.random_matrix.box import box_hits, box_outline, box_sector
 from trackers.random_matrix.ellipse import near_hits, outline, root_of, sector_fan, tangent_sector
 from trackers.random_matrix.feldmann import masked_mean, moments
 from trackers.random_matrix.koch import Koch, KochState
 from trackers.scan import Scan
+from trackers.validation import guarded_update
 
 LEAST_SIZE = 0.02  # [m] of a contour that may be proposed
 LEAST_DETECTIONS = 3  # fewer have no spread to compare with

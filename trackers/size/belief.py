@@ -26,7 +26,7 @@ class Belief(NamedTuple):
     kind: NDArray  # (..., C) of the classes
 
 
-def believe(
+def posterior(
     grids: tuple[Grid, Grid], fleet: Prior, length: NDArray, width: NDArray, behind: NDArray | float = 0.0
 ) -> Belief:
     """Belief from likelihoods length (..., K, N) and width (..., K', N'), greatest ones near 1.

@@ -10,22 +10,22 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.admission import guarded_predict, guarded_update
-from trackers.batch import Last, select
+from trackers.batch import Memoised, select
 from trackers.estimate import Estimate
+from trackers.filter import Attentive, Filter, Resizable, Restartable, Shiftable
 from trackers.geometry import rotation, to_frame, to_world
 from trackers.linalg import symmetrize
 from trackers.parameters import check_numbers
-from trackers.protocols import Attentive, Filter, Resizable, Restartable, Shiftable
 from trackers.scan import Scan, SensorModel
-from trackers.size.belief import Belief, believe
-from trackers.size.claim import log_claim
+from trackers.size.belief import Belief, posterior
+from trackers.size.evidence import evidence, facing
 from trackers.size.fleet import Fleet, Prior
 from trackers.size.grid import LENGTH, WIDTH, Grid
 from trackers.size.hidden import Around
 from trackers.size.hits import Boxes, hits_of
-from trackers.size.look import evidence, facing
 from trackers.size.profile import Profiles
+from trackers.size.spatial import log_spatial
+from trackers.validation import guarded_predict, guarded_update
 
 ABEAM = np.sin(np.radians(10.0))  # a line of sight further off the axis meets sides behind the front of a load
 ROLLED_ABOVE = 0.75  # steps of mean offset from which the box is moved instead
@@ -95,9 +95,9 @@ class Ends:
         return Prior.of(self.fleet, self.length.sizes, self.width.sizes)
 
     @cached_property
-    def box(self) -> Last[[Any], Estimate]:
+    def box(self) -> Memoised[[Any], Estimate]:
         """The estimate of the inner filter's state."""
-        return Last(self.filter.estimate)
+        return Memoised(self.filter.estimate)
 
     @property
     def classes(self) -> tuple[str, ...]:
@@ -197,7 +197,7 @@ class Ends:
         hits = hits_of(scan, (detection,), track, box.pose, self.profiles, self.sigma)
         M = rotation(box.pose[:, 2])
         place = (M.mT @ box.cov[:, :2, :2] @ M).diagonal(axis1=-2, axis2=-1)
-        return log_claim(self.grids, hits, boxes, state.belief, place)
+        return log_spatial(self.grids, hits, boxes, state.belief, place)
 
     def restart(self, state: EndsState, estimate: Estimate) -> EndsState:
         """State that starts again from an estimate, as of the union of two tracks; the width seen so far stays."""
@@ -216,7 +216,7 @@ class Ends:
 
     def _belief(self, length: NDArray, width: NDArray, anchor: NDArray, abeam: NDArray) -> Belief:
         behind = np.where(anchor[..., 0] < 0, np.exp(-abeam / self.enough_abeam), 0.0)  # (ENDS.34)
-        return believe(self.grids, self.prior, length, width, behind)
+        return posterior(self.grids, self.prior, length, width, behind)
 
     def _pin_std(self, size: NDArray) -> NDArray:
         return np.maximum(self.pin * size, self.least_pin)

@@ -13,9 +13,9 @@ from scipy.optimize import minimize
 from scipy.special import expit, logit, ndtr
 
 from trackers.scan import DepthProfile, SensorModel
-from trackers.size.claim import density
 from trackers.size.hits import LEAST_SLOPE
 from trackers.size.profile import Profiles
+from trackers.size.spatial import density
 
 OUTLIERS = 0.01  # share of the detections that are spread evenly over AREA
 AREA = 48.0  # [m^2]

@@ -10,7 +10,7 @@ from testbed.evaluation.tracking import Evaluator
 from testbed.frame import Frame
 from testbed.log.text import markdown_table
 from trackers import find
-from trackers.protocols import Classifying
+from trackers.filter import Classifying
 
 AGES = (0.5, 1.0, 2.0, 4.0, 8.0)  # [s]
 SURE = 0.9

@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from trackers.estimate import Estimate
+from trackers.filter import UpdateInfo
 from trackers.linalg import symmetrize
-from trackers.protocols import UpdateInfo
 
 
 class State(NamedTuple):

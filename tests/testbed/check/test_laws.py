@@ -30,7 +30,7 @@ from testbed.planners.idm import Choice
 from tests.parameters import PROBE, rest_slow
 from tests.testbed.check import broken
 from trackers import TRACKERS, build, find, prior
-from trackers.protocols import Shiftable
+from trackers.filter import Shiftable
 
 FILTERS = pytest.mark.parametrize("name", tuple(TRACKERS))
 

@@ -37,7 +37,7 @@ def world_with_ego(x: float = 100.0) -> tuple[Road, MDPVehicle]:
     return road, ego
 
 
-def believe(estimate, ids=None):
+def posterior(estimate, ids=None):
     road, ego = world_with_ego()
     ids = np.arange(len(estimate.pose)) if ids is None else ids
     return belief_road(road, [ego], ids, estimate, np.random.default_rng(0)), ego
@@ -45,7 +45,7 @@ def believe(estimate, ids=None):
 
 def test_a_track_shows_its_estimate_until_it_is_stepped():
     estimate = prior([[120.0, 4.0, 0.1]], velocity=[[10.0, 2.0]], size=[[8.0, 2.5]])
-    road, _ = believe(estimate)
+    road, _ = posterior(estimate)
     track = road.vehicles[1]
     np.testing.assert_array_equal(track.velocity, [10.0, 2.0])
     assert (track.LENGTH, track.WIDTH, track.diagonal) == (8.0, 2.5, np.hypot(8.0, 2.5))
@@ -56,14 +56,14 @@ def test_a_track_shows_its_estimate_until_it_is_stepped():
 
 
 def test_a_changed_velocity_does_not_reach_into_the_track():
-    road, _ = believe(prior([[120.0, 4.0, 0.0]], velocity=[[10.0, 0.0]]))
+    road, _ = posterior(prior([[120.0, 4.0, 0.0]], velocity=[[10.0, 0.0]]))
     road.vehicles[1].velocity[:] = 99.0
     np.testing.assert_array_equal(road.vehicles[1].velocity, [10.0, 0.0])
 
 
 def test_tracks_come_after_the_ego_nearest_first():
     estimate = prior([[170.0, 4.0, 0.0], [110.0, 0.0, 0.0], [60.0, 8.0, 0.0]])
-    road, ego = believe(estimate, ids=np.array([7, 8, 9]))
+    road, ego = posterior(estimate, ids=np.array([7, 8, 9]))
     assert road.vehicles[0] is ego
     assert [v.track_id for v in road.vehicles[1:]] == [8, 9, 7]
 
@@ -84,7 +84,7 @@ def test_an_absurd_estimate_never_reaches_the_planner(pose, velocity, size):
     good = ([130.0, 4.0, 0.0], [1.0, 0.0], [4.0, 2.0])
     both = [np.stack(pair) for pair in zip((pose, velocity, size), good, strict=True)]
     estimate = prior(both[0], velocity=both[1], size=both[2])
-    road, ego = believe(estimate)
+    road, ego = posterior(estimate)
     np.testing.assert_array_equal(plausible(estimate, [ego]), [False, True])
     assert [v.track_id for v in road.vehicles[1:]] == [1]
 
@@ -92,17 +92,17 @@ def test_an_absurd_estimate_never_reaches_the_planner(pose, velocity, size):
 def test_a_track_carries_the_uncertainty_across_its_heading():
     estimate = prior([[120.0, 4.0, np.pi / 2]], velocity=[[0.0, 10.0]])
     cov = np.diag([1.0, 1.0, 0.3**2, 2.0**2])
-    road, _ = believe(estimate._replace(cov=cov[None]))
+    road, _ = posterior(estimate._replace(cov=cov[None]))
     assert road.vehicles[1].drift_std == pytest.approx(0.3)
 
 
 def test_an_absurd_size_is_clipped_and_the_vehicle_stays():
-    road, _ = believe(prior([[150.0, 4.0, 0.0]], size=[[400.0, 90.0]]))
+    road, _ = posterior(prior([[150.0, 4.0, 0.0]], size=[[400.0, 90.0]]))
     assert tuple(MAX_SIZE) == (road.vehicles[1].LENGTH, road.vehicles[1].WIDTH)
 
 
 def test_no_track_is_an_empty_road_with_the_ego():
-    road, ego = believe(prior(np.zeros((0, 3))))
+    road, ego = posterior(prior(np.zeros((0, 3))))
     assert road.vehicles == [ego]
 
 

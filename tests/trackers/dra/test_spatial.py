@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from trackers import MultiObjectTracker, Scan, SensorModel, find, prior
 from trackers.dra.spatial import log_density
 from trackers.dra.state import swung, vertices
+from trackers.filter import SpatialModel
 from trackers.geometry import cross, rotation, unit
-from trackers.protocols import SpatialModel
 
 SIZE = np.array([4.8, 1.8])
 NAMES = ("dra", "dra-imm", "edra-imm")

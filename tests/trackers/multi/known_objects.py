@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackers import Scan
+from trackers.filter import UpdateInfo
 from trackers.multi.tracks import Tracks
-from trackers.protocols import UpdateInfo
 
 
 @dataclass(frozen=True)

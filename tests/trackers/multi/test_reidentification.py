@@ -8,7 +8,7 @@ import pytest
 from tests.trackers.rear_sides import Road, drive
 from trackers import find, prior
 from trackers.batch import take
-from trackers.multi.reidentification import Gone, Reidentification
+from trackers.multi.reidentification import LostTracks, Reidentification
 from trackers.multi.road import RoadMap
 
 RULE = Reidentification()
@@ -18,7 +18,7 @@ def gone_of(pose, velocity, size=(4.6, 1.86), age=0.0):
     """Remembered tracks 70, 71, ..."""
     estimate = prior(np.atleast_2d(pose), velocity=velocity, size=size, position_std=0.3, velocity_std=0.5)
     D = len(estimate.pose)
-    return Gone(70 + np.arange(D), np.full(D, 30), np.full(D, age), estimate, np.arange(float(D)))
+    return LostTracks(70 + np.arange(D), np.full(D, 30), np.full(D, age), estimate, np.arange(float(D)))
 
 
 def reported_ids(tracker, road, seconds):

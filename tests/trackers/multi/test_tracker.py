@@ -12,6 +12,7 @@ from testbed.check.draws import arrays
 from tests.trackers.rear_sides import RADAR, Road, drive
 from trackers import MultiObjectTracker, RandomMatrix, Scan, find, prior
 from trackers.batch import take
+from trackers.filter import Note
 from trackers.geometry import box_corners, to_frame, to_world, unit
 from trackers.multi.association import shares
 from trackers.multi.cells import Linkage
@@ -21,7 +22,6 @@ from trackers.multi.tracker import events_of
 from trackers.multi.tracks import NO_TRACK, Tracks
 from trackers.multi.visibility import SensorArray, predict_visibility, ray_box
 from trackers.multi.window import EMPTY
-from trackers.protocols import Note
 
 CARS = [(30, 0, 0, 25.0), (50, 4, 0, 28.0), (60, -4, 0, 22.0)]
 

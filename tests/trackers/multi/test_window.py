@@ -16,7 +16,7 @@ from trackers.multi.cells import Linkage, components
 from trackers.multi.course import Course, Lanes
 from trackers.multi.initiation import Initiation
 from trackers.multi.road import RoadMap
-from trackers.multi.window import EMPTY, Loose, Window
+from trackers.multi.window import EMPTY, Unexplained, Window
 
 DT = 1 / 15
 FRONT = SensorModel(max_range=174.0, fov=np.deg2rad(20), sigma_range=0.25, sigma_azimuth=0.0087, clutter=3.0)
@@ -44,7 +44,7 @@ def test_one_detection_a_scan_is_a_reported_track_at_the_third():
     assert [len(tracks.id) for tracks, _ in steps[:3]] == [0, 0, 1]
     assert [len(tracks.reported.id) for tracks, _ in steps[:3]] == [0, 0, 1]
     assert steps[2][0].hits.tolist() == [3]
-    assert len(steps[2][0].memory.loose.rate) == 0
+    assert len(steps[2][0].memory.unexplained.rate) == 0
     assert len(steps[3][0].id) == 1
 
 
@@ -52,7 +52,7 @@ def test_detections_with_other_speeds_each_time_are_no_vehicle():
     tracker = MultiObjectTracker(RandomMatrix(), (FRONT,))
     steps = follow(tracker, singles([20.0, 26.0, 32.0, 14.0, 8.0, 38.0]))
     assert all(len(tracks.id) == 0 for tracks, _ in steps)
-    assert len(steps[-1][0].memory.loose.rate) == 6
+    assert len(steps[-1][0].memory.unexplained.rate) == 6
 
 
 def uniform(rng, M):
@@ -88,7 +88,7 @@ def test_thirteen_vehicles_at_once_are_thirteen_cells_of_clutter_and_born_all_th
 def loose_of(rng, P, extent=20.0):
     """P detections at random, ages of three scans."""
     angle = rng.uniform(-0.3, 0.3, P)
-    return Loose(
+    return Unexplained(
         rng.uniform(0, extent, (P, 2)), unit(angle), rng.normal(10, 2, P), rng.uniform(0, 0.3, P),
         rng.uniform(0, 0.3, P), np.full(P, 1e-6), rng.integers(0, 2, P), np.zeros((P, 2)),
         rng.uniform(-3, 3, P), np.zeros(P, bool), rng.choice([0.0, DT, 2 * DT], P),
@@ -97,18 +97,18 @@ def loose_of(rng, P, extent=20.0):
 
 @given(st.integers(0, 60), st.integers(0, 2**32 - 1))
 def test_cells_are_those_of_a_loop_over_all_pairs(P, seed):
-    loose, link = loose_of(np.random.default_rng(seed), P), Linkage()
+    points, link = loose_of(np.random.default_rng(seed), P), Linkage()
     cell = list(range(P))
     for i in range(P):
         for j in range(i):
-            e, sigma = unit(loose.course[i]), (loose.sigma[i] + loose.sigma[j]) / 2
-            d = loose.xy[i] - loose.xy[j]
+            e, sigma = unit(points.course[i]), (points.sigma[i] + points.sigma[j]) / 2
+            d = points.xy[i] - points.xy[j]
             along, across = d @ e, e[0] * d[1] - e[1] * d[0]
-            most = link.rate if loose.age[i] == loose.age[j] else link.rate_between
+            most = link.rate if points.age[i] == points.age[j] else link.rate_between
             near = (along / (link.along + sigma)) ** 2 + (across / (link.across + sigma)) ** 2 < 1
-            if near and abs(loose.rate[i] - loose.rate[j]) < most:
+            if near and abs(points.rate[i] - points.rate[j]) < most:
                 cell = [cell[j] if c == cell[i] else c for c in cell]
-    got = link.label(loose)
+    got = link.label(points)
     np.testing.assert_array_equal(got[:, None] == got, np.equal.outer(cell, cell))
     assert sorted(set(got)) == list(range(len(set(cell))))
 
@@ -128,46 +128,46 @@ def test_a_chain_in_the_worst_order_is_one_component():
 
 def test_cells_of_a_crowd_are_the_same_up_to_its_grid():
     rng = np.random.default_rng(0)
-    loose = loose_of(rng, 3000, extent=400.0)._replace(course=np.zeros(3000))
+    points = loose_of(rng, 3000, extent=400.0)._replace(course=np.zeros(3000))
     fine = Linkage(thin=1e-6)
-    one, other = fine.label_crowd(loose), fine.label(loose)
+    one, other = fine.label_crowd(points), fine.label(points)
     np.testing.assert_array_equal(one[:, None] == one, other[:, None] == other)
-    same = Loose(*(np.repeat(leaf[:1], 4000, 0) for leaf in loose))
+    same = Unexplained(*(np.repeat(leaf[:1], 4000, 0) for leaf in points))
     assert set(Linkage().label_crowd(same)) == {0}
 
 
 def test_two_vehicles_abreast_are_two_cells():
     xy = np.array([(50.0 + dx, y + dy) for y in (-1.8, 1.8) for dx in (0.0, 2.0) for dy in (-0.8, 0.0, 0.8)])
-    loose = loose_of(np.random.default_rng(0), 12)._replace(
+    points = loose_of(np.random.default_rng(0), 12)._replace(
         xy=xy, rate=np.full(12, 10.0), course=np.zeros(12), age=np.zeros(12), var_along=np.full(12, 0.01),
         var_across=np.full(12, 0.01),
     )  # fmt: skip
-    assert Linkage().label(loose).tolist() == [0] * 6 + [1] * 6
-    assert set(Linkage(across=3.0).label(loose)) == {0}
+    assert Linkage().label(points).tolist() == [0] * 6 + [1] * 6
+    assert set(Linkage(across=3.0).label(points)) == {0}
 
 
 def test_the_window_moves_detections_along_their_lanes_and_forgets_them():
     """Hand-computed: 10 m/s seen under 60 degrees to the lane is 20 m/s along it; what stands stays, for longer."""
-    loose = loose_of(np.random.default_rng(0), 3)._replace(
+    points = loose_of(np.random.default_rng(0), 3)._replace(
         xy=np.array([[50.0, 0.0], [60.0, 0.0], [70.0, 0.0]]),
         sight=unit(np.deg2rad([60.0, 0.0, 0.0])), rate=np.array([10.0, 0.2, 10.0]), course=np.zeros(3),
         age=np.array([0.0, 0.4, 0.4]),
     )  # fmt: skip
-    later = Window().predict(loose, 0.1)
+    later = Window().predict(points, 0.1)
     np.testing.assert_allclose(later.xy, [[52.0, 0.0], [60.0, 0.0]])
     np.testing.assert_allclose(later.age, [0.1, 0.5])
-    assert len(Window().predict(loose, 1.2).rate) == 0
+    assert len(Window().predict(points, 1.2).rate) == 0
 
 
 def test_what_a_track_comes_to_explain_leaves_the_window():
     tracker = MultiObjectTracker(KnownObjects(), (FRONT,))
     steps = follow(tracker, singles([20.0] * 2))
     memory = steps[-1][0].memory
-    assert len(memory.loose.rate) == 2
+    assert len(memory.unexplained.rate) == 2
     for place, left in ((102.0, 0), (106.0, 0), (112.0, 2)):  # on a track; just behind it, at its speed; away
         tracks = tracks_of(prior([(place, 0.0, 0.0)], velocity=(20.0, 0.0)))._replace(memory=memory)
         after, _ = tracker.step(tracks, scan_of(np.zeros((0, 2)), NOISE), DT)
-        assert len(after.memory.loose.rate) == left
+        assert len(after.memory.unexplained.rate) == left
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -179,7 +179,7 @@ def test_a_crowd_is_an_event_and_bears_nothing_that_is_reported(seed):
     assert "unexplained detections" in info.events[0].reason
     assert len(tracks.reported.id) == 0
     assert len(tracks.id) <= tracker.initiation.most_births
-    assert len(tracks.memory.loose.rate) == 0
+    assert len(tracks.memory.unexplained.rate) == 0
     here = np.abs(after.estimate.pose[:, 0] - 102) < 4
     assert after.reported.id.tolist() == after.id[here & (after.existence > 0.5)].tolist()
     assert here.any()
@@ -207,7 +207,7 @@ def test_order_and_padding_of_detections_change_neither_window_nor_births(seed):
         one, info = tracker.step(one, scan, DT)
         two, again = tracker.step(two, other, DT)
         assert info.events == again.events
-        for a, b in zip(one.memory.loose, two.memory.loose, strict=True):
+        for a, b in zip(one.memory.unexplained, two.memory.unexplained, strict=True):
             np.testing.assert_array_equal(a, b)
     np.testing.assert_array_equal(one.estimate.pose, two.estimate.pose)
     assert len(one.id) >= 2
@@ -215,7 +215,7 @@ def test_order_and_padding_of_detections_change_neither_window_nor_births(seed):
 
 def test_rows_leave_the_window_alone():
     tracks = follow(MultiObjectTracker(RandomMatrix(), (FRONT,)), [THREE, *singles([20.0] * 2, 50.0)])[-1][0]
-    assert len(tracks.memory.loose.rate) == 2
+    assert len(tracks.memory.unexplained.rate) == 2
     assert tracks.rows(np.zeros(1, bool)).memory is tracks.memory
 
 
@@ -250,7 +250,7 @@ def seeming_to_stand(direction):
     n = 3
     xy = np.array([20.0, 0.0]) + np.arange(n)[:, None] * [0.2, 0.5]
     one, zero = np.ones(n), np.zeros(n)
-    cell = Loose(
+    cell = Unexplained(
         xy, unit(np.arctan2(xy[:, 1], xy[:, 0])), zero, one, one, one, zero.astype(int), np.zeros((n, 2)),
         direction * one, zero > 0, zero,
     )  # fmt: skip

@@ -65,9 +65,9 @@ def test_nothing_is_born_beside_the_lanes_of_a_map_but_anywhere_without_one():
 def test_without_a_rate_nothing_is_remembered_for_later_scans():
     far = scan(0.0, at=(60.0, 0.0))
     alone = far._replace(mask=np.arange(8) < 1)
-    assert len(track([alone], LANE).memory.loose.rate) == 0
+    assert len(track([alone], LANE).memory.unexplained.rate) == 0
     rated = scan(0.0, at=(60.0, 0.0), rate=OTHER - EGO)
-    assert len(track([rated._replace(mask=alone.mask)], LANE).memory.loose.rate) == 1
+    assert len(track([rated._replace(mask=alone.mask)], LANE).memory.unexplained.rate) == 1
 
 
 @pytest.mark.parametrize(("rate", "free"), [(np.nan, False), (0.0, False), (9.0, True)])

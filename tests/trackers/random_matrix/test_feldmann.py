@@ -6,7 +6,7 @@ from scipy.stats import chi2
 
 from trackers import RandomMatrix, Scan, find, prior
 from trackers.geometry import extent_matrix
-from trackers.motion import coordinated_turn
+from trackers.motion.turn import coordinated_turn
 from trackers.random_matrix.feldmann import RMState, moments
 
 DETECTIONS = [(1.8, 1.0), (-1.5, -0.9), (2.2, 0.2), (-0.3, 1.1), (0.6, -0.6)]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from trackers.size.belief import believe
+from trackers.size.belief import posterior
 from trackers.size.fleet import FLEET, Fleet, Prior, VehicleClass
 from trackers.size.grid import LENGTH, WIDTH
 
@@ -30,7 +30,7 @@ def test_the_posterior_is_that_of_all_pairs_of_length_and_width_in_all_classes()
     p_L, p_W = fleet.of_length(LENGTH.sizes), fleet.of_width(WIDTH.sizes)
     joint = np.einsum("c,ck,kn,cm,mo->cknmo", fleet.shares, p_L, length, p_W, width)
     joint /= joint.sum()
-    got = believe(GRIDS, on_grids(fleet), length, width)
+    got = posterior(GRIDS, on_grids(fleet), length, width)
     np.testing.assert_allclose(got.kind, joint.sum((1, 2, 3, 4)), rtol=1e-9)
     np.testing.assert_allclose(got.length, joint.sum((0, 2, 3, 4)), rtol=1e-9)
     np.testing.assert_allclose(got.width, joint.sum((0, 1, 2, 4)), rtol=1e-9)
@@ -47,17 +47,17 @@ def test_the_posterior_is_that_of_all_pairs_of_length_and_width_in_all_classes()
 
 def test_probabilities_sum_to_one_and_a_batch_equals_the_loop():
     length, width = drawn(np.random.default_rng(1), (3, 2))
-    got = believe(GRIDS, on_grids(Fleet()), length, width)
+    got = posterior(GRIDS, on_grids(Fleet()), length, width)
     for p in (got.kind, got.length, got.width):
         np.testing.assert_allclose(p.sum(-1), 1.0, rtol=1e-12)
-    one = believe(GRIDS, on_grids(Fleet()), length[2, 1], width[2, 1])
+    one = posterior(GRIDS, on_grids(Fleet()), length[2, 1], width[2, 1])
     for a, b in zip(got, one, strict=True):
         np.testing.assert_allclose(a[2, 1], b, rtol=1e-12)
 
 
 def test_without_detections_the_belief_is_the_fleet():
     flat = [np.exp(grid.born(())) for grid in GRIDS]
-    got = believe(GRIDS, on_grids(Fleet()), *flat)
+    got = posterior(GRIDS, on_grids(Fleet()), *flat)
     np.testing.assert_allclose(got.kind, Fleet().shares, rtol=1e-9)
     mean = sum(c.share * c.length[0] for c in FLEET)
     assert got.size[0] == pytest.approx(mean, abs=0.05)
@@ -67,7 +67,7 @@ def test_a_width_says_which_lengths_are_likely():
     """2.5 m is a truck, a bus or a trailer; nothing else is known of the length."""
     length = np.exp(LENGTH.born(()))
     width = np.exp(WIDTH.born(()) - 0.5 * ((WIDTH.sizes - 2.5) / 0.05)[:, None] ** 2)
-    got = believe(GRIDS, on_grids(Fleet()), length, width)
+    got = posterior(GRIDS, on_grids(Fleet()), length, width)
     assert got.size[0] > 10.0
     assert got.kind[:3].sum() < 0.01
 
@@ -78,8 +78,8 @@ def test_seen_from_behind_a_truck_may_be_longer_than_its_load():
     width = np.exp(WIDTH.born(()) - 0.5 * ((WIDTH.sizes - 2.5) / 0.05)[:, None] ** 2)
     fleet = Fleet((VehicleClass("truck", 1.0, (9.0, 1.75), (2.48, 0.07), load=(0.5, 0.7)),))
     behind, beside = (
-        believe(GRIDS, on_grids(fleet), length, width, 1.0),
-        believe(GRIDS, on_grids(fleet), length, width, 0.0),
+        posterior(GRIDS, on_grids(fleet), length, width, 1.0),
+        posterior(GRIDS, on_grids(fleet), length, width, 0.0),
     )
     p = fleet.of_length(LENGTH.sizes)[0]
     ell = length.sum(-1)

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from studies.papers.hoher2022.direct_fit import DirectFit
+from trackers.filter import UpdateInfo
 from trackers.linalg import sqrtm
-from trackers.protocols import UpdateInfo
 from trackers.random_matrix.adaptation import Descent, Difference, Lms, Variances
 from trackers.random_matrix.koch import KochState
 from trackers.random_matrix.virtual_measurements import (

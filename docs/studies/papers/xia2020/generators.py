@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from trackers.geometry import rotation, unit
 from trackers.htg.bins import aspect_angle
 from trackers.htg.density import HTG, sample
-from trackers.motion import coordinated_turn
+from trackers.motion.turn import coordinated_turn
 
 # -- courses ----------------------------------------------------------------------------------------------------------
 

@@ -54,7 +54,7 @@ class NamedFilter:
     """A filter with its settings: a row of a table."""
 
     name: str
-    make: Callable[[], Any]  # a trackers.protocols.Filter; called late, because it may learn a table
+    make: Callable[[], Any]  # a trackers.filter.Filter; called late, because it may learn a table
     size_std: float = 1 / 6  # initial size, standard deviation over mean; 1/6 is nu0 = 26 of a random matrix
 
 

@@ -16,7 +16,7 @@ from studies.papers.yao2021.sequential import OneByOne
 from testbed.evaluation.metrics import areas, region_iou
 from trackers.geometry import rotation, to_world, wrap_angle
 from trackers.linalg import quadratic
-from trackers.motion import OMEGA, PHI, SPEED
+from trackers.motion.turn import OMEGA, PHI, SPEED
 from trackers.pmht.adaptation import decoupled, frame_shift, shifted
 from trackers.pmht.filter import SplinePmht
 from trackers.pmht.joint import EllipseUpdate
