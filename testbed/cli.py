@@ -273,7 +273,7 @@ def review(
     Example: [bold]testbed review --report runs/compare[/bold]
     """
     if report is not None:
-        from testbed.review_page.server import serve
+        from testbed.log.review_page.server import serve
 
         with user_input():
             if path or web or (screenshot, at, view, gif, html, focus) != (None,) * 6:
@@ -293,13 +293,13 @@ def review(
         with user_input():
             raise ValueError("--web shows logs in a browser; leave out --screenshot, --html and --gif, or call twice")
     if html is not None:
-        from testbed.review_page.page import write
+        from testbed.log.review_page.page import write
 
         with user_input():
             written = write(reviewing.only(path, "a page"), html)
         console.print(f"page     {written}", soft_wrap=True)
     if gif is not None:
-        from testbed.review_page import animation
+        from testbed.log.review_page import animation
 
         with user_input():
             written = animation.write(reviewing.only(path, "an animation"), gif)
@@ -518,8 +518,8 @@ def compare(
     """
     from testbed.compare import command
     from testbed.compare.runs.config import Comparison, Settings, check, expand, parse_seeds, with_faults
-    from testbed.compare.runs.engine import Engine
-    from testbed.compare.runs.engine import check as check_engine
+    from testbed.experiments.engine import Engine
+    from testbed.experiments.engine import check as check_engine
 
     with user_input():
         settings = Settings(radar, loop, planner, duration, after, settle)
@@ -582,8 +582,8 @@ def regret(
     """
     from scenarios.probes import PROBES
     from testbed.compare.runs.config import parse_seeds, with_faults
-    from testbed.compare.runs.engine import Engine
-    from testbed.compare.runs.engine import check as check_engine
+    from testbed.experiments.engine import Engine
+    from testbed.experiments.engine import check as check_engine
     from testbed.regret import command
     from testbed.regret.study import Settings, Study, check
 
@@ -632,8 +632,8 @@ def probe(
     Example: [bold]testbed probe probe-brake --search gap --tracker rm-feldmann --jobs 2[/bold]
     """
     from testbed.compare.runs.config import parse_seeds
-    from testbed.compare.runs.engine import Engine
-    from testbed.compare.runs.engine import check as check_engine
+    from testbed.experiments.engine import Engine
+    from testbed.experiments.engine import check as check_engine
     from testbed.probing import command
     from testbed.probing.drives import Setting
 

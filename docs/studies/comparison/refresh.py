@@ -21,11 +21,12 @@ from testbed.command_line.tables import light_table
 from testbed.command_line.terminal import console, user_input
 from testbed.compare.report.report import NAME
 from testbed.compare.runs.config import Settings, Task
-from testbed.compare.runs.engine import Engine, check, perform
-from testbed.compare.runs.identity import shared_digest, tracker_digest
 from testbed.compare.runs.measures import COSTS
-from testbed.compare.runs.rows import read_meta
-from testbed.compare.runs.tasks import FAILED, RECORDINGS, ROWS, Outcome, rows_path, run
+from testbed.compare.runs.tasks import RECORDINGS, ROWS, rows_path, run
+from testbed.experiments.engine import Engine, check, perform
+from testbed.experiments.identity import shared_digest, tracker_digest
+from testbed.experiments.rows import read_meta
+from testbed.experiments.run import FAILED, Outcome
 from testbed.files import make_directory, write_atomic, write_json
 
 KEYS = [*Task._fields, "phase"]
