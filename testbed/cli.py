@@ -518,8 +518,8 @@ def compare(
     """
     from testbed.compare import command
     from testbed.compare.runs.config import Comparison, Settings, check, expand, parse_seeds, with_faults
-    from testbed.compare.runs.engine import Engine
-    from testbed.compare.runs.engine import check as check_engine
+    from testbed.experiments.engine import Engine
+    from testbed.experiments.engine import check as check_engine
 
     with user_input():
         settings = Settings(radar, loop, planner, duration, after, settle)
@@ -582,8 +582,8 @@ def regret(
     """
     from scenarios.probes import PROBES
     from testbed.compare.runs.config import parse_seeds, with_faults
-    from testbed.compare.runs.engine import Engine
-    from testbed.compare.runs.engine import check as check_engine
+    from testbed.experiments.engine import Engine
+    from testbed.experiments.engine import check as check_engine
     from testbed.regret import command
     from testbed.regret.study import Settings, Study, check
 
@@ -632,8 +632,8 @@ def probe(
     Example: [bold]testbed probe probe-brake --search gap --tracker rm-feldmann --jobs 2[/bold]
     """
     from testbed.compare.runs.config import parse_seeds
-    from testbed.compare.runs.engine import Engine
-    from testbed.compare.runs.engine import check as check_engine
+    from testbed.experiments.engine import Engine
+    from testbed.experiments.engine import check as check_engine
     from testbed.probing import command
     from testbed.probing.drives import Setting
 

@@ -20,11 +20,11 @@ from sensors import find as find_radar
 from sensors.faults import chosen
 from testbed import planners
 from testbed.command_line.interruption import interruptible
-from testbed.compare.runs.identity import own_code, own_module, own_names, tracker_digest
 from testbed.environment.perception import tracker_of
 from testbed.environment.recorder import check_level
 from testbed.environment.registration import make, scenario_of
 from testbed.evaluation.tracking import jsonable
+from testbed.experiments.identity import own_code, own_module, own_names, tracker_digest
 from testbed.files import make_directory, noting_losses
 from testbed.frame import Observer
 from testbed.limits import LONGEST, check_duration, check_folder, check_names, check_seeds

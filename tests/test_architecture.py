@@ -34,7 +34,7 @@ HOMES = {
 LEAVES = ("studies",)  # beside the documentation and out of the wheel: nothing else may import it
 FIGURES = re.compile(r"^(?:testbed|studies)\.(?:\w+\.)*\w*figures?\w*$")  # modules that may draw with matplotlib
 CATCHES_ALL = {
-    "testbed.compare.runs.tasks",  # one failed run of thousands is reported, and must not stop the others
+    "testbed.experiments.run",  # one failed run of thousands is reported, and must not stop the others
     "testbed.check.report",  # so is one law that the code of a user does not get through
 }
 SEEDED = {"Generator", "SeedSequence", "BitGenerator", "PCG64", "default_rng"}

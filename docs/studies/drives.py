@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 
 from sensors import Radar, Sensor
-from testbed.compare.runs.recording import Recording
-from testbed.compare.runs.replay import rescan
 from testbed.evaluation.tracking import Evaluator
 from testbed.frame import Frame
+from testbed.replay.recording import Recording
+from testbed.replay.rescan import rescan
 
 
 def every_sensor(radar: Radar, change: Callable[[Sensor], Sensor]) -> Radar:

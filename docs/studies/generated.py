@@ -15,8 +15,8 @@ from studies.page import Docs
 from studies.recording_columns import input_tables, track_columns
 from studies.rigs.page import text as radars
 from testbed.command_line.terminal import console
-from testbed.compare.runs.rows import COLUMNS, TEXT
 from testbed.environment.registration import env_id
+from testbed.experiments.rows import COLUMNS, TEXT
 from testbed.files import write_atomic
 from testbed.log.text import markdown_table
 from testbed.planners import PLANNERS

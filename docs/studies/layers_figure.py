@@ -5,10 +5,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
 from studies.page import DOCS, Docs, Page
-from testbed.compare.runs.recording import record
-from testbed.compare.runs.replay import replay
 from testbed.files import write_figure
 from testbed.frame import Frame
+from testbed.replay.recording import record
+from testbed.replay.rescan import replay
 from trackers.geometry import box_corners, to_frame
 
 DRIVES = {"truck-convoy": 6.0, "dense-traffic": 6.0}  # [s] the moment that is drawn

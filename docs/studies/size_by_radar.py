@@ -10,8 +10,8 @@ from sensors import RADARS
 from studies.drives import every_sensor, measured
 from studies.page import steps
 from testbed.command_line.terminal import console
-from testbed.compare.runs.recording import record
 from testbed.files import write_json
+from testbed.replay.recording import record
 from trackers import DEFAULT
 
 OFF = f"{DEFAULT}:size=off"

@@ -11,10 +11,10 @@ from rich.table import Table
 from testbed.command_line.interruption import interruptible
 from testbed.command_line.tables import DASH, light_table
 from testbed.command_line.terminal import user_input
-from testbed.compare.runs.engine import Engine, perform
-from testbed.compare.runs.identity import own_code, own_names, shared_digest, tracker_digest
-from testbed.compare.runs.tasks import FAILED
 from testbed.evaluation.intervals import Interval
+from testbed.experiments.engine import Engine, perform
+from testbed.experiments.identity import own_code, own_names, shared_digest, tracker_digest
+from testbed.experiments.run import FAILED
 from testbed.files import make_directory
 from testbed.frame import TRUTH
 from testbed.probing.drives import Setting

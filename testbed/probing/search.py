@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenarios.record import Parameter
-from testbed.compare.runs.tasks import FOUND, Outcome, outcome_of
 from testbed.evaluation.intervals import Interval, bootstrap_interval
+from testbed.experiments.run import FOUND, Outcome, outcome_of
 from testbed.files import write_json
 from testbed.probing.drives import Setting, find_probe, survives
 from trackers.lookup import look_up

@@ -14,19 +14,19 @@ from sensors.fault_text import split_faults
 from testbed.command_line.terminal import stages, user_input
 from testbed.compare.command import show_tally
 from testbed.compare.runs.config import check as check_comparison
-from testbed.compare.runs.engine import Engine
-from testbed.compare.runs.engine import check as check_engine
-from testbed.compare.runs.replay import write_log
 from testbed.compare.runs.results import Results, collect, write_runs
 from testbed.compare.runs.tasks import RecordingTask, obtain
 from testbed.compare.runs.work import execute
 from testbed.environment.registration import scenario_of
+from testbed.experiments.engine import Engine
+from testbed.experiments.engine import check as check_engine
 from testbed.files import check_target, make_directory, versions
 from testbed.regress import junit, tables
 from testbed.regress.baselines import NONE, Baselines, Update, load, merge, save
 from testbed.regress.findings import Findings, examine, measured, orphans, worst_run
 from testbed.regress.suite import LOGS, Suite, prepare_folder
 from testbed.regress.verdict import OVERALL
+from testbed.replay.rescan import write_log
 from trackers import SensorModel, build
 
 COMMITTED = Path(str(files("testbed.regress"))) / "baselines.json"

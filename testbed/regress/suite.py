@@ -13,10 +13,10 @@ from typing import NamedTuple
 
 from scenarios import SCENARIOS
 from testbed.compare.runs.config import RECORD, SETTINGS, Comparison, Settings, identity, with_faults
-from testbed.compare.runs.identity import project_digest
 from testbed.compare.runs.results import RUNS
 from testbed.compare.runs.tasks import RECORDINGS
 from testbed.compare.runs.tasks import ROWS as RUN_ROWS
+from testbed.experiments.identity import project_digest
 from testbed.files import make_directory, write_atomic
 from trackers import TRACKERS
 

@@ -7,15 +7,15 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from testbed.compare.runs.rows import content
 from testbed.compare.statistics.differences import PairedDifference, needed
+from testbed.environment.sources.conditions import IN_VIEW
+from testbed.environment.sources.substitution import EXISTENCE, GROUPS, subsets
 from testbed.evaluation.intervals import NO_INTERVAL, Interval, bootstrap_interval, crossed_interval, measured
-from testbed.regret.conditions import IN_VIEW
+from testbed.experiments.rows import content
 from testbed.regret.measures import BOTH_SIDES, KEYS, TRACKING
 from testbed.regret.results import Results
 from testbed.regret.shapley import shapley
 from testbed.regret.study import Task
-from testbed.regret.substitution import EXISTENCE, GROUPS, subsets
 
 ALL = "all"  # scenarios together
 

@@ -9,7 +9,7 @@ from rich.progress import Progress as Bar
 from testbed.command_line.terminal import stages, user_input
 from testbed.compare.command import show_tally
 from testbed.compare.report.renderers import terminal
-from testbed.compare.runs.engine import Engine
+from testbed.experiments.engine import Engine
 from testbed.files import check_target, make_directory
 from testbed.regret import analysis, junit
 from testbed.regret.pairs import table

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from sensors.scene import Scene
 from testbed.environment.perception import truth_tracks
+from testbed.environment.sources.substitution import match
 from testbed.log.paths import vehicle
-from testbed.regret.substitution import match
 from trackers.estimate import Estimate
 from trackers.geometry import rotation, to_frame
 from trackers.multi.tracks import Tracks

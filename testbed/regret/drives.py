@@ -10,14 +10,14 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-from testbed.compare.runs.rows import check_part, write
-from testbed.compare.runs.tasks import FOUND, Outcome, outcome_of
 from testbed.environment.registration import make
+from testbed.environment.sources import conditions
 from testbed.evaluation.driving import DriveEvaluator
 from testbed.evaluation.tracking import Evaluator, jsonable
+from testbed.experiments.rows import check_part, write
+from testbed.experiments.run import FOUND, Outcome, outcome_of
 from testbed.frame import Frame
 from testbed.planners import find as find_planner
-from testbed.regret import conditions
 from testbed.regret.curves import SCHEMA, Curves
 from testbed.regret.discrepancy import Discrepancy, largest
 from testbed.regret.study import Settings, Task

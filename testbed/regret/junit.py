@@ -5,7 +5,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import pandas as pd
 
-from testbed.compare.runs.tasks import Outcome
+from testbed.experiments.run import Outcome
 from testbed.files import write_atomic
 from testbed.frame import TRUTH
 from testbed.regress.junit import FORBIDDEN

@@ -6,9 +6,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from testbed.environment.sources.conditions import IN_VIEW, parse
 from testbed.evaluation.driving import changed_decisions, extra_braking, speed_difference
 from testbed.frame import TRUTH
-from testbed.regret.conditions import IN_VIEW, parse
 from testbed.regret.curves import Curves
 from testbed.regret.measures import MEASURES, PAIRED
 from testbed.regret.results import Drive, Results

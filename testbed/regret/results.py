@@ -8,7 +8,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from testbed.compare.runs.rows import read_meta
+from testbed.experiments.rows import read_meta
 from testbed.files import atomic_file
 from testbed.regret.curves import SCHEMA, Curves
 from testbed.regret.drives import drive_path

@@ -9,7 +9,7 @@ from math import factorial
 import numpy as np
 from numpy.typing import NDArray
 
-from testbed.regret.substitution import GROUPS
+from testbed.environment.sources.substitution import GROUPS
 
 
 def shapley(values: Mapping[str, NDArray]) -> dict[str, NDArray]:

@@ -8,20 +8,19 @@ import testbed.compare.runs.config as comparison
 from sensors import faults_of
 from sensors import find as find_radar
 from sensors.faults import chosen
-from testbed.compare.runs.identity import modules_digest, own_code, own_names, shared_digest, tracker_digest
 from testbed.environment.registration import scenario_of
+from testbed.environment.sources import conditions
+from testbed.environment.sources.conditions import IN_VIEW
+from testbed.environment.sources.substitution import GROUPS, subsets
+from testbed.experiments.identity import modules_digest, own_code, own_names, shared_digest, tracker_digest
 from testbed.files import make_directory, versions
 from testbed.frame import TRUTH
 from testbed.limits import MOST_RUNS, check_duration, check_folder, check_names, check_seeds
 from testbed.planners import find as find_planner
-from testbed.regret import conditions
-from testbed.regret.conditions import IN_VIEW
-from testbed.regret.substitution import GROUPS, subsets
 
 DRIVES = (  # what decides about a drive, beside the code behind every run of a comparison
     "testbed.planners",
-    "testbed.regret.conditions", "testbed.regret.curves", "testbed.regret.discrepancy", "testbed.regret.drives",
-    "testbed.regret.in_view", "testbed.regret.injection", "testbed.regret.substitution",
+    "testbed.environment.sources", "testbed.regret.curves", "testbed.regret.discrepancy", "testbed.regret.drives",
 )  # fmt: skip
 
 

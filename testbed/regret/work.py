@@ -4,9 +4,9 @@ from pathlib import Path
 from time import perf_counter
 
 from testbed.command_line.interruption import interruptible
-from testbed.compare.runs.engine import Engine
-from testbed.compare.runs.rows import is_made
 from testbed.compare.runs.work import Progress, Tally, stage
+from testbed.experiments.engine import Engine
+from testbed.experiments.rows import is_made
 from testbed.files import make_directory
 from testbed.regret.curves import SCHEMA
 from testbed.regret.drives import FOLDER, drive, drive_path, reads

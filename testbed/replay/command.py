@@ -57,6 +57,6 @@ def check(scenario: str, seed: int, radar: str, duration: float | None, out: Pat
 
 def record(scenario: str, seed: int, radar: str, duration: float | None, out: Path, format: str) -> list[Path]:
     """Drive once on the truth, and write the tables; returns their paths. OSError where one cannot be written."""
-    from testbed.compare.runs.recording import record as drive
+    from testbed.replay.recording import record as drive
 
     return write(drive(scenario, seed, radar, duration), out, format)

@@ -7,12 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sensors.scene import Scene
-from testbed.compare.runs.recording import RecordedFrame
 from testbed.log.record import RoadGeometry
 from testbed.replay.columns import DETECTIONS, EGO, LANES, SCANS, SENSORS, TRUTH, Table
 from testbed.replay.ego import egos
 from testbed.replay.lanes import lanes_of
 from testbed.replay.origins import origin_of, said_objects
+from testbed.replay.recording import RecordedFrame
 from testbed.replay.scans import scans_of
 from testbed.replay.sensor_sheets import SensorSheets, sensor_sheets
 from testbed.replay.tables import Loaded, read_table

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from testbed.command_line.interruption import interruptible
-from testbed.compare.runs.replay import REPLAY, RecordedRadar, through
 from testbed.environment.perception import Perception, tracker_of
 from testbed.environment.recorder import Recorder, check_level
 from testbed.evaluation.tracking import jsonable
@@ -19,6 +18,7 @@ from testbed.limits import check_folder, check_names
 from testbed.log.record import RunMeta
 from testbed.replay.lives import Lives
 from testbed.replay.reading import Recorded, read
+from testbed.replay.rescan import REPLAY, RecordedRadar, through
 from testbed.replay.tracks_file import TracksFile
 from trackers import DEFAULT
 

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from sensors.origin import KINDS
 from sensors.radar import Radar
-from testbed.compare.runs.recording import RecordedFrame, Recording
 from testbed.environment.perception import RadarLike, radar_of
 from testbed.files import atomic_file, make_directory
 from testbed.limits import check_choice
 from testbed.replay.columns import TABLES, TWO_SIDED, Column
 from testbed.replay.origins import NONE
+from testbed.replay.recording import RecordedFrame, Recording
 from testbed.replay.sensor_sheets import OPTIONAL
 from testbed.replay.tables import SUFFIXES, path_of
 from testbed.replay.truth import contour_text

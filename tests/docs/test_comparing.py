@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 
 from testbed.compare.runs.config import Comparison, Settings
-from testbed.compare.runs.engine import Engine
-from testbed.compare.runs.recording import load
-from testbed.compare.runs.replay import write_log
 from testbed.compare.runs.results import collect, write_runs
 from testbed.compare.runs.work import execute
+from testbed.experiments.engine import Engine
+from testbed.replay.recording import load
+from testbed.replay.rescan import write_log
 
 PAGE = Path(__file__).parents[2] / "docs" / "comparing.md"
 

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 
 from testbed.compare.runs.config import Comparison, Settings
-from testbed.compare.runs.engine import Engine
-from testbed.compare.runs.recording import record
 from testbed.compare.runs.results import collect, write_runs
 from testbed.compare.runs.work import execute
+from testbed.experiments.engine import Engine
 from testbed.regress.command import COMMITTED
+from testbed.replay.recording import record
 from testbed.replay.writing import write
 from testbed.run import RunConfig, run
 

@@ -25,9 +25,9 @@ from testbed.compare.report.report import write_report
 from testbed.compare.runs.config import Comparison, Settings, Task, read_settings
 from testbed.compare.runs.measures import COSTS, DRIVE, KEYS, MAIN
 from testbed.compare.runs.results import Results, collect
-from testbed.compare.runs.rows import read_meta
 from testbed.compare.runs.tasks import ROWS
 from testbed.compare.statistics.analysis import by_band, consistency
+from testbed.experiments.rows import read_meta
 from testbed.files import atomic_file, write_atomic, write_json
 from trackers import DEFAULT, TRACKERS
 from trackers.lookup import parse

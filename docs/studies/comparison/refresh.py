@@ -31,11 +31,12 @@ from testbed.command_line.terminal import console, user_input
 from testbed.compare.report.report import NAME
 from testbed.compare.runs import tasks as compare
 from testbed.compare.runs.config import Settings, Task
-from testbed.compare.runs.engine import Engine, check, perform
-from testbed.compare.runs.identity import shared_digest, tracker_digest
 from testbed.compare.runs.measures import COSTS
-from testbed.compare.runs.rows import read_meta
 from testbed.evaluation.tracking import jsonable
+from testbed.experiments.engine import Engine, check, perform
+from testbed.experiments.identity import shared_digest, tracker_digest
+from testbed.experiments.rows import read_meta
+from testbed.experiments.run import FAILED, Outcome, outcome_of
 from testbed.files import make_directory, write_atomic, write_json
 from testbed.frame import TRUTH
 from testbed.probing import drives as probing
@@ -117,14 +118,14 @@ def run_again(folder: Path, task: Task, settings: Settings) -> Numbers:
     for name in (compare.ROWS, compare.RECORDINGS):
         make_directory(folder / name)
     outcome = compare.run(task, settings, folder)
-    if outcome.status == compare.FAILED:
+    if outcome.status == FAILED:
         raise RuntimeError(outcome.note)
     spans = read_meta(compare.rows_path(task, folder))["spans"]
     return {
         f"{row['phase']}: {key}": nan if value is None else _float32(value)
         for row in spans
         for key, value in row.items()
-        if key != "phase"
+        if key not in (*Task._fields, "phase")
     }
 
 
@@ -245,12 +246,12 @@ def draw(pieces: Sequence[Piece], sample: int, seed: int) -> list[Piece]:
     return [piece for _, piece in sorted(ranked, key=lambda item: item[0])[:sample]]
 
 
-def again(piece: Piece, folder: Path) -> compare.Outcome:
+def again(piece: Piece, folder: Path) -> Outcome:
     """Make a piece again; the numbers are the note of the outcome, as JSON."""
-    return compare.outcome_of(piece.title, lambda: json.dumps(PARTS[piece.part].again(folder, *piece.arguments)))
+    return outcome_of(piece.title, lambda: json.dumps(PARTS[piece.part].again(folder, *piece.arguments)))
 
 
-def repeat(pieces: Sequence[Piece], jobs: int, folder: Path) -> dict[str, compare.Outcome]:
+def repeat(pieces: Sequence[Piece], jobs: int, folder: Path) -> dict[str, Outcome]:
     """Make the pieces again, in a folder without others; outcomes by title."""
     outcomes = {}
     with steps(len(pieces)) as step:
@@ -301,7 +302,7 @@ def main(
         if "runs" in chosen:
             _check_sample(results, [piece.group for piece in pieces if piece.part == "runs"])
         outcomes = repeat(pieces, jobs, Path(folder))
-    if failed := [outcome for outcome in outcomes.values() if outcome.status == compare.FAILED]:
+    if failed := [outcome for outcome in outcomes.values() if outcome.status == FAILED]:
         for outcome in failed:
             console.print(f"failed   {outcome.name}\n{outcome.note}", markup=False, highlight=False, soft_wrap=True)
         raise typer.Exit(1)

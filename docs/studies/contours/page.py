@@ -12,9 +12,9 @@ from studies.contours.figure import draw
 from studies.contours.passing import KINDS, PassedTrack, Passing, follow
 from studies.page import DOCS, Docs, Page, steps
 from testbed.command_line.terminal import user_input
-from testbed.compare.runs.recording import record
-from testbed.compare.runs.replay import replay
 from testbed.log.text import markdown_table
+from testbed.replay.recording import record
+from testbed.replay.rescan import replay
 from trackers import find
 
 TRACKER, PLAIN = "pmht-spline-adaptive", "pmht-spline"

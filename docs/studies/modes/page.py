@@ -15,12 +15,12 @@ from scenarios import find as find_scenario
 from studies.modes.figure import ModePanel, draw
 from studies.page import DOCS, Docs, Page, steps
 from testbed.command_line.terminal import user_input
-from testbed.compare.runs.recording import record
-from testbed.compare.runs.replay import replay
 from testbed.evaluation.tracking import Evaluator
 from testbed.frame import Frame
 from testbed.log.modes import mode_names, probabilities
 from testbed.log.text import markdown_table
+from testbed.replay.recording import record
+from testbed.replay.rescan import replay
 from trackers.geometry import dot, unit
 
 ACCELERATION = 1.0  # [m/s^2] along the heading, above which a vehicle accelerates or brakes

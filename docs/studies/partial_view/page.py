@@ -14,13 +14,13 @@ from studies.page import DOCS, Docs, Page, steps
 from studies.partial_view.encounters import STEP, encounters, follow, measure, simulate
 from studies.partial_view.figure import ContourPanel, draw_learned, draw_tracked
 from testbed.command_line.terminal import user_input
-from testbed.compare.runs.recording import Recording, record
 from testbed.evaluation.intervals import PlusMinus
 from testbed.evaluation.metrics import contour_iou
 from testbed.evaluation.tracking import Evaluator, Row
 from testbed.learn.detections import TrainingDetections, read
 from testbed.learn.spline import fit
 from testbed.log.text import markdown_table
+from testbed.replay.recording import Recording, record
 from trackers import MultiObjectTracker, find
 from trackers.pmht import AdaptiveSpline, Learner
 from trackers.pmht.classes import Catalogue

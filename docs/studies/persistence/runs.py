@@ -9,7 +9,7 @@ from sensors import RADARS, Persistence, Radar
 from studies.drives import every_sensor, measured
 from studies.effects import Factor
 from studies.page import steps
-from testbed.compare.runs.recording import record
+from testbed.replay.recording import record
 
 RIG = "surround"
 LIFETIMES = (0.0, 0.2, 1.0, 5.0)  # [s]; 0: drawn anew in each scan

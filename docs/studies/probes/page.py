@@ -17,9 +17,9 @@ from studies.probes.drives import SEEDS, TTC, Verdict, all_drives, planner_of, v
 from studies.probes.figure import draw
 from testbed.command_line.interruption import interruptible
 from testbed.command_line.terminal import user_input
-from testbed.compare.runs.identity import shared_digest
 from testbed.environment.registration import env_id
 from testbed.evaluation.driving import LONGEST, DriveEvaluator
+from testbed.experiments.identity import shared_digest
 from testbed.files import make_directory, write_json
 from testbed.frame import Frame
 from testbed.log.text import markdown_table

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from sensors.radar import Radar
 from sensors.scene import Scene
 from testbed.arrays import read_arrays
-from testbed.compare.runs.recording import record
+from testbed.replay.recording import record
 from trackers.geometry import rotation
 
 POINTS, FRAMES = "run_sample_x_y_z_vr_rcs_power", "run_sample_interval_pose"

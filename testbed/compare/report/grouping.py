@@ -4,8 +4,8 @@ from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 from testbed.compare.runs.results import Results
-from testbed.compare.runs.tasks import Outcome
 from testbed.compare.statistics.analysis import PHASES
+from testbed.experiments.run import Outcome
 
 
 class Failure(NamedTuple):

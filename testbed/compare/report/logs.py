@@ -10,12 +10,13 @@ import numpy as np
 
 from sensors.fault_text import split_faults
 from testbed.compare.runs.config import Comparison, Task
-from testbed.compare.runs.engine import Engine, perform
-from testbed.compare.runs.replay import REPLAY, write_log
 from testbed.compare.runs.results import Results
-from testbed.compare.runs.tasks import DONE, FAILED, FOUND, Outcome, obtain, recording_of, recording_path
+from testbed.compare.runs.tasks import obtain, recording_of, recording_path
+from testbed.experiments.engine import Engine, perform
+from testbed.experiments.run import DONE, FAILED, FOUND, Outcome
 from testbed.files import make_directory
 from testbed.log.record import run_id
+from testbed.replay.rescan import REPLAY, write_log
 from testbed.run import RunConfig
 from testbed.run import run as run_live
 

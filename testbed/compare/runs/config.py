@@ -11,8 +11,8 @@ from sensors import faults_of
 from sensors import find as find_radar
 from sensors.fault_text import split_faults
 from sensors.faults import chosen
-from testbed.compare.runs.identity import own_code, own_names, shared_digest, tracker_digest
 from testbed.environment.registration import scenario_of
+from testbed.experiments.identity import own_code, own_names, shared_digest, tracker_digest
 from testbed.files import make_directory, versions, write_json
 from testbed.limits import (
     LARGEST_SEED,

@@ -11,10 +11,10 @@ import pyarrow.parquet as pq
 
 from testbed.compare.runs.config import Comparison, Task
 from testbed.compare.runs.measures import KEYS, SPAN_UNITS
-from testbed.compare.runs.recording import read_seconds
-from testbed.compare.runs.rows import SCHEMA, read_meta
 from testbed.compare.runs.tasks import RecordingTask, recording_of, recording_path, rows_path
+from testbed.experiments.rows import SCHEMA, read_meta
 from testbed.files import atomic_file
+from testbed.replay.recording import read_seconds
 
 RUNS = "runs.parquet"
 WHOLE_RUN = "all"  # in place of a phase

@@ -1,35 +1,25 @@
 """The work of one task: make a recording or a run, unless it has a valid file."""
 
-import traceback
-from collections.abc import Callable
 from contextlib import closing, suppress
 from pathlib import Path
 from time import perf_counter
 from typing import Any, NamedTuple
 
 from sensors.fault_text import split_faults
-from testbed.compare.runs import recording as recordings
 from testbed.compare.runs.config import Settings, Task
-from testbed.compare.runs.replay import replay
-from testbed.compare.runs.rows import Rows, check_part, write
 from testbed.environment.registration import make
 from testbed.evaluation.driving import DriveEvaluator
 from testbed.evaluation.tracking import jsonable
+from testbed.experiments.rows import Rows, check_part, write
+from testbed.experiments.run import FOUND, Outcome, outcome_of
 from testbed.frame import TRUTH, Frame
 from testbed.planners import begin
 from testbed.planners import find as find_planner
 from testbed.planners import settings as planner_settings
+from testbed.replay import recording as recordings
+from testbed.replay.rescan import replay
 
 ROWS, RECORDINGS = "rows", "recordings"  # folders of a comparison
-DONE, FOUND, FAILED = "done", "found", "failed"
-
-
-class Outcome(NamedTuple):
-    """How one task ended."""
-
-    name: str
-    status: str  # done, found (it has a valid file already), failed
-    note: str = ""  # sentence or traceback of a failure; which damaged file was replaced and why
 
 
 class RecordingTask(NamedTuple):
@@ -153,17 +143,3 @@ def _driven(task: Task, settings: Settings, out: Path) -> tuple[Rows, dict[str, 
     seconds = {"simulation": perf_counter() - start - sensing - tracking - scoring}
     seconds |= {"sensing": sensing, "tracking": tracking}
     return rows, {"seconds": seconds, "cost": jsonable(cost), "drive": jsonable(drive.summary())}
-
-
-def outcome_of(name: str, work: Callable[[], str]) -> Outcome:
-    """A run that fails must not stop the others: any error is caught here, and reported with its traceback.
-
-    Of a file that cannot be written or read the sentence is enough.
-    """
-    try:
-        note = work()
-    except OSError as error:
-        return Outcome(name, FAILED, str(error))
-    except Exception:
-        return Outcome(name, FAILED, traceback.format_exc())
-    return Outcome(name, FOUND) if note == FOUND else Outcome(name, DONE, note)

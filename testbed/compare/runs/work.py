@@ -15,19 +15,10 @@ from sensors.fault_text import split_faults
 from testbed.command_line.interruption import InterruptRequest, interruptible
 from testbed.compare.runs import tasks as works
 from testbed.compare.runs.config import Comparison, Settings, Task, check, write_settings
-from testbed.compare.runs.engine import Engine, nothing, perform
-from testbed.compare.runs.rows import is_made
-from testbed.compare.runs.tasks import (
-    DONE,
-    FAILED,
-    RECORDINGS,
-    ROWS,
-    Outcome,
-    RecordingTask,
-    recording_of,
-    recording_path,
-    rows_path,
-)
+from testbed.compare.runs.tasks import RECORDINGS, ROWS, RecordingTask, recording_of, recording_path, rows_path
+from testbed.experiments.engine import Engine, nothing, perform
+from testbed.experiments.rows import is_made
+from testbed.experiments.run import DONE, FAILED, Outcome
 from testbed.files import make_directory
 
 Progress = Callable[[int, int, str], None]

@@ -11,10 +11,10 @@ from matplotlib.figure import Figure
 
 from testbed.compare.report.figures import STATIC, FigureFiles, Plot
 from testbed.compare.report.style import COLOURS, RC, line_styles
+from testbed.environment.sources.substitution import GROUP_NAMES, GROUPS
 from testbed.files import make_directory, write_figure
 from testbed.regret.analysis import Attribution, Cell, correlations
 from testbed.regret.measures import TRACKING
-from testbed.regret.substitution import GROUP_NAMES, GROUPS
 
 GROUP_COLOURS = dict(zip(GROUPS, COLOURS, strict=False))
 DOSE_UNITS = {

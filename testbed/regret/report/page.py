@@ -13,13 +13,13 @@ from testbed.compare.report.figures import FOLDER, FigureFiles
 from testbed.compare.report.grouping import failures
 from testbed.compare.report.links import LogFiles, href
 from testbed.compare.report.report import seeds_text
-from testbed.compare.runs.tasks import FAILED, Outcome
 from testbed.compare.runs.work import Tally
+from testbed.environment.sources.conditions import IN_VIEW
+from testbed.experiments.run import FAILED, Outcome
 from testbed.files import write_atomic
 from testbed.frame import TRUTH
 from testbed.regret import analysis
 from testbed.regret.analysis import Cell
-from testbed.regret.conditions import IN_VIEW
 from testbed.regret.measures import TABLE
 from testbed.regret.report import logs, tables, words
 from testbed.regret.report.figures import draw

@@ -6,10 +6,10 @@ import numpy as np
 
 from testbed.command_line.tables import number
 from testbed.compare.report.tables import Field, Grid, Line, estimate
+from testbed.environment.sources.substitution import GROUPS
 from testbed.evaluation.intervals import Interval
 from testbed.regret.analysis import Attribution, Cell, Correlation, WorstPair
 from testbed.regret.measures import KEYS, TRACKING
-from testbed.regret.substitution import GROUPS
 
 SIGNED = "In brackets 95 % intervals over the seeds, paired; coloured where the interval leaves out zero."
 

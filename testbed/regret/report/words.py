@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
+from testbed.environment.sources.substitution import GROUP_NAMES, GROUPS
 from testbed.regret.analysis import Attribution, Cell, Correlation
 from testbed.regret.measures import TRACKING
-from testbed.regret.substitution import GROUP_NAMES, GROUPS
 
 
 def verdict(

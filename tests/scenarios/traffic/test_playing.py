@@ -9,8 +9,8 @@ import pytest
 from scenarios import find
 from scenarios.traffic.road import RecordedRoad, leaders
 from scenarios.vehicles import CourseVehicle, SizedIDM
-from testbed.compare.runs.identity import own_code, own_names
 from testbed.environment.registration import make
+from testbed.experiments.identity import own_code, own_names
 from tests.scenarios.traffic.recorded import own, traffic
 
 SLOWER = 4  # the action

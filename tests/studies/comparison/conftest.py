@@ -7,8 +7,8 @@ import pytest
 
 from studies.comparison.publish import publish
 from testbed.compare.runs.config import Comparison, Settings
-from testbed.compare.runs.engine import Engine
 from testbed.compare.runs.work import execute
+from testbed.experiments.engine import Engine
 
 DOCS = Path(__file__).parents[3] / "docs"
 TRACKERS = ("rm-feldmann", "htg-mm")

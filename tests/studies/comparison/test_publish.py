@@ -10,9 +10,9 @@ import pytest
 from studies.comparison.page import closed
 from studies.comparison.publish import ABOUT, RUNS, TABLES, publish_part, read_part, replace_trackers
 from testbed.compare.runs.config import Comparison, Settings
-from testbed.compare.runs.engine import Engine
 from testbed.compare.runs.results import collect
 from testbed.compare.runs.work import execute
+from testbed.experiments.engine import Engine
 
 PART = Comparison(("xia2020-lane",), ("htg-mm",), (0, 1, 2), Settings(duration=1.0))
 

@@ -14,8 +14,8 @@ from studies.contours.classes import (
 )
 from studies.contours.page import passing_table, render
 from studies.contours.passing import Passing, follow, shape_iou
-from testbed.compare.runs.recording import record
-from testbed.compare.runs.replay import replay
+from testbed.replay.recording import record
+from testbed.replay.rescan import replay
 
 CLASSES = ("car", "bus")
 

@@ -10,9 +10,9 @@ from typer.testing import CliRunner
 from studies.__main__ import app
 from studies.page import NOTES
 from studies.regret.page import PARTS, joined, load, text
+from testbed.environment.sources.substitution import subsets
 from testbed.regret.measures import MEASURES, PAIRED
 from testbed.regret.results import DRIVES, PAIRS
-from testbed.regret.substitution import subsets
 
 DOCS = Path(__file__).parents[3] / "docs"
 ZERO = dict.fromkeys((m.key for m in (*MEASURES, *PAIRED)), 0.0)

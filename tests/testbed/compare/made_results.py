@@ -9,9 +9,9 @@ import pyarrow as pa
 from testbed.compare.runs.config import Comparison, Task
 from testbed.compare.runs.measures import KEYS
 from testbed.compare.runs.results import Results, collect
-from testbed.compare.runs.rows import COLUMNS, SCHEMA, write
 from testbed.compare.runs.tasks import ROWS, rows_path
 from testbed.evaluation.pair_errors import ERRORS
+from testbed.experiments.rows import COLUMNS, SCHEMA, write
 
 PHASES = (("before", 0.0, 3.0), ("onset", 3.0, 4.0), ("during", 4.0, 6.0), ("after", 6.0, 8.0))
 OBJECTS = 4

@@ -5,6 +5,8 @@ import pandas as pd
 import pytest
 
 from studies.regret.caution import differences
+from testbed.environment.sources.injection import Errors
+from testbed.environment.sources.substitution import subsets
 from testbed.regret.analysis import (
     Cell,
     attributions,
@@ -17,10 +19,8 @@ from testbed.regret.analysis import (
     unresolved,
     worst_pairs,
 )
-from testbed.regret.injection import Errors
 from testbed.regret.measures import MEASURES
 from testbed.regret.report.figures import DOSE_UNITS, dose_response
-from testbed.regret.substitution import subsets
 
 SEEDS = range(8)
 

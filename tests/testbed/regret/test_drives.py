@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from testbed.compare.runs.rows import content
-from testbed.compare.runs.tasks import DONE, FAILED, FOUND
+from testbed.experiments.rows import content
+from testbed.experiments.run import DONE, FAILED, FOUND
 from testbed.regret.drives import FOLDER, drive, drive_path, driven
 from testbed.regret.results import Results
 from testbed.regret.study import Settings, Study, Task

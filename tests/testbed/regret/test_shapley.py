@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from testbed.environment.sources.substitution import subsets
 from testbed.regret.shapley import shapley
-from testbed.regret.substitution import subsets
 
 
 def test_an_additive_game_gives_every_group_its_own_worth():

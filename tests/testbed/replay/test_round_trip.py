@@ -7,10 +7,10 @@ import pyarrow.parquet as pq
 import pytest
 
 from testbed.compare.runs import replay as of_comparisons
-from testbed.compare.runs.recording import record
 from testbed.environment.perception import radar_of
 from testbed.evaluation.tracking import Evaluator, jsonable
 from testbed.replay.reading import read
+from testbed.replay.recording import record
 from testbed.replay.replaying import ReplayConfig, prepare, replay
 from testbed.replay.writing import write
 

@@ -14,15 +14,16 @@ from scenarios.highway import ScenarioEnv
 from testbed.compare.runs import recording
 from testbed.compare.runs import tasks as runs
 from testbed.compare.runs.config import SETTINGS, Comparison, Settings, Task, with_faults
-from testbed.compare.runs.engine import Engine
 from testbed.compare.runs.measures import COSTS
-from testbed.compare.runs.replay import replay
 from testbed.compare.runs.results import RUNS, collect, write_runs
-from testbed.compare.runs.rows import check_part
-from testbed.compare.runs.tasks import DONE, FAILED, FOUND, RECORDINGS, ROWS, RecordingTask, recording_path, rows_path
+from testbed.compare.runs.tasks import RECORDINGS, ROWS, RecordingTask, recording_path, rows_path
 from testbed.compare.runs.work import execute
 from testbed.environment.wrapper import TrackedEnv
+from testbed.experiments.engine import Engine
+from testbed.experiments.rows import check_part
+from testbed.experiments.run import DONE, FAILED, FOUND
 from testbed.planners import find as find_planner
+from testbed.replay.rescan import replay
 
 WANTED = Comparison(("xia2020-lane",), ("rm-koch", "rm-feldmann"), (0, 1), Settings("front", duration=0.5))
 DAMAGED, SWAPPED = WANTED.tasks[:2]

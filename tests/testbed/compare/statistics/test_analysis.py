@@ -12,10 +12,10 @@ import pytest
 from testbed.compare.runs.config import Comparison, Task
 from testbed.compare.runs.measures import KEYS
 from testbed.compare.runs.results import collect, write_runs
-from testbed.compare.runs.rows import COLUMNS, NAMES, SCHEMA, write
 from testbed.compare.runs.tasks import ROWS, rows_path
 from testbed.compare.statistics import analysis
 from testbed.evaluation.intervals import crossed_interval
+from testbed.experiments.rows import COLUMNS, NAMES, SCHEMA, write
 
 HONEST, OVERCONFIDENT, BLIND = "rm-koch", "rm-vmm", "htg-map"
 SCENARIOS, SEEDS = ("cut-in", "merge"), (0, 1, 2, 5)

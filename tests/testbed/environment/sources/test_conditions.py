@@ -2,10 +2,10 @@
 
 import pytest
 
-from testbed.regret import conditions
-from testbed.regret.in_view import InView
-from testbed.regret.injection import Errors, Injected
-from testbed.regret.substitution import Substituted
+from testbed.environment.sources import conditions
+from testbed.environment.sources.in_view import InView
+from testbed.environment.sources.injection import Errors, Injected
+from testbed.environment.sources.substitution import Substituted
 
 
 @pytest.mark.parametrize(

@@ -5,8 +5,8 @@ import pytest
 
 from sensors.origin import Origin
 from sensors.scene import boxes_scene
-from testbed.regret.in_view import InView
-from testbed.regret.injection import LOST_FOR, Errors, Injected, parse_errors, resize_keep_edge
+from testbed.environment.sources.in_view import InView
+from testbed.environment.sources.injection import LOST_FOR, Errors, Injected, parse_errors, resize_keep_edge
 from trackers.multi.road import RoadMap
 from trackers.scan import Scan
 

@@ -2,9 +2,9 @@
 
 import pytest
 
-from testbed.compare.runs.engine import Engine, check, perform
-from testbed.compare.runs.tasks import DONE, FAILED
-from tests.testbed.compare.runs.orders import DIES, DIES_ONCE, FAILS, orders, status, work
+from testbed.experiments.engine import Engine, check, perform
+from testbed.experiments.run import DONE, FAILED
+from tests.testbed.experiments.orders import DIES, DIES_ONCE, FAILS, orders, status, work
 
 
 def test_two_processes_give_the_outcomes_of_one(tmp_path):

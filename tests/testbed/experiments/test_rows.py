@@ -14,12 +14,12 @@ from scenarios.stage import Phase
 from sensors.origin import CLUTTER, CONTOUR, Origin
 from sensors.scene import boxes_scene
 from testbed.compare.runs.config import Task
-from testbed.compare.runs.recording import record
-from testbed.compare.runs.replay import replay
-from testbed.compare.runs.rows import COLUMNS, NAMES, SCHEMA, Rows, check_part, read_meta, write
 from testbed.evaluation.pair_errors import ERRORS
 from testbed.evaluation.tracking import Evaluator
+from testbed.experiments.rows import COLUMNS, NAMES, SCHEMA, Rows, check_part, read_meta, write
 from testbed.frame import Frame
+from testbed.replay.recording import record
+from testbed.replay.rescan import replay
 from trackers.estimate import prior
 from trackers.multi.tracks import StepInfo, Tracks
 from trackers.scan import Scan

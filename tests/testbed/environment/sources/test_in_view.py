@@ -5,7 +5,7 @@ import numpy as np
 from sensors.origin import Origin
 from sensors.scene import boxes_scene
 from testbed.environment.perception import truth_tracks
-from testbed.regret.in_view import InView
+from testbed.environment.sources.in_view import InView
 from trackers.multi.road import RoadMap
 from trackers.scan import Scan
 

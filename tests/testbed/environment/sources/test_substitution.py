@@ -5,7 +5,7 @@ import pytest
 
 from sensors.scene import boxes_scene
 from testbed.environment.perception import truth_tracks
-from testbed.regret.substitution import Substituted, match, mix, subsets
+from testbed.environment.sources.substitution import Substituted, match, mix, subsets
 from trackers.estimate import prior
 from trackers.multi.tracks import Tracks
 

@@ -15,7 +15,7 @@ from scipy.optimize import linear_sum_assignment
 from sensors.origin import Origin
 from sensors.scene import Scene
 from testbed.environment.perception import TrackerLike, on_road, truth_tracks
-from testbed.regret.in_view import InView, LastSeen
+from testbed.environment.sources.in_view import InView, LastSeen
 from trackers.batch import take
 from trackers.estimate import Estimate
 from trackers.multi.road import RoadMap

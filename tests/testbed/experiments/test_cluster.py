@@ -19,16 +19,17 @@ import pytest
 from distributed import Client, LocalCluster
 
 from testbed.compare.report import logs
-from testbed.compare.runs.cluster import Folder, carried, difference, environment, modules_in
 from testbed.compare.runs.config import Comparison, Settings, Task
-from testbed.compare.runs.engine import Engine, check, perform
 from testbed.compare.runs.measures import COSTS
 from testbed.compare.runs.results import RUNS, collect
-from testbed.compare.runs.tasks import DONE, FAILED, RECORDINGS, ROWS, Outcome, RecordingTask, recording_path, rows_path
+from testbed.compare.runs.tasks import RECORDINGS, ROWS, RecordingTask, recording_path, rows_path
 from testbed.compare.runs.work import execute
-from tests.testbed.compare.runs.orders import DIES, DIES_ONCE, FAILS, FINE, Order, orders, status, work
+from testbed.experiments.cluster import Folder, carried, difference, environment, modules_in
+from testbed.experiments.engine import Engine, check, perform
+from testbed.experiments.run import DONE, FAILED, Outcome
+from tests.testbed.experiments.orders import DIES, DIES_ONCE, FAILS, FINE, Order, orders, status, work
 
-ROOT = Path(__file__).resolve().parents[4]
+ROOT = Path(__file__).resolve().parents[3]
 WANTED = Comparison(("xia2020-lane",), ("rm-koch", "rm-feldmann"), (0, 1), Settings("front", duration=1.0))
 
 

@@ -19,8 +19,8 @@ from tempfile import TemporaryDirectory
 from time import monotonic
 from typing import Any, NamedTuple
 
-from testbed.compare.runs.identity import CATALOGUES, code_digest, own_module, own_modules, project_digest
-from testbed.compare.runs.tasks import DONE, FAILED, Outcome
+from testbed.experiments.identity import CATALOGUES, code_digest, own_module, own_modules, project_digest
+from testbed.experiments.run import DONE, FAILED, Outcome
 from testbed.files import versions, write_atomic
 
 CONNECT_TIMEOUT = 5  # [s] for a cluster to answer

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from testbed.compare.runs import identity
+from testbed.experiments import identity
 from trackers import TRACKERS, find
 from trackers.random_matrix import koch
 
@@ -39,7 +39,7 @@ def test_a_digest_stays():
 def test_the_modules_of_a_filter_are_those_that_it_imports():
     found = identity.closure(["trackers.random_matrix.feldmann"])
     assert "trackers.linalg" in found
-    assert "trackers.motion" in found
+    assert "trackers.motion.turn" in found
     assert not any(name.startswith(("trackers.htg", "trackers.multi")) for name in found)
 
 

@@ -16,13 +16,13 @@ from sensors import find as find_radar
 from sensors.origin import Origin
 from sensors.scene import Ego, boxes_scene
 from testbed.compare.runs.config import Settings, Task
-from testbed.compare.runs.recording import RecordedFrame, Recording, load, read_seconds, record, save
-from testbed.compare.runs.replay import REPLAY, replay, rescan, write_log
-from testbed.compare.runs.rows import Rows
 from testbed.compare.runs.tasks import RECORDINGS, RecordingTask, obtain, recording_path
+from testbed.experiments.rows import Rows
 from testbed.log import reader
 from testbed.log.record import RoadGeometry
 from testbed.planners import find as find_planner
+from testbed.replay.recording import RecordedFrame, Recording, load, read_seconds, record, save
+from testbed.replay.rescan import REPLAY, replay, rescan, write_log
 from trackers.multi.road import RoadMap
 from trackers.scan import Scan
 

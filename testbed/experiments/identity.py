@@ -37,7 +37,7 @@ SCORES = (  # modules of testbed that decide about rows
     "planners.car_following", "planners.collision", "planners.idm", "planners.prediction", "planners.registry",
     "evaluation.driving", "evaluation.ends", "evaluation.histories", "evaluation.metrics", "evaluation.pair_errors",
     "evaluation.tracking",
-    "compare.runs.recording", "compare.runs.replay", "compare.runs.rows", "compare.runs.tasks",
+    "compare.runs.tasks", "experiments.rows", "experiments.run", "replay.recording", "replay.rescan",
 )  # fmt: skip
 CATALOGUES: Mapping[str, Callable[[], Container[str]]] = {
     "tracker": lambda: {*TRACKERS, TRUTH},

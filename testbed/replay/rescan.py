@@ -10,12 +10,12 @@ from sensors.fault_text import faults_of
 from sensors.faults import streams
 from sensors.origin import Origin
 from sensors.scene import Scene
-from testbed.compare.runs.recording import RecordedFrame, Recording
 from testbed.environment.perception import Perception, RadarLike, radar_of
 from testbed.environment.recorder import Recorder
 from testbed.files import versions
 from testbed.frame import Observer
 from testbed.log.record import RunMeta, run_id
+from testbed.replay.recording import RecordedFrame, Recording
 from trackers.multi.road import RoadMap
 from trackers.scan import Scan, SensorModel
 

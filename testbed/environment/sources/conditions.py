@@ -15,10 +15,10 @@ from typing import Any, NamedTuple
 import sensors
 import trackers
 from sensors import faults_of
+from testbed.environment.sources.in_view import InView
+from testbed.environment.sources.injection import NONE, Errors, Injected, parse_errors
+from testbed.environment.sources.substitution import GROUPS, Substituted
 from testbed.frame import TRUTH
-from testbed.regret.in_view import InView
-from testbed.regret.injection import NONE, Errors, Injected, parse_errors
-from testbed.regret.substitution import GROUPS, Substituted
 
 IN_VIEW = "in-view"
 

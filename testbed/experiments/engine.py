@@ -15,8 +15,8 @@ from typing import Any, NamedTuple
 from joblib import Parallel, delayed, parallel_config
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
-from testbed.compare.runs import cluster
-from testbed.compare.runs.tasks import FAILED, Outcome
+from testbed.experiments import cluster
+from testbed.experiments.run import FAILED, Outcome
 from testbed.limits import check_jobs
 
 PARENT_CHECK = 1.0  # [s] from one check of a worker that its parent lives to the next

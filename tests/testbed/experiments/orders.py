@@ -5,7 +5,7 @@ import signal
 from pathlib import Path
 from typing import NamedTuple
 
-from testbed.compare.runs.tasks import DONE, FAILED, Outcome
+from testbed.experiments.run import DONE, FAILED, Outcome
 
 FINE, FAILS, DIES_ONCE, DIES = "fine", "fails", "dies once", "dies"
 
