@@ -34,12 +34,12 @@ from testbed.environment.belief import BeliefView, RoadSwap, attach_view, belief
 from testbed.environment.observation import without_frames
 from testbed.environment.perception import Cost, Perception, advance, radar_label
 from testbed.environment.recorder import Recorder, check_level
-from testbed.environment.road_geometry import road_geometry
 from testbed.evaluation.driving import drive_frame
 from testbed.files import versions
 from testbed.frame import Observer
 from testbed.limits import check_choice
 from testbed.log.record import RunMeta, run_id
+from testbed.log.road_geometry import road_geometry
 from testbed.planners import find as find_planner
 from trackers import DEFAULT
 from trackers.multi.road import RoadMap

@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenarios.lanes import lane_shapes
-from testbed.environment.road_geometry import road_geometry
 from testbed.evaluation.driving import LONGEST
 from testbed.experiments.run import DONE, FOUND, Outcome, outcome_of
 from testbed.files import make_directory
 from testbed.frame import TRUTH, Frame
 from testbed.log.pair import TRACKS, LoggedDrive, write_pair
 from testbed.log.record import RoadGeometry
+from testbed.log.road_geometry import road_geometry
 from testbed.regret.analysis import WorstPair
 from testbed.regret.drives import DriveObserver, drive_through, make_env
 from testbed.regret.pairs import events

@@ -13,8 +13,8 @@ from testbed.log import legend, palette, paths
 from testbed.log.columns import Columns
 from testbed.log.focus import vehicles
 from testbed.log.reader import events, properties
+from testbed.log.review_page.shapes import Shapes, centimetres
 from testbed.log.table_pages import NOTHING_WRONG
-from testbed.review_page.shapes import Shapes, centimetres
 
 CURVES = (  # metric of every scan, title with unit
     ("gospa", "GOSPA [m]"),
