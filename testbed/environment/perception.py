@@ -31,7 +31,7 @@ from trackers.multi.tracker import MultiObjectTracker
 from trackers.multi.tracks import StepInfo, Tracks
 from trackers.scan import Scan, SensorModel
 
-PATIENCE = 1000  # scenes that may wait to be scanned; a minute of highway-v0
+MAX_DEFERRED_SCANS = 1000  # scenes that may wait to be scanned; a minute of highway-v0
 
 
 class RadarLike(Protocol):
@@ -330,17 +330,17 @@ class Perception:
         return int(self.steps * scans + 1e-9) > int((self.steps - 1) * scans + 1e-9)  # (RAD.24)
 
     def _scan(self, action: str, plan: NDArray) -> None:
-        """Read the scene, scan it, and give the scan to all trackers; where nobody looks the scene waits."""
+        """Read the scene, scan it, and give the scan to all trackers; deferred while only the truth is read."""
         start = perf_counter()
         scene = self._read(self.steps)
         self.scene = scene._replace(dt=scene.time - self.scene.time if self.steps else 0.0)
         self._waiting.append((self.steps, self.scene, action, plan))
         self.seconds["sense"] += perf_counter() - start
-        self._catch_up(PATIENCE if self.only_truth and not self.observers else 0)
+        self._catch_up(MAX_DEFERRED_SCANS if self.only_truth and not self.observers else 0)
 
-    def _catch_up(self, patience: int) -> None:
+    def _catch_up(self, left: int) -> None:
         """Scan the scenes that wait, until so many are left."""
-        while len(self._waiting) > patience:
+        while len(self._waiting) > left:
             self._frame = self._scanned(*self._waiting.popleft())
 
     def _scanned(self, step: int, scene: Scene, action: str, plan: NDArray) -> Frame:
