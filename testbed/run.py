@@ -20,6 +20,8 @@ from sensors import find as find_radar
 from sensors.faults import chosen
 from testbed import planners
 from testbed.command_line.interruption import interruptible
+from testbed.environment.episode import decisions
+from testbed.environment.episode import start as start_episode
 from testbed.environment.perception import tracker_of
 from testbed.environment.recorder import check_level
 from testbed.environment.registration import make, scenario_of
@@ -193,20 +195,20 @@ def run(
         tracked: Any = env
         for observer in observers:
             tracked.attach(observer)
-        env.reset(seed=config.seed)
-        planners.begin(planner, env)
+        start_episode(env, planner, config.seed)
         recorder = tracked.recorder
         if config.focus is not None:
             recorder.log.focus_on(config.focus)
         total = length(config)
         until = inf if "duration" in env.unwrapped.config else total  # type: ignore[attr-defined]
         start, cpu, done = perf_counter(), process_time(), False
+
+        def stop() -> bool:
+            return interrupt.signal is not None or tracked.truth.time >= until
+
         try:
-            while not done and interrupt.signal is None:
-                with choice():
-                    action, tracked.plan = planner.choose(env)
-                _, _, terminated, truncated, _ = env.step(action)
-                done = terminated or truncated or tracked.truth.time >= until
+            for step in decisions(env, planner, stop, choice):
+                done = step.terminated or step.truncated or tracked.truth.time >= until
                 if progress:
                     progress(tracked.truth.time, total)
         finally:

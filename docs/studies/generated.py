@@ -5,13 +5,13 @@
 
 import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from scenarios import CONTOURS, PROBES, SCENARIOS, Contour, Scenario
 from sensors import RADARS
-from studies.page import Docs
+from studies.page import Docs, fill
 from studies.recording_columns import input_tables, track_columns
 from studies.rigs.page import text as radars
 from testbed.command_line.terminal import console
@@ -22,53 +22,8 @@ from testbed.files import write_atomic
 from testbed.log.text import markdown_table
 from testbed.planners import PLANNERS
 from trackers import DEFAULT, TRACKERS
+from trackers.composed import place_of
 
-CATALOGUE = """# Catalogue
-
-Written by `make generated` from the registries; do not edit it by hand. `testbed list` prints the same names.
-
-## Scenarios
-
-`gym.make("{example}")` makes the environment of `cut-in`, and so for every name; `testbed run NAME` drives one. The
-registry is [scenarios/registry.py](../scenarios/registry.py). Vehicles are those besides the ego.
-
-{scenarios}
-
-## Probes
-
-Short scenes in which a planner on the truth is just safe, [scenarios/probes.py](../scenarios/probes.py). Their
-parameters say how hard they are: `gym.make("{probe}", config={{"gap": 26}})`. [probes.md](probes.md) shows each.
-
-{probes}
-
-## Trackers
-
-Filters of one object, each under the same [multi-object tracker](methods/multi-object-tracking.md). The default is
-`{default}`. The registry is [trackers/registry.py](../trackers/registry.py).
-
-{trackers}
-
-## Radars
-
-The registry is [sensors/rigs.py](../sensors/rigs.py). Rate: scans a second; "frame" is one every simulated frame.
-[radars.md](radars.md) has every number with its source, and the fields of view.
-
-{radars}
-
-## Planners
-
-The registry is [testbed/planners/registry.py](../testbed/planners/registry.py).
-
-{planners}
-
-## Contours
-
-Outlines of vehicles, [scenarios/contours.py](../scenarios/contours.py). Each vehicle has a size of its own from the
-range of its class; the default is the size that the outline is drawn at. How sizes are distributed and outlines fitted
-to them: [methods/vehicles.md](methods/vehicles.md).
-
-{contours}
-"""
 OF_TRACKER = (SCAN, SPAN, PAIR, PAIRS, RUN)
 WRITTEN = "<!-- {}: written by `make generated` -->", "<!-- end of {} -->"  # around a part of a page
 
@@ -97,7 +52,8 @@ def with_parts(page: str, parts: Mapping[str, str]) -> str:
 
 def catalogue() -> str:
     """The page docs/catalogue.md."""
-    return CATALOGUE.format(
+    return fill(
+        "catalogue.md.j2",
         example=env_id("cut-in"),
         default=DEFAULT,
         scenarios=markdown_table(
@@ -105,21 +61,12 @@ def catalogue() -> str:
             [(f"`{s.name}`", s.purpose, str(s.vehicles), f"{s.duration:g}", builder(s)) for s in SCENARIOS.values()],
         ),
         probe=env_id("probe-brake"),
-        probes=markdown_table(
-            ("name", "what", "s", "parameters"),
-            [(f"`{p.name}`", p.purpose, f"{p.duration:g}", parameters(p)) for p in PROBES.values()],
-        ),
+        probes=names(PROBES),
         trackers=markdown_table(
             ("name", "what", "code", "method"),
-            [(f"`{t.name}`", t.source, source(t.filter), method(t.filter)) for t in TRACKERS.values()],
+            [(f"`{t.name}`", t.source, source(t.filter), method(place_of(t.filter))) for t in TRACKERS.values()],
         ),
-        radars=markdown_table(
-            ("name", "what", "sensors", "rate"),
-            [
-                (f"`{r.name}`", r.note, str(len(r.sensors)), "frame" if r.rate is None else f"{r.rate:g}")
-                for r in RADARS.values()
-            ],
-        ),
+        radars=names(RADARS),
         planners=markdown_table(("name", "what"), [(f"`{p.name}`", p.note) for p in PLANNERS.values()]),
         contours=markdown_table(
             ("name", "what", "default [m]", "lengths [m]", "widths [m]"),
@@ -168,9 +115,9 @@ def builder(scenario: Scenario) -> str:
     return link(module.partition(":")[0])
 
 
-def parameters(probe: Scenario) -> str:
-    """The parameters of a probe in words."""
-    return "; ".join(f"`{p.name}` = {p.default:g} {p.unit}, {p.note}" for p in probe.parameters)
+def names(registry: Iterable[str]) -> str:
+    """The names of a registry in a row."""
+    return ", ".join(f"`{name}`" for name in registry)
 
 
 def source(filter: Any) -> str:

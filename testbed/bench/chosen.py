@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import closing
-from itertools import product
+from itertools import islice, product
 from statistics import median
 from tempfile import TemporaryDirectory
 from time import perf_counter
@@ -13,7 +13,8 @@ from rich.table import Table
 
 from testbed.bench import Progress
 from testbed.command_line.tables import light_table
-from testbed.planners import begin
+from testbed.environment.episode import decisions as decisions_of
+from testbed.environment.episode import start
 from testbed.planners import find as find_planner
 from testbed.run import RunConfig, check, make_env
 from trackers import DEFAULT
@@ -76,21 +77,19 @@ def measure(choice: Choice, progress: Progress) -> list[Table]:
 
 def decisions(env: Any, run: RunConfig, seconds: int) -> Iterator[Spent]:
     """What each decision of so many simulated seconds took; an episode that ends earlier is followed by the next."""
-    planner = find_planner(run.planner)
-    done, seed = True, run.seed
-    for _ in range(seconds * env.unwrapped.config["policy_frequency"]):
-        if done:
-            env.reset(seed=seed)
-            begin(planner, env)
-            seed += 1
-        before, start = _spent(env), perf_counter()
-        action, env.plan = planner.choose(env)
-        _, _, terminated, truncated, _ = env.step(action)
-        wall, after = perf_counter() - start, _spent(env)
-        done = terminated or truncated
-        radar = after.radar - before.radar
-        trackers = tuple(b - a for a, b in zip(before.trackers, after.trackers, strict=True))
-        yield Spent(radar, trackers, wall - radar - sum(trackers))
+    planner, seed = find_planner(run.planner), run.seed
+    left = seconds * env.unwrapped.config["policy_frequency"]
+    while left > 0:
+        start(env, planner, seed)
+        before, begun = _spent(env), perf_counter()
+        for _ in islice(decisions_of(env, planner), left):
+            wall, after = perf_counter() - begun, _spent(env)
+            radar = after.radar - before.radar
+            trackers = tuple(b - a for a, b in zip(before.trackers, after.trackers, strict=True))
+            yield Spent(radar, trackers, wall - radar - sum(trackers))
+            left -= 1
+            before, begun = _spent(env), perf_counter()
+        seed += 1
 
 
 def table(run: RunConfig, spent: Sequence[Spent], frames: float) -> Table:

@@ -7,7 +7,7 @@ Three hooks, none of which changes the simulation (docs/methods/environment.md):
 - road swap: between calls `env.unwrapped.road` is the belief road, so planners that read or copy it plan on tracks.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from os import PathLike
 from typing import Any
@@ -34,12 +34,12 @@ from testbed.environment.belief import BeliefView, RoadSwap, attach_view, belief
 from testbed.environment.observation import without_frames
 from testbed.environment.perception import Cost, Perception, advance, radar_label
 from testbed.environment.recorder import Recorder, check_level
-from testbed.environment.road_geometry import road_geometry
 from testbed.evaluation.driving import drive_frame
 from testbed.files import versions
 from testbed.frame import Observer
 from testbed.limits import check_choice
 from testbed.log.record import RunMeta, run_id
+from testbed.log.road_geometry import road_geometry
 from testbed.planners import find as find_planner
 from trackers import DEFAULT
 from trackers.multi.road import RoadMap
@@ -49,7 +49,8 @@ from trackers.scan import Scan
 ROADS = ("cached", "stock")
 RADAR = "surround"  # mounted where no radar is named
 SLOWEST_CRUISE = 8.0  # [m/s] lower limit of the cruise speed, which is the ego's speed at the reset
-SENSOR_STREAM, BELIEF_STREAM = 1, 2  # spawn keys beside the traffic's own stream
+SENSOR_STREAM, BELIEF_STREAM, ACTION_STREAM = 1, 2, 3  # spawn keys beside the traffic's own stream
+OPTIONS = ("config",)  # of `reset`, as in highway-env
 
 
 def describe_action(action_type: ActionType, action: Any) -> str:
@@ -92,6 +93,17 @@ def check_mountable(env: gym.Env) -> None:
     check_clock(inner.config)  # type: ignore[attr-defined]
 
 
+def check_options(options: Any) -> None:
+    """Raise TypeError or ValueError, in one sentence, for options that no reset takes."""
+    if options is None:
+        return
+    if not isinstance(options, Mapping):
+        raise TypeError(f"options must be a dict or None, got {options!r}; write options={{'config': {{...}}}}")
+    if unknown := [key for key in options if key not in OPTIONS]:
+        known = ", ".join(map(repr, OPTIONS))
+        raise ValueError(f"options has no key {unknown[0]!r}; known: {known}, the configuration of highway-env")
+
+
 def planner_name(planner: Any) -> str:
     """The name of a planner of the catalogue, or of an object with a name; LookupError or TypeError for others."""
     if isinstance(planner, str):
@@ -102,13 +114,13 @@ def planner_name(planner: Any) -> str:
 
 
 @contextmanager
-def frame_tap(road: Road, on_frame: Callable[[], None]) -> Iterator[None]:
-    """Call on_frame() after each step of the road; do not copy the road meanwhile: the copy would call it too."""
+def frame_tap(road: Road, perception: Perception, action: str, plan: NDArray) -> Iterator[None]:
+    """Call `perception.step` after each step of the road. Do not copy the road meanwhile: the copy would call it."""
     step = road.step
 
     def tapped(dt: float) -> None:
         step(dt)
-        on_frame()
+        perception.step(action, plan)
 
     road.step = tapped
     try:
@@ -209,7 +221,6 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
         self.notes: dict[str, str] = {}  # what else the files are to say about the run
         self.plan: NDArray = np.zeros((0, 2))  # (P, 2) [m] the planner's path; set before `step`, for the observers
         self.cruise_speed = SLOWEST_CRUISE  # [m/s] of a planner on a free road
-        self._action = "reset"
         self._radar = radar
         self._mounted: Perception | None = Perception.mount(radar, (tracker, *also), faults)
         self._swap: RoadSwap | None = RoadSwap(env.unwrapped)
@@ -283,12 +294,19 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
     # The interface of gymnasium
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
-        """Start an episode; the first scan and the warm-up come before the first observation."""
+        """Start an episode; the first scan and the warm-up come before the first observation.
+
+        docs/contract.md has all that `reset` and `step` return.
+
+        Raises:
+            TypeError, ValueError: `options` is no dict, or has another key than "config".
+        """
+        check_options(options)
         if self._mounted is None or self._swap is None:
             return self.env.reset(seed=seed, options=options)
         self._swap.show()
         self._episode = 0 if seed is not None else self._episode + 1
-        self._belief, self._action, self.plan = None, "reset", np.zeros((0, 2))
+        self._belief, self.plan = None, np.zeros((0, 2))
         self._decided = None
         self._ended = False
         with self._viewed_from_the_start(), self._fence:
@@ -317,10 +335,10 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
             )
         self._swap.show()
         core = self._core
-        self._action = describe_action(core.action_type, action)
+        words = describe_action(core.action_type, action)
         attach_view(core.observation_type, self._view)
         try:
-            with frame_tap(core.road, self._on_frame), self._fence:
+            with frame_tap(core.road, self._perception, words, self.plan), self._fence:
                 observation, reward, terminated, truncated, info = self.env.step(action)
         finally:
             self._swap.hide(self._belief_now())
@@ -359,7 +377,7 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
         self._record()
         perception.notify()
         frequency = core.config["simulation_frequency"]
-        with frame_tap(core.road, self._on_frame):
+        with frame_tap(core.road, perception, "reset", self.plan):
             for _ in range(round(self.warm_up * frequency)):
                 core.road.act()
                 core.road.step(1 / frequency)
@@ -425,10 +443,6 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
             raise AttributeError("a deep copy of the environment has no radar and no tracker; use the original")
         return self._mounted
 
-    def _on_frame(self) -> None:
-        """A simulated frame has passed."""
-        self._perception.step(self._action, self.plan)
-
     def _read(self, steps: int) -> Scene:
         """The scene after so many simulated frames; highway-env counts a frame only after the road has stepped."""
         return self._reader.read(self._core)._replace(time=steps / self._core.config["simulation_frequency"])
@@ -456,13 +470,12 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
         return belief_road(core.road, core.controlled_vehicles, ids, estimate, self._rng)
 
     def _streams(self) -> tuple[np.random.Generator, np.random.Generator]:
-        """Generators of the radar and of the belief, from the seed of the environment and the count of episodes."""
-        seed = self.unwrapped.np_random_seed
-        sensor, belief = (
-            np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(self._episode, stream)))
-            for stream in (SENSOR_STREAM, BELIEF_STREAM)
-        )
-        return sensor, belief
+        """Generators of the radar and of the belief."""
+        return np.random.default_rng(self._seed_of(SENSOR_STREAM)), np.random.default_rng(self._seed_of(BELIEF_STREAM))
+
+    def _seed_of(self, stream: int) -> np.random.SeedSequence:
+        """Seed of a stream, from the seed of the environment and the count of episodes."""
+        return np.random.SeedSequence(self.unwrapped.np_random_seed, spawn_key=(self._episode, stream))
 
     @contextmanager
     def _viewed_from_the_start(self) -> Iterator[None]:
@@ -478,6 +491,7 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
             without_frames(core.observation_type)
             attach_view(core.observation_type, self._view)
             if core.road is not last:
+                core.action_space.seed(int(self._seed_of(ACTION_STREAM).generate_state(1)[0]))  # `info["action"]`
                 self._begin()
 
         core.define_spaces = define_and_attach

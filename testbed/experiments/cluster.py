@@ -104,18 +104,18 @@ def environment(modules: tuple[str, ...] = ()) -> dict[str, str]:
 
 
 def modules_in(tasks: Sequence[tuple[Any, ...]]) -> tuple[str, ...]:
-    """The modules of users that the names in tasks, and in the settings beside them, stand for."""
+    """The modules of users that do the tasks, and those that names in them, or in what is in them, stand for."""
     texts = {text for task in tasks for part in task for text in _texts(part)}
     found = {own_module(match[0], what) for text in texts if (match := ENTRY.match(text)) for what in CATALOGUES}
+    found |= {getattr(part, "function", type(part)).__module__ for task in tasks for part in task}
     return tuple(sorted(m for m in found if m is not None and own_modules(m)))
 
 
 def _texts(part: Any) -> Iterator[str]:
-    values = vars(part).values() if hasattr(part, "__dict__") else part if isinstance(part, tuple) else ()
-    for value in values:
-        if isinstance(value, str):
-            yield value
-        elif isinstance(value, tuple):
+    if isinstance(part, str):
+        yield part
+    elif isinstance(part, tuple) or hasattr(part, "__dict__"):
+        for value in part if isinstance(part, tuple) else vars(part).values():
             yield from _texts(value)
 
 

@@ -17,12 +17,13 @@ from scenarios.lanes import lane_shapes
 from scenarios.stage import Phase
 from sensors.origin import Origin
 from sensors.scene import Bodies, Ego, Objects, Scene
-from testbed.arrays import read_arrays
+from testbed.environment.episode import decisions
+from testbed.environment.episode import start as start_episode
 from testbed.environment.registration import make
-from testbed.environment.road_geometry import road_geometry
-from testbed.files import atomic_file
+from testbed.files import atomic_file, read_arrays
 from testbed.frame import TRUTH, Frame
 from testbed.log.record import RoadGeometry
+from testbed.log.road_geometry import road_geometry
 from testbed.planners import find as find_planner
 from trackers.multi.road import RoadMap
 from trackers.scan import Scan
@@ -44,7 +45,7 @@ class Recording(NamedTuple):
 
     scenario: str
     seed: int
-    radar: str
+    radar: Any  # name in the catalogue, or the radar itself
     frames: tuple[RecordedFrame, ...]
     phases: tuple[Phase, ...]
     road: RoadMap
@@ -53,7 +54,7 @@ class Recording(NamedTuple):
 
 
 def record(
-    scenario: str, seed: int, radar: str, duration: float | None = None, config: Mapping[str, Any] | None = None
+    scenario: str, seed: int, radar: Any, duration: float | None = None, config: Mapping[str, Any] | None = None
 ) -> Recording:
     """Drive once and keep every frame; the same arguments give the same frames.
 
@@ -70,12 +71,10 @@ def record(
     with closing(make(scenario, config, tracker=TRUTH, radar=radar, planner=TRUTH)) as env:
         tracked: Any = env
         tracked.attach(keep)
-        env.reset(seed=seed)
+        start_episode(env, planner, seed)
         shapes = lane_shapes(tracked.unwrapped.road.network)
-        done = False
-        while not done:
-            _, _, terminated, truncated, _ = env.step(planner.choose(env).action)
-            done = terminated or truncated
+        for _ in decisions(env, planner):
+            pass
         phases = tuple(getattr(tracked.unwrapped, "phases", ()))
         sensing = tracked.seconds["sense"]
     seconds = {"simulation": perf_counter() - start - sensing, "sensing": sensing}
@@ -98,7 +97,7 @@ def save(recording: Recording, path: Path) -> None:
         np.savez_compressed(file, **arrays)
 
 
-def load(path: Path, scenario: str, seed: int, radar: str) -> Recording:
+def load(path: Path, scenario: str, seed: int, radar: Any) -> Recording:
     """The recording in a file; raises ValueError, in one sentence, where the file is damaged."""
     try:
         arrays = read_arrays(path)

@@ -28,6 +28,18 @@ def test_a_reader_sees_the_old_file_until_the_new_one_is_complete(tmp_path):
     assert path.read_text() == "new"
 
 
+def test_of_two_writers_of_one_file_the_last_to_finish_leaves_it_whole(tmp_path):
+    path = tmp_path / "table.csv"
+    with atomic_file(path) as slow:
+        slow.write(b"slow and ")
+        with atomic_file(path) as quick:
+            quick.write(b"quick")
+        assert path.read_text() == "quick"
+        slow.write(b"whole")
+    assert path.read_text() == "slow and whole"
+    assert list(tmp_path.iterdir()) == [path]
+
+
 @pytest.mark.parametrize("error", [KeyboardInterrupt, ZeroDivisionError])
 def test_whatever_stops_the_writer_leaves_the_old_file_and_no_part(tmp_path, error):
     path = tmp_path / "table.csv"
@@ -47,8 +59,8 @@ def test_whatever_stops_the_writer_leaves_the_old_file_and_no_part(tmp_path, err
 def test_a_file_that_has_no_room_is_one_sentence_and_the_old_one_stays(tmp_path, limit_files):
     path = tmp_path / "table.csv"
     write_atomic(path, "old")
-    limit_files(1000)
-    with pytest.raises(OSError, match=r"^cannot write .*table\.csv: File too large; choose another directory$"):
+    refused = pytest.raises(OSError, match=r"^cannot write .*table\.csv: File too large; choose another directory$")
+    with limit_files(1000), refused:
         write_atomic(path, "new" * 1000)
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
@@ -61,8 +73,8 @@ def test_room_is_taken_from_the_disk_without_a_name(tmp_path):
 
 
 def test_a_directory_without_room_for_results_is_refused(tmp_path, limit_files):
-    limit_files(ROOM - 1)
-    with pytest.raises(OSError, match=r"^out: cannot write to .*runs: File too large; choose another directory$"):
+    refused = pytest.raises(OSError, match=r"^out: cannot write to .*runs: File too large; choose another directory$")
+    with limit_files(ROOM - 1), refused:
         make_directory(tmp_path / "runs")
     assert list((tmp_path / "runs").iterdir()) == []
 

@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from studies.page import steps
+from studies.page import steps as progress_of
+from testbed.environment.episode import drive
 from testbed.environment.registration import make
 from testbed.frame import TRUTH
 from testbed.planners.learned import Learned
@@ -57,7 +58,7 @@ def drives(found: Sequence[Policy], episodes: int = EPISODES) -> pd.DataFrame:
     """One row a drive: every policy on everything that any of them was trained on, in the same episodes."""
     driven = list(dict.fromkeys(policy.trained for policy in found))
     rows: list[Drive] = []
-    with steps(len(found) * len(driven)) as step:
+    with progress_of(len(found) * len(driven)) as step:
         for policy in found:
             for on in driven:
                 step(f"{policy.file.stem} on {on}")
@@ -70,11 +71,8 @@ def _episodes(policy: Policy, on: str, episodes: int) -> Iterator[Drive]:
     planner = Learned(str(policy.file))
     try:
         for seed in range(FIRST, FIRST + episodes):
-            env.reset(seed=seed)
-            length, total, done, crashed = 0, 0.0, False, False
-            while not done:
-                _, reward, crashed, over, _ = env.step(planner.act(env))
-                length, total, done = length + 1, total + float(reward), bool(crashed or over)
-            yield Drive(policy.seed, policy.trained, on, seed, length, total, bool(crashed))
+            steps = list(drive(env, planner, seed))
+            total, crashed = sum(step.reward for step in steps), steps[-1].terminated
+            yield Drive(policy.seed, policy.trained, on, seed, len(steps), total, crashed)
     finally:
         env.close()

@@ -7,13 +7,12 @@ from typing import Annotated, Any, NamedTuple
 
 import typer
 
-from studies.page import DOCS, Docs, Page, steps
+from studies.page import DOCS, Docs, Page, fill, steps
 from studies.traffic.distributions import LEVEL, SHOWN, UNITS, Distribution, distributions, table_of
 from studies.traffic.driven import CATALOGUE, DRIVEN, NATIVE, SCENES, SEEDS, driven
 from studies.traffic.figure import draw
 from studies.traffic.recorded import FILES, ONE_CLOCK, recorded
 from studies.traffic.rows import FARTHEST, Row
-from studies.traffic.text import TEXT
 from testbed.command_line.terminal import console, user_input
 from testbed.files import make_directory, write_json
 from testbed.log.text import markdown_table
@@ -66,7 +65,8 @@ def read(path: Path) -> Study:
 def render(study: Study) -> str:
     """The page from the results."""
     found = study.found
-    return TEXT.format(
+    return fill(
+        "traffic/page.md.j2",
         seeds=study.seeds,
         driven=DRIVEN[CATALOGUE],
         native=DRIVEN[NATIVE],
@@ -76,11 +76,7 @@ def render(study: Study) -> str:
         fewest=UNITS,
         clock=_clock(study.inside),
         length=_table([d for d in found if d.quantity == "length"], "class"),
-        width=_table([d for d in found if d.quantity == "width"], "class"),
-        speed=_table([d for d in found if d.quantity == "speed" and d.by == "all"], "when"),
-        gap=_table([d for d in found if d.quantity == "gap" and d.by == "speed"], "speed [m/s]"),
         time_gap=_table([d for d in found if d.quantity == "time_gap" and d.by == "speed"], "speed [m/s]"),
-        scenarios=_scenarios([d for d in found if d.by == "scenario"]),
     )
 
 
@@ -104,21 +100,6 @@ def _cells(one: Distribution) -> Iterator[str]:
     for k, value in enumerate(one.quantiles):
         limits = f" ({one.low[k]:.2f} to {one.high[k]:.2f})" if one.low and k % 2 == 0 else ""
         yield f"{value:.2f}{limits}"
-
-
-def _scenarios(found: Sequence[Distribution]) -> str:
-    """A row a scenario: 5, 50 and 95 % of speed, gap and time gap."""
-    quantities = ("speed", "gap", "time_gap")
-    held = {(d.group, d.quantity): d for d in found}
-    body = []
-    for name in dict.fromkeys(d.group for d in found):
-        cells = []
-        for quantity in quantities:
-            one = held.get((name, quantity))
-            cells.append("–" if one is None else ", ".join(f"{one.quantiles[k]:.1f}" for k in (0, 2, 4)))
-        one = held.get((name, "gap"))
-        body.append((f"`{name}`", *cells, "0" if one is None else f"{one.values:,}"))
-    return markdown_table(("scenario", "speed [m/s]", "gap [m]", "time gap [s]", "gaps"), body)
 
 
 def main(

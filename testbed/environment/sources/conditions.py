@@ -12,9 +12,9 @@ TRACKER is a name of `trackers.TRACKERS`, or `NAME:key=value,key=value`.
 
 from typing import Any, NamedTuple
 
-import sensors
 import trackers
 from sensors import faults_of
+from testbed.environment.perception import radar_of
 from testbed.environment.sources.in_view import InView
 from testbed.environment.sources.injection import NONE, Errors, Injected, parse_errors
 from testbed.environment.sources.substitution import GROUPS, Substituted
@@ -76,12 +76,12 @@ def _groups(text: str) -> tuple[str, str | None]:
     return text, None
 
 
-def source(condition: Condition, radar: str, seed: int) -> Any:
+def source(condition: Condition, radar: Any, seed: int) -> Any:
     """What stands for the tracker in a `TrackedEnv`.
 
     Args:
         condition: names as in the catalogues.
-        radar: name of the radar, for the trackers.
+        radar: name of the radar, or the radar itself, for the trackers.
         seed: of the run, for the injected errors.
 
     Raises:
@@ -94,7 +94,7 @@ def source(condition: Condition, radar: str, seed: int) -> Any:
     elif condition.groups is None and condition.errors == NONE:
         return condition.tracker
     else:
-        found = trackers.build(condition.tracker, sensors.find(radar).models)
+        found = trackers.build(condition.tracker, radar_of(radar).models)
         if condition.groups is not None:
             found = Substituted(found, condition.groups)
     return found if condition.errors == NONE else Injected(found, condition.errors, seed)

@@ -1,0 +1,162 @@
+"""What the page of a run holds, read from its log: plain lists and texts, lengths in cm, angles in mrad."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sensors.origin import KINDS
+from testbed.evaluation.metric import METRICS
+from testbed.log import legend, palette, paths
+from testbed.log.columns import Columns
+from testbed.log.focus import vehicles
+from testbed.log.reader import events, properties
+from testbed.log.review_page.shapes import Shapes, centimetres
+from testbed.log.table_pages import NOTHING_WRONG
+
+CURVES = ("gospa", "gwd", "position", "velocity", "heading_deg", "length", "width", "unassigned", "ghosts")
+PLAIN_LEVELS = ("INFO", "WARN", "ERROR")
+NO_TRUTH = "This log has no truth: nothing is measured against it."
+INTERRUPTED = "The run was interrupted: worst moments and objects are found when a run ends."
+
+
+def contents(path: str | Path) -> dict[str, Any]:
+    """Everything that the page draws; raises OSError or ValueError, in one sentence, for a log that cannot be read."""
+    columns, groups = Columns(path), properties(path)
+    times = columns.times
+    if not times:
+        raise ValueError(f"the log {path} has no step")
+    run = groups.get("run", {})
+    trackers = str(run.get("trackers", "")).split()
+    if not trackers:
+        raise ValueError(f"the log {path} is of several drives, or of none with a tracker; `testbed review` opens it")
+    tables = {name: json.loads(str(text)) for name, text in groups.get("tables", {}).items()}
+    steps = list(times)
+    shapes = Shapes()
+    return {
+        "run": {key: run.get(key) for key in ("scenario", "seed", "radar", "planner")} | {"log": Path(path).name},
+        "time": [round(t, 3) for t in times.values()],
+        "trackers": [
+            {"name": name, "color": legend.css(palette.tracker(i))} | _tracks(columns, shapes, name, steps)
+            for i, name in enumerate(trackers)
+        ],
+        "kinds": [
+            {"name": kind, "color": legend.css(palette.DETECTION[kind]), "note": legend.KIND_NOTES[kind]}
+            for kind in KINDS
+        ],
+        "rings": legend.RINGS,
+        "names": _names(columns, tables.get("objects", [])),
+        "truth": _truth(columns, shapes, steps),
+        "ego": _ego(columns, shapes, steps),
+        "detections": _detections(columns, steps),
+        "road": _road(columns),
+        "curves": [{"key": key, "title": METRICS[key].title} for key in CURVES],
+        "shapes": shapes.found,
+        "action": [texts[0] for texts in columns.held(paths.EGO_ACTION, "StateChange:state", "").values()],
+        "events": [[round(e.time, 3), e.level, e.text] for e in events(path) if e.level in PLAIN_LEVELS],
+        "moments": tables.get("moments", []),
+        "no_moments": NOTHING_WRONG if tables else INTERRUPTED if columns.entities("metrics/") else NO_TRUTH,
+        "objects": [row for row in tables.get("objects", []) if row["scans_counted"]],
+    }
+
+
+def _names(columns: Columns, objects: list[dict[str, Any]]) -> dict[str, str]:
+    """Id of an object -> its name and class, as far as the log knows it."""
+    found = {str(key): paths.vehicle(key) for key in vehicles(columns)}
+    found |= {str(row["object"]): f"{paths.vehicle(row['object'])} {row['kind']}" for row in objects}
+    for entry in columns.static(paths.TRUTH_CONTOUR, "AnnotationContext:context"):
+        for info in entry if isinstance(entry, list) else [entry]:
+            described = info["class_description"]["info"]
+            found[str(described["id"] - 1)] = described["label"]
+    return found
+
+
+def _truth(columns: Columns, shapes: Shapes, steps: list[int]) -> list[list[list[int]]]:
+    """For each scan and outline: object, visible share [%], shape, x, y, turn."""
+    rings = columns.strips(paths.TRUTH_CONTOUR)
+    owner = columns.numbers(paths.TRUTH_CONTOUR, "truth:object_id")
+    ids = sorted({int(i) for row in owner.values() for i in row})
+    visible = {i: columns.numbers(paths.of_object(i, paths.SEEN), "radar:visible") for i in ids}
+    return [
+        [
+            [key, _percent(visible[key].get(step)), *shapes.place(("truth", key, part), ring)]
+            for key, part, ring in _parts(owner.get(step, ()), rings.get(step, []))
+        ]
+        for step in steps
+    ]
+
+
+def _parts(owner: NDArray | tuple, rings: list[NDArray]) -> Iterator[tuple[int, int, NDArray]]:
+    """Object, number of the outline among those of the object, outline."""
+    count: dict[int, int] = {}
+    for key, ring in zip(map(int, owner), rings, strict=True):
+        count[key] = count.get(key, -1) + 1
+        yield key, count[key], ring
+
+
+def _percent(share: NDArray | None) -> int:
+    return 100 if share is None else round(100 * float(share[0]))
+
+
+def _ego(columns: Columns, shapes: Shapes, steps: list[int]) -> list[list[int]]:
+    """Shape, x, y, turn of the ego at each scan; nothing in a log without geometry."""
+    rings = columns.strips(paths.TRUTH_EGO)
+    return [shapes.place("ego", rings[step][0]) for step in steps if step in rings]
+
+
+def _tracks(columns: Columns, shapes: Shapes, name: str, steps: list[int]) -> dict[str, Any]:
+    """Tracks, errors of every scan and of every object of one tracker."""
+    entity = paths.tracker(name, "extent")
+    rings, ids = columns.strips(entity), columns.numbers(entity, "track:id")
+    means, of = {}, {}
+    for key in CURVES:
+        found = columns.numbers(paths.metric(key, name), "Scalars:scalars")
+        means[key] = [_round(found.get(step)) for step in steps]
+    leaf = paths.plain(name)
+    for other in columns.entities("objects/"):
+        if other.rpartition("/")[2] == leaf:
+            number = other.split("/")[1].rpartition("_")[2]
+            of[str(int(number))] = {
+                key: [_round(found.get(step)) for step in steps]
+                for key in CURVES
+                if (found := columns.numbers(other, f"metrics:{key}"))
+            }
+    return {
+        "tracks": [
+            [
+                [int(i), *shapes.place((name, int(i)), ring)]
+                for i, ring in zip(ids.get(step, ()), rings.get(step, []), strict=True)
+            ]
+            for step in steps
+        ],
+        "means": means,
+        "of": of,
+    }
+
+
+def _round(value: NDArray | None) -> float | None:
+    return None if value is None or not len(value) or not np.isfinite(value[0]) else round(float(value[0]), 2)
+
+
+def _detections(columns: Columns, steps: list[int]) -> list[list[list[int]]]:
+    """For each scan and kind x, y, x, y, ... [cm]."""
+    of = [columns.points(paths.detections(kind), "Points2D:positions") for kind in KINDS]
+    return [[centimetres(kind[step]) if step in kind else [] for kind in of] for step in steps]
+
+
+def _road(columns: Columns) -> dict[str, Any]:
+    """Lines of the road [cm], and half widths of its lanes."""
+
+    def lines(entity: str) -> list[list[int]]:
+        return [centimetres(np.array(line)) for line in columns.static(entity, "LineStrips2D:strips")]
+
+    half = columns.static(paths.ROAD_SURFACE, "LineStrips2D:radii")
+    return {
+        "surface": lines(paths.ROAD_SURFACE),
+        "half": [round(100 * float(h)) for h in half],
+        "edges": lines(paths.ROAD_EDGES),
+        "lanes": lines(paths.ROAD_LANES),
+    }
