@@ -36,7 +36,7 @@ MODES = ("cv", "ca", "ct")  # of the truth
 SCENES = {"hard-brake": 13.0, "double-lane-change": 13.0, "u-turn": 14.0}  # [s] long enough for the maneuver
 SEEDS = 5
 RADAR = "surround"
-SCHEMA = pa.schema([("row", pa.list_(pa.float64()))])  # time, heading, velocity, yaw rate, probabilities
+SCHEMA = pa.schema([("value", pa.float64())])  # of rows as `history` takes them, one after the other
 
 
 class ModeHistory(NamedTuple):
@@ -105,9 +105,8 @@ class ModeProbe:
     def kept(self, played: Played) -> Kept:
         """The vehicle whose velocity changes most."""
         rows = max(self.rows.values(), key=lambda rows: history(rows).velocity_change)
-        return Kept(
-            pa.table({"row": pa.array(rows.tolist(), SCHEMA.field("row").type)}, SCHEMA), [{"phase": WHOLE_RUN}]
-        )
+        table = pa.table({"value": rows.ravel()}, SCHEMA)
+        return Kept(table, [{"phase": WHOLE_RUN}], more={"width": rows.shape[1]})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -275,7 +274,8 @@ def main(
     study = Maneuvers(tracker=tracker, durations=tuple(chosen.items()), seeds=seeds, out=out)
     results = made(study, Engine(jobs, dask))
     runs: Runs = {name: [] for name in chosen}
-    for run in study.work():
-        runs[run.scenario].append(history(np.array(results.store.table(run)["row"].to_pylist())))
+    for run, meta in results.metas.items():
+        values = results.store.table(run)["value"].to_numpy()
+        runs[run.scenario].append(history(values.reshape(-1, meta["width"])))
     draw(panels(runs), mode_names(tracker), page.picture("modes"))
     page.write(render(tracker, runs))
