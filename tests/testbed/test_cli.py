@@ -124,6 +124,7 @@ def test_a_disk_that_fills_up_costs_the_rest_of_the_log_and_nothing_else(tmp_pat
     assert f"ends at {last:.1f} s" in sentence
 
 
+@pytest.mark.slow
 def test_two_runs_at_once_leave_whole_files(tmp_path):
     options = ["--tracker", "rm-feldmann", "--radar", "front", "--duration", "0.4", "--out", str(tmp_path)]
     command = [*TESTBED, "run", "cut-in", *options]

@@ -12,12 +12,12 @@ from studies.comparison import committed
 from studies.comparison.publish import read, read_part
 from studies.page import DOCS, Docs, Page, fill
 from testbed.command_line.terminal import user_input
-from testbed.compare.report import tables
-from testbed.compare.report.renderers import markdown
 from testbed.compare.runs.measures import DRIVE, KEYS, MAIN
 from testbed.compare.runs.results import Results
 from testbed.compare.statistics.analysis import cells
 from testbed.evaluation.metrics import CUTOFF
+from testbed.experiments.report import tables
+from testbed.experiments.report.renderers import markdown
 from testbed.log.text import markdown_table
 from trackers import DEFAULT
 

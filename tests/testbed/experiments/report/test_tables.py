@@ -5,11 +5,11 @@ import io
 import numpy as np
 from rich.console import Console
 
-from testbed.compare.report import tables
-from testbed.compare.report.renderers import markdown, terminal
 from testbed.compare.statistics.analysis import Cell
 from testbed.compare.statistics.differences import PairedDifference
 from testbed.evaluation.intervals import NO_INTERVAL, Interval
+from testbed.experiments.report import tables
+from testbed.experiments.report.renderers import markdown, terminal
 
 
 def difference(mean, low, high):

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from testbed.command_line.tables import number
-from testbed.compare.report.tables import Field, Grid, Line, estimate
 from testbed.environment.sources.substitution import GROUPS
 from testbed.evaluation.intervals import Interval
+from testbed.experiments.report.tables import Field, Grid, Line, estimate
 from testbed.regret.analysis import Attribution, Cell, Correlation, WorstPair
 from testbed.regret.measures import KEYS, TRACKING
 

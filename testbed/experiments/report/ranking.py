@@ -4,11 +4,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from testbed.compare.report.tables import Field, Grid, Line, estimate
 from testbed.compare.runs.measures import KEYS
 from testbed.compare.runs.results import Results
 from testbed.compare.statistics.analysis import Cell, samples
 from testbed.compare.statistics.differences import PairedDifference, compare
+from testbed.experiments.report.tables import Field, Grid, Line, estimate
 
 MEASURE = "gospa"
 SAID = {"worse": "behind", "better": "ahead on shared runs", "the same": "level",

@@ -8,10 +8,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from testbed.compare.report.figures_axes import plain_log
-from testbed.compare.report.style import DIVERGING, SIZE, LineStyle
 from testbed.compare.runs.measures import KEYS
 from testbed.compare.runs.results import Results
+from testbed.experiments.report.figures_axes import plain_log
+from testbed.experiments.report.style import DIVERGING, SIZE, LineStyle
 
 LOGARITHMIC = ("nees_position", "nees_velocity", "ms_per_scan", "us_per_update")
 SPREAD = 0.32  # half the height of the strip of a tracker

@@ -4,7 +4,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from testbed.command_line.tables import light_table
-from testbed.compare.report.tables import Field, Grid
+from testbed.experiments.report.tables import Field, Grid
 from testbed.log.text import markdown_table
 
 

@@ -12,15 +12,23 @@ from testbed.check import draws, laws
 from testbed.check.draws import arrays, check_equal, random_prior
 from trackers import Scan, find, prior
 from trackers.batch import take
-from trackers.filter import Attentive, Resizable, Restartable, Shiftable, SpatialModel
+from trackers.composed import Composed
+from trackers.filter import Abilities
 from trackers.geometry import rotation, unit, wrap_angle
-from trackers.motion import FIVE, Modes, ScanRates, SharedMotion
-from trackers.motion.layer import without_rates
-from trackers.motion.rates import Body
+from trackers.motion.mixture import Mixture, MotionModes, without_rates
+from trackers.motion.modes import FIVE, Modes
+from trackers.motion.rates import Body, ScanRates
 
 BASES = ("htg-map", "pmht-spline", "pmht-spline-adaptive")
 EITHER = pytest.mark.parametrize("base", BASES)
-MAP, SPLINE, _ = (SharedMotion(find(base)) for base in BASES)
+
+
+def moving(place, **parameters):
+    """A filter of the place with motion modes."""
+    return Composed(place, MotionModes(**parameters))
+
+
+MAP, SPLINE, _ = (moving(find(base)) for base in BASES)
 CAR = np.array([4.6, 1.86])
 
 
@@ -73,38 +81,38 @@ def circling(filter, axle, scans=45, seed=0):
 @EITHER
 def test_one_mode_without_range_rates_is_the_inner_filter(base):
     rng = np.random.default_rng(0)
-    one = SharedMotion(find(base), Modes(FIVE[:1]))
+    one = moving(find(base), modes=Modes(FIVE[:1]))
     start = random_prior(rng, (20,))
     state = one.predict(one.init(start), 0.1)
     scan = without_rates(random_scan(rng, start.pose, lead=(20,)))
-    plain, _ = one.filter.update(state.inner, scan)
+    plain, _ = one.place.update(one.place.with_gaussian(state.place, one.gaussian(state)), scan)
     shared, _ = one.update(state, scan)
     kept = (plain.m[:, 3] > -2.0) | (plain.m[:, 3] ** 2 < 9 * plain.P[:, 3, 3])  # the others are turned round
     assert kept.sum() > 5
-    for got in (shared.m[:, 0], shared.inner.m):
+    for got in (shared.motion.m[:, 0], one.gaussian(shared).m):
         np.testing.assert_allclose(got[kept], plain.m[kept], rtol=1e-9, atol=1e-9)
-    for got in (shared.P[:, 0], shared.inner.P):
+    for got in (shared.motion.P[:, 0], one.gaussian(shared).P):
         np.testing.assert_allclose(got[kept], plain.P[kept], rtol=1e-7, atol=1e-10)
 
 
 def test_a_mode_far_from_the_detections_becomes_unlikely():
     state = MAP.predict(MAP.init(prior((30.0, 0.0, 0.0), velocity=(10.0, 0.0))), 0.1)
-    m = state.m.copy()
+    m = state.motion.m.copy()
     m[1:, 1] += 4.0
-    state = MAP._collapsed(np.full(5, 0.2), m, state.P, state.inner)
+    state = state._replace(motion=Mixture(np.full(5, 0.2), m, state.motion.P))
     scan = without_rates(
         seen_body(np.random.default_rng(0), np.array([31.0, 0.0]), np.array(0.0), np.zeros(2), np.array(0.0), 8)
     )
     new, info = MAP.update(state, scan)
-    assert new.mu[0] > 0.9
-    np.testing.assert_array_equal(info.mode, new.mu)
+    assert new.motion.mu[0] > 0.9
+    np.testing.assert_array_equal(info.mode, new.motion.mu)
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_car_that_circles_without_slip_is_in_the_mode_that_turns_about_its_centre(seed):
     state, heading, velocity = circling(SPLINE, 0.0, seed=seed)
     e = SPLINE.estimate(state)
-    assert state.mu[SPLINE.modes.index("turn-centre")] > 0.99
+    assert state.motion.mu[SPLINE.modes.index("turn-centre")] > 0.99
     assert abs(wrap_angle(e.pose[2] - heading)) < np.radians(0.5)
     assert np.hypot(*(e.velocity - velocity)) < 0.15
 
@@ -112,7 +120,7 @@ def test_a_car_that_circles_without_slip_is_in_the_mode_that_turns_about_its_cen
 @EITHER
 @pytest.mark.parametrize("seed", range(3))
 def test_a_car_that_circles_about_its_rear_axle_keeps_its_velocity_and_heading(base, seed):
-    f = SharedMotion(find(base))
+    f = moving(find(base))
     state, heading, velocity = circling(f, 0.5, seed=seed)
     e = f.estimate(state)
     assert np.hypot(*(e.velocity - velocity)) < 0.35
@@ -122,14 +130,14 @@ def test_a_car_that_circles_about_its_rear_axle_keeps_its_velocity_and_heading(b
 @pytest.mark.parametrize("seed", range(3))
 def test_with_one_axle_for_all_bodies_the_heading_of_a_circling_car_is_off(seed):
     """The cases above tell right from wrong."""
-    centre = SharedMotion(SPLINE.filter, Modes(tuple(replace(mode, axle=0.0) for mode in FIVE)))
+    centre = moving(SPLINE.place, modes=Modes(tuple(replace(mode, axle=0.0) for mode in FIVE)))
     state, heading, _ = circling(centre, 0.5, seed=seed)
     assert abs(wrap_angle(centre.estimate(state).pose[2] - heading)) > np.radians(7)
 
 
 @EITHER
 def test_the_heading_of_a_standing_car_stays_as_well_known_while_nothing_is_seen(base):
-    f, rng = SharedMotion(find(base)), np.random.default_rng(1)
+    f, rng = moving(find(base)), np.random.default_rng(1)
     state = f.init(prior((30.0, 5.0, 0.5), velocity=(0.0, 0.0), size=CAR))
     for _ in range(60):
         scan = seen_body(rng, np.array([30.0, 5.0]), np.array(0.5), np.zeros(2), np.array(0.0), 8)
@@ -145,7 +153,7 @@ def test_the_heading_of_a_standing_car_stays_as_well_known_while_nothing_is_seen
 @EITHER
 @pytest.mark.parametrize("seed", range(3))
 def test_a_car_that_starts_with_front_and_rear_exchanged_is_turned_round(base, seed):
-    f, rng = SharedMotion(find(base)), np.random.default_rng(seed)
+    f, rng = moving(find(base)), np.random.default_rng(seed)
     where, velocity = np.array([30.0, 5.0]), np.array([8.0, 0.0])
     state = f.init(prior((*where, np.pi), velocity=velocity, velocity_std=5.0, size=CAR, heading_std=0.2))
     for k in range(15):
@@ -155,7 +163,7 @@ def test_a_car_that_starts_with_front_and_rear_exchanged_is_turned_round(base, s
     e = f.estimate(state)
     assert abs(wrap_angle(e.pose[2])) < np.pi / 2
     assert e.speed > 6.0
-    np.testing.assert_allclose(wrap_angle(state.m[:, 2] - state.inner.m[2]), 0.0, atol=1.0)
+    np.testing.assert_allclose(wrap_angle(state.motion.m[:, 2] - f.gaussian(state).m[2]), 0.0, atol=1.0)
 
 
 def test_reversing_slowly_is_not_turned_round():
@@ -171,10 +179,10 @@ def test_reversing_slowly_is_not_turned_round():
 
 
 def test_range_rates_that_err_together_say_less_than_those_that_do_not():
-    mu, m, P = MAP.motion.at_birth(*MAP.filter.gaussian(MAP.filter.init(prior((30.0, 0.0, 0.0), velocity=(8.0, 0.0)))))
+    mu, m, P = MAP.motion.born(MAP.place.gaussian(MAP.place.init(prior((30.0, 0.0, 0.0), velocity=(8.0, 0.0)))))
     where, velocity = np.array([30.0, 0.0]), np.array([8.0, 0.0])
     scan = seen_body(np.random.default_rng(0), where, np.array(0.0), velocity, np.array(0.0), 40)
-    body = Body(MAP.motion.axle * CAR[0], CAR[None])
+    body = Body(MAP.motion.modes.axle * CAR[0], CAR[None])
     std = [np.sqrt(ScanRates(common_std=c).correct(mu, m, P, body, scan)[1][..., 3, 3]) for c in (0.01, 0.1, 0.3)]
     assert (std[0] < 0.05).all()
     assert (np.diff(std, axis=0) > 0).all()
@@ -227,13 +235,13 @@ def updated(f, rng, lead=(4,)):
 
 @EITHER
 def test_the_verbs_are_those_of_the_protocols(base):
-    f = SharedMotion(find(base))
-    for protocol in (Resizable, Shiftable, Restartable, SpatialModel, Attentive):
-        assert isinstance(f, protocol)
+    f = moving(find(base))
+    assert Abilities.of(f).has("resize", "shift", "restart", "log_spatial", "learn_where", "gaussian", "angles")
+    assert not Abilities.of(f).has("reach")
     state = updated(f, np.random.default_rng(0))
     told = f.learn_where(state, np.zeros(4, bool))
-    if isinstance(f.filter, Attentive):
-        assert not told.inner.complete.any()
+    if Abilities.of(f.place).has("learn_where"):
+        assert not told.place.complete.any()
     else:
         check_equal(told, state, 0, 0)
 
@@ -241,11 +249,12 @@ def test_the_verbs_are_those_of_the_protocols(base):
 @EITHER
 @pytest.mark.parametrize("course", [0.0, 0.3])
 def test_a_shift_moves_the_estimate_and_along_the_body_nothing_else(base, course):
-    f, rng = SharedMotion(find(base), course=course), np.random.default_rng(2)
+    f, rng = moving(find(base), course=course), np.random.default_rng(2)
     state = updated(f, rng)
     straight = np.arange(len(f.modes)) == 0  # with several modes there is no one direction along the body
-    state = state._replace(mu=np.zeros(state.mu.shape) + straight, m=state.m[:, :1] + 0 * state.m)
-    d = rng.normal(0, 2, (4, 1)) * (unit(state.m[:, 0, 2]) if course else 1.0) + np.zeros((4, 2))
+    mu, m, P = state.motion
+    state = state._replace(motion=Mixture(np.zeros(mu.shape) + straight, m[:, :1] + 0 * m, P))
+    d = rng.normal(0, 2, (4, 1)) * (unit(m[:, 0, 2]) if course else 1.0) + np.zeros((4, 2))
     state = f.shift(state, np.zeros((4, 2)))
     before, after = f.estimate(state), f.estimate(f.shift(state, d))
     pose = before.pose.copy()
@@ -271,32 +280,32 @@ def heading_after_shifts(f, off=0.1, scans=30, dt=0.1):
 @EITHER
 def test_shifts_across_the_body_put_its_heading_right(base):
     """A filter around this one that knows the place, and puts the box there, also says where the body goes."""
-    f = SharedMotion(find(base))
-    assert abs(heading_after_shifts(f)) < 0.5 * abs(heading_after_shifts(replace(f, course=0.0)))
+    f = moving(find(base))
+    assert abs(heading_after_shifts(f)) < 0.5 * abs(heading_after_shifts(moving(f.place, course=0.0)))
 
 
 @EITHER
 @pytest.mark.parametrize("share", [0.02, 0.3])
 def test_the_mixture_keeps_the_moments_of_the_inner_filter_when_its_size_is_replaced(base, share):
-    f, rng = SharedMotion(find(base)), np.random.default_rng(2)
+    f, rng = moving(find(base)), np.random.default_rng(2)
     state = updated(f, rng)
     size = rng.uniform([3, 1.5], [12, 2.6], (4, 2))
     new = f.resize(state, size, share * size)
     e = f.estimate(new)
     np.testing.assert_allclose(e.size, size, rtol=1e-9)
     np.testing.assert_allclose(e.size_std, share * size, rtol=1e-6)
-    again = f._collapsed(new.mu, new.m, new.P, new.inner)
-    check_equal(again.inner.m, new.inner.m, 1e-9)
-    check_equal(again.inner.P, new.inner.P, 1e-6, 1e-9)
+    alone = f.place.gaussian(f.place.resize(f.place.with_gaussian(state.place, f.gaussian(state)), size, share * size))
+    check_equal(f.gaussian(new).m, alone.m, 1e-9)
+    check_equal(f.gaussian(new).P, alone.P, 1e-6, 1e-9)
 
 
 @EITHER
 def test_a_restart_takes_the_estimate_and_the_modes_of_birth(base):
-    f, rng = SharedMotion(find(base)), np.random.default_rng(3)
+    f, rng = moving(find(base)), np.random.default_rng(3)
     state, other = updated(f, rng), random_prior(rng, (4,))
     new = f.restart(state, other)
     np.testing.assert_allclose(f.estimate(new).pose[:, :2], other.pose[:, :2], atol=1e-9)
-    np.testing.assert_allclose(new.mu, f.init(other).mu)
+    np.testing.assert_allclose(new.motion.mu, f.init(other).motion.mu)
 
 
 # -- laws -------------------------------------------------------------------------------------------------------------
@@ -305,7 +314,7 @@ def test_a_restart_takes_the_estimate_and_the_modes_of_birth(base):
 @EITHER
 @pytest.mark.parametrize("lead", [(), (1,), (3, 2)])
 def test_a_batch_equals_the_loop(base, lead):
-    laws.a_batch_equals_the_loop(SharedMotion(find(base)), lead=lead, missing=True)
+    laws.a_batch_equals_the_loop(moving(find(base)), lead=lead, missing=True)
 
 
 def test_an_object_in_a_batch_of_240_is_the_object_alone():
@@ -323,32 +332,32 @@ def test_an_object_in_a_batch_of_240_is_the_object_alone():
 @EITHER
 @given(seed=st.integers(0, 2**32 - 1))
 def test_order_and_padding_do_not_matter(base, seed):
-    laws.order_and_padding_do_not_matter(SharedMotion(find(base)), seed, missing=True, rtol=1e-6, atol=1e-7)
+    laws.order_and_padding_do_not_matter(moving(find(base)), seed, missing=True, rtol=1e-6, atol=1e-7)
 
 
 @EITHER
 @given(seed=st.integers(0, 2**32 - 1), turn=st.floats(-3, 3))
 def test_turning_the_world_turns_the_answer(base, seed, turn):
-    laws.turning_the_world_turns_the_answer(SharedMotion(find(base)), seed, turn, missing=True, atol=1e-6)
+    laws.turning_the_world_turns_the_answer(moving(find(base)), seed, turn, missing=True, atol=1e-6)
 
 
 @EITHER
 def test_without_a_detection_the_prediction_stands(base):
-    laws.without_a_detection_the_prediction_stands(SharedMotion(find(base)), missing=True)
+    laws.without_a_detection_the_prediction_stands(moving(find(base)), missing=True)
 
 
 @EITHER
 def test_covariances_stay_positive_and_everything_finite(base):
-    f = SharedMotion(find(base))
+    f = moving(find(base))
     state = laws.covariances_stay_symmetric_and_positive(f, 11, 1e-4, (5,), steps=8, missing=True)
     assert all(np.isfinite(a).all() for a in arrays(state))
-    assert np.linalg.eigvalsh(state.P).min() > 0
-    np.testing.assert_allclose(state.mu.sum(-1), 1.0)
+    assert np.linalg.eigvalsh(state.motion.P).min() > 0
+    np.testing.assert_allclose(state.motion.mu.sum(-1), 1.0)
 
 
 @EITHER
 def test_no_time_changes_nothing_and_time_does_not_run_backwards(base):
-    f = SharedMotion(find(base))
+    f = moving(find(base))
     laws.a_zero_time_step_changes_nothing(f, rtol=0, atol=0)
     with pytest.raises(ValueError, match="dt must be finite, >= 0"):
         f.predict(f.init(random_prior(np.random.default_rng(0), (3,))), -0.1)
@@ -370,7 +379,7 @@ def test_no_time_changes_nothing_and_time_does_not_run_backwards(base):
     ],
 )
 def test_the_other_laws_of_a_filter_hold(base, law):
-    law(SharedMotion(find(base)))
+    law(moving(find(base)))
 
 
 # -- consistency ------------------------------------------------------------------------------------------------------
@@ -406,5 +415,5 @@ def test_velocity_errors_are_as_large_as_they_are_said_to_be():
 
 
 def test_a_filter_that_trusts_its_range_rates_too_much_is_caught():
-    sure = replace(MAP, rates=ScanRates(std=0.01, common_std=0.01))
+    sure = moving(MAP.place, rates=ScanRates(std=0.01, common_std=0.01))
     assert velocity_nees(sure).mean() > 3.0

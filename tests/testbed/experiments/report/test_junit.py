@@ -8,8 +8,8 @@ import pandas as pd
 from testbed.compare.runs.config import Task
 from testbed.compare.runs.results import Results, collect
 from testbed.compare.runs.work import Tally
+from testbed.experiments.report import junit
 from testbed.experiments.run import FAILED, Outcome
-from testbed.regress import junit
 from testbed.regress.baselines import NONE, Update, merge
 from testbed.regress.findings import Findings, examine, worst_run
 from testbed.regress.suite import TOLERANCES, Suite

@@ -13,11 +13,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from testbed.compare.report import links, logs
-from testbed.compare.report import words as report_words
-from testbed.compare.report.grouping import failures
-from testbed.compare.report.ranking import ranking
-from testbed.compare.report.report import bands_of, render, seeds_text, tables_of, write_report
 from testbed.compare.runs.config import SETTINGS, Comparison, Settings, Task, identity
 from testbed.compare.runs.measures import MAIN
 from testbed.compare.runs.results import Results, collect
@@ -25,6 +20,11 @@ from testbed.compare.runs.tasks import rows_path
 from testbed.compare.runs.work import Tally, execute
 from testbed.compare.statistics.analysis import cells
 from testbed.experiments.engine import Engine
+from testbed.experiments.report import links, logs
+from testbed.experiments.report import words as report_words
+from testbed.experiments.report.grouping import failures
+from testbed.experiments.report.page import bands_of, render, seeds_text, tables_of, write_report
+from testbed.experiments.report.ranking import ranking
 from testbed.experiments.run import FAILED, Outcome
 from tests.testbed.compare.made_results import make
 

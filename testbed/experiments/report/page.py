@@ -8,14 +8,6 @@ from typing import Any, NamedTuple
 import pandas as pd
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from testbed.compare.report import figures, grouping
-from testbed.compare.report import links as report_links
-from testbed.compare.report import logs as log_files
-from testbed.compare.report import tables as report_tables
-from testbed.compare.report import words as report_words
-from testbed.compare.report.links import LogFiles, href
-from testbed.compare.report.ranking import ranking
-from testbed.compare.report.tables import Grid
 from testbed.compare.runs.config import read_settings
 from testbed.compare.runs.measures import DRIVE, MAIN
 from testbed.compare.runs.results import Results
@@ -23,6 +15,14 @@ from testbed.compare.runs.tasks import rows_path
 from testbed.compare.runs.work import Progress, Tally
 from testbed.compare.statistics.analysis import BANDS, by_band, cells, consistency, unresolved
 from testbed.experiments.engine import Engine
+from testbed.experiments.report import figures, grouping
+from testbed.experiments.report import links as report_links
+from testbed.experiments.report import logs as log_files
+from testbed.experiments.report import tables as report_tables
+from testbed.experiments.report import words as report_words
+from testbed.experiments.report.links import LogFiles, href
+from testbed.experiments.report.ranking import ranking
+from testbed.experiments.report.tables import Grid
 from testbed.experiments.run import FAILED
 from testbed.files import make_directory, write_atomic
 
@@ -84,7 +84,7 @@ def render(
     folder: Path = Path(),
 ) -> str:
     """The page itself, for a folder in which figures and logs lie; tables as from `tables_of`."""
-    return _template().render(
+    return template(TEMPLATE).render(
         **_about(results, tally),
         **tables,
         figures=[(d, href(d.svg, folder), href(d.png, folder)) for d in drawn],
@@ -100,12 +100,13 @@ def bands_of(results: Results) -> dict[str, pd.DataFrame]:
     return {band: pd.DataFrame() if results.runs.empty else by_band(results, band) for band in BANDS}
 
 
-def _template() -> Any:
-    loader = PackageLoader("testbed.compare.report", "")
+def template(name: str) -> Any:
+    """One of the pages, from the folder of templates."""
+    loader = PackageLoader("testbed.experiments.report", "templates")
     environment = Environment(
         loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    return environment.get_template(TEMPLATE)
+    return environment.get_template(name)
 
 
 def _stage(progress: Progress | None, what: str) -> Callable[[int, int], None] | None:

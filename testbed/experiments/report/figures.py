@@ -8,12 +8,12 @@ import matplotlib
 import pandas as pd
 from matplotlib.figure import Figure
 
-from testbed.compare.report import figures_band, figures_runs, figures_time
-from testbed.compare.report.style import RC, line_styles
 from testbed.compare.runs.measures import COSTS, KEYS, MAIN
 from testbed.compare.runs.results import Results
 from testbed.compare.statistics.analysis import BANDS, pairwise
 from testbed.compare.statistics.series import STEP, chosen, over_time, ranked
+from testbed.experiments.report import figures_band, figures_runs, figures_time
+from testbed.experiments.report.style import RC, line_styles
 from testbed.files import make_directory, write_figure
 
 FOLDER = "figures"

@@ -5,14 +5,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from testbed.command_line.tables import number
-from testbed.compare.report.grouping import listed, reach
-from testbed.compare.report.ranking import order as by_gospa
-from testbed.compare.report.tables import bounds
 from testbed.compare.runs.measures import KEYS, MAIN, badness
 from testbed.compare.runs.results import Results
 from testbed.compare.statistics.analysis import Cell, samples
 from testbed.compare.statistics.differences import compare
 from testbed.evaluation.intervals import FEWEST
+from testbed.experiments.report.grouping import listed, reach
+from testbed.experiments.report.ranking import order as by_gospa
+from testbed.experiments.report.tables import bounds
 
 BESIDES = tuple(key for key in MAIN if key != "gospa")
 

@@ -5,10 +5,10 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import pandas as pd
 
+from testbed.experiments.report.junit import FORBIDDEN
 from testbed.experiments.run import Outcome
 from testbed.files import write_atomic
 from testbed.frame import TRUTH
-from testbed.regress.junit import FORBIDDEN
 from testbed.regret.analysis import Cell, compared_with
 from testbed.regret.measures import KEYS
 from testbed.regret.study import Task

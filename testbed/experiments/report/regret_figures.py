@@ -9,9 +9,9 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from testbed.compare.report.figures import STATIC, FigureFiles, Plot
-from testbed.compare.report.style import COLOURS, RC, line_styles
 from testbed.environment.sources.substitution import GROUP_NAMES, GROUPS
+from testbed.experiments.report.figures import STATIC, FigureFiles, Plot
+from testbed.experiments.report.style import COLOURS, RC, line_styles
 from testbed.files import make_directory, write_figure
 from testbed.regret.analysis import Attribution, Cell, correlations
 from testbed.regret.measures import TRACKING

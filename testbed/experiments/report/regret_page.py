@@ -6,23 +6,24 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
-from testbed.compare.report import links
-from testbed.compare.report.figures import FOLDER, FigureFiles
-from testbed.compare.report.grouping import failures
-from testbed.compare.report.links import LogFiles, href
-from testbed.compare.report.report import seeds_text
 from testbed.compare.runs.work import Tally
 from testbed.environment.sources.conditions import IN_VIEW
+from testbed.experiments.report import links
+from testbed.experiments.report import regret_logs as logs
+from testbed.experiments.report import regret_tables as tables
+from testbed.experiments.report import regret_words as words
+from testbed.experiments.report.figures import FOLDER, FigureFiles
+from testbed.experiments.report.grouping import failures
+from testbed.experiments.report.links import LogFiles, href
+from testbed.experiments.report.page import seeds_text, template
+from testbed.experiments.report.regret_figures import draw
 from testbed.experiments.run import FAILED, Outcome
 from testbed.files import write_atomic
 from testbed.frame import TRUTH
 from testbed.regret import analysis
 from testbed.regret.analysis import Cell
 from testbed.regret.measures import TABLE
-from testbed.regret.report import logs, tables, words
-from testbed.regret.report.figures import draw
 from testbed.regret.results import Results
 
 NAME = "report.html"
@@ -110,7 +111,7 @@ def render(
         ("drives", f"{len(results.drives)} of {len(study.tasks)}"),
         ("CPU time of the drives", f"{sum(d.cpu for d in results.drives.values()):.0f} s"),
     ]
-    return _template().render(
+    return template(TEMPLATE).render(
         title=f"Regret of {len(study.trackers)} trackers" if study.trackers else "Regret of injected errors",
         parts=PARTS,
         verdict=found.verdict,
@@ -165,11 +166,3 @@ def _log(pair: analysis.WorstPair, outcome: Outcome, folder: Path) -> tuple[str,
     if outcome.status == FAILED:
         return pair.task.name, LogFiles(note=outcome.note)
     return pair.task.name, links.found(logs.log_path(pair.task, folder), folder, "not here")
-
-
-def _template() -> Any:
-    loaders = [PackageLoader(package, "") for package in ("testbed.regret.report", "testbed.compare.report")]
-    environment = Environment(
-        loader=ChoiceLoader(loaders), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    return environment.get_template(TEMPLATE)

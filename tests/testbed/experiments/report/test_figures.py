@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import t as student
 
-from testbed.compare.report import figures, style
 from testbed.compare.runs.config import Comparison, Task
 from testbed.compare.statistics.analysis import BANDS, by_band
 from testbed.compare.statistics.series import STEP, chosen, mean_over_seeds, over_time, ranked
+from testbed.experiments.report import figures, style
 from tests.testbed.compare.made_results import make
 
 ALL = {

@@ -9,12 +9,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from testbed.compare.report.figures_axes import plain_log
-from testbed.compare.report.style import DURING, LIMITS, ONSET, LineStyle, grid
 from testbed.compare.runs.results import Results
 from testbed.compare.statistics.analysis import DOF
 from testbed.compare.statistics.series import PhaseTimes, Series
 from testbed.evaluation.intervals import FEWEST, chi2_limits
+from testbed.experiments.report.figures_axes import plain_log
+from testbed.experiments.report.style import DURING, LIMITS, ONSET, LineStyle, grid
 
 SHADES = {"onset": ONSET, "during": DURING}
 BAND = 0.13  # opacity
