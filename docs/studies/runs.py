@@ -6,7 +6,7 @@
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, ClassVar
+from typing import Any, ClassVar
 
 import pyarrow as pa
 import typer
@@ -22,8 +22,6 @@ from testbed.experiments.store import Results, Store
 from testbed.experiments.study import WHOLE_RUN, Kept, Study
 from testbed.frame import Frame
 
-Jobs = Annotated[int, typer.Option(help="Number of processes; -1 for one a core.")]
-Dask = Annotated[str | None, typer.Option(help="Address of a Dask scheduler, in place of local processes.")]
 COUNT = "{task.completed:.0f} of {task.total:.0f}"
 NOTHING = pa.schema([("nothing", pa.int8())])  # of studies that keep no table of a run
 

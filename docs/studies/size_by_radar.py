@@ -7,7 +7,8 @@ from typing import Annotated, Any
 import typer
 
 from sensors import RADARS
-from studies.runs import Dask, Jobs, every_sensor, seen_by, summaries
+from studies.runs import every_sensor, seen_by, summaries
+from testbed.command_line.options import Dask, Jobs
 from testbed.command_line.terminal import console
 from testbed.experiments.engine import Engine
 from testbed.experiments.run import Run

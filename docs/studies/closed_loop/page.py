@@ -16,7 +16,8 @@ from scenarios import SCENARIOS, find
 from studies.closed_loop.figure import draw
 from studies.closed_loop.length_errors import FEWEST, LengthErrors, LengthSamples
 from studies.page import DOCS, Docs, Page, fill
-from studies.runs import Dask, Jobs, made
+from studies.runs import made
+from testbed.command_line.options import Dask, Jobs
 from testbed.command_line.tables import number
 from testbed.command_line.terminal import user_input
 from testbed.environment.episode import drive

@@ -11,7 +11,8 @@ from studies.contours.classes import SURE, ClassHistory, ClassProbe, calibration
 from studies.contours.figure import draw
 from studies.contours.passing import KINDS, PassedTrack, Passing, follow
 from studies.page import DOCS, Docs, Page, fill
-from studies.runs import Dask, Jobs, calculate
+from studies.runs import calculate
+from testbed.command_line.options import Dask, Jobs
 from testbed.command_line.terminal import user_input
 from testbed.experiments.engine import Engine
 from testbed.log.text import markdown_table

@@ -9,7 +9,7 @@ import typer
 from studies.effects import Factor, effects_table, names, read_runs, write_runs
 from studies.learned.drives import ENVIRONMENT, FIRST, drives, policies
 from studies.page import DOCS, Docs, Page, fill
-from studies.runs import Dask, Jobs
+from testbed.command_line.options import Dask, Jobs
 from testbed.command_line.terminal import user_input
 from testbed.experiments.engine import Engine
 from testbed.frame import TRUTH

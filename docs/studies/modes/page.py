@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from scenarios import find as find_scenario
 from studies.modes.figure import ModePanel, draw
 from studies.page import DOCS, Docs, Page, fill
-from studies.runs import Dask, Jobs, made
+from studies.runs import made
+from testbed.command_line.options import Dask, Jobs
 from testbed.command_line.terminal import user_input
 from testbed.evaluation.tracking import Evaluator
 from testbed.experiments.engine import Engine

@@ -14,7 +14,8 @@ import typer
 from sensors import RADARS, Persistence, Radar
 from studies.effects import Factor, effects_table, facts, read_runs, write_runs
 from studies.page import DOCS, Docs, Page, fill
-from studies.runs import Dask, Jobs, every_sensor, seen_by, summaries
+from studies.runs import every_sensor, seen_by, summaries
+from testbed.command_line.options import Dask, Jobs
 from testbed.command_line.terminal import user_input
 from testbed.experiments.engine import Engine
 from testbed.experiments.run import parse_seeds

@@ -15,7 +15,8 @@ from sensors.scene import Scene
 from studies.page import DOCS, Docs, Page, fill
 from studies.probes.drives import SEEDS, TTC, Acceptance, Probes, acceptance, planner_of
 from studies.probes.figure import draw
-from studies.runs import Dask, Jobs, made
+from studies.runs import made
+from testbed.command_line.options import Dask, Jobs
 from testbed.command_line.terminal import user_input
 from testbed.environment.registration import env_id
 from testbed.evaluation.driving import LONGEST, DriveEvaluator

@@ -8,12 +8,13 @@ from typing import Annotated, Any, NamedTuple
 import typer
 
 from studies.page import DOCS, Docs, Page, fill
-from studies.runs import Dask, Jobs, calculate
+from studies.runs import calculate
 from studies.traffic.distributions import LEVEL, SHOWN, UNITS, Distribution, distributions, table_of
 from studies.traffic.driven import CATALOGUE, DRIVEN, NATIVE, SCENES, SEEDS, driven
 from studies.traffic.figure import draw
 from studies.traffic.recorded import FILES, ONE_CLOCK, recorded
 from studies.traffic.rows import FARTHEST, Row
+from testbed.command_line.options import Dask, Jobs
 from testbed.command_line.terminal import console, user_input
 from testbed.experiments.engine import Engine
 from testbed.files import make_directory, write_json

@@ -98,7 +98,7 @@ def test_help_has_an_example_and_names_every_paper(command):
 
 def test_the_command_prints_tables_verdicts_and_paths(tmp_path, monkeypatch, command):
     monkeypatch.setattr(catalogue, "PAPERS", {"p": made_up("p", (CONFIRMED, REFUTED))})
-    status, out, err = command("reproduce", "p", "--runs", 2, "--out", tmp_path)
+    status, out, err = command("reproduce", "p", "--runs", 2, "--out", tmp_path, "--jobs", 1)
     assert status == 1
     for part in ("p: case 2", "p: claims", REFUTED, f"results  {tmp_path / 'p.json'}"):
         assert part in out
@@ -108,7 +108,7 @@ def test_the_command_prints_tables_verdicts_and_paths(tmp_path, monkeypatch, com
 def test_tables_are_printed_where_the_results_cannot_be_written(tmp_path, monkeypatch, command):
     monkeypatch.setattr(catalogue, "PAPERS", {"p": made_up("p", (CONFIRMED, REFUTED))})
     (tmp_path / "p.json").mkdir()
-    status, out, err = command("reproduce", "p", "--runs", 2, "--out", tmp_path)
+    status, out, err = command("reproduce", "p", "--runs", 2, "--out", tmp_path, "--jobs", 1)
     assert status == 2
     assert "p: claims" in out
     assert "results" not in out
@@ -130,7 +130,7 @@ def test_ctrl_c_in_a_real_reproduction_leaves_its_finished_rows(tmp_path, monkey
         return paper.run(runs, out, interrupting, seed, engine)
 
     monkeypatch.setattr(catalogue, "PAPERS", {"hoher2022": replace(paper, run=impatient)})
-    status, out, err = command("reproduce", "hoher2022", "--runs", 1, "--out", tmp_path)
+    status, out, err = command("reproduce", "hoher2022", "--runs", 1, "--out", tmp_path, "--jobs", 1)
     assert status == 130, err
     assert "interrupted" in out
     written = json.loads((tmp_path / "hoher2022.json").read_text())
