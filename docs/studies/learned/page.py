@@ -13,7 +13,6 @@ from testbed.command_line.options import Dask, Jobs
 from testbed.command_line.terminal import user_input
 from testbed.experiments.engine import Engine
 from testbed.frame import TRUTH
-from testbed.log.text import markdown_table
 
 RESULTS = "learned.csv"
 DRIVEN = Factor("driven", TRUTH, lambda tracker: f"on {tracker}")
@@ -37,17 +36,7 @@ def render(table: pd.DataFrame) -> str:
         first=FIRST,
         last=seeds[-1],
         tables="\n\n".join(parts),
-        each=_each(table),
     )
-
-
-def _each(table: pd.DataFrame) -> str:
-    means = table.groupby(["tracker", "scenario", "driven"], sort=False)[list(TITLES)].mean()
-    rows = [
-        (f"`{trained}`, seed {seed}", f"on {driven}", *(f"{row[name]:.{d}f}" for name, (_, d) in TITLES.items()))
-        for (trained, seed, driven), row in means.iterrows()
-    ]
-    return markdown_table(("trained on", "driven", "length", "return", "crashes"), rows)
 
 
 def main(

@@ -26,11 +26,9 @@ LIFETIMES = (0.0, 0.2, 1.0, 5.0)  # [s]; 0: drawn anew in each scan
 LIFETIME = Factor("lifetime", 0.0, lambda lifetime: f"{lifetime:g} s" if lifetime else "off")
 TRACKERS = ("imm-spline", "rm-feldmann")
 SCENARIOS, SEEDS, DURATION = ("cut-in", "dense-traffic"), tuple(range(320, 330)), 6.0  # [s]
-TITLES = {
+TITLES = {  # of what is on the page; all measures are in its data file
     "nees_position": "NEES of position (2 where the covariance is honest)",
     "nees_length": "NEES of length (1 where it is)",
-    "abs_length": "Mean error of length, without sign [m]",
-    "rmse_position": "RMSE of position [m]",
     "gospa": "GOSPA [m]",
 }
 MEASURES = ("gospa", "nees_position", "nees_length", "abs_length", "rmse_position")

@@ -85,6 +85,7 @@ def render(probes: list[Acceptance]) -> str:
         low=TTC[0],
         high=TTC[1],
         free=FREE,
+        seed=SHOWN,
         table=table(probes),
         sections="\n".join(section(PROBES[v.probe]) for v in probes),
     )
@@ -117,4 +118,4 @@ def section(probe: Scenario) -> str:
             for p in probe.parameters
         ],
     )
-    return fill("probes/probe.md.j2", name=probe.name, purpose=probe.purpose, parameters=parameters, seed=SHOWN)
+    return fill("probes/probe.md.j2", name=probe.name, purpose=probe.purpose, parameters=parameters)
