@@ -133,7 +133,7 @@ def run(
         task = bar.add_task(f"{scenario}, seed {seed}", total=length(settings))
         result = run_once(settings, lambda done, total: bar.update(task, completed=done, total=total))
     with losses(result.lost):
-        show_run(result, console)
+        show_run(result.result, {"results": result.json, "log": result.rrd}, focus, console)
     raise typer.Exit(result.exit_status)
 
 

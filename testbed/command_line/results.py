@@ -3,15 +3,12 @@
 import shlex
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
 
 from testbed.command_line import tables
-
-if TYPE_CHECKING:
-    from testbed.run import RunResult
 
 
 def show_measures(result: Mapping[str, Any], console: Console, title: str | None = None) -> None:
@@ -22,7 +19,7 @@ def show_measures(result: Mapping[str, Any], console: Console, title: str | None
     console.print()
     if result["moments"]:
         console.print(tables.moments(result))
-        console.print(escape(tables.HARM))
+        console.print(escape(tables.SEVERITY))
         console.print()
 
 
@@ -35,19 +32,22 @@ def show_files(files: Mapping[str, Path | None], console: Console) -> None:
         console.print(f"open it  testbed review {shlex.quote(str(files['log']))}", soft_wrap=True)
 
 
-def show_run(result: "RunResult", console: Console) -> None:
-    """What a run was: the measures, or only the costs, its events, and where the files are."""
-    if result.config.metrics:
-        show_measures(result.result, console)
-        console.print(tables.drive(result.result))
+def show_run(result: Mapping[str, Any], files: Mapping[str, Path | None], focus: int | None, console: Console) -> None:
+    """What a run was: the measures, or where there are none the costs; its events, and where the files are.
+
+    focus: id of the vehicle that the user wants to see first, None for no wish.
+    """
+    if "objects" in result:
+        show_measures(result, console)
+        console.print(tables.drive(result))
     else:
-        console.print(tables.costs(result.result))
-    for event in result.result["run"].get("events", ()):
+        console.print(tables.costs(result))
+    for event in result["run"].get("events", ()):
         console.print(escape(f"at {event['time']:.1f} s: {event['text']}"))
-    focus, there = result.config.focus, sorted({row["object"] for row in result.result["objects"]})
+    there = sorted({row["object"] for row in result.get("objects", ())})
     if focus not in (None, *there):
         known = ", ".join(map(str, there)) or "none"
         console.print(f"[yellow]--focus: there was no vehicle {focus}; vehicles: {known}[/yellow]", highlight=False)
-    if result.interrupted:
+    if result["interrupted"]:
         console.print("[yellow]interrupted: the tables and files hold what was run until then[/yellow]")
-    show_files({"results": result.json, "log": result.rrd}, console)
+    show_files(files, console)

@@ -3,8 +3,8 @@
 Of the truth nothing goes further: a `Scene` goes in, `Tracks` come out. There are two exceptions, both for experiments
 that ask what tracking costs: the tracker called "truth", whose tracks are the scene itself, and `TruthBased` ones.
 
-Where the truth is the only tracker and nobody observes, scenes wait until a frame is asked for. They are then scanned
-in their order, so that the radar draws the same numbers as if it had scanned them at once.
+Where the truth is the only tracker and there is no observer, scenes wait until a frame is asked for. They are then
+scanned in their order, so that the radar draws the same numbers as if it had scanned them at once.
 """
 
 from collections import deque
