@@ -32,7 +32,6 @@ from testbed.compare.report.report import NAME
 from testbed.compare.runs import tasks as compare
 from testbed.compare.runs.config import Settings, Task
 from testbed.compare.runs.measures import COSTS
-from testbed.evaluation.tracking import jsonable
 from testbed.experiments.engine import Engine, check, perform
 from testbed.experiments.identity import shared_digest, tracker_digest
 from testbed.experiments.rows import read_meta
@@ -185,7 +184,8 @@ def probes_committed(results: Path, pieces: Sequence[Piece]) -> Iterator[Numbers
 
 def probe_again(folder: Path, probe: str, seed: int) -> Numbers:
     """The same of a drive made now."""
-    return jsonable(probes.row(probing.drive(probing.Setting(probe, probes.planner_of(probe)), seed)))
+    measures = probing.drive(probing.Setting(probe, probes.planner_of(probe)), seed)
+    return {key: float(value) for key, value in probes.row(measures).items()}
 
 
 def limits(results: Path) -> list[Piece]:
