@@ -8,15 +8,15 @@ from rich.progress import Progress as Bar
 
 from testbed.command_line.interruption import InterruptRequest, interruptible
 from testbed.command_line.terminal import stages, user_input
-from testbed.compare.report import tables
-from testbed.compare.report.renderers import terminal
-from testbed.compare.report.report import write_report
 from testbed.compare.runs.config import Comparison
 from testbed.compare.runs.measures import DRIVE, MAIN
 from testbed.compare.runs.results import Results, collect, write_runs
 from testbed.compare.runs.work import Progress, Tally, execute
 from testbed.compare.statistics import analysis
 from testbed.experiments.engine import Engine
+from testbed.experiments.report import tables
+from testbed.experiments.report.page import write_report
+from testbed.experiments.report.renderers import terminal
 
 WARNINGS = 8  # that are spelt out on the terminal
 FEW = 3  # trackers that stand side by side in 80 columns with their intervals

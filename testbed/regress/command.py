@@ -20,8 +20,9 @@ from testbed.compare.runs.work import execute
 from testbed.environment.registration import scenario_of
 from testbed.experiments.engine import Engine
 from testbed.experiments.engine import check as check_engine
+from testbed.experiments.report import junit
 from testbed.files import check_target, make_directory, versions
-from testbed.regress import junit, tables
+from testbed.regress import tables
 from testbed.regress.baselines import NONE, Baselines, Update, load, merge, save
 from testbed.regress.findings import Findings, examine, measured, orphans, worst_run
 from testbed.regress.suite import LOGS, Suite, prepare_folder

@@ -8,13 +8,14 @@ from rich.progress import Progress as Bar
 
 from testbed.command_line.terminal import stages, user_input
 from testbed.compare.command import show_tally
-from testbed.compare.report.renderers import terminal
 from testbed.experiments.engine import Engine
+from testbed.experiments.report import regret_junit as junit
+from testbed.experiments.report import regret_tables as tables
+from testbed.experiments.report.regret_page import Findings, find, write_page
+from testbed.experiments.report.renderers import terminal
 from testbed.files import check_target, make_directory
-from testbed.regret import analysis, junit
+from testbed.regret import analysis
 from testbed.regret.pairs import table
-from testbed.regret.report import tables
-from testbed.regret.report.page import Findings, find, write_page
 from testbed.regret.results import DRIVES, PAIRS, Results, write_table
 from testbed.regret.study import Study
 from testbed.regret.work import execute

@@ -8,17 +8,16 @@ import typer
 from studies.comparison.publish import read, read_part
 from studies.page import DOCS, Docs, Page, fill
 from testbed.command_line.terminal import user_input
-from testbed.compare.report import tables
-from testbed.compare.report.renderers import markdown
 from testbed.compare.runs.measures import DRIVE, KEYS, MAIN
 from testbed.compare.runs.results import Results
 from testbed.compare.statistics.analysis import cells
 from testbed.evaluation.metrics import CUTOFF
+from testbed.experiments.report import tables
+from testbed.experiments.report.renderers import markdown
 from trackers import DEFAULT
 
 BY_SCENARIO = ("gospa", "rmse_position", "rmse_length")
 BIRTHS = ("birth_delay", "unborn_percent", "never")
-ERRORS = ("position", "velocity", "length")
 DIFFERENCES = ("measure", "mean difference", "probability of improvement", "verdict")
 
 
@@ -33,7 +32,7 @@ def main(
 
 def render(folder: Path) -> str:
     """What the page says about the results in a folder."""
-    results, known, frames = read(folder)
+    results, known, _ = read(folder)
     comparison = results.comparison
     settings, baseline = comparison.settings, comparison.baseline
     versions = {k.removeprefix("version of "): v for k, v in known["identity"].items() if k.startswith("version of ")}

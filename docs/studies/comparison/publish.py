@@ -21,12 +21,12 @@ import typer
 
 from scenarios import SCENARIOS
 from testbed.command_line.terminal import console, user_input
-from testbed.compare.report.report import write_report
 from testbed.compare.runs.config import Comparison, Settings, Task, read_settings
 from testbed.compare.runs.measures import COSTS, DRIVE, KEYS, MAIN
 from testbed.compare.runs.results import Results, collect
 from testbed.compare.runs.tasks import ROWS
 from testbed.compare.statistics.analysis import by_band, consistency
+from testbed.experiments.report.page import write_report
 from testbed.experiments.rows import read_meta
 from testbed.files import atomic_file, write_atomic, write_json
 from trackers import DEFAULT, TRACKERS

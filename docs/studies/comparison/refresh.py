@@ -28,12 +28,12 @@ from studies.papers.cases import CASES
 from studies.probes import drives as probes
 from testbed.command_line.tables import light_table
 from testbed.command_line.terminal import console, user_input
-from testbed.compare.report.report import NAME
 from testbed.compare.runs import tasks as compare
 from testbed.compare.runs.config import Settings, Task
 from testbed.compare.runs.measures import COSTS
 from testbed.experiments.engine import Engine, check, perform
 from testbed.experiments.identity import shared_digest, tracker_digest
+from testbed.experiments.report.page import NAME
 from testbed.experiments.rows import read_meta
 from testbed.experiments.run import FAILED, Outcome, outcome_of
 from testbed.files import make_directory, write_atomic, write_json

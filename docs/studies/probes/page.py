@@ -82,6 +82,7 @@ def render(verdicts: list[Verdict]) -> str:
         low=TTC[0],
         high=TTC[1],
         free=FREE,
+        seed=SHOWN,
         table=table(verdicts),
         sections="\n".join(section(PROBES[v.probe]) for v in verdicts),
     )
@@ -114,4 +115,4 @@ def section(probe: Scenario) -> str:
             for p in probe.parameters
         ],
     )
-    return fill("probes/probe.md.j2", name=probe.name, purpose=probe.purpose, parameters=parameters, seed=SHOWN)
+    return fill("probes/probe.md.j2", name=probe.name, purpose=probe.purpose, parameters=parameters)

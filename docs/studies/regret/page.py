@@ -10,12 +10,13 @@ import typer
 from studies.page import DOCS, Docs, Page, fill
 from studies.regret.caution import differences
 from testbed.command_line.terminal import console, user_input
-from testbed.compare.report.renderers import markdown
-from testbed.compare.report.report import seeds_text
+from testbed.experiments.report import regret_figures as figures
+from testbed.experiments.report import regret_tables as tables
+from testbed.experiments.report.page import seeds_text
+from testbed.experiments.report.regret_page import drawable, find
+from testbed.experiments.report.renderers import markdown
 from testbed.files import make_directory
 from testbed.regret.analysis import Attribution, Cell, one_sided, unresolved
-from testbed.regret.report import figures, tables
-from testbed.regret.report.page import drawable, find
 from testbed.regret.results import DRIVES, PAIRS, write_table
 from testbed.regret.study import Task
 

@@ -18,7 +18,6 @@ import pyarrow.parquet as pq
 import pytest
 from distributed import Client, LocalCluster
 
-from testbed.compare.report import logs
 from testbed.compare.runs.config import Comparison, Settings, Task
 from testbed.compare.runs.measures import COSTS
 from testbed.compare.runs.results import RUNS, collect
@@ -26,6 +25,7 @@ from testbed.compare.runs.tasks import RECORDINGS, ROWS, RecordingTask, recordin
 from testbed.compare.runs.work import execute
 from testbed.experiments.cluster import Folder, carried, difference, environment, modules_in
 from testbed.experiments.engine import Engine, check, perform
+from testbed.experiments.report import logs
 from testbed.experiments.run import DONE, FAILED, Outcome
 from tests.testbed.experiments.orders import DIES, DIES_ONCE, FAILS, FINE, Order, orders, status, work
 

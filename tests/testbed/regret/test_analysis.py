@@ -7,6 +7,7 @@ import pytest
 from studies.regret.caution import differences
 from testbed.environment.sources.injection import Errors
 from testbed.environment.sources.substitution import subsets
+from testbed.experiments.report.regret_figures import DOSE_UNITS, dose_response
 from testbed.regret.analysis import (
     Cell,
     attributions,
@@ -20,7 +21,6 @@ from testbed.regret.analysis import (
     worst_pairs,
 )
 from testbed.regret.measures import MEASURES
-from testbed.regret.report.figures import DOSE_UNITS, dose_response
 
 SEEDS = range(8)
 
