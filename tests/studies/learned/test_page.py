@@ -8,6 +8,7 @@ import pytest
 from studies.effects import read_runs
 from studies.learned.drives import ENVIRONMENT, RADAR, WARM_UP, drives, policies
 from studies.learned.page import RESULTS, render
+from testbed.experiments.engine import Engine
 from testbed.planners.learned import save_policy
 from tests.studies.committed_pages import assert_committed
 
@@ -24,7 +25,7 @@ def folder(tmp_path):
 
 
 def test_each_policy_drives_on_everything_that_one_was_trained_on(folder):
-    table = drives(policies(folder), episodes=2)
+    table = drives(policies(folder), str(folder / "out"), Engine(), episodes=2)
     assert list(zip(table["tracker"], table["driven"], table["seed"], strict=True)) == [
         (t, d, s) for t in ("truth", "rm-koch") for d in ("truth", "rm-koch") for s in (1000, 1001)
     ]

@@ -8,8 +8,7 @@ import pytest
 
 from sensors import RADARS
 from studies.effects import effect, read_runs, rows
-from studies.persistence.page import RESULTS, render
-from studies.persistence.runs import COLUMNS, LIFETIME, LIFETIMES, lasting
+from studies.persistence.page import COLUMNS, LIFETIME, LIFETIMES, RESULTS, lasting, render
 from tests.studies.committed_pages import assert_committed
 
 DOCS = Path(__file__).parents[3] / "docs"
