@@ -30,7 +30,7 @@ from testbed.command_line.tables import light_table
 from testbed.command_line.terminal import console, user_input
 from testbed.compare.runs import tasks as compare
 from testbed.compare.runs.config import Settings, Task
-from testbed.evaluation.metric import COSTS
+from testbed.evaluation.metric import COSTS, old_names
 from testbed.experiments.engine import Engine, check, perform
 from testbed.experiments.identity import shared_digest, tracker_digest
 from testbed.experiments.report.page import NAME
@@ -44,6 +44,7 @@ from testbed.regret import drives as regret
 from testbed.regret import study as regret_study
 from trackers.lookup import look_up
 
+OLD = old_names("drives")
 KEPT = "repeated.json"
 LIMITS = (  # probe, tracker, seed, resolution
     ("probe-passing", TRUTH, 0, 0.05),
@@ -145,7 +146,7 @@ def drives_committed(results: Path, pieces: Sequence[Piece]) -> Iterator[Numbers
     """Measures of the drive and errors of its tracker; CPU times are not compared."""
     for piece in pieces:
         task, folder = piece.arguments
-        table = pd.read_parquet(results / "regret" / folder / "drives.parquet")
+        table = pd.read_parquet(results / "regret" / folder / "drives.parquet").rename(columns=OLD)
         own = table[np.logical_and.reduce([table[key] == value for key, value in task._asdict().items()])]
         (row,) = own.drop(columns=[*task._fields, "cpu"]).to_dict("records")
         yield row
@@ -179,13 +180,13 @@ def probes_committed(results: Path, pieces: Sequence[Piece]) -> Iterator[Numbers
     known = json.loads((results / "probes.json").read_text())["drives"]
     for piece in pieces:
         probe, seed = piece.arguments
-        yield known[probe][seed]
+        yield _renamed(known[probe][seed])
 
 
 def probe_again(folder: Path, probe: str, seed: int) -> Numbers:
     """The same of a drive made now."""
-    measures = probing.drive(probing.Setting(probe, probes.planner_of(probe)), seed)
-    return {key: float(value) for key, value in probes.row(measures).items()}
+    row = probes.row(probing.drive(probing.Setting(probe, probes.planner_of(probe)), seed))
+    return {key: nan if value is None else float(value) for key, value in row.items()}
 
 
 def limits(results: Path) -> list[Piece]:
@@ -216,7 +217,12 @@ def kept(results: Path, pieces: Sequence[Piece]) -> Iterator[Numbers]:
     """Numbers of limits and papers, from `KEPT`."""
     known = json.loads((results / KEPT).read_text())
     for piece in pieces:
-        yield {key: nan if value is None else value for key, value in known[piece.part][piece.name].items()}
+        yield _renamed({key: nan if value is None else value for key, value in known[piece.part][piece.name].items()})
+
+
+def _renamed(numbers: Numbers) -> Numbers:
+    """Numbers of a drive under the keys of today."""
+    return {OLD.get(key, key): value for key, value in numbers.items()}
 
 
 PARTS: Mapping[str, Part] = {

@@ -21,7 +21,7 @@ from testbed.regret.analysis import Attribution, Cell, one_sided, unresolved
 from testbed.regret.results import DRIVES, PAIRS, write_table
 from testbed.regret.study import Task
 
-OLD = old_names("regret")
+OLD = old_names("drives")
 PARTS = ("main", "attribution", "doses", "caution")  # folders of docs/results/regret
 
 
