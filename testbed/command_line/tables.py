@@ -3,14 +3,16 @@
 from collections.abc import Mapping, Sequence
 from importlib.metadata import EntryPoint
 from math import isfinite
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich import box
 from rich.markup import escape
 from rich.table import Table
 
-from testbed.labels import DRIVE, ROWS
 from trackers.lookup import installed, look_up
+
+if TYPE_CHECKING:
+    from testbed.evaluation.metric import Metric
 
 DASH = "–"
 EXPLAINED = (  # what a newcomer cannot guess
@@ -36,14 +38,18 @@ def number(value: float | None, digits: int) -> str:
 
 def metrics(result: Mapping[str, Any], title: str | None = None) -> Table:
     """Trackers against the truth, one column each; the title says of what, without one of which run."""
+    from testbed.log.text import OF_TRACKER, shown
+
     run = result["run"]
     of = title or f"{run['scenario']}, {run['radar']}, seed {run['seed']}"
     table = light_table(f"{of}: tracks against the truth")
     table.add_column("metric")
     for name in result["trackers"]:
         table.add_column(escape(name), justify="right")
-    for key, label, digits in ROWS:
-        table.add_row(escape(label), *(number(row[key], digits) for row in result["trackers"].values()))
+    for metric in shown(OF_TRACKER):
+        ideal = f" ({metric.sense})" if metric.ideal is not None else ""
+        row = (metric.text(row[metric.key], DASH) for row in result["trackers"].values())
+        table.add_row(escape(metric.title + ideal), *row)
     table.add_row("ms a scan", *(number(cost["ms_per_scan"], 1) for cost in result["timing"]["trackers"].values()))
     return table
 
@@ -75,12 +81,14 @@ def costs(result: Mapping[str, Any]) -> Table:
 
 def drive(result: Mapping[str, Any]) -> Table:
     """Driving measures of the ego, and the speed of the simulation."""
+    from testbed.log.text import OF_DRIVE, shown
+
     run, row = result["run"], result["drive"]
     table = light_table(f"the drive: planner {run['planner']} on {run['trackers'][0]}")
     table.add_column("metric")
     table.add_column("value", justify="right")
-    for key, label, digits in DRIVE:
-        table.add_row(escape(label), number(row[key], digits))
+    for metric in shown(OF_DRIVE):
+        table.add_row(escape(metric.title), metric.text(row[metric.key], DASH))
     wall = result["timing"]["wall"]
     table.add_row("simulated seconds a second", number(row["elapsed"] / wall if wall else None, 1))
     return table
@@ -97,6 +105,7 @@ def entries() -> dict[str, list[tuple[str, str]]]:
     """Name and one line of each entry, by catalogue; last those that installed packages have registered."""
     from scenarios import PROBES, SCENARIOS
     from sensors import RADARS
+    from testbed.evaluation.metric import METRICS
     from testbed.planners import PLANNERS
     from trackers import TRACKERS
 
@@ -106,6 +115,7 @@ def entries() -> dict[str, list[tuple[str, str]]]:
         "trackers": [(t.name, t.source) for t in TRACKERS.values()],
         "radars": [(r.name, r.note) for r in RADARS.values()],
         "planners": [(p.name, p.note) for p in PLANNERS.values()],
+        "metrics": [(m.key, line(m)) for m in METRICS.values()],
     }
     for what in ("scenario", "tracker", "radar", "planner"):
         ours = {name for name, _ in found[f"{what}s"]}
@@ -113,6 +123,13 @@ def entries() -> dict[str, list[tuple[str, str]]]:
             taken = f"; the name is ours, write {point.value}" if name in ours else ""
             found[f"{what}s"].append((name, origin(point) + taken))
     return found
+
+
+def line(metric: "Metric") -> str:
+    """A metric in one line: words, unit, which way is better, of what."""
+    unit = f" [{metric.unit}]" if metric.unit != "1" else ""
+    needs = f"; needs {metric.needs}" if metric.needs else ""
+    return f"{metric.words}{unit}; {', '.join(filter(None, (metric.sense, f'of a {metric.of}')))}{needs}"
 
 
 def origin(point: EntryPoint) -> str:

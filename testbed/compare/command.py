@@ -12,10 +12,10 @@ from testbed.compare.report import tables
 from testbed.compare.report.renderers import terminal
 from testbed.compare.report.report import write_report
 from testbed.compare.runs.config import Comparison
-from testbed.compare.runs.measures import DRIVE, MAIN
 from testbed.compare.runs.results import Results, collect, write_runs
 from testbed.compare.runs.work import Progress, Tally, execute
 from testbed.compare.statistics import analysis
+from testbed.compare.statistics.analysis import DRIVE, MAIN
 from testbed.experiments.engine import Engine
 
 WARNINGS = 8  # that are spelt out on the terminal

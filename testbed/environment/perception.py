@@ -23,6 +23,7 @@ from sensors.fault_text import faults_of
 from sensors.faults import Fault, apply_faults, chosen
 from sensors.origin import Origin
 from sensors.scene import Scene
+from testbed.evaluation.metric import COST, values
 from testbed.frame import TRUTH, Frame, Observer
 from trackers.estimate import Estimate, prior
 from trackers.geometry import rotation
@@ -85,11 +86,8 @@ class Cost(NamedTuple):
         return Cost(self.seconds + seconds, self.scans + 1, self.updates + int((info.detections > 0).sum()))
 
     def row(self) -> dict[str, float]:
-        """Milliseconds a scan, and microseconds for each track with a detection, NaN without any."""
-        return {
-            "ms_per_scan": 1e3 * self.seconds / self.scans if self.scans else np.nan,
-            "us_per_update": 1e6 * self.seconds / self.updates if self.updates else np.nan,
-        }
+        """The metrics of a cost, NaN without a scan or an update."""
+        return values(COST, self)
 
 
 def radar_of(radar: Any) -> RadarLike:

@@ -13,7 +13,8 @@ from weakref import finalize
 from sensors.faults import Fault, is_active
 from sensors.scene import Scene
 from testbed.environment.smoothing import StateHistory
-from testbed.evaluation.driving import HARDEST, LONGEST, DriveEvaluator, DriveFrame
+from testbed.evaluation.drive_evaluator import DriveEvaluator
+from testbed.evaluation.driving import HARDEST, LONGEST, DriveFrame
 from testbed.evaluation.histories import LOST_AFTER, TIME_ROUNDING
 from testbed.evaluation.moments import WORST, all_moments, harm_of, moment_row
 from testbed.evaluation.snapshots import Snapshots

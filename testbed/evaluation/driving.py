@@ -5,7 +5,6 @@ docs/methods/metrics.md, "The drive".
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,6 +18,7 @@ from trackers.batch import Memoised
 from trackers.geometry import box_corners, compose, point_velocity, rotation, unit
 
 LONGEST = 10.0  # [s] a longer time to collision or headway counts as this, and so does none
+SAME = 0.05  # two actions within this are one decision: continuous ones span -1 to 1, others are whole numbers
 HARDEST = 20.0  # [m/s^2] DRAC is cut at this: one near miss would else rule every mean
 
 
@@ -161,45 +161,42 @@ class DriveCurves(NamedTuple):
 
     @property
     def value(self) -> NDArray:
-        """Rate (F,) of J."""
+        """Rate (F,) of the drive score."""
         return drive_value(self.speed, self.ttc, self.braking)
 
 
-@dataclass(frozen=True)
-class DriveMeasures:
-    """What one drive was like: risk, loss and comfort (docs/methods/metrics.md, "The drive")."""
+class DriveRecord(NamedTuple):
+    """One drive of at least one frame, as its metrics read it."""
 
-    elapsed: float  # [s]
-    collided: bool
-    ttc_min: float  # [s] least time to collision, at most `LONGEST`
-    ttc_plane_min: float  # [s] the same in the plane, so also of what comes from the side or from behind
-    ttc_5: float  # [s] 5 % quantile of the time to collision over the frames
-    drac_max: float  # [m/s^2] hardest braking that was needed, at most `HARDEST`
-    tit: float  # [s^2] time-integrated time to collision below `NEAR`
-    headway_min: float  # [s] least time headway, at most `LONGEST`
-    brake_max: float  # [m/s^2] hardest braking
-    jerk: float  # [m/s^3] rms of the change of the acceleration, averaged over three frames
+    curves: DriveCurves
     progress: float  # [m] along the heading
-    J: float  # [s] composite, `drive_value` over time
+    collisions: int
+    harsh: float  # [m/s^2] braking below this is harsh
+    released: float  # [m/s^2] it ends above this
 
-    @classmethod
-    def of(cls, curves: DriveCurves, progress: float, collided: bool) -> "DriveMeasures":
-        """The measures of a drive of at least one frame."""
-        dt, ttc = curves.dt, np.minimum(curves.ttc, LONGEST)
-        return cls(
-            elapsed=float(curves.time[-1] - curves.time[0]),
-            collided=collided,
-            ttc_min=float(ttc.min()),
-            ttc_plane_min=float(np.minimum(curves.ttc_plane, LONGEST).min()),
-            ttc_5=float(np.quantile(ttc, 0.05)),
-            drac_max=float(curves.drac.max()),
-            tit=float((np.maximum(0.0, NEAR - ttc) * dt).sum()),  # (MET.26)
-            headway_min=float(np.minimum(curves.headway, LONGEST).min()),
-            brake_max=float(curves.braking.max()),
-            jerk=rms_jerk(curves.acceleration, dt),
-            progress=progress,
-            J=float((curves.value * dt).sum()),
-        )
+    @property
+    def closest(self) -> float:
+        """Time [s] of the least distance, NaN where no body was ever near."""
+        distance = self.curves.distance
+        return float(self.curves.time[int(distance.argmin())]) if np.isfinite(distance).any() else np.nan
+
+    @property
+    def speed_mean(self) -> float:
+        """Progress over time [m/s], NaN of a single frame."""
+        elapsed = float(self.curves.time[-1] - self.curves.time[0])
+        return self.progress / elapsed if elapsed > 0 else np.nan
+
+
+class Driven(NamedTuple):
+    """One of two drives that are compared."""
+
+    curves: DriveCurves
+    decisions: Sequence[Any]
+
+
+def time_integrated(curves: DriveCurves) -> float:
+    """Time to collision below `NEAR`, integrated over time [s^2]."""
+    return float((np.maximum(0.0, NEAR - np.minimum(curves.ttc, LONGEST)) * curves.dt).sum())  # (MET.26)
 
 
 def rms_jerk(acceleration: NDArray, dt: NDArray) -> float:
@@ -239,75 +236,6 @@ def changed_decisions(actions: Sequence[Any], others: Sequence[Any], within: flo
     """
     pairs = list(zip(actions, others, strict=False))
     return sum(not np.allclose(a, b, rtol=0.0, atol=within) for a, b in pairs) / len(pairs) if pairs else 0.0
-
-
-@dataclass
-class DriveEvaluator:
-    """Measures of the ego's drive: call `step` once a frame, then `summary`."""
-
-    harsh: float = -4.0  # [m/s^2] braking below this is harsh
-    released: float = -2.0  # [m/s^2] it ends above this; in between it goes on
-    _frames: list[DriveFrame] = field(default_factory=list, init=False, repr=False)
-    _time: list[float] = field(default_factory=list, init=False, repr=False)
-    _last: Scene | None = field(default=None, init=False, repr=False)
-    _progress: float = field(default=0.0, init=False, repr=False)
-    _collisions: int = field(default=0, init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        """Refuse thresholds without hysteresis."""
-        if not self.harsh < self.released:
-            raise ValueError(f"released must lie above harsh, got {self.released} and {self.harsh} m/s^2; swap them")
-
-    def step(self, scene: Scene) -> DriveFrame:
-        """Measures at one scene; scenes come in the order of time. Raises ValueError otherwise."""
-        last = self._last
-        if last is not None and scene.time <= last.time:
-            raise ValueError(
-                f"scene.time must grow, got {scene.time} s after {last.time} s; one evaluator for each run"
-            )
-        if last is not None:
-            step = scene.ego.pose[:2] - last.ego.pose[:2]
-            self._progress += float(step @ unit(last.ego.pose[2]))  # (MET.23)
-        self._collisions += bool(scene.ego.crashed and (last is None or not last.ego.crashed))
-        frame = drive_frame(scene, last)
-        self._frames.append(frame)
-        self._time.append(scene.time)
-        self._last = scene
-        return frame
-
-    @property
-    def curves(self) -> DriveCurves:
-        """The drive so far."""
-        frames = np.array(self._frames, float).reshape(-1, len(DriveFrame._fields))
-        return DriveCurves(np.array(self._time), *frames.T)
-
-    @property
-    def measures(self) -> DriveMeasures:
-        """The measures of the drive so far; ValueError before the first frame."""
-        if not self._frames:
-            raise ValueError("a drive without a frame has no measures; call step first")
-        return DriveMeasures.of(self.curves, self._progress, self._collisions > 0)
-
-    def summary(self) -> dict[str, float | int]:
-        """The drive in one flat row; inf where no body was ever near, NaN where nothing was measured."""
-        curves = self.curves
-        met = np.isfinite(curves.distance).any()
-        elapsed = self._time[-1] - self._time[0] if self._time else 0.0
-        row = {
-            "elapsed": elapsed,
-            "collisions": self._collisions,
-            "ttc_min": _smallest(curves.ttc),
-            "ttc_plane_min": _smallest(curves.ttc_plane),
-            "distance_min": _smallest(curves.distance),
-            "distance_min_at": self._time[int(curves.distance.argmin())] if met else np.nan,
-            "progress": self._progress,
-            "speed_mean": self._progress / elapsed if elapsed > 0 else np.nan,
-            "speed_max": float(np.max(curves.speed)) if self._time else np.nan,
-            "deceleration_max": abs(float(np.fmin.reduce(curves.acceleration, initial=0.0))),
-            "harsh_braking": count_onsets(curves.acceleration, self.harsh, self.released),
-        }
-        known = asdict(self.measures) if self._frames else {}
-        return row | {key: value for key, value in known.items() if key not in (*row, "collided", "brake_max")}
 
 
 def _smallest(values: NDArray) -> float:

@@ -1,6 +1,8 @@
 """Estimates beside the objects they may belong to: distances of all pairs, errors of the assigned ones."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -11,12 +13,6 @@ from sensors.scene import Bodies, Objects
 from testbed.evaluation.metrics import CUTOFF, areas, box_areas, gwd, nees, ragged_areas, region_iou
 from trackers.estimate import Estimate
 from trackers.geometry import wrap_angle
-
-# Errors of a pair: distances [m], [m^2], [m/s]; heading_deg, length and width are signed, estimate minus truth.
-ERRORS = (
-    "gwd", "gwd2", "position", "velocity", "heading_deg", "length", "width",
-    "box_iou", "contour_iou", "nees_position", "nees_velocity", "nees_heading", "nees_length", "nees_width",
-)  # fmt: skip
 
 
 class PairTruth(NamedTuple):
@@ -56,24 +52,45 @@ def pair_distances(objects: Objects, estimate: Estimate) -> NDArray:
     return distance
 
 
-def pair_errors(truth: PairTruth, estimate: Estimate, distance: NDArray) -> NDArray:
-    """Errors (K, len(ERRORS)) of K estimates of the objects that they belong to, at `gwd` distance (K,) [m]."""
-    if not len(distance):
-        return np.zeros((0, len(ERRORS)))
-    pose, size, cov = truth.pose, truth.size, estimate.cov
-    error = np.stack([estimate.pose[:, :2] - pose[:, :2], estimate.velocity - truth.velocity], 1)  # (K, 2, 2)
-    turn, growth = wrap_angle(estimate.pose[:, 2] - pose[:, 2]), estimate.size - size
-    box, true_box = box_areas(np.stack([estimate.pose, pose]), np.stack([estimate.size, size]))
-    contour = box if estimate.contour is None else areas(estimate.contour)
-    columns = (
-        distance,
-        distance**2,
-        *np.hypot(error[..., 0], error[..., 1]).T,
-        np.degrees(turn),
-        *growth.T,
-        *region_iou(np.stack([box, contour]), np.stack([true_box, truth_areas(truth.outlines)])),
-        *nees(error, np.stack([cov[:, :2, :2], cov[:, 2:, 2:]], 1)).T,
-        (turn / estimate.heading_std) ** 2,  # (MET.11) of a scalar
-        *((growth / estimate.size_std) ** 2).T,  # (MET.11) of scalars
-    )
-    return np.array(columns).T
+@dataclass
+class Pairs:
+    """K estimates and the objects that they belong to; what several metrics need is worked out once."""
+
+    truth: PairTruth
+    estimate: Estimate
+    distance: NDArray  # (K,) [m] `gwd`
+
+    @cached_property
+    def error(self) -> NDArray:
+        """Errors of centre and velocity (K, 2, 2) [m], [m/s], estimate minus truth."""
+        estimate, truth = self.estimate, self.truth
+        return np.stack([estimate.pose[:, :2] - truth.pose[:, :2], estimate.velocity - truth.velocity], 1)
+
+    @cached_property
+    def lengths(self) -> NDArray:
+        """Lengths of these errors (2, K)."""
+        return np.hypot(self.error[..., 0], self.error[..., 1]).T
+
+    @cached_property
+    def turn(self) -> NDArray:
+        """Error of the heading (K,) [rad], estimate minus truth."""
+        return wrap_angle(self.estimate.pose[:, 2] - self.truth.pose[:, 2])
+
+    @property
+    def growth(self) -> NDArray:
+        """Errors of length and width (K, 2) [m], estimate minus truth."""
+        return self.estimate.size - self.truth.size
+
+    @cached_property
+    def iou(self) -> NDArray:
+        """Intersection over union (2, K) of the boxes, and of the contours or the box without one."""
+        estimate, truth = self.estimate, self.truth
+        box, true_box = box_areas(np.stack([estimate.pose, truth.pose]), np.stack([estimate.size, truth.size]))
+        contour = box if estimate.contour is None else areas(estimate.contour)
+        return region_iou(np.stack([box, contour]), np.stack([true_box, truth_areas(truth.outlines)]))
+
+    @cached_property
+    def nees(self) -> NDArray:
+        """Normalised errors squared (K, 2) of centre and velocity."""
+        cov = self.estimate.cov
+        return nees(self.error, np.stack([cov[:, :2, :2], cov[:, 2:, 2:]], 1))

@@ -8,7 +8,6 @@ objects; pairs with uncounted ones cost nothing and enter no average. Only repor
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from itertools import chain, groupby
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +16,10 @@ from sensors.origin import GHOSTS, Origin
 from sensors.scene import Objects, Scene
 from testbed.evaluation import histories
 from testbed.evaluation.histories import History
-from testbed.evaluation.metrics import gospa, mean, nees_bounds, rmse
-from testbed.evaluation.pair_errors import ERRORS, PairTruth, pair_distances, pair_errors, pair_truth
+from testbed.evaluation.metric import METRICS, PAIR, PAIRS, RUN, SCAN, SPAN, Metric, keys, values
+from testbed.evaluation.metrics import gospa, mean
+from testbed.evaluation.pair_errors import Pairs, PairTruth, pair_distances, pair_truth
+from testbed.evaluation.span import Judged, Span, TrackPast
 from testbed.frame import FrameScore
 from trackers.batch import concatenate, take
 from trackers.estimate import Estimate
@@ -31,24 +32,13 @@ PLAIN_SHARE, PLAIN_COUNT = 0.5, 3.0  # visible share and expected detections of 
 WAITING = 64  # scans of which the errors of pairs are worked out together
 UNCOUNTED_KINDS = ("obstacle",)
 
+ERRORS, SCANS = keys(PAIR), keys(SCAN)  # metrics of a pair, and of a scan
+OVER_PAIRS = tuple(m for m in METRICS.values() if m.of == PAIRS or (m.of == PAIR and m.averaged))
+OVER_SPAN = tuple(m for m in METRICS.values() if m.of in (SPAN, PAIRS) or m.averaged)
+
 Row = dict[str, float | int | str]
 
-
-class _FrameCounts(NamedTuple):
-    """GOSPA and counts of one frame, for the summary."""
-
-    time: float
-    gospa: float
-    localisation: float
-    missed: float
-    false: float
-    objects: int  # counted
-    unassigned: int  # counted without a track
-    ghosts: int  # tracks without an object
-    tracks: int
-
-
-UNKNOWN = FrameScore({}, {}, dict.fromkeys([n for n in _FrameCounts._fields if n != "time"] + [*ERRORS], np.nan))
+UNKNOWN = FrameScore({}, {}, dict.fromkeys([*SCANS, *ERRORS], np.nan))
 """The score of a frame of which the truth is not known."""
 
 
@@ -65,7 +55,8 @@ class Evaluator:
                 raise ValueError(f"phase {name!r} must end after it starts, got {start} s to {end} s; swap the times")
         self.tracker = tracker
         self.phases, self.settle = tuple(phases), settle
-        self._frames: list[_FrameCounts] = []
+        self._time: list[float] = []  # of each scan
+        self._scans: list[dict[str, float]] = []  # the metrics of each scan
         self._pair_keys: list[tuple[float, int]] = []  # time, object id of each counted pair
         self._pair_errors: list[NDArray] = []  # (K, len(ERRORS)) of counted pairs, in the order of the scans
         self._waiting: list[tuple[PairTruth, Estimate, NDArray]] = []  # counted pairs without errors as yet
@@ -87,21 +78,22 @@ class Evaluator:
         owner (M,) is the id of the track that owns each detection, as in `StepInfo`; without it `tracks_clutter` and
         `tracks_ghost` are 0.
         """
-        frame, row, track, counted, out, distance = self._assign(time, scene, origin, tracks, owner)
-        errors = pair_errors(pair_truth(scene.objects, scene.bodies, row), take(out.estimate, track), distance)
+        row, track, counted, out, distance = self._assign(time, scene, origin, tracks, owner)
+        truth = pair_truth(scene.objects, scene.bodies, row)
+        errors = pair_errors(Pairs(truth, take(out.estimate, track), distance))
         self._work_out()
         self._pair_errors.append(errors[counted[row]])
         held = scene.objects.id[row].tolist()
         return FrameScore(
             pairs=dict(zip(held, out.id[track].tolist(), strict=True)),
             errors={i: dict(zip(ERRORS, e, strict=True)) for i, e in zip(held, errors.tolist(), strict=True)},
-            mean=_frame_means(frame, errors[counted[row]]),
+            mean=_scan_means(self._scans[-1], errors[counted[row]]),
             counted=tuple(scene.objects.id[counted].tolist()),
         )
 
     def keep(self, time: float, scene: Scene, origin: Origin, tracks: Tracks, owner: NDArray | None = None) -> None:
         """As `step` where nobody reads the score: the errors of pairs are worked out later, for many scans at once."""
-        _, row, track, counted, out, distance = self._assign(time, scene, origin, tracks, owner)
+        row, track, counted, out, distance = self._assign(time, scene, origin, tracks, owner)
         counts = counted[row]
         truth = pair_truth(scene.objects, scene.bodies, row[counts])
         self._waiting.append((truth, take(out.estimate, track[counts]), distance[counts]))
@@ -110,11 +102,11 @@ class Evaluator:
 
     def _assign(
         self, time: float, scene: Scene, origin: Origin, tracks: Tracks, owner: NDArray | None
-    ) -> tuple[_FrameCounts, NDArray, NDArray, NDArray, Tracks, NDArray]:
+    ) -> tuple[NDArray, NDArray, NDArray, Tracks, NDArray]:
         """Assign the reported tracks of one scan to the objects, and remember who held what.
 
-        Returns the counts of the scan, rows (K,) of objects and of reported tracks in each pair, the mask (N,) of
-        counted objects, the reported tracks, and the distance (K,) [m] of each pair.
+        Returns rows (K,) of objects and of reported tracks in each pair, the mask (N,) of counted objects, the
+        reported tracks, and the distance (K,) [m] of each pair.
         """
         self._check(time, scene, origin)
         if owner is not None:
@@ -130,15 +122,12 @@ class Evaluator:
         rows, columns = score.pairs.T
         held_by = np.full(len(objects.id), -1)
         held_by[rows] = out.id[columns]
-        frame = _FrameCounts(
-            time, score.total, score.localisation, score.missed, score.false,
-            int(counted.sum()), int((counted & (held_by < 0)).sum()), len(out.id) - len(rows), len(out.id),
-        )  # fmt: skip
-        self._frames.append(frame)
+        self._time.append(time)
+        self._scans.append(values(SCAN, Judged(score, counted, held_by, out.id)))
         plain = countable & (origin.visible > PLAIN_SHARE) & (origin.expected > PLAIN_COUNT)  # (MET.18)
         self._remember(time, objects, counted, plain, held_by, out)
         self._pair_keys += [(time, i) for i in objects.id[rows[counted[rows]]].tolist()]
-        return frame, rows, columns, counted, out, distance[rows, columns]
+        return rows, columns, counted, out, distance[rows, columns]
 
     def _work_out(self) -> None:
         """The errors of all pairs that wait, those with contours of one shape together."""
@@ -148,22 +137,23 @@ class Evaluator:
             pose, velocity, size = (np.concatenate(column) for column in zip(*(t[:3] for t in truths), strict=True))
             truth = PairTruth(pose, velocity, size, tuple(chain.from_iterable(t.outlines for t in truths)))
             estimate = concatenate([e._replace(class_probability=None) for e in estimates])
-            self._pair_errors.append(pair_errors(truth, estimate, np.concatenate(distances)))
+            self._pair_errors.append(pair_errors(Pairs(truth, estimate, np.concatenate(distances))))
 
     def summary(self) -> Row:
         """All measures of the run in one flat row; NaN where there was nothing to measure."""
-        return {"tracker": self.tracker, **self._table(-np.inf, np.inf), **self._acceptance()}
+        span = self._span(-np.inf, np.inf)
+        return {"tracker": self.tracker, **_span_row(span), **values(RUN, span)}
 
     def phase_rows(self) -> list[Row]:
         """The same per phase; switches, jumps, losses and births belong to the phase in which they happen."""
         return [
-            {"tracker": self.tracker, "phase": name, "start": start, "end": end, **self._table(start, end)}
+            {"tracker": self.tracker, "phase": name, "start": start, "end": end, **_span_row(self._span(start, end))}
             for name, start, end in self.phases
         ]
 
     def object_rows(self) -> list[Row]:
         """One row an object: at how many scans it counted, its births, losses, switches and gaps, its mean errors."""
-        keys = np.array([key for _, key in self._pair_keys], int)
+        objects = np.array([key for _, key in self._pair_keys], int)
         errors = self._errors()
         rows: list[Row] = []
         for key, history in self.histories().items():
@@ -179,7 +169,8 @@ class Evaluator:
                 "plain_view_gap": histories.plain_view_gap(history),
                 "uncovered_gap": histories.uncovered_gap(history),
             }
-            rows.append(row | _error_table(errors[keys == key]))
+            own = dict(zip(ERRORS, errors[objects == key].T, strict=True))
+            rows.append(row | {m.key: _over_pairs(m, own) for m in OVER_PAIRS})
         return rows
 
     def orphan_rows(self) -> list[Row]:
@@ -212,9 +203,10 @@ class Evaluator:
             raise ValueError(
                 f"origin.expected must be ({N},), got {origin.expected.shape}; it belongs to another scene"
             )
-        if self._frames and time <= self._frames[-1].time:
-            last = self._frames[-1].time
-            raise ValueError(f"time must grow, got {time} s after {last} s; make a new Evaluator for each run")
+        if self._time and time <= self._time[-1]:
+            raise ValueError(
+                f"time must grow, got {time} s after {self._time[-1]} s; make a new Evaluator for each run"
+            )
 
     def _count(self, time: float, objects: Objects, origin: Origin) -> NDArray:
         """Mask (N,) of objects that were expected to be detected within the last `COUNTED_FOR`."""
@@ -246,52 +238,26 @@ class Evaluator:
         self._work_out()
         return np.concatenate([np.zeros((0, len(ERRORS))), *self._pair_errors])
 
-    def _table(self, start: float, end: float) -> Row:
-        """The measures of the scans from start up to end [s]; means only of those that are not before `settle`."""
+    def _span(self, start: float, end: float) -> Span:
+        """The scans from start up to end [s]; errors and scans only of those that are not before `settle`."""
         settled = max(start, self.settle)
-        within = [f for f in self._frames if settled <= f.time < end]
-        frames = {name: np.array([getattr(f, name) for f in within], float) for name in _FrameCounts._fields}
-        chosen = [settled <= time < end for time, _ in self._pair_keys]
-        past = list(self.histories().values())
-        births = [histories.birth_delay(h) for h in past if start <= histories.first_counted(h) < end]
-        spans = [(h, (start <= h.time) & (h.time < end)) for h in past]  # each object and its scans of the period
-        objects = sum(int((h.counted & now).sum()) for h, now in spans)
-        unborn = sum(int((histories.unborn(h) & now).sum()) for h, now in spans)
-        counted = [h for h, now in spans if (h.counted & now).any()]
-        confirmed = [h for h, now in spans if (h.held & now).any()]
-        ids = {t for t, seen in self._reports.items() if any(start <= time < end for time, _ in seen)}
-        empty = [i for i in ids if self._took.get(i, (0, 0))[1] > self._took.get(i, (0, 0))[0]]
-        ghosts = [i for i in empty if 2 * self._ghosts.get(i, 0) > self._took[i][1]]
-        table: Row = {"scans": len(within)}
-        table |= {name: mean(frames[name]) for name in ("gospa", "localisation", "missed", "false")}
-        table |= {
-            "missed_percent": 100 * float(frames["unassigned"].sum() / (frames["objects"].sum() or np.nan)),
-            "false_per_scan": mean(frames["ghosts"]),
-            "objects_per_scan": mean(frames["objects"]),
-            "tracks_per_scan": mean(frames["tracks"]),
-            "objects_visible": len(counted),
-            "objects_confirmed": len(confirmed),
-            "tracks_reported": len(ids),
-            "tracks_orphan": len(ids - set(self._object_of)),
-            "tracks_clutter": len(empty) - len(ghosts),
-            "tracks_ghost": len(ghosts),
-            "switches": sum(_within(histories.switches(h), start, end) for h in past),
-            "jumps": _within(np.array([time for time, _ in self._jumps]), start, end),
-            "lost": sum(_within(histories.losses(h), start, end) for h in past),
-            "never": sum(histories.never_tracked(h) for h in counted),
-            "birth_delay": mean([delay for delay in births if not np.isnan(delay)]),
-            "unborn_percent": 100 * unborn / objects if objects else np.nan,
-        }
-        return table | _error_table(self._errors()[np.array(chosen, bool)])
+        within = [scan for time, scan in zip(self._time, self._scans, strict=True) if settled <= time < end]
+        chosen = np.array([settled <= time < end for time, _ in self._pair_keys], bool)
+        tracks = [i for i, seen in self._reports.items() if any(start <= time < end for time, _ in seen)]
+        return Span(
+            start,
+            end,
+            scans={key: np.array([scan[key] for scan in within], float) for key in SCANS},
+            errors=dict(zip(ERRORS, self._errors()[chosen].T, strict=True)),
+            histories=list(self.histories().values()),
+            tracks=[self._past(track) for track in tracks],
+            jumps=np.array([time for time, _ in self._jumps]),
+        )
 
-    def _acceptance(self) -> Row:
-        """The longest gaps and the longest orphan of the run [s], over all objects and tracks."""
-        past = self.histories().values()
-        return {
-            "plain_view_gap": max(map(histories.plain_view_gap, past), default=0.0),
-            "uncovered_gap": max(map(histories.uncovered_gap, past), default=0.0),
-            "orphan_duration": max((float(row["duration"]) for row in self.orphan_rows()), default=0.0),
-        }
+    def _past(self, track: int) -> TrackPast:
+        times = [time for time, _ in self._reports[track]]
+        real, nothing = self._took.get(track, (0, 0))
+        return TrackPast(track not in self._object_of, times[-1] - times[0], real, nothing, self._ghosts.get(track, 0))
 
 
 def _countable(objects: Objects) -> NDArray:
@@ -304,26 +270,33 @@ def _shape(contour: NDArray | None) -> tuple[int, ...] | None:
     return None if contour is None else contour.shape[1:]
 
 
-def _within(times: NDArray, start: float, end: float) -> int:
-    return int(((start <= times) & (times < end)).sum())
+def pair_errors(pairs: Pairs) -> NDArray:
+    """Errors (K, len(ERRORS)) of K pairs."""
+    if not len(pairs.distance):
+        return np.zeros((0, len(ERRORS)))
+    return np.array([METRICS[key].compute(pairs) for key in ERRORS]).T
 
 
-def _frame_means(frame: _FrameCounts, errors: NDArray) -> dict[str, float]:
-    """The `mean` of a `FrameScore`: the counts, and the mean magnitude of each error of (K, len(ERRORS))."""
-    parts = {name: float(value) for name, value in frame._asdict().items() if name != "time"}
+def _scan_means(scan: Mapping[str, float], errors: NDArray) -> dict[str, float]:
+    """The `mean` of a `FrameScore`: metrics of the scan, and the mean magnitude of each error of (K, len(ERRORS))."""
     means = np.abs(errors).mean(0) if len(errors) else np.full(len(ERRORS), np.nan)
-    return parts | dict(zip(ERRORS, means.tolist(), strict=True))
+    return {key: float(value) for key, value in scan.items()} | dict(zip(ERRORS, means.tolist(), strict=True))
 
 
-def _error_table(errors: NDArray) -> Row:
-    """Averages over pairs (K, len(ERRORS)): means, RMSE, mean absolute sizes, NEES with its chi-square bounds."""
-    e = dict(zip(ERRORS, errors.T, strict=True))
-    table: Row = {name: mean(e[name]) for name in ("gwd", "gwd2", "box_iou", "contour_iou")}
-    table |= {f"rmse_{name}": rmse(e[name]) for name in ("position", "velocity", "heading_deg", "length", "width")}
-    table |= {f"abs_{name}": mean(np.abs(e[name])) for name in ("length", "width")}
-    low, high = nees_bounds(2, len(errors))
-    table |= {name: mean(e[name]) for name in ERRORS if name.startswith("nees_")}
-    return table | {"nees_low": low, "nees_high": high, "pairs": len(errors)}
+def _span_row(span: Span) -> Row:
+    """Metrics of a run or a phase, and the means of those of its scans and pairs, in the order of the table."""
+    row: Row = {}
+    for metric in OVER_SPAN:
+        if metric.of == SPAN:
+            row[metric.key] = metric.compute(span)
+        else:
+            row[metric.key] = mean(span.scans[metric.key]) if metric.of == SCAN else _over_pairs(metric, span.errors)
+    return row
+
+
+def _over_pairs(metric: Metric, errors: Mapping[str, NDArray]) -> float:
+    """A metric of many pairs, or the mean of one of a pair; errors (K,) by key."""
+    return metric.compute(errors) if metric.of == PAIRS else mean(errors[metric.key])
 
 
 def jsonable(row: Mapping[str, float | int | str]) -> dict[str, float | int | str | None]:

@@ -35,8 +35,8 @@ SCORES = (  # modules of testbed that decide about rows
     "frame",
     "environment.belief", "environment.observation", "environment.perception", "environment.wrapper",
     "planners.car_following", "planners.collision", "planners.idm", "planners.prediction", "planners.registry",
-    "evaluation.driving", "evaluation.ends", "evaluation.histories", "evaluation.metrics", "evaluation.pair_errors",
-    "evaluation.tracking",
+    "evaluation.drive_evaluator", "evaluation.driving", "evaluation.ends", "evaluation.histories", "evaluation.metric",
+    "evaluation.metrics", "evaluation.pair_errors", "evaluation.span", "evaluation.tracking",
     "compare.runs.tasks", "experiments.rows", "experiments.run", "replay.recording", "replay.rescan",
 )  # fmt: skip
 CATALOGUES: Mapping[str, Callable[[], Container[str]]] = {

@@ -20,9 +20,9 @@ import pyarrow.parquet as pq
 from scenarios.stage import Phase
 from testbed.compare.runs.config import Task
 from testbed.evaluation.ends import HITS, Ends
+from testbed.evaluation.metric import METRICS
 from testbed.evaluation.metrics import CUTOFF
-from testbed.evaluation.pair_errors import ERRORS
-from testbed.evaluation.tracking import Evaluator, jsonable
+from testbed.evaluation.tracking import ERRORS, Evaluator, jsonable
 from testbed.files import atomic_file
 from testbed.frame import Frame
 from trackers.geometry import wrap_angle
@@ -43,27 +43,6 @@ class Column(NamedTuple):
 
 
 TEXT = pa.dictionary(pa.int32(), pa.string())
-UNITS = {
-    "gwd": "m", "gwd2": "m^2", "position": "m", "velocity": "m/s", "heading_deg": "deg", "length": "m", "width": "m",
-    "box_iou": "1", "contour_iou": "1", "nees_position": "1", "nees_velocity": "1",
-    "nees_heading": "1", "nees_length": "1", "nees_width": "1",
-}  # fmt: skip
-NOTES = {
-    "gwd": "Gaussian Wasserstein distance of the boxes",
-    "gwd2": "its square",
-    "position": "distance of the centres",
-    "velocity": "magnitude of the difference of the velocities",
-    "heading_deg": "estimate minus truth",
-    "length": "estimate minus truth",
-    "width": "estimate minus truth",
-    "box_iou": "intersection over union of the boxes",
-    "contour_iou": "of the estimated contour, or the box without one, and the true outline",
-    "nees_position": "normalised estimation error squared of the centre, 2 degrees of freedom",
-    "nees_velocity": "of the velocity, 2 degrees of freedom",
-    "nees_heading": "of the heading, 1 degree of freedom",
-    "nees_length": "of the length, 1 degree of freedom",
-    "nees_width": "of the width, 1 degree of freedom",
-}
 COLUMNS = (
     Column("scenario", TEXT, "", "name in the catalogue"),
     Column("tracker", TEXT, "", "name in the catalogue"),
@@ -87,7 +66,7 @@ COLUMNS = (
     Column("expected", pa.float32(), "1", "detections expected of the object in this frame"),
     Column("detections", pa.int32(), "1", "detections assigned to the track in this frame"),
     Column("gospa2", pa.float32(), "m^2", f"part of the squared GOSPA distance, c = {CUTOFF:g} m"),
-    *(Column(name, pa.float32(), UNITS[name], NOTES[name]) for name in ERRORS),
+    *(Column(name, pa.float32(), METRICS[name].unit, METRICS[name].words) for name in ERRORS),
     Column("length_std", pa.float32(), "m", "standard deviation of the length, by the tracker"),
     Column("width_std", pa.float32(), "m", "of the width, by the tracker"),
     Column("nis", pa.float32(), "1", "normalised innovation squared of the centroid, 2 degrees of freedom"),

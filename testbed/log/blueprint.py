@@ -26,6 +26,7 @@ import rerun.blueprint as rrb
 from rerun.blueprint.encodings import VisualizerComponentMapping
 
 from sensors.origin import KINDS
+from testbed.evaluation.metric import METRICS
 from testbed.log import palette, paths
 from testbed.log.modes import Modes
 from testbed.log.record import RoadGeometry, RunMeta
@@ -38,26 +39,6 @@ HALF = {"strip": 12.0, "long": 22.0}  # [m] the overview shows at least this far
 MARGIN = 8.0  # [m] around a map that is shown whole, for the ids of tracks below its lowest lane
 AROUND, CLOSE_AROUND = 65.0, 26.0  # [m] overview and close-up on compact roads, where traffic comes from all sides
 
-TITLES = {
-    "gwd": "GWD [m]",
-    "nees_position": "NEES of position [-]",
-    "position": "position error [m]",
-    "velocity": "velocity error [m/s]",
-    "heading_deg": "heading error [deg]",
-    "length": "length error [m]",
-    "width": "width error [m]",
-    "box_iou": "box IoU [-]",
-    "contour_iou": "contour IoU [-]",
-    "nees_velocity": "NEES of velocity [-]",
-    "gospa": "GOSPA [m]",
-    "localisation": "GOSPA, localisation part [m^2]",
-    "missed": "GOSPA, missed part [m^2]",
-    "false": "GOSPA, false part [m^2]",
-    "objects": "objects that count",
-    "tracks": "reported tracks",
-    "unassigned": "objects without a track",
-    "ghosts": "tracks without an object",
-}
 ERRORS = ("gwd", "nees_position", "position", "velocity", "heading_deg", "length")
 GOSPA = ("gospa", "localisation", "missed", "false", "unassigned", "ghosts")
 FOCUS = ("gwd", "position", "velocity", "heading_deg")
@@ -67,8 +48,8 @@ Metrics = Mapping[str, Sequence[str]]  # tracker -> names of the metrics it has
 
 
 def title(metric: str) -> str:
-    """Title of the plot of a metric: from `TITLES`, else its name."""
-    return TITLES.get(metric, metric)
+    """Title of the plot of a metric: with its unit, or its name where the log has another one."""
+    return METRICS[metric].title if metric in METRICS else metric
 
 
 def layout(

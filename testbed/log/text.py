@@ -4,10 +4,23 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from testbed.labels import DRIVE, ROWS
+from testbed.evaluation.metric import METRICS, Metric
 from testbed.log.record import RunMeta
 
+OF_TRACKER = (  # what a run shows of each tracker
+    "objects_visible", "objects_confirmed", "gospa", "localisation", "missed", "false", "missed_percent",
+    "false_per_scan", "switches", "lost", "birth_delay", "unborn_percent", "uncovered_gap", "plain_view_gap",
+    "tracks_clutter", "tracks_ghost", "rmse_position", "rmse_velocity", "rmse_heading_deg", "rmse_length", "rmse_width",
+    "gwd", "box_iou", "contour_iou", "nees_position", "nees_velocity",
+)  # fmt: skip
+OF_DRIVE = ("collisions", "ttc_min", "distance_min", "progress", "speed_mean", "deceleration_max", "harsh_braking")
+
 Value = str | int | float | bool
+
+
+def shown(keys: Sequence[str]) -> list[Metric]:
+    """The metrics of some keys."""
+    return [METRICS[key] for key in keys]
 
 
 def flat_properties(meta: RunMeta) -> dict[str, Value]:
@@ -69,8 +82,8 @@ def unfinished_text(meta: RunMeta) -> str:
 
 def summary_text(meta: RunMeta, summary: Mapping[str, Value | Mapping[str, Value]]) -> str:
     """Page with a table of measures with one column a tracker, and the facts of the drive, by their plain names."""
-    named = {f"drive_{key}": (label, digits) for key, label, digits in DRIVE}
-    facts = {named[name][0]: number(value, named[name][1]) for name, value in summary.items() if name in named}
+    named = {f"drive_{metric.key}": metric for metric in shown(OF_DRIVE)}
+    facts = {named[name].title: named[name].text(value, "-") for name, value in summary.items() if name in named}
     facts |= {
         name: _short(value)
         for name, value in summary.items()
@@ -80,9 +93,9 @@ def summary_text(meta: RunMeta, summary: Mapping[str, Value | Mapping[str, Value
     pages = [_title(meta)]
     if tables:
         body = [
-            (label.strip(), *(number(table.get(key), digits) for table in tables.values()))
-            for key, label, digits in ROWS
-            if any(key in table for table in tables.values())
+            (metric.title, *(metric.text(table.get(metric.key), "-") for table in tables.values()))
+            for metric in shown(OF_TRACKER)
+            if any(metric.key in table for table in tables.values())
         ]
         pages.append(markdown_table(("measure", *tables), body))
     if facts:

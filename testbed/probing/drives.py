@@ -9,7 +9,7 @@ from scenarios.probes import PROBES
 from sensors import find as find_radar
 from testbed.environment.perception import tracker_of
 from testbed.environment.registration import make, scenario_of
-from testbed.evaluation.driving import DriveEvaluator, DriveMeasures
+from testbed.evaluation.drive_evaluator import DriveEvaluator
 from testbed.frame import Observer
 from testbed.planners import begin, settings
 from testbed.planners import find as find_planner
@@ -54,8 +54,8 @@ def find_probe(name: str) -> Scenario:
 
 def drive(
     setting: Setting, seed: int, values: Mapping[str, float] | None = None, observer: Observer | None = None
-) -> DriveMeasures:
-    """Measures of one drive; `values` of the probe's parameters replace their defaults."""
+) -> dict[str, float | int]:
+    """Metrics of one drive; `values` of the probe's parameters replace their defaults."""
     planner, evaluator = find_planner(setting.planner), DriveEvaluator()
     config = {**settings(planner), **(values or {})}
     with closing(make(setting.probe, config, tracker=setting.tracker, radar=setting.radar)) as env:
@@ -70,12 +70,12 @@ def drive(
             action, tracked.plan = planner.choose(env)
             _, _, terminated, truncated, _ = env.step(action)
             done = terminated or truncated
-    return evaluator.measures
+    return evaluator.summary()
 
 
-def survived(probe: Scenario, measures: DriveMeasures) -> bool:
+def survived(probe: Scenario, row: Mapping[str, float | int]) -> bool:
     """Whether nothing was hit; in a probe in which nothing calls for braking, also whether the ego did not brake."""
-    return not measures.collided and (not probe.calm or measures.brake_max < FREE)
+    return not row["collisions"] and (not probe.calm or row["deceleration_max"] < FREE)
 
 
 def survives(setting: Setting, seed: int, values: Mapping[str, float]) -> bool:

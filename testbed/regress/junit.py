@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from testbed.compare.runs.measures import KEYS
+from testbed.evaluation.metric import METRICS
 from testbed.files import write_atomic
 from testbed.regress.baselines import Key
 from testbed.regress.findings import Findings
@@ -26,7 +26,7 @@ def write(findings: Findings, path: Path) -> None:
 
 def sentence(change: Change) -> str:
     """One change in words."""
-    name = KEYS[change.measure].title
+    name = METRICS[change.measure].title
     if change.verdict == GONE:
         return f"{name}: nothing measured any more, the baseline has {change.before:.4g}"
     numbers = f"{change.before:.4g} -> {change.after:.4g}"

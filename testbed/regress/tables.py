@@ -8,8 +8,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from testbed.command_line.tables import light_table, number
-from testbed.compare.runs.measures import KEYS
 from testbed.evaluation.intervals import mean_of_means
+from testbed.evaluation.metric import METRICS
 from testbed.regress.baselines import Baselines, Key
 from testbed.regress.suite import TOLERANCES
 from testbed.regress.verdict import Change
@@ -26,9 +26,9 @@ def moved(changes: Sequence[Change], title: str) -> Table:
     for name in ("before", "now", "change", "allowed"):
         table.add_column(name, justify="right", no_wrap=True)
     for c in changes[:ROWS]:
-        digits = KEYS[c.measure].digits + 1
+        digits = METRICS[c.measure].digits + 1
         numbers = (number(c.before, digits), number(c.after, digits), _signed(c.change, digits))
-        table.add_row(f"{c.tracker}, {c.scenario}", escape(KEYS[c.measure].title), *numbers, number(c.limit, digits))
+        table.add_row(f"{c.tracker}, {c.scenario}", escape(METRICS[c.measure].title), *numbers, number(c.limit, digits))
     if len(changes) > ROWS:
         table.add_row(f"and {len(changes) - ROWS} more", *[""] * 5)
     return table
@@ -68,10 +68,10 @@ def _means(old: Baselines, new: Baselines, keys: Sequence[Key]) -> str:
     parts = []
     for measure in TOLERANCES:
         a, b = (_mean([baselines.values[key][measure] for key in keys]) for baselines in (old, new))
-        digits = KEYS[measure].digits + 1
+        digits = METRICS[measure].digits + 1
         before, after = f"{a:.{digits}f}", f"{b:.{digits}f}"
         if before != after:
-            parts.append(f"{KEYS[measure].title} {before} -> {after}")
+            parts.append(f"{METRICS[measure].title} {before} -> {after}")
     return ", ".join(parts) or "less than the digits shown"
 
 

@@ -1,6 +1,6 @@
 """What moved: new runs compared with the baselines of the same seeds, tracker by tracker and scenario by scenario.
 
-All differences are new minus baseline on a scale on which less is better (`measures.badness`). Two rules find a change
+All differences are new minus baseline on a scale on which less is better (`Metric.badness`). Two rules find a change
 for the worse; mirrored, they find one for the better:
 
 1. A tracker over all scenarios: the bootstrap interval of the mean change lies above the tolerance. Units are
@@ -20,8 +20,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from testbed.compare.runs.measures import badness
 from testbed.evaluation.intervals import FEWEST, bootstrap_interval, student_limit
+from testbed.evaluation.metric import METRICS
 from testbed.regress.spread import spread_of_others
 from testbed.regress.suite import TOLERANCES, Tolerance
 
@@ -130,4 +130,4 @@ def _mean(groups: Sequence[NDArray]) -> float:
 
 
 def _bad(measure: str, values: NDArray) -> NDArray:
-    return np.array([badness(measure, value) for value in values.tolist()])
+    return np.array([METRICS[measure].badness(value) for value in values.tolist()])

@@ -11,13 +11,17 @@ from testbed.compare.statistics.differences import PairedDifference, needed
 from testbed.environment.sources.conditions import IN_VIEW
 from testbed.environment.sources.substitution import EXISTENCE, GROUPS, subsets
 from testbed.evaluation.intervals import NO_INTERVAL, Interval, bootstrap_interval, crossed_interval, measured
+from testbed.evaluation.metric import METRICS
 from testbed.experiments.rows import content
-from testbed.regret.measures import BOTH_SIDES, KEYS, TRACKING
 from testbed.regret.results import Results
 from testbed.regret.shapley import shapley
 from testbed.regret.study import Task
 
 ALL = "all"  # scenarios together
+BOTH_SIDES = ("tit", "progress")  # the metric of risk and that of loss that tell trackers apart with the fewest seeds
+TRACKING = (  # errors of the tracker in its own drive
+    "gospa", "rmse_position", "rmse_velocity", "rmse_length", "birth_delay", "missed_percent",
+)  # fmt: skip
 
 
 class Cell(NamedTuple):
@@ -33,7 +37,7 @@ class Cell(NamedTuple):
     def verdict(self) -> str:
         """Better or worse than the reference, the same, or what the seeds cannot resolve."""
         found = self.change.verdict  # on the scale of the measure itself: "better" means less
-        if found in ("better", "worse") and KEYS[self.measure].better > 0:
+        if found in ("better", "worse") and METRICS[self.measure].better > 0:
             return {"better": "worse", "worse": "better"}[found]
         return found
 
@@ -105,15 +109,15 @@ def self_test(results: Results) -> dict[Task, bool]:
 class Correlation(NamedTuple):
     """Whether the trackers that have more of an error also have more regret, in the same scenario with one planner."""
 
-    error: str  # key of `measures.TRACKING`
+    error: str  # key in `TRACKING`
     rho: float  # rank correlation within scenarios and planners
     means: int  # that it rests on, each of one tracker in one scenario with one planner
 
 
 def error_and_regret(drives: pd.DataFrame, pairs: pd.DataFrame) -> pd.DataFrame:
-    """One row a scenario, planner and tracker: mean regret J [s] and mean tracking errors, over the seeds."""
+    """One row a scenario, planner and tracker: mean regret [s] and mean tracking errors, over the seeds."""
     keys = ["scenario", "planner", "condition"]
-    regret = (-pairs.set_index([*keys, "seed"])["J"]).rename("regret")
+    regret = (-pairs.set_index([*keys, "seed"])["drive_score"]).rename("regret")
     errors = drives.set_index([*keys, "seed"])
     errors = errors[[key for key in TRACKING if key in errors]].astype(float)
     joined = regret.to_frame().join(errors, how="inner").dropna(how="all", subset=list(errors.columns))
@@ -149,13 +153,13 @@ class WorstPair(NamedTuple):
 
 
 def worst_pairs(pairs: pd.DataFrame) -> list[WorstPair]:
-    """For each planner and tracker the pair with the largest regret J; `pairs` have one reference."""
+    """For each planner and tracker the pair with the largest regret; `pairs` have one reference."""
     worst = []
     for _, part in pairs.groupby(["planner", "condition"], sort=False):
-        if part["J"].notna().any():
-            row = part.loc[part["J"].idxmin()]
+        if part["drive_score"].notna().any():
+            row = part.loc[part["drive_score"].idxmin()]
             task = Task(row["scenario"], row["planner"], row["condition"], int(row["seed"]))
-            worst.append(WorstPair(task, -float(row["J"]), float(row["parted"]), row["parting"]))
+            worst.append(WorstPair(task, -float(row["drive_score"]), float(row["parted"]), row["parting"]))
     return worst
 
 
@@ -168,7 +172,9 @@ def one_sided(found: Sequence[Cell]) -> list[str]:
         other = by_key.get((scenario, planner, condition, loss))
         if measure != risk or other is None or {cell.verdict, other.verdict} != {"better", "worse"}:
             continue
-        a, b = (f"{KEYS[c.measure].label} {c.change.mean.value:+.3g} {KEYS[c.measure].unit}" for c in (cell, other))
+        a, b = (
+            f"{METRICS[c.measure].label} {c.change.mean.value:+.3g} {METRICS[c.measure].unit}" for c in (cell, other)
+        )
         how = "looks safer and pays with progress" if cell.verdict == "better" else "gains progress at a risk"
         sentences.append(f"{condition}, {planner}, {scenario}: {how} ({a}, {b})")
     return sentences
@@ -178,7 +184,7 @@ def unresolved(found: Sequence[Cell]) -> list[str]:
     """One sentence for each change that the seeds cannot resolve, with how many it would take."""
     sentences = []
     for cell in found:
-        d, label = cell.change, KEYS[cell.measure].label
+        d, label = cell.change, METRICS[cell.measure].label
         where = f"{cell.condition}, {cell.planner}, {cell.scenario}, {label}"
         if cell.verdict == "too few seeds":
             sentences.append(f"{where}: {d.pairs} seeds are too few for an interval")

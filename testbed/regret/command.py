@@ -19,7 +19,7 @@ from testbed.regret.results import DRIVES, PAIRS, Results, write_table
 from testbed.regret.study import Study
 from testbed.regret.work import execute
 
-SHOWN = ("J", "tit", "progress")  # beside the scenario, in 80 columns
+SHOWN = ("drive_score", "tit", "progress")  # beside the scenario, in 80 columns
 WARNINGS = 8  # that are spelt out on the terminal
 
 
@@ -72,12 +72,12 @@ def regret(study: Study, options: Options, console: Console, bar: Bar) -> int:
 def overview(found: Findings, console: Console) -> None:
     """The regret by tracker and planner, the changes by scenario, and what the seeds cannot resolve."""
     if found.together:
-        console.print(terminal(tables.overview(found.together, ""), "regret J [s] against the truth, all scenarios"))
+        console.print(terminal(tables.overview(found.together, ""), "regret [s] against the truth, all scenarios"))
     for cells, title in ((found.total, "change against the truth"), (found.doses, "change against what is in view")):
         if cells:
             shown = [c for c in cells if c.measure in SHOWN]
             console.print(terminal(tables.changes(shown, ""), title, narrow=True))
     sentences = [*found.verdict, *analysis.one_sided(found.total)]
-    sentences += analysis.unresolved([c for c in found.together if c.measure == "J"])
+    sentences += analysis.unresolved([c for c in found.together if c.measure == "drive_score"])
     for sentence in sentences[:WARNINGS]:
         console.print(f"[yellow]![/yellow] {sentence}", highlight=False, soft_wrap=True)

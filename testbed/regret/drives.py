@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from contextlib import closing
-from dataclasses import asdict
 from pathlib import Path
 from time import process_time
 from typing import Any
@@ -12,7 +11,7 @@ import numpy as np
 
 from testbed.environment.registration import make
 from testbed.environment.sources import conditions
-from testbed.evaluation.driving import DriveEvaluator
+from testbed.evaluation.drive_evaluator import DriveEvaluator
 from testbed.evaluation.tracking import Evaluator, jsonable
 from testbed.experiments.rows import check_part, write
 from testbed.experiments.run import FOUND, Outcome, outcome_of
@@ -23,6 +22,10 @@ from testbed.regret.discrepancy import Discrepancy, largest
 from testbed.regret.study import Settings, Task
 
 FOLDER = "drives"
+DRIVEN = (  # metrics of the drive
+    "elapsed", "collisions", "ttc_min", "ttc_plane_min", "ttc_5", "drac_max", "tit", "headway_min",
+    "deceleration_max", "jerk", "progress", "drive_score",
+)  # fmt: skip
 TRACKING = (  # measures of the tracker in its own drive
     "gospa", "missed_percent", "false_per_scan", "switches", "lost", "birth_delay",
     "rmse_position", "rmse_velocity", "rmse_heading_deg", "rmse_length", "rmse_width", "nees_position",
@@ -93,9 +96,10 @@ def driven(task: Task, settings: Settings) -> tuple[Curves, dict[str, Any]]:
         env.get_wrapper_attr("attach")(observer)
         times, decisions = drive_through(env, task)
         cpu = process_time() - start
+    drive = observer.drive.summary()
     tracking = {} if observer.tracking is None else observer.tracking.summary()
     return observer.curves, {
-        "measures": jsonable(asdict(observer.drive.measures)),
+        "measures": {key: drive[key] for key in DRIVEN},
         "tracking": jsonable({key: tracking[key] for key in TRACKING if key in tracking}),
         "decisions": decisions,
         "times": times,

@@ -5,12 +5,12 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import pandas as pd
 
+from testbed.evaluation.metric import METRICS
 from testbed.experiments.run import Outcome
 from testbed.files import write_atomic
 from testbed.frame import TRUTH
 from testbed.regress.junit import FORBIDDEN
 from testbed.regret.analysis import Cell, compared_with
-from testbed.regret.measures import KEYS
 from testbed.regret.study import Task
 
 
@@ -31,7 +31,7 @@ def write(
         suite = SubElement(root, "testsuite", name=f"{planner} {condition}")
         for scenario, rows in part.groupby("scenario", sort=False):
             case = SubElement(suite, "testcase", classname=f"regret.{planner}.{condition}", name=str(scenario))
-            crashed = rows.loc[rows["collided"] > 0, "seed"].tolist()
+            crashed = rows.loc[rows["collisions"] > 0, "seed"].tolist()
             if crashed:
                 seeds = ", ".join(map(str, crashed))
                 text = f"collides on {len(crashed)} of {len(rows)} seeds on which the truth does not: {seeds}"
@@ -55,5 +55,5 @@ def write(
 
 
 def _sentence(cell: Cell) -> str:
-    v, measure = cell.change.mean, KEYS[cell.measure]
+    v, measure = cell.change.mean, METRICS[cell.measure]
     return f"{measure.title}: {v.value:+.4g} [{v.low:+.4g}, {v.high:+.4g}], {cell.verdict}"

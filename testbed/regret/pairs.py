@@ -7,30 +7,28 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from testbed.environment.sources.conditions import IN_VIEW, parse
-from testbed.evaluation.driving import changed_decisions, extra_braking, speed_difference
+from testbed.evaluation.driving import SAME, Driven, changed_decisions
+from testbed.evaluation.metric import DRIVES, keys, values
 from testbed.frame import TRUTH
 from testbed.regret.curves import Curves
-from testbed.regret.measures import MEASURES, PAIRED
 from testbed.regret.results import Drive, Results
 from testbed.regret.study import Task
 
 HARD = 2.0  # [m/s^2] braking that counts as an event
 AFTER = 3.0  # [s] within which the other drive brakes for the same reason
-SAME = 0.05  # two actions within this are one decision: continuous ones span -1 to 1, others are whole numbers
+MEASURES = (  # of each drive, of which a pair has the difference
+    "drive_score", "collisions", "drac_max", "tit", "ttc_min", "headway_min", "progress", "deceleration_max", "jerk",
+)  # fmt: skip
 
 
 def difference(drive: Drive, other: Drive) -> dict[str, float]:
     """Measures of a drive minus those of another one."""
-    return {m.key: float(drive.measures[m.key]) - float(other.measures[m.key]) for m in MEASURES}
+    return {key: float(drive.measures[key]) - float(other.measures[key]) for key in MEASURES}
 
 
 def paired(curves: Curves, others: Curves, drive: Drive, other: Drive) -> dict[str, float]:
-    """What only a pair has: extra braking [m/s], rms difference of the speeds [m/s], changed decisions [%]."""
-    return {
-        "extra_braking": extra_braking(curves.drive, others.drive),
-        "speed_difference": speed_difference(curves.drive, others.drive),
-        "changed": 100 * changed_decisions(drive.decisions, other.decisions, SAME),
-    }
+    """What only a pair has."""
+    return values(DRIVES, Driven(curves.drive, drive.decisions), Driven(others.drive, other.decisions))
 
 
 class Parting(NamedTuple):
@@ -96,7 +94,7 @@ def table(results: Results) -> pd.DataFrame:
             other = results.drives.get(task._replace(condition=reference))
             if other is not None and task.condition not in (TRUTH, reference):
                 rows.append({"reference": reference, **task._asdict(), **_row(results, drive, other)})
-    columns = ["reference", *Task._fields, *(m.key for m in (*MEASURES, *PAIRED)), "parted", "parting"]
+    columns = ["reference", *Task._fields, *MEASURES, *keys(DRIVES), "parted", "parting"]
     return pd.DataFrame(rows, columns=columns)
 
 

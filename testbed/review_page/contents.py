@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sensors.origin import KINDS
+from testbed.evaluation.metric import METRICS
 from testbed.log import legend, palette, paths
 from testbed.log.columns import Columns
 from testbed.log.focus import vehicles
@@ -16,17 +17,7 @@ from testbed.log.reader import events, properties
 from testbed.log.table_pages import NOTHING_WRONG
 from testbed.review_page.shapes import Shapes, centimetres
 
-CURVES = (  # metric of every scan, title with unit
-    ("gospa", "GOSPA [m]"),
-    ("gwd", "GWD [m]"),
-    ("position", "position error [m]"),
-    ("velocity", "velocity error [m/s]"),
-    ("heading_deg", "heading error [deg]"),
-    ("length", "length error [m]"),
-    ("width", "width error [m]"),
-    ("unassigned", "objects without a track"),
-    ("ghosts", "tracks without an object"),
-)
+CURVES = ("gospa", "gwd", "position", "velocity", "heading_deg", "length", "width", "unassigned", "ghosts")
 PLAIN_LEVELS = ("INFO", "WARN", "ERROR")
 NO_TRUTH = "This log has no truth: nothing is measured against it."
 INTERRUPTED = "The run was interrupted: worst moments and objects are found when a run ends."
@@ -62,7 +53,7 @@ def contents(path: str | Path) -> dict[str, Any]:
         "ego": _ego(columns, shapes, steps),
         "detections": _detections(columns, steps),
         "road": _road(columns),
-        "curves": [{"key": key, "title": title} for key, title in CURVES],
+        "curves": [{"key": key, "title": METRICS[key].title} for key in CURVES],
         "shapes": shapes.found,
         "action": [texts[0] for texts in columns.held(paths.EGO_ACTION, "StateChange:state", "").values()],
         "events": [[round(e.time, 3), e.level, e.text] for e in events(path) if e.level in PLAIN_LEVELS],
@@ -121,7 +112,7 @@ def _tracks(columns: Columns, shapes: Shapes, name: str, steps: list[int]) -> di
     entity = paths.tracker(name, "extent")
     rings, ids = columns.strips(entity), columns.numbers(entity, "track:id")
     means, of = {}, {}
-    for key, _ in CURVES:
+    for key in CURVES:
         found = columns.numbers(paths.metric(key, name), "Scalars:scalars")
         means[key] = [_round(found.get(step)) for step in steps]
     leaf = paths.plain(name)
@@ -130,7 +121,7 @@ def _tracks(columns: Columns, shapes: Shapes, name: str, steps: list[int]) -> di
             number = other.split("/")[1].rpartition("_")[2]
             of[str(int(number))] = {
                 key: [_round(found.get(step)) for step in steps]
-                for key, _ in CURVES
+                for key in CURVES
                 if (found := columns.numbers(other, f"metrics:{key}"))
             }
     return {

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from studies.comparison.publish import read
-from testbed.compare.runs.measures import KEYS
 from testbed.compare.statistics.analysis import cells
+from testbed.evaluation.metric import METRICS
 from trackers import DEFAULT
 
 ROOT = Path(__file__).parents[2]
@@ -40,7 +40,7 @@ def figures(results):
     found = cells(results._replace(comparison=comparison, spans=spans), tuple(MEASURES.values()))
     return {
         (c.tracker, c.measure): tuple(
-            f"{x:.{KEYS[c.measure].digits}f}" for x in (c.mean.value, c.mean.low, c.mean.high)
+            f"{x:.{METRICS[c.measure].digits}f}" for x in (c.mean.value, c.mean.low, c.mean.high)
         )
         for c in found
     }
@@ -58,7 +58,7 @@ def test_the_table_holds_the_default_tracker(figures):
     }
     for name, measure in MEASURES.items():
         mean, low, high = figures[DEFAULT, measure]
-        unit = KEYS[measure].unit.replace("1", "")
+        unit = METRICS[measure].unit.replace("1", "")
         assert rows[name] == f"{mean} {unit}".strip() + f" [{low}, {high}]"
 
 

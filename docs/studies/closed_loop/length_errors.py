@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from testbed.compare.runs.measures import EDGES, LABELS
+from testbed.compare.statistics.analysis import EDGES, LABELS
 from testbed.evaluation.metrics import rmse
 from testbed.evaluation.tracking import Evaluator
 from testbed.frame import Frame

@@ -14,9 +14,9 @@ from studies.page import DOCS, Docs, Page
 from testbed.command_line.terminal import user_input
 from testbed.compare.report import tables
 from testbed.compare.report.renderers import markdown
-from testbed.compare.runs.measures import DRIVE, KEYS, MAIN
 from testbed.compare.runs.results import Results
-from testbed.compare.statistics.analysis import cells
+from testbed.compare.statistics.analysis import DRIVE, MAIN, cells
+from testbed.evaluation.metric import METRICS
 from testbed.evaluation.metrics import CUTOFF
 from testbed.log.text import markdown_table
 from trackers import DEFAULT
@@ -186,7 +186,7 @@ def scenario_part(results: Results, measure: str) -> str:
     """Every tracker in every scenario by one measure."""
     found = tables.by_scenario(list(cells(results, (measure,), by="scenario")), results.comparison.baseline)
     note = f"\n\nc = {CUTOFF:g} m, over the rooted Gaussian Wasserstein distance." if measure == "gospa" else ""
-    return f"## {KEYS[measure].title} by scenario{note}\n\n{markdown(found)}"
+    return f"## {METRICS[measure].title} by scenario{note}\n\n{markdown(found)}"
 
 
 def closed(results: Results | None) -> str:

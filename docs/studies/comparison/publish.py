@@ -23,10 +23,10 @@ from scenarios import SCENARIOS
 from testbed.command_line.terminal import console, user_input
 from testbed.compare.report.report import write_report
 from testbed.compare.runs.config import Comparison, Settings, Task, read_settings
-from testbed.compare.runs.measures import COSTS, DRIVE, KEYS, MAIN
 from testbed.compare.runs.results import Results, collect
 from testbed.compare.runs.tasks import ROWS
-from testbed.compare.statistics.analysis import by_band, consistency
+from testbed.compare.statistics.analysis import DRIVE, MAIN, by_band, consistency
+from testbed.evaluation.metric import COSTS, METRICS, old_names
 from testbed.experiments.rows import read_meta
 from testbed.files import atomic_file, write_atomic, write_json
 from trackers import DEFAULT, TRACKERS
@@ -34,6 +34,11 @@ from trackers.lookup import parse
 
 ABOUT, RUNS = "comparison.json", "runs.parquet"
 PARTS = {"closed": (*MAIN, *DRIVE), "layers": MAIN}  # smaller comparisons -> their measures
+PUBLISHED = (  # of every run and phase
+    "gospa", "missed_percent", "false_per_scan", "rmse_position", "rmse_velocity", "rmse_heading_deg", "rmse_length",
+    "rmse_width", "gwd", "box_iou", "contour_iou", "nees_position", "nees_velocity", "nees_heading", "nees_length",
+    "nees_width", "switches", "lost", "birth_delay", "unborn_percent", "never", "uncovered_gap", *COSTS, *DRIVE,
+)  # fmt: skip
 TABLES = ("range", "visible", "consistency")  # .csv
 KEY = ["scenario", "tracker", "seed", "phase"]  # of a row of `runs.parquet`
 DIGITS = 6  # significant, of the tables
@@ -119,14 +124,14 @@ def replace_trackers(folder: Path, target: Path) -> tuple[str, ...]:
 
 def _small(results: Results) -> tuple[pd.DataFrame, list[pd.DataFrame]]:
     """The measures of every run and phase, and the tables in the order of `TABLES`."""
-    measures = [key for key in KEYS if key in results.spans]
+    measures = [key for key in PUBLISHED if key in results.spans]
     spans = results.spans[KEY + measures].astype(dict.fromkeys(measures, "float32"))
     return spans, [by_band(results, "range"), by_band(results, "visible"), consistency(results)]
 
 
 def _write_spans(path: Path, spans: pd.DataFrame) -> None:
     table = pa.Table.from_pandas(spans, preserve_index=False)
-    described = [f.with_metadata({"unit": KEYS[f.name].unit if f.name in KEYS else ""}) for f in table.schema]
+    described = [f.with_metadata({"unit": METRICS[f.name].unit if f.name in METRICS else ""}) for f in table.schema]
     with atomic_file(path) as file:
         pq.write_table(table.cast(pa.schema(described, table.schema.metadata)), file, compression="zstd")
 
@@ -171,7 +176,8 @@ def _read_runs(target: Path, facts: str, runs: str) -> tuple[Results, dict[str, 
     settings = Settings(**{f.name: known["identity"][f.name] for f in fields(Settings)})
     scenarios, trackers, seeds = (tuple(known[what]) for what in ("scenarios", "trackers", "seeds"))
     comparison = Comparison(scenarios, trackers, seeds, settings, known["reference"], str(target))
-    return Results(comparison, pd.read_parquet(target / runs), pd.DataFrame(), []), known
+    spans = pd.read_parquet(target / runs).rename(columns=old_names("comparison"))
+    return Results(comparison, spans, pd.DataFrame(), []), known
 
 
 def _in_order(values: Sequence[Any], what: str) -> tuple[Any, ...]:

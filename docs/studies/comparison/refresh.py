@@ -21,8 +21,8 @@ from testbed.command_line.tables import light_table
 from testbed.command_line.terminal import console, user_input
 from testbed.compare.report.report import NAME
 from testbed.compare.runs.config import Settings, Task
-from testbed.compare.runs.measures import COSTS
 from testbed.compare.runs.tasks import RECORDINGS, ROWS, rows_path, run
+from testbed.evaluation.metric import COSTS
 from testbed.experiments.engine import Engine, check, perform
 from testbed.experiments.identity import shared_digest, tracker_digest
 from testbed.experiments.rows import read_meta

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from scenarios.probes import PROBES
 from testbed.command_line.interruption import InterruptRequest
-from testbed.evaluation.driving import DriveMeasures
+from testbed.evaluation.tracking import jsonable
 from testbed.files import write_json
 from testbed.probing.drives import FREE, Setting, drive
 
@@ -51,12 +51,12 @@ def verdict(probe: str, rows: Sequence[Mapping[str, Any]]) -> Verdict:
     The time to collision is that to anything, ahead or in the plane: a gap is entered from the side.
     """
     ttc = [min(row["ttc_min"], row["ttc_plane_min"]) for row in rows]
-    braking = [row["brake_max"] for row in rows]
+    braking = [row["deceleration_max"] for row in rows]
     return Verdict(
         probe,
         planner_of(probe),
         len(rows),
-        sum(row["collided"] for row in rows),
+        sum(row["collisions"] for row in rows),
         (min(ttc), float(np.median(ttc)), max(ttc)),
         float(np.median([row["drac_max"] for row in rows])),
         (float(np.median(braking)), max(braking)),
@@ -85,9 +85,9 @@ def all_drives(
     return found
 
 
-def row(measures: DriveMeasures) -> dict[str, Any]:
-    """Measures as JSON types, rounded to what a page shows and more."""
-    return {key: value if isinstance(value, bool) else round(value, 4) for key, value in asdict(measures).items()}
+def row(summary: Mapping[str, float | int]) -> dict[str, Any]:
+    """Metrics as JSON types, rounded to what a page shows and more."""
+    return jsonable({key: round(value, 4) for key, value in summary.items()})
 
 
 def _known(file: Path, code: str) -> dict[str, dict[str, Any]]:

@@ -18,7 +18,8 @@ from studies.probes.figure import draw
 from testbed.command_line.interruption import interruptible
 from testbed.command_line.terminal import user_input
 from testbed.environment.registration import env_id
-from testbed.evaluation.driving import LONGEST, DriveEvaluator
+from testbed.evaluation.drive_evaluator import DriveEvaluator
+from testbed.evaluation.driving import LONGEST
 from testbed.experiments.identity import shared_digest
 from testbed.files import make_directory, write_json
 from testbed.frame import Frame

@@ -6,7 +6,7 @@ import pandas as pd
 
 from testbed.regret.analysis import ALL, Cell, change
 
-MEASURES = ("J", "collided", "drac_max", "tit", "progress", "brake_max")
+MEASURES = ("drive_score", "collisions", "drac_max", "tit", "progress", "deceleration_max")
 CAUTIOUS, PLAIN = "mpc-cautious", "mpc"
 
 

@@ -12,21 +12,23 @@ from studies.regret.caution import differences
 from testbed.command_line.terminal import console, user_input
 from testbed.compare.report.renderers import markdown
 from testbed.compare.report.report import seeds_text
+from testbed.evaluation.metric import old_names
 from testbed.files import make_directory
 from testbed.regret.analysis import Attribution, Cell, one_sided, unresolved
 from testbed.regret.report import figures, tables
-from testbed.regret.report.page import drawable, find
+from testbed.regret.report.page import TABLE, drawable, find
 from testbed.regret.results import DRIVES, PAIRS, write_table
 from testbed.regret.study import Task
 
+OLD = old_names("regret")
 PARTS = ("main", "attribution", "doses", "caution")  # folders of docs/results/regret
-SHOWN = ("J", "collided", "drac_max", "tit", "progress", "brake_max", "extra_braking", "changed")
 TITLE = """# What tracking error costs in driving
 
 Every scenario is driven on the truth, on what is in view, and on the tracks of a tracker, with the same seed, so that
-the drives differ by tracking alone. The regret J is J on the truth minus J on tracks [s]: positive means that tracking
-cost something. Definitions: [methods/regret.md](methods/regret.md), measures: [metrics](methods/metrics.md#the-drive),
-scenarios: [probes.md](probes.md). In brackets 95 % intervals over the seeds, paired.
+the drives differ by tracking alone. The regret is the drive score on the truth minus that on tracks [s]: positive means
+that tracking cost something. Definitions: [methods/regret.md](methods/regret.md), measures:
+[metrics](methods/metrics.md#the-drive), scenarios: [probes.md](probes.md). In brackets 95 % intervals over the seeds,
+paired.
 
 {facts}
 
@@ -40,7 +42,7 @@ scenarios: [probes.md](probes.md). In brackets 95 % intervals over the seeds, pa
 
 ## By scenario
 
-Each measure on tracks minus the same on the truth; less J and less progress are worse, more of all others is.
+Each measure on tracks minus the same on the truth; less of drive score and progress is worse, more of all others.
 
 {total}
 
@@ -137,7 +139,7 @@ def publish(folders: Sequence[Path], place: Path) -> None:
             if not (folder / name).exists():
                 raise ValueError(f"{folder} has no {name}; make it with `testbed regret --out {folder}`")
     for name, keys in ((DRIVES, [*Task._fields]), (PAIRS, ["reference", *Task._fields])):
-        table = joined([pd.read_parquet(folder / name) for folder in folders], keys)
+        table = joined([pd.read_parquet(folder / name).rename(columns=OLD) for folder in folders], keys)
         make_directory(place)
         write_table(table, place / name)
     console.print(f"tables   {place}", soft_wrap=True)
@@ -157,7 +159,8 @@ def joined(tables: Sequence[pd.DataFrame], keys: list[str]) -> pd.DataFrame:
 
 def load(place: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
     """The tables of drives and of pairs."""
-    return pd.read_parquet(place / DRIVES), pd.read_parquet(place / PAIRS)
+    drives, pairs = (pd.read_parquet(place / name).rename(columns=OLD) for name in (DRIVES, PAIRS))
+    return drives, pairs
 
 
 def text(found: dict[str, tuple[pd.DataFrame, pd.DataFrame]], page: Page | None = None) -> str:
@@ -178,8 +181,8 @@ def _main(drives: pd.DataFrame, pairs: pd.DataFrame, page: Page | None) -> str:
     _draw(page, total, errors=errors)
     grids = {
         "overview": tables.overview(found.together, ""),
-        "total": tables.changes([c for c in found.total if c.measure in SHOWN], ""),
-        "sensing": tables.changes([c for c in found.sensing if c.measure in SHOWN], ""),
+        "total": tables.changes([c for c in found.total if c.measure in TABLE], ""),
+        "sensing": tables.changes([c for c in found.sensing if c.measure in TABLE], ""),
         "errors": tables.correlation(found.ranks),
         "worst": tables.worst(found.worst),
     }
@@ -203,13 +206,13 @@ def _doses(drives: pd.DataFrame, pairs: pd.DataFrame, page: Page | None) -> str:
     found = find(drives, pairs)
     *_, doses = drawable(found)
     _draw(page, doses=doses)
-    shown = [c for c in found.doses if c.measure in SHOWN]
+    shown = [c for c in found.doses if c.measure in TABLE]
     return DOSES.format(facts=_facts(drives), table=markdown(tables.changes(shown, "")))
 
 
 def _caution(drives: pd.DataFrame) -> str:
     cells = list(differences(drives))
-    open_questions = _items(unresolved([c for c in cells if c.measure == "J"]))
+    open_questions = _items(unresolved([c for c in cells if c.measure == "drive_score"]))
     return CAUTION.format(facts=_facts(drives), table=markdown(tables.changes(cells, "")), open=open_questions)
 
 

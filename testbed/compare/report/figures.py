@@ -10,10 +10,10 @@ from matplotlib.figure import Figure
 
 from testbed.compare.report import figures_band, figures_runs, figures_time
 from testbed.compare.report.style import RC, line_styles
-from testbed.compare.runs.measures import COSTS, KEYS, MAIN
 from testbed.compare.runs.results import Results
-from testbed.compare.statistics.analysis import BANDS, pairwise
+from testbed.compare.statistics.analysis import BANDS, MAIN, pairwise
 from testbed.compare.statistics.series import STEP, chosen, over_time, ranked
+from testbed.evaluation.metric import COSTS, METRICS
 from testbed.files import make_directory, write_figure
 
 FOLDER = "figures"
@@ -94,7 +94,7 @@ def _of_runs(results: Results) -> Iterator[Plot]:
     for key in ("gospa", "rmse_position"):
         table = pairwise(results, key)
         if table.notna().any(axis=None):
-            label = KEYS[key].label
+            label = METRICS[key].label
             yield Plot(
                 f"pairwise_{key}",
                 f"Which tracker is better in {label}, run by run",

@@ -10,8 +10,8 @@ from matplotlib.lines import Line2D
 
 from testbed.compare.report.figures_axes import plain_log
 from testbed.compare.report.style import DIVERGING, SIZE, LineStyle
-from testbed.compare.runs.measures import KEYS
 from testbed.compare.runs.results import Results
+from testbed.evaluation.metric import METRICS
 
 LOGARITHMIC = ("nees_position", "nees_velocity", "ms_per_scan", "us_per_update")
 SPREAD = 0.32  # half the height of the strip of a tracker
@@ -41,7 +41,7 @@ def strips(results: Results, measures: Sequence[str], order: Sequence[str], styl
 
 
 def _panel(axis: Axes, runs: pd.DataFrame, key: str, order: Sequence[str], styles: dict[str, LineStyle]) -> None:
-    measure = KEYS[key]
+    measure = METRICS[key]
     rng = np.random.default_rng(SEED)
     for y, name in enumerate(order):
         found = runs.loc[runs["tracker"] == name, key].to_numpy(float) if key in runs else np.zeros(0)

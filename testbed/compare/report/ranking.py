@@ -5,10 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from testbed.compare.report.tables import Field, Grid, Line, estimate
-from testbed.compare.runs.measures import KEYS
 from testbed.compare.runs.results import Results
 from testbed.compare.statistics.analysis import Cell, samples
 from testbed.compare.statistics.differences import PairedDifference, compare
+from testbed.evaluation.metric import METRICS
 
 MEASURE = "gospa"
 SAID = {"worse": "behind", "better": "ahead on shared runs", "the same": "level",
@@ -26,7 +26,7 @@ def ranking(results: Results, cells: Sequence[Cell]) -> Grid | None:
     ranked = order(cells)
     if len(ranked) < 2:
         return None
-    comparison, measure = results.comparison, KEYS[MEASURE]
+    comparison, measure = results.comparison, METRICS[MEASURE]
     found = samples(results.runs, MEASURE, comparison.scenarios, comparison.seeds)
     first = ranked[0].tracker
     lines = []

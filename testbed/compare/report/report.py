@@ -17,11 +17,10 @@ from testbed.compare.report.links import LogFiles, href
 from testbed.compare.report.ranking import ranking
 from testbed.compare.report.tables import Grid
 from testbed.compare.runs.config import read_settings
-from testbed.compare.runs.measures import DRIVE, MAIN
 from testbed.compare.runs.results import Results
 from testbed.compare.runs.tasks import rows_path
 from testbed.compare.runs.work import Progress, Tally
-from testbed.compare.statistics.analysis import BANDS, by_band, cells, consistency, unresolved
+from testbed.compare.statistics.analysis import BANDS, DRIVE, MAIN, by_band, cells, consistency, unresolved
 from testbed.experiments.engine import Engine
 from testbed.experiments.run import FAILED
 from testbed.files import make_directory, write_atomic

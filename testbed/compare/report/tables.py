@@ -11,10 +11,10 @@ import numpy as np
 import pandas as pd
 
 from testbed.command_line.tables import DASH, number
-from testbed.compare.runs.measures import KEYS, badness
 from testbed.compare.statistics.analysis import BAND_MEASURES, BANDS, DOF, PHASES, QUANTITIES, Cell
 from testbed.compare.statistics.differences import PairedDifference
 from testbed.evaluation.intervals import LEVEL, Interval
+from testbed.evaluation.metric import METRICS
 
 WORST = 2.0  # times the best value of a row, at which shading is full
 CONSISTENCY = {
@@ -89,7 +89,7 @@ def overview(cells: Sequence[Cell], baseline: str, note: str = IDEAL) -> Grid:
     return Grid(
         OVERVIEW + note,
         "tracker",
-        list(dict.fromkeys(KEYS[c.measure].title for c in cells)),
+        list(dict.fromkeys(METRICS[c.measure].title for c in cells)),
         _lines(cells, lambda c: c.tracker, lambda c: c.measure, _with_difference),
         baseline,
     )
@@ -101,10 +101,12 @@ def differences(cells: Sequence[Cell], baseline: str) -> Grid:
     for cell in cells:
         d = cell.difference
         if d is not None:
-            digits = KEYS[cell.measure].digits + 1
+            digits = METRICS[cell.measure].digits + 1
             numbers = [estimate(d.mean, digits), estimate(d.iqm, digits), estimate(d.improvement, 2)]
             verdict = Field(d.verdict, remark=_needed(d), mark=_mark(d))
-            lines.append(Line(cell.tracker, [Field(KEYS[cell.measure].title), *numbers, Field(str(d.pairs)), verdict]))
+            lines.append(
+                Line(cell.tracker, [Field(METRICS[cell.measure].title), *numbers, Field(str(d.pairs)), verdict])
+            )
     return Grid(
         f"Differences to {baseline} on the same seeds, with 95 % intervals; negative is better. For measures with an "
         "ideal value it is the distance from it that is compared. The interquartile mean leaves out the extreme runs.",
@@ -118,7 +120,7 @@ def differences(cells: Sequence[Cell], baseline: str) -> Grid:
 def by_scenario(cells: Sequence[Cell], baseline: str) -> Grid:
     """Scenarios down, trackers across, by one measure; shaded by how much worse than the best of the scenario."""
     return Grid(
-        f"{KEYS[cells[0].measure].title} by scenario with 95 % intervals; bold: the best of a row. The darker, the "
+        f"{METRICS[cells[0].measure].title} by scenario with 95 % intervals; bold: the best of a row. The darker, the "
         f"worse than that; full at {WORST:g} times the best.",
         "scenario",
         list(dict.fromkeys(c.tracker for c in cells)),
@@ -130,7 +132,7 @@ def by_scenario(cells: Sequence[Cell], baseline: str) -> Grid:
 def by_phase(cells: Sequence[Cell], baseline: str, every: bool = False) -> Grid:
     """Trackers down, phases across within each measure; every: also phases in which nothing was measured."""
     found = {(c.measure, c.group) for c in cells}
-    columns = [(key, phase) for key in KEYS for phase in PHASES if (key, phase) in found]
+    columns = [(key, phase) for key in METRICS for phase in PHASES if (key, phase) in found]
     if every:
         columns = [(key, phase) for key in dict(columns) for phase in PHASES]
     return Grid(
@@ -139,7 +141,7 @@ def by_phase(cells: Sequence[Cell], baseline: str, every: bool = False) -> Grid:
         [phase for _, phase in columns],
         _lines(cells, lambda c: c.tracker, lambda c: (c.measure, c.group), _with_difference, columns),
         baseline,
-        groups=[(KEYS[key].title, len(list(part))) for key, part in groupby(columns, key=lambda column: column[0])],
+        groups=[(METRICS[key].title, len(list(part))) for key, part in groupby(columns, key=lambda column: column[0])],
     )
 
 
@@ -207,7 +209,7 @@ def _lines(
     """Cells as lines; `field` gets the least badness among the trackers, in the same measure and group."""
     best: dict[Any, float] = {}
     for c in cells:
-        bad = badness(c.measure, c.mean.value)
+        bad = METRICS[c.measure].badness(c.mean.value)
         if np.isfinite(bad):
             best[c.measure, c.group] = min(bad, best.get((c.measure, c.group), np.inf))
     found = {(name(c), column(c)): field(c, best.get((c.measure, c.group), np.nan)) for c in cells}
@@ -217,8 +219,8 @@ def _lines(
 
 
 def _with_difference(cell: Cell, best: float) -> Field:
-    digits = KEYS[cell.measure].digits
-    marks = ["best"] if badness(cell.measure, cell.mean.value) == best else []
+    digits = METRICS[cell.measure].digits
+    marks = ["best"] if METRICS[cell.measure].badness(cell.mean.value) == best else []
     remark, d = "", cell.difference
     if d is not None and np.isfinite(d.mean.value):
         remark = f"{d.mean.value:+.{digits + 1}f} {d.verdict}"
@@ -227,9 +229,9 @@ def _with_difference(cell: Cell, best: float) -> Field:
 
 
 def _shaded(cell: Cell, best: float) -> Field:
-    bad = badness(cell.measure, cell.mean.value)
+    bad = METRICS[cell.measure].badness(cell.mean.value)
     heat = float(np.clip((bad / best - 1) / (WORST - 1), 0, 1)) if np.isfinite(bad) and best > 0 else None
-    return estimate(cell.mean, KEYS[cell.measure].digits, mark="best" if bad == best else "", heat=heat)
+    return estimate(cell.mean, METRICS[cell.measure].digits, mark="best" if bad == best else "", heat=heat)
 
 
 def _mark(d: PairedDifference) -> str:

@@ -8,11 +8,11 @@ from testbed.command_line.tables import number
 from testbed.compare.report.grouping import listed, reach
 from testbed.compare.report.ranking import order as by_gospa
 from testbed.compare.report.tables import bounds
-from testbed.compare.runs.measures import KEYS, MAIN, badness
 from testbed.compare.runs.results import Results
-from testbed.compare.statistics.analysis import Cell, samples
+from testbed.compare.statistics.analysis import MAIN, Cell, samples
 from testbed.compare.statistics.differences import compare
 from testbed.evaluation.intervals import FEWEST
+from testbed.evaluation.metric import METRICS
 
 BESIDES = tuple(key for key in MAIN if key != "gospa")
 
@@ -148,9 +148,9 @@ def _besides(cells: Sequence[Cell]) -> str:
     for key in BESIDES:
         known = [c for c in cells if c.measure == key and np.isfinite(c.mean.value)]
         if len(known) > 1 and not key.startswith("nees"):
-            best = min(known, key=lambda c: badness(key, c.mean.value))
-            unit = f" {KEYS[key].unit}" if KEYS[key].unit != "1" else ""
-            parts.append(f"{KEYS[key].label} {best.tracker} ({number(best.mean.value, KEYS[key].digits)}{unit})")
+            best = min(known, key=lambda c: METRICS[key].badness(c.mean.value))
+            unit = f" {METRICS[key].unit}" if METRICS[key].unit != "1" else ""
+            parts.append(f"{METRICS[key].label} {best.tracker} ({number(best.mean.value, METRICS[key].digits)}{unit})")
     return f"Smallest means besides: {', '.join(parts)}." if parts else ""
 
 
@@ -158,7 +158,7 @@ def _certainty(cells: Sequence[Cell]) -> str:
     known = [c for c in cells if c.measure == "nees_position" and np.isfinite(c.mean.value)]
     if not known:
         return ""
-    best = min(known, key=lambda c: badness("nees_position", c.mean.value))
+    best = min(known, key=lambda c: METRICS["nees_position"].badness(c.mean.value))
     sure = sum(bool(c.mean.low > 2) for c in known)
     say = f"The NEES of the position is nearest to its ideal 2 for {best.tracker} ({best.mean.value:.1f})"
     if not sure:

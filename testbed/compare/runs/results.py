@@ -10,13 +10,14 @@ import pyarrow.dataset as ds
 import pyarrow.parquet as pq
 
 from testbed.compare.runs.config import Comparison, Task
-from testbed.compare.runs.measures import KEYS, SPAN_UNITS
 from testbed.compare.runs.tasks import RecordingTask, recording_of, recording_path, rows_path
+from testbed.evaluation.metric import METRICS
 from testbed.experiments.rows import SCHEMA, read_meta
 from testbed.files import atomic_file
 from testbed.replay.recording import read_seconds
 
 RUNS = "runs.parquet"
+UNITS = {"seed": "1", "start": "s", "end": "s"}  # of the columns of `RUNS` that are numbers and no metrics
 WHOLE_RUN = "all"  # in place of a phase
 
 
@@ -24,7 +25,7 @@ class Results(NamedTuple):
     """What is known of the runs of a comparison."""
 
     comparison: Comparison
-    spans: pd.DataFrame  # one row a run and phase, phase "all" for all of it; `measures.py` has units
+    spans: pd.DataFrame  # one row a run and phase, phase "all" for all of it; `METRICS` has units
     seconds: pd.DataFrame  # one row a run: wall time [s] by part
     missing: list[Task]  # runs that failed or have not been made
 
@@ -94,7 +95,7 @@ def write_runs(results: Results) -> Path:
     """
     path = Path(results.comparison.out) / RUNS
     table = pa.Table.from_pandas(results.spans, preserve_index=False)
-    units = {name: KEYS[name].unit if name in KEYS else SPAN_UNITS[name] for name in table.column_names}
+    units = {name: METRICS[name].unit if name in METRICS else UNITS.get(name, "") for name in table.column_names}
     fields = [field.with_metadata({"unit": units[field.name]}) for field in table.schema]
     with atomic_file(path) as file:
         pq.write_table(table.cast(pa.schema(fields, table.schema.metadata)), file)

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from sensors.fault_text import split_faults
 from testbed.compare.runs.config import Settings, Task
 from testbed.environment.registration import make
-from testbed.evaluation.driving import DriveEvaluator
+from testbed.evaluation.drive_evaluator import DriveEvaluator
 from testbed.evaluation.tracking import jsonable
 from testbed.experiments.rows import Rows, check_part, write
 from testbed.experiments.run import FOUND, Outcome, outcome_of

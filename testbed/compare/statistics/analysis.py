@@ -9,11 +9,17 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from testbed.compare.runs.measures import EDGES, KEYS, LABELS, badness
 from testbed.compare.runs.results import WHOLE_RUN, Results
 from testbed.compare.statistics.differences import PairedDifference, compare
 from testbed.evaluation.intervals import LEVEL, Interval, chi2_limits, crossed_interval
+from testbed.evaluation.metric import METRICS
 
+MAIN = ("gospa", "missed_percent", "false_per_scan", "rmse_position", "rmse_velocity", "rmse_length", "nees_position")
+DRIVE = (  # of the ego, in closed loop
+    "collisions", "drive_score", "progress", "drac_max", "tit", "deceleration_max", "jerk",
+)  # fmt: skip
+EDGES = (0.0, 0.25, 0.5, 0.75, 0.999)  # of the visible share; a bin holds its upper edge
+LABELS = ("hidden", "to 25 %", "to 50 %", "to 75 %", "to 100 %", "whole")
 PHASES = ("before", "onset", "during", "after")
 RANGES = (0.0, 25.0, 50.0, 75.0, 100.0, np.inf)  # [m]
 VISIBLE = (-np.inf, *EDGES, np.inf)  # share of the outline; a band holds its upper edge
@@ -83,7 +89,7 @@ def _cell(group: str, tracker: str, measure: str, found: dict[str, list[NDArray]
 
 
 def _badness(measure: str, values: NDArray) -> NDArray:
-    return np.array([badness(measure, v) for v in values.tolist()])
+    return np.array([METRICS[measure].badness(v) for v in values.tolist()])
 
 
 def pairwise(results: Results, measure: str) -> pd.DataFrame:
@@ -199,7 +205,7 @@ def unresolved(cells: Sequence[Cell]) -> list[str]:
         d = cell.difference
         if d is None or d.verdict not in ("unresolved", "too few seeds"):
             continue
-        label = KEYS[cell.measure].label
+        label = METRICS[cell.measure].label
         if d.verdict == "too few seeds":
             sentences.append(f"{cell.tracker}, {label}: {d.pairs} runs are too few for an interval")
         else:

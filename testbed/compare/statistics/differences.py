@@ -32,7 +32,7 @@ class PairedDifference(NamedTuple):
 def compare(tracker: Strata, reference: Strata) -> PairedDifference:
     """Paired comparison of two trackers; arrays hold the same seeds in the same order, NaN where nothing was measured.
 
-    Both on a scale on which less is better, see `measures.badness`.
+    Both on a scale on which less is better, see `Metric.badness`.
     """
     if [len(a) for a in tracker] != [len(b) for b in reference]:
         raise ValueError(

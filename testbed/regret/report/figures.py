@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 from testbed.compare.report.figures import STATIC, FigureFiles, Plot
 from testbed.compare.report.style import COLOURS, RC, line_styles
 from testbed.environment.sources.substitution import GROUP_NAMES, GROUPS
+from testbed.evaluation.metric import METRICS
 from testbed.files import make_directory, write_figure
 from testbed.regret.analysis import Attribution, Cell, correlations
-from testbed.regret.measures import TRACKING
 
 GROUP_COLOURS = dict(zip(GROUPS, COLOURS, strict=False))
 DOSE_UNITS = {
@@ -26,19 +26,20 @@ DOSE_UNITS = {
 def plots(
     total: Sequence[Cell], shares: Sequence[Attribution], errors: pd.DataFrame, doses: Sequence[Cell]
 ) -> Iterator[Plot]:
-    """Those for which there are data; cells are of the measure J."""
+    """Those for which there are data; cells are of the drive score."""
     if total:
         yield Plot(
             "regret",
-            "Regret J against the truth by scenario, tracker and planner",
-            "J on the truth minus J on tracks, with 95 % intervals over the seeds; right of the line tracking costs.",
+            "Regret against the truth by scenario, tracker and planner",
+            "Drive score on the truth minus that on tracks, with 95 % intervals over the seeds; right of the line "
+            "tracking costs.",
             lambda: by_scenario(total),
         )
     if shares:
         yield Plot(
             "attribution",
             "Which group of errors costs what",
-            "Shapley values of existence, geometry and motion in the regret J against what is in view; they add up to "
+            "Shapley values of existence, geometry and motion in the regret against what is in view; they add up to "
             "the dot.",
             lambda: attribution_bars(shares),
         )
@@ -53,7 +54,7 @@ def plots(
         yield Plot(
             "doses",
             "Regret by the size of an injected error",
-            "J on what is in view minus J with the error, with 95 % intervals over the seeds.",
+            "Drive score on what is in view minus that with the error, with 95 % intervals over the seeds.",
             lambda: dose_response(doses),
         )
 
@@ -111,7 +112,7 @@ def by_scenario(cells: Sequence[Cell]) -> Figure:
         axis.set_yticks(range(len(trackers)), trackers)
         axis.set_ylim(len(trackers) - 0.4, -0.6)
         axis.set_title(scenario)
-        axis.set_xlabel("regret J [s]")
+        axis.set_xlabel("regret [s]")
     handles = dict(zip(*reversed(axes[0].get_legend_handles_labels()), strict=False))
     figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=len(planners))
     return figure
@@ -136,7 +137,7 @@ def attribution_bars(found: Sequence[Attribution]) -> Figure:
         axis.set_yticks(range(len(rows)), [a.tracker for a in rows])
         axis.set_ylim(len(rows) - 0.4, -0.6)
         axis.set_title(", ".join(panel))
-        axis.set_xlabel("regret J against in-view [s]")
+        axis.set_xlabel("regret against in-view [s]")
     handles = dict(zip(*reversed(axes[0].get_legend_handles_labels()), strict=False))
     figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=len(GROUPS))
     return figure
@@ -149,14 +150,14 @@ def against_errors(table: pd.DataFrame) -> Figure:
     styles = line_styles(trackers)
     figure, axes = _panels(len(known), 2.7, 2.2)
     for key, axis in zip(known, axes, strict=True):
-        label, unit = TRACKING[key]
+        metric = METRICS[key]
         for name in trackers:
             part = table[table["condition"] == name]
             axis.plot(part[key], part["regret"], styles[name].marker, color=styles[name].color, label=name, alpha=0.8)
         axis.axhline(0.0, color="0.35", linewidth=0.8)
-        axis.set_title(f"{label}: rho {known[key].rho:+.2f}")
-        axis.set_xlabel(f"{label} [{unit}]")
-        axis.set_ylabel("regret J [s]")
+        axis.set_title(f"{metric.label}: rho {known[key].rho:+.2f}")
+        axis.set_xlabel(metric.title)
+        axis.set_ylabel("regret [s]")
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=min(6, len(trackers)))
     return figure
 
@@ -181,6 +182,6 @@ def dose_response(cells: Sequence[Cell]) -> Figure:
         axis.axhline(0.0, color="0.35", linewidth=0.8)
         axis.set_title(name)
         axis.set_xlabel(f"{name} [{DOSE_UNITS[name]}]")
-        axis.set_ylabel("regret J [s]")
+        axis.set_ylabel("regret [s]")
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=min(4, len(lines)))
     return figure

@@ -96,5 +96,5 @@ def _summary(pair: WorstPair) -> str:
     task = pair.task
     return (
         f"# {task.scenario}, seed {task.seed}\n\nPlanner `{task.planner}`: truth above, `{task.condition}` "
-        f"below. Regret J {pair.regret:.2f} s.\n\nWhere the drives part: {pair.parting}.\n"
+        f"below. Regret {pair.regret:.2f} s.\n\nWhere the drives part: {pair.parting}.\n"
     )

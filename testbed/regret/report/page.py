@@ -20,14 +20,17 @@ from testbed.files import write_atomic
 from testbed.frame import TRUTH
 from testbed.regret import analysis
 from testbed.regret.analysis import Cell
-from testbed.regret.measures import TABLE
 from testbed.regret.report import logs, tables, words
 from testbed.regret.report.figures import draw
 from testbed.regret.results import Results
 
 NAME = "report.html"
 TEMPLATE = "regret.html.j2"
-ATTRIBUTED = ("J", "drac_max", "progress")  # measures that are taken apart
+REGRET = "Drive score on the truth minus that on tracks [s]."
+TABLE = (
+    "drive_score", "collisions", "drac_max", "tit", "progress", "deceleration_max", "extra_braking", "changed",
+)  # fmt: skip
+ATTRIBUTED = ("drive_score", "drac_max", "progress")  # measures that are taken apart
 PARTS = (
     ("verdict", "Verdict"), ("overview", "Overview"), ("total", "Total"), ("tracking", "Tracking"),
     ("sensing", "Sensing"), ("attribution", "Attribution"), ("doses", "Doses"), ("errors", "Errors"),
@@ -59,11 +62,11 @@ def find(drives: pd.DataFrame, pairs: pd.DataFrame) -> Findings:
     total = analysis.compared_with(tracked, TRUTH)
     sensing = analysis.compared_with(tracked, TRUTH, sensing=True)
     together = list(analysis.cells(total, TABLE, together=True))
-    apart = list(analysis.cells(sensing, ("J",), together=True))
+    apart = list(analysis.cells(sensing, ("drive_score",), together=True))
     shares = list(analysis.attributions(drives, ATTRIBUTED))
     errors = analysis.error_and_regret(drives, total)
     ranks = analysis.correlations(errors)
-    of_J = [a for a in shares if a.measure == "J"]
+    of_score = [a for a in shares if a.measure == "drive_score"]
     return Findings(
         together=together,
         total=list(analysis.cells(total, TABLE)),
@@ -75,7 +78,7 @@ def find(drives: pd.DataFrame, pairs: pd.DataFrame) -> Findings:
         errors=errors,
         ranks=ranks,
         worst=analysis.worst_pairs(total),
-        verdict=words.verdict([c for c in together if c.measure == "J"], apart, of_J, ranks, total),
+        verdict=words.verdict([c for c in together if c.measure == "drive_score"], apart, of_score, ranks, total),
     )
 
 
@@ -129,7 +132,7 @@ def grids(found: Findings) -> dict[str, Any]:
     """All tables by their names in the template, None for what there are no data for."""
     vs_truth, vs_view = "Drive on tracks minus drive on the truth.", "Drive minus drive on what is in view."
     return {
-        "overview": found.together and tables.overview(ranked(found.together), "J on the truth minus J on tracks [s]."),
+        "overview": found.together and tables.overview(ranked(found.together), REGRET),
         "total": found.total and tables.changes(found.total, vs_truth),
         "tracking": found.tracking and tables.changes(found.tracking, vs_view),
         "sensing": found.sensing
@@ -142,9 +145,9 @@ def grids(found: Findings) -> dict[str, Any]:
 
 
 def ranked(cells: Sequence[Cell]) -> list[Cell]:
-    """Cells over all scenarios, those of the condition with the least mean regret J over the planners first."""
+    """Cells over all scenarios, those of the condition with the least mean regret over the planners first."""
     cost: dict[str, list[float]] = {}
-    for cell in _only_J(cells):
+    for cell in _only_score(cells):
         cost.setdefault(cell.condition, []).append(-cell.change.mean.value)
     return sorted(cells, key=lambda c: float(np.mean(cost.get(c.condition, [np.inf]))))
 
@@ -152,12 +155,17 @@ def ranked(cells: Sequence[Cell]) -> list[Cell]:
 def drawable(
     found: Findings,
 ) -> tuple[list[Cell], list[analysis.Attribution], pd.DataFrame, list[Cell]]:
-    """What `figures.draw` takes: all of it in the measure J."""
-    return _only_J(found.total), [a for a in found.shares if a.measure == "J"], found.errors, _only_J(found.doses)
+    """What `figures.draw` takes: all of it in the drive score."""
+    return (
+        _only_score(found.total),
+        [a for a in found.shares if a.measure == "drive_score"],
+        found.errors,
+        _only_score(found.doses),
+    )
 
 
-def _only_J(cells: Sequence[Cell]) -> list[Cell]:
-    return [c for c in cells if c.measure == "J"]
+def _only_score(cells: Sequence[Cell]) -> list[Cell]:
+    return [c for c in cells if c.measure == "drive_score"]
 
 
 def _log(pair: analysis.WorstPair, outcome: Outcome, folder: Path) -> tuple[str, LogFiles]:

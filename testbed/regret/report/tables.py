@@ -8,16 +8,16 @@ from testbed.command_line.tables import number
 from testbed.compare.report.tables import Field, Grid, Line, estimate
 from testbed.environment.sources.substitution import GROUPS
 from testbed.evaluation.intervals import Interval
+from testbed.evaluation.metric import METRICS
 from testbed.regret.analysis import Attribution, Cell, Correlation, WorstPair
-from testbed.regret.measures import KEYS, TRACKING
 
 SIGNED = "In brackets 95 % intervals over the seeds, paired; coloured where the interval leaves out zero."
 
 
 def overview(cells: Sequence[Cell], title: str) -> Grid:
-    """Conditions down, planners across: the regret J, which is positive where the reference drives better."""
+    """Conditions down, planners across: the regret, which is positive where the reference drives better."""
     planners = list(dict.fromkeys(c.planner for c in cells))
-    found = {(c.condition, c.planner): _regret(c) for c in cells if c.measure == "J"}
+    found = {(c.condition, c.planner): _regret(c) for c in cells if c.measure == "drive_score"}
     lines = [
         Line(name, [found.get((name, p), Field("")) for p in planners])
         for name in dict.fromkeys(c.condition for c in cells)
@@ -38,15 +38,15 @@ def changes(cells: Sequence[Cell], title: str) -> Grid:
             fields.append(Field("") if cell is None else _change(cell))
         lines.append(Line(condition, fields))
     words = ["scenario", "planner"] if several else ["scenario"]
-    return Grid(f"{title} {SIGNED}", "tracker", [*words, *(KEYS[k].title for k in keys)], lines, words=words)
+    return Grid(f"{title} {SIGNED}", "tracker", [*words, *(METRICS[k].title for k in keys)], lines, words=words)
 
 
 def attribution(found: Sequence[Attribution]) -> Grid:
     """One line a tracker, scenario, planner and measure: the total and what each group of errors has of it."""
     lines = []
     for a in found:
-        digits = KEYS[a.measure].digits
-        fields = [Field(a.scenario), Field(a.planner), Field(KEYS[a.measure].title), Field(str(a.seeds))]
+        digits = METRICS[a.measure].digits
+        fields = [Field(a.scenario), Field(a.planner), Field(METRICS[a.measure].title), Field(str(a.seeds))]
         fields += [signed(x, digits) for x in (a.total, *(a.share[g] for g in GROUPS))]
         repaired = " / ".join(f"{a.repaired[g].value:+.{digits}f}" for g in GROUPS)
         lines.append(Line(a.tracker, [*fields, Field(repaired)]))
@@ -73,9 +73,9 @@ def attribution(found: Sequence[Attribution]) -> Grid:
 
 def correlation(found: Sequence[Correlation]) -> Grid:
     """Tracking errors down: how well each ranks the regret."""
-    lines = [Line(TRACKING[c.error][0], [Field(f"{c.rho:+.2f}"), Field(str(c.means))]) for c in found]
+    lines = [Line(METRICS[c.error].label, [Field(f"{c.rho:+.2f}"), Field(str(c.means))]) for c in found]
     return Grid(
-        "Rank correlation of an error of the tracker, in its own drives, with the regret J: ranks among the trackers "
+        "Rank correlation of an error of the tracker, in its own drives, with the regret: ranks among the trackers "
         "of one scenario and planner, over all of these.",
         "error",
         ["rank correlation", "means"],
@@ -85,13 +85,13 @@ def correlation(found: Sequence[Correlation]) -> Grid:
 
 def worst(found: Sequence[WorstPair]) -> Grid:
     """The worst pair of every planner and tracker, and where it parts from the truth."""
-    heads = ["planner", "scenario", "seed", "regret J [s]", "parts from the drive on the truth"]
+    heads = ["planner", "scenario", "seed", "regret [s]", "parts from the drive on the truth"]
     lines = []
     for w in found:
         fields = map(Field, (w.task.planner, w.task.scenario, str(w.task.seed), number(w.regret, 2), w.parting))
         lines.append(Line(w.task.condition, list(fields)))
     words = ("planner", "scenario", "parts from the drive on the truth")
-    return Grid("The seed with the largest regret J against the truth.", "tracker", heads, lines, words=words)
+    return Grid("The seed with the largest regret against the truth.", "tracker", heads, lines, words=words)
 
 
 def signed(found: Interval, digits: int, remark: str = "", mark: str = "") -> Field:
@@ -102,13 +102,13 @@ def signed(found: Interval, digits: int, remark: str = "", mark: str = "") -> Fi
 
 def _regret(cell: Cell) -> Field:
     v = cell.change.mean
-    return signed(Interval(-v.value, -v.high, -v.low), KEYS[cell.measure].digits, _needed(cell), _mark(cell))
+    return signed(Interval(-v.value, -v.high, -v.low), METRICS[cell.measure].digits, _needed(cell), _mark(cell))
 
 
 def _change(cell: Cell) -> Field:
     if cell.verdict == "the same":
         return Field("0")
-    return signed(cell.change.mean, KEYS[cell.measure].digits, _needed(cell), _mark(cell))
+    return signed(cell.change.mean, METRICS[cell.measure].digits, _needed(cell), _mark(cell))
 
 
 def _mark(cell: Cell) -> str:

@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 
 from testbed.environment.sources.substitution import GROUP_NAMES, GROUPS
+from testbed.evaluation.metric import METRICS
 from testbed.regret.analysis import Attribution, Cell, Correlation
-from testbed.regret.measures import TRACKING
 
 
 def verdict(
@@ -19,14 +19,14 @@ def verdict(
 ) -> list[str]:
     """Sentences: least and largest regret, collisions, sensing, the group that costs most, the error that matters.
 
-    `together` and `sensing` are the cells of J over all scenarios; pairs are those against the truth.
+    `together` and `sensing` are the cells of the drive score over all scenarios; pairs are those against the truth.
     """
     said = [_range(planner, [c for c in together if c.planner == planner]) for planner in _planners(together)]
-    crashed = int((pairs["collided"] > 0).sum())
+    crashed = int((pairs["collisions"] > 0).sum())
     said.append(f"In {crashed} of {len(pairs)} pairs the drive on tracks ends in a collision that the truth avoids.")
     for cell in sensing:
         v = cell.change.mean
-        regret = f"{0.0 - v.value:+.2f} s of J{_interval(0.0 - v.high, 0.0 - v.low)}"
+        regret = f"{0.0 - v.value:+.2f} s of the drive score{_interval(0.0 - v.high, 0.0 - v.low)}"
         said.append(f"What is in view alone costs {cell.planner} {regret}: the rest is tracking.")
     if shares:
         cost = {g: float(np.mean([-a.share[g].value for a in shares])) for g in GROUPS}
@@ -34,7 +34,7 @@ def verdict(
         said.append(f"Of the regret against what is in view, on average: {parts}.")
     if ranks:
         first = ranks[0]
-        label, _ = TRACKING[first.error]
+        label = METRICS[first.error].label
         said.append(f"The tracking error that ranks the regret best is {label} (rank correlation {first.rho:+.2f}).")
     return said
 
@@ -48,8 +48,8 @@ def _range(planner: str, cells: Sequence[Cell]) -> str:
     least, most = order[0], order[-1]
     texts = [f"{c.condition} ({-c.change.mean.value:+.2f} s{_of(c)})" for c in (least, most)]
     if least is most:
-        return f"With {planner} the regret J is that of {texts[0]}."
-    return f"With {planner} the regret J is least on {texts[0]} and largest on {texts[1]}."
+        return f"With {planner} the regret is that of {texts[0]}."
+    return f"With {planner} the regret is least on {texts[0]} and largest on {texts[1]}."
 
 
 def _of(cell: Cell) -> str:

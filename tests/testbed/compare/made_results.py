@@ -7,9 +7,9 @@ import numpy as np
 import pyarrow as pa
 
 from testbed.compare.runs.config import Comparison, Task
-from testbed.compare.runs.measures import KEYS
 from testbed.compare.runs.results import Results, collect
 from testbed.compare.runs.tasks import ROWS, rows_path
+from testbed.evaluation.metric import COSTS, METRICS
 from testbed.evaluation.pair_errors import ERRORS
 from testbed.experiments.rows import COLUMNS, SCHEMA, write
 
@@ -52,7 +52,7 @@ def _write(task: Task, comparison: Comparison, blind: bool) -> None:
 
 
 def _span(task: Task, phase: str, size: float, blind: bool, rng: np.random.Generator) -> dict[str, object]:
-    values = {key: float(size * rng.uniform(0.9, 1.1)) for key in KEYS if key not in ("ms_per_scan", "us_per_update")}
+    values = {key: float(size * rng.uniform(0.9, 1.1)) for key in METRICS if key not in COSTS}
     values |= {"box_iou": 1 / (1 + size), "contour_iou": 1 / (1 + size), "nees_position": 2 * size**2}
     if blind:
         unknown = ("rmse", "gwd", "box", "contour", "nees")

@@ -14,10 +14,10 @@ import pyarrow.parquet as pq
 import pytest
 
 from testbed.compare.runs.config import Comparison, Settings
-from testbed.compare.runs.measures import COSTS
 from testbed.compare.runs.results import RUNS, collect, write_runs
 from testbed.compare.runs.tasks import ROWS, rows_path
 from testbed.compare.runs.work import execute
+from testbed.evaluation.metric import COSTS
 from testbed.experiments.engine import Engine
 from testbed.experiments.rows import check_part
 from tests.testbed.command_line.refused import refused

@@ -20,10 +20,10 @@ from distributed import Client, LocalCluster
 
 from testbed.compare.report import logs
 from testbed.compare.runs.config import Comparison, Settings, Task
-from testbed.compare.runs.measures import COSTS
 from testbed.compare.runs.results import RUNS, collect
 from testbed.compare.runs.tasks import RECORDINGS, ROWS, RecordingTask, recording_path, rows_path
 from testbed.compare.runs.work import execute
+from testbed.evaluation.metric import COSTS
 from testbed.experiments.cluster import Folder, carried, difference, environment, modules_in
 from testbed.experiments.engine import Engine, check, perform
 from testbed.experiments.run import DONE, FAILED, Outcome

@@ -57,7 +57,7 @@ def test_the_drives_are_in_one_table_and_the_same_command_finds_them(first):
     assert "31 runs made, 0 found, 0 failed" in done.output  # 3 x (truth, in-view, tracker, 6 subsets, 1 dose) + 1
     table = pd.read_parquet(out / "drives.parquet")
     assert len(table) == 31
-    assert table["J"].notna().all()
+    assert table["drive_score"].notna().all()
     again = CliRunner().invoke(app, [*WHOLE, "--out", str(out)])
     assert "0 runs made, 31 found, 0 failed" in again.output
 

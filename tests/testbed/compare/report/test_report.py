@@ -19,11 +19,10 @@ from testbed.compare.report.grouping import failures
 from testbed.compare.report.ranking import ranking
 from testbed.compare.report.report import bands_of, render, seeds_text, tables_of, write_report
 from testbed.compare.runs.config import SETTINGS, Comparison, Settings, Task, identity
-from testbed.compare.runs.measures import MAIN
 from testbed.compare.runs.results import Results, collect
 from testbed.compare.runs.tasks import rows_path
 from testbed.compare.runs.work import Tally, execute
-from testbed.compare.statistics.analysis import cells
+from testbed.compare.statistics.analysis import MAIN, cells
 from testbed.experiments.engine import Engine
 from testbed.experiments.run import FAILED, Outcome
 from tests.testbed.compare.made_results import make

@@ -14,11 +14,11 @@ from scenarios.highway import ScenarioEnv
 from testbed.compare.runs import recording
 from testbed.compare.runs import tasks as runs
 from testbed.compare.runs.config import SETTINGS, Comparison, Settings, Task, with_faults
-from testbed.compare.runs.measures import COSTS
 from testbed.compare.runs.results import RUNS, collect, write_runs
 from testbed.compare.runs.tasks import RECORDINGS, ROWS, RecordingTask, recording_path, rows_path
 from testbed.compare.runs.work import execute
 from testbed.environment.wrapper import TrackedEnv
+from testbed.evaluation.metric import COSTS
 from testbed.experiments.engine import Engine
 from testbed.experiments.rows import check_part
 from testbed.experiments.run import DONE, FAILED, FOUND

@@ -10,11 +10,11 @@ import pyarrow.parquet as pq
 import pytest
 
 from testbed.compare.runs.config import Comparison, Task
-from testbed.compare.runs.measures import KEYS
 from testbed.compare.runs.results import collect, write_runs
 from testbed.compare.runs.tasks import ROWS, rows_path
 from testbed.compare.statistics import analysis
 from testbed.evaluation.intervals import crossed_interval
+from testbed.evaluation.metric import METRICS
 from testbed.experiments.rows import COLUMNS, NAMES, SCHEMA, write
 
 HONEST, OVERCONFIDENT, BLIND = "rm-koch", "rm-vmm", "htg-map"
@@ -63,10 +63,10 @@ def spans(task):
     """The whole run and its phases with values of their own; the blind tracker has no errors."""
     rng = seeded(task, 1)
     for phase in ("all", *PHASES[:4]):
-        values = {key: float(rng.uniform(0, 3)) for key in KEYS}
+        values = {key: float(rng.uniform(0, 3)) for key in METRICS}
         values |= {"box_iou": float(rng.uniform(0, 1)), "switches": int(rng.integers(0, 3))}
         if task.tracker == BLIND:
-            values |= {key: None for key in KEYS if key.startswith(("rmse", "nees", "box"))}
+            values |= {key: None for key in METRICS if key.startswith(("rmse", "nees", "box"))}
         times = {} if phase == "all" else {"start": 1.0, "end": 2.0}
         yield task._asdict() | {"phase": phase} | values | times
 
@@ -121,7 +121,7 @@ def test_a_run_that_is_gone_is_named_and_the_others_are_read(results):
 
 def test_every_column_of_the_runs_has_its_unit(results):
     schema = pq.read_schema(write_runs(results))
-    assert {"start", "end", "phase", *KEYS} <= set(schema.names)
+    assert {"start", "end", "phase", *METRICS} <= set(schema.names)
     assert all(b"unit" in field.metadata for field in schema)
     assert schema.field("gospa").metadata[b"unit"] == b"m"
     assert schema.field("end").metadata[b"unit"] == b"s"
@@ -151,7 +151,7 @@ def test_differences_are_of_badness_on_the_seeds_that_both_have(results, measure
             for seed in SEEDS:
                 bad = []
                 for tracker in (cell.tracker, HONEST):
-                    value, ideal = value_of(Task(scenario, tracker, seed), measure), KEYS[measure].ideal
+                    value, ideal = value_of(Task(scenario, tracker, seed), measure), METRICS[measure].ideal
                     bad.append(value if ideal is None else abs(value - ideal))
                 differences.append(bad[0] - bad[1])
             pairs += sum(not math.isnan(d) for d in differences)
@@ -168,7 +168,7 @@ def test_the_probability_of_improvement_counts_runs_one_by_one(results, measure)
             points, runs = 0.0, 0
             for scenario in SCENARIOS:
                 for seed in SEEDS:
-                    ideal = KEYS[measure].ideal or 0.0
+                    ideal = METRICS[measure].ideal or 0.0
                     a = abs(value_of(Task(scenario, row, seed), measure) - ideal)
                     b = abs(value_of(Task(scenario, column, seed), measure) - ideal)
                     if not math.isnan(a - b):
