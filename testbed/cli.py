@@ -516,27 +516,24 @@ def compare(
     Example: [bold]testbed compare cut-in --tracker imm-spline --fault drop:0.2 --fault front:outage:3:5[/bold]
     Example: [bold]testbed compare all --seeds 0:5 --after 3 --settle 2 --jobs -1 --reference htg-map[/bold]
     """
-    from testbed.compare import command
-    from testbed.compare.runs.config import Comparison, Settings, check, expand, parse_seeds, with_faults
+    from testbed.experiments.command import carry_out, check
+    from testbed.experiments.compare import Comparison, Settings
     from testbed.experiments.engine import Engine
-    from testbed.experiments.engine import check as check_engine
+    from testbed.experiments.run import expand, parse_seeds, with_faults
 
     with user_input():
-        settings = Settings(radar, loop, planner, duration, after, settle)
         comparison = Comparison(
             with_faults(expand(scenario, "scenarios"), fault or ()),
             expand(tracker or ["all"], "trackers"),
             parse_seeds(seeds),
-            settings,
+            Settings(radar, loop, planner, duration, after, settle),
             reference,
-            str(out),
+            out=str(out),
         )
         engine = Engine(jobs, dask)
-        check(comparison)
-        check_engine(engine)
-    raise typer.Exit(
-        command.compare(comparison, engine, console, progress_bar("{task.completed:.0f} / {task.total:.0f}", 600.0))
-    )
+        check(comparison, engine)
+    bar = progress_bar("{task.completed:.0f} / {task.total:.0f}", 600.0)
+    raise typer.Exit(carry_out(comparison, engine, console, bar))
 
 
 @app.command()
@@ -572,7 +569,7 @@ def regret(
 ) -> None:
     """What tracking error costs in driving: drives on the truth, on what is in view, and on tracks, paired by seed.
 
-    Every finished drive has its file in OUT/drives, so after Ctrl-C the same
+    Every finished drive has its file in OUT/rows, so after Ctrl-C the same
     command does the rest. Exit status 1: some drives failed. docs/methods/regret.md
     has the definitions.
 
@@ -581,30 +578,27 @@ def regret(
     Example: [bold]testbed regret probe-brake --inject velocity_lag=0.25 --inject velocity_lag=0.5[/bold]
     """
     from scenarios.probes import PROBES
-    from testbed.compare.runs.config import parse_seeds, with_faults
+    from testbed.experiments.command import carry_out, check
     from testbed.experiments.engine import Engine
-    from testbed.experiments.engine import check as check_engine
-    from testbed.regret import command
-    from testbed.regret.study import Settings, Study, check
+    from testbed.experiments.regret import Regret
+    from testbed.experiments.run import parse_seeds, with_faults
 
     with user_input():
-        study = Study(
+        study = Regret(
             tuple(scenario or PROBES),
             tuple(planner or ["idm"]),
             with_faults(tracker or ([] if inject else [DEFAULT]), fault or ()),
             parse_seeds(seeds),
-            Settings(radar, duration),
+            radar,
+            duration,
             attribute,
             tuple(inject or []),
-            str(out),
+            out=str(out),
         )
-        options = command.Options(Engine(jobs, dask), junit)
-        check(study)
-        check_engine(options.engine)
-        options.check()
-    raise typer.Exit(
-        command.regret(study, options, console, progress_bar("{task.completed:.0f} / {task.total:.0f}", 600.0))
-    )
+        engine = Engine(jobs, dask)
+        check(study, engine, junit)
+    bar = progress_bar("{task.completed:.0f} / {task.total:.0f}", 600.0)
+    raise typer.Exit(carry_out(study, engine, console, bar, junit))
 
 
 @app.command()
@@ -631,18 +625,16 @@ def probe(
 
     Example: [bold]testbed probe probe-brake --search gap --tracker rm-feldmann --jobs 2[/bold]
     """
-    from testbed.compare.runs.config import parse_seeds
+    from testbed.experiments.command import carry_out, check
     from testbed.experiments.engine import Engine
-    from testbed.experiments.engine import check as check_engine
-    from testbed.probing import command
-    from testbed.probing.drives import Setting
+    from testbed.experiments.probe import Probe
+    from testbed.experiments.run import parse_seeds
 
     with user_input():
-        setting = Setting(name, planner, tracker, radar)
-        options = command.Options(setting, search, parse_seeds(seeds), resolution, Engine(jobs, dask), out)
-        options.check()
-        check_engine(options.engine)
-    raise typer.Exit(command.probe(options, console, progress_bar("{task.completed:.0f} / {task.total:.0f}", 600.0)))
+        study = Probe(name, planner, tracker, parse_seeds(seeds), search, resolution, radar, out=str(out))
+        engine = Engine(jobs, dask)
+        check(study, engine)
+    raise typer.Exit(carry_out(study, engine, console, progress_bar("{task.completed:.0f} / {task.total:.0f}", 600.0)))
 
 
 @app.command()
@@ -655,6 +647,7 @@ def regress(
         typer.Option(help="Every scenario also with this fault; repeat for several, one after the other."),
     ] = None,
     jobs: Annotated[int | None, typer.Option(help="Number of processes. Without it: one a core.")] = None,
+    dask: Annotated[str | None, typer.Option(help="Address of a Dask scheduler, in place of local processes.")] = None,
     junit: Annotated[Path | None, typer.Option(help="Also write the findings to this file, as JUnit XML.")] = None,
     baselines: Annotated[
         Path | None, typer.Option(help="File of the baselines. Without it: the committed one.")
@@ -674,16 +667,20 @@ def regress(
     Example: [bold]testbed regress --update --tracker htg-map[/bold]
     Example: [bold]testbed regress --scenario cut-in --fault drop:0.2[/bold]
     """
-    from testbed.regress import command
-    from testbed.regress.suite import Suite
+    from joblib import cpu_count
+
+    from testbed.experiments.command import carry_out, check
+    from testbed.experiments.engine import Engine
+    from testbed.experiments.regress import COMMITTED, Regress
 
     with user_input():
-        suite = Suite.of(scenario, tracker, str(out), fault or ())
-        options = command.Options(suite, baselines, update, junit, jobs)
-        found = command.prepare(options)
-    raise typer.Exit(
-        command.regress(options, found, console, progress_bar("{task.completed:.0f} / {task.total:.0f}", 600.0))
-    )
+        suite = Regress.of(
+            scenario, tracker, fault or (), baselines=baselines or COMMITTED, update=update, out=str(out)
+        )
+        engine = Engine(min(cpu_count(), len(suite.work())) if jobs is None else jobs, dask)
+        check(suite, engine, junit)
+    bar = progress_bar("{task.completed:.0f} / {task.total:.0f}", 600.0)
+    raise typer.Exit(carry_out(suite, engine, console, bar, junit))
 
 
 @app.command()

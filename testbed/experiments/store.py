@@ -8,6 +8,7 @@ import json
 import shutil
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from time import perf_counter
@@ -203,10 +204,6 @@ class Store:
         recordings.save(made, path)
         return made
 
-    def results(self) -> "Results":
-        """What is known of every run."""
-        return Results(self)
-
 
 def make(work: Any, study: Study, out: Path) -> Outcome:
     """Do one unit of work, unless it has a valid file; what `engine.perform` calls, here or elsewhere."""
@@ -246,26 +243,32 @@ def reads(work: Any, study: Study, out: Path) -> list[Path]:
     return [*([store.recording_path(work)] if open_loop else []), store.path(work)]
 
 
+@dataclass
 class Results:
     """What is known of the runs of a study: one table of all of them, and the table of each on demand."""
 
-    def __init__(self, store: Store) -> None:
-        """Read what the files say of their runs; their tables are not read."""
-        self.store, self.study = store, store.study
-        self.metas: dict[Any, dict[str, Any]] = {}
-        self.missing: list[Any] = []  # that failed or have not been made
-        for work in self.study.work():
-            try:
-                self.metas[work] = store.meta(work)
-            except (FileNotFoundError, ValueError):
-                self.missing.append(work)
+    study: Any  # the `Study`
+    spans: pd.DataFrame  # one row a run and phase, phase "all" for all of it; `METRICS` has units
+    missing: list[Any] = field(default_factory=list)  # runs that failed or have not been made
+    metas: dict[Any, dict[str, Any]] = field(default_factory=dict)  # what the file of each run says beside its table
 
-    @cached_property
-    def spans(self) -> pd.DataFrame:
-        """One row a run and phase, phase "all" for all of it."""
-        found = [{**self.study.columns(work), **span} for work, meta in self.metas.items() for span in meta["spans"]]
+    @classmethod
+    def read(cls, study: Study) -> "Results":
+        """What the files in the folder of a study say of their runs; their tables are not read."""
+        metas, missing = dict[Any, dict[str, Any]](), []
+        for work in study.work():
+            try:
+                metas[work] = Store(study).meta(work)
+            except (FileNotFoundError, ValueError):
+                missing.append(work)
+        found = [{**study.columns(work), **span} for work, meta in metas.items() for span in meta["spans"]]
         columns = dict.fromkeys(key for span in found for key in span)  # of runs, then those that only phases have
-        return pd.DataFrame(found, columns=list(columns) or ["phase"])
+        return cls(study, pd.DataFrame(found, columns=list(columns) or ["phase"]), missing, metas)
+
+    @property
+    def store(self) -> Store:
+        """The files of the runs."""
+        return Store(self.study)
 
     @property
     def runs(self) -> pd.DataFrame:

@@ -2,18 +2,18 @@
 
 import re
 from pathlib import Path
+from typing import Any
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from testbed.evaluation.metric import METRICS
+from testbed.experiments.baselines import Key
+from testbed.experiments.tolerated import GONE, OVERALL, Moved
 from testbed.files import write_atomic
-from testbed.regress.baselines import Key
-from testbed.regress.findings import Findings
-from testbed.regress.verdict import GONE, OVERALL, Change
 
 FORBIDDEN = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")  # characters that XML 1.0 has not
 
 
-def write(findings: Findings, path: Path) -> None:
+def write(findings: Any, path: Path) -> None:
     """Write the file; raises OSError, in one sentence, where it cannot be written."""
     root = Element("testsuites", name="testbed regress")
     for tracker in dict.fromkeys(tracker for tracker, _ in findings.cells):
@@ -24,7 +24,7 @@ def write(findings: Findings, path: Path) -> None:
     write_atomic(path, tostring(root, encoding="us-ascii", xml_declaration=True) + b"\n")
 
 
-def sentence(change: Change) -> str:
+def sentence(change: Moved) -> str:
     """One change in words."""
     name = METRICS[change.measure].title
     if change.verdict == GONE:
@@ -33,7 +33,7 @@ def sentence(change: Change) -> str:
     return f"{name}: {numbers}, {change.verdict} by {abs(change.change):.3g}, allowed {change.limit:.3g}"
 
 
-def _suite(root: Element, findings: Findings, tracker: str) -> None:
+def _suite(root: Element, findings: Any, tracker: str) -> None:
     suite = SubElement(root, "testsuite", name=tracker)
     cells = [key for key in findings.cells if key[0] == tracker]
     for key in [*cells, (tracker, OVERALL)]:
@@ -44,7 +44,7 @@ def _suite(root: Element, findings: Findings, tracker: str) -> None:
     suite.set("time", f"{sum(findings.seconds.get(key, 0.0) for key in cells):.3f}")
 
 
-def _case(suite: Element, findings: Findings, key: Key) -> None:
+def _case(suite: Element, findings: Any, key: Key) -> None:
     tracker, scenario = key
     time = f"{findings.seconds.get(key, 0.0):.3f}"
     case = SubElement(suite, "testcase", classname=f"regress.{tracker}", name=scenario, time=time)

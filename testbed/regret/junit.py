@@ -6,16 +6,15 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 import pandas as pd
 
 from testbed.evaluation.metric import METRICS
+from testbed.experiments.pairs import Cell, Drive, compared_with
 from testbed.experiments.run import Outcome
 from testbed.files import write_atomic
 from testbed.frame import TRUTH
 from testbed.regress.junit import FORBIDDEN
-from testbed.regret.analysis import Cell, compared_with
-from testbed.regret.study import Task
 
 
 def write(
-    pairs: pd.DataFrame, cells: list[Cell], failed: list[Outcome], self_test: dict[Task, bool], path: Path
+    pairs: pd.DataFrame, cells: list[Cell], failed: list[Outcome], self_test: dict[Drive, bool], path: Path
 ) -> None:
     """Write the file; raises OSError, in one sentence, where it cannot be written.
 
@@ -39,8 +38,8 @@ def write(
             own = [c for c in cells if (c.scenario, c.planner, c.condition) == (scenario, planner, condition)]
             SubElement(case, "system-out").text = "\n".join(map(_sentence, own))
     extra = SubElement(root, "testsuite", name="drives")
-    for task, equal in self_test.items():
-        case = SubElement(extra, "testcase", classname="regret.self-test", name=task.name)
+    for drive, equal in self_test.items():
+        case = SubElement(extra, "testcase", classname="regret.self-test", name=drive.name)
         if not equal:
             SubElement(case, "failure", type="self-test", message="differs from the drive of the tracker itself")
     for outcome in failed:

@@ -10,10 +10,11 @@ from matplotlib.figure import Figure
 
 from testbed.compare.report import figures_band, figures_runs, figures_time
 from testbed.compare.report.style import RC, line_styles
-from testbed.compare.runs.results import Results
-from testbed.compare.statistics.analysis import BANDS, MAIN, pairwise
-from testbed.compare.statistics.series import STEP, chosen, over_time, ranked
 from testbed.evaluation.metric import COSTS, METRICS
+from testbed.experiments.bands import BANDS
+from testbed.experiments.series import STEP, chosen, over_time, ranked
+from testbed.experiments.statistics import MAIN, pairwise
+from testbed.experiments.store import Results
 from testbed.files import make_directory, write_figure
 
 FOLDER = "figures"
@@ -83,7 +84,7 @@ def _plots(results: Results, bands: dict[str, pd.DataFrame]) -> Iterator[Plot]:
 def _of_runs(results: Results) -> Iterator[Plot]:
     order = ranked(results)
     styles = line_styles(order)
-    comparison = results.comparison
+    comparison = results.study
     yield Plot(
         "distributions",
         f"Main measures over the runs: {len(comparison.scenarios)} scenarios, {len(comparison.seeds)} seeds",
@@ -114,7 +115,7 @@ def _over_time(results: Results) -> Iterator[Plot]:
     shown = chosen(results)
     series, times = over_time(results, shown)
     data = figures_time.TimeData(results, series, times, line_styles(ranked(results)))
-    left = len(results.comparison.trackers) - len(shown)
+    left = len(results.study.trackers) - len(shown)
     chosen_of = f" Of {left + len(shown)} trackers: the reference and those best in GOSPA." if left else ""
     for quantity, label in (("gospa", "GOSPA [m]"), ("position", "position RMSE [m]")):
         yield Plot(
@@ -140,7 +141,7 @@ def _over_time(results: Results) -> Iterator[Plot]:
 def _by_band(results: Results, bands: dict[str, pd.DataFrame]) -> Iterator[Plot]:
     shown = chosen(results)
     styles = line_styles(ranked(results))
-    baseline = results.comparison.baseline
+    baseline = results.study.baseline
     axes = {"range": ("range", "range from the ego"), "visible": ("visibility", "visible share of the outline")}
     for band, (name, label) in axes.items():
         table = bands[band]

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from testbed.compare.report.style import OTHERS, LineStyle
-from testbed.compare.statistics.analysis import BAND_MEASURES
+from testbed.experiments.bands import BAND_MEASURES
 
 DODGE = 0.56  # share of a band over which the trackers stand side by side
 

@@ -11,10 +11,10 @@ from matplotlib.patches import Patch
 
 from testbed.compare.report.figures_axes import plain_log
 from testbed.compare.report.style import DURING, LIMITS, ONSET, LineStyle, grid
-from testbed.compare.runs.results import Results
-from testbed.compare.statistics.analysis import DOF
-from testbed.compare.statistics.series import PhaseTimes, Series
 from testbed.evaluation.intervals import FEWEST, chi2_limits
+from testbed.experiments.bands import DOF
+from testbed.experiments.series import PhaseTimes, Series
+from testbed.experiments.store import Results
 
 SHADES = {"onset": ONSET, "during": DURING}
 BAND = 0.13  # opacity
@@ -63,7 +63,7 @@ def consistency(data: TimeData, quantity: str, label: str) -> Figure:
 
 def _panels(data: TimeData, quantity: str, label: str) -> tuple[Figure, dict[str, Axes]]:
     found = {s.scenario for s in data.series if s.quantity == quantity}
-    scenarios = [c for c in data.results.comparison.scenarios if c in found]
+    scenarios = [c for c in data.results.study.scenarios if c in found]
     rows, columns, (width, height) = grid(max(len(scenarios), 1))
     figure = Figure(figsize=(columns * width, rows * height + 1.0), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False).ravel()
@@ -107,7 +107,7 @@ def _legend(figure: Figure, data: TimeData, quantity: str, more: list[Patch]) ->
     names = dict.fromkeys(s.tracker for s in data.series if s.quantity == quantity and np.isfinite(s.mean).any())
     handles: list[Line2D | Patch] = [Line2D([], [], label=_name(data.results, n), **data.styles[n].line) for n in names]
     handles += more
-    if names and quantity in ("gospa", "position") and len(data.results.comparison.seeds) >= FEWEST:
+    if names and quantity in ("gospa", "position") and len(data.results.study.seeds) >= FEWEST:
         handles.append(Patch(color=data.styles[next(iter(names))].color, alpha=BAND, label="95 % band"))
     if data.times:
         handles += [Patch(color=ONSET, label="onset"), Patch(color=DURING, label="maneuver")]
@@ -116,4 +116,4 @@ def _legend(figure: Figure, data: TimeData, quantity: str, more: list[Patch]) ->
 
 
 def _name(results: Results, tracker: str) -> str:
-    return f"{tracker} (reference)" if tracker == results.comparison.baseline else tracker
+    return f"{tracker} (reference)" if tracker == results.study.baseline else tracker

@@ -3,9 +3,9 @@
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
-from testbed.compare.runs.results import Results
-from testbed.compare.statistics.analysis import PHASES
 from testbed.experiments.run import Outcome
+from testbed.experiments.statistics import PHASES
+from testbed.experiments.store import Results
 
 
 class Failure(NamedTuple):

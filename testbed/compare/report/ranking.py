@@ -5,10 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from testbed.compare.report.tables import Field, Grid, Line, estimate
-from testbed.compare.runs.results import Results
-from testbed.compare.statistics.analysis import Cell, samples
-from testbed.compare.statistics.differences import PairedDifference, compare
 from testbed.evaluation.metric import METRICS
+from testbed.experiments.statistics import Cell, Change, compare, samples
+from testbed.experiments.store import Results
 
 MEASURE = "gospa"
 SAID = {"worse": "behind", "better": "ahead on shared runs", "the same": "level",
@@ -26,7 +25,7 @@ def ranking(results: Results, cells: Sequence[Cell]) -> Grid | None:
     ranked = order(cells)
     if len(ranked) < 2:
         return None
-    comparison, measure = results.comparison, METRICS[MEASURE]
+    comparison, measure = results.study, METRICS[MEASURE]
     found = samples(results.runs, MEASURE, comparison.scenarios, comparison.seeds)
     first = ranked[0].tracker
     lines = []
@@ -45,7 +44,7 @@ def ranking(results: Results, cells: Sequence[Cell]) -> Grid | None:
     )
 
 
-def _behind(d: PairedDifference | None, digits: int) -> list[Field]:
+def _behind(d: Change | None, digits: int) -> list[Field]:
     if d is None:
         return [Field(""), Field("first")]
     mark = d.verdict if d.verdict in ("better", "worse") else ""

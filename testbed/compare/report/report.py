@@ -16,13 +16,12 @@ from testbed.compare.report import words as report_words
 from testbed.compare.report.links import LogFiles, href
 from testbed.compare.report.ranking import ranking
 from testbed.compare.report.tables import Grid
-from testbed.compare.runs.config import read_settings
-from testbed.compare.runs.results import Results
-from testbed.compare.runs.tasks import rows_path
-from testbed.compare.runs.work import Progress, Tally
-from testbed.compare.statistics.analysis import BANDS, DRIVE, MAIN, by_band, cells, consistency, unresolved
+from testbed.experiments.bands import BANDS, by_band, consistency
 from testbed.experiments.engine import Engine
 from testbed.experiments.run import FAILED
+from testbed.experiments.statistics import DRIVE, MAIN, cells, unresolved
+from testbed.experiments.store import Results
+from testbed.experiments.study import Progress, Tally
 from testbed.files import make_directory, write_atomic
 
 NAME = "report.html"
@@ -59,7 +58,7 @@ def write_report(
 
     Raises OSError, in one sentence, where the disk is full or must not be written.
     """
-    folder = Path(out or results.comparison.out)
+    folder = Path(out or results.study.out)
     make_directory(folder)
     show = _stage(progress, "tables") or (lambda done, total: None)
     show(0, 2)
@@ -113,7 +112,7 @@ def _stage(progress: Progress | None, what: str) -> Callable[[int, int], None] |
 
 def tables_of(results: Results, bands: dict[str, pd.DataFrame]) -> dict[str, Any]:
     """All tables by their names in the template, None for what there are no data for, and the sentences."""
-    baseline = results.comparison.baseline
+    baseline = results.study.baseline
     main = list(cells(results, MAIN))
     scenarios = list(cells(results, ("gospa",), by="scenario"))
     phases = list(cells(results, BY_PHASE, by="phase"))
@@ -144,9 +143,9 @@ def _band(bands: dict[str, pd.DataFrame], band: str, baseline: str) -> Grid | No
 
 def _about(results: Results, tally: Tally | None) -> dict[str, Any]:
     """What was compared, as (term, text) pairs, and where the time went as (part, seconds, share)."""
-    comparison = results.comparison
+    comparison = results.study
     settings = comparison.settings
-    made = len(comparison.tasks) - len(results.missing)
+    made = len(comparison.work()) - len(results.missing)
     shares = results.shares
     total = sum(shares.values())
     facts = [
@@ -160,10 +159,10 @@ def _about(results: Results, tally: Tally | None) -> dict[str, Any]:
         ("loop", _loop(settings.loop, settings.planner)),
         (
             "runs",
-            f"{made} of {len(comparison.tasks)}" + (f", {len(results.missing)} missing" if results.missing else ""),
+            f"{made} of {len(comparison.work())}" + (f", {len(results.missing)} missing" if results.missing else ""),
         ),
         ("made", _date(results)),
-        *_identity(comparison.out),
+        *_identity(results),
     ]
     if tally and tally.wall:
         facts.append(("wall time", f"{tally.wall:.0f} s for {tally.done} runs; {tally.found} were there already"))
@@ -184,11 +183,13 @@ def _loop(loop: str, planner: str) -> str:
     return f"closed: the planner {planner} uses each tracker; the same traffic and radar noise at the start"
 
 
-def _identity(out: str) -> list[tuple[str, str]]:
+def _identity(results: Results) -> list[tuple[str, str]]:
     """Versions, and the digest of the code, of the folder with the runs; nothing where it does not say."""
     try:
-        _, known = read_settings(Path(out))
+        known = results.store.about()
     except ValueError:
+        known = {}
+    if not known:
         return []
     prefix = "version of "
     versions = ", ".join(f"{k.removeprefix(prefix)} {v}" for k, v in known.items() if k.startswith(prefix))
@@ -196,9 +197,7 @@ def _identity(out: str) -> list[tuple[str, str]]:
 
 
 def _date(results: Results) -> str:
-    gone = set(results.missing)
-    paths = [rows_path(t, Path(results.comparison.out)) for t in results.comparison.tasks if t not in gone]
-    times = [path.stat().st_mtime for path in paths if path.exists()]
+    times = [path.stat().st_mtime for run in results.metas if (path := results.store.path(run)).exists()]
     return f"{datetime.fromtimestamp(max(times), UTC):%Y-%m-%d %H:%M} UTC" if times else "not yet"
 
 
@@ -223,7 +222,7 @@ def _logs(
         notes = {outcome.name: outcome.note for outcome in outcomes if outcome.status == FAILED}
     links = []
     for pick in found:
-        path = log_files.log_path(pick, results.comparison, folder)
+        path = log_files.log_path(pick, folder)
         links.append(LogLink(pick, report_links.found(path, folder, notes.get(pick.name, NO_LOG))))
     return links
 

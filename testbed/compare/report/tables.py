@@ -11,10 +11,10 @@ import numpy as np
 import pandas as pd
 
 from testbed.command_line.tables import DASH, number
-from testbed.compare.statistics.analysis import BAND_MEASURES, BANDS, DOF, PHASES, QUANTITIES, Cell
-from testbed.compare.statistics.differences import PairedDifference
 from testbed.evaluation.intervals import LEVEL, Interval
 from testbed.evaluation.metric import METRICS
+from testbed.experiments.bands import BAND_MEASURES, BANDS, DOF, QUANTITIES
+from testbed.experiments.statistics import PHASES, Cell, Change
 
 WORST = 2.0  # times the best value of a row, at which shading is full
 CONSISTENCY = {
@@ -234,11 +234,11 @@ def _shaded(cell: Cell, best: float) -> Field:
     return estimate(cell.mean, METRICS[cell.measure].digits, mark="best" if bad == best else "", heat=heat)
 
 
-def _mark(d: PairedDifference) -> str:
+def _mark(d: Change) -> str:
     return d.verdict if d.verdict in ("better", "worse") else ""
 
 
-def _needed(d: PairedDifference) -> str:
+def _needed(d: Change) -> str:
     if d.verdict != "unresolved" or np.isnan(d.needed):
         return ""
     return f"{d.needed:.0f} seeds needed" if np.isfinite(d.needed) else "no number of seeds will do"

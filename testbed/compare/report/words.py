@@ -8,11 +8,10 @@ from testbed.command_line.tables import number
 from testbed.compare.report.grouping import listed, reach
 from testbed.compare.report.ranking import order as by_gospa
 from testbed.compare.report.tables import bounds
-from testbed.compare.runs.results import Results
-from testbed.compare.statistics.analysis import MAIN, Cell, samples
-from testbed.compare.statistics.differences import compare
 from testbed.evaluation.intervals import FEWEST
 from testbed.evaluation.metric import METRICS
+from testbed.experiments.statistics import MAIN, Cell, compare, samples
+from testbed.experiments.store import Results
 
 BESIDES = tuple(key for key in MAIN if key != "gospa")
 
@@ -31,7 +30,7 @@ def verdict(results: Results, cells: Sequence[Cell]) -> list[str]:
 
 def caveats(results: Results, cells: Sequence[Cell]) -> list[str]:
     """What a reader should know before using the tables."""
-    comparison = results.comparison
+    comparison = results.study
     found = []
     if len(comparison.seeds) < FEWEST:
         few = f"{_count(len(comparison.seeds), 'seed')} {'is' if len(comparison.seeds) == 1 else 'are'}"
@@ -48,12 +47,12 @@ def caveats(results: Results, cells: Sequence[Cell]) -> list[str]:
 
 def _missing(results: Results) -> dict[str, int]:
     """Number of missing runs of each tracker."""
-    return {t: sum(task.tracker == t for task in results.missing) for t in results.comparison.trackers}
+    return {t: sum(run.source == t for run in results.missing) for t in results.study.trackers}
 
 
 def _each(results: Results) -> int:
     """Number of runs that each tracker should have."""
-    return len(results.comparison.scenarios) * len(results.comparison.seeds)
+    return len(results.study.scenarios) * len(results.study.seeds)
 
 
 def _lacking(results: Results) -> list[str]:
@@ -81,7 +80,7 @@ def _blind(results: Results, cells: Sequence[Cell]) -> list[str]:
     """A sentence for all trackers that have runs, but no track on any object."""
     missing, each = _missing(results), _each(results)
     seeing = {c.tracker for c in cells if c.measure == "rmse_position" and np.isfinite(c.mean.value)}
-    names = [t for t in results.comparison.trackers if missing[t] < each and t not in seeing]
+    names = [t for t in results.study.trackers if missing[t] < each and t not in seeing]
     if not names:
         return []
     it = "it has" if len(names) == 1 else "they have"
@@ -97,7 +96,7 @@ def _unreached(results: Results) -> list[str]:
 
 def _best(results: Results, order: Sequence[Cell]) -> str:
     best = order[0]
-    comparison = results.comparison
+    comparison = results.study
     where = f"{_count(len(comparison.scenarios), 'scenario')} and {_count(len(comparison.seeds), 'seed')}"
     size = " ".join(filter(None, (f"{best.mean.value:.2f} m", bounds(best.mean, 2))))
     if len(order) == 1:
@@ -106,7 +105,7 @@ def _best(results: Results, order: Sequence[Cell]) -> str:
 
 
 def _lead(results: Results, order: Sequence[Cell]) -> str:
-    comparison = results.comparison
+    comparison = results.study
     best, second = order[0].tracker, order[1].tracker
     found = samples(results.runs, "gospa", comparison.scenarios, comparison.seeds)
     d = compare(found[second], found[best])  # as the ranking has it: an interval is not that of the opposite, turned
@@ -140,7 +139,7 @@ def _against(cells: Sequence[Cell], results: Results) -> str:
     words = {"better": "better", "worse": "worse", "unresolved": "not resolved", "the same": "the same",
              "too few seeds": "too few seeds to judge"}  # fmt: skip
     parts = [f"{words[v]}: {', '.join(groups[v])}" for v in words if v in groups]
-    return f"GOSPA against the reference {results.comparison.baseline} – {'; '.join(parts)}." if parts else ""
+    return f"GOSPA against the reference {results.study.baseline} – {'; '.join(parts)}." if parts else ""
 
 
 def _besides(cells: Sequence[Cell]) -> str:

@@ -13,8 +13,8 @@ from testbed.compare.report.figures import STATIC, FigureFiles, Plot
 from testbed.compare.report.style import COLOURS, RC, line_styles
 from testbed.environment.sources.substitution import GROUP_NAMES, GROUPS
 from testbed.evaluation.metric import METRICS
+from testbed.experiments.pairs import Attribution, Cell, correlations
 from testbed.files import make_directory, write_figure
-from testbed.regret.analysis import Attribution, Cell, correlations
 
 GROUP_COLOURS = dict(zip(GROUPS, COLOURS, strict=False))
 DOSE_UNITS = {

@@ -1,24 +1,21 @@
 """Logs of the worst pairs: the drive on the truth and the drive on tracks, side by side on one timeline."""
 
-from contextlib import closing
+from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scenarios.lanes import lane_shapes
-from testbed.environment.road_geometry import road_geometry
 from testbed.evaluation.driving import LONGEST
-from testbed.experiments.run import DONE, FOUND, Outcome, outcome_of
+from testbed.experiments.drives import DriveWatch
+from testbed.experiments.episode import episode
+from testbed.experiments.pairs import Drive, WorstPair, events
+from testbed.experiments.run import FOUND, Outcome, Run, outcome_of
 from testbed.files import make_directory
 from testbed.frame import TRUTH, Frame
 from testbed.log.pair import TRACKS, LoggedDrive, write_pair
 from testbed.log.record import RoadGeometry
-from testbed.regret.analysis import WorstPair
-from testbed.regret.drives import DriveObserver, drive_through, make_env
-from testbed.regret.pairs import events
-from testbed.regret.study import Settings, Study, Task
 
 FOLDER = "logs"
 
@@ -26,64 +23,54 @@ FOLDER = "logs"
 class Replayed(NamedTuple):
     """A drive made again, with its frames."""
 
-    observer: DriveObserver
+    watch: DriveWatch
     frames: list[Frame]
     road: RoadGeometry
 
 
-def log_path(task: Task, out: Path) -> Path:
+def log_path(drive: Drive, out: Path) -> Path:
     """Where the log of a pair lies."""
-    return out / FOLDER / f"{task.name}_beside_{TRUTH}.rrd"
+    return out / FOLDER / f"{drive.name}_beside_{TRUTH}.rrd"
 
 
-def write(worst: list[WorstPair], study: Study) -> list[Outcome]:
+def write(worst: list[WorstPair], study: Any) -> list[Outcome]:
     """Write the logs that are missing; a log that cannot be written is a failed outcome."""
     out = Path(study.out)
     make_directory(out / FOLDER)
-    return [write_one(pair, study.settings, out) for pair in worst]
+    return [write_one(pair, study.run, out) for pair in worst]
 
 
-def write_one(pair: WorstPair, settings: Settings, out: Path) -> Outcome:
+def write_one(pair: WorstPair, run: Callable[[Drive], Run], out: Path) -> Outcome:
     """Make both drives of a pair again, and their log, unless it is there."""
 
     def work() -> str:
-        path = log_path(pair.task, out)
+        path = log_path(pair.drive, out)
         if path.exists():
             return FOUND
-        reference = replayed(pair.task._replace(condition=TRUTH), settings)
-        tracked = replayed(pair.task, settings)
-        beside = events(tracked.observer.curves, reference.observer.curves)
+        reference = replayed(run(pair.drive._replace(condition=TRUTH)))
+        tracked = replayed(run(pair.drive))
+        beside = events(tracked.watch.curves, reference.watch.curves)
         if np.isfinite(pair.parted):
             beside = sorted([(pair.parted, f"parts from the truth: {pair.parting}"), *beside])
         drives = [
             LoggedDrive(TRUTH, "on the truth", reference.frames, _curves(reference), []),
-            LoggedDrive(TRACKS, f"on {pair.task.condition}", tracked.frames, _curves(tracked), beside),
+            LoggedDrive(TRACKS, f"on {pair.drive.condition}", tracked.frames, _curves(tracked), beside),
         ]
         write_pair(path, path.stem, drives, reference.road, _summary(pair))
         return ""
 
-    return outcome_of(pair.task.name, work)
+    return outcome_of(pair.drive.name, work)
 
 
-def replayed(task: Task, settings: Settings) -> Replayed:
-    """The drive of a task, made again; its frames are those of the study, bit for bit."""
+def replayed(run: Run) -> Replayed:
+    """A drive, made again; its frames are those of the study, bit for bit."""
     frames: list[Frame] = []
-    observer = DriveObserver(None)
-    with closing(make_env(task, settings)) as env:
-        for called in (frames.append, observer):
-            env.get_wrapper_attr("attach")(called)
-        drive_through(env, task)
-        road = road_geometry(lane_shapes(env.get_wrapper_attr("unwrapped").road.network))
-    return Replayed(observer, frames, road)
-
-
-def made(outcomes: list[Outcome]) -> int:
-    """How many logs are there."""
-    return sum(outcome.status in (DONE, FOUND) for outcome in outcomes)
+    watch = DriveWatch(run)
+    return Replayed(watch, frames, episode(run, [frames.append, watch]).drawn)
 
 
 def _curves(drive: Replayed) -> dict[str, NDArray]:
-    curves = drive.observer.curves.drive
+    curves = drive.watch.curves.drive
     return {
         "speed [m/s]": curves.speed,
         "braking [m/s^2]": curves.braking,
@@ -93,8 +80,8 @@ def _curves(drive: Replayed) -> dict[str, NDArray]:
 
 
 def _summary(pair: WorstPair) -> str:
-    task = pair.task
+    drive = pair.drive
     return (
-        f"# {task.scenario}, seed {task.seed}\n\nPlanner `{task.planner}`: truth above, `{task.condition}` "
+        f"# {drive.scenario}, seed {drive.seed}\n\nPlanner `{drive.planner}`: truth above, `{drive.condition}` "
         f"below. Regret {pair.regret:.2f} s.\n\nWhere the drives part: {pair.parting}.\n"
     )

@@ -13,16 +13,16 @@ from testbed.compare.report.figures import FOLDER, FigureFiles
 from testbed.compare.report.grouping import failures
 from testbed.compare.report.links import LogFiles, href
 from testbed.compare.report.report import seeds_text
-from testbed.compare.runs.work import Tally
 from testbed.environment.sources.conditions import IN_VIEW
+from testbed.experiments import pairs as analysis
+from testbed.experiments.pairs import Cell
 from testbed.experiments.run import FAILED, Outcome
+from testbed.experiments.store import Results
+from testbed.experiments.study import Tally
 from testbed.files import write_atomic
 from testbed.frame import TRUTH
-from testbed.regret import analysis
-from testbed.regret.analysis import Cell
 from testbed.regret.report import logs, tables, words
 from testbed.regret.report.figures import draw
-from testbed.regret.results import Results
 
 NAME = "report.html"
 TEMPLATE = "regret.html.j2"
@@ -109,9 +109,9 @@ def render(
         ("planners", ", ".join(study.planners)),
         ("trackers", ", ".join(study.trackers) or "none"),
         ("seeds", f"{len(study.seeds)}: {seeds_text(study.seeds)}"),
-        ("radar", study.settings.radar),
-        ("drives", f"{len(results.drives)} of {len(study.tasks)}"),
-        ("CPU time of the drives", f"{sum(d.cpu for d in results.drives.values()):.0f} s"),
+        ("radar", study.radar),
+        ("drives", f"{len(results.metas)} of {len(study.work())}"),
+        ("CPU time of the drives", f"{results.runs['cpu'].sum():.0f} s"),
     ]
     return _template().render(
         title=f"Regret of {len(study.trackers)} trackers" if study.trackers else "Regret of injected errors",
@@ -171,8 +171,8 @@ def _only_score(cells: Sequence[Cell]) -> list[Cell]:
 def _log(pair: analysis.WorstPair, outcome: Outcome, folder: Path) -> tuple[str, LogFiles]:
     """Name of a pair, and its log."""
     if outcome.status == FAILED:
-        return pair.task.name, LogFiles(note=outcome.note)
-    return pair.task.name, links.found(logs.log_path(pair.task, folder), folder, "not here")
+        return pair.drive.name, LogFiles(note=outcome.note)
+    return pair.drive.name, links.found(logs.log_path(pair.drive, folder), folder, "not here")
 
 
 def _template() -> Any:

@@ -9,7 +9,7 @@ from testbed.compare.report.tables import Field, Grid, Line, estimate
 from testbed.environment.sources.substitution import GROUPS
 from testbed.evaluation.intervals import Interval
 from testbed.evaluation.metric import METRICS
-from testbed.regret.analysis import Attribution, Cell, Correlation, WorstPair
+from testbed.experiments.pairs import Attribution, Cell, Correlation, WorstPair
 
 SIGNED = "In brackets 95 % intervals over the seeds, paired; coloured where the interval leaves out zero."
 
@@ -88,8 +88,8 @@ def worst(found: Sequence[WorstPair]) -> Grid:
     heads = ["planner", "scenario", "seed", "regret [s]", "parts from the drive on the truth"]
     lines = []
     for w in found:
-        fields = map(Field, (w.task.planner, w.task.scenario, str(w.task.seed), number(w.regret, 2), w.parting))
-        lines.append(Line(w.task.condition, list(fields)))
+        fields = map(Field, (w.drive.planner, w.drive.scenario, str(w.drive.seed), number(w.regret, 2), w.parting))
+        lines.append(Line(w.drive.condition, list(fields)))
     words = ("planner", "scenario", "parts from the drive on the truth")
     return Grid("The seed with the largest regret against the truth.", "tracker", heads, lines, words=words)
 

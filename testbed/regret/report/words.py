@@ -7,7 +7,7 @@ import pandas as pd
 
 from testbed.environment.sources.substitution import GROUP_NAMES, GROUPS
 from testbed.evaluation.metric import METRICS
-from testbed.regret.analysis import Attribution, Cell, Correlation
+from testbed.experiments.pairs import Attribution, Cell, Correlation
 
 
 def verdict(

@@ -7,8 +7,7 @@ people: in a scenario from the spread between seeds pooled over scenarios, overa
 """
 
 import json
-from collections.abc import Iterable
-from dataclasses import asdict
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,10 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from testbed.evaluation.intervals import bootstrap_interval, student_limit
+from testbed.experiments.statistics import pooled_spread
+from testbed.experiments.tolerated import TOLERANCES, Values
 from testbed.files import write_atomic
-from testbed.regress.spread import pooled_spread
-from testbed.regress.suite import TOLERANCES, Suite
-from testbed.regress.verdict import Values
 from trackers.json_file import read_json
 
 LAYOUT = 1
@@ -45,11 +43,11 @@ class Baselines(NamedTuple):
 NONE = Baselines({}, {})
 
 
-def load(path: Path, suite: Suite) -> Baselines:
+def load(path: Path, conditions: Mapping[str, Any]) -> Baselines:
     """Read the baselines.
 
     Raises:
-        OSError, ValueError: in one sentence, where there are none, or none that a suite like this can use.
+        OSError, ValueError: in one sentence, where there are none, or none of runs of these conditions.
     """
     try:
         found = read_json(path)
@@ -63,7 +61,7 @@ def load(path: Path, suite: Suite) -> Baselines:
     if layout != LAYOUT:
         raise ValueError(f"baselines: {path} has layout {layout!r}, not {LAYOUT}; {REMEDY}")
     try:
-        return _parse(found, suite)
+        return _parse(found, conditions)
     except _OtherSuite as error:
         raise ValueError(f"baselines: {path} {error}; {REMEDY}") from None
     except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
@@ -80,13 +78,13 @@ def merge(old: Baselines, new: Values, update: Update, keep: Iterable[Key]) -> B
     )
 
 
-def save(baselines: Baselines, suite: Suite, path: Path) -> None:
+def save(baselines: Baselines, conditions: Mapping[str, Any], path: Path) -> None:
     """Write the baselines in the order of names, so that a diff of two files is short."""
     updates = sorted({(u.date, json.dumps(u.versions, sort_keys=True)) for u in baselines.updates.values()})
     trackers = sorted({tracker for tracker, _ in baselines.values})
     found = {
         "layout": LAYOUT,
-        **_conditions(suite),
+        **conditions,
         "updates": [{"date": date, "versions": json.loads(text)} for date, text in updates],
         "trackers": {tracker: _tracker(baselines, tracker, updates) for tracker in trackers},
     }
@@ -104,12 +102,8 @@ def _damaged(path: Path, error: Exception) -> str:
     return f"baselines: {path} is damaged ({type(error).__name__}: {error}); {REMEDY}"
 
 
-def _conditions(suite: Suite) -> dict[str, Any]:
-    return {"seeds": list(suite.seeds), **asdict(suite.settings)}
-
-
-def _parse(found: dict[str, Any], suite: Suite) -> Baselines:
-    for key, wanted in _conditions(suite).items():
+def _parse(found: dict[str, Any], conditions: Mapping[str, Any]) -> Baselines:
+    for key, wanted in conditions.items():
         if found[key] != wanted:
             raise _OtherSuite(f"has {key} {found[key]}, the suite has {wanted}")
     baselines = Baselines({}, {})
@@ -118,7 +112,7 @@ def _parse(found: dict[str, Any], suite: Suite) -> Baselines:
             if set(cell) != {"update", *TOLERANCES}:
                 raise _OtherSuite(f"has other measures for {tracker} in {scenario} than {', '.join(TOLERANCES)}")
             values = {measure: np.array(cell[measure]["values"], float) for measure in TOLERANCES}
-            if any(v.shape != (len(suite.seeds),) for v in values.values()):
+            if any(v.shape != (len(conditions["seeds"]),) for v in values.values()):
                 raise _OtherSuite(f"has not one value a seed for {tracker} in {scenario}")
             update = found["updates"][cell["update"]]
             baselines.values[tracker, scenario] = values

@@ -1,4 +1,4 @@
-"""Errors of a scenario over time, from the rows of its runs: what the figures draw."""
+"""Errors by range, by visible share, by phase and over time, from the rows of all runs."""
 
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
@@ -7,8 +7,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from testbed.compare.runs.results import Results
 from testbed.evaluation.intervals import FEWEST, student_interval
+from testbed.experiments.store import Results
 
 STEP = 0.5  # [s] frames that are averaged together
 MOST_SHOWN = 6  # trackers in a figure over time or by band
@@ -38,7 +38,7 @@ def chosen(results: Results) -> list[str]:
 
 def ranked(results: Results) -> list[str]:
     """All trackers: the reference, then the others by their mean GOSPA, those without any run last."""
-    names, baseline = results.comparison.trackers, results.comparison.baseline
+    names, baseline = results.study.trackers, results.study.baseline
     runs = results.runs
     gospa = runs.groupby(["tracker", "scenario"])["gospa"].mean().groupby("tracker").mean() if len(runs) else {}
     order = sorted(names, key=lambda name: (name != baseline, _last(gospa.get(name)), names.index(name)))
@@ -60,10 +60,10 @@ class PhaseTimes(NamedTuple):
 
 def over_time(results: Results, trackers: Sequence[str]) -> tuple[list[Series], list[PhaseTimes]]:
     """All series of the given trackers, and the phases; the rows of only one scenario are in memory at a time."""
-    made = {(task.scenario, task.tracker) for task in set(results.comparison.tasks) - set(results.missing)}
+    made = {(run.case, run.source) for run in set(results.study.work()) - set(results.missing)}
     series: list[Series] = []
     times: list[PhaseTimes] = []
-    for scenario in results.comparison.scenarios:
+    for scenario in results.study.scenarios:
         if any((scenario, t) in made for t in trackers):
             rows = results.rows(COLUMNS, scenario)
             times += phases(scenario, rows)

@@ -1,27 +1,60 @@
-"""Paired differences of drives, their attribution, and what the seeds can resolve."""
+"""Two drives of one seed side by side: how they differ, where they part, and what that says over the seeds."""
 
-from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from testbed.compare.statistics.differences import PairedDifference, needed
-from testbed.environment.sources.conditions import IN_VIEW
+from testbed.environment.sources.conditions import IN_VIEW, parse
 from testbed.environment.sources.substitution import EXISTENCE, GROUPS, subsets
+from testbed.evaluation.driving import SAME, Driven, changed_decisions
 from testbed.evaluation.intervals import NO_INTERVAL, Interval, bootstrap_interval, crossed_interval, measured
-from testbed.evaluation.metric import METRICS
-from testbed.experiments.rows import content
-from testbed.regret.results import Results
-from testbed.regret.shapley import shapley
-from testbed.regret.study import Task
+from testbed.evaluation.metric import DRIVES, METRICS, keys, values
+from testbed.experiments.drives import Curves
+from testbed.experiments.run import Run
+from testbed.experiments.statistics import Change, needed, shapley
+from testbed.experiments.store import Results
+from testbed.frame import TRUTH
 
 ALL = "all"  # scenarios together
 BOTH_SIDES = ("tit", "progress")  # the metric of risk and that of loss that tell trackers apart with the fewest seeds
 TRACKING = (  # errors of the tracker in its own drive
     "gospa", "rmse_position", "rmse_velocity", "rmse_length", "birth_delay", "missed_percent",
 )  # fmt: skip
+
+
+HARD = 2.0  # [m/s^2] braking that counts as an event
+AFTER = 3.0  # [s] within which the other drive brakes for the same reason
+MEASURES = (  # of each drive, of which a pair has the difference
+    "drive_score", "collisions", "drac_max", "tit", "ttc_min", "headway_min", "progress", "deceleration_max", "jerk",
+)  # fmt: skip
+Meta = Mapping[str, Any]  # what the file of a drive says beside its curves
+
+
+class Drive(NamedTuple):
+    """What names a drive in tables."""
+
+    scenario: str
+    planner: str
+    condition: str  # what the planner gets, as in `environment.sources.conditions`
+    seed: int
+
+    @property
+    def name(self) -> str:
+        """Stem of the files about it."""
+        parts = f"{self.scenario}_{self.planner}_{self.condition}_seed{self.seed}"
+        return parts.replace(":", "~").replace("/", "-")
+
+
+KEY = Drive._fields
+
+
+def key_of(run: Run) -> Drive:
+    """What names a run in tables."""
+    return Drive(run.scenario, run.planner, run.condition, run.seed)
 
 
 class Cell(NamedTuple):
@@ -31,7 +64,7 @@ class Cell(NamedTuple):
     planner: str
     condition: str
     measure: str
-    change: PairedDifference  # drive minus reference in the unit of the measure
+    change: Change  # drive minus reference in the unit of the measure
 
     @property
     def verdict(self) -> str:
@@ -54,11 +87,11 @@ def cells(pairs: pd.DataFrame, measures: Sequence[str], together: bool = False) 
                     yield Cell(name, planner, condition, key, change(list(table)))
 
 
-def change(values: Sequence[NDArray]) -> PairedDifference:
+def change(values: Sequence[NDArray]) -> Change:
     """Mean change with its interval, and nothing else; values: drive minus reference, a scenario each, by seed."""
     d = measured(values)
     mean = crossed_interval(values)
-    return PairedDifference(mean, NO_INTERVAL, NO_INTERVAL, sum(map(len, d)), needed(d, mean))
+    return Change(mean, NO_INTERVAL, NO_INTERVAL, sum(map(len, d)), needed(d, mean))
 
 
 class Attribution(NamedTuple):
@@ -95,14 +128,14 @@ def _attribution(scenario: str, planner: str, tracker: str, key: str, values: di
     return Attribution(scenario, planner, tracker, key, len(values[""]), total, share, repaired)
 
 
-def self_test(results: Results) -> dict[Task, bool]:
+def self_test(results: Results) -> dict[Drive, bool]:
     """Whether drives with all groups taken from the tracker are the tracker's own drives, bit for bit."""
     found = {}
-    for task in results.drives:
-        base, colon, groups = task.condition.rpartition(":")
-        own = task._replace(condition=base)
-        if colon and groups == GROUPS and own in results.drives:
-            found[task] = content(results.curves(task).table()) == content(results.curves(own).table())
+    for run in results.metas:
+        base, colon, groups = run.source.rpartition(":")
+        own = replace(run, source=base) if colon else run
+        if colon and groups == GROUPS and own in results.metas:
+            found[key_of(run)] = results.metas[run]["content"] == results.metas[own]["content"]
     return found
 
 
@@ -146,7 +179,7 @@ def correlations(table: pd.DataFrame) -> list[Correlation]:
 class WorstPair(NamedTuple):
     """The drive of a tracker that lost most against the reference."""
 
-    task: Task
+    drive: Drive
     regret: float  # [s]
     parted: float  # [s] when it parts from the drive on the reference, NaN for never
     parting: str  # the same in words
@@ -158,8 +191,8 @@ def worst_pairs(pairs: pd.DataFrame) -> list[WorstPair]:
     for _, part in pairs.groupby(["planner", "condition"], sort=False):
         if part["drive_score"].notna().any():
             row = part.loc[part["drive_score"].idxmin()]
-            task = Task(row["scenario"], row["planner"], row["condition"], int(row["seed"]))
-            worst.append(WorstPair(task, -float(row["drive_score"]), float(row["parted"]), row["parting"]))
+            drive = Drive(row["scenario"], row["planner"], row["condition"], int(row["seed"]))
+            worst.append(WorstPair(drive, -float(row["drive_score"]), float(row["parted"]), row["parting"]))
     return worst
 
 
@@ -198,3 +231,86 @@ def compared_with(pairs: pd.DataFrame, reference: str, sensing: bool = False) ->
     """The pairs of one reference: of trackers and injected errors, or, for `sensing`, of what is in view."""
     wanted = (pairs["condition"] == IN_VIEW) if sensing else (pairs["condition"] != IN_VIEW)
     return pairs[(pairs["reference"] == reference) & wanted]
+
+
+class Parting(NamedTuple):
+    """Where two drives part: the first decision that differs."""
+
+    time: float  # [s]
+    action: str  # of the drive
+    other: str  # of the one that it is compared with
+    cause: str  # the largest difference between tracks and truth then
+
+    def __str__(self) -> str:
+        return f"at {self.time:.1f} s {self.action} instead of {self.other}; {self.cause}"
+
+
+def parting(curves: Curves, others: Curves, drive: Meta, other: Meta) -> Parting | None:
+    """Where a drive parts from another one, None where all decisions agree."""
+    for k, (a, b) in enumerate(zip(drive["decisions"], other["decisions"], strict=False)):
+        if changed_decisions([a], [b], SAME):
+            time = drive["times"][k]
+            chosen, instead = (c.action[int(np.searchsorted(c.drive.time, time + 1e-6))] for c in (curves, others))
+            return Parting(time, chosen, instead, curves.cause[int(np.searchsorted(curves.drive.time, time - 1e-6))])
+    return None
+
+
+def events(curves: Curves, others: Curves) -> list[tuple[float, str]]:
+    """Time [s] and text: braking for nothing, and braking too late, each beside the other drive."""
+    time, own, ref = curves.drive.time, curves.drive.braking, others.drive.braking
+    found = []
+    for start in _onsets(own > HARD):
+        again = ref[(others.drive.time >= time[start] - AFTER) & (others.drive.time <= time[start] + AFTER)]
+        if not (again > HARD).any():
+            found.append((float(time[start]), f"brakes for nothing, {own[start : start + 15].max():.1f} m/s^2"))
+    mine = time[_onsets(own > HARD)]
+    for start in _onsets(ref > HARD):
+        at = others.drive.time[start]
+        later = mine[(mine >= at - AFTER) & (mine <= at + AFTER)]
+        if not len(later):
+            found.append((float(at), "does not brake where the other drive does"))
+        elif (delay := float(later[0] - at)) > 0.1:
+            found.append((float(later[0]), f"brakes {delay:.1f} s late"))
+    return sorted(found)
+
+
+def _onsets(active: NDArray) -> NDArray:
+    """Indices at which a series (F,) of bool becomes true, spans nearer than a second counted as one."""
+    starts = np.flatnonzero(active & ~np.concatenate([[False], active[:-1]]))
+    ends = np.flatnonzero(active & ~np.concatenate([active[1:], [False]]))
+    fresh = np.concatenate([[True], starts[1:] - ends[:-1] > 15]) if len(starts) else np.zeros(0, bool)
+    return starts[fresh]
+
+
+def table(results: Results) -> pd.DataFrame:
+    """All drives beside those on the truth, and beside those on what is in view: drive minus reference.
+
+    One row a pair: reference, scenario, planner, condition, seed, the measures, what only pairs have, `parted` [s] and
+    `parting` in words. Drives with groups of errors are left out: their attribution needs no pairs.
+    """
+    rows: list[dict[str, Any]] = []
+    for run, drive in results.metas.items():
+        if parse(run.source).groups is not None:
+            continue
+        for reference in (TRUTH, IN_VIEW):
+            beside = replace(run, source=reference, faults=())
+            other = results.metas.get(beside)
+            if other is not None and run.condition not in (TRUTH, reference):
+                row = _row(curves(results, run), curves(results, beside), drive, other)
+                rows.append({"reference": reference, **key_of(run)._asdict(), **row})
+    return pd.DataFrame(rows, columns=["reference", *KEY, *MEASURES, *keys(DRIVES), "parted", "parting"])
+
+
+def curves(results: Results, run: Run) -> Curves:
+    """The curves of a drive; ValueError where its file is damaged."""
+    return Curves.of(results.store.table(run))
+
+
+def _row(own: Curves, others: Curves, drive: Meta, other: Meta) -> dict[str, Any]:
+    """Measures of a drive minus those of the other, what only a pair has, and where the two part."""
+    where = parting(own, others, drive, other)
+    words = "no decision differs" if where is None else str(where)
+    measured, beside = (meta["spans"][0] for meta in (drive, other))
+    difference = {key: float(measured[key]) - float(beside[key]) for key in MEASURES}
+    paired = values(DRIVES, Driven(own.drive, drive["decisions"]), Driven(others.drive, other["decisions"]))
+    return {**difference, **paired, "parted": np.nan if where is None else where.time, "parting": words}

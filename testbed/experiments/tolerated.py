@@ -22,8 +22,7 @@ from numpy.typing import NDArray
 
 from testbed.evaluation.intervals import FEWEST, bootstrap_interval, student_limit
 from testbed.evaluation.metric import METRICS
-from testbed.regress.spread import spread_of_others
-from testbed.regress.suite import TOLERANCES, Tolerance
+from testbed.experiments.statistics import spread_of_others
 
 Values = Mapping[tuple[str, str], Mapping[str, NDArray]]  # tracker, scenario -> measure -> (seeds), NaN: not measured
 
@@ -33,7 +32,37 @@ OVERALL = "all scenarios"
 WORSE, BETTER, SAME, GONE = "worse", "better", "the same", "not measured any more"
 
 
-class Change(NamedTuple):
+class Tolerance(NamedTuple):
+    """How far a measure may move the wrong way, on a scale on which less is better, before it counts.
+
+    `relative` times the baseline is added to each of the first two.
+    """
+
+    overall: float  # mean over all scenarios
+    scenario: float  # mean over the seeds of one scenario
+    relative: float
+
+
+# What rounding may do: machines and versions of libraries differ in the last digits, and now and then such a digit
+# decides which track gets a detection. With all ranges multiplied by 1 + 1e-9 N(0, 1), 157 of 160 runs (8 scenarios by
+# 10 trackers by 2 seeds) moved by no more than 1e-6 in any measure. The other three, all in the roundabout, moved by up
+# to .010 m GOSPA, .016 m position, .045 m/s velocity, .07 degrees heading and .039 m length RMSE, .25 % missed, 1.6 of
+# a NEES of 69, and by no false track, lost track or switch. A mean over two seeds moves by half of that.
+TOLERANCES = {
+    "gospa": Tolerance(0.02, 0.02, 0.01),
+    "missed_percent": Tolerance(0.2, 0.2, 0.01),
+    "false_per_scan": Tolerance(0.02, 0.02, 0.01),
+    "rmse_position": Tolerance(0.01, 0.02, 0.01),
+    "rmse_velocity": Tolerance(0.02, 0.03, 0.01),
+    "rmse_heading_deg": Tolerance(0.1, 0.1, 0.01),
+    "rmse_length": Tolerance(0.02, 0.03, 0.01),
+    "nees_position": Tolerance(0.2, 0.2, 0.02),
+    "lost": Tolerance(0.1, 0.5, 0.05),  # in a scenario: one more in one of two runs is within chance
+    "switches": Tolerance(0.1, 0.5, 0.05),
+}
+
+
+class Moved(NamedTuple):
     """One measure of one tracker in one scenario, or over all of them."""
 
     tracker: str
@@ -62,12 +91,12 @@ class _Pairs(NamedTuple):
         return [_bad(measure, new) - _bad(measure, old) for new, old in zip(self.after, self.before, strict=True)]
 
 
-def judge(new: Values, baselines: Values) -> list[Change]:
+def tolerated(new: Values, baselines: Values) -> list[Moved]:
     """Every difference that can be taken, with its verdict; runs without a baseline are passed over."""
     keys = [key for key in new if key in baselines]
     trackers = list(dict.fromkeys(tracker for tracker, _ in keys))
     shares = [ALARMS / 2 / (count * len(TOLERANCES)) for count in (len(trackers), len(keys))] if keys else []
-    changes: list[Change] = []
+    changes: list[Moved] = []
     for tracker in trackers:
         for measure, tolerance in TOLERANCES.items():
             rows = [(c, baselines[t, c][measure], new[t, c][measure]) for t, c in keys if t == tracker]
@@ -84,16 +113,16 @@ def _pairs(rows: Sequence[tuple[str, NDArray, NDArray]]) -> _Pairs:
     return _Pairs([c for c, _, _ in found], [a for _, a, _ in found], [b for _, _, b in found])
 
 
-def _gone(tracker: str, measure: str, rows: Sequence[tuple[str, NDArray, NDArray]]) -> Iterator[Change]:
+def _gone(tracker: str, measure: str, rows: Sequence[tuple[str, NDArray, NDArray]]) -> Iterator[Moved]:
     """Runs in which something was measured before, and nothing is now."""
     for scenario, before, after in rows:
         gone = np.isfinite(before) & ~np.isfinite(after)
         if gone.any():
             was = float(before[gone].mean())
-            yield Change(tracker, scenario, measure, was, np.nan, np.nan, np.nan, GONE)
+            yield Moved(tracker, scenario, measure, was, np.nan, np.nan, np.nan, GONE)
 
 
-def _overall(tracker: str, measure: str, pairs: _Pairs, tolerance: Tolerance, share: float) -> Iterator[Change]:
+def _overall(tracker: str, measure: str, pairs: _Pairs, tolerance: Tolerance, share: float) -> Iterator[Moved]:
     """Rule 1; it needs three scenarios for an interval."""
     means = np.array([group.mean() for group in pairs.differences(measure)])
     if len(means) < FEWEST:
@@ -105,10 +134,10 @@ def _overall(tracker: str, measure: str, pairs: _Pairs, tolerance: Tolerance, sh
         found = bootstrap_interval([means])
         limit = max(limit, allowed + (change - found.low if change > 0 else found.high - change))
     before, after = _mean(pairs.before), _mean(pairs.after)
-    yield Change(tracker, OVERALL, measure, before, after, change, limit, _verdict(change, limit))
+    yield Moved(tracker, OVERALL, measure, before, after, change, limit, _verdict(change, limit))
 
 
-def _by_scenario(tracker: str, measure: str, pairs: _Pairs, tolerance: Tolerance, share: float) -> Iterator[Change]:
+def _by_scenario(tracker: str, measure: str, pairs: _Pairs, tolerance: Tolerance, share: float) -> Iterator[Moved]:
     """Rule 2."""
     d = pairs.differences(measure)
     allowed = np.array([tolerance.scenario + tolerance.relative * _bad(measure, g).mean() for g in pairs.before])
@@ -117,7 +146,7 @@ def _by_scenario(tracker: str, measure: str, pairs: _Pairs, tolerance: Tolerance
     limits = allowed * np.where(dof >= FEWEST_DOF, np.maximum(chance, 1.0), 1.0)
     for scenario, before, after, group, limit in zip(*pairs, d, limits.tolist(), strict=True):
         numbers = float(before.mean()), float(after.mean()), float(group.mean()), limit
-        yield Change(tracker, scenario, measure, *numbers, _verdict(numbers[2], limit))
+        yield Moved(tracker, scenario, measure, *numbers, _verdict(numbers[2], limit))
 
 
 def _verdict(change: float, limit: float) -> str:
