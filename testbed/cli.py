@@ -273,7 +273,7 @@ def review(
     Example: [bold]testbed review --report runs/compare[/bold]
     """
     if report is not None:
-        from testbed.review_page.server import serve
+        from testbed.log.review_page.server import serve
 
         with user_input():
             if path or web or (screenshot, at, view, gif, html, focus) != (None,) * 6:
@@ -293,13 +293,13 @@ def review(
         with user_input():
             raise ValueError("--web shows logs in a browser; leave out --screenshot, --html and --gif, or call twice")
     if html is not None:
-        from testbed.review_page.page import write
+        from testbed.log.review_page.page import write
 
         with user_input():
             written = write(reviewing.only(path, "a page"), html)
         console.print(f"page     {written}", soft_wrap=True)
     if gif is not None:
-        from testbed.review_page import animation
+        from testbed.log.review_page import animation
 
         with user_input():
             written = animation.write(reviewing.only(path, "an animation"), gif)

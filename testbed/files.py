@@ -1,16 +1,22 @@
-"""Files and folders that results go to: written atomically, or refused in one sentence."""
+"""Files and folders of results, written atomically, and archives of arrays, read whole; or refused in one sentence."""
 
 import json
 import os
 import stat
 import warnings
-from collections.abc import Iterator
+import zlib
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from importlib.metadata import version
 from pathlib import Path
 from secrets import token_hex
 from tempfile import TemporaryFile
+from tokenize import TokenError
 from typing import IO, Any, BinaryIO
+from zipfile import BadZipFile, ZipFile
+
+import numpy as np
+from numpy.typing import NDArray
 
 ROOM = 1 << 20  # [bytes] of the disk that the results of a run take at most
 PACKAGES = ("eot-testbed", "highway-env", "gymnasium", "numpy", "scipy", "rerun-sdk", "shapely")
@@ -22,6 +28,12 @@ KINDS = {
     stat.S_IFCHR: "a device",
     stat.S_IFBLK: "a device",
 }
+
+LARGEST = 4_000_000_000  # [bytes] of all arrays of an archive; a small file can claim any size
+DAMAGES = (  # what comes out of a damaged archive, depending on where it is damaged
+    BadZipFile, zlib.error, EOFError, OSError, NotImplementedError, RuntimeError, ValueError, LookupError, TypeError,
+    SyntaxError, TokenError, OverflowError, MemoryError,
+)  # fmt: skip
 
 
 class LostFileWarning(UserWarning):
@@ -121,3 +133,25 @@ def write_figure(path: Path, figure: Any, **settings: Any) -> Path:
     with atomic_file(path) as file:
         figure.savefig(file, format=path.suffix[1:], **settings)
     return path
+
+
+def read_arrays(path: Path, names: Sequence[str] | None = None) -> dict[str, NDArray]:
+    """Some arrays of an archive, or all.
+
+    Raises ValueError with the reason, which does not name the file, where it is no archive, is damaged, lacks one of
+    the names, or would have to be unpickled.
+    """
+    if not path.is_file():
+        raise ValueError("it is not a file")
+    try:
+        with ZipFile(path) as parts:
+            size = sum(part.file_size for part in parts.infolist())
+        if size > LARGEST:
+            raise ValueError(f"its arrays have {size} bytes, the most is {LARGEST}")
+        with np.load(path, allow_pickle=False) as archive:
+            found = {name: archive[name] for name in (archive.files if names is None else names)}
+    except DAMAGES as error:
+        raise ValueError(" ".join(str(error).split()) or type(error).__name__) from None
+    if other := [name for name, array in found.items() if not isinstance(array, np.ndarray)]:
+        raise ValueError(f"{other[0]} is no array")
+    return found

@@ -3,6 +3,7 @@
 import os
 import resource
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
@@ -32,10 +33,21 @@ class Done(NamedTuple):
 
 @pytest.fixture
 def limit_files():
-    """limit_files(n): from now on no file of this process may be larger than n bytes, as on a disk that is full."""
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    yield lambda size: resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
-    resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    """Inside `with limit_files(n)` no file of this process may be larger than n bytes, as on a disk that is full.
+
+    It ends before pytest says how the test ended, in what may be a larger file.
+    """
+
+    @contextmanager
+    def limit(size):
+        before = resource.getrlimit(resource.RLIMIT_FSIZE)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+        try:
+            yield
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+    return limit
 
 
 @pytest.fixture

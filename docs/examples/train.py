@@ -1,4 +1,4 @@
-"""Learning to drive on tracks: DQN on highway-fast-v0, then the learned policy as a planner. Needs `eot-testbed[rl]`.
+"""Learning to drive on tracks: DQN on highway-fast-v0, then the learned policy as a planner. Needs the extra `rl`.
 
 python docs/examples/train.py [--tracker NAME] [--steps N] [--seed N] [--envs N] [--out FILE]
 """

@@ -11,7 +11,7 @@ from typing import Any
 
 from scenarios import CONTOURS, PROBES, SCENARIOS, Contour, Scenario
 from sensors import RADARS
-from studies.page import Docs
+from studies.page import Docs, fill
 from studies.recording_columns import input_tables, track_columns
 from studies.rigs.page import text as radars
 from testbed.command_line.terminal import console
@@ -22,52 +22,6 @@ from testbed.log.text import markdown_table
 from testbed.planners import PLANNERS
 from trackers import DEFAULT, TRACKERS
 
-CATALOGUE = """# Catalogue
-
-Written by `make generated` from the registries; do not edit it by hand. `testbed list` prints the same names.
-
-## Scenarios
-
-`gym.make("{example}")` makes the environment of `cut-in`, and so for every name; `testbed run NAME` drives one. The
-registry is [scenarios/registry.py](../scenarios/registry.py). Vehicles are those besides the ego.
-
-{scenarios}
-
-## Probes
-
-Short scenes in which a planner on the truth is just safe, [scenarios/probes.py](../scenarios/probes.py). Their
-parameters say how hard they are: `gym.make("{probe}", config={{"gap": 26}})`. [probes.md](probes.md) shows each.
-
-{probes}
-
-## Trackers
-
-Filters of one object, each under the same [multi-object tracker](methods/multi-object-tracking.md). The default is
-`{default}`. The registry is [trackers/registry.py](../trackers/registry.py).
-
-{trackers}
-
-## Radars
-
-The registry is [sensors/rigs.py](../sensors/rigs.py). Rate: scans a second; "frame" is one every simulated frame.
-[radars.md](radars.md) has every number with its source, and the fields of view.
-
-{radars}
-
-## Planners
-
-The registry is [testbed/planners/registry.py](../testbed/planners/registry.py).
-
-{planners}
-
-## Contours
-
-Outlines of vehicles, [scenarios/contours.py](../scenarios/contours.py). Each vehicle has a size of its own from the
-range of its class; the default is the size that the outline is drawn at. How sizes are distributed and outlines fitted
-to them: [methods/vehicles.md](methods/vehicles.md).
-
-{contours}
-"""
 WRITTEN = "<!-- {}: written by `make generated` -->", "<!-- end of {} -->"  # around a part of a page
 
 
@@ -94,7 +48,8 @@ def with_parts(page: str, parts: Mapping[str, str]) -> str:
 
 def catalogue() -> str:
     """The page docs/catalogue.md."""
-    return CATALOGUE.format(
+    return fill(
+        "catalogue.md.j2",
         example=env_id("cut-in"),
         default=DEFAULT,
         scenarios=markdown_table(

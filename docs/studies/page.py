@@ -12,9 +12,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from testbed.command_line.terminal import console, progress_bar
 from testbed.files import make_directory, write_atomic
@@ -52,6 +53,24 @@ class Page:
         framed = frame(text, command or command_line(), date or f"{datetime.now(UTC):%Y-%m-%d}", notes_of(self.file))
         write_atomic(self.file, framed)
         console.print(f"page     {self.file}", soft_wrap=True)
+
+
+def fill(template: str, **values: Any) -> str:
+    """The text of a template of this package, as NAME/page.md.j2; `number | spec(".2f")` is Python's format.
+
+    Raises jinja2.UndefinedError for a name without a value.
+    """
+    return _TEMPLATES.get_template(template).render(values)
+
+
+_TEMPLATES = Environment(
+    loader=FileSystemLoader(Path(__file__).parent),
+    undefined=StrictUndefined,
+    trim_blocks=True,
+    lstrip_blocks=True,
+    keep_trailing_newline=True,
+)
+_TEMPLATES.filters["spec"] = format
 
 
 def frame(text: str, command: str, date: str, notes: str = "\n") -> str:

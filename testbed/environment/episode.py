@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import gymnasium as gym
 
-from testbed.planners import begin
+from testbed import planners
 
 
 class Step(NamedTuple):
@@ -33,7 +33,7 @@ def drive(env: gym.Env, planner: Any, seed: int) -> Iterator[Step]:
 def start(env: gym.Env, planner: Any, seed: int) -> None:
     """Reset the environment, and say so to the planner."""
     env.reset(seed=seed)
-    begin(planner, env)
+    planners.begin(planner, env)
 
 
 def decisions(

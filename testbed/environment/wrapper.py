@@ -34,12 +34,12 @@ from testbed.environment.belief import BeliefView, RoadSwap, attach_view, belief
 from testbed.environment.observation import without_frames
 from testbed.environment.perception import Cost, Perception, advance, radar_label
 from testbed.environment.recorder import Recorder, check_level
-from testbed.environment.road_geometry import road_geometry
 from testbed.evaluation.driving import drive_frame
 from testbed.files import versions
 from testbed.frame import Observer
 from testbed.limits import check_choice
 from testbed.log.record import RunMeta, run_id
+from testbed.log.road_geometry import road_geometry
 from testbed.planners import find as find_planner
 from trackers import DEFAULT
 from trackers.multi.road import RoadMap
@@ -49,7 +49,8 @@ from trackers.scan import Scan
 ROADS = ("cached", "stock")
 RADAR = "surround"  # mounted where no radar is named
 SLOWEST_CRUISE = 8.0  # [m/s] lower limit of the cruise speed, which is the ego's speed at the reset
-SENSOR_STREAM, BELIEF_STREAM = 1, 2  # spawn keys beside the traffic's own stream
+SENSOR_STREAM, BELIEF_STREAM, ACTION_STREAM = 1, 2, 3  # spawn keys beside the traffic's own stream
+OPTIONS = ("config",)  # of `reset`, as in highway-env
 
 
 def describe_action(action_type: ActionType, action: Any) -> str:
@@ -90,6 +91,17 @@ def check_mountable(env: gym.Env) -> None:
             )
         inner = inner.env
     check_clock(inner.config)  # type: ignore[attr-defined]
+
+
+def check_options(options: Any) -> None:
+    """Raise TypeError or ValueError, in one sentence, for options that no reset takes."""
+    if options is None:
+        return
+    if not isinstance(options, Mapping):
+        raise TypeError(f"options must be a dict or None, got {options!r}; write options={{'config': {{...}}}}")
+    if unknown := [key for key in options if key not in OPTIONS]:
+        known = ", ".join(map(repr, OPTIONS))
+        raise ValueError(f"options has no key {unknown[0]!r}; known: {known}, the configuration of highway-env")
 
 
 def planner_name(planner: Any) -> str:
@@ -283,7 +295,14 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
     # The interface of gymnasium
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
-        """Start an episode; the first scan and the warm-up come before the first observation."""
+        """Start an episode; the first scan and the warm-up come before the first observation.
+
+        docs/contract.md has all that `reset` and `step` return.
+
+        Raises:
+            TypeError, ValueError: `options` is no dict, or has another key than "config".
+        """
+        check_options(options)
         if self._mounted is None or self._swap is None:
             return self.env.reset(seed=seed, options=options)
         self._swap.show()
@@ -456,13 +475,12 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
         return belief_road(core.road, core.controlled_vehicles, ids, estimate, self._rng)
 
     def _streams(self) -> tuple[np.random.Generator, np.random.Generator]:
-        """Generators of the radar and of the belief, from the seed of the environment and the count of episodes."""
-        seed = self.unwrapped.np_random_seed
-        sensor, belief = (
-            np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(self._episode, stream)))
-            for stream in (SENSOR_STREAM, BELIEF_STREAM)
-        )
-        return sensor, belief
+        """Generators of the radar and of the belief."""
+        return np.random.default_rng(self._seed_of(SENSOR_STREAM)), np.random.default_rng(self._seed_of(BELIEF_STREAM))
+
+    def _seed_of(self, stream: int) -> np.random.SeedSequence:
+        """Seed of a stream, from the seed of the environment and the count of episodes."""
+        return np.random.SeedSequence(self.unwrapped.np_random_seed, spawn_key=(self._episode, stream))
 
     @contextmanager
     def _viewed_from_the_start(self) -> Iterator[None]:
@@ -478,6 +496,7 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
             without_frames(core.observation_type)
             attach_view(core.observation_type, self._view)
             if core.road is not last:
+                core.action_space.seed(int(self._seed_of(ACTION_STREAM).generate_state(1)[0]))  # `info["action"]`
                 self._begin()
 
         core.define_spaces = define_and_attach

@@ -11,10 +11,10 @@ from scenarios.lanes import lane_shapes
 from scenarios.stage import Phase
 from testbed.environment.episode import Step, drive
 from testbed.environment.perception import Cost, Perception, radar_of
-from testbed.environment.road_geometry import road_geometry
 from testbed.experiments.run import Run
 from testbed.frame import Frame, Observer
 from testbed.log.record import RoadGeometry
+from testbed.log.road_geometry import road_geometry
 from testbed.planners import find as find_planner
 from testbed.replay.recording import Recording
 from testbed.replay.rescan import replay, rescan

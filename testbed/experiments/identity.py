@@ -36,6 +36,7 @@ SCORES = (  # modules of testbed that decide about rows
     "environment.belief", "environment.episode", "environment.observation", "environment.perception",
     "environment.wrapper",
     "planners.car_following", "planners.collision", "planners.idm", "planners.prediction", "planners.registry",
+    "planners.track_vehicle",
     "evaluation.drive_evaluator", "evaluation.driving", "evaluation.ends", "evaluation.histories", "evaluation.metric",
     "evaluation.metrics", "evaluation.pair_errors", "evaluation.span", "evaluation.tracking",
     "experiments.episode", "experiments.rows", "experiments.run", "replay.recording", "replay.rescan",

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from testbed.arrays import read_arrays
+from testbed.files import read_arrays
 
 EXTRACT: dict[str, tuple[str, int, str]] = {  # arrays of the real extract: kinds of dtype, axes, what they are
     "columns": ("US", 1, "a list of names"),

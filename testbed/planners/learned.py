@@ -14,7 +14,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from testbed.arrays import read_arrays
+from testbed.files import read_arrays
 from testbed.planners.idm import Choice
 
 

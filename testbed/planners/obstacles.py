@@ -10,8 +10,8 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from testbed.environment.belief import TrackVehicle, track_vehicles
 from testbed.planners.prediction import Others, others_of, things_on
+from testbed.planners.track_vehicle import TrackVehicle, track_vehicles
 from trackers.geometry import unit
 
 

@@ -17,14 +17,13 @@ from scenarios.lanes import lane_shapes
 from scenarios.stage import Phase
 from sensors.origin import Origin
 from sensors.scene import Bodies, Ego, Objects, Scene
-from testbed.arrays import read_arrays
 from testbed.environment.episode import decisions
 from testbed.environment.episode import start as start_episode
 from testbed.environment.registration import make
-from testbed.environment.road_geometry import road_geometry
-from testbed.files import atomic_file
+from testbed.files import atomic_file, read_arrays
 from testbed.frame import TRUTH, Frame
 from testbed.log.record import RoadGeometry
+from testbed.log.road_geometry import road_geometry
 from testbed.planners import find as find_planner
 from trackers.multi.road import RoadMap
 from trackers.scan import Scan

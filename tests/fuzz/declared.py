@@ -2,6 +2,7 @@
 
 import types
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any, Union, get_args, get_origin, get_type_hints
 
@@ -66,6 +67,7 @@ VALUES: dict[type, tuple[str, ...]] = {
 }
 
 
+@cache
 def commands() -> dict[str, Any]:
     """The commands of the program, by name."""
     return typer.main.get_command(cli.app).commands  # type: ignore[attr-defined]

@@ -9,10 +9,10 @@ from scenarios.bodies import parts, rear_extent
 from scenarios.highway import ScenarioEnv, build_config
 from scenarios.stage import Phase, balanced_target, maneuver_end, phases, steady_gap
 from scenarios.vehicles import SizedIDM
+from tests.parameters import KINDS, rest_slow
 from tests.scenarios.episodes import world_only
 
 IDLE, FASTER, SLOWER = 1, 3, 4
-CONTRACT = ("cut-in", "articulated-turn", "roundabout", "oncoming", "six-radar-highway")  # one for each kind of road
 every_scenario = pytest.mark.parametrize("name", SCENARIOS)
 
 
@@ -51,7 +51,7 @@ def state(env):
     return [(*v.position, v.heading, v.speed, *p.pose) for v in env.road.vehicles for p in parts(v)]
 
 
-@every_scenario
+@pytest.mark.parametrize("name", rest_slow(SCENARIOS, *KINDS, "merge", "hard-brake"))
 def test_nobody_crashes_while_the_ego_drives_cautiously(name):
     env, truncated = drive(name, seed=0)
     assert truncated
@@ -75,7 +75,7 @@ def test_a_reckless_driver_does_crash():
         assert env.steps < 300
 
 
-@pytest.mark.parametrize("name", [n if n in CONTRACT else pytest.param(n, marks=pytest.mark.slow) for n in SCENARIOS])
+@pytest.mark.parametrize("name", rest_slow(SCENARIOS, *KINDS))
 def test_the_environment_keeps_the_contract_of_gymnasium(name):
     check_env(ScenarioEnv(name), skip_render_check=True)
 

@@ -71,8 +71,15 @@ def mixed_highway(connected, rng, road_class):
     return road
 
 
-@pytest.mark.parametrize("connected", [False, True])
-@pytest.mark.parametrize("build", [ring_with_approach, mixed_highway])
+@pytest.mark.parametrize(
+    ("build", "connected"),
+    [
+        (ring_with_approach, True),
+        (mixed_highway, False),
+        pytest.param(ring_with_approach, False, marks=pytest.mark.slow),
+        pytest.param(mixed_highway, True, marks=pytest.mark.slow),
+    ],
+)
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_states_equal_the_stock_road_over_200_frames(build, connected, seed):
     stock = build(connected, np.random.default_rng(seed), Road)

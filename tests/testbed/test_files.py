@@ -47,8 +47,8 @@ def test_whatever_stops_the_writer_leaves_the_old_file_and_no_part(tmp_path, err
 def test_a_file_that_has_no_room_is_one_sentence_and_the_old_one_stays(tmp_path, limit_files):
     path = tmp_path / "table.csv"
     write_atomic(path, "old")
-    limit_files(1000)
-    with pytest.raises(OSError, match=r"^cannot write .*table\.csv: File too large; choose another directory$"):
+    refused = pytest.raises(OSError, match=r"^cannot write .*table\.csv: File too large; choose another directory$")
+    with limit_files(1000), refused:
         write_atomic(path, "new" * 1000)
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
@@ -61,8 +61,8 @@ def test_room_is_taken_from_the_disk_without_a_name(tmp_path):
 
 
 def test_a_directory_without_room_for_results_is_refused(tmp_path, limit_files):
-    limit_files(ROOM - 1)
-    with pytest.raises(OSError, match=r"^out: cannot write to .*runs: File too large; choose another directory$"):
+    refused = pytest.raises(OSError, match=r"^out: cannot write to .*runs: File too large; choose another directory$")
+    with limit_files(ROOM - 1), refused:
         make_directory(tmp_path / "runs")
     assert list((tmp_path / "runs").iterdir()) == []
 

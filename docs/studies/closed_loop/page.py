@@ -17,7 +17,7 @@ from rich.progress import Progress
 from scenarios import SCENARIOS, find
 from studies.closed_loop.figure import draw
 from studies.closed_loop.length_errors import FEWEST, LengthErrors, LengthSamples, joined
-from studies.page import DOCS, Docs, Page, command_line
+from studies.page import DOCS, Docs, Page, command_line, fill
 from testbed.command_line.tables import number
 from testbed.command_line.terminal import user_input
 from testbed.evaluation.metrics import CUTOFF, mean
@@ -42,39 +42,6 @@ MEANS = (  # key of a tracker's summary or cost, label, digits
     ("us_per_update", "us an update", 0),
 )
 TOTALS = ("lost", "switches", "jumps")
-
-PAGE = """# Trackers in closed loop
-
-{runs} runs, {seconds:.0f} simulated seconds: every tracker got the same detections of the radar `{radar}`, and
-the planner `{planner}` used the tracks of `{first}`. Collisions of the ego in all runs: {collisions}.
-
-Versions: {versions}.
-
-## Means over the runs
-
-[results.md](results.md) defines the columns; position, velocity and length are root mean square errors. A consistent
-filter has a NEES of 2. Lost tracks, switches and jumps are totals. The cost is that of the multi-object tracker:
-wall time [ms] of one scan, and wall time [us] for each track that got a detection in it. The trackers took turns in one
-process, which had {cpu:.0f} % of a core: busy machines show higher costs.
-
-{table}
-
-## GOSPA [m] by scenario
-
-c = {cutoff:g} m, over the rooted Gaussian Wasserstein distance; smaller is better.
-
-{gospa}
-
-## Length error against the visible share
-
-Visible is the share of the outline facing the sensors that other vehicles do not hide; the far side of a vehicle never
-counts. A vehicle counts while the radar could see it within the last second, so "hidden" is that second. The error is
-estimated minus true length, of frames in which a track was near enough to the vehicle to be assigned to it. A track
-that is far too short is not, hence the lowest panels: the fewer frames have a track, the more the errors flatter it.
-Points that would stand on fewer than {fewest} frames are left out.
-
-![Length error against the visible share](pictures/length-error.png)
-"""
 
 
 class StoredRun(NamedTuple):
@@ -185,7 +152,8 @@ def main(
 def render(results: Sequence[Mapping[str, Any]]) -> str:
     """What the page says about some runs with the same trackers."""
     first = results[0]["run"]
-    return PAGE.format(
+    return fill(
+        "closed_loop/page.md.j2",
         runs=len(results),
         seconds=sum(r["drive"]["elapsed"] for r in results),
         radar=first["radar"],

@@ -10,7 +10,7 @@ import typer
 
 from studies.comparison import committed
 from studies.comparison.publish import read, read_part
-from studies.page import DOCS, Docs, Page
+from studies.page import DOCS, Docs, Page, fill
 from testbed.command_line.terminal import user_input
 from testbed.compare.report import tables
 from testbed.compare.report.renderers import markdown
@@ -25,104 +25,6 @@ BY_SCENARIO = ("gospa", "rmse_position", "rmse_length")
 BIRTHS = ("birth_delay", "unborn_percent", "never")
 ERRORS = ("position", "velocity", "length")
 DIFFERENCES = ("measure", "mean difference", "probability of improvement", "verdict")
-
-PAGE = """# How the trackers compare
-
-From the committed results of {date}: {trackers} trackers, {scenarios} scenarios, {seeds} seeds each, {runs} runs on
-common random numbers; length of a run: {length}.
-In every scenario and seed all trackers get the same detections of the radar `{radar}`, recorded once with a planner
-that knows the truth. {settle} Brackets hold 95 % bootstrap intervals over seeds. [results.md](results.md) defines the
-measures, [comparing.md](comparing.md) the statistics.
-
-Versions: {versions}. Digest of the code behind the runs: `{code}`.
-
-The same as one page with figures: [comparison/report.html](comparison/report.html).
-
-## All scenarios
-
-Means over scenarios of the means over seeds. A consistent filter has a NEES of 2.
-
-{overview}
-
-## Births
-
-Over the whole runs, their beginning too: the time from when a vehicle is first expected to be detected to its first
-confirmed track, and, where they were measured, the share of scans until then, and vehicles that never had a track.
-
-{births}
-
-## Differences to `{reference}`
-
-Tracker minus reference on the same seeds; negative is better. For the NEES it is the distance from 2 that is compared.
-A verdict is given where the interval leaves out zero.
-
-{differences}
-
-## What each layer earns
-
-{layers}
-
-{by_scenario}
-
-## GOSPA [m] by phase of the maneuver
-
-{by_phase}
-
-## In closed loop
-
-{closed}
-
-## By range
-
-RMSE of counted vehicles with a track that fits, and the share of frames that have one.
-
-{by_range}
-
-## By visible share
-
-Visible is the share of the outline facing the sensors that other vehicles do not hide. A vehicle counts while the radar
-could see it within the last second, so "hidden" is that second.
-
-{by_visible}
-
-## Do they know how wrong they are?
-
-Means over the frames of all phases, ideal 2, and in parentheses the share of instants at which the mean over runs and
-objects keeps its 95 % chi-square limits. "Length inside" and "width inside" are the shares of frames in which the truth
-lies in the 95 % interval that the tracker claims.
-
-{consistency}
-
-![NEES of the position over time against its limits](comparison/figures/time_nees_position.png)
-
-## What the papers claim
-
-{verdicts}
-
-## The radar against real detections
-
-{calibration}
-"""
-
-
-SETTLED = "Means leave out the first {settle:g} s of each run, in which the tracks of what is there already are born."
-WHOLE = "Means are over whole runs, their first seconds too, in which the tracks of what is there already are born."
-
-LAYERS = """`{default}` without a layer, minus `{default}` complete: what the layer takes off ([layers.md](layers.md)).
-From {scenarios} scenarios and {seeds} seeds; length: {length}.
-
-{table}"""
-
-CLOSED = """The planner `{planner}` drives on the tracks of each tracker, in a world of its own ({scenarios};
-{seeds} seeds, {runs} runs of the same length). Collisions are those of the ego; of J and progress more is better, of
-the others less.
-What tracking errors cost a planner that is put to the test says [regret.md](regret.md).
-
-{drives}
-
-Errors of the tracks in these drives:
-
-{errors}"""
 
 
 def main(
@@ -141,14 +43,15 @@ def render(folder: Path) -> str:
     settings, baseline = comparison.settings, comparison.baseline
     versions = {k.removeprefix("version of "): v for k, v in known["identity"].items() if k.startswith("version of ")}
     main_cells = list(cells(results, MAIN))
-    return PAGE.format(
+    return fill(
+        "comparison/page.md.j2",
         date=known["date"],
         trackers=len(comparison.trackers),
         scenarios=len(comparison.scenarios),
         seeds=len(comparison.seeds),
         runs=len(comparison.tasks),
         length=settings.length,
-        settle=SETTLED.format(settle=settings.settle) if settings.settle else WHOLE,
+        settle=settings.settle,
         births=markdown(tables.overview(list(cells(results, BIRTHS)), baseline)),
         closed=closed(read_part("closed", folder)),
         radar=settings.radar,
@@ -173,7 +76,8 @@ def layers(results: Results | None) -> str:
     if results is None:
         return "No run was made without a layer."
     comparison = results.comparison
-    return LAYERS.format(
+    return fill(
+        "comparison/layers.md.j2",
         default=DEFAULT,
         scenarios=len(comparison.scenarios),
         seeds=len(comparison.seeds),
@@ -195,7 +99,8 @@ def closed(results: Results | None) -> str:
         return "No run was made in closed loop."
     comparison, settings = results.comparison, results.comparison.settings
     drives, errors = (list(cells(results, measures)) for measures in (DRIVE, MAIN))
-    return CLOSED.format(
+    return fill(
+        "comparison/closed.md.j2",
         planner=settings.planner,
         scenarios=", ".join(comparison.scenarios),
         seeds=len(comparison.seeds),

@@ -1,11 +1,18 @@
-"""New digests for committed results whose code has changed and whose numbers have not.
+"""Committed results repeated with the code at hand, bit for bit as far as their digits reach.
 
-`PYTHONPATH=docs python -m studies refresh --sample 20` repeats a sample of the runs in docs/results with the code at
-hand. Where every measure has the bits that are committed, the digests in `comparison.json` become those of the code
-at hand. Where one has not, a table says which, the exit status is 1, and nothing is written.
+`PYTHONPATH=docs python -m studies refresh` repeats samples of the runs of the comparison (docs/results), of the drives
+of regret and of the probes, and everything in `KEPT`: limits of probes, a small case of each paper, and drives of
+regret, with all digits. Where every number is the
+committed one, the digests in `comparison.json` become those of the code at hand. Where one is not, a table says which,
+the exit status is 1, and nothing is written.
+
+A part says what it has committed and how a piece of it is made again; `PARTS` is the only place where the rest of the
+testbed comes in.
 """
 
-from collections.abc import Iterator, Sequence
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from math import isnan, nan
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Annotated, Any, NamedTuple
@@ -17,31 +24,210 @@ from rich.markup import escape
 
 from studies.comparison.publish import ABOUT, read
 from studies.page import steps
+from studies.papers.cases import CASES
+from studies.probes import drives as probes
 from testbed.command_line.tables import light_table
 from testbed.command_line.terminal import console, user_input
 from testbed.compare.report.report import NAME
+from testbed.compare.runs import tasks as compare
 from testbed.compare.runs.config import Settings, Task
-from testbed.compare.runs.tasks import RECORDINGS, ROWS, rows_path, run
-from testbed.evaluation.metric import COSTS
+from testbed.compare.runs.measures import COSTS
 from testbed.experiments.engine import Engine, check, perform
 from testbed.experiments.identity import shared_digest, tracker_digest
 from testbed.experiments.rows import read_meta
-from testbed.experiments.run import FAILED, Outcome
+from testbed.experiments.run import FAILED, Outcome, outcome_of
 from testbed.files import make_directory, write_atomic, write_json
+from testbed.frame import TRUTH
+from testbed.probing import drives as probing
+from testbed.probing.search import limit, parameter_of
+from testbed.regret import drives as regret
+from testbed.regret import study as regret_study
+from trackers.lookup import look_up
 
-KEYS = [*Task._fields, "phase"]
+KEPT = "repeated.json"
+LIMITS = (  # probe, tracker, seed, resolution
+    ("probe-passing", TRUTH, 0, 0.05),
+    ("probe-passing", TRUTH, 1, 0.05),
+    ("probe-passing", "imm-spline", 0, 0.1),
+    ("probe-passing", "rm-koch", 0, 0.1),  # survives nothing
+    ("probe-brake", "imm-spline", 0, 4.0),
+)
+EXACT = (  # scenario, planner, condition, seed
+    ("probe-cutin", "mpc", "imm-spline", 200),
+    ("probe-oncoming", "idm", "rm-feldmann:EG", 201),
+    ("probe-merge", "tree", "in-view+latency=0.2", 202),
+    ("probe-brake", "mpc-cautious", "edra-imm+drop:0.2", 203),
+    ("probe-jam", "idm", "truth", 204),
+)
 SHOWN = 40  # rows of the table
 DIGITS = 9  # significant; that tell a float32 from its neighbours
+Numbers = dict[str, float]
+
+
+class Piece(NamedTuple):
+    """What is repeated at once: a run, a drive, a limit, a case."""
+
+    part: str
+    name: str
+    group: str  # no group has two in a sample before every one has one
+    arguments: tuple[Any, ...]  # of the part's function
+
+    @property
+    def title(self) -> str:
+        """Part and name."""
+        return f"{self.part}: {self.name}"
+
+
+class Part(NamedTuple):
+    """Committed results of one kind."""
+
+    pieces: Callable[[Path], list[Piece]]  # in a folder of results
+    committed: Callable[[Path, Sequence[Piece]], Iterator[Numbers]]
+    again: Callable[..., Numbers]  # of (folder, *arguments): the same numbers by the code at hand
 
 
 class Mismatch(NamedTuple):
-    """One number of a run that is not the committed one."""
+    """One number that is not the committed one."""
 
-    run: str
-    phase: str
+    part: str
+    name: str
     measure: str
     committed: float
     now: float
+
+
+def runs(results: Path) -> list[Piece]:
+    """Runs of the comparison."""
+    comparison = read(results)[0].comparison
+    return [Piece("runs", task.name, task.tracker, (task, comparison.settings)) for task in comparison.tasks]
+
+
+def runs_committed(results: Path, pieces: Sequence[Piece]) -> Iterator[Numbers]:
+    """Measures by phase; wall times are not compared."""
+    table = read(results)[0].spans
+    measures = table.columns.difference([*Task._fields, "phase", *COSTS], sort=False)
+    for piece in pieces:
+        own = np.logical_and.reduce([table[name] == value for name, value in piece.arguments[0]._asdict().items()])
+        rows = table[own].set_index("phase")[measures]
+        yield {f"{phase}: {key}": float(value) for phase, row in rows.iterrows() for key, value in row.items()}
+
+
+def run_again(folder: Path, task: Task, settings: Settings) -> Numbers:
+    """Measures of a run, after the same cast to float32."""
+    for name in (compare.ROWS, compare.RECORDINGS):
+        make_directory(folder / name)
+    outcome = compare.run(task, settings, folder)
+    if outcome.status == FAILED:
+        raise RuntimeError(outcome.note)
+    spans = read_meta(compare.rows_path(task, folder))["spans"]
+    return {
+        f"{row['phase']}: {key}": nan if value is None else _float32(value)
+        for row in spans
+        for key, value in row.items()
+        if key not in (*Task._fields, "phase")
+    }
+
+
+def drives(results: Path) -> list[Piece]:
+    """Drives of all parts of the study of regret."""
+    keys = [*regret_study.Task._fields]
+    return [
+        Piece("drives", f"{folder.name}: {task.name}", task.condition, (task, folder.name))
+        for folder in sorted((results / "regret").iterdir())
+        for task in (
+            regret_study.Task(*row)
+            for row in pd.read_parquet(folder / "drives.parquet")[keys].itertuples(index=False, name=None)
+        )
+    ]
+
+
+def drives_committed(results: Path, pieces: Sequence[Piece]) -> Iterator[Numbers]:
+    """Measures of the drive and errors of its tracker; CPU times are not compared."""
+    for piece in pieces:
+        task, folder = piece.arguments
+        table = pd.read_parquet(results / "regret" / folder / "drives.parquet")
+        own = table[np.logical_and.reduce([table[key] == value for key, value in task._asdict().items()])]
+        (row,) = own.drop(columns=[*task._fields, "cpu"]).to_dict("records")
+        yield row
+
+
+def drive_again(folder: Path, task: regret_study.Task, *part: str) -> Numbers:
+    """The same of a drive made now."""
+    _, meta = regret.driven(task, regret_study.Settings())
+    found = {**meta["measures"], **meta["tracking"]}
+    return {key: nan if value is None else float(value) for key, value in found.items()}
+
+
+def exact_drives(results: Path) -> list[Piece]:
+    """Some drives of regret with all digits, which change with the machine."""
+    tasks = [regret_study.Task(*drive) for drive in EXACT]
+    return [Piece("exact", task.name, task.condition, (task,)) for task in tasks]
+
+
+def probe_drives(results: Path) -> list[Piece]:
+    """Drives of the probes on the truth."""
+    known = json.loads((results / "probes.json").read_text())
+    return [
+        Piece("probes", f"{probe}, seed {seed}", probe, (probe, seed))
+        for probe, rows in known["drives"].items()
+        for seed in range(len(rows))
+    ]
+
+
+def probes_committed(results: Path, pieces: Sequence[Piece]) -> Iterator[Numbers]:
+    """Measures, rounded as they are committed."""
+    known = json.loads((results / "probes.json").read_text())["drives"]
+    for piece in pieces:
+        probe, seed = piece.arguments
+        yield known[probe][seed]
+
+
+def probe_again(folder: Path, probe: str, seed: int) -> Numbers:
+    """The same of a drive made now."""
+    measures = probing.drive(probing.Setting(probe, probes.planner_of(probe)), seed)
+    return {key: float(value) for key, value in probes.row(measures).items()}
+
+
+def limits(results: Path) -> list[Piece]:
+    """Limits of probes."""
+    return [Piece("limits", f"{p} on {t}, seed {s}", t, (p, t, s, step)) for p, t, s, step in LIMITS]
+
+
+def limit_again(folder: Path, probe: str, tracker: str, seed: int, resolution: float) -> Numbers:
+    """The hardest value of the first parameter that is survived."""
+    setting, parameter = probing.Setting(probe, tracker=tracker), parameter_of(probe, None)
+    survives = lambda value: probing.survives(setting, seed, {parameter.name: value})  # noqa: E731
+    return {parameter.name: limit(survives, parameter.easy, parameter.hard, resolution)}
+
+
+def papers(results: Path) -> list[Piece]:
+    """One case of each paper."""
+    return [Piece("papers", name, name, (name,)) for name in CASES]
+
+
+def paper_again(folder: Path, name: str) -> Numbers:
+    """All figures of its rows."""
+    return {
+        f"{row.case}: {row.method}: {key}": float(value) for row in CASES[name]() for key, value in row.measured.items()
+    }
+
+
+def kept(results: Path, pieces: Sequence[Piece]) -> Iterator[Numbers]:
+    """Numbers of limits and papers, from `KEPT`."""
+    known = json.loads((results / KEPT).read_text())
+    for piece in pieces:
+        yield {key: nan if value is None else value for key, value in known[piece.part][piece.name].items()}
+
+
+PARTS: Mapping[str, Part] = {
+    "runs": Part(runs, runs_committed, run_again),
+    "drives": Part(drives, drives_committed, drive_again),
+    "probes": Part(probe_drives, probes_committed, probe_again),
+    "limits": Part(limits, kept, limit_again),
+    "papers": Part(papers, kept, paper_again),
+    "exact": Part(exact_drives, kept, drive_again),
+}
+IN_KEPT = tuple(name for name, part in PARTS.items() if part.committed is kept)
 
 
 def digests(trackers: Sequence[str]) -> dict[str, str]:
@@ -49,47 +235,50 @@ def digests(trackers: Sequence[str]) -> dict[str, str]:
     return {"code": shared_digest(), **{f"code of {tracker}": tracker_digest(tracker) for tracker in trackers}}
 
 
-def draw(tasks: Sequence[Task], sample: int, seed: int) -> list[Task]:
-    """A sample of runs; no tracker has two before every one has one, and so on."""
+def draw(pieces: Sequence[Piece], sample: int, seed: int) -> list[Piece]:
+    """A sample of pieces; no group has two before every one has one, and so on."""
     count: dict[str, int] = {}
     ranked = []
-    for k in np.random.default_rng(seed).permutation(len(tasks)):
-        count[tasks[k].tracker] = count.get(tasks[k].tracker, 0) + 1
-        ranked.append((count[tasks[k].tracker], tasks[k]))
-    return [task for _, task in sorted(ranked, key=lambda item: item[0])[:sample]]
+    for k in np.random.default_rng(seed).permutation(len(pieces)):
+        group = pieces[k].group
+        count[group] = count.get(group, 0) + 1
+        ranked.append((count[group], pieces[k]))
+    return [piece for _, piece in sorted(ranked, key=lambda item: item[0])[:sample]]
 
 
-def mismatches(task: Task, committed: pd.DataFrame, spans: Sequence[dict[str, Any]]) -> Iterator[Mismatch]:
-    """Numbers of a run that are not those in the table of all runs, after the same cast to float32.
-
-    spans: the measures of the run by phase, as the file of its rows has them. Wall times are not compared.
-    """
-    own = np.logical_and.reduce([committed[name] == value for name, value in task._asdict().items()])
-    before = committed[own].set_index("phase")
-    now = pd.DataFrame(spans).set_index("phase")
-    for phase in [*before.index, *now.index.difference(before.index)]:
-        for measure in before.columns.difference([*KEYS, *COSTS], sort=False):
-            a, b = (_float32(table, phase, measure) for table in (before, now))
-            if phase not in before.index or phase not in now.index or a.tobytes() != b.tobytes():
-                yield Mismatch(task.name, phase, measure, float(a), float(b))
+def again(piece: Piece, folder: Path) -> Outcome:
+    """Make a piece again; the numbers are the note of the outcome, as JSON."""
+    return outcome_of(piece.title, lambda: json.dumps(PARTS[piece.part].again(folder, *piece.arguments)))
 
 
-def _float32(table: pd.DataFrame, phase: str, measure: str) -> np.float32:
-    """The committed form of a number; one NaN for everything that was not measured."""
-    found = table.loc[phase, measure] if phase in table.index and measure in table else None
-    return np.float32(np.nan) if pd.isna(found) else np.float32(found)
-
-
-def repeat(tasks: Sequence[Task], settings: Settings, jobs: int, folder: Path) -> list[Outcome]:
-    """Make the runs again, in a folder without others."""
-    for name in (ROWS, RECORDINGS):
-        make_directory(folder / name)
-    with steps(len(tasks)) as step:
-        outcomes = []
-        for outcome in perform(run, [(task, settings, folder) for task in tasks], Engine(jobs)):
+def repeat(pieces: Sequence[Piece], jobs: int, folder: Path) -> dict[str, Outcome]:
+    """Make the pieces again, in a folder without others; outcomes by title."""
+    outcomes = {}
+    with steps(len(pieces)) as step:
+        for outcome in perform(again, [(piece, folder) for piece in pieces], Engine(jobs)):
             step(outcome.name)
-            outcomes.append(outcome)
+            outcomes[outcome.name] = outcome
     return outcomes
+
+
+def mismatches(piece: Piece, committed: Numbers, now: Numbers) -> Iterator[Mismatch]:
+    """Numbers of a piece that are not the committed ones; NaN stands for what was not measured."""
+    measures = {_measure(key) for key in committed}
+    for key in dict.fromkeys([*committed, *(key for key in now if _measure(key) in measures)]):
+        a, b = float(committed.get(key, nan)), float(now.get(key, nan))
+        if piece.part == "drives":
+            a, b = _float32(a), _float32(b)
+        if a != b and not (isnan(a) and isnan(b)):
+            yield Mismatch(piece.part, piece.name, key, a, b)
+
+
+def _float32(value: float) -> float:
+    """A number without the last digits, in which processors and versions of numpy differ."""
+    return float(np.float32(value))
+
+
+def _measure(key: str) -> str:
+    return key.rpartition(": ")[2]
 
 
 def main(
@@ -97,54 +286,79 @@ def main(
     report: Annotated[Path, typer.Option(help="Directory of the report page, which names the digest.")] = Path(
         "docs/comparison"
     ),
-    sample: Annotated[int, typer.Option(min=1, help="Number of runs to repeat.")] = 20,
-    seed: Annotated[int, typer.Option(min=0, help="Of the sample.")] = 0,
+    part: Annotated[list[str] | None, typer.Option(help=f"One of {', '.join(PARTS)}; by default all.")] = None,
+    sample: Annotated[int, typer.Option(min=1, help="How many pieces of each part.")] = 20,
+    seed: Annotated[int, typer.Option(min=0, help="Of the samples.")] = 0,
     jobs: Annotated[int, typer.Option(help="Number of processes; -1 for one a core.")] = 1,
+    keep: Annotated[bool, typer.Option("--keep", help=f"Write {KEPT} anew, and hold nothing against it.")] = False,
 ) -> None:
-    """Repeat a sample of the committed runs; where all are equal, write the digests of the code at hand."""
+    """Repeat samples of what is committed; where all is equal, write the digests of the code at hand."""
     with user_input(), TemporaryDirectory() as folder:
         check(Engine(jobs))
-        committed, known, _ = read(results)
-        comparison = committed.comparison
-        old, new = known["identity"], digests(comparison.trackers)
-        tasks = draw(comparison.tasks, sample, seed)
-        repeated = {task.tracker for task in tasks}
-        left = [t for t in comparison.trackers if old.get(f"code of {t}") != new[f"code of {t}"] and t not in repeated]
-        if left:
-            raise ValueError(f"sample: {sample} runs leave out {', '.join(left)}, whose code has changed; take more")
-        outcomes = repeat(tasks, comparison.settings, jobs, Path(folder))
-        failed = [outcome for outcome in outcomes if outcome.status == FAILED]
-        metas = [] if failed else [(task, read_meta(rows_path(task, Path(folder)))) for task in tasks]
-        found = [m for task, meta in metas for m in mismatches(task, committed.spans, meta["spans"])]
-    for outcome in failed:
-        console.print(f"failed   {outcome.name}\n{outcome.note}", markup=False, highlight=False, soft_wrap=True)
-    if found:
-        console.print(_table(found))
-    if failed or found:
-        console.print("the digests are left as they were", highlight=False)
+        chosen = IN_KEPT if keep else tuple(part or PARTS)
+        pieces = [
+            piece for name in chosen for piece in draw(look_up(name, PARTS, "part").pieces(results), sample, seed)
+        ]
+        if "runs" in chosen:
+            _check_sample(results, [piece.group for piece in pieces if piece.part == "runs"])
+        outcomes = repeat(pieces, jobs, Path(folder))
+    if failed := [outcome for outcome in outcomes.values() if outcome.status == FAILED]:
+        for outcome in failed:
+            console.print(f"failed   {outcome.name}\n{outcome.note}", markup=False, highlight=False, soft_wrap=True)
         raise typer.Exit(1)
-    with user_input((OSError,)):
-        _write(results, report, known, new)
-    names = ", ".join(task.name for task in tasks)
-    console.print(
-        f"proved equal, {len(tasks)} of {len(comparison.tasks)} runs: {names}", soft_wrap=True, highlight=False
-    )
-    console.print(f"digests  {results / ABOUT}; now `make comparison-page`", soft_wrap=True, highlight=False)
+    now = {piece: json.loads(outcomes[piece.title].note) for piece in pieces}
+    with user_input((OSError, ValueError)):
+        if keep:
+            known = {name: {p.name: _nulls(now[p]) for p in pieces if p.part == name} for name in IN_KEPT}
+            write_json(results / KEPT, known)
+            console.print(f"kept     {results / KEPT}", soft_wrap=True)
+            return
+        found = [m for name in chosen for m in _differing(results, name, now)]
+        if found:
+            console.print(_table(found))
+            console.print("the digests are left as they were", highlight=False)
+            raise typer.Exit(1)
+        for name in chosen:
+            equal = ", ".join(piece.name for piece in pieces if piece.part == name)
+            console.print(f"equal    {name}: {equal}", soft_wrap=True, highlight=False)
+        if "runs" in chosen:
+            _write(results, report)
 
 
-def _write(results: Path, report: Path, known: dict[str, Any], new: dict[str, str]) -> None:
+def _check_sample(results: Path, repeated: Sequence[str]) -> None:
+    """Raise ValueError where a tracker whose code has changed has no run in the sample."""
+    _, known, _ = read(results)
+    trackers = [t for t in known["trackers"] if t not in repeated]
+    old, new = known["identity"], digests(trackers)
+    if left := [t for t in trackers if old.get(f"code of {t}") != new[f"code of {t}"]]:
+        raise ValueError(f"sample: {len(repeated)} runs leave out {', '.join(left)}, whose code has changed; take more")
+
+
+def _differing(results: Path, part: str, now: Mapping[Piece, Numbers]) -> Iterator[Mismatch]:
+    pieces = [piece for piece in now if piece.part == part]
+    for piece, committed in zip(pieces, PARTS[part].committed(results, pieces), strict=True):
+        yield from mismatches(piece, committed, now[piece])
+
+
+def _nulls(numbers: Numbers) -> dict[str, float | None]:
+    return {key: None if isnan(value) else value for key, value in numbers.items()}
+
+
+def _write(results: Path, report: Path) -> None:
     """The new digests into the settings of the results, and into the report page where there is one."""
-    old = known["identity"]
+    known = read(results)[1]
+    old, new = known["identity"], digests(known["trackers"])
     page = report / NAME
     if page.exists():
         write_atomic(page, page.read_text().replace(old["code"], new["code"]))
     write_json(results / ABOUT, known | {"identity": old | new})
+    console.print(f"digests  {results / ABOUT}; now `make comparison-page`", soft_wrap=True, highlight=False)
 
 
 def _table(found: Sequence[Mismatch]) -> Any:
     table = light_table(f"{len(found)} numbers that are not the committed ones")
-    for head in ("run", "phase", "measure"):
-        table.add_column(head)
+    for head in ("part", "piece", "measure"):
+        table.add_column(head, overflow="fold")
     for head in ("committed", "now"):
         table.add_column(head, justify="right")
     for m in found[:SHOWN]:

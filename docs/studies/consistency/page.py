@@ -17,27 +17,12 @@ from studies.consistency.tables import (
     judge,
     pairs,
 )
-from studies.page import DOCS, Docs, Page
+from studies.page import DOCS, Docs, Page, fill
 from testbed.command_line.terminal import user_input
 from testbed.compare.runs.results import collect
 from testbed.log.text import markdown_table
 from trackers import DEFAULT
 
-TITLE = """# Does the tracker know how wrong it is?
-
-`{tracker}` on {scenarios} scenarios, seeds {seeds}, {pairs:,} pairs of a counted vehicle and its track. The normalised
-estimation error squared (NEES) divides each squared error by the variance that the tracker gave for it, so its mean is
-the number of components where the covariance is honest: 2 for position and velocity, 1 for heading, length and width.
-Above it the tracker is too sure, below too careful. Definitions: [metrics](methods/metrics.md).
-
-Each cell has the mean with its 95 % interval over runs, the median, and the share of pairs beyond the {outlier:.0%}
-limit of the chi-square distribution. Bold: the mean lies outside {ranges}, or more than {most:.0%} are beyond the
-limit.
-
-{total}
-
-![mean NEES by group, with intervals; grey: where it should lie](pictures/consistency.png)
-"""
 HEADINGS = {
     "scenario": "By scenario",
     "class": "By class",
@@ -64,7 +49,8 @@ def main(
         groups = {name: by_group(rows, name) for name in GROUPS}
         draw({name: groups[name] for name in GROUPS if name != "scenario"}, page.picture("consistency"))
         ranges = "; ".join(f"{q.low:g} to {q.high:g} for {q.name}" for q in QUANTITIES)
-        text = TITLE.format(
+        text = fill(
+            "consistency/page.md.j2",
             tracker=tracker,
             scenarios=len(comparison.scenarios),
             seeds=f"{min(comparison.seeds)} to {max(comparison.seeds)}",

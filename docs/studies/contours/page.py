@@ -10,7 +10,7 @@ from scenarios import SCENARIOS
 from studies.contours.classes import SURE, ClassHistory, ClassProbe, calibration, confusion_table, delay_table
 from studies.contours.figure import draw
 from studies.contours.passing import KINDS, PassedTrack, Passing, follow
-from studies.page import DOCS, Docs, Page, steps
+from studies.page import DOCS, Docs, Page, fill, steps
 from testbed.command_line.terminal import user_input
 from testbed.log.text import markdown_table
 from testbed.replay.recording import record
@@ -48,71 +48,14 @@ def passing_table(passed: Passed) -> str:
     return markdown_table(("vehicle", "tracker", *head), rows)
 
 
-PAGE = """# Contours and classes learned on the way
-
-`{tracker}` is `{plain}` with a class and a contour of its own for every track. The rule, in
-`trackers/pmht/adaptive.py` and `trackers/pmht/learner.py`:
-
-- Each track keeps its last scans. When they span half a second and hold 25 detections, or the window of 32 scans is
-  full, its turn may come.
-- In its turn an unscented RTS smoother over the window takes the motion out of the detections. They join a pool of at
-  most 40 for each of 8 directions that the track was seen from.
-- With the next scan the pool is compared with the classes. Where one has a probability above {sure:g}, its contour is
-  the one to start from, the track takes the place and the size of the fit, and the size is drawn to the mean of the
-  class.
-- With 150 new detections since the last time, six scans follow with one iteration of regularised expectation
-  maximisation each, and a seventh in which the filter takes the contour over, unless it crosses itself.
-- Scans of a part of a vehicle (less than three quarters of it, cut off by a field of view or hidden by others) are not
-  learned from: half a car resembles a motorcycle.
-- One track at most has a turn in one scan: first the one that has begun, then the one that has waited longest.
-
-Rays from the sensor of each detection weigh the ellipses, the known noise of each detection is taken out, and vehicles
-are taken for symmetric: what is seen of one side is known of the other. The frame moves only where its offset is
-observable, see [partial-view.md](partial-view.md).
-
-Every change is an event in the review log, `classified` or `adapted`, and is drawn for a second where the track was:
-the contour before in grey, the one after in the colour of the tracker.
-
-## Contours in passing
-
-The ego comes from {ahead:g} m behind, passes each vehicle in the next lane in {duration:g} s, and is {ahead:g} m ahead
-at the end. The tracker finds the vehicle by itself. Grey: truth; blue: the contour of the track.
-
-![Contours after 1, 5 and 30 s](pictures/contours.png)
-
-Means over {seeds} seeds and the second before each moment. The IoU is of the shapes, each in its own frame, so an error
-of the place does not count in it; lengths are magnitudes of errors of the box, places are distances of the centres.
-
-{passed}
-
-## Classes
-
-`Estimate.class_probability` holds the probabilities of the classes `filter.classes`: {classes}. For
-each the contour of a catalogue (`python -m testbed.learn.classes`, learned from our radar on lone vehicles of that
-class) is placed so that the end which was seen lies where the track has it, and fitted to the detections: place, length
-and width, each tied to the mean of the class. The probabilities are those of the fits, with the shares of the classes
-in traffic before them. A detection counts for {counts:g} of one, because those of one body are not independent.
-
-The radar `{radar}` in {scenarios} scenarios, first {length:g} s, {class_seeds} seed(s), {tracks} tracks on vehicles
-that count. Right: the true class is the most probable one; the age is that of the track.
-
-{delays}
-
-At the end of each track:
-
-{confusion}
-
-{sure_share:.0%} of the frames have a class with a probability above {sure:g}; {sure_right:.0%} of these are right.
-"""
-
-
 def render(
     passed: Passed, histories: Sequence[ClassHistory], classes: Sequence[str], counts: Mapping[str, float]
 ) -> str:
     """What the page says; `counts` has numbers of seeds, scenarios and seconds."""
     share, right = calibration(histories, classes)
     passing = Passing("car")
-    return PAGE.format(
+    return fill(
+        "contours/page.md.j2",
         tracker=TRACKER,
         plain=PLAIN,
         sure=SURE,

@@ -8,7 +8,7 @@ import typer
 
 from studies.effects import Factor, effects_table, names, read_runs, write_runs
 from studies.learned.drives import ENVIRONMENT, FIRST, drives, policies
-from studies.page import DOCS, Docs, Page
+from studies.page import DOCS, Docs, Page, fill
 from testbed.command_line.terminal import user_input
 from testbed.frame import TRUTH
 from testbed.log.text import markdown_table
@@ -20,31 +20,14 @@ TITLES = {
     "reward": ("Return, by the environment's own reward", 1),
     "crashed": ("Share of episodes that end in a crash", 2),
 }
-TEXT = """# What tracks cost a learned policy
-
-A DQN trained on `{environment}` by [train.py](examples/train.py), on truth and on tracks of {trackers}: {seeds}
-training seeds of 20,000 steps each. Each policy drives the same {episodes} episodes (seeds {first} to {last}) on the
-truth and on tracks. The observation is that of the environment in both, five vehicles by five features; the radar is
-`surround` at 5 Hz, and a second of traffic passes before the first observation. For orientation: the author of
-highway-env publishes a run on truth with a length of 25.2 and a return of 19.7.
-
-Columns are what a policy was trained on, rows what it drives on. In brackets 95 % intervals, from episodes drawn for
-all trainings at once, so they say nothing of other training seeds: each training by itself stands below. A change
-is against the drive of the same policy on the truth, episode by episode, bold where its interval leaves out zero.
-
-{tables}
-
-## Each training by itself
-
-{each}
-"""
 
 
 def render(table: pd.DataFrame) -> str:
     """The page from the drives."""
     seeds = sorted(table["seed"].unique())
     parts = [f"## {title}\n\n{effects_table(table, DRIVEN, name, digits)}" for name, (title, digits) in TITLES.items()]
-    return TEXT.format(
+    return fill(
+        "learned/page.md.j2",
         environment=ENVIRONMENT,
         trackers=" and ".join(f"`{name}`" for name in names(table, "tracker") if name != TRUTH),
         seeds=table["scenario"].nunique(),

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from scenarios import find as find_scenario
 from studies.modes.figure import ModePanel, draw
-from studies.page import DOCS, Docs, Page, steps
+from studies.page import DOCS, Docs, Page, fill, steps
 from testbed.command_line.terminal import user_input
 from testbed.evaluation.tracking import Evaluator
 from testbed.frame import Frame
@@ -197,36 +197,11 @@ def confusion_table(runs: Runs, names: Sequence[str]) -> str:
     return markdown_table(("the vehicle", "frames", *(f"{mode} most likely [%]" for mode in MODES)), rows)
 
 
-PAGE = """# Motion models against the truth
-
-`{tracker}` mixes the motion models cv (constant velocity), ca (constant acceleration) and ct (coordinated turn). This
-page holds the probabilities of the models against what the vehicle does, for the vehicle whose velocity changes most in
-each of {seeds} seeds. The ego's planner uses the truth; the radar is `{radar}`.
-
-A vehicle turns (ct) at a yaw rate above {yaw:g} rad/s, else accelerates or brakes (ca) at more than {accel:g} m/s^2
-along its heading, else drives steadily (cv). Phases shorter than {shortest:g} s count to the one before. The delay of
-a phase is the time from its beginning until its model is the most likely one, 0 where that led already, "never" where
-it never was within the phase; "left the old" is the time until the model of the phase before is no longer the most
-likely. On a road, ca and ct explain a swerve nearly as well: both have an acceleration across the heading.
-
-![Probabilities of the motion models](pictures/modes.png)
-
-The shade is what the vehicle does: none for cv, the colour of the model for ca and ct.
-
-## Delays
-
-{delays}
-
-## Most likely model in every frame
-
-{confusion}
-"""
-
-
 def render(tracker: str, runs: Runs) -> str:
     """What the page says about some runs."""
     names = mode_names(tracker)
-    return PAGE.format(
+    return fill(
+        "modes/page.md.j2",
         tracker=tracker,
         seeds=max(map(len, runs.values())),
         radar=RADAR,

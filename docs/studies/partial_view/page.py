@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 import sensors
 from scenarios.contours import CONTOURS
-from studies.page import DOCS, Docs, Page, steps
+from studies.page import DOCS, Docs, Page, fill, steps
 from studies.partial_view.encounters import STEP, encounters, follow, measure, simulate
 from studies.partial_view.figure import ContourPanel, draw_learned, draw_tracked
 from testbed.command_line.terminal import user_input
@@ -218,82 +218,6 @@ def course_table(found: Mapping[tuple[str, str], Sequence[Row]]) -> str:
     return markdown_table(("scenario", "tracker", *(label for _, label, _ in COLUMNS)), body)
 
 
-PAGE = """# Chained ellipses in a partial view
-
-The spatial model of Yao et al. (2021) has ellipses along the whole contour, all equally likely: their sensor sees every
-side at once. Ours sees one to three. `pmht-spline` therefore weighs each ellipse by the share of it that the sensor of
-a detection can see (`visibility="rays"`, in the filter and in learning, see `trackers/pmht/visibility.py`); "none" is
-the paper's model. This page compares the two on the radar `{radar}`.
-
-## Contours learned from some sides
-
-Up to {detections} detections of cars from the training sampler, chosen by the aspect they were seen under: any, up to
-90 degrees to the left of the rear, or within 14 degrees of it. No mirror images, so that nothing is known of a side
-that no detection came from. Black: the outline of a car; green: the contour that is drawn, one standard deviation
-outside the curve; ellipses: two standard deviations, vermilion where hardly any detection is. The IoU is with the
-outline of a car; the length of the contour is in lengths of the vehicle.
-
-![Contours learned from some sides](pictures/partial-view-learned.png)
-
-{sided}
-
-## One vehicle, known association
-
-{runs} runs of 8 s with vehicles of different sizes, scans every {step:g} s; errors count after {since:g} s. The prior
-is drawn about the truth (0.5 m, 1 m/s, 0.05 rad); its size is the mean of the class, and true sizes scatter by 7 %
-about it. "All around" has four cars with radars about the vehicle, which is the paper's full view; on the "circle" it
-turns before a standing ego, and shows all sides, one after the other. "Passing", "oncoming" and "behind" are drives on
-a road. ± is half a 95 % interval over the runs, by Student's t. Ahead and left count as positive; a NEES of 2 is ideal.
-
-The filter and what it was learned from can each have weights or not: "rays" and "none" have the same in both. Those
-that are "adapted" learn class and contour during the run as `pmht-spline-adaptive` does, with weights in the comparison
-with the classes, in learning and in the filter, or with none in all of them.
-
-![Errors with and without weights by visibility](pictures/partial-view.png)
-
-The figure is of means over the classes, for those with the same in filter and learning.
-
-{tables}
-
-## The course of Yao et al. (2021), followed
-
-The scenarios `{courses}`, first {duration:g} s, {seeds} seeds: the ego follows 22 to 28 m behind, so it sees the
-rear, and the inner side in the curve. The multi-object tracker finds the vehicle by itself; the ego's planner uses the
-truth.
-
-{course}
-
-## Which offset can be seen
-
-Let the body be at c with A = R(phi) diag(l, w), and its ellipses at mu_l in the unit frame. A detection is
-z = c + A (mu_l + xi) + e. For any o,
-
-    (c - A o) + A (mu_l + o + xi) + e  =  c + A (mu_l + xi) + e:
-
-the model moved by o and the centre moved by -A o predict the same detections, whatever sides they come from and however
-the object turns. So the likelihood of positions is flat along o in both axes, and no amount of data determines o. What
-is observable is mu_l + A^-1 c, the place of the ellipses that are seen, and nothing else: not where in them the centre
-is. Range rates and the motion model break the tie in a turn only, where the heading of the model is the direction of
-motion of the centre: moved by d along the axis, the centre moves at an angle of omega d / v to it. That is 0.003 rad
-for 1 m on the course above (0.031 rad/s at 11.2 m/s), less than the uncertainty of the heading. One part of our model
-does not move with o: the box of the detections from inside. It is as wide as the vehicle and holds a tenth of the
-detections.
-
-So o is settled by a convention, the position is the centre of the box, and that needs ends. By axis of the body:
-
-| ends seen | what is known | what `trackers.pmht.adaptation.partial_shift` does |
-| --- | --- | --- |
-| both | both ends of the curve, so its middle | centres the box of the curve: o is its centre |
-| one | that end; every length fits it with a centre of its own | keeps that end where the catalogue's contour has it |
-| none | neither | keeps the mean of the control points |
-
-For the filter this means: of a vehicle seen from behind, the rear is measured, and the errors of centre and length are
-tied, along = length / 2. The uncertainty of the length is that of the centre, and weights by visibility do not remove
-it; they keep the filter from taking the rear for something else. `tests/trackers/pmht/test_learning.py` and
-`tests/studies/partial_view/test_page.py` check these.
-"""
-
-
 class Study(NamedTuple):
     """All that the page shows."""
 
@@ -307,7 +231,8 @@ class Study(NamedTuple):
 
 def render(study: Study) -> str:
     """What the page says about a study."""
-    return PAGE.format(
+    return fill(
+        "partial_view/page.md.j2",
         radar=RADAR,
         detections=DETECTIONS,
         sided=sided_table(study.sided, CONTOURS["car"].points),

@@ -12,7 +12,7 @@ from scenarios.lanes import lane_shapes
 from scenarios.probes import PROBES
 from scenarios.record import Scenario
 from sensors.scene import Scene
-from studies.page import DOCS, Docs, Page, steps
+from studies.page import DOCS, Docs, Page, fill, steps
 from studies.probes.drives import SEEDS, TTC, Verdict, all_drives, planner_of, verdict
 from studies.probes.figure import draw
 from testbed.command_line.interruption import interruptible
@@ -27,61 +27,6 @@ from testbed.log.text import markdown_table
 from testbed.probing.drives import FREE, Setting, drive
 
 SHOWN = 1  # seed of the pictures
-PAGE = """# Probes
-
-Short scenes in which a planner on the truth is just safe, so that what tracking costs shows in the drive. In the scenes
-of the catalogue there is so much room that errors of tracking are absorbed.
-
-```python
-env = gym.make("{example}", config={{"gap": 26}})  # harder than its default
-```
-
-Every other vehicle follows a prescribed course: the same seed gives the same traffic whatever the ego does, so drives
-on the truth and on tracks are paired exactly. What a probe asks is a matter of one or two numbers, its parameters,
-which the config of the environment sets; they vary by 5 % from seed to seed. The ego keeps its lane, so that a lane
-change cannot dodge the question, but for `probe-passing`, where a change for nothing is an answer too, and
-`probe-merge`, where the change is what the ego wants. That needs a planner which takes small gaps: `idm-keen`.
-
-The builders are in [scenarios/encounters.py](../scenarios/encounters.py), the table in
-[scenarios/probes.py](../scenarios/probes.py). A comparison of `all` scenarios and the baselines leave the probes out;
-by name they go wherever a scenario goes.
-
-## On the truth
-
-A probe is accepted if, on the truth, {drives} seeds end without a collision and the median of the least time to
-collision lies between {low:g} and {high:g} s; `probe-passing` if the ego never brakes with {free:g} m/s² or more. The
-time is that to whatever is nearest in time, in the corridor ahead or, from the side and from behind, in the plane.
-Measures: [metrics.md](methods/metrics.md#the-drive).
-
-{table}
-
-All drives: [results/probes.json](results/probes.json).
-`PYTHONPATH=docs python -m studies probes --docs docs` drives what is missing in `runs/probes`.
-
-## The limit of a planner
-
-`testbed probe NAME --planner P --tracker T --search PARAMETER` finds the hardest setting that 95 % of the seeds
-survive, on the truth and on tracks, by bisection seed by seed. The difference is what tracking costs, in metres where
-the parameter is a distance. A drive is survived if nothing is hit, and in `probe-passing` if the ego does not brake.
-
-## The reward of highway-env is no measure of what tracking costs
-
-The default reward is the speed: who brakes late is faster until then, so a planner whose tracks come late can earn more
-than on the truth. `config["reward"] = "drive"` rewards what `J` measures instead: speed, less the prices of a short
-time to collision and of braking ([MET.28](methods/metrics.md#the-drive)).
-
-{sections}
-"""
-SECTION = """## {name}
-
-{purpose}
-
-{parameters}
-
-![{name}](pictures/{name}.png)
-
-Seed {seed} on the truth: the road 1.5 s before the least time to collision, then, and 1.5 s later; the drive over time.
-"""
 
 
 def main(
@@ -131,7 +76,8 @@ def picture(probe: str, path: Path) -> None:
 
 def render(verdicts: list[Verdict]) -> str:
     """What the page says about the drives on the truth."""
-    return PAGE.format(
+    return fill(
+        "probes/page.md.j2",
         example=env_id("probe-brake"),
         drives=verdicts[0].drives,
         low=TTC[0],
@@ -169,4 +115,4 @@ def section(probe: Scenario) -> str:
             for p in probe.parameters
         ],
     )
-    return SECTION.format(name=probe.name, purpose=probe.purpose, parameters=parameters, seed=SHOWN)
+    return fill("probes/probe.md.j2", name=probe.name, purpose=probe.purpose, parameters=parameters, seed=SHOWN)

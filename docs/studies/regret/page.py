@@ -7,7 +7,7 @@ from typing import Annotated
 import pandas as pd
 import typer
 
-from studies.page import DOCS, Docs, Page
+from studies.page import DOCS, Docs, Page, fill
 from studies.regret.caution import differences
 from testbed.command_line.terminal import console, user_input
 from testbed.compare.report.renderers import markdown
@@ -22,71 +22,6 @@ from testbed.regret.study import Task
 
 OLD = old_names("regret")
 PARTS = ("main", "attribution", "doses", "caution")  # folders of docs/results/regret
-TITLE = """# What tracking error costs in driving
-
-Every scenario is driven on the truth, on what is in view, and on the tracks of a tracker, with the same seed, so that
-the drives differ by tracking alone. The regret is the drive score on the truth minus that on tracks [s]: positive means
-that tracking cost something. Definitions: [methods/regret.md](methods/regret.md), measures:
-[metrics](methods/metrics.md#the-drive), scenarios: [probes.md](probes.md). In brackets 95 % intervals over the seeds,
-paired.
-
-{facts}
-
-{verdict}
-
-## Regret by tracker and planner
-
-{overview}
-
-![regret by scenario, tracker and planner](pictures/regret-regret.png)
-
-## By scenario
-
-Each measure on tracks minus the same on the truth; less of drive score and progress is worse, more of all others.
-
-{total}
-
-{sides}
-
-## What is in view against the truth
-
-{sensing}
-
-## Which tracking error matters to a planner
-
-{errors}
-
-![regret against the errors of the tracker](pictures/regret-errors.png)
-
-## The worst pairs, and where they part from the truth
-
-{worst}
-"""
-ATTRIBUTION = """## Which group of errors costs what
-
-{facts}
-
-{table}
-
-![Shapley values of the groups](pictures/regret-attribution.png)
-"""
-DOSES = """## Injected errors: dose and response
-
-{facts}
-
-![regret by the size of an injected error](pictures/regret-doses.png)
-
-{table}
-"""
-CAUTION = """## Does knowing the uncertainty help?
-
-`mpc-cautious` minus `mpc` on the same seeds and tracks: with the covariance of the tracker, and with one scaled by 1/4
-and by 4, which is dishonest. {facts}
-
-{table}
-
-{open}
-"""
 
 
 def main(
@@ -187,7 +122,8 @@ def _main(drives: pd.DataFrame, pairs: pd.DataFrame, page: Page | None) -> str:
         "worst": tables.worst(found.worst),
     }
     sides = one_sided(found.total)
-    return TITLE.format(
+    return fill(
+        "regret/page.md.j2",
         facts=_facts(drives),
         verdict="\n\n".join(found.verdict),
         sides="Risk and loss on different sides:\n\n" + _items(sides) if sides else "",
@@ -199,7 +135,7 @@ def _attribution(drives: pd.DataFrame, pairs: pd.DataFrame, page: Page | None) -
     found = find(drives, pairs)
     _, shares, _, _ = drawable(found)
     _draw(page, shares=shares)
-    return ATTRIBUTION.format(facts=_facts(drives), table=markdown(tables.attribution(found.shares)))
+    return fill("regret/attribution.md.j2", facts=_facts(drives), table=markdown(tables.attribution(found.shares)))
 
 
 def _doses(drives: pd.DataFrame, pairs: pd.DataFrame, page: Page | None) -> str:
@@ -207,13 +143,15 @@ def _doses(drives: pd.DataFrame, pairs: pd.DataFrame, page: Page | None) -> str:
     *_, doses = drawable(found)
     _draw(page, doses=doses)
     shown = [c for c in found.doses if c.measure in TABLE]
-    return DOSES.format(facts=_facts(drives), table=markdown(tables.changes(shown, "")))
+    return fill("regret/doses.md.j2", facts=_facts(drives), table=markdown(tables.changes(shown, "")))
 
 
 def _caution(drives: pd.DataFrame) -> str:
     cells = list(differences(drives))
     open_questions = _items(unresolved([c for c in cells if c.measure == "drive_score"]))
-    return CAUTION.format(facts=_facts(drives), table=markdown(tables.changes(cells, "")), open=open_questions)
+    return fill(
+        "regret/caution.md.j2", facts=_facts(drives), table=markdown(tables.changes(cells, "")), open=open_questions
+    )
 
 
 def _draw(

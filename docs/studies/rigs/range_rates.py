@@ -14,9 +14,8 @@ import typer
 from numpy.typing import NDArray
 
 from studies.standing.statistics import STILL, spread
-from testbed.arrays import read_arrays
 from testbed.command_line.terminal import console, user_input
-from testbed.files import write_json
+from testbed.files import read_arrays, write_json
 
 FASTEST, SLIP = 30.0, 1.0  # [m/s] of the radar, ahead and across, that are tried
 ROUNDS, SHARP = 10, 0.05  # of the fit; [m/s] at which a detection counts half

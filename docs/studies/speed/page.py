@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from studies.page import DOCS, Docs
+from studies.page import DOCS, Docs, fill
 from studies.speed import goals, growth, shares, training
 from studies.speed.figure import draw
 from studies.speed.goals import Goal
@@ -21,85 +21,6 @@ from testbed.files import make_directory, write_atomic
 from testbed.log.text import markdown_table
 
 PICTURE = "pictures/speed.png"
-TEXT = """# Speed
-
-Written by `PYTHONPATH=docs python -m studies speed --docs {folder}` on {date}; do not edit it by hand.
-
-## Goals
-
-Ratios of CPU times, both sides measured in turns in one run, so that a busy machine hardly changes them.
-
-{goals}
-
-The rows of perception, "scene, radar and tracker", and of two processes have wall times instead.
-
-## What a decision is made of
-
-A decision of highway-v0 with 20 vehicles has 15 simulated frames. CPU time in units of the stock environment, whose
-road is slower than the one that `TrackedEnv` puts in its place, with the same states bit by bit.
-
-{steps}
-
-`radar={{"name": "surround", "rate": 5}}` scans five times a second. That is another sensor: compare results within one
-rate only.
-
-## Why not faster
-
-- **The scans alone leave no room.** What is added to perfect tracks before any tracker runs is in the table above: the
-  goal of 1 leaves the tracker nothing of the time of a frame.
-- **The time is in the calls, not in the sums.** A frame of the default tracker is about a thousand numpy calls on small
-  arrays, spread over births, claims, three layers of filters and their checks; no function has a tenth of it.
-- **Compiled kernels** of all the arithmetic of the default tracker (numba, 600 lines, 210 MB installed) were built,
-  held equal to 1e-9 and measured: a step was 1.22 to 1.36 times as fast. They were taken out again: two thirds of a
-  step are calls between layers, which they leave as they are, and every result would have had a second form.
-- **One tracker call for several environments** could save no more than half of the tracker's time: a track costs
-  {many} us in a batch of {most} and {few} us in one of {least}, without what it costs to gather the scans.
-- **Updates of the contour filter** ask three times which of 24 pieces of a contour each detection is of. For 100
-  objects a third of the time are these densities; a random matrix has one.
-- **Metrics**: half of their time is the area that each track shares with its vehicle, box and contour, 35 us a pair in
-  a library; the rest assigns tracks to vehicles and measures the drive.
-- **The log** keeps some 60 entities a frame, each of a few numbers: most of its time goes into their rows in Python,
-  less than a third into the file.
-- **A log in blocks of 30 steps** instead of 15 takes a quarter less time, and loses two seconds instead of one where a
-  run is killed.
-- **Two processes** wait at every step for the slower of the two, and share one machine: 1.04 to 1.09 in six
-  measurements on two idle cores, up to 1.6 where others used these.
-- **What helps training** is a process for each environment all the same, and fewer scans.
-
-## Where the time of a frame goes
-
-Shares of the wall time of a run with the default tracker, without a log.
-
-{shares}
-
-{before}
-## Cost against vehicles, tracks and detections
-
-![Cost of a frame against the numbers of vehicles, tracks and detections]({picture})
-
-Left, and in the first table, the stock highway-v0, and beside it the radar `surround` and the default tracker, wall
-time a frame. Where vehicles are many, most are hidden: tracks do not grow with them. The others are CPU times of a step
-of the default tracker on a motorway of {lanes} lanes where all vehicles have the same number of detections in every
-scan, of which at most 16 of a track are used.
-
-{costs}
-
-{growth}
-
-## Beside others
-
-EnvPool has highway-env rewritten in C++, hundreds of times as fast as highway-env. Its infos hold no traffic, so the
-radar here cannot stand on it, and no speed is claimed against it.
-"""
-BEFORE = """Before ({before}) and after ({after}) what was done for speed, with the same tracks: {measured}.
-
-{table}
-
-What brought it: work that was done several times a scan is done once, gates are searched instead of tried, errors of
-pairs are worked out for many scans at once, perfect tracks need no scan, metrics can be left out, and the cached road
-stands under every id of highway-env. The scan of the six radars takes 0.9 times as long as before, the ray cast is a
-third of it.
-"""
 
 
 def main(docs: Docs = DOCS, quick: Annotated[bool, typer.Option("--quick", help="Fewer repetitions.")] = False) -> None:
@@ -153,7 +74,8 @@ def render(
         for g in grown
     ]
     fewest, most = (choose(grown, key=lambda g: g.objects) for choose in (min, max))
-    return TEXT.format(
+    return fill(
+        "speed/page.md.j2",
         folder=docs,
         before=before_and_after(docs / "results"),
         steps=markdown_table(("decision with", "of stock highway-v0"), [(s.what, f"{s.ratio:.2f}") for s in steps]),
@@ -184,4 +106,4 @@ def before_and_after(results: Path) -> str:
     heads = ["", *(f"{name}, {when}" for name in parts for when in ("before", "after"))]
     rows = [[part, *(f"{ms:.1f}" for row in parts.values() for ms in row[part])] for part in parts[shares.SCENARIOS[0]]]
     facts = {key: found[key] for key in ("measured", "before", "after")}
-    return BEFORE.format(**facts, table=markdown_table(heads, rows))
+    return fill("speed/before.md.j2", **facts, table=markdown_table(heads, rows))

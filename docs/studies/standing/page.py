@@ -8,7 +8,7 @@ import numpy as np
 import typer
 
 from sensors import RADARS, Radar, Surroundings
-from studies.page import DOCS, Docs, Page, steps
+from studies.page import DOCS, Docs, Page, fill, steps
 from studies.standing.figure import draw
 from studies.standing.scans import DURATION, EVERY, SCENARIOS, SEED, at_speed, drives, read_real, simulate
 from studies.standing.statistics import STANDS, STILL, Judged, judge, runs, statistics
@@ -17,24 +17,6 @@ from testbed.log.text import markdown_table
 
 OFF, ON, ON_ROAD = "imaging", "imaging-roadside", 0.015
 COMMAND = "PYTHONPATH=docs python -m studies standing-returns DATA --docs docs"  # DATA lies elsewhere on every machine
-TITLE = """# What stands still
-
-Returns of guard rails, signs, trees, facades and bridges: how many a scan, where, and how well the motion of the ego
-explains their range rates. The real ones are {scans} scans of a 4-D radar at 10 Hz, the sample recordings of Ding et
-al. (2022) in {runs} drives, the ego at {slowest:.1f} to {fastest:.1f} m/s or standing. Of {frames} frames {repeated}
-repeat the scan before them and are left out. The simulated ones are those of the first radar of each rig, with its
-traffic, in {scenarios}: {duration:g} s each of seed {seed}, every {every}th frame, all speeds scaled so that the ego is
-as fast as the real one on average.
-
-A detection *stands* if its range rate is within {still} m/s of that of ego motion; the *rest* is what is left over. The
-poses of the recordings jump by metres to hundreds of metres between frames, so the ego motion of a real scan is fitted
-to its range rates (Kellner et al. 2013); ours is known. "Ego motion found" is the share of simulated scans in which the
-same fit is within {still} m/s of the truth. Nothing is labelled: a standing vehicle cannot be told from what else
-stands, and slow traffic within {still} m/s counts as standing. *Across* is the part of the ego's velocity at right
-angles to the line of sight, by which an error of azimuth shows in the rest.
-
-![places, ranges, azimuths and range rates left over](pictures/standing-returns.png)
-"""
 
 
 def main(
@@ -61,7 +43,8 @@ def main(
     draw({"real, moving": moving, OFF: simulated[OFF], ON: simulated[ON]}, page.picture("standing-returns"))
     groups = {"real, moving": moving, "real, standing": [one for one in real if one.speed <= STANDS]}
     groups |= {name: simulated[name] for name in rigs}
-    text = TITLE.format(
+    text = fill(
+        "standing/page.md.j2",
         scans=len(real), runs=len(runs(real)), frames=frames, repeated=frames - len(real),
         slowest=min(one.speed for one in moving), fastest=max(one.speed for one in moving), still=STILL,
         scenarios=", ".join(f"`{name}`" for name in SCENARIOS), duration=DURATION, seed=SEED, every=EVERY,

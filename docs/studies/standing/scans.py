@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from sensors.radar import Radar
 from sensors.scene import Scene
-from testbed.arrays import read_arrays
+from testbed.files import read_arrays
 from testbed.replay.recording import record
 from trackers.geometry import rotation
 

@@ -7,13 +7,12 @@ from typing import Annotated, Any, NamedTuple
 
 import typer
 
-from studies.page import DOCS, Docs, Page, steps
+from studies.page import DOCS, Docs, Page, fill, steps
 from studies.traffic.distributions import LEVEL, SHOWN, UNITS, Distribution, distributions, table_of
 from studies.traffic.driven import CATALOGUE, DRIVEN, NATIVE, SCENES, SEEDS, driven
 from studies.traffic.figure import draw
 from studies.traffic.recorded import FILES, ONE_CLOCK, recorded
 from studies.traffic.rows import FARTHEST, Row
-from studies.traffic.text import TEXT
 from testbed.command_line.terminal import console, user_input
 from testbed.files import make_directory, write_json
 from testbed.log.text import markdown_table
@@ -66,7 +65,8 @@ def read(path: Path) -> Study:
 def render(study: Study) -> str:
     """The page from the results."""
     found = study.found
-    return TEXT.format(
+    return fill(
+        "traffic/page.md.j2",
         seeds=study.seeds,
         driven=DRIVEN[CATALOGUE],
         native=DRIVEN[NATIVE],

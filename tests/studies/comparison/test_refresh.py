@@ -8,10 +8,10 @@ import pandas as pd
 import pytest
 import typer
 
+from studies.comparison import refresh as refresh_module
 from studies.comparison.publish import ABOUT, RUNS
-from studies.comparison.refresh import draw, main
-from testbed.compare.runs.config import Comparison
-from tests.studies.comparison.conftest import TRACKERS
+from studies.comparison.refresh import KEPT, Piece, draw, main
+from tests.studies.comparison.conftest import DOCS, TRACKERS
 
 
 @pytest.fixture
@@ -36,8 +36,8 @@ def change(results, measure, seed, by):
     table.to_parquet(results / RUNS)
 
 
-def refresh(results, sample):
-    main(results=results, report=results.parent / "report", sample=sample, seed=0, jobs=1)
+def refresh(results, sample, part="runs"):
+    main(results=results, report=results.parent / "report", part=[part], sample=sample, seed=0, jobs=1, keep=False)
 
 
 def test_equal_runs_get_the_digests_of_the_code_at_hand(results, published, capsys):
@@ -46,8 +46,7 @@ def test_equal_runs_get_the_digests_of_the_code_at_hand(results, published, caps
     known, wanted = (json.loads((folder / ABOUT).read_text()) for folder in (results, published))
     assert known == wanted
     assert (results.parent / "report" / "report.html").read_text() == f"<p>made by {wanted['identity']['code']}</p>"
-    (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("proved equal")]
-    assert "4 of 6 runs" in line
+    (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("equal    runs:")]
     assert line.count("xia2020-lane_htg-mm_seed") == line.count("xia2020-lane_rm-feldmann_seed") == 2
 
 
@@ -60,7 +59,7 @@ def test_a_number_that_is_another_float_is_shown_and_nothing_is_written(results,
     out = capsys.readouterr().out
     assert "1 numbers that are not the committed ones" in out
     assert "gospa" in out
-    assert "proved equal" not in out
+    assert "equal    runs" not in out
     assert (results / ABOUT).read_bytes() == before
 
 
@@ -75,12 +74,30 @@ def test_a_sample_without_a_tracker_whose_code_has_changed_is_refused(results, c
     assert json.loads((results / ABOUT).read_text()) == known
 
 
+@pytest.mark.parametrize("part", ["drives", "probes", "papers"])
+def test_each_part_is_repeated_and_a_changed_number_of_it_is_shown(part, tmp_path, capsys, monkeypatch):
+    committed = DOCS / "results"
+    for name in ("probes.json", KEPT):
+        shutil.copy(committed / name, tmp_path)
+    shutil.copytree(committed / "regret" / "doses", tmp_path / "regret" / "doses")
+    monkeypatch.setattr(refresh_module, "CASES", {"hoher2022": refresh_module.CASES["hoher2022"]})
+    refresh(tmp_path, 1, part)
+    assert f"equal    {part}: " in capsys.readouterr().out
+    again = refresh_module.PARTS[part].again
+    changed = refresh_module.PARTS[part]._replace(again=lambda *a: {k: v + 1 for k, v in again(*a).items()})
+    monkeypatch.setattr(refresh_module, "PARTS", {part: changed})
+    with pytest.raises(typer.Exit) as left:
+        refresh(tmp_path, 1, part)
+    assert left.value.exit_code == 1
+    assert "numbers that are not the committed ones" in capsys.readouterr().out
+
+
 def test_a_sample_has_every_tracker_before_any_twice():
-    tasks = Comparison(("a", "b"), ("x", "y", "z"), (0, 1, 2)).tasks
+    pieces = [Piece("runs", f"{s}{t}{k}", t, ()) for s in "ab" for t in "xyz" for k in range(3)]
     for seed in range(5):
-        found = draw(tasks, 7, seed)
+        found = draw(pieces, 7, seed)
         assert len(set(found)) == 7
-        assert {task.tracker for task in found[:3]} == {task.tracker for task in found[3:6]} == {"x", "y", "z"}
-        assert found == draw(tasks, 7, seed)
-    assert draw(tasks, 7, 0) != draw(tasks, 7, 1)
-    assert set(draw(tasks, 100, 0)) == set(tasks)
+        assert {p.group for p in found[:3]} == {p.group for p in found[3:6]} == {"x", "y", "z"}
+        assert found == draw(pieces, 7, seed)
+    assert draw(pieces, 7, 0) != draw(pieces, 7, 1)
+    assert set(draw(pieces, 100, 0)) == set(pieces)

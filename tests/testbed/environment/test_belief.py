@@ -11,17 +11,9 @@ from highway_env.vehicle.controller import MDPVehicle
 from highway_env.vehicle.objects import Landmark, Obstacle
 
 from scenarios.articulated import ArticulatedIDM
-from testbed.environment.belief import (
-    MAX_SIZE,
-    BeliefView,
-    RoadSwap,
-    TrackVehicle,
-    belief_road,
-    is_map,
-    mirror_road,
-    plausible,
-)
+from testbed.environment.belief import BeliefView, RoadSwap, belief_road, is_map, mirror_road
 from testbed.environment.perception import advance
+from testbed.planners.track_vehicle import MAX_SIZE, TrackVehicle, plausible
 from trackers.estimate import prior
 from trackers.geometry import box_corners, unit
 

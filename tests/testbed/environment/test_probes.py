@@ -8,6 +8,7 @@ from scenarios import PROBES, find
 from testbed.environment.registration import env_id
 from testbed.evaluation.drive_evaluator import DriveEvaluator
 from testbed.planners import find as find_planner
+from tests.parameters import rest_slow
 
 WANTS = {"probe-merge": "idm-keen"}  # planners that want what the probe is about; the others need none
 
@@ -26,7 +27,7 @@ def drive(name, seed, planner="idm", **config):
     return evaluator.summary(), np.array(poses)
 
 
-@pytest.mark.parametrize("name", PROBES)
+@pytest.mark.parametrize("name", rest_slow(PROBES, "probe-brake", "probe-passing", "probe-merge"))
 def test_a_probe_is_just_safe_on_the_truth(name):
     measures, _ = drive(name, 1, WANTS.get(name, "idm"))
     assert not measures["collisions"]

@@ -217,8 +217,8 @@ def test_room_for_the_results_is_kept_until_they_are_written(tmp_path):
 def test_a_disk_without_room_for_the_beginning_of_the_log_is_one_sentence(tmp_path, limit_files):
     env = gym.make("testbed/cut-in-v0", **QUICK)
     env.attach(Recorder(RunMeta("a", "cut-in", 0, "front", (DEFAULT,), "idm", {}, {}), tmp_path))
-    limit_files(1000)
-    with pytest.raises(OSError, match=r"^cannot write the log .*a\.rrd: File too large; choose another directory$"):
+    refused = pytest.raises(OSError, match=r"^cannot write the log .*a\.rrd: File too large; choose another directory$")
+    with limit_files(1000), refused:
         env.reset(seed=0)
     assert list(tmp_path.iterdir()) == []
 
@@ -227,15 +227,16 @@ def test_a_full_disk_ends_the_log_with_a_warning_and_the_run_goes_on(tmp_path, l
     env = gym.make("testbed/cut-in-v0", out=str(tmp_path), **QUICK)
     env.reset(seed=0)
     recorder = env.recorder
-    limit_files(recorder.log.file.stat().st_size + 1000)
 
     def go_on():
         for _ in range(5):
             env.step(1)
 
-    with pytest.warns(LostFileWarning, match=r"^cannot write the log .*: File too large; it ends at 0\.0 s$") as told:
-        go_on()
-    env.close()
+    with limit_files(recorder.log.file.stat().st_size + 1000):
+        sentence = r"^cannot write the log .*: File too large; it ends at 0\.0 s$"
+        with pytest.warns(LostFileWarning, match=sentence) as told:
+            go_on()
+        env.close()
     assert recorder.lost == [str(told[0].message)]
     assert json.loads((tmp_path / f"{NAME}.json").read_text())["drive"]["elapsed"] == pytest.approx(1.0)
     assert not reader.complete(tmp_path / f"{NAME}.rrd")
@@ -246,8 +247,8 @@ def test_results_that_cannot_be_written_are_one_sentence_and_older_ones_stay(tmp
     env = gym.make("testbed/cut-in-v0", out=str(tmp_path), log="metrics", **QUICK)
     drive(env)
     recorder = env.recorder
-    limit_files(1000)
     with (
+        limit_files(1000),
         pytest.warns(LostFileWarning, match="cannot write the log"),
         pytest.raises(OSError, match=r"^cannot write .*json: File too large; choose another directory$"),
     ):

@@ -16,6 +16,7 @@ import testbed
 from scenarios import PROBES, SCENARIOS
 from testbed.environment.registration import env_id, make, register_scenarios, scenario_of
 from testbed.environment.wrapper import TrackedEnv
+from tests.parameters import PROBE, rest_slow
 
 
 def python(code: str, path: Path | None = None) -> subprocess.CompletedProcess:
@@ -107,7 +108,7 @@ def test_public_names_are_there_and_others_are_not():
 
 
 @pytest.mark.filterwarnings("ignore:.*different from the unwrapped version", "ignore:.*infinity")
-@pytest.mark.parametrize("name", [*SCENARIOS, *PROBES])
+@pytest.mark.parametrize("name", rest_slow([*SCENARIOS, *PROBES], "cut-in", "roundabout", "articulated-turn", PROBE))
 def test_gymnasium_finds_nothing_wrong_with(name):
     env = gym.make(env_id(name), config={"duration": 5.0})
     check_env(env, skip_render_check=name != "cut-in")

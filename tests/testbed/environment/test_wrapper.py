@@ -18,10 +18,10 @@ from highway_env.vehicle.kinematics import Vehicle
 import sensors
 from scenarios.constants import protect_idm_constants
 from testbed.environment import perception
-from testbed.environment.belief import TrackVehicle
 from testbed.environment.perception import label, on_road
 from testbed.environment.wrapper import TrackedEnv
 from testbed.frame import Frame
+from testbed.planners.track_vehicle import TrackVehicle
 from trackers import DEFAULT, MultiObjectTracker, find
 from trackers.estimate import prior
 from trackers.multi.road import RoadMap

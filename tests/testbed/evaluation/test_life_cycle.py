@@ -8,6 +8,7 @@ from tests.testbed.evaluation import road_cases as cases
 from tests.testbed.evaluation.road_world import SEVEN, Vehicle, World, follow, record, with_clutter
 from trackers.registry import build
 
+SLOW = pytest.mark.slow
 CLUTTER = sum(s.clutter for s in SEVEN.sensors)  # false alarms a scan
 MOTORCYCLE = World((Vehicle(30, 0, 22.0, (14.0, 2.5)), Vehicle(30, -0.72, 22.5, (2.2, 0.8))))
 
@@ -29,21 +30,23 @@ def held(outcome, start, end):
     return len(set().union(*(s.score.pairs for s in outcome.steps if start <= s.time < end)))
 
 
-@pytest.mark.parametrize(("total", "minute"), [(12, 0.0), (50, 0.0), (200, 0.5)])
+@pytest.mark.parametrize(
+    ("total", "minute"), [pytest.param(12, 0.0, marks=SLOW), pytest.param(50, 0.0, marks=SLOW), (200, 0.5)]
+)
 def test_clutter_alone_bears_no_tracks(total, minute):
     outcome = run(World(), 20.0, 0, with_clutter(SEVEN, total / CLUTTER))
     confirmed = sum(e.kind == "confirmed" for s in outcome.steps for e in s.info.events)
     assert confirmed * 60 / 20 <= minute
 
 
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=SLOW)])
 @pytest.mark.parametrize("world", [cases.ABREAST, MOTORCYCLE])
 def test_two_abreast_never_become_one_track(world, seed):
     outcome = run(world, 4.0, seed)
     assert all(len(s.tracks.reported.id) >= 2 for s in outcome.steps if s.time >= 3)
 
 
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=SLOW)])
 def test_two_seconds_without_radar_keep_all_ids(seed):
     world = World(tuple(Vehicle(s, lane, 25.0 - lane) for s, lane in ((-40, -1), (-20, 1), (25, 0), (40, 1), (60, -1))))
 
@@ -57,8 +60,8 @@ def test_two_seconds_without_radar_keep_all_ids(seed):
 
 
 @pytest.mark.parametrize(("gap", "two", "four"), [(0.8, 2, 4), (3.0, 5, 4)])
-@pytest.mark.parametrize(("speed", "ego"), [(0, 4), (2, 6)])
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize(("speed", "ego"), [(0, 4), pytest.param(2, 6, marks=SLOW)])
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=SLOW)])
 def test_of_five_cars_in_a_queue_so_many_are_held_after_two_and_four_seconds(gap, two, four, speed, ego, seed):
     world = queue(gap, speed, ego)
     outcome = run(world, 4.2, seed)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from sensors.origin import CLUTTER, STATIC, Origin
 from sensors.scene import Scene
 from testbed.check.draws import arrays
+from tests.parameters import rest_slow
 from tests.testbed.evaluation import road_cases as cases
 from tests.testbed.evaluation.road_world import (
     CAR,
@@ -93,9 +94,9 @@ GOSPA = {
     "turn": (6.35, 4.62, 5.31),
     "ghost": (2.43, 3.20, 2.13),
 }
-OF_MAP = ("truck and car", "overtaking", "tailgaters")  # the quick cases of the slow filter, which runs here only
+OF_MAP = ("truck and car", "overtaking", "tailgaters")  # the quick cases of the other filters
 SCORED = [
-    pytest.param(case, name, marks=() if name in FILTERS or case in OF_MAP else pytest.mark.slow)
+    pytest.param(case, name, marks=() if name == FILTERS[0] or case in OF_MAP else pytest.mark.slow)
     for case in GOSPA
     for name in MEASURED
 ]
@@ -108,7 +109,7 @@ def test_gospa_stays_near_what_was_measured(case, name):
     assert run(case, name).table["gospa"] == pytest.approx(measured, rel=0.3, abs=0.3)
 
 
-@pytest.mark.parametrize("name", FILTERS)
+@pytest.mark.parametrize("name", rest_slow(FILTERS, FILTERS[0]))
 class TestCase:
     def test_01_two_trucks_abreast_are_never_without_a_track_nor_swapped(self, name):
         """Not solved, nor in the prototype: two tracks are demanded, up to four come; but none changes its truck."""
@@ -243,7 +244,7 @@ def test_15_order_splitting_and_padding_of_seven_radars_change_nothing():
     assert len(one.id) >= 2
 
 
-@pytest.mark.parametrize("name", FILTERS)
+@pytest.mark.parametrize("name", rest_slow(FILTERS, FILTERS[0]))
 def test_16_an_empty_scan_costs_the_visible_its_miss_factor_and_the_hidden_only_time(name):
     outcome = run("hidden", name)
     step = next(s for s in outcome.steps if s.origin.expected[0] == 0 and s.time > 4)

@@ -205,17 +205,15 @@ def size(tmp_path_factory):
 def test_a_full_disk_stops_the_log_at_its_last_block(tmp_path, limit_files, size, capfd):
     path = tmp_path / "a.rrd"
     log = begun(path, 29)
-    limit_files(size + 1000)
-    *_, last = log_runs.records(30)
-    log.step(*last)
     refused = []
-    for record in list(log_runs.records(61))[30:]:
-        try:
-            log.step(*record)
-        except OSError as error:
-            refused.append((record.frame.step, str(error)))
-    log.event("INFO", "nobody reads this")
-    log.close(log_runs.SUMMARY)
+    with limit_files(size + 1000):
+        for record in list(log_runs.records(61))[29:]:
+            try:
+                log.step(*record)
+            except OSError as error:
+                refused.append((record.frame.step, str(error)))
+        log.event("INFO", "nobody reads this")
+        log.close(log_runs.SUMMARY)
     assert refused == [(44, f"cannot write the log {path}: File too large; it ends at 1.9 s")]
     assert list(tmp_path.iterdir()) == [path]
     assert reader.steps(path).tolist() == list(range(30))
@@ -226,16 +224,17 @@ def test_a_full_disk_stops_the_log_at_its_last_block(tmp_path, limit_files, size
 def test_a_disk_that_is_full_at_the_end_of_the_log_is_one_sentence(tmp_path, limit_files, size):
     path = tmp_path / "a.rrd"
     log = begun(path, 30)
-    limit_files(size + 1000)
-    with pytest.raises(OSError, match=r"^cannot write the log .*a\.rrd: File too large; it ends at 1\.9 s$"):
-        log.close(log_runs.SUMMARY)
-    log.close()
+    refused = pytest.raises(OSError, match=r"^cannot write the log .*a\.rrd: File too large; it ends at 1\.9 s$")
+    with limit_files(size + 1000):
+        with refused:
+            log.close(log_runs.SUMMARY)
+        log.close()
     assert reader.steps(path).tolist() == list(range(30))
 
 
 def test_a_disk_without_room_for_the_beginning_is_one_sentence(tmp_path, limit_files):
-    limit_files(10_000)
-    with pytest.raises(OSError, match=r"^cannot write the log .*: File too large; choose another directory$"):
+    refused = pytest.raises(OSError, match=r"^cannot write the log .*: File too large; choose another directory$")
+    with limit_files(10_000), refused:
         begun(tmp_path / "a.rrd", 1)
     assert list(tmp_path.iterdir()) == []
 

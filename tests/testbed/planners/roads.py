@@ -7,7 +7,7 @@ import numpy as np
 from highway_env.vehicle.controller import MDPVehicle
 from highway_env.vehicle.kinematics import Vehicle
 
-from testbed.environment.belief import TrackVehicle
+from testbed.planners.track_vehicle import TrackVehicle
 
 SPEEDS = [float(v) for v in np.arange(0.0, 35.1, 2.5)]
 

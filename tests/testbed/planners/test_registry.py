@@ -9,7 +9,6 @@ from highway_env.road.lane import CircularLane
 from highway_env.vehicle.controller import MDPVehicle
 
 from scenarios.vehicles import EgoVehicle
-from testbed.environment.belief import TrackVehicle
 from testbed.planners.prediction import (
     Others,
     along_path,
@@ -22,6 +21,7 @@ from testbed.planners.prediction import (
     relate,
 )
 from testbed.planners.registry import PLANNERS, IdmPlanner, find, settings
+from testbed.planners.track_vehicle import TrackVehicle
 from tests.testbed.planners.roads import SPEEDS, blocked, place, world
 
 PLANNER = IdmPlanner()

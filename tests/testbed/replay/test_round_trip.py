@@ -6,12 +6,12 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from testbed.compare.runs import replay as of_comparisons
 from testbed.environment.perception import radar_of
 from testbed.evaluation.tracking import Evaluator, jsonable
 from testbed.replay.reading import read
 from testbed.replay.recording import record
 from testbed.replay.replaying import ReplayConfig, prepare, replay
+from testbed.replay.rescan import replay as replayed
 from testbed.replay.writing import write
 
 TRACKERS = ("rm-koch", "imm-htg")  # the second has layers that use counts, fields of view and depth profiles
@@ -36,7 +36,7 @@ def live(drive):
         for name, (tracks, info) in frame.outputs.items():
             judges[name].step(frame.time, frame.scene, frame.origin, tracks, info.owner)
 
-    of_comparisons.replay(drive, TRACKERS, [judge])
+    replayed(drive, TRACKERS, [judge])
     return frames, {name: judge.summary() for name, judge in judges.items()}
 
 

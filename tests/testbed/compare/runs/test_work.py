@@ -11,7 +11,6 @@ import pyarrow.parquet as pq
 import pytest
 
 from scenarios.highway import ScenarioEnv
-from testbed.compare.runs import recording
 from testbed.compare.runs import tasks as runs
 from testbed.compare.runs.config import SETTINGS, Comparison, Settings, Task, with_faults
 from testbed.compare.runs.results import RUNS, collect, write_runs
@@ -23,6 +22,7 @@ from testbed.experiments.engine import Engine
 from testbed.experiments.rows import check_part
 from testbed.experiments.run import DONE, FAILED, FOUND
 from testbed.planners import find as find_planner
+from testbed.replay import recording
 from testbed.replay.rescan import replay
 
 WANTED = Comparison(("xia2020-lane",), ("rm-koch", "rm-feldmann"), (0, 1), Settings("front", duration=0.5))

@@ -17,7 +17,7 @@ from threading import Lock
 from typing import Any
 from urllib.parse import quote, unquote, urlsplit
 
-from testbed.review_page.page import write
+from testbed.log.review_page.page import write
 
 LOOPBACK = "127.0.0.1"
 REPORT = "report.html"

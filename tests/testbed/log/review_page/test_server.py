@@ -7,7 +7,7 @@ from threading import Thread
 import pytest
 
 from testbed.log import RunLog
-from testbed.review_page.server import LOOPBACK, linked, server
+from testbed.log.review_page.server import LOOPBACK, linked, server
 from tests.testbed.log import log_runs
 
 REPORT = '<p>verdict</p><a href="logs/a%20b.rrd">rrd</a>'

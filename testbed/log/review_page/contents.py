@@ -14,8 +14,8 @@ from testbed.log import legend, palette, paths
 from testbed.log.columns import Columns
 from testbed.log.focus import vehicles
 from testbed.log.reader import events, properties
+from testbed.log.review_page.shapes import Shapes, centimetres
 from testbed.log.table_pages import NOTHING_WRONG
-from testbed.review_page.shapes import Shapes, centimetres
 
 CURVES = ("gospa", "gwd", "position", "velocity", "heading_deg", "length", "width", "unassigned", "ghosts")
 PLAIN_LEVELS = ("INFO", "WARN", "ERROR")

@@ -12,9 +12,9 @@ import pytest
 from sensors.origin import KINDS
 from testbed.frame import FrameScore
 from testbed.log import RunLog
-from testbed.review_page.contents import contents
-from testbed.review_page.page import write
-from testbed.review_page.shapes import Shapes, ring_at
+from testbed.log.review_page.contents import contents
+from testbed.log.review_page.page import write
+from testbed.log.review_page.shapes import Shapes, ring_at
 from tests.testbed.log import log_runs
 
 STEPS = 25
@@ -157,7 +157,7 @@ def test_other_files_are_refused(log, tmp_path):
 @pytest.mark.skipif(shutil.which("node") is None, reason="node is not installed")
 @pytest.mark.parametrize("name", ["scene.js", "page.js"])
 def test_the_program_has_no_fault_of_syntax(name):
-    file = Path(__file__).parents[3] / "testbed" / "review_page" / name
+    file = Path(__file__).parents[4] / "testbed" / "log" / "review_page" / name
     subprocess.run(["node", "--check", file], check=True, capture_output=True, timeout=60)
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from testbed.files import check_target, write_atomic
 from testbed.log.review import readable
-from testbed.review_page.contents import contents
+from testbed.log.review_page.contents import contents
 
 
 def write(log: str | Path, page: str | Path) -> Path:
@@ -38,4 +38,4 @@ def write(log: str | Path, page: str | Path) -> Path:
 
 
 def _part(name: str) -> str:
-    return files("testbed.review_page").joinpath(name).read_text(encoding="utf-8")
+    return files("testbed.log.review_page").joinpath(name).read_text(encoding="utf-8")

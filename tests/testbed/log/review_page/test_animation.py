@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from testbed.review_page import animation
-from testbed.review_page.contents import contents
+from testbed.log.review_page import animation
+from testbed.log.review_page.contents import contents
 from tests.testbed.log import log_runs
 
 STEPS = 31  # two seconds
