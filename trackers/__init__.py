@@ -4,7 +4,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from trackers.default import DEFAULT as DEFAULT
     from trackers.estimate import Estimate as Estimate
     from trackers.estimate import prior as prior
     from trackers.filter import Filter as Filter
@@ -19,10 +18,10 @@ if TYPE_CHECKING:
     from trackers.scan import Scan as Scan
     from trackers.scan import SensorModel as SensorModel
 
+DEFAULT = "imm-spline"  # the tracker of commands and environments where none is named
 __distribution__ = "eot-testbed"  # `testbed` tells by this line that no other package of this name took its place
 
 _HOME = {
-    "DEFAULT": "trackers.default",
     "TRACKERS": "trackers.registry",
     "Estimate": "trackers.estimate",
     "Event": "trackers.multi.tracks",

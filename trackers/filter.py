@@ -1,6 +1,7 @@
-"""The protocol of a single-object filter, four methods, and those of what it may offer beyond them."""
+"""The four methods of a single-object filter, and one record of what it may offer beyond them."""
 
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from collections.abc import Callable
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,125 +50,11 @@ class Filter(Protocol):
         """Estimate of the object from the state."""
 
 
-@runtime_checkable
-class Resizable(Protocol):
-    """A filter whose size can be replaced, everything else kept."""
-
-    def resize(self, state: Any, size: NDArray, size_std: NDArray) -> Any:
-        """State with size (..., 2) [m] of standard deviation size_std (..., 2) [m]."""
-
-
-@runtime_checkable
-class Shiftable(Protocol):
-    """A filter whose objects can be moved, everything else kept."""
-
-    def shift(self, state: Any, d: NDArray) -> Any:
-        """State with d (..., 2) [m], in the world, added to the centre, in all of its models and in its past."""
-
-
-@runtime_checkable
-class Attentive(Protocol):
-    """A filter that needs to know which scans show an object completely."""
-
-    def learn_where(self, state: Any, where: NDArray) -> Any:
-        """State whose next update is by a scan that shows the objects where (...) is true completely."""
-
-
-@runtime_checkable
-class Restartable(Protocol):
-    """A filter whose state holds more of an object than an estimate does, such as a learned contour."""
-
-    def restart(self, state: Any, estimate: Estimate) -> Any:
-        """State that starts again from an estimate, keeping what an estimate does not hold."""
-
-
-@runtime_checkable
-class Classifying(Protocol):
-    """A filter that compares its objects with classes; their probabilities are `Estimate.class_probability`."""
-
-    @property
-    def classes(self) -> tuple[str, ...]:
-        """Names of the classes."""
-
-    def learn_where(self, state: Any, where: NDArray) -> Any:
-        """State whose next update learns of the objects where (...) is true, those that the scan shows completely."""
-
-    def class_size(self, state: Any) -> tuple[NDArray, NDArray]:
-        """Mean size (..., 2) [m] of the objects' classes and std (..., 2) of its logarithms; NaN where not known."""
-
-
-@runtime_checkable
-class Reaching(Protocol):
-    """A filter whose sizes have wider tails than a Gaussian of their standard deviation."""
-
-    def reach(self, state: Any) -> Estimate:
-        """The estimate with the greatest box that is possible, for gates; its `size_std` is 0."""
-
-
-@runtime_checkable
-class Surveying(Protocol):
-    """A filter that uses what other detections of a scan hide of its objects."""
-
-    def update_among(self, state: Any, scan: Scan, every: Scan, owner: NDArray) -> tuple[Any, Any]:
-        """Update of objects (T,) by `scan`, given the scan `every` (M,) and the rows owner (M,) of its detections."""
-
-
-@runtime_checkable
-class SpatialModel(Protocol):
-    """A filter with its own density of detections over the body."""
-
-    def log_spatial(self, state: Any, scan: Scan, track: NDArray, detection: NDArray) -> NDArray:
-        """Log density (G,) [1/m^2] of the detections with indices detection (G,) under the tracks track (G,)."""
-
-
 class Gaussian(NamedTuple):
     """N(m, P)."""
 
     m: NDArray  # (..., n)
     P: NDArray  # (..., n, n)
-
-
-@runtime_checkable
-class Smoothable(Protocol):
-    """A filter whose state holds a Gaussian that the smoother can read and replace."""
-
-    @property
-    def angles(self) -> tuple[int, ...]:
-        """Components of m that are angles [rad] and may be wrapped."""
-
-    def gaussian(self, state: Any) -> Gaussian:
-        """The Gaussian of the state; of several models, the moments of their mixture."""
-
-    def with_gaussian(self, state: Any, gaussian: Gaussian) -> Any:
-        """The state with another Gaussian, in all of its models."""
-
-
-@runtime_checkable
-class ContourFilter(Filter, Smoothable, Resizable, Shiftable, SpatialModel, Protocol):
-    """A filter that `trackers.motion` can take over the motion of.
-
-    Its Gaussian is of x = [px, py, phi, v, omega, s1, s2] as in `trackers.motion`, s1 and s2 length and width or their
-    logarithms.
-    """
-
-    @property
-    def log_size(self) -> bool:
-        """Whether s1 and s2 are logarithms."""
-
-    @property
-    def size_walk(self) -> float:
-        """Random walk of s1 and s2, in their unit / sqrt(s)."""
-
-
-@runtime_checkable
-class Learning(ContourFilter, Restartable, Protocol):
-    """A `ContourFilter` whose update is a spatial one, and then learning from the moments that a caller may replace."""
-
-    def located(self, state: Any, scan: Scan) -> tuple[Gaussian, Any]:
-        """The Gaussian after the scan, and information; the state is as it was."""
-
-    def learned(self, state: Any, gaussian: Gaussian, scan: Scan, info: Any) -> tuple[Any, Any]:
-        """State with the Gaussian after the scan, which it learns from, and information; learning may move both."""
 
 
 class Extent(NamedTuple):
@@ -179,23 +66,59 @@ class Extent(NamedTuple):
     least: float  # degrees of freedom at which nothing is known
 
 
-@runtime_checkable
-class SmoothableExtent(Protocol):
-    """A `Smoothable` filter with an extent beside its Gaussian, which the smoother can replace too."""
-
-    def extent(self, state: Any) -> Extent:
-        """The density of the extent."""
-
-    def with_extent(self, state: Any, extent: Extent) -> Any:
-        """The state with another density of its extent."""
+Method = Callable[..., Any] | None
 
 
-@runtime_checkable
-class Interacting(Protocol):
-    """A `Smoothable` filter of several models, whose prediction begins with mixing them."""
+class Abilities(NamedTuple):
+    """What a filter offers beyond the four methods, None for what it does not: its attributes of these names.
 
-    def mixed(self, state: Any, dt: float) -> tuple[NDArray, list[tuple[Smoothable, Any]]] | None:
-        """Probabilities (..., K) of the models after dt [s], and of each its filter and the state it starts from.
+    In states and arrays the leading axes (...) are those of the objects, (T,) that of the tracks.
+    """
 
-        None where the filter has one model.
-        """
+    # Association and gates
+    log_spatial: Method = None  # (state, scan, track (G,), detection (G,)): log density (G,) [1/m^2] of these pairs
+    reach: Method = None  # (state): the estimate with the greatest box that is possible, its size_std 0
+    update_among: Method = None  # (state, scan, every (M,), owner (M,)): update that knows what others hide
+    learn_where: Method = None  # (state, where (...)): state whose next scan shows these objects completely
+
+    # Another place or size, everything else kept, and a new start
+    resize: Method = None  # (state, size (..., 2), size_std (..., 2)) [m]: state
+    shift: Method = None  # (state, d (..., 2) [m] in the world): state, moved in all of its models and in its past
+    restart: Method = None  # (state, estimate): state that keeps what an estimate does not hold
+
+    # A Gaussian that the smoother can read and replace; of several models the moments of their mixture
+    gaussian: Method = None  # (state): `Gaussian`
+    with_gaussian: Method = None  # (state, gaussian): state, in all models
+    angles: tuple[int, ...] | None = None  # components of m that are angles [rad] and may be wrapped
+    extent: Method = None  # (state): `Extent` beside the Gaussian
+    with_extent: Method = None  # (state, extent): state
+    mixed: Method = None  # (state, dt): probabilities (..., K), and of each model its filter and state; None for one
+
+    # If that is of x = [px, py, phi, v, omega, s1, s2] as in `trackers.motion.turn`
+    log_size: bool | None = None  # whether s1 and s2 are the logarithms of length and width
+    size_walk: float | None = None  # random walk of s1 and s2, in their unit / sqrt(s)
+
+    # An update in two parts, between which the Gaussian may be replaced
+    located: Method = None  # (state, scan): Gaussian after the scan, and information
+    learned: Method = None  # (state, gaussian, scan, info): state that has learned, and information
+
+    # Classes, whose probabilities are `Estimate.class_probability`
+    classes: tuple[str, ...] | None = None  # names
+    class_size: Method = None  # (state): mean size (..., 2) [m] of the classes, std (..., 2) of its logarithms, NaN
+
+    on_sensors: Method = None  # (sensors): the filter with the data sheets of these sensors
+
+    @classmethod
+    def of(cls, filter: Any) -> "Abilities":
+        """Those of a filter: its own record `abilities`, or what it has under the names of the fields."""
+        own = getattr(filter, "abilities", None)
+        return own if isinstance(own, cls) else cls(*(getattr(filter, name, None) for name in cls._fields))
+
+    def has(self, *names: str) -> bool:
+        """Whether the filter offers all of these."""
+        return all(getattr(self, name) is not None for name in names)
+
+
+SMOOTHED = ("angles", "gaussian", "with_gaussian")  # what the smoother needs
+CONTOUR = (*SMOOTHED, "log_size", "size_walk", "resize", "shift", "log_spatial")  # what motion modes need
+LEARNING = ("located", "learned", "restart")  # of a filter that motion modes may take the Gaussian out of

@@ -1,10 +1,11 @@
 """TRACKERS: the table of filters and layers from which `build` makes multi-object trackers."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
 from typing import Any
 
+from trackers.composed import Composed, composed, place_of
 from trackers.dra import DataRegion
 from trackers.filter import Filter
 from trackers.htg.learned import HTGLearned
@@ -43,7 +44,7 @@ SPLINE = SplinePmht(
 DRA = DataRegion(models=("cv",), prior="uniform", parameters="alone", centre_std=0.4)  # as in rm-vmm
 DRA_IMM = replace(DRA, models=("cv", "ca", "ct"), parameters="road", form="soft")  # as good here, and cheaper
 
-LAYERED = MappingProxyType({"size": "ends", "motion": True, "ground": GroundTest()})  # of `MultiObjectTracker`
+GROUND = MappingProxyType({"ground": GroundTest()})
 
 TRACKERS: Mapping[str, Entry] = MappingProxyType(
     {
@@ -96,27 +97,29 @@ TRACKERS: Mapping[str, Entry] = MappingProxyType(
             ),
             Entry(
                 "imm-htg",
-                HTGMap(
-                    shape_std=(0.03, 0.05)
-                ),  # its size is that of the layer around it, with an uncertainty of its own
+                composed(HTGMap(shape_std=(0.03, 0.05)), size="ends", motion=True),  # the size has its own uncertainty
                 "ours: htg-map for the place, motion modes and size from both ends around it; docs/layers.md",
-                LAYERED,
+                GROUND,
             ),
             Entry(
                 "imm-spline",
-                SPLINE,
+                composed(SPLINE, size="ends", motion=True),
                 "ours: the same around pmht-spline, which has a contour",
-                LAYERED,
+                GROUND,
             ),
         )
     }
 )
 
 LAYERS = frozenset(f.name for f in fields(MultiObjectTracker)) - {"filter", "sensors", "road"}
+WORDS = frozenset({"size", "motion"})  # parameters of `composed`
 
 
 def find(name: str, **parameters: Any) -> Filter:
     """The filter of that name, or of MODULE:OBJECT, with some parameters changed.
+
+    Of a composed one, parameters are those of its filter of the place, and `size` and `motion`; its size reads
+    detections by a default data sheet until `on(sensors)` gives it those of the sensors.
 
     >>> find("rm-feldmann", sigma=0.3).sigma
     0.3
@@ -128,15 +131,17 @@ def find(name: str, **parameters: Any) -> Filter:
     """
     if is_own(name, TRACKERS):
         return with_parameters(find_own(name, TRACKERS, "tracker"), name, parameters)
-    return _changed(look_up(name, TRACKERS, "tracker").filter, name, parameters)
+    filter = look_up(name, TRACKERS, "tracker").filter
+    _check_known(name, parameters, [*_fields(filter), *sorted(WORDS)], parameters)
+    return _changed(filter, name, parameters)
 
 
 def build(text: str, sensors: Sequence[SensorModel], **parameters: Any) -> Any:
     """The multi-object tracker over the filter of a name, `NAME`, `NAME:key=value,key=value` or `MODULE:OBJECT:...`.
 
-    A parameter is one of the filter, or else one of `MultiObjectTracker`. An OBJECT is a filter, a class or function
-    that makes one, or that makes an object with `start` and `step`, which is returned as it is; where it has a
-    parameter `sensors`, it gets the data sheets.
+    A parameter is one of the filter, or `size` or `motion` of `composed`, or else one of `MultiObjectTracker`. An
+    OBJECT is a filter, a class or function that makes one, or that makes an object with `start` and `step`, which is
+    returned as it is; where it has a parameter `sensors`, it gets the data sheets.
 
     >>> build("rm-feldmann:sigma=0.3,prune_below=0.01", (SensorModel(),)).filter.sigma
     0.3
@@ -154,16 +159,12 @@ def build(text: str, sensors: Sequence[SensorModel], **parameters: Any) -> Any:
     if is_own(name, TRACKERS):
         return _built(find_own(name, TRACKERS, "tracker"), name, wanted, tuple(sensors))
     entry = look_up(name, TRACKERS, "tracker")
-    own = {key for key in wanted if key not in entry.filter.__dataclass_fields__ and key in LAYERS}
-    unknown = wanted.keys() - entry.filter.__dataclass_fields__.keys() - LAYERS
-    if unknown:
-        known = ", ".join([*entry.filter.__dataclass_fields__, *sorted(LAYERS)])
-        fault = TypeError if unknown & parameters.keys() else ValueError
-        raise fault(f"{name} has no parameter {', '.join(sorted(unknown))}; it has {known}")
-    check_types(MultiObjectTracker, name, {key: wanted[key] for key in own})
+    own = {key: wanted[key] for key in wanted if key in LAYERS and key not in _fields(entry.filter)}
+    _check_known(name, wanted, [*_fields(entry.filter), *sorted(WORDS | LAYERS)], parameters)
+    check_types(MultiObjectTracker, name, own)
     filter = _changed(entry.filter, name, {key: value for key, value in wanted.items() if key not in own})
-    layers = {**entry.layers, **{key: wanted[key] for key in own}}
-    if layers.get("size") == "off":
+    layers = {**entry.layers, **own}
+    if wanted.get("size") == "off":
         layers.pop("ground", None)  # a filter that holds its own size takes the other part of a divided track in again
     return MultiObjectTracker(filter, tuple(sensors), **layers)
 
@@ -171,7 +172,7 @@ def build(text: str, sensors: Sequence[SensorModel], **parameters: Any) -> Any:
 def _built(found: Any, name: str, wanted: Mapping[str, Any], sensors: tuple[SensorModel, ...]) -> Any:
     """The multi-object tracker of a user's object."""
     known = parameters_of(found)
-    layers = {key: value for key, value in wanted.items() if key in LAYERS and key not in known}
+    layers = {key: value for key, value in wanted.items() if key in LAYERS | WORDS and key not in known}
     mine = {key: value for key, value in wanted.items() if key not in layers}
     if "sensors" in known and not hasattr(found, "sensors"):  # an object, or a default, has its own
         mine.setdefault("sensors", sensors)
@@ -185,15 +186,30 @@ def _built(found: Any, name: str, wanted: Mapping[str, Any], sensors: tuple[Sens
             f"tracker {name!r} is {made!r}, which has no {', '.join(missing)}; a filter has init, predict, update and "
             "estimate, a tracker has start and step"
         )
+    words = {key: layers.pop(key) for key in WORDS & layers.keys()}
     check_types(MultiObjectTracker, name, layers)
-    return MultiObjectTracker(made, sensors, **layers)
+    check_types(composed, name, words)
+    return MultiObjectTracker(composed(made, **words), sensors, **layers)
+
+
+def _fields(filter: Any) -> tuple[str, ...]:
+    """Names of the parameters of a filter."""
+    return tuple(place_of(filter).__dataclass_fields__)
 
 
 def _changed(filter: Any, name: str, parameters: Mapping[str, Any]) -> Any:
-    unknown = set(parameters) - set(filter.__dataclass_fields__)
-    if unknown:
-        raise TypeError(
-            f"{name} has no parameter {', '.join(sorted(unknown))}; it has {', '.join(filter.__dataclass_fields__)}"
-        )
-    check_types(filter, name, parameters)
-    return replace(filter, **parameters)
+    """The filter with other parameters, and with other parts around it."""
+    words = {key: parameters[key] for key in WORDS & parameters.keys()}
+    mine = {key: value for key, value in parameters.items() if key not in words}
+    check_types(place_of(filter), name, mine)
+    check_types(composed, name, words)
+    if isinstance(filter, Composed):
+        words = {"size": "ends" if filter.size else "off", "motion": filter.motion is not None} | words
+    return composed(replace(place_of(filter), **mine), **words)
+
+
+def _check_known(name: str, wanted: Collection[str], known: Collection[str], typed: Collection[str]) -> None:
+    """Raise TypeError for an unknown parameter that was passed in Python (typed), ValueError for one in a text."""
+    if unknown := {*wanted} - {*known}:
+        fault = TypeError if unknown & {*typed} else ValueError
+        raise fault(f"{name} has no parameter {', '.join(sorted(unknown))}; it has {', '.join(known)}")

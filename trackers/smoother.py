@@ -1,7 +1,7 @@
 """Unscented Rauch-Tung-Striebel smoother for every filter whose state holds a Gaussian.
 
 Equations: docs/methods/smoothing.md, after Yao et al. (2021). Of a filter only `predict` and the methods of
-`trackers.filter.Smoothable` are used: the values of `predict` at sigma points give the cross covariance D.
+`trackers.filter.SMOOTHED` are used: the values of `predict` at sigma points give the cross covariance D.
 
 Extents of random matrices are smoothed by a rule of ours, (SM.8): their prediction forgets a share of the information,
 so every step of a smoothed extent counts all detections, past and future, with a weight that falls with their distance
@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from trackers import unscented
 from trackers.batch import concatenate, stack, take
-from trackers.filter import Extent, Gaussian, Interacting, Smoothable, SmoothableExtent
+from trackers.filter import SMOOTHED, Abilities, Extent, Gaussian
 from trackers.geometry import rotation, wrap_angle
 from trackers.imm import moments
 from trackers.linalg import symmetrize
@@ -47,7 +47,7 @@ def smooth(filter: Any, states: Sequence[T], dt: ArrayLike) -> list[T]:
         dt: [s] between them, one number or one less than there are states.
 
     Raises:
-        TypeError: the filter is not `Smoothable`.
+        TypeError: the filter cannot be smoothed.
         ValueError: there is no state, or times and states do not fit together.
 
     Interacting models come back as the moments of their mixture, the same in every model.
@@ -60,10 +60,11 @@ def smooth(filter: Any, states: Sequence[T], dt: ArrayLike) -> list[T]:
 
 def smooth_stacked(filter: Any, states: T, dt: ArrayLike) -> T:
     """`smooth` for K states stacked along a new first axis."""
-    if not isinstance(filter, Smoothable):
+    can = Abilities.of(filter)
+    if not can.has(*SMOOTHED):
         raise TypeError(
             f"{type(filter).__name__} must have angles, gaussian and with_gaussian to be smoothed; "
-            "see trackers.filter.Smoothable"
+            "see trackers.filter.Abilities"
         )
     m, P = filter.gaussian(states)
     if len(m) == 0:
@@ -82,7 +83,7 @@ def smooth_stacked(filter: Any, states: T, dt: ArrayLike) -> T:
     previous = [np.concatenate([a[:1], a]) for a in (m_pred, P_pred, D)]
     ms, Ps = smooth_moments(*updated, previous[0], previous[1], previous[2], filter.angles)
     smoothed = filter.with_gaussian(states, Gaussian(ms, Ps))
-    if not isinstance(filter, SmoothableExtent):
+    if not can.has("extent", "with_extent"):
         return smoothed
     return filter.with_extent(smoothed, smooth_extents(filter.extent(states), filter.extent(predicted.state)))
 
@@ -153,7 +154,8 @@ def predict_some(filter: Any, state: Any, dt: float) -> Predicted:
     def predict(one: Any, old: Any) -> Any:
         return one.predict(old, dt)
 
-    mixed = filter.mixed(state, dt) if isinstance(filter, Interacting) else None
+    mix = Abilities.of(filter).mixed
+    mixed = None if mix is None else mix(state, dt)
     if mixed is not None:
         start, cov, D = mixture_pair(mixed, filter.angles, predict)
     else:
@@ -162,7 +164,7 @@ def predict_some(filter: Any, state: Any, dt: float) -> Predicted:
     return Predicted(predict(filter, state), start, cov, D)
 
 
-def unscented_prediction(filter: Smoothable, predict: Callable[[Any], Any], state: Any) -> unscented.Transformed:
+def unscented_prediction(filter: Any, predict: Callable[[Any], Any], state: Any) -> unscented.Transformed:
     """Moments of the predicted mean, without process noise, and its cross covariance (..., n, n) with the mean."""
     g = filter.gaussian(state)
     X = unscented.sigma_points(g.m, g.P)  # (..., S, n)
@@ -174,7 +176,7 @@ def unscented_prediction(filter: Smoothable, predict: Callable[[Any], Any], stat
 
 
 def mixture_pair(
-    mixed: tuple[NDArray, list[tuple[Smoothable, Any]]],
+    mixed: tuple[NDArray, list[tuple[Any, Any]]],
     angles: tuple[int, ...],
     predict: Callable[[Any, Any], Any],
 ) -> tuple[Gaussian, NDArray, NDArray]:

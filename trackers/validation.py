@@ -1,11 +1,13 @@
-"""The door of every filter and of the multi-object tracker: what they take in, and what an update may return.
+"""Validation: what filters and the multi-object tracker take in, and what an update may return.
 
-Rules and limits: docs/methods/multi-object-tracking.md, section 11. The limits are far outside what radars and vehicles
-do: they find wrong units and broken drivers, they do not tell clutter from traffic.
+A scan is admitted once: by the multi-object tracker, or by the decorator of a filter that is used alone. Rules and
+limits: docs/methods/multi-object-tracking.md, section 11. The limits are far outside what radars and vehicles do: they
+find wrong units and broken drivers, they do not tell clutter from traffic.
 """
 
 from collections.abc import Callable, Iterator
 from functools import wraps
+from types import MethodType
 from typing import Any, NamedTuple, TypeVar, cast
 
 import numpy as np
@@ -69,12 +71,6 @@ FIELDS = (
 )
 
 
-class Inside(Scan):
-    """A scan beyond the door: what a layer passes on to the filter that it is around is not examined again."""
-
-    __slots__ = ()
-
-
 class Admitted(NamedTuple):
     """A scan in which every number is plausible, padding included."""
 
@@ -85,7 +81,7 @@ class Admitted(NamedTuple):
 def admit(scan: Scan, lead: tuple[int, ...]) -> Admitted:
     """The scan for objects (...) with leading axes `lead`, implausible detections masked, 0 for implausible numbers.
 
-    Padding may hold anything; beyond this door it is plausible too, so that no sum under a mask can become NaN. An
+    Padding may hold anything; in what is returned it is plausible too, so that no sum under a mask can become NaN. An
     ordinary scan is returned as it came.
 
     Raises:
@@ -160,7 +156,7 @@ def check_step(dt: float) -> None:
 
 
 def guarded_predict(predict: Method) -> Method:
-    """The method `predict` of a filter behind the door: a time step of use in, a usable state out, else ValueError."""
+    """The method `predict` of a filter with validation: a useful time step in, a usable state out, else ValueError."""
 
     @wraps(predict)
     def checked(self: Any, state: Any, dt: float) -> Any:
@@ -175,46 +171,73 @@ def guarded_predict(predict: Method) -> Method:
             )
         return new
 
+    checked.unguarded = predict  # type: ignore[attr-defined]
     return cast(Method, checked)
 
 
 def guarded_update(update: Method) -> Method:
-    """The method `update` of a filter behind the door: an admitted scan in, a usable state out.
+    """The method `update` of a filter that is used alone: an admitted scan in, a usable state out.
 
-    A state is a NamedTuple of arrays, the first a vector (..., n) for each object, its covariances called P. An object
-    whose update would not be usable is updated without its detections: its state stays as it was. The information has
-    notes of these objects, and of those with implausible detections. Within the door of a layer around the filter only
-    rounding is taken off: the door of the layer sees to the rest.
+    A state is a NamedTuple of arrays, the first a vector (..., n) for each object, its covariances called P. The
+    information has notes of the objects with implausible detections, and of those that `guarded` left as they were.
     """
 
     @wraps(update)
     def checked(self: Any, state: Any, scan: Scan, *rest: Any) -> tuple[Any, Any]:
-        if isinstance(scan, Inside):
-            new, info = update(self, state, scan, *rest)
-            return without_rounding(new, state), info
         lead = next(arrays(state)).shape[:-1]
         admitted, implausible = admit(scan, lead)
-        scan = Inside(*admitted)
+        new, info = guarded(MethodType(checked, self), state, admitted, *rest)
+        return new, noted(info, Note("implausible", MASKED, np.broadcast_to(implausible > 0, lead)))
 
-        def attempt(mask: NDArray) -> tuple[Any, Any, NDArray]:
-            """New state, information, and the objects (...) whose state can be used."""
-            try:
-                with np.errstate(divide="ignore", over="ignore", invalid="ignore"):  # the result is checked instead
-                    new, info = update(self, state, scan._replace(mask=mask), *rest)
-            except np.linalg.LinAlgError:
-                return state, None, np.zeros(lead, bool)
-            new = without_rounding(new, state)
-            return new, info, usable(new, state, lead)
-
-        new, info, good = attempt(scan.mask)
-        if not good.all():
-            if info is None:  # a matrix of some object is singular; each alone shows of which
-                good = np.array([attempt(scan.mask & one[..., None])[2][one] for one in _each(lead)]).reshape(lead)
-            new, info = update(self, state, scan._replace(mask=scan.mask & good[..., None]), *rest)
-            new = without_rounding(new, state)
-        return new, _noted(info, np.broadcast_to(implausible > 0, lead), ~good & scan.mask.any(-1))
-
+    checked.unguarded = update  # type: ignore[attr-defined]
     return cast(Method, checked)
+
+
+def unguarded(method: Method) -> Method:
+    """A method of a filter without the validation of its decorator, for a caller that has validated the scan."""
+    plain = getattr(method, "unguarded", None)
+    return method if plain is None else cast(Method, MethodType(plain, method.__self__))  # type: ignore[attr-defined]
+
+
+def guarded(update: Callable[..., tuple[Any, Any]], state: Any, scan: Scan, *rest: Any) -> tuple[Any, Any]:
+    """State and information of the update of a filter by a scan that was admitted.
+
+    An object whose update would not be usable is updated without its detections: its state stays as it was, and the
+    information has a note of it. A method `update` without the decorator `guarded_update` is called as it is.
+    """
+    plain = unguarded(update)
+    if plain is update:
+        return update(state, scan, *rest)
+    lead = next(arrays(state)).shape[:-1]
+    new, info, good = state, None, np.zeros(lead, bool)
+    try:
+        with np.errstate(divide="ignore", over="ignore", invalid="ignore"):  # the result is checked instead
+            new, info = plain(state, scan, *rest)
+        new = definite(new, state)
+        good = usable(new, state, lead)
+    except np.linalg.LinAlgError:  # a matrix of some object is singular; each alone shows of which
+        for index in np.ndindex(lead):
+            one = np.zeros(lead, bool)
+            one[index] = True
+            good |= one & _is_usable(plain, state, scan._replace(mask=scan.mask & one[..., None]), lead, *rest)
+    if good.all():
+        return new, info
+    new, info = plain(state, scan._replace(mask=scan.mask & good[..., None]), *rest)
+    return definite(new, state), noted(info, Note("skipped", SKIPPED, ~good & scan.mask.any(-1)))
+
+
+def _is_usable(update: Any, state: Any, scan: Scan, lead: tuple[int, ...], *rest: Any) -> NDArray:
+    """Of which objects (...) an update would be usable; of none where a matrix is singular."""
+    try:
+        with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+            return usable(definite(update(state, scan, *rest)[0], state), state, lead)
+    except np.linalg.LinAlgError:
+        return np.zeros(lead, bool)
+
+
+def noted(info: Any, note: Note) -> Any:
+    """The information of an update with one more note, if it is of any object."""
+    return info._replace(notes=(*info.notes, note)) if note.where.any() else info
 
 
 def arrays(state: Any) -> Iterator[NDArray]:
@@ -229,7 +252,7 @@ def arrays(state: Any) -> Iterator[NDArray]:
 def changed(new: Any, old: Any) -> Iterator[NDArray]:
     """The arrays of a state that are not those of an old one."""
     for value, before in zip(new, old, strict=True):
-        if value is before:
+        if value is None or value is before:
             continue
         if isinstance(value, tuple):
             yield from changed(value, before)
@@ -254,7 +277,7 @@ def usable(new: Any, old: Any, lead: tuple[int, ...]) -> NDArray:
     return good
 
 
-def without_rounding(new: Any, old: Any) -> Any:
+def definite(new: Any, old: Any) -> Any:
     """The state after an update, its covariances P definite again where rounding took that away.
 
     `old` is the state before: the rounding is a share of the covariance that the new one was computed from.
@@ -263,31 +286,15 @@ def without_rounding(new: Any, old: Any) -> Any:
         return new
     repaired = {}
     for name, value, before in zip(new._fields, new, old, strict=True):
-        definite = value
-        if value is before:
+        sound = value
+        if value is None or before is None or value is before:
             continue
         if name == "P":
-            definite = floored(value, before)
-            if definite is not value:  # an object without a detection keeps what it had
-                definite = np.where((value != before).any((-2, -1), keepdims=True), definite, value)
+            sound = floored(value, before)
+            if sound is not value:  # an object without a detection keeps what it had
+                sound = np.where((value != before).any((-2, -1), keepdims=True), sound, value)
         elif isinstance(value, tuple):
-            definite = without_rounding(value, before)
-        if definite is not value:
-            repaired[name] = definite
+            sound = definite(value, before)
+        if sound is not value:
+            repaired[name] = sound
     return new._replace(**repaired) if repaired else new
-
-
-def _each(lead: tuple[int, ...]) -> Iterator[NDArray]:
-    """Masks (...) of one object after the other."""
-    for index in np.ndindex(lead):
-        one = np.zeros(lead, bool)
-        one[index] = True
-        yield one
-
-
-def _noted(info: Any, implausible: NDArray, skipped: NDArray) -> Any:
-    """The information of an update with notes about the objects (...) it concerns."""
-    if not (implausible.any() or skipped.any()):
-        return info
-    found = (Note("implausible", MASKED, implausible), Note("skipped", SKIPPED, skipped))
-    return info._replace(notes=(*info.notes, *(note for note in found if note.where.any())))

@@ -21,6 +21,7 @@ from testbed.files import write_atomic
 from testbed.log.text import markdown_table
 from testbed.planners import PLANNERS
 from trackers import DEFAULT, TRACKERS
+from trackers.composed import place_of
 
 WRITTEN = "<!-- {}: written by `make generated` -->", "<!-- end of {} -->"  # around a part of a page
 
@@ -63,7 +64,7 @@ def catalogue() -> str:
         ),
         trackers=markdown_table(
             ("name", "what", "code", "method"),
-            [(f"`{t.name}`", t.source, source(t.filter), method(t.filter)) for t in TRACKERS.values()],
+            [(f"`{t.name}`", t.source, source(t.filter), method(place_of(t.filter))) for t in TRACKERS.values()],
         ),
         radars=markdown_table(
             ("name", "what", "sensors", "rate"),

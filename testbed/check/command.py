@@ -19,6 +19,7 @@ from testbed.check.report import (
 from testbed.check.tracker_laws import RADAR
 from testbed.planners import find as find_planner
 from trackers import build
+from trackers.composed import place_of
 from trackers.lookup import look_up
 from trackers.multi.tracker import MultiObjectTracker
 
@@ -33,8 +34,9 @@ def check_tracker(name: str) -> list[Verdict]:
     tracker = build(name, (RADAR,))
     if not isinstance(tracker, MultiObjectTracker):
         return examine_tracker(tracker)
-    alone = examine_filter(tracker.filter)
-    return alone if tracker.layered is tracker.filter else [*alone, *examine_tracker(tracker)]
+    place = place_of(tracker.filter)
+    alone = examine_filter(place)
+    return alone if place is tracker.filter else [*alone, *examine_tracker(tracker)]
 
 
 KINDS: Mapping[str, Callable[[str], list[Verdict]]] = {

@@ -10,7 +10,7 @@ import numpy as np
 
 from testbed.check import entry_laws, laws, tracker_laws
 from testbed.check.draws import Broken
-from trackers.filter import Resizable, Shiftable
+from trackers.filter import Abilities
 from trackers.multi.tracker import MultiObjectTracker
 
 Law = Callable[..., Any]
@@ -41,9 +41,9 @@ FILTER_LAWS: tuple[tuple[Law, Cases], ...] = (
     (laws.a_filter_remembers_nothing, ONCE),
     (laws.states_can_be_chosen_and_stacked, ONCE),
 )
-OPTIONAL: tuple[tuple[type, Law], ...] = (
-    (Shiftable, laws.a_shift_moves_the_estimate_and_nothing_else),
-    (Resizable, laws.a_resize_changes_the_size_and_nothing_else),
+OPTIONAL: tuple[tuple[str, Law], ...] = (
+    ("shift", laws.a_shift_moves_the_estimate_and_nothing_else),
+    ("resize", laws.a_resize_changes_the_size_and_nothing_else),
 )
 TRACKER_LAWS: tuple[Law, ...] = (
     tracker_laws.nothing_seen_is_nothing_tracked,
@@ -85,7 +85,7 @@ class Verdict(NamedTuple):
 def examine_filter(filter: Any) -> list[Verdict]:
     """Verdicts on a filter, an object with init, predict, update and estimate: alone, then in the tracker."""
     found = examine(FILTER_LAWS, filter)
-    found += [verdict(law, filter) for protocol, law in OPTIONAL if isinstance(filter, protocol)]
+    found += [verdict(law, filter) for ability, law in OPTIONAL if Abilities.of(filter).has(ability)]
     return found + examine_tracker(MultiObjectTracker(filter, (tracker_laws.RADAR,)))
 
 

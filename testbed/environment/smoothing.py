@@ -60,5 +60,5 @@ class StateHistory:
 
     def _one(self, number: int, frame: NDArray, time: NDArray, states: tuple) -> SmoothedTrack:
         dt = np.round(np.diff(time[frame]), DECIMALS)
-        estimate = self.tracker.layered.estimate(smooth_track(self.tracker, states, dt))
+        estimate = self.tracker.filter.estimate(smooth_track(self.tracker, states, dt))
         return SmoothedTrack(number, frame, estimate.pose, estimate.size)

@@ -9,13 +9,14 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from rich.console import Console, RenderableType
 
+from sensors import find as find_radar
 from sensors.fault_text import split_faults
-from testbed.compare.report import tables
-from testbed.compare.report.renderers import terminal
-from testbed.compare.report.report import write_report
 from testbed.evaluation.metric import METRICS
 from testbed.experiments import statistics
 from testbed.experiments.engine import Engine
+from testbed.experiments.report import tables
+from testbed.experiments.report.page import write_report
+from testbed.experiments.report.renderers import terminal
 from testbed.experiments.rows import SCHEMA, Rows
 from testbed.experiments.run import LOOPS, Run
 from testbed.experiments.statistics import DRIVE, MAIN
@@ -30,6 +31,7 @@ from testbed.limits import (
     check_seeds,
     check_settle,
 )
+from testbed.planners import find as find_planner
 
 UNITS = {"seed": "1", "start": "s", "end": "s"}  # of the columns of `RUNS` that are numbers and no metrics
 WARNINGS = 8  # that are spelt out on the terminal
@@ -122,6 +124,8 @@ class Comparison(Study):
 
     def check(self) -> None:
         """Raise LookupError or ValueError for what cannot be run, or for a case that is written in another way."""
+        find_radar(self.settings.radar)
+        find_planner(self.settings.planner)
         super().check()
         for case in self.scenarios:
             if case != (written := "+".join([split_faults(case)[0], *split_faults(case)[1]])):

@@ -28,12 +28,12 @@ from testbed.experiments.baselines import NONE, Baselines, Key, Update, load, me
 from testbed.experiments.compare import RECORD, Comparison, Settings, write_runs
 from testbed.experiments.engine import Engine
 from testbed.experiments.identity import project_digest
+from testbed.experiments.report import junit
 from testbed.experiments.run import with_faults
 from testbed.experiments.store import LOGS, Results
 from testbed.experiments.study import Progress, Tally
 from testbed.experiments.tolerated import BETTER, GONE, OVERALL, TOLERANCES, WORSE, Moved, tolerated
 from testbed.files import check_target, make_directory, versions
-from testbed.regress import junit
 from testbed.replay.rescan import write_log
 from trackers import TRACKERS
 

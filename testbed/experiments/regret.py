@@ -10,7 +10,6 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from rich.console import Console, RenderableType
 
-from testbed.compare.report.renderers import terminal
 from testbed.environment.sources import conditions
 from testbed.environment.sources.conditions import IN_VIEW
 from testbed.environment.sources.substitution import GROUPS, subsets
@@ -18,6 +17,10 @@ from testbed.experiments import pairs, study
 from testbed.experiments.drives import SCHEMA, DriveWatch
 from testbed.experiments.engine import Engine
 from testbed.experiments.pairs import Drive, key_of
+from testbed.experiments.report import regret_junit as junit
+from testbed.experiments.report import regret_tables as tables
+from testbed.experiments.report.regret_page import Findings, find, write_page
+from testbed.experiments.report.renderers import terminal
 from testbed.experiments.run import Run
 from testbed.experiments.store import Results
 from testbed.experiments.study import Progress, Study, Tally
@@ -25,9 +28,6 @@ from testbed.files import atomic_file
 from testbed.frame import TRUTH
 from testbed.limits import MOST_RUNS, check_duration, check_names, check_seeds
 from testbed.planners import find as find_planner
-from testbed.regret import junit
-from testbed.regret.report import tables
-from testbed.regret.report.page import Findings, find, write_page
 
 DRIVES, PAIRS = "drives.parquet", "pairs.parquet"  # tables in the folder
 SHOWN = ("drive_score", "tit", "progress")  # beside the scenario, in 80 columns

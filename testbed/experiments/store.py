@@ -48,7 +48,7 @@ class Store:
 
     def recording_path(self, run: Run) -> Path:
         """Where the recording that a run replays lies."""
-        return self.out / RECORDINGS / f"{run.recording.name}.npz"
+        return self.out / RECORDINGS / f"{run.recording_name}.npz"
 
     # The folder
 
@@ -82,7 +82,7 @@ class Store:
                 )
         elif found.get("study") != self.study.name:
             raise ValueError(
-                f"out: {self.out} holds the runs of `testbed {found.get('study')}`, not other files than those of "
+                f"out: {self.out} holds runs of `testbed {found.get('study')}`, wanted are those of "
                 f"`testbed {self.study.name}`; choose another directory"
             )
         elif not self.study.fresh and (key := self._differs(wanted := self.study.identity(), found)):
@@ -160,20 +160,7 @@ class Store:
             ValueError: the file is damaged, of another layout, or of another run.
         """
         path = self.path(work)
-        try:
-            with pq.ParquetFile(path) as file:
-                kept = file.metadata.metadata or {}
-                rows, schema = file.metadata.num_rows, file.schema_arrow
-            if kept[CHECKSUM] != _checksum(kept[META]):
-                raise ValueError("wrong checksum")
-            found = json.loads(kept[META])
-        except FileNotFoundError:
-            raise
-        except (pa.ArrowException, KeyError, ValueError, OSError) as error:
-            raise ValueError(f"{path} is damaged ({_one_line(error)})") from None
-        complete = found.get("layout") == VERSION and found.get("rows") == rows
-        if not (complete and schema.equals(self.study.schema, check_metadata=True)):
-            raise ValueError(f"{path} is of another layout or not complete")
+        found = read_meta(path, self.study.schema)
         if found.get("run") != work.key:
             raise ValueError(f"{path} holds the run {found.get('run')}")
         return found
@@ -205,6 +192,25 @@ class Store:
         return made
 
 
+def read_meta(path: Path, schema: pa.Schema) -> dict[str, Any]:
+    """What the file of a run says beside its table, which has this schema; raises as `Store.meta`."""
+    try:
+        with pq.ParquetFile(path) as file:
+            kept = file.metadata.metadata or {}
+            rows, found_schema = file.metadata.num_rows, file.schema_arrow
+        if kept[CHECKSUM] != _checksum(kept[META]):
+            raise ValueError("wrong checksum")
+        found = json.loads(kept[META])
+    except FileNotFoundError:
+        raise
+    except (pa.ArrowException, KeyError, ValueError, OSError) as error:
+        raise ValueError(f"{path} is damaged ({_one_line(error)})") from None
+    complete = found.get("layout") == VERSION and found.get("rows") == rows
+    if not (complete and found_schema.equals(schema, check_metadata=True)):
+        raise ValueError(f"{path} is of another layout or not complete")
+    return found
+
+
 def make(work: Any, study: Study, out: Path) -> Outcome:
     """Do one unit of work, unless it has a valid file; what `engine.perform` calls, here or elsewhere."""
     store = Store(study, out)
@@ -233,7 +239,7 @@ def record(run: Run, study: Study, out: Path) -> Outcome:
         store.recording(run)
         return ""
 
-    return outcome_of(f"recording {run.recording.name}", done)
+    return outcome_of(f"recording {run.recording_name}", done)
 
 
 def reads(work: Any, study: Study, out: Path) -> list[Path]:

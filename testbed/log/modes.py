@@ -23,17 +23,17 @@ def mode_names(tracker: str) -> tuple[str, ...]:
 
 def class_names(tracker: str) -> tuple[str, ...]:
     """Names of the classes between which a tracker of the table decides; none where it does not classify."""
-    return next((filter.classes for filter in _layers(tracker) if hasattr(filter, "classes")), ())
+    return next((filter.classes for filter in _layers(tracker) if getattr(filter, "classes", None)), ())
 
 
 def _layers(tracker: str) -> Iterator[Any]:
-    """The filters of a tracker of the table, `NAME` or `NAME:key=value`, from the outermost layer inwards."""
+    """The filter of a tracker of the table, `NAME` or `NAME:key=value`, then that of the place if it is composed."""
     if tracker.partition(":")[0] not in TRACKERS:
         return
-    filter: Any = build(tracker, (SensorModel(),)).layered
+    filter: Any = build(tracker, (SensorModel(),)).filter
     while filter is not None:
         yield filter
-        filter = getattr(filter, "filter", None)
+        filter = getattr(filter, "place", None)
 
 
 def modes_of(trackers: Sequence[str]) -> Modes:

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from studies.comparison.publish import read
-from testbed.compare.statistics.analysis import cells
 from testbed.evaluation.metric import METRICS
+from testbed.experiments.statistics import cells
 from trackers import DEFAULT
 
 ROOT = Path(__file__).parents[2]

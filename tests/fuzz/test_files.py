@@ -40,7 +40,7 @@ def test_what_is_nested_flat_or_claims_to_be_huge_is_refused(template, tmp_path)
     u = with_array(points.read_bytes(), "u", np.array(0.5))
     damaged = (
         (line("regress"), "baselines.json", b"[" * NESTED),
-        (line("compare", out="done"), "done/comparison.json", b'{"a":' * NESTED),
+        (line("compare", out="done"), "done/study.json", b'{"a":' * NESTED),
         (line("learn-htg"), "points.npz", u),
         (line("learn-spline"), "points.npz", u),
         (line("learn-htg"), "points.npz", claim(points.read_bytes(), rng)),

@@ -1,11 +1,11 @@
 """Look-up in a catalogue."""
 
+from dataclasses import replace
+
 import pytest
 
 from trackers import SensorModel, build
 from trackers.lookup import look_up, parse
-from trackers.motion import SharedMotion
-from trackers.size import Ends
 
 PAGES = {"cut-in": 1, "cut-out": 2, "merge": 3}
 
@@ -38,10 +38,13 @@ def test_a_parameter_without_a_value_is_refused_in_a_sentence(text):
 
 
 def test_layers_are_switched_off_by_name():
-    whole = build("imm-spline", (SensorModel(),))
+    whole = build("imm-spline", (SensorModel(),)).filter
     alone = build("imm-spline:size=off,motion=off", (SensorModel(),))
-    assert isinstance(whole.layered, Ends)
-    assert isinstance(whole.layered.filter, SharedMotion)
-    assert alone.layered == alone.filter == whole.filter
+    assert whole.size
+    assert whole.motion
+    assert alone.filter == whole.place
+    assert build("imm-spline:size=off", (SensorModel(),)).filter == replace(whole, size=None)
+    assert build("imm-spline:motion=off", (SensorModel(),)).filter == replace(whole, motion=None)
+    assert build("imm-spline:iterations=5", (SensorModel(),)).filter.place == replace(whole.place, iterations=5)
     assert alone.ground is None
     assert not build("imm-spline:ground=off", (SensorModel(),)).ground

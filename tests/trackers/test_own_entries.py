@@ -95,7 +95,9 @@ def test_filters_classes_and_functions_of_a_user_are_trackers(user):
     assert build("my_filters:Mine:gain=2,sigma=0.1", SENSORS).filter.gain == 2
     assert build("my_filters:Namespace.inner", SENSORS).filter.sigma == 0.4
     layered = build("my_filters:Mine:size=ends,prune_below=0.01", SENSORS, ground=GroundTest())
-    assert (layered.size, layered.prune_below, layered.ground) == ("ends", 0.01, GroundTest())
+    assert (layered.prune_below, layered.ground) == (0.01, GroundTest())
+    assert layered.filter.place.gain == 1.0
+    assert layered.filter.size.sensors == SENSORS
     assert build("my_filters:whole:prune=0.01", SENSORS).prune_below == 0.01
     own = build("my_filters:Own:depth=5", SENSORS)
     assert (own.sensors, own.depth) == (SENSORS, 5)

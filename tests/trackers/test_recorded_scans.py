@@ -14,6 +14,7 @@ from testbed.check.draws import arrays
 from tests.testbed.evaluation.road_world import CAR, RATE, TRUCK, Vehicle, World, record
 from trackers import TRACKERS, find, prior
 from trackers.batch import take
+from trackers.composed import Composed
 
 PLACES = [(-2, -1, TRUCK), (4, 1, CAR), (18, 0, TRUCK), (-15, 0, CAR), (14, -1, CAR), (-3, -2, CAR), (9, -2, CAR)]
 WORLD = World(tuple(Vehicle(s, lane, 24.0 + 2 * lane, size) for s, lane, size in PLACES))
@@ -21,6 +22,7 @@ WORLD = World(tuple(Vehicle(s, lane, 24.0 + 2 * lane, size) for s, lane, size in
 # Filters not listed agree to the last bit. The first three predict all rows of a batch in one matrix product, which is
 # added up in another order for one row. The others pad to the member with most detections, and sums with more zeros
 # are rounded otherwise; of two such sums in (DRA.25), which almost cancel, the difference is taken.
+# Size posteriors have such products over all rows.
 ROUNDING = {
     "rm-koch": 1e-12,
     "rm-vmm": 1e-12,
@@ -28,6 +30,8 @@ ROUNDING = {
     "dra-imm": 1e-9,
     "edra-imm": 1e-9,
     "pmht-spline-adaptive": 1e-12,
+    "imm-htg": 1e-11,
+    "imm-spline": 1e-11,
 }
 EVERY = 3  # scans; members are compared at one of them
 
@@ -41,8 +45,9 @@ def recorded():
 
 
 def filter_of(name):
-    """The registered filter; one that adapts a few objects at a time may adapt all of them."""
+    """The registered filter on the rig; one that adapts a few objects at a time may adapt all of them."""
     f = find(name)
+    f = f.on(RADARS["surround"].models) if isinstance(f, Composed) else f
     return replace(f, at_once=len(PLACES)) if hasattr(f, "at_once") else f
 
 

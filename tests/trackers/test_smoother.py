@@ -11,13 +11,14 @@ from scipy.stats import chi2
 from testbed.check.draws import arrays
 from trackers import TRACKERS, RandomMatrix, Scan, find, prior
 from trackers.batch import stack, take
-from trackers.filter import Extent, Gaussian, Interacting, Smoothable
+from trackers.composed import Composed
+from trackers.filter import SMOOTHED, Abilities, Extent, Gaussian
 from trackers.geometry import extent_matrix, rotation, to_world, unit, wrap_angle
 from trackers.motion.turn import PHI, coordinated_turn, turn_noise
 from trackers.smoother import smooth, smooth_extents, smooth_moments, smooth_stacked
 
 DT, SIZE = 0.1, np.array([4.7, 1.85])
-FILTERS = tuple(TRACKERS)
+FILTERS = tuple(name for name in TRACKERS if not isinstance(find(name), Composed))
 
 
 # -- a linear chain ---------------------------------------------------------------------------------------------------
@@ -200,7 +201,7 @@ def test_scans_without_detections_at_the_end_change_nothing_before_them(name):
     more.append(f.predict(more[-1], DT))
     short, long = (f.gaussian(stack(smooth(f, s, DT)[: len(states) - 1])) for s in (states, more))
     # Mixing changes what a model lacks, and so the moments of the last state.
-    mixes = isinstance(f, Interacting) and f.mixed(states[0], DT) is not None
+    mixes = Abilities.of(f).has("mixed") and f.mixed(states[0], DT) is not None
     tolerance = 0.02 if mixes else 1e-6
     np.testing.assert_allclose(long.m, short.m, atol=tolerance)
     np.testing.assert_allclose(long.P, short.P, atol=tolerance * np.abs(short.P).max())
@@ -250,7 +251,7 @@ def test_a_filter_is_smoothed_whatever_its_state_looks_like_if_it_is_smoothable(
 
 @pytest.mark.parametrize("name", FILTERS)
 def test_every_filter_of_the_catalogue_is_smoothable(name):
-    assert isinstance(find(name), Smoothable)
+    assert Abilities.of(find(name)).has(*SMOOTHED)
 
 
 def test_a_filter_that_is_not_smoothable_is_named():

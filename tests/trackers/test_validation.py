@@ -5,11 +5,11 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from trackers import TRACKERS, Scan, find, prior, validation
+from trackers import TRACKERS, Scan, SensorModel, build, find, prior, validation
 from trackers.batch import stack
 from trackers.filter import UpdateInfo
 from trackers.linalg import floored
-from trackers.validation import LARGEST, MAX_RANGE, MAX_STEP, admit, guarded_update
+from trackers.validation import LARGEST, MAX_RANGE, MAX_STEP, admit, guarded_update, unguarded
 
 NAN, INF = np.nan, np.inf
 XY = np.array([[20.0, 3.0], [21.0, 3.5], [22.0, 2.5]])
@@ -217,38 +217,68 @@ def test_a_covariance_that_rounding_made_indefinite_is_definite_again_and_others
     assert floored(P, P) is P
 
 
-class Around(NamedTuple):
-    """The state of a layer around a filter."""
+class Two(NamedTuple):
+    """The state of a filter that holds that of another."""
 
     m: np.ndarray
     inner: NamedTuple
 
 
-class Layer:
-    """A layer that passes its scan on."""
+class Outer:
+    """A filter that passes its scan on."""
 
     def __init__(self, inner):
         self.inner = inner
 
     @guarded_update
     def update(self, state, scan):
-        inner, info = self.inner.update(state.inner, scan)
-        return Around(inner.m, inner), info
+        inner, info = unguarded(self.inner.update)(state.inner, scan)
+        return Two(inner.m, inner), info
 
 
-def test_what_the_door_of_a_layer_let_through_is_not_examined_again(monkeypatch):
+def test_a_filter_inside_another_does_not_examine_the_scan_again(monkeypatch):
     f = find("rm-feldmann")
     start = f.init(prior([[21.0, 3.0, 0.1]] * 3, velocity=(10.0, 0.0)))
     far = start.m.copy()
     far[1] *= LARGEST
     start = start._replace(m=far)
-    layer, scan = Layer(f), stack([scan_of()] * 3)
-    state, info = layer.update(Around(start.m, start), scan)
+    outer, scan = Outer(f), stack([scan_of()] * 3)
+    state, info = outer.update(Two(start.m, start), scan)
     alone, _ = f.update(start, scan)
     for got, want in zip(state.inner, alone, strict=True):
         np.testing.assert_array_equal(got, want)
     assert [note.kind for note in info.notes] == ["skipped"]
     examined = []
     monkeypatch.setattr(validation, "check_fields", lambda *of: examined.append(of))
-    layer.update(Around(start.m, start), scan)
+    outer.update(Two(start.m, start), scan)
     assert len(examined) == 1
+
+
+@pytest.mark.parametrize("name", ["rm-koch", "rm-vmm", "pmht-spline-adaptive", "imm-spline"])
+def test_a_tracker_examines_a_scan_once_whatever_its_filter_is_made_of(name, monkeypatch):
+    tracker = build(name, (SensorModel(fov=7.0),))
+    tracks = tracker.start()
+    for k in range(3):
+        tracks, _ = tracker.step(tracks, scan_of(), 0.1 if k else 0.0)
+    assert len(tracks.id) == 1
+    examined = []
+    monkeypatch.setattr(validation, "check_fields", lambda *of: examined.append(of))
+    tracks, info = tracker.step(tracks, scan_of(), 0.1)
+    assert info.detections.sum() == 3
+    assert len(examined) == 1
+
+
+class Plain:
+    """A user's filter of positions, without validation of its own."""
+
+    def init(self, estimate):
+        return Centre(estimate.pose[..., :2], estimate.cov[..., :2, :2])
+
+    def update(self, state, scan):
+        raise np.linalg.LinAlgError("a bug of the user")
+
+
+def test_a_filter_without_the_decorator_is_called_as_it_is():
+    f = Plain()
+    with pytest.raises(np.linalg.LinAlgError, match="a bug of the user"):
+        validation.guarded(f.update, f.init(prior([[21.0, 3.0, 0.1]])), scan_of())

@@ -38,7 +38,7 @@ from trackers.dra.state import (
     to_estimate,
 )
 from trackers.estimate import Estimate, check_estimate
-from trackers.filter import Gaussian, Smoothable
+from trackers.filter import Gaussian
 from trackers.imm import LEAST, chain, mix, moments, reweight
 from trackers.linalg import symmetrize
 from trackers.parameters import check_numbers
@@ -165,7 +165,7 @@ class DataRegion:
         m = np.broadcast_to(gaussian.m[..., None, :], state.m.shape)
         return state._replace(m=m, P=np.broadcast_to(gaussian.P[..., None, :, :], state.P.shape))
 
-    def mixed(self, state: DataRegionState, dt: float) -> tuple[NDArray, list[tuple[Smoothable, Any]]] | None:
+    def mixed(self, state: DataRegionState, dt: float) -> tuple[NDArray, list[tuple[Any, Any]]] | None:
         """Probabilities (..., K) of the models after dt [s], and of each its filter and the state it starts from."""
         if len(self.models) == 1:
             return None

@@ -1,11 +1,4 @@
-"""Motion modes that share the spatial update of a contour filter, read range rates and know where a body turns about.
+"""How a body moves, and what range rates say of it: the coordinated turn, and motion modes over a contour filter.
 
-In: the detections of each object. Out: velocity, heading and yaw rate. Equations: docs/methods/motion-modes.md.
-Imports numpy, scipy and `trackers` only.
+Equations: docs/methods/motion-modes.md.
 """
-
-from trackers.motion.layer import SharedMotion, SharedMotionInfo, SharedMotionState
-from trackers.motion.modes import FIVE, Mode, Modes
-from trackers.motion.rates import ScanRates
-
-__all__ = ["FIVE", "Mode", "Modes", "ScanRates", "SharedMotion", "SharedMotionInfo", "SharedMotionState"]

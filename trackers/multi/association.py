@@ -5,6 +5,7 @@ owner and none in any other: soft weights fall on the detections just outside th
 share one vehicle for good.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -14,7 +15,6 @@ from scipy.spatial import cKDTree
 from scipy.special import ndtr
 
 from trackers.estimate import Estimate
-from trackers.filter import SpatialModel
 from trackers.geometry import cross, dot, rotation, to_frame, unit
 from trackers.multi.road import RoadMap
 from trackers.multi.visibility import SensorArray
@@ -107,7 +107,7 @@ class Association:
 
     def claim(
         self,
-        spatial: SpatialModel | None,
+        log_spatial: Callable[..., NDArray] | None,
         state: object,
         estimate: Estimate,
         existence: NDArray,
@@ -117,14 +117,14 @@ class Association:
         """Pairs inside both gates, and the owner of each of the M detections.
 
         estimate and existence (T,) are those of the predicted tracks, expected (S, T) their expected detections by
-        sensor. `spatial` is the filter that the state (T,) belongs to if it has a density of detections over the body;
-        None stands for a density that is even over the box.
+        sensor. `log_spatial` is that of the filter with the state (T,), see `trackers.filter.Abilities`; None stands
+        for a density that is even over the box.
         """
         track, detection, log_box = self._inside_gate(estimate, z)
         log_rate, near = self._rate_gate(estimate, z, track, detection)
         track, detection, log_box, log_rate = (a[near] for a in (track, detection, log_box, log_rate))
-        if spatial is not None:
-            log_box = spatial.log_spatial(state, z.scan, track, detection)
+        if log_spatial is not None:
+            log_box = log_spatial(state, z.scan, track, detection)
         gam = np.maximum(expected[z.sensor[detection], track], self.least_expected)
         gain = gam * np.exp(log_box + log_rate) / z.clutter[detection]  # (MOT.20)
         weight, M = existence[track] * gain, len(z.rate)

@@ -6,15 +6,15 @@ Order of a step and equations: docs/methods/multi-object-tracking.md. The tracke
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from trackers.batch import keep, put, select, take
 from trackers.estimate import Estimate, prior
-from trackers.filter import Attentive, Filter, Note, Reaching, Restartable, SpatialModel, Surveying
+from trackers.filter import Abilities, Filter, Note
 from trackers.linalg import largest_eigenvalue
-from trackers.motion import SharedMotion
 from trackers.multi.association import Association, Claims, SortedScan, gather, shares
 from trackers.multi.exclusion import Exclusion
 from trackers.multi.existence import Existence
@@ -28,10 +28,7 @@ from trackers.multi.tracks import NO_TRACK, REPORT_ABOVE, Event, StepInfo, Track
 from trackers.multi.visibility import SensorArray, Visibility, predict_visibility
 from trackers.parameters import check_numbers
 from trackers.scan import Scan, SensorModel
-from trackers.size.ends import Ends
-from trackers.validation import Admitted, admit, check_step
-
-SIZES = ("off", "ends")
+from trackers.validation import Admitted, admit, check_step, guarded
 
 
 @dataclass(frozen=True)
@@ -55,9 +52,7 @@ class MultiObjectTracker:
     rate_factor: float = 0.8  # of the data sheets' expected counts
     complete_above: float = 0.75  # visible share of an object's span from which an update teaches its class
     road: RoadMap | None = None  # map of the lanes; without it no standing vehicle is born
-    size: str = "off"  # "ends": sizes are those of `trackers.size.Ends`; "off": the filter's own
     ground: GroundTest | None = None  # divides long tracks over empty ground; None: they stay one
-    motion: bool = False  # velocity and heading are those of `trackers.motion`
 
     def __post_init__(self) -> None:
         check_numbers(self, positive=("most_detections",), unlimited=("prune_position_std",))
@@ -69,53 +64,26 @@ class MultiObjectTracker:
                 f"prune_below {self.prune_below} must be under the least existence at birth, {least}, or births are "
                 "removed in silence"
             )
-        if self.size not in SIZES:
-            raise ValueError(f"size must be one of {', '.join(SIZES)}, got {self.size!r}")
-        if self.motion:
-            SharedMotion(self.filter)  # refuses a filter whose motion it cannot take over
+        if self.can.on_sensors is not None:
+            object.__setattr__(self, "filter", self.can.on_sensors(self.sensors))
+            del self.__dict__["can"]
 
     @cached_property
-    def layered(self) -> Filter:
-        """The filter that holds the tracks: `filter`, with motion modes and `Ends` around it where these are on."""
-        moved = SharedMotion(self.filter) if self.motion else self.filter
-        return Ends(moved, self.sensors) if self.size == "ends" else moved
+    def can(self) -> Abilities:
+        """What the filter offers beyond the four methods."""
+        return Abilities.of(self.filter)
 
     @cached_property
     def sensor_array(self) -> SensorArray:
         """The data sheets as arrays."""
         return SensorArray.of(self.sensors)
 
-    @cached_property
-    def restartable(self) -> Restartable | None:
-        """The filter if it has `restart`, else None; cached, because `isinstance` of a protocol is slow."""
-        return self.layered if isinstance(self.layered, Restartable) else None
-
-    @cached_property
-    def attentive(self) -> Attentive | None:
-        """The filter if it needs to know which scans show an object completely, else None."""
-        return self.layered if isinstance(self.layered, Attentive) else None
-
-    @cached_property
-    def spatial(self) -> SpatialModel | None:
-        """The filter if it has its own density of detections over the body, else None."""
-        return self.layered if isinstance(self.layered, SpatialModel) else None
-
-    @cached_property
-    def surveying(self) -> Surveying | None:
-        """The filter if it uses what other detections hide, else None."""
-        return self.layered if isinstance(self.layered, Surveying) else None
-
-    @cached_property
-    def reaching(self) -> Reaching | None:
-        """The filter if its boxes may be much greater than it reports, else None."""
-        return self.layered if isinstance(self.layered, Reaching) else None
-
     def start(self) -> Tracks:
         """The state before the first scan: no track."""
         estimate = prior(np.zeros((0, 3)))
         none = np.zeros(0)
         return Tracks(
-            none.astype(int), none, none.astype(int), none, none.astype(bool), self.layered.init(estimate), estimate
+            none.astype(int), none, none.astype(int), none, none.astype(bool), self.filter.init(estimate), estimate
         )
 
     def step(self, tracks: Tracks, scan: Scan, dt: float) -> tuple[Tracks, StepInfo]:
@@ -133,9 +101,23 @@ class MultiObjectTracker:
         visible = view.share.max(0, initial=0.0) > 0
         tracks = tracks._replace(existence=self.existence.survive(tracks.existence, visible, view.in_view, dt))
         tracks = tracks._replace(memory=tracks.memory._replace(out=out))
-        gate = tracks.estimate if self.reaching is None else self.reaching.reach(tracks.state)
-        claims = self.association.claim(self.spatial, tracks.state, gate, tracks.existence, view.expected, z)
-        updated, info = self._update(tracks, view, claims, z)
+        gate = tracks.estimate if self.can.reach is None else self.can.reach(tracks.state)
+        claims = self.association.claim(self.can.log_spatial, tracks.state, gate, tracks.existence, view.expected, z)
+        info = self._weigh(tracks, view, claims)
+        updated = tracks
+        if info.detections.any():
+            state = tracks.state
+            around = () if self.can.update_among is None else (z.scan, claims.owner)
+            if self.can.learn_where is not None:
+                state = self.can.learn_where(state, view.complete > self.complete_above)
+            share = gather(z, shares(claims.owner, len(tracks.id), self.most_detections))
+            state, found = guarded(self.can.update_among or self.filter.update, state, share, *around)
+            updated, info = tracks._replace(state=state), reported(info, found)
+        updated = updated._replace(
+            estimate=self.filter.estimate(updated.state),
+            existence=self.existence.update(tracks.existence, info.log_ratio),
+            hits=tracks.hits + (info.detections > 0),  # (MOT.26)
+        )
         updated, divided = self._divide(updated, view, z, dt)
         candidate = self.suppression.candidates(z, claims.owner, updated.estimate, updated.existence)
         owner = np.full(scan.mask.shape[-1], -1)
@@ -169,8 +151,8 @@ class MultiObjectTracker:
         return admitted
 
     def _predict(self, tracks: Tracks, dt: float) -> Tracks:
-        state = self.layered.predict(tracks.state, dt)
-        return tracks._replace(state=state, estimate=self.layered.estimate(state), age=tracks.age + dt)
+        state = self.filter.predict(tracks.state, dt)
+        return tracks._replace(state=state, estimate=self.filter.estimate(state), age=tracks.age + dt)
 
     def _view(self, tracks: Tracks, scan: Scan) -> tuple[Visibility, NDArray]:
         """What the sensors should see of the predicted tracks, and the probability (S,) that each delivers nothing."""
@@ -188,11 +170,10 @@ class MultiObjectTracker:
 
     def _restart(self, state: object, estimate: Estimate) -> object:
         """State that starts again from an estimate."""
-        if self.restartable is not None:
-            return self.restartable.restart(state, estimate)
-        return self.layered.init(estimate)
+        return self.filter.init(estimate) if self.can.restart is None else self.can.restart(state, estimate)
 
-    def _update(self, tracks: Tracks, view: Visibility, claims: Claims, z: SortedScan) -> tuple[Tracks, StepInfo]:
+    def _weigh(self, tracks: Tracks, view: Visibility, claims: Claims) -> StepInfo:
+        """What the detections say of the existence of the tracks, before their update."""
         T = len(tracks.id)
         n = np.bincount(claims.owner[claims.owner >= 0], minlength=T)
         own = claims.owner[claims.detection] == claims.track
@@ -200,25 +181,7 @@ class MultiObjectTracker:
         evidence = np.bincount(claims.track[own], weights=log_gain, minlength=T)
         Gam = view.expected.sum(0)
         log_ratio = self.existence.log_ratio(n, Gam, evidence)
-        state, nis, mode = tracks.state, np.full(T, np.nan), None
-        notes: tuple[Note, ...] = ()
-        if n.any():
-            share = gather(z, shares(claims.owner, T, self.most_detections))
-            if self.attentive is not None:
-                state = self.attentive.learn_where(state, view.complete > self.complete_above)
-            if self.surveying is not None:
-                state, info = self.surveying.update_among(state, share, z.scan, claims.owner)
-            else:
-                state, info = self.layered.update(state, share)
-            nis, mode, notes = info.nis, getattr(info, "mode", None), getattr(info, "notes", ())
-        updated = tracks._replace(
-            state=state,
-            estimate=self.layered.estimate(state),
-            existence=self.existence.update(tracks.existence, log_ratio),
-            hits=tracks.hits + (n > 0),  # (MOT.26)
-        )
-        events = tuple(event for note in notes for event in events_of(note, tracks.id))
-        return updated, StepInfo(np.zeros(0, int), tracks.id, Gam, view.in_view, n, log_ratio, nis, events, mode)
+        return StepInfo(np.zeros(0, int), tracks.id, Gam, view.in_view, n, log_ratio, np.full(T, np.nan), ())
 
     def _initiate(self, tracks: Tracks, z: SortedScan, candidate: NDArray, dt: float) -> tuple[Tracks, list[Event]]:
         """The tracks and those born of the candidates (M,) bool and of the window, which goes on."""
@@ -241,7 +204,7 @@ class MultiObjectTracker:
     def _create_tracks(self, tracks: Tracks, z: SortedScan, births: Births) -> tuple[Tracks, list[Event]]:
         """The tracks and those born, updated with their detections of this scan; a lost vehicle gets its id back."""
         B, memory, lost = len(births.existence), tracks.memory, tracks.memory.lost
-        state, hits, returned = self.layered.init(births.estimate), births.hits, np.zeros(B, bool)
+        state, hits, returned = self.filter.init(births.estimate), births.hits, np.zeros(B, bool)
         id = tracks.next_id + np.arange(B)
         if lost is not None and len(lost.id):
             row = self.reidentification.match(lost, births.estimate, births.length)
@@ -253,7 +216,7 @@ class MultiObjectTracker:
             id = np.where(returned, old.id, tracks.next_id + np.cumsum(~returned) - 1)
             memory = memory._replace(lost=keep(lost, ~np.isin(lost.id, id)))
         index = shares(births.owner, B, self.most_detections)
-        state, info = self.layered.update(state, gather(z, index))
+        state, info = guarded(self.filter.update, state, gather(z, index))
         born = Tracks(
             id=id,
             existence=births.existence,
@@ -261,7 +224,7 @@ class MultiObjectTracker:
             age=np.zeros(B),
             confirmed=returned,
             state=state,
-            estimate=self.layered.estimate(state),
+            estimate=self.filter.estimate(state),
             next_id=tracks.next_id + int((~returned).sum()),
             memory=memory,
         )
@@ -297,7 +260,7 @@ class MultiObjectTracker:
             id=new_id,
             age=np.zeros(len(d)),
             state=front,
-            estimate=self.layered.estimate(front),
+            estimate=self.filter.estimate(front),
             next_id=tracks.next_id + len(d),
             memory=memory,
         )
@@ -306,7 +269,7 @@ class MultiObjectTracker:
             Event("divided", int(i), f"{g:.1f} m of empty ground in it; the front part is track {n}")
             for i, n, g in zip(old.id, new_id, split.front[:, 0] - split.rear[:, 1], strict=True)
         ]
-        return tracks._replace(state=state, estimate=self.layered.estimate(state)).and_born(born), events
+        return tracks._replace(state=state, estimate=self.filter.estimate(state)).and_born(born), events
 
     def _exclude(self, tracks: Tracks) -> tuple[Tracks, list[Event]]:
         score = tracks.existence * np.minimum(tracks.hits, 50)
@@ -320,7 +283,7 @@ class MultiObjectTracker:
             Event("merged", int(tracks.id[t]), f"same vehicle as track {tracks.id[result.into[t]]}")
             for t in np.flatnonzero(~result.keep)
         ]
-        tracks = tracks._replace(state=state, estimate=self.layered.estimate(state))
+        tracks = tracks._replace(state=state, estimate=self.filter.estimate(state))
         return tracks.rows(result.keep), events
 
     def _prune(self, tracks: Tracks) -> tuple[Tracks, list[Event]]:
@@ -343,6 +306,12 @@ def events_of_scan(implausible: int) -> list[Event]:
     if not implausible:
         return []
     return [Event("implausible", NO_TRACK, f"{implausible} detections beyond what radars measure left out")]
+
+
+def reported(info: StepInfo, found: Any) -> StepInfo:
+    """The report with the information of the filter's update."""
+    events = tuple(event for note in getattr(found, "notes", ()) for event in events_of(note, info.track))
+    return info._replace(nis=found.nis, mode=getattr(found, "mode", None), events=events)
 
 
 def events_of(note: Note, ids: NDArray) -> list[Event]:

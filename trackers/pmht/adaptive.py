@@ -35,7 +35,7 @@ from trackers.pmht.learning import SplineContour
 from trackers.pmht.motion import predicted
 from trackers.pmht.state import LENGTH, moments_of, resized
 from trackers.scan import Scan
-from trackers.validation import guarded_predict, guarded_update
+from trackers.validation import definite, guarded_predict, guarded_update, unguarded
 
 NOTED_ABOVE = 0.2  # [m] that a comparison with the classes has to move an outline to be noted
 
@@ -130,7 +130,9 @@ class AdaptiveSpline:
 
     def located(self, state: AdaptiveState, scan: Scan) -> tuple[Gaussian, SplineInfo]:
         """Mean and covariance after the scan, without learning."""
-        own, info = self.spline.update(plain(state), scan)
+        before = plain(state)
+        own, info = unguarded(self.spline.update)(before, scan)
+        own = definite(own, before)
         return Gaussian(own.m, own.P), info
 
     def learned(

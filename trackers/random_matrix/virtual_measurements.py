@@ -23,7 +23,7 @@ from trackers.random_matrix.ellipse import near_hits, outline, root_of, sector_f
 from trackers.random_matrix.feldmann import masked_mean, moments
 from trackers.random_matrix.koch import Koch, KochState
 from trackers.scan import Scan
-from trackers.validation import guarded_update
+from trackers.validation import definite, guarded_update, unguarded
 
 LEAST_SIZE = 0.02  # [m] of a contour that may be proposed
 LEAST_DETECTIONS = 3  # fewer have no spread to compare with
@@ -102,12 +102,13 @@ class VirtualMeasurements:
         At the first update of an object it is therefore moved from the centre of the prior to the mean that the contour
         predicts.
         """
-        first = state.steps == 0
-        if not first.any():
-            return self.koch.update(state.koch, scan)
-        x = state.koch.x.copy()
-        x[..., :2] += np.where(first[..., None], self.predicted_offset(state, scan), 0.0)  # (VM.10)
-        return self.koch.update(state.koch._replace(x=x), scan)
+        first, koch = state.steps == 0, state.koch
+        if first.any():
+            x = koch.x.copy()
+            x[..., :2] += np.where(first[..., None], self.predicted_offset(state, scan), 0.0)  # (VM.10)
+            koch = koch._replace(x=x)
+        new, info = unguarded(self.koch.update)(koch, scan)
+        return definite(new, koch), info
 
     def tilt_of(self, state: ContourState, koch: KochState) -> NDArray:
         """Tilt (...) [rad] of the contour after the update of the filter: its heading."""

@@ -1,10 +1,5 @@
-"""Size of each object from both of its ends: a grid Bayes filter of length and width around any single-object filter.
+"""Size of each object from both of its ends: a grid Bayes filter of length and width beside any filter of the place.
 
-In: the detections of each object and where its filter has it. Out: size, its uncertainty, class, and the centre that
-goes with them. Equations: docs/methods/size-from-both-ends.md. Imports numpy, scipy and `trackers` only.
+In: the detections of each object and the box that its filter has. Out: size, its uncertainty, class, and the centre
+that goes with them. Equations: docs/methods/size-from-both-ends.md.
 """
-
-from trackers.size.ends import Ends, EndsState
-from trackers.size.fleet import FLEET, Fleet, VehicleClass
-
-__all__ = ["FLEET", "Ends", "EndsState", "Fleet", "VehicleClass"]

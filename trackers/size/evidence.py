@@ -15,27 +15,27 @@ from trackers.size.likelihood import log_likelihood
 def facing(anchor: NDArray, size: NDArray, place: NDArray) -> NDArray:
     """Anchors (H, 2) for sensors at place (H, 2) [m] in the axes of boxes of size (H, 2) [m], (ENDS.11).
 
-    anchor (H, 2) is the one so far, 0 where none was chosen. Abeam of the body it stays.
+    anchor (H, 2) is the one so far, 0 where none was chosen. Beside the body it stays.
     """
     nearer = np.where(place < 0, -1.0, 1.0)
     return np.where((np.abs(place) > size / 2) | (anchor == 0), nearer, anchor)
 
 
 def evidence(
-    grids: tuple[Grid, Grid], hits: Hits, boxes: Boxes, start: NDArray, whole: NDArray,
+    grids: tuple[Grid, Grid], hits: Hits, boxes: Boxes, start: NDArray, fully_visible: NDArray,
     outliers: float, independent: int, part_weight: float, around: Around | None,
 ) -> tuple[NDArray, NDArray]:  # fmt: skip
     """What the detections add to the grids of length (H, K, N) and width (H, K', N') of H objects.
 
-    start (H,) is the first detection of each object, whole (H,) bool whether the scan shows it completely; around is
-    the complete scan, None where it is not known.
+    start (H,) is the first detection of each object, fully_visible (H,) bool whether the scan shows it completely;
+    around is the complete scan, None where it is not known.
     """
     n = np.diff(start, append=len(hits.row))
     sides = lit(hits, boxes)
     both = depths(hits, boxes, sides, open_rooms(grids, hits, boxes, sides, around))
     of_length, of_width = (log_likelihood(grid, z, start, outliers) for grid, z in zip(grids, both, strict=True))
     weight = np.add.reduceat(hits.sensor.weight, start) / n * np.minimum(1.0, independent / n)  # (ENDS.9)
-    cut = ~whole & width_is_cut(hits, boxes, sides, start)
+    cut = ~fully_visible & width_is_cut(hits, boxes, sides, start)
     if cut.any():
         of_width[cut] = part_weight * np.maximum.accumulate(of_width[cut], axis=1)  # (ENDS.10)
     weight = weight[:, None, None]

@@ -10,7 +10,7 @@ from testbed.evaluation.tracking import Evaluator
 from testbed.frame import Frame
 from testbed.log.text import markdown_table
 from trackers import find
-from trackers.filter import Classifying
+from trackers.filter import Abilities
 
 AGES = (0.5, 1.0, 2.0, 4.0, 8.0)  # [s]
 SURE = 0.9
@@ -28,10 +28,10 @@ class ClassProbe:
     """Observer of a replay that keeps the class probabilities of tracks on vehicles that count."""
 
     def __init__(self, tracker: str) -> None:
-        filter = find(tracker)
-        if not isinstance(filter, Classifying):
+        can = Abilities.of(find(tracker))
+        if not can.has("classes", "learn_where", "class_size"):
             raise ValueError(f"tracker {tracker} has no classes; take one such as pmht-spline-adaptive")
-        self.tracker, self.classes = tracker, filter.classes
+        self.tracker, self.classes = tracker, can.classes or ()
         self._evaluator = Evaluator(tracker)
         self._rows: dict[tuple[int, int, str], list[tuple[float, NDArray]]] = {}
 

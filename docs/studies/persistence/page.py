@@ -9,7 +9,7 @@ from studies.effects import effects_table, facts, read_runs, write_runs
 from studies.page import DOCS, Docs, Page, fill
 from studies.persistence.runs import DURATION, LIFETIME, RIG, runs
 from testbed.command_line.terminal import user_input
-from testbed.compare.runs.config import parse_seeds
+from testbed.experiments.run import parse_seeds
 
 RESULTS = "persistence.csv"
 TITLES = {

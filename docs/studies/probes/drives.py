@@ -11,17 +11,18 @@ import numpy as np
 from scenarios.probes import PROBES
 from testbed.command_line.interruption import InterruptRequest
 from testbed.evaluation.tracking import jsonable
+from testbed.experiments.probe import accepted, driven
+from testbed.experiments.run import Run
 from testbed.files import write_json
-from testbed.probing.drives import FREE, Setting, drive
+from testbed.frame import TRUTH
 
 PLANNERS = {"probe-merge": "idm-keen"}  # that want what the probe is about; `PLANNER` in all others
 PLANNER = "idm"
-TTC = (1.5, 3.0)  # [s] in which the median of the least time to collision must lie
 SEEDS = 50
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Summary:
     """What the drives of a probe on the truth were like."""
 
     probe: str
@@ -31,13 +32,7 @@ class Verdict:
     ttc: tuple[float, float, float]  # [s] least, median, largest of the least time to collision of each drive
     drac: float  # [m/s^2] median of the largest DRAC
     braking: tuple[float, float]  # [m/s^2] median and largest of the hardest braking
-
-    @property
-    def accepted(self) -> bool:
-        """No collision; the median time to collision in `TTC`, or no braking where nothing calls for it."""
-        if PROBES[self.probe].calm:
-            return not self.collisions and self.braking[1] < FREE
-        return not self.collisions and TTC[0] <= self.ttc[1] <= TTC[1]
+    accepted: bool
 
 
 def planner_of(probe: str) -> str:
@@ -45,14 +40,14 @@ def planner_of(probe: str) -> str:
     return PLANNERS.get(probe, PLANNER)
 
 
-def verdict(probe: str, rows: Sequence[Mapping[str, Any]]) -> Verdict:
-    """The verdict on a probe from the measures of its drives.
+def summary(probe: str, rows: Sequence[Mapping[str, Any]]) -> Summary:
+    """What the drives of a probe were like, from their metrics.
 
     The time to collision is that to anything, ahead or in the plane: a gap is entered from the side.
     """
     ttc = [min(row["ttc_min"], row["ttc_plane_min"]) for row in rows]
     braking = [row["deceleration_max"] for row in rows]
-    return Verdict(
+    return Summary(
         probe,
         planner_of(probe),
         len(rows),
@@ -60,6 +55,7 @@ def verdict(probe: str, rows: Sequence[Mapping[str, Any]]) -> Verdict:
         (min(ttc), float(np.median(ttc)), max(ttc)),
         float(np.median([row["drac_max"] for row in rows])),
         (float(np.median(braking)), max(braking)),
+        accepted(PROBES[probe], rows),
     )
 
 
@@ -79,10 +75,15 @@ def all_drives(
                 break
             progress(f"{probe}, seed {seed}")
             if str(seed) not in known:
-                known[str(seed)] = row(drive(Setting(probe, planner_of(probe)), seed))
+                known[str(seed)] = row(driven(on_truth(probe, seed)))
                 write_json(file, {"code": code, "drives": known})
         found[probe] = [known[str(seed)] for seed in seeds if str(seed) in known]
     return found
+
+
+def on_truth(probe: str, seed: int) -> Run:
+    """A drive of a probe on the truth, with the planner with which it is accepted."""
+    return Run(probe, seed, TRUTH, planner_of(probe))
 
 
 def row(summary: Mapping[str, float | int]) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from scenarios.probes import PROBES
 from scenarios.record import Scenario
 from sensors.scene import Scene
 from studies.page import DOCS, Docs, Page, fill, steps
-from studies.probes.drives import SEEDS, TTC, Verdict, all_drives, planner_of, verdict
+from studies.probes.drives import SEEDS, Summary, all_drives, on_truth, summary
 from studies.probes.figure import draw
 from testbed.command_line.interruption import interruptible
 from testbed.command_line.terminal import user_input
@@ -21,10 +21,10 @@ from testbed.environment.registration import env_id
 from testbed.evaluation.drive_evaluator import DriveEvaluator
 from testbed.evaluation.driving import LONGEST
 from testbed.experiments.identity import shared_digest
+from testbed.experiments.probe import FREE, TTC, driven
 from testbed.files import make_directory, write_json
 from testbed.frame import Frame
 from testbed.log.text import markdown_table
-from testbed.probing.drives import FREE, Setting, drive
 
 SHOWN = 1  # seed of the pictures
 
@@ -48,16 +48,21 @@ def main(
         found = all_drives(range(seeds), shared_digest(), out, next_step, request)
     if request.signal is not None:
         raise typer.Exit(request.exit_status)
-    verdicts = [verdict(probe, rows) for probe, rows in found.items()]
+    summaries = [summary(probe, rows) for probe, rows in found.items()]
     for probe in PROBES:
         picture(probe, page.picture(probe))
     today = f"{datetime.now(UTC):%Y-%m-%d}"
-    accepted = [asdict(v) | {"accepted": v.accepted} for v in verdicts]
     write_json(
         docs / "results" / "probes.json",
-        {"date": today, "code": shared_digest(), "seeds": seeds, "verdicts": accepted, "drives": found},
+        {
+            "date": today,
+            "code": shared_digest(),
+            "seeds": seeds,
+            "verdicts": [asdict(s) for s in summaries],
+            "drives": found,
+        },
     )
-    page.write(render(verdicts), date=today)
+    page.write(render(summaries), date=today)
 
 
 def picture(probe: str, path: Path) -> None:
@@ -69,33 +74,33 @@ def picture(probe: str, path: Path) -> None:
         scenes.append(frame.scene)
         evaluator.step(frame.scene)
 
-    drive(Setting(probe, planner_of(probe)), SHOWN, observer=keep)
+    driven(on_truth(probe, SHOWN), [keep])
     network = PROBES[probe].build(np.random.default_rng(SHOWN)).road.network
     draw(scenes, evaluator.curves, lane_shapes(network), path)
 
 
-def render(verdicts: list[Verdict]) -> str:
+def render(summaries: list[Summary]) -> str:
     """What the page says about the drives on the truth."""
     return fill(
         "probes/page.md.j2",
         example=env_id("probe-brake"),
-        drives=verdicts[0].drives,
+        drives=summaries[0].drives,
         low=TTC[0],
         high=TTC[1],
         free=FREE,
-        table=table(verdicts),
-        sections="\n".join(section(PROBES[v.probe]) for v in verdicts),
+        table=table(summaries),
+        sections="\n".join(section(PROBES[v.probe]) for v in summaries),
     )
 
 
-def table(verdicts: list[Verdict]) -> str:
+def table(summaries: list[Summary]) -> str:
     """One row a probe."""
     head = (
         "probe", "planner", "drives", "collisions", "least TTC [s]: median (range)", "largest DRAC [m/s²]: median",
         "hardest braking [m/s²]: median (largest)", "accepted",
     )  # fmt: skip
     rows = []
-    for v in verdicts:
+    for v in summaries:
         low, median, high = v.ttc
         ttc = f"{median:.2f} ({low:.2f} to {high:.2f})" if low < LONGEST else "–"
         braking = f"{v.braking[0]:.1f} ({v.braking[1]:.1f})"

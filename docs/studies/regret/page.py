@@ -10,15 +10,15 @@ import typer
 from studies.page import DOCS, Docs, Page, fill
 from studies.regret.caution import differences
 from testbed.command_line.terminal import console, user_input
-from testbed.compare.report.renderers import markdown
-from testbed.compare.report.report import seeds_text
 from testbed.evaluation.metric import old_names
+from testbed.experiments.pairs import KEY, Attribution, Cell, one_sided, unresolved
+from testbed.experiments.regret import DRIVES, PAIRS, write_table
+from testbed.experiments.report import regret_figures as figures
+from testbed.experiments.report import regret_tables as tables
+from testbed.experiments.report.page import seeds_text
+from testbed.experiments.report.regret_page import TABLE, drawable, find
+from testbed.experiments.report.renderers import markdown
 from testbed.files import make_directory
-from testbed.regret.analysis import Attribution, Cell, one_sided, unresolved
-from testbed.regret.report import figures, tables
-from testbed.regret.report.page import TABLE, drawable, find
-from testbed.regret.results import DRIVES, PAIRS, write_table
-from testbed.regret.study import Task
 
 OLD = old_names("regret")
 PARTS = ("main", "attribution", "doses", "caution")  # folders of docs/results/regret
@@ -73,7 +73,7 @@ def publish(folders: Sequence[Path], place: Path) -> None:
         for name in (DRIVES, PAIRS):
             if not (folder / name).exists():
                 raise ValueError(f"{folder} has no {name}; make it with `testbed regret --out {folder}`")
-    for name, keys in ((DRIVES, [*Task._fields]), (PAIRS, ["reference", *Task._fields])):
+    for name, keys in ((DRIVES, [*KEY]), (PAIRS, ["reference", *KEY])):
         table = joined([pd.read_parquet(folder / name).rename(columns=OLD) for folder in folders], keys)
         make_directory(place)
         write_table(table, place / name)

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from studies.comparison.publish import publish
-from testbed.compare.runs.config import Comparison, Settings
-from testbed.compare.runs.work import execute
+from testbed.experiments.command import execute
+from testbed.experiments.compare import Comparison, Settings
 from testbed.experiments.engine import Engine
 
 DOCS = Path(__file__).parents[3] / "docs"

@@ -12,10 +12,10 @@ from studies.comparison.page import layers, render
 from studies.comparison.publish import read, stored_comparison
 from studies.page import frame, notes_of
 from studies.papers.catalogue import PAPERS
-from testbed.compare.runs.config import Comparison, Settings
-from testbed.compare.runs.results import collect, write_runs
+from testbed.experiments.compare import Comparison, Settings, write_runs
+from testbed.experiments.store import Results
 from tests.studies.comparison.conftest import DOCS, TRACKERS
-from tests.testbed.compare.made_results import make
+from tests.testbed.experiments.made_results import make
 
 
 def test_a_folder_tells_which_comparison_made_it(folder):
@@ -34,12 +34,12 @@ def test_a_folder_that_lacks_a_run_is_refused_with_its_name(folder, tmp_path):
 
 def test_published_runs_are_those_of_the_folder(folder, published):
     results, known, tables = read(published)
-    whole = pd.read_parquet(write_runs(collect(stored_comparison(folder)))).set_index(
+    whole = pd.read_parquet(write_runs(Results.read(stored_comparison(folder)))).set_index(
         ["scenario", "tracker", "seed", "phase"]
     )["gospa"]
     kept = results.spans.set_index(["scenario", "tracker", "seed", "phase"])["gospa"]
     pd.testing.assert_series_equal(kept, whole, check_dtype=False, rtol=1e-6)
-    assert known["reference"] == results.comparison.baseline == "htg-mm"
+    assert known["reference"] == results.study.baseline == "htg-mm"
     assert set(known["seconds"]) == {"simulation", "sensing", "loading", "tracking", "metrics", "writing"}
     assert set(tables["consistency"]["tracker"]) == set(TRACKERS)
 

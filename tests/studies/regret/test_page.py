@@ -13,8 +13,8 @@ from studies.regret.page import PARTS, joined, load, text
 from testbed.environment.sources.substitution import subsets
 from testbed.evaluation import metric
 from testbed.evaluation.metric import keys
-from testbed.regret.pairs import MEASURES
-from testbed.regret.results import DRIVES, PAIRS
+from testbed.experiments.pairs import MEASURES
+from testbed.experiments.regret import DRIVES, PAIRS
 
 DOCS = Path(__file__).parents[3] / "docs"
 ZERO = dict.fromkeys((*MEASURES, *keys(metric.DRIVES)), 0.0)

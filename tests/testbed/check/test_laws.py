@@ -30,7 +30,8 @@ from testbed.planners.idm import Choice
 from tests.parameters import PROBE, rest_slow
 from tests.testbed.check import broken
 from trackers import TRACKERS, build, find, prior
-from trackers.filter import Shiftable
+from trackers.composed import place_of
+from trackers.filter import Abilities
 
 FILTERS = pytest.mark.parametrize("name", tuple(TRACKERS))
 
@@ -75,13 +76,14 @@ DRAWN = (
 )
 def test_the_other_laws_hold(name, law, cases):
     for case in cases:
-        law(find(name), **case)
+        law(place_of(find(name)), **case)
 
 
 @FILTERS
 def test_every_filter_can_be_shifted(name):
-    assert isinstance(find(name), Shiftable)
-    laws.a_shift_moves_the_estimate_and_nothing_else(find(name))
+    place = place_of(find(name))
+    assert Abilities.of(place).has("shift")
+    laws.a_shift_moves_the_estimate_and_nothing_else(place)
 
 
 def test_resizing_changes_the_size_and_nothing_else():

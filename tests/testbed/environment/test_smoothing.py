@@ -53,10 +53,10 @@ def test_tracks_come_back_smoothed_at_the_frames_at_which_they_were_reported():
     assert len(history.smoothed().step) == 0  # a second call has nothing left
 
 
-def test_tracks_with_layers_are_smoothed_under_the_layer_of_sizes():
+def test_tracks_with_a_size_posterior_are_smoothed_without_it():
     """A car from behind for three seconds, its speed wrong by 1 m/s at birth: smoothed places are the better ones."""
     tracker = build("imm-htg", (SensorModel(max_range=np.inf, fov=2 * np.pi),))
-    rng, f, history = np.random.default_rng(2), tracker.layered, StateHistory(tracker)
+    rng, f, history = np.random.default_rng(2), tracker.filter, StateHistory(tracker)
     state = f.init(prior(np.array([[20.0, 0, 0]]), velocity=(14.0, 0.0)))
     places, truth = [], 20.0 + 1.5 * np.arange(30)
     for k in range(30):

@@ -6,7 +6,7 @@ import pytest
 from testbed.log import blueprint, layers, paths, reader
 from testbed.log.modes import mode_names, modes_of, probabilities
 from tests.testbed.log import log_runs
-from trackers.motion import Modes
+from trackers.motion.modes import Modes
 
 MIXING = log_runs.MIXING
 NAMES = ("cv", "ca", "ct")

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from trackers import MultiObjectTracker, Scan, SensorModel, find, prior
 from trackers.dra.spatial import log_density
 from trackers.dra.state import swung, vertices
-from trackers.filter import SpatialModel
+from trackers.filter import Abilities
 from trackers.geometry import cross, rotation, unit
 
 SIZE = np.array([4.8, 1.8])
@@ -59,8 +59,8 @@ def test_with_rays_the_density_is_highest_at_the_side_that_the_sensor_sees():
 def test_all_three_tell_the_multi_object_tracker_where_detections_lie():
     sensor = SensorModel(mount=(0.0, 0.0, 0.0), max_range=100.0, fov=2.0)
     for name in NAMES:
-        assert isinstance(find(name), SpatialModel)
-        assert MultiObjectTracker(find(name), (sensor,)).spatial is not None
+        assert Abilities.of(find(name)).has("log_spatial")
+        assert MultiObjectTracker(find(name), (sensor,)).can.log_spatial is not None
 
 
 @given(angle=st.floats(-3, 3), length=st.floats(2, 18), width=st.floats(0.8, 2.9), variance=st.floats(1e-6, 1e-2))

@@ -1,12 +1,12 @@
-"""Motion modes in the multi-object tracker, under Ends and alone."""
+"""Motion modes in the multi-object tracker, with a size posterior and alone."""
 
 import numpy as np
 import pytest
 
 from tests.trackers.rear_sides import RADAR, Road, drive
-from trackers import MultiObjectTracker, build, find
-from trackers.motion import FIVE, SharedMotion
-from trackers.size import Ends
+from trackers import MultiObjectTracker, find
+from trackers.composed import composed
+from trackers.motion.modes import FIVE
 
 CARS = [(30, 0, 0, 25.0), (50, 4, 0, 28.0), (60, -4, 0, 22.0)]
 
@@ -14,7 +14,7 @@ CARS = [(30, 0, 0, 25.0), (50, 4, 0, 28.0), (60, -4, 0, 22.0)]
 @pytest.mark.parametrize("base", ["htg-map", "pmht-spline"])
 @pytest.mark.parametrize("size", ["ends", "off"])
 def test_the_tracker_reports_the_modes_of_every_track(base, size):
-    tracker = MultiObjectTracker(find(base), (RADAR,), size=size, motion=True)
+    tracker = MultiObjectTracker(composed(find(base), size, motion=True), (RADAR,))
     tracks, infos = drive(tracker, Road(CARS), 2.0)
     e = tracks.reported.estimate
     assert len(e.velocity) == 3
@@ -24,13 +24,6 @@ def test_the_tracker_reports_the_modes_of_every_track(base, size):
     assert (mode.argmax(-1) == 0).all()  # all of them drive straight on
 
 
-def test_size_lies_around_motion_and_motion_around_the_filter():
-    layered = build("htg-map:size=ends,motion=on", (RADAR,)).layered
-    assert isinstance(layered, Ends)
-    assert isinstance(layered.filter, SharedMotion)
-    assert layered.filter.filter == find("htg-map")
-
-
 def test_a_filter_whose_motion_cannot_be_taken_over_is_refused():
     with pytest.raises(ValueError, match="motion needs a filter"):
-        MultiObjectTracker(find("edra-imm"), (RADAR,), motion=True)
+        composed(find("edra-imm"), motion=True)

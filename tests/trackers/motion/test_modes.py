@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from trackers.geometry import unit, wrap_angle
-from trackers.motion import Mode, Modes
+from trackers.motion.modes import Mode, Modes
 from trackers.motion.turn import OMEGA, PHI, SPEED
 
 FREE = 1e9  # a bound that does not bind

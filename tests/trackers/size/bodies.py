@@ -1,18 +1,24 @@
-"""Detections of boxes at rest, and an Ends filter that has seen them for some scans."""
+"""Detections of boxes at rest, and a filter with a size posterior that has seen them for some scans."""
 
 from dataclasses import replace
 
 import numpy as np
 
 from trackers import Scan, find, prior
-from trackers.size import Ends
+from trackers.composed import Composed
 from trackers.size.fleet import FLEET, Fleet
+from trackers.size.posterior import SizePosterior
 
 INNER = replace(find("htg-map"), shape_std=(0.03, 0.05))
 WHOLE = Fleet(tuple(replace(c, load=(0.0, 1.0)) for c in FLEET))  # detections are even over all of these bodies
 NEAR = 25.0  # [m] distance of the rear end
 NOISE = 0.1  # [m]
 DT = 1 / 15
+
+
+def sized(place=INNER, **parameters):
+    """A filter of the place with a size posterior."""
+    return Composed(place, size=SizePosterior(**parameters))
 
 
 def behind_rear(rng, n, length, width, upto=np.inf):
@@ -29,7 +35,7 @@ def behind_rear(rng, n, length, width, upto=np.inf):
 
 
 def beside(rng, n, length, width, away=10.0):
-    """The same from abeam, over the whole side."""
+    """The same from the side, over the whole side."""
     depth = np.where(rng.random(n) < 0.2, rng.random(n) * width, rng.exponential(0.12, n))
     xy = np.stack([length * (rng.random(n) - 0.5), away + depth], -1)
     return xy + rng.normal(0, NOISE, (n, 2))
@@ -42,13 +48,13 @@ def scan_of(xy):
     return Scan.from_xy(xy, noise=np.full((1, 3), np.nan))._replace(noise=noise)
 
 
-def seen(draw, scans, start, size, seed=0, ends=None):
+def seen(draw, scans, start, size, seed=0, filter=None):
     """Filter and state after so many scans of draw(rng), begun with a box of a size (2,) [m] at start (3,)."""
-    ends, rng = Ends(INNER, fleet=WHOLE) if ends is None else ends, np.random.default_rng(seed)
-    state = ends.init(prior(start, size=size))
+    f, rng = sized(fleet=WHOLE) if filter is None else filter, np.random.default_rng(seed)
+    state = f.init(prior(start, size=size))
     for _ in range(scans):
-        state = ends.update(ends.predict(state, DT), scan_of(draw(rng)))[0]
-    return ends, state
+        state = f.update(f.predict(state, DT), scan_of(draw(rng)))[0]
+    return f, state
 
 
 def rear_start(length):

@@ -1,4 +1,4 @@
-"""Ends around a contour filter where end and side of a vehicle are both in clear view of a dense sensor."""
+"""A contour filter with a size posterior where end and side of a vehicle are both in clear view of a dense sensor."""
 
 from dataclasses import replace
 
@@ -8,10 +8,9 @@ import pytest
 import sensors
 from testbed.evaluation.metrics import box_iou
 from testbed.learn.detections import lone_vehicle
-from tests.trackers.size.bodies import DT
+from tests.trackers.size.bodies import DT, sized
 from trackers import find, prior
 from trackers.scan import DepthProfile
-from trackers.size import Ends
 
 # Vehicles at rest, obliquely ahead, of which an end and a side are seen: outline, pose and size.
 VEHICLES = (
@@ -43,25 +42,25 @@ def mean_iou(radar, filter):
 
 
 def with_profile(radar, profile):
-    """Ends around the spline filter, with the data sheets of a radar but for where its detections lie."""
-    return Ends(find("pmht-spline"), tuple(replace(model, profile=profile) for model in radar.models))
+    """The spline filter with a size posterior, with the data sheets of a radar but for where its detections lie."""
+    return sized(find("pmht-spline"), sensors=tuple(replace(model, profile=profile) for model in radar.models))
 
 
 @pytest.mark.parametrize("name", ["lidar-1deg", "imaging"])
-def test_where_corners_are_clear_ends_is_no_worse_than_the_filter_inside_it(name):
+def test_where_corners_are_clear_a_size_posterior_is_no_worse_than_the_filter_alone(name):
     radar = sensors.find(name)
-    assert mean_iou(radar, Ends(find("pmht-spline"), radar.models)) > mean_iou(radar, find("pmht-spline"))
+    assert mean_iou(radar, sized(find("pmht-spline"), sensors=radar.models)) > mean_iou(radar, find("pmht-spline"))
 
 
 @pytest.mark.parametrize(("name", "other"), [("lidar-1deg", "imaging"), ("imaging", "lidar-1deg")])
 def test_with_the_profile_of_another_sensor_it_is_worse(name, other):
     radar = sensors.find(name)
-    own = mean_iou(radar, Ends(find("pmht-spline"), radar.models))
+    own = mean_iou(radar, sized(find("pmht-spline"), sensors=radar.models))
     assert mean_iou(radar, with_profile(radar, sensors.find(other).models[0].profile)) < own - 0.01
 
 
 @pytest.mark.parametrize("name", ["lidar-1deg", "imaging"])
 def test_with_the_default_profile_it_is_worse(name):
     radar = sensors.find(name)
-    own = mean_iou(radar, Ends(find("pmht-spline"), radar.models))
+    own = mean_iou(radar, sized(find("pmht-spline"), sensors=radar.models))
     assert mean_iou(radar, with_profile(radar, DepthProfile())) < own - 0.01

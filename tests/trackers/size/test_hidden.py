@@ -5,19 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.trackers.size.bodies import DT, INNER
+from tests.trackers.size.bodies import DT, sized
 from trackers import Scan, SensorModel, find, prior
 from trackers.batch import stack
 from trackers.geometry import unit
 from trackers.scan import DepthProfile
-from trackers.size import Ends
+from trackers.size.grid import LENGTH, WIDTH
 from trackers.size.hidden import Around, open_rooms
 from trackers.size.hits import Boxes, hits_of, lit
 from trackers.size.profile import Profiles
 
 STEP = np.radians(0.2)
 OUTLINE = DepthProfile(inside=0.02, surface_std=0.05, weight=0.35, least_room=(0.5, 0.1), hides_within=0.7 * STEP)
-GRIDS = (Ends(INNER).length, Ends(INNER).width)
+GRIDS = (LENGTH, WIDTH)
 
 
 def ray_ends(azimuths, boxes):
@@ -95,13 +95,13 @@ def width_after(profile, scans=25):
 
     The inner filter is one of contours: the others take the part that is seen for the middle of the rear.
     """
-    ends = Ends(find("pmht-spline"), (SensorModel(max_range=200.0, fov=7.0, profile=profile),))
+    f = sized(find("pmht-spline"), sensors=(SensorModel(max_range=200.0, fov=7.0, profile=profile),))
     scan, owner = view([BEHIND, BEFORE])
     share = Scan.from_xy(scan.xy[owner == 0][None], noise=(0.02, 0.001, np.nan))
-    state = ends.init(stack([prior((32.25, 0.0, 0.0), size=(4.5, 1.8))]))
+    state = f.init(stack([prior((32.25, 0.0, 0.0), size=(4.5, 1.8))]))
     for _ in range(scans):
-        state = ends.update_among(ends.predict(state, DT), share, scan, np.where(owner == 0, 0, -1))[0]
-    e = ends.estimate(state)
+        state = f.update_among(f.predict(state, DT), share, scan, np.where(owner == 0, 0, -1))[0]
+    e = f.estimate(state)
     return e.size[0, 1], e.size_std[0, 1]
 
 

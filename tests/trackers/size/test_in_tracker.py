@@ -1,4 +1,4 @@
-"""Ends in the multi-object tracker."""
+"""Size posteriors in the multi-object tracker."""
 
 import numpy as np
 import pytest
@@ -7,13 +7,14 @@ from testbed.check.draws import arrays
 from tests.trackers.rear_sides import RADAR, Road, drive
 from tests.trackers.size.bodies import INNER
 from trackers import MultiObjectTracker
-from trackers.size import Fleet
+from trackers.composed import composed
+from trackers.size.fleet import Fleet
 
 CARS = [(30, 0, 0, 25.0), (50, 4, 0, 28.0), (60, -4, 0, 22.0)]
-TRACKER = MultiObjectTracker(INNER, (RADAR,), size="ends")
+TRACKER = MultiObjectTracker(composed(INNER, size="ends"), (RADAR,))
 
 
-def test_sizes_are_those_of_ends_and_stay_open_while_one_end_is_seen():
+def test_sizes_are_those_of_the_posterior_and_stay_open_while_one_end_is_seen():
     tracks, _ = drive(TRACKER, Road(CARS), 2.0)
     e = tracks.reported.estimate
     assert len(e.size) == 3
@@ -42,4 +43,4 @@ def test_order_and_padding_of_detections_change_nothing():
 
 def test_no_other_sizes_are_known():
     with pytest.raises(ValueError, match="size must be one of off, ends"):
-        MultiObjectTracker(INNER, (RADAR,), size="end")
+        composed(INNER, size="end")

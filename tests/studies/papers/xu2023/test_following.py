@@ -12,10 +12,10 @@ from studies.papers.xu2023.enumeration import Enumeration
 from studies.papers.xu2023.simulation import CAR, STEP, advance, detect, start
 from trackers import Scan, find, prior
 from trackers.batch import stack
+from trackers.composed import Composed, composed
 from trackers.dra.state import P1, P2, PLACE, VELOCITY, VX, W, X
 from trackers.geometry import box_corners, cross, rotation, wrap_angle
 from trackers.imm import moments
-from trackers.size import Ends
 
 TRACKERS = ("dra", "dra-imm", "edra-imm")
 FORMS = ("sequential", "soft", pytest.param(Enumeration(), id="joint", marks=pytest.mark.slow))
@@ -96,7 +96,7 @@ def follow(filter, world):
     for x, scan in steps:
         state = filter.predict(state, STEP)
         state, _ = filter.update(state, scan)
-        inner = state.inner if isinstance(filter, Ends) else state
+        inner = state.place if isinstance(filter, Composed) else state
         m, _ = moments(inner.m, inner.P, inner.mu)
         along = x[..., P1] + x[..., P2]
         estimates.append(filter.estimate(state))
@@ -120,7 +120,7 @@ MINUTES = [
 @pytest.mark.parametrize(("name", "form", "world"), MINUTES)
 def test_a_minute_straight_behind_leaves_a_car_and_the_names_of_its_vertices(name, form, world):
     """With the sizes of the layer around it; on the paper's radar and on ours."""
-    estimate, area, heading = follow(Ends(find(name, form=form)), world())
+    estimate, area, heading = follow(composed(find(name, form=form), size="ends"), world())
     assert (estimate.size[-1] > LOW).all()
     assert (estimate.size[-1] < HIGH).all()
     assert area.min() > 0.5 * CAR.prod() / 2
@@ -138,7 +138,7 @@ def test_alone_the_prior_of_rays_keeps_the_length_and_an_even_one_does_not():
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("name", TRACKERS)
 def test_the_body_keeps_its_shape_and_heading_through_a_u_turn(name, form):
-    estimate, area, heading = follow(Ends(find(name, form=form)), u_turn())
+    estimate, area, heading = follow(composed(find(name, form=form), size="ends"), u_turn())
     np.testing.assert_allclose(estimate.size[-1], CAR, rtol=0.2)
     assert area.min() > 0.5 * CAR.prod() / 2
     error = np.abs(wrap_angle(estimate.pose[..., 2] - heading))

@@ -1,0 +1,245 @@
+"""SizePosterior: a grid Bayes filter of length and width, from where detections lie about the box of another filter.
+
+Equations: docs/methods/size-from-both-ends.md.
+"""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.estimate import Estimate
+from trackers.geometry import rotation, to_frame, to_world
+from trackers.linalg import symmetrize
+from trackers.parameters import check_numbers
+from trackers.scan import Scan, SensorModel
+from trackers.size import spatial
+from trackers.size.belief import Belief, posterior
+from trackers.size.evidence import evidence, facing
+from trackers.size.fleet import Fleet, Prior
+from trackers.size.grid import LENGTH, WIDTH, Grid
+from trackers.size.hidden import Around
+from trackers.size.hits import Boxes, hits_of
+from trackers.size.profile import Profiles
+
+SIDE = np.sin(np.radians(10.0))  # a line of sight further off the axis meets sides behind the front of a load
+ROLLED_ABOVE = 0.75  # steps of mean offset from which the box is moved instead
+
+
+class SizeState(NamedTuple):
+    """What the detections say of both ends, and what follows from it."""
+
+    anchor: NDArray  # (..., 2) +-1: end (front, rear) and side (left, right) that faces the sensors; 0: none seen yet
+    length: NDArray  # (..., K, N) log likelihood of length and offset
+    width: NDArray  # (..., K', N')
+    belief: Belief
+    fully_visible: NDArray  # (...) bool, the next scan shows the complete object
+    side: NDArray  # (...) number of detections from another side than the front and the rear, older ones forgotten
+
+
+class Pin(NamedTuple):
+    """The box that the filter of place and motion is to have from now on."""
+
+    size: NDArray  # (..., 2) [m]
+    std: NDArray  # (..., 2) [m]
+    shift: NDArray  # (..., 2) [m] of its centre
+
+
+@dataclass(frozen=True)
+class SizePosterior:
+    """How detections are read; without `sensors` of its own, by the default data sheet."""
+
+    sensors: tuple[SensorModel, ...] = (SensorModel(max_range=np.inf, fov=2 * np.pi),)
+    fleet: Fleet = field(default_factory=Fleet)
+    length: Grid = LENGTH
+    width: Grid = WIDTH
+    outliers: float = 0.04  # eps, share of detections of neighbours and clutter
+    independent: int = 6  # n_eff: a scan with more detections counts as so many
+    memory: float = 10.0  # [s]
+    offset_tau: float = 2.0  # [s] time constant of the offset
+    lost_rate: float = 1.5e-3  # [1/s] at which a box is misplaced
+    pin: float = 0.03  # standard deviation of the size in the filter of the place, as a share of it
+    least_pin: float = 0.02  # [m]
+    part_weight: float = 0.3  # of scans that show a part of the width
+    enough_side: float = 5.0  # detections from beside an object after which they show all of its length
+    impossible: float = 1e-3  # probability of a greater size above which the gates reach so far
+    sigma: float = 0.2  # [m] noise of detections whose scan does not state it
+
+    def __post_init__(self) -> None:
+        check_numbers(
+            self, positive=("outliers", "independent", "memory", "offset_tau", "least_pin", "impossible", "sigma")
+        )
+
+    @cached_property
+    def grids(self) -> tuple[Grid, Grid]:
+        """Those of length and width."""
+        return self.length, self.width
+
+    @cached_property
+    def profiles(self) -> Profiles:
+        """The data sheets of the sensors as arrays."""
+        return Profiles.of(self.sensors)
+
+    @cached_property
+    def prior(self) -> Prior:
+        """The fleet on the grids."""
+        return Prior.of(self.fleet, self.length.sizes, self.width.sizes)
+
+    def born(self, lead: tuple[int, ...]) -> SizeState:
+        """The state of new objects with these leading axes: the fleet is the prior of their size."""
+        length, width = self.length.born(lead), self.width.born(lead)
+        anchor, side = np.zeros((*lead, 2)), np.zeros(lead)
+        belief = self.belief(np.exp(length), np.exp(width), anchor, side)
+        return SizeState(anchor, length, width, belief, np.ones(lead, bool), side)
+
+    def predicted(self, state: SizeState, dt: float) -> SizeState:
+        """The state after dt > 0 [s]: detections are forgotten, the offset spreads."""
+        p, q = (
+            grid.predicted(A, dt, self.memory, self.offset_tau, self.lost_rate)
+            for grid, A in zip(self.grids, (state.length, state.width), strict=True)
+        )
+        side = np.exp(-dt / self.memory) * state.side
+        belief = self.belief(p, q, state.anchor, side)
+        return SizeState(state.anchor, np.log(p), np.log(q), belief, state.fully_visible, side)
+
+    def corrected(
+        self, state: SizeState, heading: NDArray, box: Estimate, scan: Scan, around: Around | None
+    ) -> tuple[SizeState, Pin]:
+        """Grids with the detections of a scan, some at least, for the objects with detections; and the new box.
+
+        `box` is that after the scan, heading (...) [rad] the one before it, `around` the complete scan, whose other
+        detections hide parts of the objects, None where it is not known.
+        """
+        if scan.sensor.max(initial=0) >= len(self.sensors):
+            raise ValueError(
+                f"scan.sensor must index the {len(self.sensors)} data sheets by which sizes are read, got up to "
+                f"{scan.sensor.max()}; give the filter those of the radar by on(radar.models)"
+            )
+        lead = scan.mask.shape[:-1]
+        index = np.nonzero(scan.mask)
+        every = np.ravel_multi_index(index[:-1], lead) if lead else np.zeros(len(index[0]), int)
+        rows, start, row = np.unique(every, return_index=True, return_inverse=True)  # H objects with detections
+        axes = len(lead)
+        turned = np.cos(box.pose[..., 2] - heading) < 0  # front and rear changed places
+        before = np.where(turned[..., None], -state.anchor, state.anchor)
+        pose, size, anchor, length, width, fully_visible, side = (
+            flat(a, axes)[rows]
+            for a in (box.pose, box.size, before, state.length, state.width, state.fully_visible, state.side)
+        )
+        hits = hits_of(scan, index, row, pose, self.profiles, self.sigma)
+        place = np.add.reduceat(hits.place, start, axis=0) / np.diff(start, append=len(row))[:, None]
+        faced = facing(anchor, size, place)
+        for axis, A in enumerate((length, width)):
+            other = (faced * anchor)[:, axis] < 0
+            if other.any():
+                A[other] = self.grids[axis].flipped(A[other], size[other, axis])
+        boxes = Boxes(pose, size, faced)
+        if around is not None:
+            around = around.among(rows)
+        more = evidence(
+            self.grids, hits, boxes, start, fully_visible, self.outliers, self.independent, self.part_weight, around
+        )
+        length, width = (A - A.max((-2, -1), keepdims=True) for A in (length + more[0], width + more[1]))
+        side = side + np.add.reduceat((np.abs(hits.sight[:, 1]) > SIDE).astype(float), start)
+        belief = self.belief(np.exp(length), np.exp(width), faced, side)
+        step = np.array([grid.step for grid in self.grids])
+        steps = np.where(np.abs(belief.offset) > ROLLED_ABOVE * step, np.round(belief.offset / step), 0.0)
+        length, width = (
+            grid.rolled(A, steps[:, axis].astype(int))
+            for axis, (grid, A) in enumerate(zip(self.grids, (length, width), strict=True))
+        )
+        belief = belief._replace(offset=belief.offset - steps * step)  # (ENDS.22)
+        body = faced * ((size - belief.size) / 2 + steps * step)  # (ENDS.22)
+        new = SizeState(
+            anchor=written(state.anchor, rows, faced, axes),
+            length=written(state.length, rows, length, axes),
+            width=written(state.width, rows, width, axes),
+            belief=Belief(*(written(old, rows, b, axes) for old, b in zip(state.belief, belief, strict=True))),
+            fully_visible=state.fully_visible,
+            side=written(state.side, rows, side, axes),
+        )
+        size = written(box.size, rows, belief.size, axes)
+        body = written(np.zeros(box.size.shape), rows, body, axes)
+        d = (rotation(box.pose[..., 2]) @ body[..., None])[..., 0]
+        return new, Pin(size, self.pin_std(size), d)
+
+    def restarted(self, state: SizeState, size: NDArray) -> SizeState:
+        """The state of objects that start again with a size (..., 2) [m]; the width seen so far stays."""
+        l = size[..., :1]
+        std = np.maximum(0.15 * l, 0.3)
+        length = self.length.restarted(-0.5 * ((self.length.sizes - l) / std) ** 2)  # (ENDS.24)
+        top = state.width.max((-2, -1), keepdims=True)
+        of_width = np.exp(state.width - top).sum(-1)
+        width = self.width.restarted(np.log(np.maximum(of_width, 1e-300)))  # (ENDS.24)
+        width = width - width.max((-2, -1), keepdims=True)
+        length = length - length.max((-2, -1), keepdims=True)
+        side = np.maximum(state.side, 2 * self.enough_side)  # the length is that of complete bodies
+        belief = self.belief(np.exp(length), np.exp(width), state.anchor, side)
+        return SizeState(state.anchor, length, width, belief, state.fully_visible, side)
+
+    def estimate(self, state: SizeState, box: Estimate) -> Estimate:
+        """The box with size, class, and the place of the centre between both ends."""
+        b = state.belief
+        placed = _placed(state, box, b.size, b.centre_var)
+        contour = box.contour
+        if contour is not None:
+            scale = (b.size / box.size)[..., None, :]
+            contour = to_world(placed.pose, to_frame(box.pose, contour) * scale)
+        return placed._replace(size_std=np.sqrt(b.size_var), contour=contour, class_probability=b.kind.copy())
+
+    def reach(self, state: SizeState, box: Estimate) -> Estimate:
+        """The box with the greatest length and width that are possible, for gates; its `size_std` is 0."""
+        b = state.belief
+        size = np.stack(
+            [
+                grid.sizes[(p.cumsum(-1) < 1 - self.impossible).sum(-1).clip(max=len(grid.sizes) - 1)]  # (ENDS.28)
+                for grid, p in zip(self.grids, (b.length, b.width), strict=True)
+            ],
+            -1,
+        )
+        return _placed(state, box, size, b.offset_var)._replace(size_std=np.zeros(size.shape), contour=None)
+
+    def log_spatial(self, state: SizeState, box: Estimate, scan: Scan, track: NDArray, detection: NDArray) -> NDArray:
+        """Log density (G,) [1/m^2] of the detections with indices detection (G,) under the tracks track (G,)."""
+        boxes = Boxes(box.pose, box.size, state.anchor)
+        hits = hits_of(scan, (detection,), track, box.pose, self.profiles, self.sigma)
+        M = rotation(box.pose[:, 2])
+        place = (M.mT @ box.cov[:, :2, :2] @ M).diagonal(axis1=-2, axis2=-1)
+        return spatial.log_spatial(self.grids, hits, boxes, state.belief, place)
+
+    def belief(self, length: NDArray, width: NDArray, anchor: NDArray, side: NDArray) -> Belief:
+        """What likelihoods length (..., K, N) and width (..., K', N') say with the fleet."""
+        behind = np.where(anchor[..., 0] < 0, np.exp(-side / self.enough_side), 0.0)  # (ENDS.34)
+        return posterior(self.grids, self.prior, length, width, behind)
+
+    def pin_std(self, size: NDArray) -> NDArray:
+        """Standard deviation (..., 2) [m] of a size (..., 2) [m] in the filter of the place."""
+        return np.maximum(self.pin * size, self.least_pin)
+
+    def pinned(self, estimate: Estimate) -> Estimate:
+        """The estimate that a filter of the place starts from."""
+        return estimate._replace(size_std=self.pin_std(estimate.size), contour=None, class_probability=None)
+
+
+def _placed(state: SizeState, box: Estimate, size: NDArray, var: NDArray) -> Estimate:
+    """The box with another size (..., 2) [m] and the same anchor ends; var (..., 2) [m^2] is added to its axes."""
+    M = rotation(box.pose[..., 2])
+    body = state.anchor * (state.belief.offset + (box.size - size) / 2)  # (ENDS.21)
+    pose, cov = box.pose.copy(), box.cov.copy()
+    pose[..., :2] += (M @ body[..., None])[..., 0]  # (ENDS.21)
+    cov[..., :2, :2] += symmetrize((M * var[..., None, :]) @ M.mT)  # (ENDS.20)
+    return box._replace(pose=pose, cov=cov, size=size.copy())
+
+
+def flat(a: NDArray, axes: int) -> NDArray:
+    """A field with its leading axes, so many, as one."""
+    return a.reshape(-1, *a.shape[axes:])
+
+
+def written(old: NDArray, rows: NDArray, new: NDArray, axes: int) -> NDArray:
+    """A copy of a field with so many leading axes, rows (H,) of them replaced."""
+    copy = np.array(old)
+    flat(copy, axes)[rows] = new
+    return copy
