@@ -9,8 +9,8 @@ LOWEST := .venv-lowest
 LOWEST_STAMP := $(LOWEST)/.installed
 INSTALL := -m pip install --disable-pip-version-check --constraint
 PIP := $(BIN)/python $(INSTALL) constraints.txt
-# Neighbouring tests stay in one process, so that most fixtures of a module are made once.
-PYTEST := $(BIN)/pytest -n auto --dist worksteal
+# The tests of a file stay in one process, so that the fixtures of a module are made once.
+PYTEST := $(BIN)/pytest -n auto --dist loadfile
 SITE := build/docs
 # Byte code is kept, also where the machine's default is not to.
 export PYTHONDONTWRITEBYTECODE :=
@@ -33,7 +33,7 @@ explore: $(STAMP)  # every property with EXAMPLES new random examples; a failure
 explore: EXAMPLES ?= 500
 
 test-lowest: $(LOWEST_STAMP)  # what users meet, with the lowest versions that pyproject.toml allows
-	$(LOWEST)/bin/pytest -n auto --dist worksteal --disable-warnings tests/sensors tests/scenarios tests/trackers tests/testbed
+	$(LOWEST)/bin/pytest -n auto --dist loadfile --disable-warnings tests/sensors tests/scenarios tests/trackers tests/testbed
 
 lint: $(STAMP)
 	$(BIN)/ruff check .

@@ -3,34 +3,28 @@
 import shlex
 import sys
 import warnings
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeVar
+from typing import Annotated
 
 import typer
-from rich.markup import escape
 
 import testbed
-from testbed.command_line import tables
-from testbed.command_line.results import show_files, show_measures
+from testbed.command_line import options, tables
+from testbed.command_line.results import show_run
 from testbed.command_line.terminal import (
     busy,
     complain,
     console,
     drop_stdout,
     lenient_streams,
+    losses,
     progress_bar,
+    reported,
     user_input,
 )
 from testbed.files import LostFileWarning
 from trackers import DEFAULT
-
-if TYPE_CHECKING:
-    from testbed.run import RunResult
-
-Learned = TypeVar("Learned")
 
 app = typer.Typer(
     name="testbed",
@@ -75,20 +69,15 @@ def list_command(
 
 @app.command()
 def run(
-    scenario: Annotated[str, typer.Argument(help="A name of `testbed list scenarios`.")],
-    tracker: Annotated[
-        list[str] | None,
-        typer.Option(help=f"Repeat for several: the planner uses the first. Without it: {DEFAULT}."),
-    ] = None,
-    radar: Annotated[str, typer.Option(help="A name of `testbed list radars`.")] = "surround",
-    planner: Annotated[str, typer.Option(help="A name of `testbed list planners`.")] = "idm",
-    seed: Annotated[int, typer.Option(help="Of traffic and radar noise; the same seed gives the same result.")] = 0,
-    duration: Annotated[float | None, typer.Option(help="Seconds. Without it: the scenario's own.")] = None,
-    after: Annotated[
-        float | None, typer.Option(help="End the run that many seconds after the maneuver, or with its duration.")
-    ] = None,
+    scenario: options.Scenario,
+    tracker: options.Trackers = None,
+    radar: options.Radar = "surround",
+    planner: options.Planner = "idm",
+    seed: options.Seed = 0,
+    duration: options.Duration = None,
+    after: options.After = None,
     out: Annotated[Path, typer.Option(help="Directory for the log and the results.")] = Path("runs"),
-    log: Annotated[str, typer.Option(help="What goes into the log: off, metrics or full.")] = "full",
+    log: options.Log = "full",
     no_metrics: Annotated[
         bool, typer.Option("--no-metrics", help="Compare nothing with the truth, for speed; needs --log off.")
     ] = False,
@@ -122,9 +111,11 @@ def run(
     from testbed.run import run as run_once
 
     with user_input():
+        trackers, faults = tuple(tracker or (DEFAULT,)), tuple(fault or ())
+        file = None if config is None else str(config)
         settings = RunConfig(
             scenario,
-            tuple(tracker or (DEFAULT,)),
+            trackers,
             radar,
             planner,
             seed,
@@ -132,8 +123,8 @@ def run(
             str(out),
             log,
             not no_metrics,
-            tuple(fault or ()),
-            None if config is None else str(config),
+            faults,
+            file,
             focus,
             after,
         )
@@ -141,50 +132,21 @@ def run(
     with user_input((OSError, Unusable)), progress_bar("{task.completed:.1f} / {task.total:.1f} s") as bar:
         task = bar.add_task(f"{scenario}, seed {seed}", total=length(settings))
         result = run_once(settings, lambda done, total: bar.update(task, completed=done, total=total))
-    with _losses(result.lost):
-        _show(result)
+    with losses(result.lost):
+        show_run(result.result, {"results": result.json, "log": result.rrd}, focus, console)
     raise typer.Exit(result.exit_status)
-
-
-@contextmanager
-def _losses(lost: Iterable[str]) -> Iterator[None]:
-    """Say at the end what could not be written, also where the tables go to the same full disk."""
-    try:
-        yield
-    finally:
-        for sentence in lost:
-            complain(sentence)
-
-
-def _show(result: "RunResult") -> None:
-    if result.config.metrics:
-        show_measures(result.result, console)
-        console.print(tables.drive(result.result))
-    else:
-        console.print(tables.costs(result.result))
-    for event in result.result["run"].get("events", ()):
-        console.print(escape(f"at {event['time']:.1f} s: {event['text']}"))
-    focus, there = result.config.focus, sorted({row["object"] for row in result.result["objects"]})
-    if focus not in (None, *there):
-        known = ", ".join(map(str, there)) or "none"
-        console.print(f"[yellow]--focus: there was no vehicle {focus}; vehicles: {known}[/yellow]", highlight=False)
-    if result.interrupted:
-        console.print("[yellow]interrupted: the tables and files hold what was run until then[/yellow]")
-    show_files({"results": result.json, "log": result.rrd}, console)
 
 
 @app.command()
 def replay(
     folder: Annotated[Path, typer.Argument(help="Folder of the tables, see docs/own-recordings.md.")],
-    tracker: Annotated[
-        list[str] | None, typer.Option(help=f"Repeat for several, side by side. Without it: {DEFAULT}.")
-    ] = None,
+    tracker: options.Trackers = None,
     start: Annotated[
         float | None, typer.Option("--from", help="Seconds after the first scan. Without it: from that on.")
     ] = None,
     end: Annotated[float | None, typer.Option("--to", help="Seconds after the first scan. Without it: all.")] = None,
     out: Annotated[Path, typer.Option(help="Directory for the log, the results and the tracks.")] = Path("runs"),
-    log: Annotated[str, typer.Option(help="What goes into the log: off, metrics or full.")] = "full",
+    log: options.Log = "full",
 ) -> None:
     """Give a recording of your own to trackers: its tables in, tracks out.
 
@@ -204,24 +166,24 @@ def replay(
     with user_input((OSError,)), progress_bar("{task.completed:.0f} / {task.total:.0f} scans") as bar:
         task = bar.add_task(recorded.name, total=len(recorded.frames))
         done = replay_once(settings, recorded, lambda scans, total: bar.update(task, completed=scans, total=total))
-    with _losses(done.lost):
+    with losses(done.lost):
         command.show(done, console)
     raise typer.Exit(done.exit_status)
 
 
 @app.command()
 def record(
-    scenario: Annotated[str, typer.Argument(help="A name of `testbed list scenarios`.")],
+    scenario: options.Scenario,
     out: Annotated[Path, typer.Option(help="Folder for the tables.")],
-    seed: Annotated[int, typer.Option(help="Of traffic and radar noise; the same seed gives the same tables.")] = 0,
-    radar: Annotated[str, typer.Option(help="A name of `testbed list radars`.")] = "surround",
-    duration: Annotated[float | None, typer.Option(help="Seconds. Without it: the scenario's own.")] = None,
+    seed: options.Seed = 0,
+    radar: options.Radar = "surround",
+    duration: options.Duration = None,
     format: Annotated[str, typer.Option(help="Of the tables: parquet or csv.")] = "parquet",
 ) -> None:
     """Record the scans of a scenario and its truth, as tables that `testbed replay` reads.
 
-    The planner that knows the truth drives, so that the scans depend on no
-    tracker. Trackers say the same of the tables as of the scenario.
+    The planner gets the true state, so that the scans depend on no tracker. A
+    tracker gives the same tracks on the tables as in the scenario.
 
     Example: [bold]testbed record cut-in --seed 3 --out recordings/cut-in --format csv[/bold]
     """
@@ -272,44 +234,10 @@ def review(
     Example: [bold]testbed review runs/a.rrd --focus 3[/bold]
     Example: [bold]testbed review --report runs/compare[/bold]
     """
-    if report is not None:
-        from testbed.log.review_page.server import serve
+    from testbed.command_line import reviewing
 
-        with user_input():
-            if path or web or (screenshot, at, view, gif, html, focus) != (None,) * 6:
-                raise ValueError("--report shows a whole folder; leave out logs and other options, or call twice")
-            serve(report, lambda address: console.print(f"report   {address}\nCtrl-C ends it", highlight=False))
-        return
-    from testbed.log import review as reviewing
-
-    path = path or []
-    if screenshot is None and (html, gif) != (None, None):
-        with user_input():
-            if focus is not None:
-                raise ValueError("--focus goes with the viewer and --screenshot; a page opens at a vehicle by #veh=3")
-            if (at, view) != (None, None):
-                raise ValueError("--at and --view go with --screenshot; a page opens at a time by #t=3.5")
-    if web and (screenshot, html, gif) != (None,) * 3:
-        with user_input():
-            raise ValueError("--web shows logs in a browser; leave out --screenshot, --html and --gif, or call twice")
-    if html is not None:
-        from testbed.log.review_page.page import write
-
-        with user_input():
-            written = write(reviewing.only(path, "a page"), html)
-        console.print(f"page     {written}", soft_wrap=True)
-    if gif is not None:
-        from testbed.log.review_page import animation
-
-        with user_input():
-            written = animation.write(reviewing.only(path, "an animation"), gif)
-        console.print(f"picture  {written}", soft_wrap=True)
-    if screenshot is None and (html, gif) != (None, None):
-        return
     with user_input():
-        reviewing.review(path, web, screenshot, at, view, focus)
-    if screenshot is not None:
-        console.print(f"picture  {screenshot}", soft_wrap=True)
+        reviewing.show(path or [], reviewing.Wish(web, screenshot, at, view, focus, gif, html, report), console)
 
 
 @app.command()
@@ -336,7 +264,7 @@ def check(
     what: Annotated[str, typer.Argument(help="tracker, planner, radar or scenario.")],
     name: Annotated[str, typer.Argument(help="MODULE:OBJECT or a name, also with :KEY=VALUE,KEY=VALUE.")],
 ) -> None:
-    """Hold your own code to the laws that every entry of the catalogue keeps, and say in words which it breaks.
+    """Check your own code against the laws that every entry of the catalogue keeps, and say which it breaks.
 
     Exit status 1: a law is broken. The bracket behind a fault repeats it in
     Python.
@@ -367,52 +295,32 @@ def bench(
     Example: [bold]testbed bench --quick[/bold]
     Example: [bold]testbed bench cut-in --tracker rm-koch --tracker imm-spline --radar imaging[/bold]
     """
-    if scenario or tracker or radar:
-        _bench_chosen(scenario, tracker, radar, quick)
-        return
     from testbed import bench as benching
-
-    with progress_bar("part {task.completed:.0f} / {task.total:.0f}") as bar:
-        task = bar.add_task("benchmarks", total=1)
-        report = benching.measure(
-            quick, lambda done, total, what: bar.update(task, completed=done, total=total, description=what)
-        )
-    for table in report:
-        console.print(table)
-
-
-def _bench_chosen(scenario: list[str] | None, tracker: list[str] | None, radar: list[str] | None, quick: bool) -> None:
-    """The cost of a frame with what was named."""
     from testbed.bench import chosen
 
     with user_input():
         choice = chosen.Choice.of(scenario, tracker, radar, quick)
         choice.check()
-    with progress_bar("part {task.completed:.0f} / {task.total:.0f}") as bar:
-        task = bar.add_task("benchmarks", total=1)
-        report = chosen.measure(
-            choice, lambda done, total, what: bar.update(task, completed=done, total=total, description=what)
-        )
+    named = scenario or tracker or radar
+    report = reported(partial(chosen.measure, choice) if named else partial(benching.measure, quick), "benchmarks")
     for table in report:
         console.print(table)
 
 
 @app.command("learn-htg")
 def learn_htg(
-    data: Annotated[str, typer.Argument(help="sampler:RIG[:class], an .npz, a log, or the folder of real detections.")],
+    data: options.Detections,
     out: Annotated[Path, typer.Option(help="The table, a .json file.")],
     bins: Annotated[int, typer.Option(help="Number of aspect bins.")] = 8,
     mass_min: Annotated[
         float, typer.Option(help="Least mass inside the bounds; .25 for filters with pseudo-measurements.")
     ] = 0.0,
-    count: Annotated[int, typer.Option(help="Detections that the sampler draws.")] = 60000,
-    seed: Annotated[int, typer.Option(help="Of the sampler; the same seed gives the same data.")] = 0,
+    count: options.Count = 60000,
+    seed: options.Seed = 0,
     edges: Annotated[
         bool, typer.Option("--edges", help="Edges instead of middles of bins at 0 and 180 degrees.")
     ] = False,
-    no_mirror: Annotated[
-        bool, typer.Option("--no-mirror", help="Do not add the mirror images of the opposite bins.")
-    ] = False,
+    no_mirror: options.NoMirror = False,
 ) -> None:
     """Learn a table of truncated Gaussians, one for each aspect bin, from detections; docs/learning.md has the formats.
 
@@ -422,7 +330,7 @@ def learn_htg(
 
     with user_input():
         config = LearnConfig(data, bins, not edges, not no_mirror, mass_min, count, seed)
-    learned = _learned(partial(learn, config, out))
+        learned = reported(partial(learn, config, out), "learning")
     for part in report(learned):
         console.print(part)
     console.print(f"table    {learned.path}", soft_wrap=True)
@@ -430,18 +338,16 @@ def learn_htg(
 
 @app.command("learn-spline")
 def learn_spline(
-    data: Annotated[str, typer.Argument(help="sampler:RIG[:class], an .npz, a log, or the folder of real detections.")],
+    data: options.Detections,
     out: Annotated[Path, typer.Option(help="The model, a .json file.")],
     ellipses: Annotated[int, typer.Option(help="Number of ellipses on the contour.")] = 24,
     points: Annotated[int, typer.Option(help="Number of its control points.")] = 12,
     visibility: Annotated[
         str, typer.Option(help="rays: ellipses weighed by what the sensor sees; none: all alike.")
     ] = "rays",
-    count: Annotated[int, typer.Option(help="Detections that the sampler draws.")] = 20000,
-    seed: Annotated[int, typer.Option(help="Of the sampler; the same seed gives the same data.")] = 0,
-    no_mirror: Annotated[
-        bool, typer.Option("--no-mirror", help="Do not add the mirror images, left for right.")
-    ] = False,
+    count: options.Count = 20000,
+    seed: options.Seed = 0,
+    no_mirror: options.NoMirror = False,
 ) -> None:
     """Learn ellipses on a B-spline contour, the model of the pmht-spline trackers; data as for learn-htg.
 
@@ -451,60 +357,34 @@ def learn_spline(
     from trackers.pmht.offline import OfflineLearning
 
     with user_input():
-        options = OfflineLearning(ellipses, points, visibility=visibility, mirrored=not no_mirror)
-        config = SplineConfig(data, count, seed, options)
-    learned = _learned(partial(learn, config, out))
+        model = OfflineLearning(ellipses, points, visibility=visibility, mirrored=not no_mirror)
+        config = SplineConfig(data, count, seed, model)
+        learned = reported(partial(learn, config, out), "learning")
     for part in report(learned):
         console.print(part)
     console.print(f"model    {learned.path}", soft_wrap=True)
 
 
-def _learned(learn: Callable[[Callable[[int, int, str], None]], Learned]) -> Learned:
-    """What `learn` learns, with a bar of the progress that it reports."""
-    bar = progress_bar("part {task.completed:.0f} / {task.total:.0f}")
-    task = bar.add_task("learning", total=1)
-
-    def show(done: int, total: int, what: str) -> None:
-        bar.start()  # not before the input is known to be valid: then a fault stays one sentence
-        bar.update(task, completed=done, total=total, description=what)
-
-    with user_input():
-        try:
-            return learn(show)
-        finally:
-            if bar.live.is_started:
-                bar.stop()
-
-
 @app.command()
 def compare(
     scenario: Annotated[list[str], typer.Argument(help="Names of `testbed list scenarios`, or all.")],
-    tracker: Annotated[
-        list[str] | None, typer.Option(help="Repeat for several. Without it, or with `all`: the whole catalogue.")
-    ] = None,
-    seeds: Annotated[str, typer.Option(help="0:20 for 0 to 19, a list 0,3,7, or one number.")] = "0:20",
+    tracker: options.EveryTracker = None,
+    seeds: options.Seeds = "0:20",
     reference: Annotated[
         str | None, typer.Option(help="The tracker that the others are compared with. Without it: the first.")
     ] = None,
-    radar: Annotated[str, typer.Option(help="A name of `testbed list radars`.")] = "surround",
+    radar: options.Radar = "surround",
     loop: Annotated[
         str, typer.Option(help="open: all get the same recorded scans; closed: the planner uses each.")
     ] = "open",
-    planner: Annotated[str, typer.Option(help="The planner in closed loop.")] = "idm",
-    fault: Annotated[
-        list[str] | None,
-        typer.Option(help="Every scenario also with this fault; repeat for several, one after the other."),
-    ] = None,
-    duration: Annotated[float | None, typer.Option(help="Seconds. Without it: the scenarios' own.")] = None,
-    after: Annotated[
-        float | None, typer.Option(help="End a run that many seconds after the maneuver, or with its duration.")
-    ] = None,
+    planner: options.Planner = "idm",
+    fault: options.Faults = None,
+    duration: options.Duration = None,
+    after: options.After = None,
     settle: Annotated[float, typer.Option(help="Seconds at the start of a run of which no scan enters a mean.")] = 0.0,
-    jobs: Annotated[int, typer.Option(help="Number of processes; -1 for one a core.")] = 1,
-    dask: Annotated[str | None, typer.Option(help="Address of a Dask scheduler, in place of local processes.")] = None,
-    out: Annotated[Path, typer.Option(help="Directory of the results; runs that lie there are kept.")] = Path(
-        "runs/compare"
-    ),
+    jobs: options.Jobs = 1,
+    dask: options.Dask = None,
+    out: options.Results = Path("runs/compare"),
 ) -> None:
     """Compare trackers on common random numbers: tables with 95 % intervals, Parquet, figures, a report page.
 
@@ -546,11 +426,8 @@ def regret(
     tracker: Annotated[
         list[str] | None, typer.Option(help=f"Repeat for several. Without it: {DEFAULT}, unless errors are injected.")
     ] = None,
-    fault: Annotated[
-        list[str] | None,
-        typer.Option(help="Every tracker also with this fault of the radar; repeat for several, one after the other."),
-    ] = None,
-    seeds: Annotated[str, typer.Option(help="200:220 for 200 to 219, a list 0,3,7, or one number.")] = "200:220",
+    fault: options.Faults = None,
+    seeds: options.Seeds = "200:220",
     attribute: Annotated[
         bool, typer.Option("--attribute", help="Also which group of errors costs what: existence, geometry, motion.")
     ] = False,
@@ -558,14 +435,12 @@ def regret(
         list[str] | None,
         typer.Option(help="NAME=VALUE, an error put into what is in view; repeat for several doses."),
     ] = None,
-    radar: Annotated[str, typer.Option(help="A name of `testbed list radars`.")] = "surround",
-    duration: Annotated[float | None, typer.Option(help="Seconds. Without it: the scenarios' own.")] = None,
-    jobs: Annotated[int, typer.Option(help="Number of processes; -1 for one a core.")] = 1,
-    dask: Annotated[str | None, typer.Option(help="Address of a Dask scheduler, in place of local processes.")] = None,
-    junit: Annotated[Path | None, typer.Option(help="Also write the findings to this file, as JUnit XML.")] = None,
-    out: Annotated[Path, typer.Option(help="Directory of the results; drives that lie there are kept.")] = Path(
-        "runs/regret"
-    ),
+    radar: options.Radar = "surround",
+    duration: options.Duration = None,
+    jobs: options.Jobs = 1,
+    dask: options.Dask = None,
+    junit: options.Junit = None,
+    out: options.Results = Path("runs/regret"),
 ) -> None:
     """What tracking error costs in driving: drives on the truth, on what is in view, and on tracks, paired by seed.
 
@@ -607,14 +482,14 @@ def probe(
     search: Annotated[
         str | None, typer.Option(help="The parameter that is made harder. Without it: the first of the probe.")
     ] = None,
-    planner: Annotated[str, typer.Option(help="A name of `testbed list planners`.")] = "idm",
+    planner: options.Planner = "idm",
     tracker: Annotated[str, typer.Option(help="A name of `testbed list trackers`; compared with the truth.")] = DEFAULT,
-    radar: Annotated[str, typer.Option(help="A name of `testbed list radars`.")] = "surround",
-    seeds: Annotated[str, typer.Option(help="0:20 for 0 to 19, a list 0,3,7, or one number.")] = "0:20",
+    radar: options.Radar = "surround",
+    seeds: options.Seeds = "0:20",
     resolution: Annotated[float, typer.Option(help="In the unit of the parameter.")] = 0.5,
-    jobs: Annotated[int, typer.Option(help="Number of processes; -1 for one a core.")] = 1,
-    dask: Annotated[str | None, typer.Option(help="Address of a Dask scheduler, in place of local processes.")] = None,
-    out: Annotated[Path, typer.Option(help="Directory of the limits found; they are kept.")] = Path("runs/probe"),
+    jobs: options.Jobs = 1,
+    dask: options.Dask = None,
+    out: options.Results = Path("runs/probe"),
 ) -> None:
     """Find the hardest setting of a probe that 95 % of the seeds survive, on the truth and on tracks.
 
@@ -640,21 +515,16 @@ def probe(
 @app.command()
 def regress(
     update: Annotated[bool, typer.Option("--update", help="Write the results as the new baselines.")] = False,
-    tracker: Annotated[list[str] | None, typer.Option(help="Repeat for several. Without it: all.")] = None,
+    tracker: options.EveryTracker = None,
     scenario: Annotated[list[str] | None, typer.Option(help="Repeat for several. Without it: all.")] = None,
-    fault: Annotated[
-        list[str] | None,
-        typer.Option(help="Every scenario also with this fault; repeat for several, one after the other."),
-    ] = None,
+    fault: options.Faults = None,
     jobs: Annotated[int | None, typer.Option(help="Number of processes. Without it: one a core.")] = None,
-    dask: Annotated[str | None, typer.Option(help="Address of a Dask scheduler, in place of local processes.")] = None,
-    junit: Annotated[Path | None, typer.Option(help="Also write the findings to this file, as JUnit XML.")] = None,
+    dask: options.Dask = None,
+    junit: options.Junit = None,
     baselines: Annotated[
         Path | None, typer.Option(help="File of the baselines. Without it: the committed one.")
     ] = None,
-    out: Annotated[Path, typer.Option(help="Directory of the runs; those of other code are deleted.")] = Path(
-        "runs/regress"
-    ),
+    out: Annotated[Path, typer.Option(help="Directory of the runs; those of other code go.")] = Path("runs/regress"),
 ) -> None:
     """Compare every tracker in every scenario with the committed baselines; docs/regression.md has the rules.
 
@@ -687,7 +557,7 @@ def regress(
 def reproduce(
     paper: Annotated[str, typer.Argument(help="hoher2022, xia2020, xia2020-learned, xu2023 or yao2021.")],
     runs: Annotated[int, typer.Option(help="Monte Carlo runs of each case.")] = 100,
-    seed: Annotated[int, typer.Option(help="The same seed gives the same numbers.")] = 0,
+    seed: options.Seed = 0,
     out: Annotated[Path, typer.Option(help="Directory for the figures and the results.")] = Path("runs/reproduce"),
 ) -> None:
     """Repeat a paper's experiment: its numbers beside ours, and a verdict on each claim.
@@ -703,16 +573,9 @@ def reproduce(
     with user_input():
         catalogue = study("papers.catalogue", "testbed reproduce")
         catalogue.check(paper, runs, seed, out)
-    with user_input((OSError,)), progress_bar("{task.percentage:.0f} %", window=600.0) as bar:
-        task = bar.add_task(paper, total=1)
-        done = catalogue.reproduce(
-            paper,
-            runs,
-            seed,
-            out,
-            lambda done, total, what: bar.update(task, completed=done, total=total, description=what),
-        )
-    with _losses(done.report.lost):
+    with user_input((OSError,)):
+        done = reported(partial(catalogue.reproduce, paper, runs, seed, out), paper, "{task.percentage:.0f} %", 600.0)
+    with losses(done.report.lost):
         for table in done.report.tables():
             console.print(table)
         if done.report.interrupted:

@@ -20,6 +20,17 @@ FLOORS = {
     "sensors": ("numpy", "trackers.geometry", "trackers.lookup", "trackers.scan"),
     "scenarios": ("numpy", "highway_env", "gymnasium", "sensors.scene", "trackers.geometry", "trackers.lookup"),
 }
+# Rooms of testbed, modules and folders directly in it, by floor from the ground up; a room imports lower floors only.
+ROOMS = (
+    ("frame", "files", "limits"),
+    ("evaluation", "planners"),
+    ("log", "metrics"),
+    ("environment", "command_line"),
+    ("replay", "check", "learn", "bench", "__init__"),
+    ("experiments",),
+    ("cli",),
+)
+LEAVING = ("run",)  # on no floor until they are gone
 # Library -> modules, or packages, that may import it.
 HOMES = {
     "highway_env": (
@@ -145,6 +156,31 @@ def find_cycle(sources: dict[str, str]) -> list[str]:
     return []
 
 
+def room_of(module: str) -> str:
+    """The room of testbed that a module lies in; what starts the command line belongs to it."""
+    room = module.split(".")[1] if "." in module else "__init__"
+    return "cli" if room == "__main__" else room
+
+
+def floor_faults(sources: dict[str, str]) -> list[str]:
+    """Imports within testbed that do not run downwards, and rooms that stand on no floor."""
+    floors = {room: floor for floor, rooms in enumerate(ROOMS, 1) for room in rooms}
+    found = []
+    for module, names in import_graph(sources).items():
+        room = room_of(module)
+        if not within(module, ("testbed",)) or room in LEAVING:
+            continue
+        if room not in floors:
+            found.append(f"{module} is in a room that stands on no floor; give {room} one")
+            continue
+        for name in sorted(names):
+            other = room_of(name)
+            beside = not within(name, ("testbed",)) or other == room or other in LEAVING
+            if not beside and floors[room] <= floors.get(other, 0):
+                found.append(f"{module}, floor {floors[room]}, imports {name}, floor {floors[other]}")
+    return found
+
+
 def own_sources() -> dict[str, str]:
     return {module: file.read_text(encoding="utf-8") for module, file in source_files().items()}
 
@@ -157,6 +193,28 @@ def test_imports_run_downwards_and_libraries_stay_in_their_homes():
 
 def test_modules_do_not_import_each_other_in_circles():
     assert find_cycle(own_sources()) == []
+
+
+def test_rooms_of_testbed_import_lower_floors_only():
+    sources = own_sources()
+    assert floor_faults(sources) == []
+    there = {room_of(module) for module in sources if within(module, ("testbed",))}
+    assert there - {*LEAVING} == {room for rooms in ROOMS for room in rooms}
+    assert [len(rooms) for rooms in ROOMS] == [3, 2, 2, 2, 5, 1, 1]
+
+
+@pytest.mark.parametrize(
+    ("module", "source", "words"),
+    [
+        ("testbed.log.writer", "def f():\n    from testbed.environment.wrapper import TrackedEnv", "floor 3, imports"),
+        ("testbed.replay.command", "import testbed.check.laws", "floor 5, imports testbed.check.laws, floor 5"),
+        ("testbed.bench", "from testbed.cli import main", "floor 5, imports testbed.cli, floor 7"),
+        ("testbed.attic.store", "import numpy", "on no floor; give attic one"),
+    ],
+)
+def test_an_import_of_the_same_or_a_higher_floor_and_a_room_of_no_floor_are_caught(module, source, words):
+    (fault,) = floor_faults({**own_sources(), module: source})
+    assert words in fault
 
 
 def test_tests_draw_seeded_numbers_and_catch_named_errors():

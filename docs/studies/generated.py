@@ -5,7 +5,7 @@
 
 import re
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -58,21 +58,12 @@ def catalogue() -> str:
             [(f"`{s.name}`", s.purpose, str(s.vehicles), f"{s.duration:g}", builder(s)) for s in SCENARIOS.values()],
         ),
         probe=env_id("probe-brake"),
-        probes=markdown_table(
-            ("name", "what", "s", "parameters"),
-            [(f"`{p.name}`", p.purpose, f"{p.duration:g}", parameters(p)) for p in PROBES.values()],
-        ),
+        probes=names(PROBES),
         trackers=markdown_table(
             ("name", "what", "code", "method"),
             [(f"`{t.name}`", t.source, source(t.filter), method(place_of(t.filter))) for t in TRACKERS.values()],
         ),
-        radars=markdown_table(
-            ("name", "what", "sensors", "rate"),
-            [
-                (f"`{r.name}`", r.note, str(len(r.sensors)), "frame" if r.rate is None else f"{r.rate:g}")
-                for r in RADARS.values()
-            ],
-        ),
+        radars=names(RADARS),
         planners=markdown_table(("name", "what"), [(f"`{p.name}`", p.note) for p in PLANNERS.values()]),
         contours=markdown_table(
             ("name", "what", "default [m]", "lengths [m]", "widths [m]"),
@@ -107,9 +98,9 @@ def builder(scenario: Scenario) -> str:
     return link(module.partition(":")[0])
 
 
-def parameters(probe: Scenario) -> str:
-    """The parameters of a probe in words."""
-    return "; ".join(f"`{p.name}` = {p.default:g} {p.unit}, {p.note}" for p in probe.parameters)
+def names(registry: Iterable[str]) -> str:
+    """The names of a registry in a row."""
+    return ", ".join(f"`{name}`" for name in registry)
 
 
 def source(filter: Any) -> str:

@@ -21,8 +21,8 @@ EXPLAINED = (  # what a newcomer cannot guess
     "NEES: squared error over the variance that the tracker claims; 2 if it knows how wrong it is, more if it is too "
     "sure of itself.",
 )
-HARM = (
-    "harm: squared error at GOSPA's prices over the time that it lasted, nearer to the ego weighing more [m^2 s]; "
+SEVERITY = (
+    "severity: squared error at GOSPA's prices over the time that it lasted, nearer to the ego weighing more [m^2 s]; "
     "docs/methods/metrics.md."
 )
 
@@ -60,11 +60,11 @@ def moments(result: Mapping[str, Any]) -> Table:
 
     several = len(result["trackers"]) > 1
     table = light_table(f"the {len(result['moments'])} worst moments")
-    for name in ("time [s]", "who", "what and why", "harm"):
-        table.add_column(escape(name), justify="right" if name in ("time [s]", "harm") else "left", overflow="fold")
+    for name in ("time [s]", "who", "what and why", "severity"):
+        table.add_column(escape(name), justify="right" if name in ("time [s]", "severity") else "left", overflow="fold")
     for m in result["moments"]:
         who = subject(m) + (f"\n{m['tracker']}" if several else "")
-        table.add_row(*map(escape, (number(m["time"], 1), who, f"{happened(m)}\n{m['why']}", number(m["harm"], 1))))
+        table.add_row(*map(escape, (number(m["time"], 1), who, f"{happened(m)}\n{m['why']}", number(m["severity"], 1))))
     return table
 
 

@@ -2,10 +2,10 @@
 
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from io import TextIOWrapper
-from typing import IO, Any, cast
+from typing import IO, Any, TypeVar, cast
 
 import typer
 from rich.console import Console
@@ -14,6 +14,7 @@ from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedCo
 from rich.status import Status
 
 console = Console()
+Made = TypeVar("Made")
 LONGEST = 600  # characters of a sentence
 INPUT_FAULTS = (LookupError, ValueError, OSError)
 
@@ -38,6 +39,16 @@ def complain(sentence: object) -> None:
         text = f"{text[: LONGEST // 2]} [...] {text[-LONGEST // 2 :]}"
     with suppress(OSError):  # nothing else can be done where stderr cannot be written
         print(text, file=sys.stderr, flush=True)
+
+
+@contextmanager
+def losses(lost: Iterable[str]) -> Iterator[None]:
+    """Say at the end what could not be written, also where the tables go to the same full disk."""
+    try:
+        yield
+    finally:
+        for sentence in lost:
+            complain(sentence)
 
 
 def lenient_streams() -> None:
@@ -75,6 +86,27 @@ def progress_bar(amount: str, window: float = 30.0) -> Progress:
     )
     console = Console(file=cast(IO[str], LossyStderr()))
     return Progress(*columns, console=console, speed_estimate_period=window)
+
+
+def reported(
+    work: Callable[[Callable[[float, float, str], None]], Made],
+    name: str,
+    amount: str = "part {task.completed:.0f} / {task.total:.0f}",
+    window: float = 30.0,
+) -> Made:
+    """What `work(progress)` returns, under a bar that it moves by `progress(done, total, what)`."""
+    bar = progress_bar(amount, window)
+    task = bar.add_task(name, total=1)
+
+    def show(done: float, total: float, what: str) -> None:
+        bar.start()  # not before the input is known to be valid: then a fault stays one sentence
+        bar.update(task, completed=done, total=total, description=what)
+
+    try:
+        return work(show)
+    finally:
+        if bar.live.is_started:
+            bar.stop()
 
 
 def busy(what: str) -> Status:

@@ -3,8 +3,8 @@
 Of the truth nothing goes further: a `Scene` goes in, `Tracks` come out. There are two exceptions, both for experiments
 that ask what tracking costs: the tracker called "truth", whose tracks are the scene itself, and `TruthBased` ones.
 
-Where the truth is the only tracker and nobody observes, scenes wait until a frame is asked for. They are then scanned
-in their order, so that the radar draws the same numbers as if it had scanned them at once.
+Where the truth is the only tracker and there is no observer, scenes wait until a frame is asked for. They are then
+scanned in their order, so that the radar draws the same numbers as if it had scanned them at once.
 """
 
 from collections import deque
@@ -32,7 +32,7 @@ from trackers.multi.tracker import MultiObjectTracker
 from trackers.multi.tracks import StepInfo, Tracks
 from trackers.scan import Scan, SensorModel
 
-PATIENCE = 1000  # scenes that may wait to be scanned; a minute of highway-v0
+MAX_DEFERRED_SCANS = 1000  # scenes that may wait to be scanned; a minute of highway-v0
 
 
 class RadarLike(Protocol):
@@ -272,24 +272,52 @@ class Perception:
         """
         self._read, self._rng, self._frequency, self.steps = read, rng, frequency, 0
         self._fault_rngs = tuple(fault_rngs)
-        self._waiting: deque[tuple[int, Scene, str, NDArray]] = deque()  # frames without a scan yet, the last one last
+        self._deferred: deque[tuple[int, Scene, str, NDArray]] = deque()  # frames without a scan yet, the last one last
         self._mapped: dict[str, TrackerLike | None] = {}
         self._tracks: dict[str, Tracks] = {}
         self._states: dict[str, Any] = {}  # of those that are truth-based
         for name, tracker in self.trackers.items():
             if isinstance(tracker, TruthBased):
-                self._states[name] = tracker.start_on(road)
+                self._states[name], self._mapped[name] = tracker.start_on(road), None
             else:
                 self._mapped[name] = mapped = on_road(tracker, road)
                 if mapped is not None:
                     self._tracks[name] = mapped.start()
-        self._scan(action, np.zeros((0, 2)))
+        self.step(action, np.zeros((0, 2)), first=True)
 
-    def step(self, action: str, plan: NDArray) -> None:
-        """One simulated frame has passed under the planner's action and plan (P, 2) [m]: scan if a scan is due."""
-        self.steps += 1
-        if self._due():
-            self._scan(action, plan)
+    def step(self, action: str, plan: NDArray, first: bool = False) -> None:
+        """One simulated frame has passed under the planner's action and plan (P, 2) [m]: scan if a scan is due.
+
+        The first frame of an episode has a scan, whose frame `notify` hands out.
+        """
+        self.steps += not first
+        if not (first or self._due()):
+            return
+        start = perf_counter()
+        scene = self._read(self.steps)
+        self.scene = scene = scene._replace(dt=scene.time - self.scene.time if self.steps else 0.0)
+        self.seconds["sense"] += perf_counter() - start
+        if self.only_truth and not self.observers:
+            self._deferred.append((self.steps, scene, action, plan))
+            self._catch_up(MAX_DEFERRED_SCANS)
+            return
+        self._catch_up(0)
+        scan, origin = self._scan(scene)
+        outputs = {}
+        for name, tracker in self._mapped.items():
+            start = perf_counter()
+            if name in self._states:
+                based: Any = self.trackers[name]
+                state, *output = based.step_on_truth(self._states[name], scan, scene, origin)
+                self._states[name], outputs[name] = state, tuple(output)
+            elif tracker is None:
+                outputs[name] = truth_tracks(scene), truth_info(scene, origin)
+            else:
+                outputs[name] = tracker.step(self._tracks[name], scan, scene.dt)
+                self._tracks[name] = outputs[name][0]
+            self._count(name, perf_counter() - start, outputs[name][1])
+        self._frame = Frame(self.steps, scene, scan, origin, outputs, action, plan)
+        if not first:
             self.notify()
 
     def notify(self) -> None:
@@ -327,39 +355,26 @@ class Perception:
         scans = self.radar.rate / self._frequency  # a frame
         return int(self.steps * scans + 1e-9) > int((self.steps - 1) * scans + 1e-9)  # (RAD.24)
 
-    def _scan(self, action: str, plan: NDArray) -> None:
-        """Read the scene, scan it, and give the scan to all trackers; where nobody looks the scene waits."""
-        start = perf_counter()
-        scene = self._read(self.steps)
-        self.scene = scene._replace(dt=scene.time - self.scene.time if self.steps else 0.0)
-        self._waiting.append((self.steps, self.scene, action, plan))
-        self.seconds["sense"] += perf_counter() - start
-        self._catch_up(PATIENCE if self.only_truth and not self.observers else 0)
-
-    def _catch_up(self, patience: int) -> None:
-        """Scan the scenes that wait, until so many are left."""
-        while len(self._waiting) > patience:
-            self._frame = self._scanned(*self._waiting.popleft())
-
-    def _scanned(self, step: int, scene: Scene, action: str, plan: NDArray) -> Frame:
-        """The frame of a scene."""
+    def _scan(self, scene: Scene) -> tuple[Scan, Origin]:
+        """The scan of a scene, with faults."""
         start = perf_counter()
         scan, origin = self.radar.scan(scene, self._rng)
         scan, origin = apply_faults(self.faults, self._fault_rngs, self.radar.models, scene, scan, origin)
-        scanned = perf_counter()
-        outputs = {name: self._track(name, scene, scan, origin) for name in self.trackers}
-        self.seconds["sense"] += scanned - start
-        self.seconds["track"] += perf_counter() - scanned
-        return Frame(step, scene, scan, origin, outputs, action, plan)
+        self.seconds["sense"] += perf_counter() - start
+        return scan, origin
 
-    def _track(self, name: str, scene: Scene, scan: Scan, origin: Origin) -> tuple[Tracks, StepInfo]:
-        start, tracker = perf_counter(), self.trackers[name]
-        if isinstance(tracker, TruthBased):
-            self._states[name], tracks, info = tracker.step_on_truth(self._states[name], scan, scene, origin)
-        elif (mapped := self._mapped[name]) is None:
-            tracks, info = truth_tracks(scene), truth_info(scene, origin)
-        else:
-            tracks, info = mapped.step(self._tracks[name], scan, scene.dt)
-            self._tracks[name] = tracks
-        self.costs[name] = self.costs[name].after(perf_counter() - start, info)
-        return tracks, info
+    def _catch_up(self, left: int) -> None:
+        """Scan deferred scenes, where the truth is the only tracker, until so many are left."""
+        while len(self._deferred) > left:
+            step, scene, action, plan = self._deferred.popleft()
+            scan, origin = self._scan(scene)
+            start = perf_counter()
+            truth = truth_tracks(scene), truth_info(scene, origin)
+            self._frame = Frame(step, scene, scan, origin, dict.fromkeys(self.trackers, truth), action, plan)
+            for name in self.trackers:
+                self._count(name, perf_counter() - start, truth[1])
+
+    def _count(self, name: str, seconds: float, info: StepInfo) -> None:
+        """Add a step of a tracker to what it has cost."""
+        self.seconds["track"] += seconds
+        self.costs[name] = self.costs[name].after(seconds, info)

@@ -16,7 +16,7 @@ from testbed.environment.smoothing import StateHistory
 from testbed.evaluation.drive_evaluator import DriveEvaluator
 from testbed.evaluation.driving import HARDEST, LONGEST, DriveFrame
 from testbed.evaluation.histories import LOST_AFTER, TIME_ROUNDING
-from testbed.evaluation.moments import WORST, all_moments, harm_of, moment_row
+from testbed.evaluation.moments import WORST, all_moments, moment_row, severity_of
 from testbed.evaluation.snapshots import Snapshots
 from testbed.evaluation.tracking import UNKNOWN, Evaluator, jsonable
 from testbed.files import check_target, make_directory, noting_losses, reserve, write_json
@@ -179,7 +179,9 @@ class Recorder:
             "drive": jsonable(self.drive.summary()),
             "trackers": {name: jsonable(e.summary()) for name, e in self.evaluators.items()},
             "phases": [jsonable(row) for e in self.evaluators.values() for row in e.phase_rows()],
-            "objects": [{**jsonable(row), "harm": harm_of(moments, n, int(row["object"]))} for n, row in objects],
+            "objects": [
+                {**jsonable(row), "severity": severity_of(moments, n, int(row["object"]))} for n, row in objects
+            ],
             "orphans": [jsonable(row) for e in self.evaluators.values() for row in e.orphan_rows()],
             "moments": [moment_row(moment) for moment in moments[:WORST]],
         }

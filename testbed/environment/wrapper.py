@@ -7,7 +7,7 @@ Three hooks, none of which changes the simulation (docs/methods/environment.md):
 - road swap: between calls `env.unwrapped.road` is the belief road, so planners that read or copy it plan on tracks.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from os import PathLike
 from typing import Any
@@ -114,13 +114,13 @@ def planner_name(planner: Any) -> str:
 
 
 @contextmanager
-def frame_tap(road: Road, on_frame: Callable[[], None]) -> Iterator[None]:
-    """Call on_frame() after each step of the road; do not copy the road meanwhile: the copy would call it too."""
+def frame_tap(road: Road, perception: Perception, action: str, plan: NDArray) -> Iterator[None]:
+    """Call `perception.step` after each step of the road. Do not copy the road meanwhile: the copy would call it."""
     step = road.step
 
     def tapped(dt: float) -> None:
         step(dt)
-        on_frame()
+        perception.step(action, plan)
 
     road.step = tapped
     try:
@@ -221,7 +221,6 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
         self.notes: dict[str, str] = {}  # what else the files are to say about the run
         self.plan: NDArray = np.zeros((0, 2))  # (P, 2) [m] the planner's path; set before `step`, for the observers
         self.cruise_speed = SLOWEST_CRUISE  # [m/s] of a planner on a free road
-        self._action = "reset"
         self._radar = radar
         self._mounted: Perception | None = Perception.mount(radar, (tracker, *also), faults)
         self._swap: RoadSwap | None = RoadSwap(env.unwrapped)
@@ -307,7 +306,7 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
             return self.env.reset(seed=seed, options=options)
         self._swap.show()
         self._episode = 0 if seed is not None else self._episode + 1
-        self._belief, self._action, self.plan = None, "reset", np.zeros((0, 2))
+        self._belief, self.plan = None, np.zeros((0, 2))
         self._decided = None
         self._ended = False
         with self._viewed_from_the_start(), self._fence:
@@ -336,10 +335,10 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
             )
         self._swap.show()
         core = self._core
-        self._action = describe_action(core.action_type, action)
+        words = describe_action(core.action_type, action)
         attach_view(core.observation_type, self._view)
         try:
-            with frame_tap(core.road, self._on_frame), self._fence:
+            with frame_tap(core.road, self._perception, words, self.plan), self._fence:
                 observation, reward, terminated, truncated, info = self.env.step(action)
         finally:
             self._swap.hide(self._belief_now())
@@ -378,7 +377,7 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
         self._record()
         perception.notify()
         frequency = core.config["simulation_frequency"]
-        with frame_tap(core.road, self._on_frame):
+        with frame_tap(core.road, perception, "reset", self.plan):
             for _ in range(round(self.warm_up * frequency)):
                 core.road.act()
                 core.road.step(1 / frequency)
@@ -443,10 +442,6 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
         if self._mounted is None:
             raise AttributeError("a deep copy of the environment has no radar and no tracker; use the original")
         return self._mounted
-
-    def _on_frame(self) -> None:
-        """A simulated frame has passed."""
-        self._perception.step(self._action, self.plan)
 
     def _read(self, steps: int) -> Scene:
         """The scene after so many simulated frames; highway-env counts a frame only after the road has stepped."""

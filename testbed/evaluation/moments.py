@@ -1,6 +1,6 @@
 """The worst moments of a run: when, which object, what happened, and why as far as that can be known.
 
-Worked out after the run from the histories of the `Evaluator` and the kept `Snapshots`. Harm is defined in
+Worked out after the run from the histories of the `Evaluator` and the kept `Snapshots`. Severity is defined in
 docs/methods/metrics.md, "Worst moments".
 """
 
@@ -41,22 +41,22 @@ class Moment(NamedTuple):
     text: str  # what happened
     cause: str  # one of `reasons.CAUSES`
     why: str  # the reason in words
-    harm: float  # [m^2 s]
+    severity: float  # [m^2 s]
 
 
 def all_moments(evaluators: Mapping[str, Evaluator], snapshots: Snapshots) -> list[Moment]:
-    """Every moment of every tracker, that of most harm first; evaluators and snapshots are of the same run."""
+    """Every moment of every tracker, that of greatest severity first; evaluators and snapshots are of the same run."""
     found = [moment for name, evaluator in evaluators.items() for moment in moments(name, evaluator, snapshots)]
-    return sorted(found, key=lambda m: (-m.harm, m.time, m.tracker, m.object or 0))
+    return sorted(found, key=lambda m: (-m.severity, m.time, m.tracker, m.object or 0))
 
 
-def harm_of(found: Sequence[Moment], tracker: str, key: int) -> float:
-    """Harm [m^2 s] of all moments of one object and tracker."""
-    return round(sum(m.harm for m in found if m.tracker == tracker and m.object == key), 3)
+def severity_of(found: Sequence[Moment], tracker: str, key: int) -> float:
+    """Severity [m^2 s] of all moments of one object and tracker."""
+    return round(sum(m.severity for m in found if m.tracker == tracker and m.object == key), 3)
 
 
 def moment_row(moment: Moment) -> dict[str, float | int | str | None]:
-    """One moment as JSON types, with times in ms and harm in thousandths."""
+    """One moment as JSON types, with times in ms and severity in thousandths."""
     return {key: round(v, 3) if isinstance(v, float) else v for key, v in moment._asdict().items()}
 
 
@@ -138,7 +138,7 @@ class _Story:
             before = int(held[-1]) if len(held) else None
             after = int(history.track[b]) if b < len(history.time) and history.track[b] >= 0 else None
             lasts = float(self.lasts[a:b].sum())
-            harm = self._harm(np.full(b - a, MISSING), a, b)
+            severity = self._severity(np.full(b - a, MISSING), a, b)
             if before is None:
                 what = "never tracked" if after is None and not history.held.any() else "late birth"
                 text = f"no track for {lasts:.1f} s" + ("" if after is None else f", then track {after}")
@@ -147,9 +147,9 @@ class _Story:
                 text = f"without a track for {lasts:.1f} s, was track {before}"
                 if after is not None and after != before:
                     text += f", then track {after}"
-                    harm += self._switch_harm(b)
+                    severity += self._switch_severity(b)
             cause, why = why_missing(self._episode(a, b), before)
-            yield self._moment(a, a, b, before, what, text, cause, why, harm)
+            yield self._moment(a, a, b, before, what, text, cause, why, severity)
 
     def switches(self) -> Iterator[Moment]:
         """Scans at which another track follows at once."""
@@ -160,7 +160,7 @@ class _Story:
             first = int(np.searchsorted(history.time, history.time[k] - LOST_AFTER))
             cause, why = why_switch(self._episode(first, k + 1), before, after)
             text = f"track {before} became track {after}"
-            yield self._moment(k, k, k + 1, after, "switch", text, cause, why, self._switch_harm(k))
+            yield self._moment(k, k, k + 1, after, "switch", text, cause, why, self._switch_severity(k))
 
     def wrong(self) -> Iterator[Moment]:
         """Periods in which the object's track was wrong."""
@@ -176,12 +176,12 @@ class _Story:
             worst = a + int(price[a:b].argmax())
             order = np.argsort(-spread[a:b].sum(0), kind="stable")
             at = int(np.searchsorted(held, worst))
-            told = [notes[at][j] for j in order if spread[worst, j] > NOTABLE or j == order[0]]
+            noted = [notes[at][j] for j in order if spread[worst, j] > NOTABLE or j == order[0]]
             what = PARTS[order[0]]
             track = int(self.history.track[worst])
             age = float(self.history.time[b - 1] - self.history.time[held[self.history.track[held] == track][0]])
             cause, why = why_wrong(self._episode(a, b), what, track, age)
-            yield self._moment(worst, a, b, track, what, ", ".join(told), cause, why, self._harm(price[a:b], a, b))
+            yield self._moment(worst, a, b, track, what, ", ".join(noted), cause, why, self._severity(price[a:b], a, b))
 
     def _errors(self, held: NDArray) -> tuple[NDArray, list[list[str]]]:
         """Prices (K, 4) [m^2] of the parts of the error at K scans, and what to say of each."""
@@ -207,11 +207,11 @@ class _Story:
         ]
         return parts, texts
 
-    def _harm(self, price: NDArray, a: int, b: int) -> float:
+    def _severity(self, price: NDArray, a: int, b: int) -> float:
         """Price (b - a,) [m^2] over the scans from a up to b, nearer ones weighing more: (MET.31)."""
         return float(price @ (self.lasts[a:b] * [self._nearness(k) for k in range(a, b)]))
 
-    def _switch_harm(self, k: int) -> float:
+    def _switch_severity(self, k: int) -> float:
         return MISSING * LOST_AFTER * self._nearness(k)
 
     def _nearness(self, k: int) -> float:
@@ -223,12 +223,12 @@ class _Story:
         return Episode(self.tracker, self.key, [self.frames[k] for k in index], [self.on[k] for k in index])
 
     def _moment(
-        self, k: int, a: int, b: int, track: int | None, what: str, text: str, cause: str, why: str, harm: float
+        self, k: int, a: int, b: int, track: int | None, what: str, text: str, cause: str, why: str, severity: float
     ) -> Moment:
         time = self.history.time
         end = float(time[min(b, len(time) - 1)])
         own = (self.tracker, self.key, self.kind, track, what, text, cause, why)
-        return Moment(float(time[k]), float(time[a]), end, *own, harm)
+        return Moment(float(time[k]), float(time[a]), end, *own, severity)
 
 
 def _size_text(true: NDArray, found: NDArray) -> str:
@@ -257,11 +257,11 @@ def _false_tracks(
             cause, why, source = why_false(episode, track, first[track] == a and len(index) == 1)
             if 2 * sum(source in missing[k] for k in index) > len(index):
                 continue  # the entry of that object says that this track lies on it
-            harm = sum(MISSING * lasts[k] * _track_nearness(frames[k], name, track) for k in index)
+            severity = sum(MISSING * lasts[k] * _track_nearness(frames[k], name, track) for k in index)
             what = "ghost" if cause == "ghost" else "false track"
             start, end = float(time[a]), float(time[min(b, len(time) - 1)])
             text = f"track {track} is on no vehicle for {end - start:.1f} s"
-            yield Moment(start, start, end, name, None, "", track, what, text, cause, why, float(harm))
+            yield Moment(start, start, end, name, None, "", track, what, text, cause, why, float(severity))
 
 
 def _track_nearness(frame: Snapshot, tracker: str, track: int) -> float:

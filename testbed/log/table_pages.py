@@ -1,4 +1,4 @@
-"""Pages of a log as tables in markdown: the worst moments, and the objects sorted by harm."""
+"""Pages of a log as tables in markdown: the worst moments, and the objects sorted by severity."""
 
 from collections.abc import Mapping, Sequence
 
@@ -8,7 +8,7 @@ from testbed.log.text import markdown_table, number
 Table = Mapping[str, float | int | str | None]  # a row of it
 
 COLUMNS = (  # key of a row of `objects` in the results, heading with unit, digits
-    ("harm", "harm [m^2 s]", 1),
+    ("severity", "severity [m^2 s]", 1),
     ("scans_counted", "scans in view", 0),
     ("birth_delay", "birth delay [s]", 2),
     ("scans_missed", "scans without a track", 0),
@@ -43,16 +43,17 @@ def moments_text(moments: Sequence[Table]) -> str:
     if not moments:
         return NOTHING_WRONG
     entries = [
-        f"{n}. **{m['time']:.1f} s, {subject(m)}**: {happened(m)}. *{m['why']}* ({m['tracker']}, {m['harm']:.1f} m^2 s)"
+        f"{n}. **{m['time']:.1f} s, {subject(m)}**: {happened(m)}. *{m['why']}* "
+        f"({m['tracker']}, {m['severity']:.1f} m^2 s)"
         for n, m in enumerate(moments, 1)
     ]
-    note = "Harm: the squared error at GOSPA's prices over the time that it lasted, nearer to the ego weighing more."
+    note = "Severity: squared error at GOSPA's prices over the time that it lasted, nearer to the ego weighing more."
     return "\n".join([*entries, "", note])
 
 
 def objects_text(objects: Sequence[Table]) -> str:
-    """Page of the objects that counted, those of most harm first."""
-    rows = sorted((row for row in objects if row["scans_counted"]), key=lambda row: -float(row["harm"] or 0.0))
+    """Page of the objects that counted, those of greatest severity first."""
+    rows = sorted((row for row in objects if row["scans_counted"]), key=lambda row: -float(row["severity"] or 0.0))
     head = ("object", "tracker", *(heading for _, heading, _ in COLUMNS))
     body = [
         (

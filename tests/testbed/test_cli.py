@@ -69,7 +69,15 @@ def test_a_run_prints_its_tables_and_where_its_files_are(tmp_path):
     assert "1.0 / 1.0 s" in done.stderr
 
 
-def test_a_focus_on_nobody_is_told(tmp_path, command):
+def test_a_run_without_metrics_prints_what_the_trackers_cost(tmp_path, command):
+    tracker = ["--tracker", "rm-koch", "--radar", "front"]
+    done = command("run", "cut-in", *tracker, "--duration", 0.4, "--no-metrics", "--log", "off", "--out", tmp_path)
+    assert done.status == 0
+    assert "cost of the trackers" in done.out
+    assert "GOSPA" not in done.out
+
+
+def test_a_focus_on_no_vehicle_is_reported(tmp_path, command):
     done = command("run", "lone-leader", "--radar", "front", "--duration", 1, "--focus", 99, "--out", tmp_path)
     assert done.status == 0
     assert "--focus: there was no vehicle 99; vehicles: 1" in " ".join(done.out.split())
@@ -124,6 +132,7 @@ def test_a_disk_that_fills_up_costs_the_rest_of_the_log_and_nothing_else(tmp_pat
     assert f"ends at {last:.1f} s" in sentence
 
 
+@pytest.mark.slow
 def test_two_runs_at_once_leave_whole_files(tmp_path):
     options = ["--tracker", "rm-feldmann", "--radar", "front", "--duration", "0.4", "--out", str(tmp_path)]
     command = [*TESTBED, "run", "cut-in", *options]

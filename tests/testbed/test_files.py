@@ -28,6 +28,18 @@ def test_a_reader_sees_the_old_file_until_the_new_one_is_complete(tmp_path):
     assert path.read_text() == "new"
 
 
+def test_of_two_writers_of_one_file_the_last_to_finish_leaves_it_whole(tmp_path):
+    path = tmp_path / "table.csv"
+    with atomic_file(path) as slow:
+        slow.write(b"slow and ")
+        with atomic_file(path) as quick:
+            quick.write(b"quick")
+        assert path.read_text() == "quick"
+        slow.write(b"whole")
+    assert path.read_text() == "slow and whole"
+    assert list(tmp_path.iterdir()) == [path]
+
+
 @pytest.mark.parametrize("error", [KeyboardInterrupt, ZeroDivisionError])
 def test_whatever_stops_the_writer_leaves_the_old_file_and_no_part(tmp_path, error):
     path = tmp_path / "table.csv"

@@ -15,7 +15,6 @@ from testbed.command_line.terminal import user_input
 from testbed.log.text import markdown_table
 from testbed.replay.recording import record
 from testbed.replay.rescan import replay
-from trackers import find
 
 TRACKER, PLAIN = "pmht-spline-adaptive", "pmht-spline"
 MOMENTS = (1.0, 5.0, 30.0)  # [s]; before the first, hardly anything is learned
@@ -63,7 +62,6 @@ def render(
         duration=passing.duration,
         passed=passing_table(passed),
         classes=", ".join(classes),
-        counts=find(TRACKER).learner.catalogue.counts,  # type: ignore[attr-defined]
         radar=RADAR,
         tracks=len(histories),
         delays=delay_table(histories, classes),

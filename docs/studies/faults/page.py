@@ -19,8 +19,7 @@ RESULTS = "faults.csv"
 
 def render(table: pd.DataFrame) -> str:
     """The page from the runs."""
-    tables = {m: effects_table(table, FAULT, m, digits) for m, digits in (("gospa", 2), ("switches", 1))}
-    return fill("faults/page.md.j2", facts=f"{facts(table)}.", **tables)
+    return fill("faults/page.md.j2", facts=f"{facts(table)}.", gospa=effects_table(table, FAULT, "gospa", 2))
 
 
 def main(

@@ -121,25 +121,10 @@ def table(rows: Sequence[HeldOut]) -> str:
     return markdown_table(head, body)
 
 
-def verdicts(rows: Sequence[HeldOut]) -> list[str]:
-    """Where the first model stands against each other, by the likelihood in the box: one line of a list each."""
-    lines = []
-    for row in rows[1:]:
-        got = gap(row, rows[0], gated=True)
-        if got.positive is None:
-            verdict = f"cannot be told apart ({signed(got)} nats)"
-        else:
-            verdict = f"{'better' if got.positive else 'worse'} by {abs(got.value):.3f} ± {got.half:.3f} nats"
-        lines.append(f"- {row.model.name} ({row.model.parameters}): {verdict}")
-    return lines
-
-
 def compare(data: str, models: Sequence[DensityModel] = MODELS, progress: Progress = lambda *_: None) -> str:
-    """One data source in markdown: what it is, the table, and the verdicts."""
+    """One data source in markdown: what it is, and the table."""
     detections = read(data)
     inside = int((np.abs(detections.u) < GROWN).all(-1).sum())
     rows = cross_validate(detections, models, progress=progress)
-    first = rows[0]
-    against = f"Against the {first.model.name} with its {first.model.parameters} parameters a bin, by log p in the box:"
-    source = f"{detections.source}; {inside} detections in {len(first.detections)} frames."
-    return "\n\n".join((source, table(rows), against, "\n".join(verdicts(rows))))
+    source = f"{detections.source}; {inside} detections in {len(rows[0].detections)} frames."
+    return f"{source}\n\n{table(rows)}"

@@ -11,7 +11,6 @@ from studies.learned.drives import ENVIRONMENT, FIRST, drives, policies
 from studies.page import DOCS, Docs, Page, fill
 from testbed.command_line.terminal import user_input
 from testbed.frame import TRUTH
-from testbed.log.text import markdown_table
 
 RESULTS = "learned.csv"
 DRIVEN = Factor("driven", TRUTH, lambda tracker: f"on {tracker}")
@@ -35,17 +34,7 @@ def render(table: pd.DataFrame) -> str:
         first=FIRST,
         last=seeds[-1],
         tables="\n\n".join(parts),
-        each=_each(table),
     )
-
-
-def _each(table: pd.DataFrame) -> str:
-    means = table.groupby(["tracker", "scenario", "driven"], sort=False)[list(TITLES)].mean()
-    rows = [
-        (f"`{trained}`, seed {seed}", f"on {driven}", *(f"{row[name]:.{d}f}" for name, (_, d) in TITLES.items()))
-        for (trained, seed, driven), row in means.iterrows()
-    ]
-    return markdown_table(("trained on", "driven", "length", "return", "crashes"), rows)
 
 
 def main(

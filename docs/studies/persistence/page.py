@@ -12,11 +12,9 @@ from testbed.command_line.terminal import user_input
 from testbed.experiments.run import parse_seeds
 
 RESULTS = "persistence.csv"
-TITLES = {
+TITLES = {  # of what is on the page; all measures are in its data file
     "nees_position": "NEES of position (2 where the covariance is honest)",
     "nees_length": "NEES of length (1 where it is)",
-    "abs_length": "Mean error of length, without sign [m]",
-    "rmse_position": "RMSE of position [m]",
     "gospa": "GOSPA [m]",
 }
 

@@ -88,6 +88,7 @@ def render(summaries: list[Summary]) -> str:
         low=TTC[0],
         high=TTC[1],
         free=FREE,
+        seed=SHOWN,
         table=table(summaries),
         sections="\n".join(section(PROBES[v.probe]) for v in summaries),
     )
@@ -120,4 +121,4 @@ def section(probe: Scenario) -> str:
             for p in probe.parameters
         ],
     )
-    return fill("probes/probe.md.j2", name=probe.name, purpose=probe.purpose, parameters=parameters, seed=SHOWN)
+    return fill("probes/probe.md.j2", name=probe.name, purpose=probe.purpose, parameters=parameters)

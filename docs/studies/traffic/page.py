@@ -76,11 +76,7 @@ def render(study: Study) -> str:
         fewest=UNITS,
         clock=_clock(study.inside),
         length=_table([d for d in found if d.quantity == "length"], "class"),
-        width=_table([d for d in found if d.quantity == "width"], "class"),
-        speed=_table([d for d in found if d.quantity == "speed" and d.by == "all"], "when"),
-        gap=_table([d for d in found if d.quantity == "gap" and d.by == "speed"], "speed [m/s]"),
         time_gap=_table([d for d in found if d.quantity == "time_gap" and d.by == "speed"], "speed [m/s]"),
-        scenarios=_scenarios([d for d in found if d.by == "scenario"]),
     )
 
 
@@ -104,21 +100,6 @@ def _cells(one: Distribution) -> Iterator[str]:
     for k, value in enumerate(one.quantiles):
         limits = f" ({one.low[k]:.2f} to {one.high[k]:.2f})" if one.low and k % 2 == 0 else ""
         yield f"{value:.2f}{limits}"
-
-
-def _scenarios(found: Sequence[Distribution]) -> str:
-    """A row a scenario: 5, 50 and 95 % of speed, gap and time gap."""
-    quantities = ("speed", "gap", "time_gap")
-    held = {(d.group, d.quantity): d for d in found}
-    body = []
-    for name in dict.fromkeys(d.group for d in found):
-        cells = []
-        for quantity in quantities:
-            one = held.get((name, quantity))
-            cells.append("–" if one is None else ", ".join(f"{one.quantiles[k]:.1f}" for k in (0, 2, 4)))
-        one = held.get((name, "gap"))
-        body.append((f"`{name}`", *cells, "0" if one is None else f"{one.values:,}"))
-    return markdown_table(("scenario", "speed [m/s]", "gap [m]", "time gap [s]", "gaps"), body)
 
 
 def main(

@@ -1,8 +1,8 @@
 // Controls, lists, curves and tables.
 const last = run.time.length - 1;
-const state = { timer: null, started: 0, from: 0, sort: "harm", down: true };
+const state = { timer: null, started: 0, from: 0, sort: "severity", down: true };
 const COLUMNS = [
-  ["object", "object", 0], ["tracker", "tracker", 0], ["harm", "harm [m\u00b2 s]", 1], ["seen", "in view [s]", 1],
+  ["object", "object", 0], ["tracker", "tracker", 0], ["severity", "severity [m\u00b2 s]", 1], ["seen", "in view [s]", 1],
   ["birth_delay", "birth delay [s]", 2], ["missed", "no track [s]", 1], ["lost", "lost", 0], ["switches", "switches", 0],
   ["gwd", "GWD [m]", 2], ["rmse_position", "position [m]", 2], ["rmse_velocity", "velocity [m/s]", 2],
   ["rmse_heading_deg", "heading [deg]", 1], ["rmse_length", "length [m]", 2], ["rmse_width", "width [m]", 2],
@@ -67,7 +67,7 @@ function jump(time, object) { play(false); look(object); go(frameAt(time)); el("
 function fillMoments() {
   for (const m of run.moments) {
     const who = m.object === null ? "track " + m.track : run.names[m.object] || "veh " + m.object;
-    const head = make("span", { class: "who" }, make("b", {}, m.time.toFixed(1) + " s  " + who), make("span", { class: "harm" }, m.harm.toFixed(1)));
+    const head = make("span", { class: "who" }, make("b", {}, m.time.toFixed(1) + " s  " + who), make("span", { class: "severity" }, m.severity.toFixed(1)));
     const tracker = run.trackers.length > 1 ? " (" + m.tracker + ")" : "";
     el("moments").append(make("li", {}, make("button", {
       "data-start": m.start, "data-end": m.end, onclick: () => jump(m.time, m.object),

@@ -47,9 +47,9 @@ def test_the_json_holds_the_metrics_of_the_evaluator(tmp_path):
     result = json.loads(path.read_text())
     assert result["trackers"]["rm-feldmann"]["pairs"] > 0
     assert result["trackers"]["rm-feldmann"] == jsonable(own[0].summary())
-    harm = [row.pop("harm") for row in result["objects"]]
+    severity = [row.pop("severity") for row in result["objects"]]
     assert result["objects"] == [jsonable(row) for row in own[0].object_rows()]
-    assert sum(m["harm"] for m in result["moments"] if m["object"] is not None) <= sum(harm) + 0.01
+    assert sum(m["severity"] for m in result["moments"] if m["object"] is not None) <= sum(severity) + 0.01
     assert result["phases"] == [jsonable(row) for row in own[0].phase_rows()]
 
 

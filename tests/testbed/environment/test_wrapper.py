@@ -385,7 +385,7 @@ def test_perfect_tracks_alone_need_no_scan_and_one_that_is_read_late_is_the_same
 
 def test_of_the_scenes_that_wait_for_a_scan_the_first_is_scanned_when_they_are_too_many(monkeypatch):
     patient = driven()[0].scan
-    monkeypatch.setattr(perception, "PATIENCE", 4)
+    monkeypatch.setattr(perception, "MAX_DEFERRED_SCANS", 4)
     env, radar = driven()
     assert radar.scans == 11 - 4
     np.testing.assert_array_equal(env.scan.polar, patient.polar)

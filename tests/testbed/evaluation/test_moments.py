@@ -1,4 +1,4 @@
-"""Worst moments of runs made by hand: each kind, each reason, and the order by harm."""
+"""Worst moments of runs made by hand: each kind, each reason, and the order by severity."""
 
 from typing import NamedTuple
 
@@ -7,7 +7,7 @@ import pytest
 
 from sensors.origin import CLUTTER, CONTOUR, MIRROR, Origin
 from sensors.scene import boxes_scene
-from testbed.evaluation.moments import MISSING, NEAR, WHATS, Moment, all_moments, harm_of, moment_row
+from testbed.evaluation.moments import MISSING, NEAR, WHATS, Moment, all_moments, moment_row, severity_of
 from testbed.evaluation.reasons import CAUSES
 from testbed.evaluation.snapshots import Snapshots, hiding
 from testbed.evaluation.tracking import Evaluator
@@ -107,10 +107,10 @@ def test_nothing_is_said_of_a_good_run_or_of_none():
 
 def test_harm_is_price_by_time_by_nearness():
     found = only(play(gap(LOOSE, 5)))
-    assert found.harm == pytest.approx(MISSING * 0.5 * NEAR / (NEAR + 30.0))
+    assert found.severity == pytest.approx(MISSING * 0.5 * NEAR / (NEAR + 30.0))
     assert (found.start, found.end) == pytest.approx((1.0, 1.5))
     wrong = only(play([([Body()], [Track(y=1.5)])] * 11))
-    assert wrong.harm == pytest.approx(1.5**2 * 1.0 / 2)
+    assert wrong.severity == pytest.approx(1.5**2 * 1.0 / 2)
 
 
 def test_the_nearer_and_the_longer_is_worse():
@@ -121,7 +121,7 @@ def test_the_nearer_and_the_longer_is_worse():
     steps = [([far, near], on)] * 5 + [([far, near], [])] * 2 + [([far, near], on[1:])] * 20 + [([far, near], on)]
     found = play(steps)
     assert [m.object for m in found] == [1, 2]
-    assert harm_of(found, NAME, 1) == pytest.approx(found[0].harm, abs=1e-3)
+    assert severity_of(found, NAME, 1) == pytest.approx(found[0].severity, abs=1e-3)
 
 
 def test_late_births_losses_gaps_and_objects_that_never_had_a_track():
@@ -131,7 +131,7 @@ def test_late_births_losses_gaps_and_objects_that_never_had_a_track():
     assert (lost.what, lost.text) == ("lost", "without a track for 1.2 s, was track 7, then track 9")
     short = only(play(gap(LOOSE, 3)))
     assert (short.what, short.track) == ("gap", 7)
-    assert lost.harm > MISSING * 1.2 / 2  # the switch has its price too
+    assert lost.severity > MISSING * 1.2 / 2  # the switch has its price too
     assert only(play([([LOOSE], [])] * 9)).what == "never tracked"
 
 

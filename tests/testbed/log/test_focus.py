@@ -51,7 +51,7 @@ def test_the_vehicles_of_the_worst_moments_follow(tmp_path):
     with RunLog(path, log_runs.META) as run:
         for record in log_runs.records(2):
             run.step(*record)
-        moment = {"time": 1.0, "kind": "car", "what": "lost", "text": "", "why": "", "tracker": "a", "harm": 1.0}
+        moment = {"time": 1.0, "kind": "car", "what": "lost", "text": "", "why": "", "tracker": "a", "severity": 1.0}
         run.tables([moment | {"object": 4}], [])
     assert [page.name for page in plots(path, 1).contents[3].contents] == ["veh_01", "veh_04"]
 

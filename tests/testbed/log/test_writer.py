@@ -376,7 +376,7 @@ def test_the_log_module_does_not_import_rerun():
 
 MOMENT = {
     "time": 1.0, "start": 0.8, "end": 1.3, "tracker": "htg-map", "object": 4, "kind": "car", "track": 104,
-    "what": "lost", "text": "without a track", "cause": "hidden", "why": "hidden by veh_01", "harm": 12.5,
+    "what": "lost", "text": "without a track", "cause": "hidden", "why": "hidden by veh_01", "severity": 12.5,
 }  # fmt: skip
 
 

@@ -270,7 +270,7 @@ def seen(count, rng):
     return 0.9 * toward / np.abs(toward).max(1)[:, None] + 0.1 * rng.standard_normal((count, 2)), aspect
 
 
-@pytest.mark.parametrize("centred", [True, False])
+@pytest.mark.parametrize("centred", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_opposite_bins_are_mirror_images(centred):
     u, aspect = seen(1200, np.random.default_rng(12))
     got = fit_table(u, aspect, bins=4, centred=centred, options=QUICK)

@@ -1,6 +1,7 @@
 """A contour filter with a size posterior where end and side of a vehicle are both in clear view of a dense sensor."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -41,26 +42,34 @@ def mean_iou(radar, filter):
     return np.mean(found)
 
 
-def with_profile(radar, profile):
-    """The spline filter with a size posterior, with the data sheets of a radar but for where its detections lie."""
-    return sized(find("pmht-spline"), sensors=tuple(replace(model, profile=profile) for model in radar.models))
+@cache
+def alone(name):
+    """The figure of the spline filter without a size posterior."""
+    return mean_iou(sensors.find(name), find("pmht-spline"))
 
 
-@pytest.mark.parametrize("name", ["lidar-1deg", "imaging"])
+@cache
+def with_profile(name, profile=None):
+    """That of the filter with one, for the data sheets of a radar, or for others of where its detections lie."""
+    radar = sensors.find(name)
+    models = radar.models if profile is None else tuple(replace(model, profile=profile) for model in radar.models)
+    return mean_iou(radar, sized(find("pmht-spline"), sensors=models))
+
+
+RADARS = pytest.mark.parametrize("name", ["imaging", pytest.param("lidar-1deg", marks=pytest.mark.slow)])
+
+
+@RADARS
 def test_where_corners_are_clear_a_size_posterior_is_no_worse_than_the_filter_alone(name):
-    radar = sensors.find(name)
-    assert mean_iou(radar, sized(find("pmht-spline"), sensors=radar.models)) > mean_iou(radar, find("pmht-spline"))
+    assert with_profile(name) > alone(name)
 
 
-@pytest.mark.parametrize(("name", "other"), [("lidar-1deg", "imaging"), ("imaging", "lidar-1deg")])
-def test_with_the_profile_of_another_sensor_it_is_worse(name, other):
-    radar = sensors.find(name)
-    own = mean_iou(radar, sized(find("pmht-spline"), sensors=radar.models))
-    assert mean_iou(radar, with_profile(radar, sensors.find(other).models[0].profile)) < own - 0.01
+@RADARS
+def test_with_the_profile_of_another_sensor_it_is_worse(name):
+    other = {"lidar-1deg": "imaging", "imaging": "lidar-1deg"}[name]
+    assert with_profile(name, sensors.find(other).models[0].profile) < with_profile(name) - 0.01
 
 
-@pytest.mark.parametrize("name", ["lidar-1deg", "imaging"])
+@RADARS
 def test_with_the_default_profile_it_is_worse(name):
-    radar = sensors.find(name)
-    own = mean_iou(radar, sized(find("pmht-spline"), sensors=radar.models))
-    assert mean_iou(radar, with_profile(radar, DepthProfile())) < own - 0.01
+    assert with_profile(name, DepthProfile()) < with_profile(name) - 0.01

@@ -31,7 +31,7 @@ def drawn(profile, rng, G=6000, noise=0.08):
 @pytest.mark.parametrize(
     "truth",
     [
-        DepthProfile(inside=0.25, depth=0.2, depth_std=0.1, grazing=0.3),
+        pytest.param(DepthProfile(inside=0.25, depth=0.2, depth_std=0.1, grazing=0.3), marks=pytest.mark.slow),
         DepthProfile(inside=0.5, inside_depth=0.8, depth=0.1, depth_std=0.05, grazing=0.6),
     ],
 )

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from testbed.check import laws
+from tests.parameters import rest_slow
 from tests.trackers.size.bodies import DT, NEAR, WHOLE, behind_rear, beside, rear_start, scan_of, seen, sized
 from trackers import TRACKERS, Scan, SensorModel, find, prior
 from trackers.batch import stack
@@ -212,7 +213,7 @@ def test_covariances_stay_positive_and_everything_finite(name):
     assert (f.estimate(state).size_std > 0).all()
 
 
-@pytest.mark.parametrize("name", FILTERS)
+@pytest.mark.parametrize("name", rest_slow(FILTERS, "rm-feldmann", "htg-map", "edra-imm", "pmht-spline"))
 def test_all_detections_at_one_point_leave_a_finite_state(name):
     laws.all_detections_at_one_point_leave_a_finite_state(with_size(name))
 

@@ -20,14 +20,14 @@ from tests.testbed.log import log_runs
 STEPS = 25
 MOMENT = {
     "time": 1.0, "start": 0.8, "end": 1.3, "tracker": "htg-map", "object": 2, "kind": "car", "track": 102,
-    "what": "lost", "text": "without a track", "cause": "hidden", "why": "hidden by veh_01", "harm": 12.5,
+    "what": "lost", "text": "without a track", "cause": "hidden", "why": "hidden by veh_01", "severity": 12.5,
 }  # fmt: skip
-FALSE = MOMENT | {"object": None, "track": 7, "what": "ghost", "time": 0.2, "harm": 1.5}
+FALSE = MOMENT | {"object": None, "track": 7, "what": "ghost", "time": 0.2, "severity": 1.5}
 OBJECT = dict.fromkeys(
     ("birth_delay", "gwd", "rmse_position", "rmse_velocity", "rmse_heading_deg", "rmse_length", "rmse_width"), 0.5
 )
 OBJECTS = [
-    OBJECT | {"object": i, "tracker": "htg-map", "kind": "car", "harm": h, "scans_counted": n, "scans_missed": 3,
+    OBJECT | {"object": i, "tracker": "htg-map", "kind": "car", "severity": h, "scans_counted": n, "scans_missed": 3,
               "lost": 1, "switches": i, "gwd": None if i == 3 else 0.1 * i}
     for i, h, n in ((1, 0.5, 20), (2, 12.5, 20), (3, 0.0, 20), (4, 0.0, 0))
 ]  # fmt: skip

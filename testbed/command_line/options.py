@@ -1,0 +1,33 @@
+"""Arguments and options that several commands have, each under one name with one meaning."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from trackers import DEFAULT
+
+Scenario = Annotated[str, typer.Argument(help="A name of `testbed list scenarios`.")]
+Trackers = Annotated[
+    list[str] | None, typer.Option(help=f"Repeat for several; a planner uses the first. Without it: {DEFAULT}.")
+]
+EveryTracker = Annotated[list[str] | None, typer.Option(help="Repeat for several. Without it: all.")]
+Radar = Annotated[str, typer.Option(help="A name of `testbed list radars`.")]
+Planner = Annotated[str, typer.Option(help="A name of `testbed list planners`.")]
+Faults = Annotated[
+    list[str] | None, typer.Option(help="All runs also with this fault of the radar; repeat for several, one by one.")
+]
+Seed = Annotated[int, typer.Option(help="Of all that is drawn at random; the same seed gives the same result.")]
+Seeds = Annotated[str, typer.Option(help="0:20 for 0 to 19, a list 0,3,7, or one number.")]
+Duration = Annotated[float | None, typer.Option(help="Seconds. Without it: the scenario's own.")]
+After = Annotated[float | None, typer.Option(help="End a run so many seconds after the maneuver, or at its duration.")]
+Log = Annotated[str, typer.Option(help="What goes into the log: off, metrics or full.")]
+Jobs = Annotated[int, typer.Option(help="Number of processes; -1 for one a core.")]
+Dask = Annotated[str | None, typer.Option(help="Address of a Dask scheduler, in place of local processes.")]
+Junit = Annotated[Path | None, typer.Option(help="Also write the findings to this file, as JUnit XML.")]
+Results = Annotated[Path, typer.Option(help="Directory of the results; runs that lie there are kept.")]
+Detections = Annotated[
+    str, typer.Argument(help="sampler:RIG[:class], an .npz, a log, or the folder of real detections.")
+]
+Count = Annotated[int, typer.Option(help="Detections that the sampler draws.")]
+NoMirror = Annotated[bool, typer.Option("--no-mirror", help="Do not add the mirror images, left for right.")]

@@ -1,0 +1,61 @@
+"""What `testbed review` does with logs: the viewer, or a page, an animation, a picture, a served folder of results."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from rich.console import Console
+
+
+class Wish(NamedTuple):
+    """The options of `testbed review`."""
+
+    web: bool = False
+    screenshot: Path | None = None
+    at: float | None = None  # [s]
+    view: str | None = None
+    focus: int | None = None
+    gif: Path | None = None
+    html: Path | None = None
+    report: Path | None = None
+
+    def check(self, logs: Sequence[Path]) -> None:
+        """Raise ValueError, in one sentence, for options that do not go together."""
+        if self.report is not None and (logs or self._replace(report=None) != Wish()):
+            raise ValueError("--report shows a whole folder; leave out logs and other options, or call twice")
+        if self.without_viewer and self.focus is not None:
+            raise ValueError("--focus goes with the viewer and --screenshot; a page opens at a vehicle by #veh=3")
+        if self.without_viewer and (self.at, self.view) != (None, None):
+            raise ValueError("--at and --view go with --screenshot; a page opens at a time by #t=3.5")
+        if self.web and (self.screenshot, self.html, self.gif) != (None,) * 3:
+            raise ValueError("--web shows logs in a browser; leave out --screenshot, --html and --gif, or call twice")
+
+    @property
+    def without_viewer(self) -> bool:
+        """Whether only a page or an animation is to be written."""
+        return self.screenshot is None and (self.html, self.gif) != (None, None)
+
+
+def show(logs: Sequence[Path], wish: Wish, console: Console) -> None:
+    """Open logs in the viewer, or write what is wished; raises ValueError or OSError, in one sentence."""
+    wish.check(logs)
+    if wish.report is not None:
+        from testbed.log.review_page.server import serve
+
+        serve(wish.report, lambda address: console.print(f"report   {address}\nCtrl-C ends it", highlight=False))
+        return
+    from testbed.log import review
+
+    if wish.html is not None:
+        from testbed.log.review_page.page import write
+
+        console.print(f"page     {write(review.only(logs, 'a page'), wish.html)}", soft_wrap=True)
+    if wish.gif is not None:
+        from testbed.log.review_page import animation
+
+        console.print(f"picture  {animation.write(review.only(logs, 'an animation'), wish.gif)}", soft_wrap=True)
+    if wish.without_viewer:
+        return
+    review.review(logs, wish.web, wish.screenshot, wish.at, wish.view, wish.focus)
+    if wish.screenshot is not None:
+        console.print(f"picture  {wish.screenshot}", soft_wrap=True)
