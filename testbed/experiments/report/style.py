@@ -44,7 +44,6 @@ RC: MappingProxyType[Any, Any] = MappingProxyType(
         "lines.markersize": 4.5,
         "figure.facecolor": "white",
         "savefig.dpi": 130,
-        "svg.hashsalt": "testbed",  # the same results give the same file
     }
 )
 
