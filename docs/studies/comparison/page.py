@@ -15,7 +15,7 @@ from testbed.command_line.terminal import user_input
 from testbed.evaluation.metric import METRICS
 from testbed.evaluation.metrics import CUTOFF
 from testbed.experiments.report import tables
-from testbed.experiments.report.renderers import markdown
+from testbed.experiments.report.grid import Grid, markdown
 from testbed.experiments.statistics import DRIVE, MAIN, cells
 from testbed.experiments.store import Results
 from testbed.log.text import markdown_table
@@ -122,7 +122,7 @@ def bands(table: pd.DataFrame) -> str:
     )
 
 
-def consistency(grid: tables.Grid) -> str:
+def consistency(grid: Grid) -> str:
     """NEES, NIS and coverage; tracker and phase down, the share inside the limits in parentheses behind each mean."""
     rows = []
     for name, (phase, *fields) in grid.lines:

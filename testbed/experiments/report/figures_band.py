@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from testbed.experiments.bands import BAND_MEASURES
-from testbed.experiments.report.style import OTHERS, LineStyle
+from testbed.experiments.report.figure_style import OTHERS, LineStyle
 
 DODGE = 0.56  # share of a band over which the trackers stand side by side
 

@@ -9,8 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from testbed.evaluation.metric import METRICS
-from testbed.experiments.report.figures_axes import plain_log
-from testbed.experiments.report.style import DIVERGING, SIZE, LineStyle
+from testbed.experiments.report.figure_style import DIVERGING, SIZE, LineStyle, plain_log
 from testbed.experiments.store import Results
 
 LOGARITHMIC = ("nees_position", "nees_velocity", "ms_per_scan", "us_per_update")

@@ -11,8 +11,7 @@ from matplotlib.patches import Patch
 
 from testbed.evaluation.intervals import FEWEST, chi2_limits
 from testbed.experiments.bands import DOF
-from testbed.experiments.report.figures_axes import plain_log
-from testbed.experiments.report.style import DURING, LIMITS, ONSET, LineStyle, grid
+from testbed.experiments.report.figure_style import DURING, LIMITS, ONSET, LineStyle, grid, plain_log
 from testbed.experiments.series import PhaseTimes, Series
 from testbed.experiments.store import Results
 
