@@ -52,27 +52,37 @@ def write_report(
     Raises OSError, in one sentence, where the disk is full or must not be written.
     """
     folder = Path(out or results.study.out)
+    page = page_of(results, tally, stage(progress, "tables"))
 
     def links(step: Step | None) -> list[LogLink]:
-        return _links(results, folder, logs.write(results, engine, step) if with_logs else [])
+        return links_of(results, folder, logs.write(results, engine, step) if with_logs else [])
 
-    page = page_of(results, tally, stage(progress, "tables") or (lambda done, total: None))
     return write_page(page._replace(links=links), folder, progress)
 
 
-def page_of(results: Results, tally: Tally | None, step: Step = lambda done, total: None) -> Page:
+def page_of(results: Results, tally: Tally | None, step: Step | None = None) -> Page:
     """The page without its logs."""
-    step(0, 2)
+    show = step or (lambda done, total: None)
+    show(0, 2)
     bands = {band: pd.DataFrame() if results.runs.empty else by_band(results, band) for band in BANDS}
-    step(1, 2)
+    show(1, 2)
     values = _about(results, tally) | _tables(results, bands)
-    step(2, 2)
+    show(2, 2)
     return Page(TEMPLATE, values, figures.plots(results, bands), tally.failed if tally else [], results.missing)
+
+
+def links_of(results: Results, folder: Path, outcomes: Sequence[Outcome] = ()) -> list[LogLink]:
+    """A line of each of the picked runs, with its log where that is there."""
+    notes = {outcome.name: outcome.note for outcome in outcomes if outcome.status == FAILED}
+    return [
+        LogLink(pick, logs.found(logs.log_path(pick, folder), folder, notes.get(pick.name, NO_LOG)))
+        for pick in logs.picks(results)
+    ]
 
 
 def _tables(results: Results, bands: dict[str, pd.DataFrame]) -> dict[str, Any]:
     """All tables by their names in the template, None for what there are no data for, and the sentences."""
-    baseline = results.study.baseline
+    baseline = results.study.baseline if len(results.study.trackers) > 1 else ""
     main = list(cells(results, MAIN))
     scenarios = list(cells(results, ("gospa",), by="scenario"))
     phases = list(cells(results, BY_PHASE, by="phase"))
@@ -151,11 +161,3 @@ def _identity(results: Results) -> list[tuple[str, str]]:
 def _date(results: Results) -> str:
     times = [path.stat().st_mtime for run in results.metas if (path := results.store.path(run)).exists()]
     return f"{datetime.fromtimestamp(max(times), UTC):%Y-%m-%d %H:%M} UTC" if times else "not yet"
-
-
-def _links(results: Results, folder: Path, outcomes: Sequence[Outcome]) -> list[LogLink]:
-    notes = {outcome.name: outcome.note for outcome in outcomes if outcome.status == FAILED}
-    return [
-        LogLink(pick, logs.found(logs.log_path(pick, folder), folder, notes.get(pick.name, NO_LOG)))
-        for pick in logs.picks(results)
-    ]

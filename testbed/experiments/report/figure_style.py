@@ -77,6 +77,11 @@ def line_styles(trackers: Sequence[str]) -> dict[str, LineStyle]:
     }
 
 
+def label(tracker: str, study: Any) -> str:
+    """A tracker as legends have it: the one that the others are compared with is marked."""
+    return f"{tracker} (reference)" if tracker == study.baseline and len(study.trackers) > 1 else tracker
+
+
 def grid(panels: int) -> tuple[int, int, tuple[float, float]]:
     """Rows and columns of small multiples, and the size of one of them [in]."""
     columns = min(panels, 4 if panels > 6 else 3)

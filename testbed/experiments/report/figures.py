@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import matplotlib
 import pandas as pd
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from testbed.evaluation.intervals import FEWEST
@@ -20,6 +21,7 @@ from testbed.experiments.store import Results
 from testbed.files import make_directory, write_figure
 
 FOLDER = "figures"
+MARGIN = 0.3  # [in] beside a title
 
 
 class FigureFile(NamedTuple):
@@ -58,11 +60,20 @@ def draw(
         for one in asked:
             figure = one.draw()
             figure.suptitle(one.title)
+            fit(figure)
             path = write_figure(folder / f"{prefix}{one.name}.png", figure)
             done.append(FigureFile(one.name, one.title, one.caption, path))
             if progress:
                 progress(len(done), len(asked))
     return done
+
+
+def fit(figure: Figure) -> None:
+    """Make a figure as wide as its title and its legends."""
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    parts = [*figure.texts, *figure.legends]
+    width = max((part.get_window_extent(renderer).width for part in parts), default=0.0) / figure.dpi + MARGIN
+    figure.set_figwidth(max(width, figure.get_figwidth()))
 
 
 def plots(results: Results, bands: dict[str, pd.DataFrame]) -> Iterator[Plot]:
@@ -131,6 +142,6 @@ def _by_band(results: Results, bands: dict[str, pd.DataFrame]) -> Iterator[Plot]
         def errors(
             table: pd.DataFrame = table, band: str = band, label: str = label, names: list[str] = present
         ) -> Figure:
-            return figures_band.bands(table, BANDS[band][1], label, names, styles, results.study.baseline)
+            return figures_band.bands(table, BANDS[band][1], label, names, styles, results.study)
 
         yield plot(f"error_by_{name}", errors, "bands", label=label, several=len(present) > 1)

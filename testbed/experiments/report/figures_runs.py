@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from testbed.evaluation.metric import METRICS
-from testbed.experiments.report.figure_style import DIVERGING, SIZE, LineStyle, plain_log
+from testbed.experiments.report.figure_style import DIVERGING, SIZE, LineStyle, label, plain_log
 from testbed.experiments.store import Results
 
 LOGARITHMIC = ("nees_position", "nees_velocity", "ms_per_scan", "us_per_update")
@@ -29,7 +29,7 @@ def strips(results: Results, measures: Sequence[str], order: Sequence[str], styl
         _panel(axis, runs, key, order, styles)
     for axis in axes.ravel()[len(measures) :]:
         axis.set_axis_off()
-    labels = [f"{n} (reference)" if n == results.study.baseline else n for n in order]
+    labels = [label(n, results.study) for n in order]
     for axis in axes[:, 0]:
         axis.set_yticks(range(len(order)), labels)
         axis.set_ylim(len(order) - 0.4, -0.6)

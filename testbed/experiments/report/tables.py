@@ -106,7 +106,7 @@ def by_band(table: pd.DataFrame, band: str, baseline: str) -> Grid:
             best = per_band[key].max() if key == "held" else per_band[key].min()
             for b in used:
                 row = at.get((tracker, b))
-                mark = "best" if row is not None and row[key] == best[b] else ""
+                mark = "best" if row is not None and row[key] == best[b] and _several(table["tracker"]) else ""
                 fields.append(Field(DASH) if row is None else estimate(_interval(row, key, scale), digits, mark=mark))
         lines.append(Line(tracker, fields))
     frames = ", ".join(f"{b}: {table.loc[table['band'] == b, 'frames'].median():.0f}" for b in used)

@@ -193,7 +193,7 @@ def regret(
     said = []
     for planner in dict.fromkeys(c.planner for c in together):
         ranked = sorted((c for c in together if c.planner == planner), key=lambda c: -c.change.mean.value)
-        texts = [f"{c.condition} ({-c.change.mean.value:+.2f} s{_turned(c)})" for c in ranked]
+        texts = [f"{c.condition} ({0.0 - c.change.mean.value:+.2f} s{_turned(c)})" for c in ranked]
         said.append(say("least regret", planner=planner, texts=[texts[0], texts[-1]] if len(texts) > 1 else texts))
     if len(pairs):
         said.append(say("crashes", crashed=int((pairs["collisions"] > 0).sum()), pairs=len(pairs)))
