@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from testbed.environment.track_observation import TrackObservation as TrackObservation
     from testbed.environment.wrapper import TrackedEnv as TrackedEnv
+    from testbed.evaluation.metric import METRICS as METRICS
     from testbed.planners import PLANNERS as PLANNERS
     from testbed.planners import Planner as Planner
 
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 _HOME = {
     "TrackObservation": "testbed.environment.track_observation",
     "TrackedEnv": "testbed.environment.wrapper",
+    "METRICS": "testbed.evaluation.metric",
     "PLANNERS": "testbed.planners",
     "Planner": "testbed.planners",
 }
@@ -26,7 +28,7 @@ _HOME = {
 _MARK = '__distribution__ = "eot-testbed"'  # a line of every package of this project
 _PIP = "python -m pip"
 
-__all__ = ["PLANNERS", "Planner", "TrackObservation", "TrackedEnv", "__version__"]
+__all__ = ["METRICS", "PLANNERS", "Planner", "TrackObservation", "TrackedEnv", "__version__"]
 
 
 def _check_neighbours() -> None:

@@ -55,9 +55,9 @@ def root(
 
 @app.command("list")
 def list_command(
-    what: Annotated[str, typer.Argument(help="scenarios, probes, trackers, radars, planners, or all.")] = "all",
+    what: Annotated[str, typer.Argument(help="scenarios, probes, trackers, radars, planners, metrics, all.")] = "all",
 ) -> None:
-    """Show what there is: scenarios, probes, trackers, radars and planners, a line each.
+    """Show what there is: scenarios, probes, trackers, radars, planners and metrics, a line each.
 
     Example: [bold]testbed list scenarios[/bold]
     """

@@ -1,11 +1,11 @@
-"""What the documentation says about the code: catalogue.md, radars.md, columns in comparing.md and own-recordings.md.
+"""What the documentation says about the code: catalogue.md, radars.md, tables in comparing, own-recordings, results.md.
 
 `make generated` writes them in a second; tests/docs/test_generated.py holds them against the code.
 """
 
 import re
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from studies.recording_columns import input_tables, track_columns
 from studies.rigs.page import text as radars
 from testbed.command_line.terminal import console
 from testbed.environment.registration import env_id
+from testbed.evaluation.metric import DRIVE, METRICS, PAIR, PAIRS, RUN, SCAN, SPAN, Metric
 from testbed.experiments.rows import COLUMNS, TEXT
 from testbed.files import write_atomic
 from testbed.log.text import markdown_table
@@ -23,18 +24,20 @@ from testbed.planners import PLANNERS
 from trackers import DEFAULT, TRACKERS
 from trackers.composed import place_of
 
+OF_TRACKER = (SCAN, SPAN, PAIR, PAIRS, RUN)
 WRITTEN = "<!-- {}: written by `make generated` -->", "<!-- end of {} -->"  # around a part of a page
 
 
 def pages(docs: Path) -> dict[Path, str]:
     """Text of each generated page under `docs`, by file; of some pages only parts are generated, and the rest stays."""
-    comparing, recordings = docs / "comparing.md", docs / "own-recordings.md"
+    comparing, recordings, results = (docs / f"{name}.md" for name in ("comparing", "own-recordings", "results"))
     tables = {"tables": input_tables(), "tracks": track_columns()}
     return {
         docs / "catalogue.md": catalogue(),
         comparing: with_parts(comparing.read_text(), {"columns": columns()}),
         recordings: with_parts(recordings.read_text(), tables),
         docs / "radars.md": radars(docs),
+        results: with_parts(results.read_text(), {"tracker": metrics(OF_TRACKER), "drive": metrics((DRIVE,))}),
     }
 
 
@@ -90,6 +93,20 @@ def columns() -> str:
         ("column", "type", "unit", "what"),
         [(f"`{c.name}`", "text" if c.type == TEXT else str(c.type), c.unit, c.note) for c in COLUMNS],
     )
+
+
+def metrics(levels: Sequence[str]) -> str:
+    """The table of the metrics of some levels that the rows of results have."""
+    chosen = [m for m in METRICS.values() if m.of in levels and (m.averaged or m.of not in (PAIR, SCAN))]
+    return markdown_table(
+        ("key", "unit", "of a", "better", "meaning"),
+        [(f"`{m.key}`", m.unit.replace("1", ""), m.of, m.sense, explained(m)) for m in chosen],
+    )
+
+
+def explained(metric: Metric) -> str:
+    """What a metric is, and the library without which it is left out."""
+    return f"{metric.words} (needs `{metric.needs}`)" if metric.needs else metric.words
 
 
 def builder(scenario: Scenario) -> str:

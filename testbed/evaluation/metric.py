@@ -98,15 +98,15 @@ _TABLE = (
         "Wasserstein distance with c = 5 m", lambda scan: scan.gospa.total, averaged=True,
     ),
     Metric(
-        "localisation", SCAN, "m^2", -1, "GOSPA, localisation part", "its part of pairs, before the root",
+        "localisation", SCAN, "m^2", -1, "GOSPA, localisation part", "GOSPA's part of pairs, before the root",
         lambda scan: scan.gospa.localisation, averaged=True,
     ),
     Metric(
-        "missed", SCAN, "m^2", -1, "GOSPA, missed part", "its part of objects without a track, before the root",
+        "missed", SCAN, "m^2", -1, "GOSPA, missed part", "GOSPA's part of objects without a track, before the root",
         lambda scan: scan.gospa.missed, averaged=True,
     ),
     Metric(
-        "false", SCAN, "m^2", -1, "GOSPA, false part", "its part of tracks without an object, before the root",
+        "false", SCAN, "m^2", -1, "GOSPA, false part", "GOSPA's part of tracks without an object, before the root",
         lambda scan: scan.gospa.false, averaged=True,
     ),
     Metric(
@@ -155,7 +155,7 @@ _TABLE = (
         "rails than of objects", lambda s: sum(track.empty and not track.ghostly for track in s.tracks), 0,
     ),
     Metric(
-        "tracks_ghost", SPAN, "1", -1, "tracks of ghosts", "such tracks that had more ghosts than clutter",
+        "tracks_ghost", SPAN, "1", -1, "tracks of ghosts", "tracks of that kind that had more ghosts than clutter",
         lambda s: sum(track.empty and track.ghostly for track in s.tracks), 0,
     ),
     Metric(
@@ -186,7 +186,10 @@ _TABLE = (
         "gwd", PAIR, "m", -1, "GWD", "Gaussian Wasserstein distance of the boxes", lambda pairs: pairs.distance,
         averaged=True,
     ),
-    Metric("gwd2", PAIR, "m^2", -1, "squared GWD", "its square", lambda pairs: pairs.distance**2, averaged=True),
+    Metric(
+        "gwd2", PAIR, "m^2", -1, "squared GWD", "squared Gaussian Wasserstein distance of the boxes",
+        lambda pairs: pairs.distance**2, averaged=True,
+    ),
     Metric(
         "position", PAIR, "m", -1, "position error", "distance of the centres", lambda pairs: pairs.lengths[0],
     ),
@@ -195,22 +198,26 @@ _TABLE = (
         lambda pairs: pairs.lengths[1],
     ),
     Metric(
-        "heading_deg", PAIR, "deg", 0, "heading error", "estimate minus truth", lambda pairs: np.degrees(pairs.turn), 1,
+        "heading_deg", PAIR, "deg", 0, "heading error", "heading, estimate minus truth",
+        lambda pairs: np.degrees(pairs.turn), 1,
         ideal=0.0,
     ),
     Metric(
-        "length", PAIR, "m", 0, "length error", "estimate minus truth", lambda pairs: pairs.growth[:, 0], ideal=0.0,
+        "length", PAIR, "m", 0, "length error", "length, estimate minus truth",
+        lambda pairs: pairs.growth[:, 0], ideal=0.0,
     ),
     Metric(
-        "width", PAIR, "m", 0, "width error", "estimate minus truth", lambda pairs: pairs.growth[:, 1], ideal=0.0,
+        "width", PAIR, "m", 0, "width error", "width, estimate minus truth",
+        lambda pairs: pairs.growth[:, 1], ideal=0.0,
     ),
     Metric(
         "box_iou", PAIR, "1", 1, "box IoU", "intersection over union of the boxes", lambda pairs: pairs.iou[0],
         ideal=1.0, averaged=True,
     ),
     Metric(
-        "contour_iou", PAIR, "1", 1, "contour IoU", "of the estimated contour, or the box without one, and the true "
-        "outline", lambda pairs: pairs.iou[1], ideal=1.0, averaged=True,
+        "contour_iou", PAIR, "1", 1, "contour IoU", "intersection over union of the estimated contour, or the box "
+        "without one, "
+        "and the true outline", lambda pairs: pairs.iou[1], ideal=1.0, averaged=True,
     ),
     Metric(
         "rmse_position", PAIRS, "m", -1, "position RMSE", "root mean square distance of the centres",
@@ -244,19 +251,19 @@ _TABLE = (
         "of freedom", lambda pairs: pairs.nees[:, 0], 1, ideal=2.0, averaged=True,
     ),
     Metric(
-        "nees_velocity", PAIR, "1", 0, "NEES velocity", "of the velocity, 2 degrees of freedom",
+        "nees_velocity", PAIR, "1", 0, "NEES velocity", "the same of the velocity, 2 degrees of freedom",
         lambda pairs: pairs.nees[:, 1], 1, ideal=2.0, averaged=True,
     ),
     Metric(
-        "nees_heading", PAIR, "1", 0, "NEES heading", "of the heading, 1 degree of freedom",
+        "nees_heading", PAIR, "1", 0, "NEES heading", "the same of the heading, 1 degree of freedom",
         lambda pairs: (pairs.turn / pairs.estimate.heading_std) ** 2, 1, ideal=1.0, averaged=True,
     ),  # (MET.11) of a scalar, and so the next two
     Metric(
-        "nees_length", PAIR, "1", 0, "NEES length", "of the length, 1 degree of freedom",
+        "nees_length", PAIR, "1", 0, "NEES length", "the same of the length, 1 degree of freedom",
         lambda pairs: ((pairs.growth / pairs.estimate.size_std) ** 2)[:, 0], 1, ideal=1.0, averaged=True,
     ),
     Metric(
-        "nees_width", PAIR, "1", 0, "NEES width", "of the width, 1 degree of freedom",
+        "nees_width", PAIR, "1", 0, "NEES width", "the same of the width, 1 degree of freedom",
         lambda pairs: ((pairs.growth / pairs.estimate.size_std) ** 2)[:, 1], 1, ideal=1.0, averaged=True,
     ),
     Metric(
@@ -264,7 +271,8 @@ _TABLE = (
         "a consistent filter: from this, chi-square", lambda e: nees_bounds(2, len(e["gwd"]))[0],
     ),
     Metric(
-        "nees_high", PAIRS, "1", 0, "NEES, high bound", "to this", lambda e: nees_bounds(2, len(e["gwd"]))[1],
+        "nees_high", PAIRS, "1", 0, "NEES, high bound", "where it lies: to this",
+        lambda e: nees_bounds(2, len(e["gwd"]))[1],
     ),
     Metric("pairs", PAIRS, "1", 0, "pairs", "pairs of object and track, over scans", lambda e: len(e["gwd"]), 0),
     # The worst of a run.
@@ -288,8 +296,9 @@ _TABLE = (
         "association of all tracks included", lambda c: 1e3 * c.seconds / c.scans if c.scans else np.nan, 1,
     ),
     Metric(
-        "us_per_update", COST, "us", -1, "cost of an update", "the same over the updates: each track that got a "
-        "detection in a scan is one", lambda c: 1e6 * c.seconds / c.updates if c.updates else np.nan, 0,
+        "us_per_update", COST, "us", -1, "cost of an update", "wall time of all scans over the updates: each track "
+        "that "
+        "got a detection in a scan is one", lambda c: 1e6 * c.seconds / c.updates if c.updates else np.nan, 0,
     ),
     # Drives of the ego.
     Metric(
@@ -304,8 +313,9 @@ _TABLE = (
         f"{LONGEST:g} s", lambda d: float(np.minimum(d.curves.ttc, LONGEST).min()),
     ),
     Metric(
-        "ttc_plane_min", DRIVE, "s", 1, "least time to collision, all around", "the same of boxes in the plane, so "
-        "also of what comes from the side or from behind",
+        "ttc_plane_min", DRIVE, "s", 1, "least time to collision, all around", "least time to collision of boxes in "
+        "the "
+        "plane, so also of what comes from the side or from behind",
         lambda d: float(np.minimum(d.curves.ttc_plane, LONGEST).min()),
     ),
     Metric(
@@ -313,7 +323,7 @@ _TABLE = (
         lambda d: float(d.curves.distance.min()),
     ),
     Metric(
-        "distance_min_at", DRIVE, "s", 0, "time of the least distance", "when that was",
+        "distance_min_at", DRIVE, "s", 0, "time of the least distance", "when the distance was least",
         lambda d: d.closest, 1,
     ),
     Metric("progress", DRIVE, "m", 1, "progress", "way driven along the heading", lambda d: d.progress, 1),

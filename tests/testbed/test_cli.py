@@ -22,6 +22,7 @@ from scenarios.traffic.scenario import KEYS
 from testbed.command_line import tables
 from testbed.command_line.terminal import busy
 from testbed.log import reader
+from testbed.log.text import OF_DRIVE, OF_TRACKER, shown
 from trackers import DEFAULT
 
 TESTBED = [sys.executable, "-m", "testbed"]
@@ -251,8 +252,8 @@ def test_without_a_command_the_help_is_shown():
 
 def test_units_in_brackets_are_printed(tmp_path):
     """Rich takes brackets for markup unless they are escaped."""
-    row = dict.fromkeys([key for key, _, _ in tables.ROWS], 1.0)
-    drive = dict.fromkeys([key for key, _, _ in tables.DRIVE], None) | {"elapsed": 2.0}
+    row = dict.fromkeys(OF_TRACKER, 1.0)
+    drive = dict.fromkeys(OF_DRIVE, None) | {"elapsed": 2.0}
     facts = {"scenario": "s", "radar": "r", "seed": 0, "planner": "p", "trackers": ["a[red]"]}
     timing = {"wall": 1.0, "trackers": {"a[red]": {"ms_per_scan": 2.5}}}
     result = {"run": facts, "trackers": {"a[red]": row}, "drive": drive, "timing": timing}
@@ -260,7 +261,7 @@ def test_units_in_brackets_are_printed(tmp_path):
     console.print(tables.metrics(result))
     console.print(tables.drive(result))
     text = console.export_text()
-    for _, label, _ in (*tables.ROWS, *tables.DRIVE):
+    for label in (metric.title for metric in shown((*OF_TRACKER, *OF_DRIVE))):
         assert label in text
     assert text.count("a[red]") == 2
     assert "–" in text  # what was not measured

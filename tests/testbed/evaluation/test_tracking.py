@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from sensors.origin import CLUTTER, CONTOUR, DOUBLE, MIRROR, STATIC, Origin
 from sensors.scene import boxes_scene
 from testbed.evaluation.metrics import gospa, gwd
-from testbed.evaluation.pair_errors import ERRORS, pair_distances
-from testbed.evaluation.tracking import Evaluator, jsonable
+from testbed.evaluation.pair_errors import pair_distances
+from testbed.evaluation.tracking import ERRORS, Evaluator, jsonable
 from trackers.estimate import prior
 from trackers.geometry import box_corners
 from trackers.multi.tracks import Tracks

@@ -8,6 +8,7 @@ import pytest
 from PIL import Image
 
 from testbed.command_line.terminal import LONGEST
+from testbed.evaluation.metric import PAIR, SCAN, keys
 from testbed.log import blueprint, paths, reader, screenshot
 from testbed.log.record import RoadGeometry
 from testbed.log.review import check, middle, review, unfinished_hint
@@ -100,7 +101,7 @@ def test_a_view_is_found_by_its_name_or_by_how_it_begins():
 
 
 def test_the_names_of_many_views_are_told_within_a_sentence():
-    metrics = [blueprint.title(name) for name in blueprint.TITLES]
+    metrics = [blueprint.title(name) for name in (*keys(PAIR), *keys(SCAN))]
     objects = [f"veh_{i:02d}: {name}" for i in range(3) for name in metrics]
     views = dict.fromkeys(
         ["Overview (follows the ego, 2 s trails)", *metrics, *objects, "Only imm-spline: association"], ""

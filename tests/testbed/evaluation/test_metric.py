@@ -1,0 +1,96 @@
+"""The table of metrics: every entry is complete, documented and computed; old keys of committed files are read."""
+
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+import testbed
+from testbed.environment.perception import Cost
+from testbed.evaluation.driving import Driven
+from testbed.evaluation.metric import (
+    ALIASES,
+    COST,
+    DRIVES,
+    LEVELS,
+    METRICS,
+    PAIR,
+    SCAN,
+    keys,
+    old_names,
+    values,
+)
+from testbed.evaluation.tracking import Evaluator
+from tests.testbed.evaluation.test_driving import behind, driven
+from tests.testbed.evaluation.test_tracking import road, run, seen, tracks_at
+
+DOCS = Path(__file__).parents[3] / "docs"
+UNITS = {"1", "%", "m", "m^2", "m/s", "m/s^2", "m/s^3", "s", "s^2", "deg", "ms", "us"}
+
+
+@pytest.mark.parametrize("metric", METRICS.values(), ids=METRICS)
+def test_every_metric_says_what_it_is(metric):
+    assert metric.of in LEVELS
+    assert metric.unit in UNITS
+    assert metric.better in (-1, 0, 1)
+    assert "" not in (metric.label, metric.words)
+    assert not metric.words.endswith(".")
+    assert metric.averaged <= (metric.of in (PAIR, SCAN))
+
+
+def test_keys_and_labels_are_names_of_one_metric_each():
+    assert len({metric.label for metric in METRICS.values()}) == len(METRICS)
+    assert all(key == metric.key for key, metric in METRICS.items())
+    assert testbed.METRICS is METRICS
+
+
+def test_every_metric_of_a_result_is_in_the_documentation():
+    page = (DOCS / "results.md").read_text()
+    shown = [m for m in METRICS.values() if m.of != DRIVES and (m.averaged or m.of not in (PAIR, SCAN))]
+    assert [metric.key for metric in shown if f"`{metric.key}`" not in page] == []
+
+
+def test_every_metric_is_computed_where_it_belongs():
+    """A number of a run, a drive, two drives and a cost; one number a pair."""
+    drive, scene = behind([20.0] * 11), road([20.0])
+    found = {**run("..11.222").summary(), **drive.summary(), **values(COST, Cost(0.1, 10, 20))}
+    found |= values(DRIVES, Driven(drive.curves, [1, 1]), Driven(driven([20.0] * 11).curves, [1, 0]))
+    assert found.pop("tracker") == "case"
+    alone = {m.key for m in METRICS.values() if m.of in (PAIR, SCAN) and not m.averaged}
+    assert found.keys() == {m.key for m in METRICS.values() if m.known} - alone
+    assert [key for key, value in found.items() if not isinstance(value, int | float)] == []
+    score = Evaluator("case").step(0.0, scene, seen(scene), tracks_at([20.5], [1]))
+    assert score.errors[1].keys() == set(keys(PAIR))
+    assert score.mean.keys() == {*keys(SCAN), *keys(PAIR)}
+
+
+def test_least_times_to_collision_are_those_of_an_empty_road_at_most():
+    assert [behind([gap] * 3).summary()["ttc_min"] for gap in (20.0, 200.0)] == pytest.approx([2.0, 10.0])
+
+
+def test_badness_is_the_value_its_negative_or_its_distance_from_the_ideal():
+    found = [METRICS[key].badness(value) for key, value in (("gospa", 2.0), ("progress", 2.0), ("nees_width", 3.0))]
+    assert found == [2.0, -2.0, 2.0]
+    assert [METRICS[key].sense for key in ("gospa", "progress", "box_iou")] == [
+        "less is better", "more is better", "1 is ideal",
+    ]  # fmt: skip
+
+
+def test_counts_are_shown_whole_and_what_was_not_measured_as_missing():
+    assert [METRICS["lost"].text(value, "-") for value in (3, 3.0, np.nan, None)] == ["3", "3.00", "-", "-"]
+    assert METRICS["gospa"].title == "GOSPA [m]"
+    assert METRICS["lost"].title == "lost tracks"
+
+
+@pytest.mark.parametrize(("kind", "pattern"), [("regret", "regret/*/*.parquet"), ("comparison", "*.parquet")])
+def test_committed_files_hold_metrics_under_their_keys_or_old_ones(kind, pattern):
+    """`old_names` turns each old key into that of the same quantity; nothing old is a key of another quantity."""
+    beside = {"scenario", "planner", "condition", "seed", "cpu", "reference", "parted", "parting", "tracker", "phase"}
+    files = sorted((DOCS / "results").glob(pattern))
+    columns = {name for file in files for name in pq.read_schema(file).names} - beside
+    assert files
+    assert {old_names(kind).get(name, name) for name in columns} <= METRICS.keys()
+    assert not old_names(kind).keys() & METRICS.keys()
+    assert old_names(kind).keys() <= columns
+    assert set(ALIASES.values()) <= METRICS.keys()
