@@ -24,8 +24,8 @@ from testbed.command_line.terminal import console, user_input
 from testbed.evaluation.metric import COSTS, METRICS, old_names
 from testbed.experiments.bands import by_band, consistency
 from testbed.experiments.compare import Comparison, Settings
-from testbed.experiments.report.comparison import write_report
-from testbed.experiments.report.figures import FOLDER
+from testbed.experiments.report.comparison import page_of
+from testbed.experiments.report.figures import draw
 from testbed.experiments.rows import SCHEMA
 from testbed.experiments.statistics import DRIVE, MAIN
 from testbed.experiments.store import ROWS, Results, Store, read_meta
@@ -43,7 +43,7 @@ PUBLISHED = (  # of every run and phase
 )  # fmt: skip
 TABLES = ("range", "visible", "consistency")  # .csv
 KEY = ["scenario", "tracker", "seed", "phase"]  # of a row of `runs.parquet`
-PICTURES = {"time_nees_position.png": "comparison-nees.png", "error_by_visibility.png": "comparison-visibility.png"}
+PICTURES = ("time_nees_position",)  # of the report, shown on the page
 DIGITS = 6  # significant, of the tables
 
 
@@ -78,13 +78,11 @@ def _named(key: dict[str, Any]) -> tuple[str, str, int]:
 
 
 def publish(folder: Path, target: Path, pictures: Path, reference: str | None = None) -> None:
-    """Write the small results of all runs in a folder, and two pictures of the report, which is written there anew."""
+    """Write the small results of all runs in a folder, and the figures of its report that the page shows."""
     results = Results.read(stored_comparison(folder, reference))
     target.mkdir(parents=True, exist_ok=True)
     _write(target, *_small(results), about(results))
-    written = write_report(results, with_logs=False).parent / FOLDER
-    for name, picture in PICTURES.items():
-        write_atomic(pictures / picture, (written / name).read_bytes())
+    draw([plot for plot in page_of(results, None).plots if plot.name in PICTURES], pictures, "comparison-")
 
 
 def publish_part(name: str, folder: Path, target: Path, reference: str | None = None) -> None:
