@@ -34,7 +34,7 @@ def strips(results: Results, measures: Sequence[str], order: Sequence[str], styl
         axis.set_yticks(range(len(order)), labels)
         axis.set_ylim(len(order) - 0.4, -0.6)
         for tick, name in zip(axis.get_yticklabels(), order, strict=True):
-            tick.set_fontweight("bold" if name == results.study.baseline else "normal")
+            tick.set_fontweight("bold" if label(name, results.study) != name else "normal")
     figure.legend(handles=_key(), loc="outside lower center", ncols=4)
     return figure
 
