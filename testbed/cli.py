@@ -237,7 +237,7 @@ def review(
     from testbed.command_line import reviewing
 
     with user_input():
-        reviewing.show(path or [], reviewing.Wish(web, screenshot, at, view, focus, gif, html, report), console)
+        reviewing.show(path or [], reviewing.Options(web, screenshot, at, view, focus, gif, html, report), console)
 
 
 @app.command()
@@ -343,7 +343,7 @@ def learn_spline(
     ellipses: Annotated[int, typer.Option(help="Number of ellipses on the contour.")] = 24,
     points: Annotated[int, typer.Option(help="Number of its control points.")] = 12,
     visibility: Annotated[
-        str, typer.Option(help="rays: ellipses weighed by what the sensor sees; none: all alike.")
+        str, typer.Option(help="rays: ellipses weighed by what is visible to the sensor; none: all alike.")
     ] = "rays",
     count: options.Count = 20000,
     seed: options.Seed = 0,
@@ -559,6 +559,8 @@ def reproduce(
     runs: Annotated[int, typer.Option(help="Monte Carlo runs of each case.")] = 100,
     seed: options.Seed = 0,
     out: Annotated[Path, typer.Option(help="Directory for the figures and the results.")] = Path("runs/reproduce"),
+    jobs: options.Jobs = -1,
+    dask: options.Dask = None,
 ) -> None:
     """Repeat a paper's experiment: its numbers beside ours, and a verdict on each claim.
 
@@ -569,12 +571,15 @@ def reproduce(
     Example: [bold]testbed reproduce hoher2022 --runs 20[/bold]
     """
     from testbed.command_line.checkout import study
+    from testbed.experiments.engine import Engine
 
     with user_input():
         catalogue = study("papers.catalogue", "testbed reproduce")
-        catalogue.check(paper, runs, seed, out)
+        engine = Engine(jobs, dask)
+        catalogue.check(paper, runs, seed, out, engine)
     with user_input((OSError,)):
-        done = reported(partial(catalogue.reproduce, paper, runs, seed, out), paper, "{task.percentage:.0f} %", 600.0)
+        experiment = partial(catalogue.reproduce, paper, runs, seed, out, engine=engine)
+        done = reported(experiment, paper, "{task.percentage:.0f} %", 600.0)
     with losses(done.report.lost):
         for table in done.report.tables():
             console.print(table)

@@ -81,7 +81,10 @@ OVERVIEW = (
     "coloured only where its interval leaves out zero."
 )
 IDEAL = " For the NEES it is the distance from 2 that counts."
-SIGNS = " Of J and progress more is better; their differences are turned round, so that negative is better everywhere."
+SIGNS = (
+    " Of drive score and progress more is better; their differences are turned round, so that negative is better "
+    "everywhere."
+)
 
 
 def overview(cells: Sequence[Cell], baseline: str, note: str = IDEAL) -> Grid:
