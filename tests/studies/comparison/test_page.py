@@ -71,7 +71,7 @@ def test_the_report_is_published_without_logs(published):
 
 
 def test_the_committed_page_is_of_the_committed_results():
-    """On failure: `make comparison-page`."""
+    """On failure: `make study-comparison`."""
     known = json.loads((DOCS / "results" / "comparison.json").read_text())
     page = (DOCS / "comparison.md").read_text()
     assert f"committed results of {known['date']}" in page
@@ -85,7 +85,7 @@ def test_the_committed_page_is_of_the_committed_results():
 
 @pytest.mark.slow
 def test_the_committed_page_is_what_the_results_give():
-    """On failure: `make comparison-page`."""
+    """On failure: `make study-comparison`."""
     file = DOCS / "comparison.md"
     command, date = re.findall(r"^Written by `(.*)` on (\S+);", file.read_text(), re.M)[0]
     assert frame(render(DOCS / "results"), command, date, notes_of(file)) == file.read_text()
