@@ -237,7 +237,7 @@ def review(
     from testbed.command_line import reviewing
 
     with user_input():
-        reviewing.show(path or [], reviewing.Wish(web, screenshot, at, view, focus, gif, html, report), console)
+        reviewing.show(path or [], reviewing.Options(web, screenshot, at, view, focus, gif, html, report), console)
 
 
 @app.command()
@@ -343,7 +343,7 @@ def learn_spline(
     ellipses: Annotated[int, typer.Option(help="Number of ellipses on the contour.")] = 24,
     points: Annotated[int, typer.Option(help="Number of its control points.")] = 12,
     visibility: Annotated[
-        str, typer.Option(help="rays: ellipses weighed by what the sensor sees; none: all alike.")
+        str, typer.Option(help="rays: ellipses weighed by what is visible to the sensor; none: all alike.")
     ] = "rays",
     count: options.Count = 20000,
     seed: options.Seed = 0,

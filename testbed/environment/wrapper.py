@@ -331,7 +331,7 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
         if action is not None and not is_within(self.action_space, action):
             raise gym.error.InvalidAction(
                 f"action {action!r} is not in the action space {self.action_space}; "
-                "env.action_space.contains(action) tells, env.action_space.sample() shows one"
+                "check it with env.action_space.contains(action); env.action_space.sample() is one"
             )
         self._swap.show()
         core = self._core

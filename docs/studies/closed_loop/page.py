@@ -30,7 +30,7 @@ from testbed.experiments.identity import tracker_digest
 from testbed.experiments.run import Run
 from testbed.experiments.store import Results, Store
 from testbed.experiments.study import WHOLE_RUN, Kept, Study, check_runs
-from testbed.files import versions
+from testbed.files import make_directory, versions, write_atomic
 from testbed.frame import Frame
 from testbed.limits import check_names, check_seeds
 from testbed.log.text import markdown_table
@@ -51,6 +51,7 @@ MEANS = (  # key of a tracker's summary or cost, label, digits
     ("us_per_update", "us an update", 0),
 )
 TOTALS = ("lost", "switches", "jumps")
+RESULTS = "closed-loop.csv"  # GOSPA by scenario
 SCHEMA = pa.schema([("tracker", pa.string()), *((name, pa.float64()) for name in LengthSamples._fields)])
 
 
@@ -140,6 +141,9 @@ def main(
         page = Page("closed-loop", docs)
     results = made(Family(trackers=trackers, asked=tuple(asked), out=out), Engine(jobs, dask))
     draw(lengths(results), page.picture("length-error"))
+    make_directory(docs / "results")
+    scenarios = [(run.scenario, meta["result"]) for run, meta in results.metas.items()]
+    write_atomic(docs / "results" / RESULTS, by_scenario(scenarios))
     page.write(render(results.metas, trackers))
 
 
@@ -171,7 +175,7 @@ def render(metas: Mapping[Run, Mapping[str, Any]], trackers: Sequence[str]) -> s
         cpu=100 * sum(s["cpu"] for s in seconds) / sum(s["wall"] for s in seconds),
         table=overview(results),
         cutoff=CUTOFF,
-        gospa=by_scenario([(run.scenario, meta["result"]) for run, meta in metas.items()]),
+        results=RESULTS,
         fewest=FEWEST,
     )
 
@@ -187,13 +191,13 @@ def overview(results: Sequence[Mapping[str, Any]]) -> str:
 
 
 def by_scenario(results: Sequence[tuple[str, Mapping[str, Any]]]) -> str:
-    """GOSPA of each tracker, one row a scenario, means over its seeds; results with their scenarios."""
+    """GOSPA of each tracker as CSV, one row a scenario, means over its seeds; results with their scenarios."""
     names = list(results[0][1]["trackers"])
-    rows = []
+    rows = [("scenario", *names)]
     for scenario in dict.fromkeys(scenario for scenario, _ in results):
         own = [r["trackers"] for name, r in results if name == scenario]
         rows.append((scenario, *(number(_mean([r[n]["gospa"] for r in own]), 2) for n in names)))
-    return markdown_table(("scenario", *names), rows)
+    return "".join(f"{','.join(row)}\n" for row in rows)
 
 
 def _mean(values: Sequence[float | None]) -> float | None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sensors import RADARS, Radar, Sensor, Surroundings
+from sensors import RADARS, Radar, Roadside, Sensor
 from studies.page import fill
 from studies.rigs.sensitivity import RIG
 from studies.rigs.sources import LEGEND, SENSORS, source
@@ -20,7 +20,7 @@ It keeps them. Better range rates, azimuths twice as good and no false alarms at
 drives resolve, so a source for those figures would hardly change a comparison. What counts is how many detections a
 vehicle gives: 7 and 9 at 15 m here, 86 of `imaging`, which is fitted to real cars, 3 of `nuscenes-like`, which is a
 choice. A real radar of this kind, with boxes around what it sees, would decide; none is at hand, and to take over the
-figures of `imaging` would make another rig of it. Surroundings beside the road change nothing that is resolved, so they
+figures of `imaging` would make another rig of it. Points beside the road change nothing that is resolved, so they
 stay off in all rigs but `imaging-roadside`. Points on the road itself (`on_road`) do: the tracker reports what stands
 there, false tracks for the metrics, obstacles for a planner. They are off everywhere.
 """
@@ -33,7 +33,7 @@ LABELS = {
 def text(docs: Path) -> str:
     """The page, from the code and the committed results under `docs`."""
     results = json.loads((docs / "results" / f"{RIG}.json").read_text())
-    values = {f.name: getattr(Surroundings(), f.name) for f in fields(Surroundings)}
+    values = {f.name: getattr(Roadside(), f.name) for f in fields(Roadside)}
     return fill(
         "rigs/page.md.j2",
         rigs=markdown_table(
@@ -47,7 +47,7 @@ def text(docs: Path) -> str:
             [(f"`{f.name}`", *(cell(name, f.name) for name in SENSORS)) for f in fields(Sensor) if f.name != "mount"],
         ),
         **json.loads((docs / "results" / "range-rates.json").read_text()),
-        surroundings=", ".join(f"`{name}` {value:g}" for name, value in values.items()),
+        roadside=", ".join(f"`{name}` {value:g}" for name, value in values.items()),
         tracker=results["tracker"],
         scenarios=", ".join(f"`{name}`" for name in results["scenarios"]),
         seeds=", ".join(map(str, results["seeds"])),

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from sensors import RADARS, Sensor, Surroundings
+from sensors import RADARS, Roadside, Sensor
 from studies.page import Docs
 from studies.runs import every_sensor, seen_by, summaries
 from testbed.command_line.options import Dask, Jobs
@@ -26,8 +26,8 @@ CHANGES: Mapping[str, Callable[[Sensor], Sensor]] = {
     "half the detections": lambda sensor: replace(sensor, count_at_15m=sensor.count_at_15m / 2),
     "twice the detections": lambda sensor: replace(sensor, count_at_15m=sensor.count_at_15m * 2),
     "no false alarms": lambda sensor: replace(sensor, clutter=0.0),
-    "surroundings": lambda sensor: replace(sensor, surroundings=Surroundings()),
-    "surroundings, also on the road": lambda sensor: replace(sensor, surroundings=Surroundings(on_road=0.015)),
+    "roadside": lambda sensor: replace(sensor, roadside=Roadside()),
+    "roadside, also on the road": lambda sensor: replace(sensor, roadside=Roadside(on_road=0.015)),
 }
 
 

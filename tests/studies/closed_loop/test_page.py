@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import typer
 
-from studies.closed_loop.page import MEANS, TOTALS, Family, by_scenario, lengths, main, overview, render
+from studies.closed_loop.page import MEANS, RESULTS, TOTALS, Family, by_scenario, lengths, main, overview, render
 from testbed.experiments.run import Run
 from testbed.experiments.store import Results, Store
 
@@ -37,8 +37,8 @@ def test_the_overview_has_means_and_totals_and_a_dash_for_what_was_not_measured(
 
 
 def test_gospa_by_scenario_is_the_mean_over_its_seeds():
-    table = cells(by_scenario([("x", result(a=1.0)), ("x", result(a=2.0)), ("y", result(a=4.0))]))
-    assert table == {"x": {"a": "1.50"}, "y": {"a": "4.00"}}
+    table = by_scenario([("x", result(a=1.0)), ("x", result(a=2.0)), ("y", result(a=4.0))])
+    assert table == "scenario,a\nx,1.50\ny,4.00\n"
 
 
 def test_the_page_says_what_was_run():
@@ -63,8 +63,9 @@ def test_a_short_run_through_the_command_leaves_page_figure_and_results_and_is_n
     assert set(samples) == set(NAMES)
     for one, other in zip(samples[NAMES[0]][:2], samples[NAMES[1]][:2], strict=True):
         assert np.array_equal(one, other)  # the same vehicles, the same shares
-    table = cells((tmp_path / "closed-loop.md").read_text().partition("by scenario")[2].split("\n\n")[2])
-    assert set(table["cut-in"]) == set(NAMES)
+    head, row = (tmp_path / "results" / RESULTS).read_text().splitlines()
+    assert head == ",".join(("scenario", *NAMES))
+    assert row.startswith("cut-in,")
     assert "1 runs made, 0 found" in capsys.readouterr().out
     main(**options)
     assert "0 runs made, 1 found" in capsys.readouterr().out
