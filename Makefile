@@ -15,7 +15,7 @@ SITE := build/docs
 # Byte code is kept, also where the machine's default is not to.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo test test-all explore test-lowest lint types unit generated docs bench regress reproduce comparison regret faults learned clean
+.PHONY: demo test test-slow test-all explore test-lowest lint types unit generated docs bench regress reproduce comparison regret faults learned clean
 
 demo: $(STAMP)
 	@echo
@@ -25,7 +25,11 @@ demo: $(STAMP)
 test: $(STAMP)  # side by side; the tests end last
 	@$(MAKE) --no-print-directory --jobs=2 lint types unit
 
-test-all: lint types  # with what is marked slow
+# What is marked slow in some minutes: every entry of the registries. Without the hostile calls and the Monte Carlo bars.
+test-slow: $(STAMP)
+	$(PYTEST) -m slow --ignore tests/fuzz --ignore tests/reproduction
+
+test-all: lint types  # with all that is marked slow
 	$(PYTEST) -m ""
 
 explore: $(STAMP)  # every property with EXAMPLES new random examples; a failure prints the example that fails
