@@ -42,10 +42,20 @@ CONTENTS = """
 
 ../README
 catalogue
+contract
+scan
+layers
+own-code
+own-recordings
+real-traffic
+reviewing
 results
 comparing
 regression
+track-observation
+learning-to-drive
 learning
+ghosts
 random-streams
 dependencies
 ../CONTRIBUTING
@@ -64,14 +74,24 @@ methods/*
 :hidden:
 :caption: Measured
 
-measurements
 comparison
+consistency
 closed-loop
+regret
+probes
+learned-policies
 reproductions
-modes
 partial-view
 contours
+modes
 htg-tables
+faults
+persistence
+radars
+calibration
+standing-returns
+traffic
+speed
 ```
 
 ```{toctree}

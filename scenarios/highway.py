@@ -23,7 +23,7 @@ from trackers.geometry import box_corners, unit
 FEATURES = ("presence", "x", "y", "vx", "vy", "cos_h", "sin_h")
 SPEED_RANGE = (0.0, 30.0)  # [m/s] over which the reward rises
 MAX_FREQUENCY = 100  # [Hz] of simulated frames: no automotive radar scans faster, and each frame is a scan
-REWARDS = ("speed", "drive")  # speed as a share of the range; what `J` of a drive measures
+REWARDS = ("speed", "drive")  # speed as a share of the range; the drive score
 ACTION_TYPES = ("ContinuousAction", "DiscreteAction", "DiscreteMetaAction")
 
 
@@ -150,8 +150,8 @@ class ScenarioEnv(AbstractEnv):
     def _reward(self, action: Any) -> float:
         """What the step was worth: `collision_reward` after a crash, else by `config["reward"]`.
 
-        speed: that along the lane as a share of 30 m/s, in [0, 1]. drive: the rate of `J` at the end of the step times
-        the length of the step [s]; it has no lower bound.
+        speed: that along the lane as a share of 30 m/s, in [0, 1]. drive: the rate of the drive score at the end of the
+        step times the length of the step [s]; it has no lower bound.
         """
         if self.vehicle.crashed:
             return float(self.config["collision_reward"])
@@ -160,7 +160,7 @@ class ScenarioEnv(AbstractEnv):
         return self._rewards(action)["speed"]
 
     def _drive_value(self) -> float:
-        """Rate of `J` now (MET.28)."""
+        """Rate of the drive score now (MET.28)."""
         ego, direction = self.vehicle, unit(self.vehicle.heading)
         others = [v for v in self.road.vehicles if v is not ego]
         others += [o for o in self.road.objects if isinstance(o, Obstacle) and o.solid]

@@ -8,8 +8,8 @@ from sensors.persistence import Persistence
 from sensors.radar import Radar, Sensor
 from sensors.raycast import cast, cast_bodies
 from sensors.rigs import RADARS, find
+from sensors.roadside import Roadside
 from sensors.scene import Bodies, Ego, Objects, Scene
-from sensors.surroundings import Surroundings
 
 __distribution__ = "eot-testbed"  # `testbed` tells by this line that no other package of this name took its place
 
@@ -30,9 +30,9 @@ __all__ = [
     "Outage",
     "Persistence",
     "Radar",
+    "Roadside",
     "Scene",
     "Sensor",
-    "Surroundings",
     "cast",
     "cast_bodies",
     "faults_of",

@@ -17,9 +17,9 @@ from sensors.persistence import Persistence
 from sensors.raycast import outline_edges
 from sensors.reflections import BodyFigures, Mounted, vehicle_returns, wall_returns
 from sensors.returns import add_noise, false_alarms, join, merge_cells, rows
+from sensors.roadside import Roadside, roadside_returns
 from sensors.scattering import draw_counts
 from sensors.scene import Scene, check_scene
-from sensors.surroundings import Surroundings, surrounding_returns
 from trackers.scan import DepthProfile, Scan, SensorModel
 
 
@@ -54,7 +54,7 @@ class Sensor:
     rate: float = np.inf  # [1/s] of its measurements; inf: one in every scan of the rig
     phase: float = 0.0  # share of its period by which the first measurement is late
     profile: DepthProfile = field(default_factory=DepthProfile)  # where its detections lie on a body, as far as known
-    surroundings: Surroundings | None = None  # what stands beside the road but for guard rails; None: nothing
+    roadside: Roadside | None = None  # what stands beside the road but for guard rails; None: nothing
     aspects: Aspects | None = None  # what vehicles return by the side that they show; None: all sides alike
     persistence: Persistence | None = None  # how long scattering centres stay on a body; None: drawn anew in each scan
 
@@ -107,7 +107,7 @@ class Sensor:
 
 def numeric() -> list[str]:
     """Names of the fields of a `Sensor` that are numbers."""
-    return [one.name for one in fields(Sensor) if one.name not in ("profile", "surroundings", "aspects", "persistence")]
+    return [one.name for one in fields(Sensor) if one.name not in ("profile", "roadside", "aspects", "persistence")]
 
 
 @dataclass(frozen=True)
@@ -196,9 +196,9 @@ class Radar:
         density, falloff = self.column("static_density"), self.column("count_falloff")
         walls = wall_returns(density, falloff, scene.walls, rail, at, rng)
         around = [
-            surrounding_returns(sensor.surroundings, s, sensor.model, scene, pose[s], velocity[s], elements, rng)
+            roadside_returns(sensor.roadside, s, sensor.model, scene, pose[s], velocity[s], elements, rng)
             for s, sensor in enumerate(self.sensors)
-            if sensor.surroundings is not None
+            if sensor.roadside is not None
         ]
         parts = (vehicles, walls, *around)
         if self.ghosts is not None:

@@ -17,7 +17,7 @@ import numpy as np
 from sensors.aspects import Aspects
 from sensors.ghosts import Ghosts
 from sensors.radar import Radar, Sensor
-from sensors.surroundings import Surroundings
+from sensors.roadside import Roadside
 from trackers.lookup import made
 from trackers.scan import DepthProfile
 
@@ -61,7 +61,7 @@ IMAGING = Sensor(
     ),
 )  # fmt: skip
 # What stands beside guard rails, and the noise of range rates, of a real radar: docs/standing-returns.md.
-ROADSIDE = replace(IMAGING, sigma_rate=0.03, surroundings=Surroundings())
+ROADSIDE = replace(IMAGING, sigma_rate=0.03, roadside=Roadside())
 NUSCENES = Sensor(
     max_range=100.0, fov_deg=120.0, spacing_deg=0.2, sigma_range=0.1, sigma_azimuth_deg=1.0, sigma_rate=0.1,
     count_at_15m=3.0, count_falloff=0.5, clutter=4.0, cell_range=0.4, cell_azimuth_deg=3.2, cell_rate=0.1,

@@ -82,7 +82,7 @@ def reserve(directory: Path) -> IO[bytes]:
 def check_target(path: Path) -> None:
     """Raise OSError, in one sentence, where anything but a regular file, or nothing, is at `path`.
 
-    What a link points to, and what reads a pipe, belongs to somebody else.
+    The target of a link and the reader of a pipe may belong to another program.
     """
     try:
         kind = stat.S_IFMT(path.lstat().st_mode)
@@ -98,8 +98,8 @@ def check_target(path: Path) -> None:
 def atomic_file(path: Path) -> Iterator[BinaryIO]:
     """A file to write to, which takes the place of `path` when the block ends.
 
-    It lies beside `path` under a name of its own until it is complete on the disk, so a reader, and whoever comes after
-    a process that was killed, finds the old file or the complete new one.
+    It lies beside `path` under a name of its own until it is complete on the disk, so a reader finds the old file or
+    the complete new one, also after the process was killed.
 
     Raises:
         OSError: it cannot be written, or `path` is not a regular file, see `check_target`; `path` is as it was.

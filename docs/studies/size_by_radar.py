@@ -7,14 +7,15 @@ from typing import Annotated, Any
 import typer
 
 from sensors import RADARS
-from studies.drives import every_sensor, measured
-from studies.page import steps
+from studies.page import Docs
+from studies.runs import every_sensor, seen_by, summaries
+from testbed.command_line.options import Dask, Jobs
 from testbed.command_line.terminal import console
+from testbed.experiments.engine import Engine
+from testbed.experiments.run import Run
 from testbed.files import write_json
-from testbed.replay.recording import record
 from trackers import DEFAULT
 
-OFF = f"{DEFAULT}:size=off"
 DURATION = 8.0  # [s]
 PATCHY = "imaging"  # also as if its detections lay all along what is seen of a side
 MANY = ("cut-in", "truck-convoy", "dense-traffic", "hard-brake", "s-curve", "truck-cut-in", "merge")
@@ -28,25 +29,39 @@ DRIVES = {  # radar -> (scenario, seed); 400, 401, and 402 of imaging were seen 
 }  # fmt: skip
 
 
-def main(out: Annotated[Path, typer.Argument(help="The JSON file.")] = Path("docs/results/size-by-radar.json")) -> None:
+def main(
+    docs: Docs = Path("docs"),
+    folder: Annotated[str, typer.Option(help="Directory of the runs.")] = "runs/size-by-radar",
+    jobs: Jobs = 1,
+    dask: Dask = None,
+) -> None:
     """Measure the default tracker with and without size from both ends, by radar."""
-    rows: list[dict[str, Any]] = []
-    with steps(sum(map(len, DRIVES.values()))) as step:
-        for name, drives in DRIVES.items():
-            for scenario, seed in drives:
-                step(f"{name} {scenario} {seed}")
-                rows.append({"radar": name, "scenario": scenario, "seed": seed, **_row(name, scenario, seed)})
+    asked = {
+        (name, scenario, seed): variants(name, scenario, seed)
+        for name, drives in DRIVES.items()
+        for scenario, seed in drives
+    }
+    runs = [run for each in asked.values() for run in each.values()]
+    summary = summaries(runs, folder, Engine(jobs, dask))
+    rows: list[dict[str, Any]] = [
+        {"radar": name, "scenario": scenario, "seed": seed}
+        | {what: round(summary(run)["gospa"], 3) for what, run in each.items()}
+        for (name, scenario, seed), each in asked.items()
+    ]
     measured_by = f"GOSPA [m], c = 5 m, mean over the frames of drives of {DURATION:g} s, through {DEFAULT}"
+    out = docs / "results" / "size-by-radar.json"
     write_json(out, {"measured": measured_by, "rows": rows})
     console.print(f"results  {out}", soft_wrap=True)
 
 
-def _row(name: str, scenario: str, seed: int) -> dict[str, float]:
-    drive = record(scenario, seed, "ideal", DURATION)
-    off, ends = (row["gospa"] for row in measured(drive, RADARS[name], [OFF, DEFAULT], ["gospa"]))
-    row = {"off": round(off, 3), "ends": round(ends, 3)}
+def variants(name: str, scenario: str, seed: int) -> dict[str, Run]:
+    """Runs of one drive, by what they are called in the results."""
+    radar = RADARS[name]
+    found = {
+        "off": seen_by(radar, scenario, seed, f"{DEFAULT}:size=off", DURATION),
+        "ends": seen_by(radar, scenario, seed, DEFAULT, DURATION),
+    }
     if name == PATCHY:
-        even = every_sensor(RADARS[name], lambda sensor: replace(sensor, profile=replace(sensor.profile, patchy=False)))
-        (taken,) = measured(drive, even, [DEFAULT], ["gospa"])
-        row["not_patchy"] = round(taken["gospa"], 3)
-    return row
+        even = every_sensor(radar, lambda sensor: replace(sensor, profile=replace(sensor.profile, patchy=False)))
+        found["not_patchy"] = seen_by(even, scenario, seed, DEFAULT, DURATION)
+    return found

@@ -111,8 +111,8 @@ def every_action_is_in_the_action_space(planner: Any) -> None:
 
 
 def the_same_drive_has_the_same_actions(planner: Any) -> None:
-    """A second drive, after another episode, is the first again: what is kept is forgotten in `begin`."""
-    law = "a drive of the same seed has other actions the second time; keep nothing, or forget it in begin(env)"
+    """A second drive, after another episode, is the first again: what is kept is reset in `begin`."""
+    law = "a drive of the same seed has other actions the second time; keep nothing, or reset it in begin(env)"
     check_equal(drive(planner, spoil=True), drive(planner), 0, 0, law)
 
 

@@ -71,7 +71,7 @@ def a_zero_time_step_changes_nothing(f: Any, seed: int = 0, rtol: float = 1e-9, 
 
 
 def a_prediction_moves_by_the_velocity(f: Any) -> None:
-    """An object that drives straight on is predicted at its place plus velocity times time, and no better known."""
+    """An object in straight motion is predicted at its place plus velocity times time, with no less uncertainty."""
     velocity, where = 12 * unit(np.array(0.4)), np.array([3.0, -2.0])
     state = f.init(prior((*where, 0.4), velocity=velocity, size=(5.0, 2.0), yaw_rate_std=1e-3, heading_std=1e-3))
     before, after = f.estimate(state), f.estimate(f.predict(state, 0.5))

@@ -100,9 +100,9 @@ def examine(laws: Sequence[tuple[Law, Cases]], subject: Any) -> list[Verdict]:
 
 
 def verdict(law: Law, subject: Any, cases: Cases = ONCE) -> Verdict:
-    """Whether a law holds in all cases; the first fault is told.
+    """Whether a law holds in all cases; the first fault is reported.
 
-    Code of a user may raise anything: any error is a fault, told with its place, and the other laws go on.
+    Code of a user may raise anything: any error is a fault, reported with its place, and the other laws go on.
     """
     name = law.__name__.replace("_", " ")
     for case in cases:

@@ -64,7 +64,7 @@ def nothing_seen_is_nothing_tracked(tracker: Any) -> None:
 
 def a_tracker_remembers_nothing(tracker: Any) -> None:
     """The same scans give the same tracks a second time, and `step` leaves the tracks that it is given as they were."""
-    law = "the same scans gave other tracks the second time; all that a tracker knows is in its Tracks"
+    law = "the same scans gave other tracks the second time; all state of a tracker must be in its Tracks"
     tracks = drive(tracker)
     check_equal(drive(tracker), tracks, 0, 0, law)
     copies = [np.array(a) for a in arrays(tracks)]

@@ -7,7 +7,7 @@ from typing import NamedTuple
 from rich.console import Console
 
 
-class Wish(NamedTuple):
+class Options(NamedTuple):
     """The options of `testbed review`."""
 
     web: bool = False
@@ -21,7 +21,7 @@ class Wish(NamedTuple):
 
     def check(self, logs: Sequence[Path]) -> None:
         """Raise ValueError, in one sentence, for options that do not go together."""
-        if self.report is not None and (logs or self._replace(report=None) != Wish()):
+        if self.report is not None and (logs or self._replace(report=None) != Options()):
             raise ValueError("--report shows a whole folder; leave out logs and other options, or call twice")
         if self.without_viewer and self.focus is not None:
             raise ValueError("--focus goes with the viewer and --screenshot; a page opens at a vehicle by #veh=3")
@@ -36,26 +36,26 @@ class Wish(NamedTuple):
         return self.screenshot is None and (self.html, self.gif) != (None, None)
 
 
-def show(logs: Sequence[Path], wish: Wish, console: Console) -> None:
-    """Open logs in the viewer, or write what is wished; raises ValueError or OSError, in one sentence."""
-    wish.check(logs)
-    if wish.report is not None:
+def show(logs: Sequence[Path], options: Options, console: Console) -> None:
+    """Open logs in the viewer, or write what the options ask for; raises ValueError or OSError, in one sentence."""
+    options.check(logs)
+    if options.report is not None:
         from testbed.log.review_page.server import serve
 
-        serve(wish.report, lambda address: console.print(f"report   {address}\nCtrl-C ends it", highlight=False))
+        serve(options.report, lambda address: console.print(f"report   {address}\nCtrl-C ends it", highlight=False))
         return
     from testbed.log import review
 
-    if wish.html is not None:
+    if options.html is not None:
         from testbed.log.review_page.page import write
 
-        console.print(f"page     {write(review.only(logs, 'a page'), wish.html)}", soft_wrap=True)
-    if wish.gif is not None:
+        console.print(f"page     {write(review.only(logs, 'a page'), options.html)}", soft_wrap=True)
+    if options.gif is not None:
         from testbed.log.review_page import animation
 
-        console.print(f"picture  {animation.write(review.only(logs, 'an animation'), wish.gif)}", soft_wrap=True)
-    if wish.without_viewer:
+        console.print(f"picture  {animation.write(review.only(logs, 'an animation'), options.gif)}", soft_wrap=True)
+    if options.without_viewer:
         return
-    review.review(logs, wish.web, wish.screenshot, wish.at, wish.view, wish.focus)
-    if wish.screenshot is not None:
-        console.print(f"picture  {wish.screenshot}", soft_wrap=True)
+    review.review(logs, options.web, options.screenshot, options.at, options.view, options.focus)
+    if options.screenshot is not None:
+        console.print(f"picture  {options.screenshot}", soft_wrap=True)

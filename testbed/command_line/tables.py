@@ -15,11 +15,10 @@ if TYPE_CHECKING:
     from testbed.evaluation.metric import Metric
 
 DASH = "–"
-EXPLAINED = (  # what a newcomer cannot guess
+EXPLAINED = (  # measures whose names do not say what they are
     "GOSPA: the error of a whole scan, position and size of every vehicle against its track, with a price for each "
     "missed vehicle and each false track; 0 is perfect.",
-    "NEES: squared error over the variance that the tracker claims; 2 if it knows how wrong it is, more if it is too "
-    "sure of itself.",
+    "NEES: squared error over the tracker's own variance; 2 where that is right, more where it is too small.",
 )
 SEVERITY = (
     "severity: squared error at GOSPA's prices over the time that it lasted, nearer to the ego weighing more [m^2 s]; "

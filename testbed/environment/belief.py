@@ -1,4 +1,4 @@
-"""What a planner sees: a highway-env road that holds the controlled vehicles and the tracks, and nothing else.
+"""What a planner gets: a highway-env road that holds the controlled vehicles and the tracks, and nothing else.
 
 Its contents come from:
 

@@ -1,4 +1,4 @@
-"""The one loop over an episode: a planner drives a tracked environment from its reset to its end."""
+"""The one loop over an episode: a planner acts in a tracked environment from its reset to its end."""
 
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, nullcontext

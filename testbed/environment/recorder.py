@@ -115,7 +115,7 @@ class Recorder:
         return self.directory / f"{self.meta.run_id}.json"
 
     def __call__(self, frame: Frame) -> None:
-        """Score one frame and log it; without a log nobody reads its scores, and their errors wait for the others'."""
+        """Score one frame and log it; without a log the errors of pairs are computed later, for many scans at once."""
         start = perf_counter()
         if self.metrics:
             drive = self.drive.step(frame.scene)

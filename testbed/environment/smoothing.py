@@ -1,6 +1,6 @@
 """Smoothed tracks for the log: states are kept while a run goes on, and smoothed over all its detections at the end.
 
-Learning does not need them: the sampler, the real extract and the logs of runs know the true boxes of their detections.
+Learning does not need them: the sampler, the real extract and the logs of runs have the true boxes of their detections.
 For recordings without truth, `trackers.smoother.smooth` gives the pose and size of each detection's vehicle, which
 `learn-htg` reads from an .npz file.
 """

@@ -30,7 +30,7 @@ class Rows(NamedTuple):
     """The nearest tracks, padded to K rows."""
 
     tracks: NDArray  # (K, 26) see `COLUMNS`
-    class_probability: NDArray  # (K, 7), zeros where the tracker knows no classes
+    class_probability: NDArray  # (K, 7), zeros where the tracker has no classes
     mask: NDArray  # (K,) int8, 1 where there is a track
     id: NDArray  # (K,) int, -1 where there is none
 

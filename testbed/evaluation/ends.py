@@ -1,4 +1,4 @@
-"""Which ends of each object the radar has hit so far: what a tracker could know of a length."""
+"""Which ends of each object the radar has hit so far: what a length can be estimated from."""
 
 from collections import defaultdict
 

@@ -92,7 +92,7 @@ class Evaluator:
         )
 
     def keep(self, time: float, scene: Scene, origin: Origin, tracks: Tracks, owner: NDArray | None = None) -> None:
-        """As `step` where nobody reads the score: the errors of pairs are worked out later, for many scans at once."""
+        """As `step`, for a score that is not read: the errors of pairs are computed later, for many scans at once."""
         row, track, counted, out, distance = self._assign(time, scene, origin, tracks, owner)
         counts = counted[row]
         truth = pair_truth(scene.objects, scene.bodies, row[counts])

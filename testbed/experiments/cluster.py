@@ -56,7 +56,7 @@ def connected(address: str, modules: tuple[str, ...] = (), timeout: float = CONN
     try:
         from distributed import Client
     except ImportError:
-        raise ValueError("dask is not installed; install the extra with `pip install 'eot-testbed[dask]'`") from None
+        raise ValueError("dask is not installed; install the extra with `pip install -e '.[dask]'`") from None
     with _silent():
         try:
             client = Client(address, timeout=timeout, set_as_default=False)

@@ -107,7 +107,7 @@ def simulate(radar: Radar, real: Vehicles, rng: np.random.Generator, repeat: int
 
     Fronts lie `SHORT` before those of the annotated boxes; what belongs to a vehicle is decided by the annotated box.
     """
-    sensor = replace(radar.sensors[0], mount=(0.0, 0.0, 0.0), clutter=0.0, surroundings=None)
+    sensor = replace(radar.sensors[0], mount=(0.0, 0.0, 0.0), clutter=0.0, roadside=None)
     alone = replace(radar, sensors=(sensor,))
     pose = compose(real.pose, np.array([SHORT / 2, 0.0, 0.0]))
     size = real.size + np.array([SHORT, 0.0])

@@ -52,6 +52,6 @@ def _lines(trackers: Sequence[str]) -> Iterator[tuple[str, str]]:
             f"{palette.tracker_name(index)}",
             f"reported tracks of {name} with their ids; the very thin ones are not yet reported",
         )
-    yield "ellipse", "where the centre of a track is with 95 % probability, as the tracker believes"
+    yield "ellipse", "where the centre of a track is with 95 % probability, by its own covariance"
     yield "blue", "where the planner means to go"
     yield "brown", "guard rails"

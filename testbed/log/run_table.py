@@ -23,7 +23,7 @@ def run_table(folder: str | Path) -> pd.DataFrame:
         import datafusion  # noqa: F401  (the server fails late and unclearly without it)
         import rerun.server
     except ImportError:
-        raise ValueError("the query engine is missing; install it with `pip install 'eot-testbed[tables]'`") from None
+        raise ValueError("the query engine is missing; install it with `pip install -e '.[tables]'`") from None
     with rerun.server.Server(host="127.0.0.1", datasets={"runs": str(folder)}) as server:
         client = server.client()  # must outlive the query
         found = client.get_dataset("runs").segment_table().to_pandas()

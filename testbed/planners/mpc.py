@@ -76,7 +76,7 @@ class Mpc:
 
     @property
     def action(self) -> dict[str, Any]:
-        """`config["action"]` of the environments that it drives in: the pedals and limits of `EgoVehicle`."""
+        """`config["action"]` of the environments that it acts in: the pedals and limits of `EgoVehicle`."""
         return {"type": "ContinuousAction", "acceleration_range": [-8.0, 4.0]}
 
     def act(self, env: gym.Env) -> NDArray:
@@ -173,7 +173,7 @@ def _profiles(times: NDArray) -> NDArray:
 
 
 def _drive(speed: float, profiles: NDArray) -> tuple[NDArray, NDArray]:
-    """Speeds [m/s] and places [m] (C, H) at the end of each step under accelerations (C, H); it never drives back."""
+    """Speeds [m/s] and places [m] (C, H) at the end of each step under accelerations (C, H); no speed is negative."""
     after = np.maximum(speed + np.cumsum(STEP * profiles, -1), 0.0)
     before = np.concatenate([np.full((len(after), 1), speed), after[:, :-1]], -1)
     return after, np.cumsum(STEP * (before + after) / 2, -1)

@@ -42,7 +42,7 @@ class OwnPlanner:
         return getattr(self.planner, "action", None)
 
     def begin(self, env: gym.Env) -> None:
-        """Tell it that an episode begins, if it wants to know."""
+        """Call its `begin`, if it has one, at the begin of an episode."""
         if hasattr(self.planner, "begin"):
             self.planner.begin(env)
 

@@ -1,8 +1,8 @@
 """The planners: each chooses the ego's next action from the belief road, or from the tracks themselves.
 
 A planner may offer two things besides those of `Planner`. `action`, a dict, is the `config["action"]` that it needs:
-`settings` finds it. `begin(env)` is called after every reset, for planners that remember something; those of this table
-remember nothing, so that one object may drive in many environments.
+`settings` finds it. `begin(env)` is called after every reset, for planners with a state; those of this table have none,
+so that one object may serve many environments.
 """
 
 from collections.abc import Mapping
@@ -134,6 +134,6 @@ def settings(planner: Any) -> dict[str, Any]:
 
 
 def begin(planner: Any, env: gym.Env) -> None:
-    """Tell a planner that an episode begins, if it wants to know: call `planner.begin(env)`, after every reset."""
+    """Call `planner.begin(env)`, if the planner has it: after every reset."""
     if hasattr(planner, "begin"):
         planner.begin(env)

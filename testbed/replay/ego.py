@@ -51,7 +51,7 @@ def _check_way(table: Loaded) -> None:
     end = np.searchsorted(time, time[start] + length)
     ahead = unit(table["heading"])
     velocity = velocities(table, between(time, time, GAP), table["heading"])
-    velocity = (velocity * ahead).sum(-1, keepdims=True) * ahead  # nobody drives sideways
+    velocity = (velocity * ahead).sum(-1, keepdims=True) * ahead  # a vehicle has no speed across its heading
     step = np.diff(time, prepend=time[0])
     driven = np.cumsum(step[:, None] * (velocity + np.roll(velocity, 1, 0)) / 2, axis=0)
     paused = np.cumsum(step > GAP)  # nothing is known of a gap

@@ -1,6 +1,6 @@
 """One drive, recorded once: the truth and the scans that every tracker of an open-loop comparison gets.
 
-The ego is driven by the planner that knows the truth, so that what there is to see depends on no tracker. A
+The planner gets the true state, so that the scenes depend on no tracker. A
 recording is one `.npz` file of flat arrays: a ragged series is stored as its parts joined, with their lengths beside.
 """
 

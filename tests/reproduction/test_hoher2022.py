@@ -1,13 +1,13 @@
-"""Hoher et al. (2022) as reported: our figures against reference figures, and the verdict on every claim."""
+"""Hoher et al. (2022) as reported: our figures against reference figures, and the answer on every claim."""
 
 import json
 
 import numpy as np
 import pytest
+from studies.papers.hoher2022.reference import REFERENCE
 
 from studies.papers.hoher2022.claims import longest_one_sided, stability
 from studies.papers.hoher2022.experiment import CASES, UTurnRuns, experiment, methods, run
-from studies.papers.hoher2022.reference import REFERENCE
 from studies.papers.hoher2022.runs import MEASURES
 from studies.papers.hoher2022.uturn import FIRST, SECOND, SHAPES, lidar_scans, truth
 
@@ -65,7 +65,7 @@ def test_a_learned_tilt_has_the_error_of_the_reference(reproduction):
 
 @pytest.mark.slow
 def test_the_verdicts_are_those_of_the_reference(reproduction):
-    outcome = {v.claim.text[:24]: v.outcome for v in reproduction[0].verdicts}
+    outcome = {v.claim.text[:24]: v.outcome for v in reproduction[0].answers}
     assert outcome["The adaptation gives a m"] == "confirmed"
     assert outcome["The algorithm as printed"].startswith("confirmed under")  # not on the ellipse at 0.5 m
     assert "ellipse, sigma 0.5" not in outcome["The algorithm as printed"]
@@ -87,7 +87,7 @@ def test_the_adaptation_helps_on_contour_detections_of_our_radar_and_not_on_thos
         case = f"our radar {radar}, rectangle"
         alone, with_it = (report.row(case, m) for m in ("RM corrected, 2 sigma", "C33 I=2"))
         assert (with_it["IoU"] > alone["IoU"] + 0.1) == helps, case
-    assert report.verdicts[-1].outcome == "confirmed under our radar lidar-1deg, rectangle"
+    assert report.answers[-1].outcome == "confirmed under our radar lidar-1deg, rectangle"
 
 
 @pytest.mark.slow

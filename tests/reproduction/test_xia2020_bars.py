@@ -1,4 +1,4 @@
-"""xia2020 as `testbed reproduce` runs it: the order of the methods, and the verdicts that are not in doubt.
+"""xia2020 as `testbed reproduce` runs it: the order of the methods, and the answers that are not in doubt.
 
 The bars of the filters by themselves are in test_htg_bars.py.
 """
@@ -7,7 +7,7 @@ import json
 
 import pytest
 
-from studies.papers.verdict import CONFIRMED, REFUTED
+from studies.papers.answer import CONFIRMED, REFUTED
 from studies.papers.xia2020 import experiment as xia2020
 from studies.papers.xia2020.claims import COURSES, ROUGH, SPARSE
 from studies.papers.xia2020.generators import GENERATORS
@@ -53,7 +53,7 @@ def test_sparse_detections_and_a_rough_start_leave_the_order_alone(paper):
 
 
 def outcome(report, beginning):
-    (found,) = (v.outcome for v in report.verdicts if v.claim.text.startswith(beginning))
+    (found,) = (v.outcome for v in report.answers if v.claim.text.startswith(beginning))
     return found
 
 

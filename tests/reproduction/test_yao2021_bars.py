@@ -16,10 +16,7 @@ RUNS = 100
 def measured(contour, method):
     """Figures of all stages, and lost runs."""
     runs = run_stages(
-        {"A": A, "B": B}[method],
-        find(yao2021.MODEL),
-        simulate(CONTOURS[contour], RUNS, np.random.default_rng(1)),
-        lambda part: None,
+        {"A": A, "B": B}[method], find(yao2021.MODEL), simulate(CONTOURS[contour], RUNS, np.random.default_rng(1))
     )
     lost = sum(int(gone.sum()) for gone in runs.lost.values())
     return {stage: yao2021.measure(runs, stage, CONTOURS[contour]) for stage in runs.stages}, lost

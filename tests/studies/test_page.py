@@ -8,7 +8,7 @@ import pytest
 import typer
 
 from studies.__main__ import app
-from studies.page import NOTES, Page, command_line, frame, notes_of, steps
+from studies.page import MOST_WORDS, NOTES, STAYS, Page, command_line, frame, notes_of, split_tables, steps
 
 DOCS = Path(__file__).parents[2] / "docs"
 TEXT = "# Title\n\nFirst figures.\n"
@@ -35,6 +35,22 @@ def test_notes_outlive_a_new_page(tmp_path, capsys):
     assert page.file.read_text() == frame(TEXT.replace("First", "Other"), "second", "2026-01-03", "\n\n## Why\n")
     assert f"page     {page.file}" in capsys.readouterr().out
     assert page.picture("modes").parent.is_dir()
+
+
+def test_a_large_table_becomes_a_data_file_with_a_column_for_each_end_of_an_interval(tmp_path):
+    rows = "| `a` | **-1.5 [-2, -1]** | b\\|c* |\n" + "| d | 3 | |\n" * (MOST_WORDS // 5)
+    table = "| name | x [m] | note |\n| --- | --- | --- |\n" + rows
+    text = f"# Title\n\n## The large: one\n\n{table}\nand\n\n{STAYS}\n{table}\n## Small\n\n| a |\n|---|\n| b |\n"
+    shown, tables = split_tables("page", text)
+    link = f"{len(rows.splitlines())} rows: [the-large.csv](results/tables/page/the-large.csv)."
+    assert shown == text.replace(f"{table}\nand", f"{link}\n\nand").replace(f"{STAYS}\n", "")
+    head, first, second, *_ = tables["the-large.csv"].splitlines()
+    assert (head, first, second) == ("name,x [m],low,high,note", "a,-1.5,-2,-1,b|c*", "d,3,,,")
+    page = Page("page", tmp_path)
+    page.write(text, "command")
+    assert (tmp_path / "results/tables/page/the-large.csv").read_text() == tables["the-large.csv"]
+    page.write(TEXT, "command")
+    assert not (tmp_path / "results/tables/page").exists()
 
 
 def test_a_page_that_cannot_be_written_is_refused_before_the_work(tmp_path):

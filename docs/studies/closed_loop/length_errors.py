@@ -5,7 +5,7 @@ in Gaussian Wasserstein distance, is not assigned to it: such a frame gives no e
 with a track that fits. So the errors and that share have to be read together.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -40,13 +40,13 @@ class LengthErrors:
     """Observer of a `TrackedEnv` that keeps the length errors of some trackers."""
 
     def __init__(self, trackers: Sequence[str]) -> None:
-        self._evaluators = {name: Evaluator(name) for name in trackers}
+        self.evaluators = {name: Evaluator(name) for name in trackers}
         self._rows: dict[str, list[NDArray]] = {name: [np.zeros((0, 3))] for name in trackers}
 
     def __call__(self, frame: Frame) -> None:
         """Keep the errors of one frame."""
         objects, origin = frame.scene.objects, frame.origin
-        for name, evaluator in self._evaluators.items():
+        for name, evaluator in self.evaluators.items():
             tracks, _ = frame.outputs[name]
             score = evaluator.step(frame.time, frame.scene, origin, tracks)
             counted = np.isin(objects.id, score.counted)
@@ -57,11 +57,6 @@ class LengthErrors:
     def samples(self) -> dict[str, LengthSamples]:
         """All frames so far, by tracker."""
         return {name: LengthSamples(*np.concatenate(rows).T) for name, rows in self._rows.items()}
-
-
-def joined(runs: Sequence[Mapping[str, LengthSamples]]) -> dict[str, LengthSamples]:
-    """The samples of several runs with the same trackers."""
-    return {name: LengthSamples(*np.concatenate([run[name] for run in runs], -1)) for name in runs[0]}
 
 
 def profile(samples: LengthSamples) -> Profile:

@@ -3,32 +3,41 @@
 The planner uses the first tracker; all get the same detections.
 """
 
-import json
-from collections.abc import Callable, Mapping, Sequence
-from datetime import UTC, datetime
-from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from collections.abc import Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from time import perf_counter, process_time
+from typing import Annotated, Any, ClassVar
 
-import numpy as np
+import pyarrow as pa
 import typer
-from rich.console import Console
-from rich.progress import Progress
 
 from scenarios import SCENARIOS, find
 from studies.closed_loop.figure import draw
-from studies.closed_loop.length_errors import FEWEST, LengthErrors, LengthSamples, joined
-from studies.page import DOCS, Docs, Page, command_line, fill
+from studies.closed_loop.length_errors import FEWEST, LengthErrors, LengthSamples
+from studies.page import DOCS, Docs, Page, fill
+from studies.runs import made
+from testbed.command_line.options import Dask, Jobs
 from testbed.command_line.tables import number
 from testbed.command_line.terminal import user_input
+from testbed.environment.episode import drive
+from testbed.environment.registration import make
+from testbed.evaluation.drive_evaluator import DriveEvaluator
 from testbed.evaluation.metrics import CUTOFF, mean
-from testbed.files import atomic_file
-from testbed.log.record import run_id
+from testbed.evaluation.tracking import jsonable
+from testbed.experiments.engine import Engine
+from testbed.experiments.identity import tracker_digest
+from testbed.experiments.run import Run
+from testbed.experiments.store import Results, Store
+from testbed.experiments.study import WHOLE_RUN, Kept, Study, check_runs
+from testbed.files import make_directory, versions, write_atomic
+from testbed.frame import Frame
+from testbed.limits import check_names, check_seeds
 from testbed.log.text import markdown_table
-from testbed.run import RunConfig, check, run
+from testbed.planners import find as find_planner
 
 TRACKERS = ("imm-spline", "imm-htg", "htg-map", "edra-imm", "pmht-spline-adaptive", "rm-feldmann")
 LONGEST = 20.0  # [s] of a run; only the courses of papers are longer
-REUSE = "--reuse"
 MEANS = (  # key of a tracker's summary or cost, label, digits
     ("gospa", "GOSPA [m]", 2),
     ("missed_percent", "missed [%]", 1),
@@ -42,129 +51,131 @@ MEANS = (  # key of a tracker's summary or cost, label, digits
     ("us_per_update", "us an update", 0),
 )
 TOTALS = ("lost", "switches", "jumps")
+RESULTS = "closed-loop.csv"  # GOSPA by scenario
+SCHEMA = pa.schema([("tracker", pa.string()), *((name, pa.float64()) for name in LengthSamples._fields)])
 
 
-class StoredRun(NamedTuple):
-    """One run, as it lies in its files."""
+class LengthRows(LengthErrors):
+    """Watches the drive, and the errors of all trackers in it."""
 
-    result: dict[str, Any]  # see `Recorder.result`
-    lengths: dict[str, LengthSamples]  # by tracker
-    date: datetime
+    def __init__(self, trackers: Sequence[str]) -> None:
+        super().__init__(trackers)
+        self.drive = DriveEvaluator()
 
+    def __call__(self, frame: Frame) -> None:
+        """Take one frame."""
+        super().__call__(frame)
+        self.drive.step(frame.scene)
 
-def simulate(config: RunConfig, progress: Callable[[float, float], None]) -> StoredRun:
-    """Run once; leaves the length errors beside the JSON of the run. typer.Exit when a signal ended it early."""
-    probe = LengthErrors(config.trackers)
-    files(config)[1].unlink(missing_ok=True)
-    done = run(config, progress, [probe])
-    if done.interrupted:
-        raise typer.Exit(done.exit_status)
-    for sentence in done.lost:
-        raise OSError(sentence)
-    lengths = probe.samples
-    with atomic_file(files(config)[1]) as file:
-        arrays: dict[str, Any] = {name: np.stack(samples) for name, samples in lengths.items()}
-        np.savez_compressed(file, **arrays)
-    return StoredRun(done.result, lengths, datetime.now(UTC))
+    @property
+    def table(self) -> pa.Table:
+        """One row a vehicle, frame and tracker."""
+        parts = [{"tracker": [name] * len(s.error), **s._asdict()} for name, s in self.samples.items()]
+        return pa.concat_tables([pa.table(part, SCHEMA) for part in parts])
 
 
-def files(config: RunConfig) -> tuple[Path, Path]:
-    """Where a run leaves its results, and its length errors: `LengthSamples` as an array (3, n) for each tracker."""
-    duration = None if duration_of(config) == find(config.scenario).duration else config.duration
-    stem = run_id(config.scenario, config.trackers, config.radar, config.planner, config.seed, duration)
-    return Path(config.out) / f"{stem}.json", Path(config.out) / f"{stem}.npz"
+@dataclass(frozen=True, kw_only=True)
+class Family(Study):
+    """Trackers side by side in the same drives."""
 
+    trackers: tuple[str, ...] = TRACKERS
+    asked: tuple[Run, ...] = ()
 
-def stored(config: RunConfig) -> StoredRun | None:
-    """The complete run with these settings that an earlier call left, or None."""
-    results, lengths = files(config)
-    if not lengths.exists():
-        return None
-    result = json.loads(results.read_text())
-    with np.load(lengths, allow_pickle=False) as arrays:
-        samples = {name: LengthSamples(*arrays[name]) for name in config.trackers}
-    return StoredRun(result, samples, datetime.fromtimestamp(lengths.stat().st_mtime, UTC))
+    name: ClassVar[str] = "closed-loop"
+    schema: ClassVar[pa.Schema] = SCHEMA
+    modules: ClassVar[tuple[str, ...]] = ("studies.closed_loop",)
 
+    def work(self) -> list[Run]:
+        """All drives."""
+        return list(self.asked)
 
-def duration_of(config: RunConfig) -> float:
-    """Simulated time [s] of a run."""
-    return config.duration or find(config.scenario).duration
+    def settings(self) -> dict[str, Any]:
+        """The trackers, the first of which the planner uses."""
+        return {"trackers": list(self.trackers), **{f"code of {name}": tracker_digest(name) for name in self.trackers}}
 
-
-def run_all(configs: Sequence[RunConfig], reuse: bool) -> list[StoredRun]:
-    """All runs, in turn, with a progress bar and one line a run."""
-    runs: list[StoredRun] = []
-    ends = np.cumsum([duration_of(config) for config in configs])
-    with Progress(console=Console(stderr=True)) as bar:
-        task = bar.add_task("", total=ends[-1])
-        for config, end in zip(configs, ends.tolist(), strict=True):
-            what = f"{config.scenario}, seed {config.seed}"
-            bar.update(task, description=what)
-
-            def show(done: float, total: float, end: float = end) -> None:
-                bar.update(task, completed=end - total + done)
-
-            runs.append((stored(config) if reuse else None) or simulate(config, show))
-            bar.update(task, completed=end)
-            gospa = [f"{name} {row['gospa']:.2f}" for name, row in runs[-1].result["trackers"].items()]
-            bar.console.print(f"{what}: GOSPA {', '.join(gospa)}", soft_wrap=True)
-    return runs
+    def make(self, work: Run, store: Store) -> Kept:
+        """One drive with all trackers."""
+        watch, start, cpu = LengthRows(self.trackers), perf_counter(), process_time()
+        first, *others = self.trackers
+        options = {"tracker": first, "also": others, "radar": work.radar, "planner": work.planner}
+        with closing(make(work.scenario, work.settings, **options)) as env:
+            tracked: Any = env
+            tracked.attach(watch)
+            for _ in drive(env, find_planner(work.planner), work.seed):
+                pass
+            costs = {name: jsonable(cost.row()) for name, cost in tracked.costs.items()}
+        result = {
+            "drive": jsonable(watch.drive.summary()),
+            "trackers": {name: jsonable(e.summary()) | costs[name] for name, e in watch.evaluators.items()},
+        }
+        seconds = {"wall": perf_counter() - start, "cpu": process_time() - cpu}
+        return Kept(watch.table, [{"phase": WHOLE_RUN}], seconds, {"result": result})
 
 
 def main(
     docs: Docs = DOCS,
-    out: Annotated[Path, typer.Option(help="Directory for the results of the runs.")] = Path("runs/family"),
+    out: Annotated[str, typer.Option(help="Directory of the runs; those that are there are kept.")] = "runs/family",
     tracker: Annotated[
         list[str] | None, typer.Option(help="Repeat; the planner uses the first. Six of them without it.")
     ] = None,
     scenario: Annotated[list[str] | None, typer.Option(help="Repeat; all without it.")] = None,
     seed: Annotated[list[int] | None, typer.Option(help="Repeat; 0 without it.")] = None,
     duration: Annotated[float | None, typer.Option(help="Seconds; the scenarios' own, 20 at most, without it.")] = None,
-    reuse: Annotated[
-        bool, typer.Option(REUSE, help="Take complete runs that lie in OUT instead of repeating them.")
-    ] = False,
+    jobs: Jobs = 1,
+    dask: Dask = None,
 ) -> None:
     """Run trackers side by side in closed loop and write the page closed-loop.md with its tables and its figure.
 
     Example: PYTHONPATH=docs python -m studies closed-loop --scenario cut-in --tracker htg-map --tracker rm-feldmann
     """
     with user_input():
-        configs = [
-            RunConfig(
-                name,
-                tuple(tracker or TRACKERS),
-                seed=s,
-                duration=duration or min(find(name).duration, LONGEST),
-                out=str(out),
-                log="off",
-            )
+        trackers = tuple(tracker or TRACKERS)
+        check_names("trackers", trackers)
+        check_runs([Run("cut-in", source=name) for name in trackers])
+        asked = [
+            Run(name, s, trackers[0], duration=duration or min(find(name).duration, LONGEST))
             for name in scenario or SCENARIOS
             for s in seed or (0,)
         ]
-        for config in configs:
-            check(config)
+        check_seeds(*(run.seed for run in asked))
         page = Page("closed-loop", docs)
-    runs = run_all(configs, reuse)
-    draw(joined([r.lengths for r in runs]), page.picture("length-error"))
-    page.write(render([r.result for r in runs]), command_line(REUSE), f"{max(r.date for r in runs):%Y-%m-%d}")
+    results = made(Family(trackers=trackers, asked=tuple(asked), out=out), Engine(jobs, dask))
+    draw(lengths(results), page.picture("length-error"))
+    make_directory(docs / "results")
+    scenarios = [(run.scenario, meta["result"]) for run, meta in results.metas.items()]
+    write_atomic(docs / "results" / RESULTS, by_scenario(scenarios))
+    page.write(render(results.metas, trackers))
 
 
-def render(results: Sequence[Mapping[str, Any]]) -> str:
+def lengths(results: Results) -> dict[str, LengthSamples]:
+    """Length errors of all runs, by tracker."""
+    table = pa.concat_tables([results.store.table(run) for run in results.metas]).to_pandas()
+    return {
+        name: LengthSamples(*own[list(LengthSamples._fields)].to_numpy().T)
+        for name, own in table.groupby("tracker", sort=False)
+    }
+
+
+def render(metas: Mapping[Run, Mapping[str, Any]], trackers: Sequence[str]) -> str:
     """What the page says about some runs with the same trackers."""
-    first = results[0]["run"]
+    first, results, seconds = (
+        next(iter(metas)),
+        [m["result"] for m in metas.values()],
+        [m["seconds"] for m in metas.values()],
+    )
     return fill(
         "closed_loop/page.md.j2",
         runs=len(results),
         seconds=sum(r["drive"]["elapsed"] for r in results),
-        radar=first["radar"],
-        first=first["trackers"][0],
-        planner=first["planner"],
+        radar=first.radar,
+        first=trackers[0],
+        planner=first.planner,
         collisions=sum(r["drive"]["collisions"] for r in results),
-        versions=", ".join(f"{name} {version}" for name, version in first["versions"].items()),
-        cpu=100 * sum(r["timing"]["cpu"] for r in results) / sum(r["timing"]["wall"] for r in results),
+        versions=", ".join(f"{name} {version}" for name, version in versions().items()),
+        cpu=100 * sum(s["cpu"] for s in seconds) / sum(s["wall"] for s in seconds),
         table=overview(results),
         cutoff=CUTOFF,
-        gospa=by_scenario(results),
+        results=RESULTS,
         fewest=FEWEST,
     )
 
@@ -173,20 +184,20 @@ def overview(results: Sequence[Mapping[str, Any]]) -> str:
     """One row a tracker: means and totals over the runs; means are over the runs that measured a figure."""
     rows = []
     for name in results[0]["trackers"]:
-        found = [r["trackers"][name] | r["timing"]["trackers"][name] for r in results]
+        found = [r["trackers"][name] for r in results]
         means = [number(_mean([row[key] for row in found]), digits) for key, _, digits in MEANS]
         rows.append((f"`{name}`", *means, *(str(sum(row[key] for row in found)) for key in TOTALS)))
     return markdown_table(("tracker", *(label for _, label, _ in MEANS), *TOTALS), rows)
 
 
-def by_scenario(results: Sequence[Mapping[str, Any]]) -> str:
-    """GOSPA of each tracker, one row a scenario, means over its seeds."""
-    names = list(results[0]["trackers"])
-    rows = []
-    for scenario in dict.fromkeys(r["run"]["scenario"] for r in results):
-        own = [r for r in results if r["run"]["scenario"] == scenario]
-        rows.append((scenario, *(number(_mean([r["trackers"][n]["gospa"] for r in own]), 2) for n in names)))
-    return markdown_table(("scenario", *names), rows)
+def by_scenario(results: Sequence[tuple[str, Mapping[str, Any]]]) -> str:
+    """GOSPA of each tracker as CSV, one row a scenario, means over its seeds; results with their scenarios."""
+    names = list(results[0][1]["trackers"])
+    rows = [("scenario", *names)]
+    for scenario in dict.fromkeys(scenario for scenario, _ in results):
+        own = [r["trackers"] for name, r in results if name == scenario]
+        rows.append((scenario, *(number(_mean([r[n]["gospa"] for r in own]), 2) for n in names)))
+    return "".join(f"{','.join(row)}\n" for row in rows)
 
 
 def _mean(values: Sequence[float | None]) -> float | None:

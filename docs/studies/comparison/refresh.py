@@ -349,7 +349,7 @@ def _write(results: Path) -> None:
     known = read(results)[1]
     old, new = known["identity"], digests(known["trackers"])
     write_json(results / ABOUT, known | {"identity": old | new})
-    console.print(f"digests  {results / ABOUT}; now `make comparison-page`", soft_wrap=True, highlight=False)
+    console.print(f"digests  {results / ABOUT}; now `make study-comparison`", soft_wrap=True, highlight=False)
 
 
 def _table(found: Sequence[Mismatch]) -> Any:

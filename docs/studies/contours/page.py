@@ -10,8 +10,11 @@ from scenarios import SCENARIOS
 from studies.contours.classes import SURE, ClassHistory, ClassProbe, calibration, confusion_table, delay_table
 from studies.contours.figure import draw
 from studies.contours.passing import KINDS, PassedTrack, Passing, follow
-from studies.page import DOCS, Docs, Page, fill, steps
+from studies.page import DOCS, Docs, Page, fill
+from studies.runs import calculate
+from testbed.command_line.options import Dask, Jobs
 from testbed.command_line.terminal import user_input
+from testbed.experiments.engine import Engine
 from testbed.log.text import markdown_table
 from testbed.replay.recording import record
 from testbed.replay.rescan import replay
@@ -72,12 +75,21 @@ def render(
     )
 
 
+def class_histories(scenario: str, seed: int, length: float) -> list[ClassHistory]:
+    """The class probabilities of the tracks of one drive."""
+    probe = ClassProbe(TRACKER)
+    replay(record(scenario, seed, RADAR, length), [TRACKER], [probe])
+    return probe.histories
+
+
 def main(
     docs: Docs = DOCS,
     seeds: Annotated[int, typer.Option(min=1, help="Runs past each vehicle.")] = 4,
     scenario: Annotated[list[str] | None, typer.Option(help="For the classes; repeat; all without it.")] = None,
     class_seeds: Annotated[int, typer.Option(min=1, help="Runs of each of these.")] = 2,
     length: Annotated[float, typer.Option(min=1.0, help="Of each of these [s].")] = 12.0,
+    jobs: Jobs = 1,
+    dask: Dask = None,
 ) -> None:
     """Pass vehicles of some classes, run the scenarios, and write contours.md with its picture.
 
@@ -86,20 +98,15 @@ def main(
     with user_input():
         page = Page("contours", docs)
     chosen = scenario or sorted(SCENARIOS)
+    engine = Engine(jobs, dask)
+    passings = [
+        (Passing(kind, seed=k), tracker) for kind in KINDS for tracker in (PLAIN, TRACKER) for k in range(seeds)
+    ]
     passed: dict[tuple[str, str], list[PassedTrack]] = {}
-    histories: list[ClassHistory] = []
-    with steps(2 * len(KINDS) * seeds + len(chosen) * class_seeds) as next_step:
-        for kind in KINDS:
-            for tracker in (PLAIN, TRACKER):
-                for seed in range(seeds):
-                    next_step(f"{kind}, {tracker}")
-                    passed.setdefault((kind, tracker), []).append(follow(Passing(kind, seed=seed), tracker))
-        for name in chosen:
-            for seed in range(class_seeds):
-                next_step(f"{name}, seed {seed}")
-                probe = ClassProbe(TRACKER)
-                replay(record(name, seed, RADAR, length), [TRACKER], [probe])
-                histories += probe.histories
+    for (passing, tracker), track in zip(passings, calculate(follow, passings, engine, "vehicles"), strict=True):
+        passed.setdefault((passing.kind, tracker), []).append(track)
+    drives = [(name, seed, length) for name in chosen for seed in range(class_seeds)]
+    histories = [h for found in calculate(class_histories, drives, engine, "scenarios") for h in found]
     counts = {"seeds": seeds, "scenarios": len(chosen), "class_seeds": class_seeds, "length": length}
     draw({kind: passed[kind, TRACKER][0] for kind in KINDS}, MOMENTS, page.picture("contours"))
     page.write(render(passed, histories, ClassProbe(TRACKER).classes, counts))

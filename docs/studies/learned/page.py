@@ -9,7 +9,9 @@ import typer
 from studies.effects import Factor, effects_table, names, read_runs, write_runs
 from studies.learned.drives import ENVIRONMENT, FIRST, drives, policies
 from studies.page import DOCS, Docs, Page, fill
+from testbed.command_line.options import Dask, Jobs
 from testbed.command_line.terminal import user_input
+from testbed.experiments.engine import Engine
 from testbed.frame import TRUTH
 
 RESULTS = "learned.csv"
@@ -42,10 +44,15 @@ def main(
         Path | None, typer.Argument(help="Policies TRACKER-SEED.npz, which are driven anew; without: as committed.")
     ] = None,
     docs: Docs = DOCS,
+    out: Annotated[
+        str, typer.Option(help="Directory of the drives; those that are there are kept.")
+    ] = "runs/learned-drives",
+    jobs: Jobs = 1,
+    dask: Dask = None,
 ) -> None:
     """Write the page "What tracks cost a learned policy" and the table that it shows."""
     with user_input((OSError, ValueError)):
         path = docs / "results" / RESULTS
         if folder is not None:
-            write_runs(drives(policies(folder)), path)
+            write_runs(drives(policies(folder), out, Engine(jobs, dask)), path)
         Page("learned-policies", docs).write(render(read_runs(path, "give the folder of the policies")))

@@ -4,23 +4,29 @@ The ego's planner uses the truth, so that every tracker gets the same detections
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
+import pyarrow as pa
 import typer
 from numpy.typing import NDArray
 
 from scenarios import find as find_scenario
 from studies.modes.figure import ModePanel, draw
-from studies.page import DOCS, Docs, Page, fill, steps
+from studies.page import DOCS, Docs, Page, fill
+from studies.runs import made
+from testbed.command_line.options import Dask, Jobs
 from testbed.command_line.terminal import user_input
 from testbed.evaluation.tracking import Evaluator
+from testbed.experiments.engine import Engine
+from testbed.experiments.episode import Played
+from testbed.experiments.run import Run
+from testbed.experiments.study import WHOLE_RUN, Kept, Study
 from testbed.frame import Frame
 from testbed.log.modes import mode_names, probabilities
 from testbed.log.text import markdown_table
-from testbed.replay.recording import record
-from testbed.replay.rescan import replay
 from trackers.geometry import dot, unit
 
 ACCELERATION = 1.0  # [m/s^2] along the heading, above which a vehicle accelerates or brakes
@@ -31,6 +37,7 @@ MODES = ("cv", "ca", "ct")  # of the truth
 SCENES = {"hard-brake": 13.0, "double-lane-change": 13.0, "u-turn": 14.0}  # [s] long enough for the maneuver
 SEEDS = 5
 RADAR = "surround"
+SCHEMA = pa.schema([("value", pa.float64())])  # of rows as `history` takes them, one after the other
 
 
 class ModeHistory(NamedTuple):
@@ -88,10 +95,44 @@ class ModeProbe:
             row = np.concatenate([[frame.time, objects.pose[i, 2], *objects.velocity[i], objects.yaw_rate[i]], p])
             self._rows.setdefault(number, []).append(row)
 
+    def begin(self, phases: Sequence[Any]) -> None:
+        """Phases of the maneuver are not told apart."""
+
     @property
-    def histories(self) -> dict[int, ModeHistory]:
-        """By object, of all that were there for at least three frames."""
-        return {number: history(np.array(rows)) for number, rows in self._rows.items() if len(rows) > 2}
+    def rows(self) -> dict[int, NDArray]:
+        """Rows (n, 5 + K) as `history` takes them, by object, of all that were there for at least three frames."""
+        return {number: np.array(rows) for number, rows in self._rows.items() if len(rows) > 2}
+
+    def kept(self, played: Played) -> Kept:
+        """The vehicle whose velocity changes most."""
+        rows = max(self.rows.values(), key=lambda rows: history(rows).velocity_change)
+        table = pa.table({"value": rows.ravel()}, SCHEMA)
+        return Kept(table, [{"phase": WHOLE_RUN}], more={"width": rows.shape[1]})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Maneuvers(Study):
+    """Runs on recordings, and the motion of one vehicle in each."""
+
+    tracker: str = "edra-imm"
+    durations: tuple[tuple[str, float], ...] = ()  # [s] by scenario
+    seeds: int = 1
+
+    name: ClassVar[str] = "modes"
+    schema: ClassVar[pa.Schema] = SCHEMA
+    modules: ClassVar[tuple[str, ...]] = ("studies.modes.page",)
+
+    def work(self) -> list[Run]:
+        """Every scenario with every seed."""
+        return [
+            Run(scenario, seed, self.tracker, radar=RADAR, loop="open", duration=duration)
+            for scenario, duration in self.durations
+            for seed in range(self.seeds)
+        ]
+
+    def watch(self, run: Run) -> ModeProbe:
+        """What keeps the motion."""
+        return ModeProbe(run.source)
 
 
 def history(rows: NDArray) -> ModeHistory:
@@ -154,13 +195,6 @@ def confusion(histories: Sequence[ModeHistory], names: Sequence[str]) -> NDArray
         true, estimated = true_modes(h), most_likely(h, names)
         np.add.at(table, (true[estimated >= 0], estimated[estimated >= 0]), 1)
     return table
-
-
-def maneuvering(scenario: str, seed: int, tracker: str, duration: float) -> ModeHistory:
-    """The vehicle of one run whose velocity changes most."""
-    probe = ModeProbe(tracker)
-    replay(record(scenario, seed, RADAR, duration), [tracker], [probe])
-    return max(probe.histories.values(), key=lambda h: h.velocity_change)
 
 
 def delay_row(name: str, found: Sequence[Delay]) -> tuple[str, ...]:
@@ -226,6 +260,9 @@ def main(
     tracker: Annotated[str, typer.Option(help="One that mixes motion models.")] = "edra-imm",
     scenario: Annotated[list[str] | None, typer.Option(help="Repeat; some with hard maneuvers without it.")] = None,
     seeds: Annotated[int, typer.Option(min=1, help="0 to one less than this.")] = SEEDS,
+    out: Annotated[str, typer.Option(help="Directory of the runs; those that are there are kept.")] = "runs/modes",
+    jobs: Jobs = 1,
+    dask: Dask = None,
 ) -> None:
     """Hold the motion models of a tracker against the truth, and write modes.md with its figure.
 
@@ -235,11 +272,11 @@ def main(
         chosen = {name: SCENES.get(name, find_scenario(name).duration) for name in scenario or SCENES}
         ModeProbe(tracker)
         page = Page("modes", docs)
+    study = Maneuvers(tracker=tracker, durations=tuple(chosen.items()), seeds=seeds, out=out)
+    results = made(study, Engine(jobs, dask))
     runs: Runs = {name: [] for name in chosen}
-    with steps(len(chosen) * seeds) as next_step:
-        for name, duration in chosen.items():
-            for seed in range(seeds):
-                next_step(f"{name}, seed {seed}")
-                runs[name].append(maneuvering(name, seed, tracker, duration))
+    for run, meta in results.metas.items():
+        values = results.store.table(run)["value"].to_numpy()
+        runs[run.scenario].append(history(values.reshape(-1, meta["width"])))
     draw(panels(runs), mode_names(tracker), page.picture("modes"))
     page.write(render(tracker, runs))

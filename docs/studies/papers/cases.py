@@ -45,7 +45,7 @@ def xu() -> list[MethodRow]:
     """The paper's filter with interacting models, and ours."""
     found = xu2023.ManeuverRuns()
     chosen = [s for s in SWEEPS if s.variants[0].name in ("EDRA-IMM, S", "recommended")][:2]
-    xu2023.experiment(RUNS, SEED, found, sweeps=tuple(chosen), jobs=1)
+    xu2023.experiment(RUNS, SEED, found, sweeps=tuple(chosen))
     return found.rows
 
 
@@ -53,7 +53,7 @@ def yao() -> list[MethodRow]:
     """The first contour with our method."""
     name, method = next(iter(CONTOURS)), yao2021.METHODS[-1]
     scans = simulate(CONTOURS[name], RUNS, np.random.default_rng(SEED))
-    return yao2021.rows({(name, method.name): run_stages(method, find(yao2021.MODEL), scans, lambda part: None)})
+    return yao2021.rows({(name, method.name): run_stages(method, find(yao2021.MODEL), scans)})
 
 
 CASES: Mapping[str, Callable[[], list[MethodRow]]] = {

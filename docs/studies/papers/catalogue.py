@@ -8,11 +8,13 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from studies.papers.hoher2022 import experiment as hoher2022
-from studies.papers.report import PaperReport, Progress, Stopped
+from studies.papers.report import HERE, PaperReport, Progress, Stopped
 from studies.papers.xia2020 import experiment as xia2020
 from studies.papers.xu2023 import experiment as xu2023
 from studies.papers.yao2021 import experiment as yao2021
 from testbed.command_line.interruption import interruptible
+from testbed.experiments.engine import Engine
+from testbed.experiments.engine import check as check_engine
 from testbed.files import make_directory
 from testbed.limits import check_seeds, check_whole
 from trackers.lookup import look_up
@@ -26,7 +28,7 @@ class Paper:
 
     name: str
     source: str
-    run: Callable[..., PaperReport]  # runs, out, progress, seed
+    run: Callable[..., PaperReport]  # runs, out, progress, seed, engine
 
 
 PAPERS: Mapping[str, Paper] = MappingProxyType(
@@ -75,15 +77,16 @@ def find(name: str) -> Paper:
     return look_up(name, PAPERS, "paper")
 
 
-def check(name: str, runs: int, seed: int, out: Path) -> None:
+def check(name: str, runs: int, seed: int, out: Path, engine: Engine = HERE) -> None:
     """Raise LookupError, ValueError or OSError, in one sentence, for what cannot be run."""
     find(name)
     check_whole("runs", runs, 1, MOST_RUNS)
     check_seeds(seed)
+    check_engine(engine)
     make_directory(out)
 
 
-def reproduce(name: str, runs: int, seed: int, out: Path, progress: Progress) -> Reproduction:
+def reproduce(name: str, runs: int, seed: int, out: Path, progress: Progress, engine: Engine = HERE) -> Reproduction:
     """Repeat the experiment of a paper and write its figures and JSON into the folder `out`.
 
     Ctrl-C or SIGTERM ends it after the step at hand: the rows that are finished are written and returned.
@@ -95,6 +98,6 @@ def reproduce(name: str, runs: int, seed: int, out: Path, progress: Progress) ->
                 raise Stopped
             progress(done, total, what)
 
-        report = find(name).run(runs, out, stoppable, seed)
+        report = find(name).run(runs, out, stoppable, seed, engine=engine)
     status = request.exit_status if report.interrupted else 2 if report.lost else int(not report.holds)
     return Reproduction(report, status)

@@ -1,4 +1,4 @@
-"""What a reproduction reports: figures beside reference figures and a verdict on every claim, as tables and JSON.
+"""What a reproduction reports: figures beside reference figures and an answer to every claim, as tables and JSON.
 
 `carry_out` is the one way through an experiment: run it, judge the claims, draw the figures, write the file.
 """
@@ -14,10 +14,12 @@ from typing import Any
 from rich.markup import escape
 from rich.table import Table
 
-from studies.papers.verdict import Verdict
+from studies.papers.answer import Answer
 from testbed.command_line.tables import light_table
+from testbed.experiments.engine import Engine
 from testbed.files import noting_losses, write_json
 
+HERE = Engine()  # this process alone
 Progress = Callable[[float, float, str], None]  # done, total, what is being done; may raise Stopped
 
 
@@ -41,7 +43,7 @@ class MethodRow:
 
 @dataclass(frozen=True)
 class PaperReport:
-    """A reproduction: settings, rows, verdicts and pictures."""
+    """A reproduction: settings, rows, answers and pictures."""
 
     paper: str  # name on the command line
     title: str
@@ -49,9 +51,9 @@ class PaperReport:
     columns: Mapping[str, int]  # measure -> digits
     legend: str  # of the columns, where their names are not enough
     rows: tuple[MethodRow, ...] = ()
-    verdicts: tuple[Verdict, ...] = ()
+    answers: tuple[Answer, ...] = ()
     figures: tuple[Path, ...] = ()
-    interrupted: bool = False  # it was stopped: rows are missing, and with them the verdicts
+    interrupted: bool = False  # it was stopped: rows are missing, and with them the answers
     lost: tuple[str, ...] = ()  # what could not be written, in sentences
     json: Path | None = None  # where it was written
 
@@ -63,7 +65,7 @@ class PaperReport:
     @property
     def holds(self) -> bool:
         """Whether no claim is refuted."""
-        return all(v.holds for v in self.verdicts)
+        return all(v.holds for v in self.answers)
 
     def row(self, case: str, method: str) -> Mapping[str, float]:
         """What was measured for a method in a case."""
@@ -78,8 +80,8 @@ class PaperReport:
         return tuple(dict.fromkeys(row.case for row in self.rows))
 
     def tables(self) -> list[Table]:
-        """One table a case, the reference's figure in brackets, and the verdicts last, if there are any."""
-        return [*(self._case(case) for case in self.cases), *([self._verdicts()] if self.verdicts else [])]
+        """One table a case, the reference's figure in brackets, and the answers last, if there are any."""
+        return [*(self._case(case) for case in self.cases), *([self._answers()] if self.answers else [])]
 
     def _case(self, case: str) -> Table:
         rows = [row for row in self.rows if row.case == case]
@@ -93,11 +95,11 @@ class PaperReport:
             table.add_row(escape(row.method), *(cell(row, name, n) for name, n in self.columns.items()))
         return table
 
-    def _verdicts(self) -> Table:
+    def _answers(self) -> Table:
         table = narrow_table(f"{self.paper}: claims")
         table.add_column("verdict", width=20)
         table.add_column("claim, and what was measured")
-        for v in self.verdicts:
+        for v in self.answers:
             claim = f"[bold]{escape(v.claim.text)}[/bold] ({escape(v.claim.source)})"
             table.add_row(escape(v.outcome), f"{claim}\n{escape(v.numbers)}\n")
         return table
@@ -116,7 +118,7 @@ class PaperReport:
             ],
             "verdicts": [
                 {"claim": v.claim.text, "source": v.claim.source, "outcome": v.outcome, "numbers": v.numbers}
-                for v in self.verdicts
+                for v in self.answers
             ],
             "figures": [figure.name for figure in self.figures],
         }
@@ -154,15 +156,15 @@ def carry_out(
     blank: PaperReport,
     experiment: Callable[[], None],
     rows: Callable[[], Iterable[MethodRow]],
-    verdicts: Callable[[], tuple[Verdict, ...]],
+    answers: Callable[[], tuple[Answer, ...]],
     draw: Callable[[Path], tuple[Path, ...]],
     out: Path | None = None,
     progress: Progress = silent,
 ) -> PaperReport:
-    """Run an experiment and report on it: `blank` with rows and verdicts; with a folder `out`, also figures and JSON.
+    """Run an experiment and report on it: `blank` with rows and answers; with a folder `out`, also figures and JSON.
 
     A Stopped from `progress`, which the experiment calls too, ends it: the report then holds the rows that are finished
-    and no verdicts. What cannot be written is a `LostFileWarning`, and a sentence in `lost`.
+    and no answers. What cannot be written is a `LostFileWarning`, and a sentence in `lost`.
 
     Raises ValueError for fewer than one run.
     """
@@ -172,13 +174,13 @@ def carry_out(
     with suppress(Stopped):
         experiment()
         progress(1, 1, "claims")
-        judged = verdicts()
+        judged = answers()
         progress(1, 1, "figures")
         if out is not None:
             with noting_losses(lost):
                 out.mkdir(parents=True, exist_ok=True)
                 report = replace(report, figures=draw(out))
-        report = replace(report, verdicts=judged, interrupted=False)
+        report = replace(report, answers=judged, interrupted=False)
     report = replace(report, rows=tuple(rows()))
     if out is not None:
         with noting_losses(lost):

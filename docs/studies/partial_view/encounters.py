@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scenarios.contours import CONTOURS
 from sensors.radar import Radar
 from sensors.scene import Ego, Scene, boxes_scene
-from studies.drives import every_sensor
+from studies.runs import every_sensor
 from testbed.evaluation.intervals import PlusMinus, student_interval
 from testbed.evaluation.metrics import contour_iou
 from trackers.estimate import Estimate, prior

@@ -1,20 +1,21 @@
-"""Drives of all probes on the truth, kept drive by drive, and what accepts a probe."""
+"""Drives of all probes on the truth, and what accepts a probe."""
 
-import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
+import pyarrow as pa
 
 from scenarios.probes import PROBES
-from testbed.command_line.interruption import InterruptRequest
+from studies.runs import NOTHING
+from testbed.evaluation.drive_evaluator import DriveEvaluator
 from testbed.evaluation.tracking import jsonable
-from testbed.experiments.probe import accepted, driven
+from testbed.experiments.episode import Played
+from testbed.experiments.probe import accepted
 from testbed.experiments.run import Run
-from testbed.files import write_json
-from testbed.frame import TRUTH
+from testbed.experiments.study import WHOLE_RUN, Kept, Study
+from testbed.frame import TRUTH, Frame
 
 PLANNERS = {"probe-merge": "idm-keen"}  # that want what the probe is about; `PLANNER` in all others
 PLANNER = "idm"
@@ -22,7 +23,7 @@ SEEDS = 50
 
 
 @dataclass(frozen=True)
-class Summary:
+class Acceptance:
     """What the drives of a probe on the truth were like."""
 
     probe: str
@@ -32,6 +33,7 @@ class Summary:
     ttc: tuple[float, float, float]  # [s] least, median, largest of the least time to collision of each drive
     drac: float  # [m/s^2] median of the largest DRAC
     braking: tuple[float, float]  # [m/s^2] median and largest of the hardest braking
+
     accepted: bool
 
 
@@ -40,14 +42,14 @@ def planner_of(probe: str) -> str:
     return PLANNERS.get(probe, PLANNER)
 
 
-def summary(probe: str, rows: Sequence[Mapping[str, Any]]) -> Summary:
-    """What the drives of a probe were like, from their metrics.
+def acceptance(probe: str, rows: Sequence[Mapping[str, Any]]) -> Acceptance:
+    """What accepts a probe, from the measures of its drives.
 
     The time to collision is that to anything, ahead or in the plane: a gap is entered from the side.
     """
     ttc = [min(row["ttc_min"], row["ttc_plane_min"]) for row in rows]
     braking = [row["deceleration_max"] for row in rows]
-    return Summary(
+    return Acceptance(
         probe,
         planner_of(probe),
         len(rows),
@@ -59,42 +61,48 @@ def summary(probe: str, rows: Sequence[Mapping[str, Any]]) -> Summary:
     )
 
 
-def all_drives(
-    seeds: Sequence[int], code: str, out: Path, progress: Callable[[str], None], request: InterruptRequest
-) -> dict[str, list[dict[str, Any]]]:
-    """Measures of the drives of each probe, those that lie in `out` from the same code included.
-
-    Ends early, with the drives made until then, when an interruption is requested.
-    """
-    found: dict[str, list[dict[str, Any]]] = {}
-    for probe in PROBES:
-        file = out / f"{probe}.json"
-        known = _known(file, code)
-        for seed in seeds:
-            if request.signal is not None:
-                break
-            progress(f"{probe}, seed {seed}")
-            if str(seed) not in known:
-                known[str(seed)] = row(driven(on_truth(probe, seed)))
-                write_json(file, {"code": code, "drives": known})
-        found[probe] = [known[str(seed)] for seed in seeds if str(seed) in known]
-    return found
-
-
 def on_truth(probe: str, seed: int) -> Run:
     """A drive of a probe on the truth, with the planner with which it is accepted."""
     return Run(probe, seed, TRUTH, planner_of(probe))
 
 
+@dataclass(frozen=True, kw_only=True)
+class Probes(Study):
+    """All probes on the truth."""
+
+    seeds: int = SEEDS
+
+    name: ClassVar[str] = "probes"
+    schema: ClassVar[pa.Schema] = NOTHING
+    modules: ClassVar[tuple[str, ...]] = ("studies.probes.drives",)
+
+    def work(self) -> list[Run]:
+        """Every probe with every seed."""
+        return [on_truth(probe, seed) for probe in PROBES for seed in range(self.seeds)]
+
+    def watch(self, run: Run) -> "Watched":
+        """What measures the drive."""
+        return Watched()
+
+
+class Watched:
+    """Measures of a drive."""
+
+    def __init__(self) -> None:
+        self.drive = DriveEvaluator()
+
+    def begin(self, phases: Sequence[Any]) -> None:
+        """Phases of the maneuver are not told apart."""
+
+    def __call__(self, frame: Frame) -> None:
+        """Take one frame."""
+        self.drive.step(frame.scene)
+
+    def kept(self, played: Played) -> Kept:
+        """The measures as JSON types."""
+        return Kept(NOTHING.empty_table(), [{"phase": WHOLE_RUN, **row(self.drive.summary())}])
+
+
 def row(summary: Mapping[str, float | int]) -> dict[str, Any]:
     """Metrics as JSON types, rounded to what a page shows and more."""
     return jsonable({key: round(value, 4) for key, value in summary.items()})
-
-
-def _known(file: Path, code: str) -> dict[str, dict[str, Any]]:
-    """Drives of an earlier call by the same code, by seed."""
-    try:
-        found = json.loads(file.read_text())
-    except (FileNotFoundError, ValueError):
-        return {}
-    return found["drives"] if found["code"] == code else {}

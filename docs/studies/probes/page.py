@@ -3,7 +3,7 @@
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import typer
@@ -12,16 +12,19 @@ from scenarios.lanes import lane_shapes
 from scenarios.probes import PROBES
 from scenarios.record import Scenario
 from sensors.scene import Scene
-from studies.page import DOCS, Docs, Page, fill, steps
-from studies.probes.drives import SEEDS, Summary, all_drives, on_truth, summary
+from studies.page import DOCS, Docs, Page, fill
+from studies.probes.drives import SEEDS, Acceptance, Probes, acceptance, on_truth
 from studies.probes.figure import draw
-from testbed.command_line.interruption import interruptible
+from studies.runs import made
+from testbed.command_line.options import Dask, Jobs
 from testbed.command_line.terminal import user_input
 from testbed.environment.registration import env_id
 from testbed.evaluation.drive_evaluator import DriveEvaluator
 from testbed.evaluation.driving import LONGEST
+from testbed.experiments.engine import Engine
+from testbed.experiments.episode import episode
 from testbed.experiments.identity import shared_digest
-from testbed.experiments.probe import FREE, TTC, driven
+from testbed.experiments.probe import FREE, TTC
 from testbed.files import make_directory, write_json
 from testbed.frame import Frame
 from testbed.log.text import markdown_table
@@ -31,38 +34,32 @@ SHOWN = 1  # seed of the pictures
 
 def main(
     docs: Docs = DOCS,
-    out: Annotated[Path, typer.Option(help="Directory of the drives; those of the same code are kept.")] = Path(
-        "runs/probes"
-    ),
+    out: Annotated[str, typer.Option(help="Directory of the drives; those of the same code are kept.")] = "runs/probes",
     seeds: Annotated[int, typer.Option(help="Number of drives of each probe.")] = SEEDS,
+    jobs: Jobs = 1,
+    dask: Dask = None,
 ) -> None:
     """Drive all probes on the truth; write probes.md, its pictures and results/probes.json.
 
     After Ctrl-C the same command does the rest.
     """
     with user_input():
-        make_directory(out)
         page = Page("probes", docs)
         make_directory(docs / "results")
-    with interruptible() as request, steps(len(PROBES) * seeds) as next_step:
-        found = all_drives(range(seeds), shared_digest(), out, next_step, request)
-    if request.signal is not None:
-        raise typer.Exit(request.exit_status)
-    summaries = [summary(probe, rows) for probe, rows in found.items()]
+    metas = made(Probes(seeds=seeds, out=out), Engine(jobs, dask)).metas
+    found: dict[str, list[dict[str, Any]]] = {probe: [] for probe in PROBES}
+    for run, meta in metas.items():
+        found[run.scenario].append({key: value for key, value in meta["spans"][0].items() if key != "phase"})
+    probes = [acceptance(probe, rows) for probe, rows in found.items()]
     for probe in PROBES:
         picture(probe, page.picture(probe))
     today = f"{datetime.now(UTC):%Y-%m-%d}"
+    accepted = list(map(asdict, probes))
     write_json(
         docs / "results" / "probes.json",
-        {
-            "date": today,
-            "code": shared_digest(),
-            "seeds": seeds,
-            "verdicts": [asdict(s) for s in summaries],
-            "drives": found,
-        },
+        {"date": today, "code": shared_digest(), "seeds": seeds, "verdicts": accepted, "drives": found},
     )
-    page.write(render(summaries), date=today)
+    page.write(render(probes), date=today)
 
 
 def picture(probe: str, path: Path) -> None:
@@ -74,34 +71,34 @@ def picture(probe: str, path: Path) -> None:
         scenes.append(frame.scene)
         evaluator.step(frame.scene)
 
-    driven(on_truth(probe, SHOWN), [keep])
+    episode(on_truth(probe, SHOWN), [keep])
     network = PROBES[probe].build(np.random.default_rng(SHOWN)).road.network
     draw(scenes, evaluator.curves, lane_shapes(network), path)
 
 
-def render(summaries: list[Summary]) -> str:
+def render(probes: list[Acceptance]) -> str:
     """What the page says about the drives on the truth."""
     return fill(
         "probes/page.md.j2",
         example=env_id("probe-brake"),
-        drives=summaries[0].drives,
+        drives=probes[0].drives,
         low=TTC[0],
         high=TTC[1],
         free=FREE,
         seed=SHOWN,
-        table=table(summaries),
-        sections="\n".join(section(PROBES[v.probe]) for v in summaries),
+        table=table(probes),
+        sections="\n".join(section(PROBES[v.probe]) for v in probes),
     )
 
 
-def table(summaries: list[Summary]) -> str:
+def table(probes: list[Acceptance]) -> str:
     """One row a probe."""
     head = (
         "probe", "planner", "drives", "collisions", "least TTC [s]: median (range)", "largest DRAC [m/s²]: median",
         "hardest braking [m/s²]: median (largest)", "accepted",
     )  # fmt: skip
     rows = []
-    for v in summaries:
+    for v in probes:
         low, median, high = v.ttc
         ttc = f"{median:.2f} ({low:.2f} to {high:.2f})" if low < LONGEST else "–"
         braking = f"{v.braking[0]:.1f} ({v.braking[1]:.1f})"

@@ -7,12 +7,13 @@ from typing import Annotated
 
 import typer
 
-from sensors import RADARS, Sensor, Surroundings
-from studies.drives import every_sensor, measured
-from studies.page import steps
+from sensors import RADARS, Roadside, Sensor
+from studies.page import Docs
+from studies.runs import every_sensor, seen_by, summaries
+from testbed.command_line.options import Dask, Jobs
 from testbed.command_line.terminal import console
+from testbed.experiments.engine import Engine
 from testbed.files import write_json
-from testbed.replay.recording import record
 from trackers import DEFAULT
 
 RIG = "surround"
@@ -25,21 +26,29 @@ CHANGES: Mapping[str, Callable[[Sensor], Sensor]] = {
     "half the detections": lambda sensor: replace(sensor, count_at_15m=sensor.count_at_15m / 2),
     "twice the detections": lambda sensor: replace(sensor, count_at_15m=sensor.count_at_15m * 2),
     "no false alarms": lambda sensor: replace(sensor, clutter=0.0),
-    "surroundings": lambda sensor: replace(sensor, surroundings=Surroundings()),
-    "surroundings, also on the road": lambda sensor: replace(sensor, surroundings=Surroundings(on_road=0.015)),
+    "roadside": lambda sensor: replace(sensor, roadside=Roadside()),
+    "roadside, also on the road": lambda sensor: replace(sensor, roadside=Roadside(on_road=0.015)),
 }
 
 
-def main(out: Annotated[Path, typer.Argument(help="The JSON file.")] = Path(f"docs/results/{RIG}.json")) -> None:
+def main(
+    docs: Docs = Path("docs"),
+    folder: Annotated[str, typer.Option(help="Directory of the runs.")] = f"runs/{RIG}",
+    jobs: Jobs = 1,
+    dask: Dask = None,
+) -> None:
     """Measure the default tracker on changed figures of the default rig, for docs/radars.md."""
-    cells = [(scenario, seed) for scenario in SCENARIOS for seed in SEEDS]
-    rows: dict[str, list[dict[str, float]]] = {name: [] for name in CHANGES}
-    with steps(len(cells)) as step:
-        for scenario, seed in cells:
-            step(f"{scenario} {seed}")
-            drive = record(scenario, seed, "ideal", DURATION)
-            for name, change in CHANGES.items():
-                rows[name] += measured(drive, every_sensor(RADARS[RIG], change), [DEFAULT], MEASURES)
+    asked = {
+        name: [
+            seen_by(every_sensor(RADARS[RIG], change), scenario, seed, DEFAULT, DURATION)
+            for scenario in SCENARIOS
+            for seed in SEEDS
+        ]
+        for name, change in CHANGES.items()
+    }
+    summary = summaries([run for runs in asked.values() for run in runs], folder, Engine(jobs, dask))
+    rows = {name: [{key: summary(run)[key] for key in MEASURES} for run in runs] for name, runs in asked.items()}
+    out = docs / "results" / f"{RIG}.json"
     write_json(out, {"rig": RIG, "tracker": DEFAULT, "scenarios": SCENARIOS, "seeds": SEEDS, "duration": DURATION,
                      "rows": rows})  # fmt: skip
     console.print(f"results  {out}", soft_wrap=True)

@@ -35,7 +35,7 @@ SOURCES: Mapping[str, Mapping[str, str]] = MappingProxyType({  # sensor -> key o
     "LONG_RANGE": {"W": _WORLD, "P": "spacing_deg"},
     "SIDE": {"W": _WORLD, "P": "spacing_deg"},
     "IMAGING": {**_IMAGING, "R": "sigma_rate"},
-    "ROADSIDE": {**_IMAGING, "S": "sigma_rate surroundings"},
+    "ROADSIDE": {**_IMAGING, "S": "sigma_rate roadside"},
     "NUSCENES": {
         "A": "fov_deg sigma_range sigma_azimuth_deg cell_range cell_azimuth_deg cell_rate",
         "P": "max_range spacing_deg sigma_rate count_at_15m count_falloff clutter",

@@ -7,7 +7,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from sensors import RADARS, Radar, Surroundings
+from sensors import RADARS, Radar, Roadside
 from studies.page import DOCS, Docs, Page, fill, steps
 from studies.standing.figure import draw
 from studies.standing.scans import DURATION, EVERY, SCENARIOS, SEED, at_speed, drives, read_real, simulate
@@ -54,7 +54,7 @@ def main(
 
 def on_road(radar: Radar) -> Radar:
     """The rig with points on the road too."""
-    return replace(radar, sensors=(replace(radar.sensors[0], surroundings=Surroundings(on_road=ON_ROAD)),))
+    return replace(radar, sensors=(replace(radar.sensors[0], roadside=Roadside(on_road=ON_ROAD)),))
 
 
 def compared(groups: dict[str, list[Judged]]) -> str:

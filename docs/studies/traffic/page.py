@@ -7,13 +7,16 @@ from typing import Annotated, Any, NamedTuple
 
 import typer
 
-from studies.page import DOCS, Docs, Page, fill, steps
+from studies.page import DOCS, Docs, Page, fill
+from studies.runs import calculate
 from studies.traffic.distributions import LEVEL, SHOWN, UNITS, Distribution, distributions, table_of
 from studies.traffic.driven import CATALOGUE, DRIVEN, NATIVE, SCENES, SEEDS, driven
 from studies.traffic.figure import draw
 from studies.traffic.recorded import FILES, ONE_CLOCK, recorded
 from studies.traffic.rows import FARTHEST, Row
+from testbed.command_line.options import Dask, Jobs
 from testbed.command_line.terminal import console, user_input
+from testbed.experiments.engine import Engine
 from testbed.files import make_directory, write_json
 from testbed.log.text import markdown_table
 
@@ -29,7 +32,7 @@ class Study(NamedTuple):
     found: Sequence[Distribution]
 
 
-def counted(data: Path, seeds: Sequence[int] = SEEDS) -> Study:
+def counted(data: Path, engine: Engine, seeds: Sequence[int] = SEEDS) -> Study:
     """The study made anew, from a folder of recordings and from drives.
 
     Raises:
@@ -41,10 +44,8 @@ def counted(data: Path, seeds: Sequence[int] = SEEDS) -> Study:
         more, inside[source] = recorded(source, data)
         rows += more
     drives = [(CATALOGUE, name, seed) for name in SCENES for seed in seeds] + [(NATIVE, NATIVE, s) for s in seeds]
-    with steps(len(drives)) as step:
-        for source, name, seed in drives:
-            step(f"{name} {seed}")
-            rows += driven(source, name, seed)
+    for found in calculate(driven, drives, engine, "drives"):
+        rows += found
     return Study(len(seeds), inside, distributions(table_of(rows)))
 
 
@@ -107,12 +108,14 @@ def main(
         Path | None, typer.Argument(help="Folder of ngsim_i80 and ngsim_us101. Without it: the page as committed.")
     ] = None,
     docs: Docs = DOCS,
+    jobs: Jobs = 1,
+    dask: Dask = None,
 ) -> None:
     """Write the page "Our traffic beside real traffic", its picture and the quantiles that it shows."""
     with user_input((OSError, ValueError)):
         path = docs / "results" / RESULTS
         if data is not None:
-            study = counted(data)
+            study = counted(data, Engine(jobs, dask))
             make_directory(path.parent)
             write(study, path)
             console.print(f"results  {path}", soft_wrap=True)

@@ -6,7 +6,7 @@ import pytest
 from sensors.origin import Origin
 from sensors.scene import boxes_scene
 from studies.closed_loop.figure import draw
-from studies.closed_loop.length_errors import FEWEST, LengthErrors, LengthSamples, joined, profile
+from studies.closed_loop.length_errors import FEWEST, LengthErrors, LengthSamples, profile
 from testbed.experiments.bands import LABELS
 from testbed.frame import Frame
 from trackers.estimate import prior
@@ -44,14 +44,6 @@ def test_too_few_frames_with_a_track_give_no_error_but_a_share():
     found = profile(samples(np.ones(2 * FEWEST), error))
     assert np.isnan([found.mean[-1], found.rms[-1]]).all()
     assert found.held[-1] == (FEWEST - 1) / (2 * FEWEST)
-
-
-def test_runs_are_joined_tracker_by_tracker():
-    both = joined(
-        [{"a": samples([0.5], 1.0), "b": samples([0.5], 2.0)}, {"a": samples([1.0], 3.0), "b": samples([1.0], 4.0)}]
-    )
-    assert both["a"].error.tolist() == [1.0, 3.0]
-    assert both["b"].visible.tolist() == [0.5, 1.0]
 
 
 def test_the_observer_takes_counted_vehicles_and_their_tracks():

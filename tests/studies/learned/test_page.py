@@ -8,8 +8,9 @@ import pytest
 from studies.effects import read_runs
 from studies.learned.drives import ENVIRONMENT, RADAR, WARM_UP, drives, policies
 from studies.learned.page import RESULTS, render
-from studies.page import frame
+from testbed.experiments.engine import Engine
 from testbed.planners.learned import save_policy
+from tests.studies.committed_pages import assert_committed
 
 DOCS = Path(__file__).parents[3] / "docs"
 FASTER = 3
@@ -24,7 +25,7 @@ def folder(tmp_path):
 
 
 def test_each_policy_drives_on_everything_that_one_was_trained_on(folder):
-    table = drives(policies(folder), episodes=2)
+    table = drives(policies(folder), str(folder / "out"), Engine(), episodes=2)
     assert list(zip(table["tracker"], table["driven"], table["seed"], strict=True)) == [
         (t, d, s) for t in ("truth", "rm-koch") for d in ("truth", "rm-koch") for s in (1000, 1001)
     ]
@@ -50,6 +51,4 @@ def test_files_of_other_names_are_refused(tmp_path):
 
 
 def test_the_page_shows_the_committed_drives():
-    body = frame(render(read_runs(DOCS / "results" / RESULTS, "")), "command", "date").split("\n", 4)[4]
-    shown = (DOCS / "learned-policies.md").read_text().split("\n", 4)[4]
-    assert shown.partition("<!--")[0] == body.partition("<!--")[0]
+    assert_committed("learned-policies", render(read_runs(DOCS / "results" / RESULTS, "")))

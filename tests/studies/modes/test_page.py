@@ -135,8 +135,9 @@ def test_the_probe_takes_the_probabilities_of_the_track_of_each_vehicle():
     for step in range(3):
         scene = boxes_scene(pose, np.array([[4.5, 1.8]] * 2), np.array([[10.0, 0.0]] * 2), time=DT * step)
         probe(Frame(step, scene, scan, origin, {"edra-imm": (tracks, info)}, "IDLE", np.zeros((0, 2))))
-    assert np.isnan(probe.histories[0].probability).all()
-    assert probe.histories[1].probability.tolist() == [[0.2, 0.3, 0.5]] * 3
+    histories = {number: history(rows) for number, rows in probe.rows.items()}
+    assert np.isnan(histories[0].probability).all()
+    assert histories[1].probability.tolist() == [[0.2, 0.3, 0.5]] * 3
 
 
 def test_a_tracker_with_one_motion_model_is_refused():

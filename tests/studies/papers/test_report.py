@@ -6,11 +6,11 @@ import json
 import pytest
 from rich.console import Console
 
+from studies.papers.answer import CONFIRMED, Answer, Claim
 from studies.papers.report import MethodRow, PaperReport, Stopped, carry_out, cell
-from studies.papers.verdict import CONFIRMED, Claim, Verdict
 from testbed.files import LostFileWarning
 
-VERDICT = Verdict(Claim("better", "IV"), CONFIRMED, "1 < 2")
+VERDICT = Answer(Claim("better", "IV"), CONFIRMED, "1 < 2")
 
 
 def blank(runs=2):
@@ -34,7 +34,7 @@ def test_a_finished_experiment_has_rows_verdicts_figures_and_a_file(tmp_path):
     row = MethodRow("c", "m", {"gwd2": 5.0})
     report = carry_out(blank(), lambda: rows.append(row), lambda: rows, lambda: (VERDICT,), picture, out)
     assert report.row("c", "m") == {"gwd2": 5.0}
-    assert report.verdicts == (VERDICT,)
+    assert report.answers == (VERDICT,)
     assert not report.interrupted
     written = json.loads((out / "p.json").read_text())
     assert (written["rows"][0]["case"], written["figures"], written["interrupted"]) == ("c", ["p.png"], False)
@@ -48,7 +48,7 @@ def test_figures_that_cannot_be_written_are_told_and_the_rest_is_there(tmp_path)
     with pytest.warns(LostFileWarning, match=r"cannot write p\.png"):
         report = carry_out(blank(), lambda: None, lambda: (), lambda: (VERDICT,), draw, tmp_path)
     assert report.lost == ("cannot write p.png: the disk is full",)
-    assert (report.verdicts, report.figures, report.interrupted) == ((VERDICT,), (), False)
+    assert (report.answers, report.figures, report.interrupted) == ((VERDICT,), (), False)
     assert json.loads((tmp_path / "p.json").read_text())["figures"] == []
 
 
@@ -67,7 +67,7 @@ def test_a_stopped_experiment_has_its_finished_rows_and_no_verdicts(tmp_path, at
 
     report = carry_out(blank(), experiment, lambda: rows, lambda: (VERDICT,), picture, tmp_path, progress)
     assert report.interrupted
-    assert report.verdicts == report.figures == ()
+    assert report.answers == report.figures == ()
     assert report.cases == (("c",) if at == "experiment" else ("c", "d"))
     assert json.loads((tmp_path / "p.json").read_text())["interrupted"]
     texts = [printed(table) for table in report.tables()]
@@ -80,7 +80,7 @@ def test_without_a_folder_nothing_is_drawn():
     def draw(folder):
         raise AssertionError(f"drawn into {folder}")
 
-    assert carry_out(blank(), lambda: None, lambda: (), lambda: (VERDICT,), draw).verdicts == (VERDICT,)
+    assert carry_out(blank(), lambda: None, lambda: (), lambda: (VERDICT,), draw).answers == (VERDICT,)
 
 
 def test_no_runs_are_refused_before_the_experiment():

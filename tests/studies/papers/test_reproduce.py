@@ -8,14 +8,14 @@ from dataclasses import replace
 import pytest
 
 from studies.papers import catalogue
+from studies.papers.answer import CONFIRMED, REFUTED, Answer, Claim
 from studies.papers.report import MethodRow, PaperReport, carry_out
-from studies.papers.verdict import CONFIRMED, REFUTED, Claim, Verdict
 
 
 def made_up(name, outcomes, stop_after=None):
     """A paper of three cases and claims with these outcomes; `stop_after` sends Ctrl-C to ourselves after a case."""
 
-    def run(runs, out, progress, seed):
+    def run(runs, out, progress, seed, engine):
         rows = []
 
         def experiment():
@@ -26,8 +26,8 @@ def made_up(name, outcomes, stop_after=None):
                     os.kill(os.getpid(), signal.SIGINT)
 
         blank = PaperReport(name, "a title", {"runs": runs}, {"gwd2": 1}, "legend")
-        verdicts = tuple(Verdict(Claim("c", "s"), outcome, "") for outcome in outcomes)
-        return carry_out(blank, experiment, lambda: rows, lambda: verdicts, lambda folder: (), out, progress)
+        answers = tuple(Answer(Claim("c", "s"), outcome, "") for outcome in outcomes)
+        return carry_out(blank, experiment, lambda: rows, lambda: answers, lambda folder: (), out, progress)
 
     return catalogue.Paper(name, "made up", run)
 
@@ -98,7 +98,7 @@ def test_help_has_an_example_and_names_every_paper(command):
 
 def test_the_command_prints_tables_verdicts_and_paths(tmp_path, monkeypatch, command):
     monkeypatch.setattr(catalogue, "PAPERS", {"p": made_up("p", (CONFIRMED, REFUTED))})
-    status, out, err = command("reproduce", "p", "--runs", 2, "--out", tmp_path)
+    status, out, err = command("reproduce", "p", "--runs", 2, "--out", tmp_path, "--jobs", 1)
     assert status == 1
     for part in ("p: case 2", "p: claims", REFUTED, f"results  {tmp_path / 'p.json'}"):
         assert part in out
@@ -108,7 +108,7 @@ def test_the_command_prints_tables_verdicts_and_paths(tmp_path, monkeypatch, com
 def test_tables_are_printed_where_the_results_cannot_be_written(tmp_path, monkeypatch, command):
     monkeypatch.setattr(catalogue, "PAPERS", {"p": made_up("p", (CONFIRMED, REFUTED))})
     (tmp_path / "p.json").mkdir()
-    status, out, err = command("reproduce", "p", "--runs", 2, "--out", tmp_path)
+    status, out, err = command("reproduce", "p", "--runs", 2, "--out", tmp_path, "--jobs", 1)
     assert status == 2
     assert "p: claims" in out
     assert "results" not in out
@@ -121,16 +121,16 @@ def test_ctrl_c_in_a_real_reproduction_leaves_its_finished_rows(tmp_path, monkey
     """hoher2022's first case has no noise, hence one run: its rows come within seconds."""
     paper = catalogue.PAPERS["hoher2022"]
 
-    def impatient(runs, out, progress, seed):
+    def impatient(runs, out, progress, seed, engine):
         def interrupting(done, total, what):
             if done == 2:
                 os.kill(os.getpid(), signal.SIGINT)
             progress(done, total, what)
 
-        return paper.run(runs, out, interrupting, seed)
+        return paper.run(runs, out, interrupting, seed, engine)
 
     monkeypatch.setattr(catalogue, "PAPERS", {"hoher2022": replace(paper, run=impatient)})
-    status, out, err = command("reproduce", "hoher2022", "--runs", 1, "--out", tmp_path)
+    status, out, err = command("reproduce", "hoher2022", "--runs", 1, "--out", tmp_path, "--jobs", 1)
     assert status == 130, err
     assert "interrupted" in out
     written = json.loads((tmp_path / "hoher2022.json").read_text())

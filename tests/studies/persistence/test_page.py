@@ -8,9 +8,8 @@ import pytest
 
 from sensors import RADARS
 from studies.effects import effect, read_runs, rows
-from studies.page import frame
-from studies.persistence.page import RESULTS, render
-from studies.persistence.runs import COLUMNS, LIFETIME, LIFETIMES, lasting
+from studies.persistence.page import COLUMNS, LIFETIME, LIFETIMES, RESULTS, lasting, render
+from tests.studies.committed_pages import assert_committed
 
 DOCS = Path(__file__).parents[3] / "docs"
 
@@ -47,6 +46,4 @@ def test_a_lifetime_is_that_of_all_sensors_and_none_is_the_rig_itself():
 
 
 def test_the_page_shows_the_committed_runs():
-    body = frame(render(read_runs(DOCS / "results" / RESULTS, "")), "command", "date").split("\n", 4)[4]
-    shown = (DOCS / "persistence.md").read_text().split("\n", 4)[4]
-    assert shown.partition("<!--")[0] == body.partition("<!--")[0]
+    assert_committed("persistence", render(read_runs(DOCS / "results" / RESULTS, "")))

@@ -8,13 +8,13 @@ import pytest
 from typer.testing import CliRunner
 
 from studies.__main__ import app
-from studies.page import NOTES
 from studies.regret.page import PARTS, joined, load, text
 from testbed.environment.sources.substitution import subsets
 from testbed.evaluation import metric
 from testbed.evaluation.metric import keys
 from testbed.experiments.pairs import MEASURES
 from testbed.experiments.regret import DRIVES, PAIRS
+from tests.studies.committed_pages import assert_committed
 
 DOCS = Path(__file__).parents[3] / "docs"
 ZERO = dict.fromkeys((*MEASURES, *keys(metric.DRIVES)), 0.0)
@@ -60,8 +60,7 @@ def test_the_page_has_a_part_for_each_study_and_figures_of_the_tables():
 def test_the_committed_page_says_what_the_committed_tables_say():
     results = DOCS / "results" / "regret"
     written = text({name: load(results / name) for name in PARTS if (results / name).exists()})
-    page = (DOCS / "regret.md").read_text()
-    assert written.partition("\n")[2].strip() == page.partition(NOTES)[0].partition("at its end.\n")[2].strip()
+    assert_committed("regret", written)
 
 
 def test_tables_are_published_and_pictures_drawn_beside_the_page(tmp_path):

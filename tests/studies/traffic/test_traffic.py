@@ -7,10 +7,10 @@ import pytest
 
 from scenarios import SCENARIOS
 from sensors.scene import boxes_scene
-from studies.page import frame
 from studies.traffic import driven, page, recorded
 from studies.traffic.distributions import SHOWN, distributions, table_of
 from studies.traffic.rows import Row
+from tests.studies.committed_pages import assert_committed
 
 DOCS = Path(__file__).parents[3] / "docs"
 CSV = "time,id,x,y,length,width,class"
@@ -98,9 +98,7 @@ def test_sizes_count_once_a_vehicle_and_time_gaps_from_a_walking_pace_on():
 
 def test_the_committed_page_shows_the_committed_results(tmp_path):
     study = page.read(DOCS / "results" / page.RESULTS)
-    body = frame(page.render(study), "command", "date").split("\n", 4)[4]
-    shown = (DOCS / "traffic.md").read_text().split("\n", 4)[4]
-    assert shown.partition("<!--")[0] == body.partition("<!--")[0]
+    assert_committed("traffic", page.render(study))
     page.write(study, tmp_path / "again.json")
     assert page.read(tmp_path / "again.json") == study
     names = {one.group for one in study.found if one.by == "scenario"}

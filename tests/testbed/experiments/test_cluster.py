@@ -187,7 +187,7 @@ def test_a_cluster_that_does_not_answer_is_one_sentence(find):
 
 @pytest.mark.parametrize(
     ("workers", "threads", "sentence"),
-    [(0, 1, "has no workers; start `dask worker tcp://.* --nthreads 1`"), (1, 2, "must have one thread, got 2")],
+    [(0, 1, "has no workers; start `dask worker inproc://.* --nthreads 1`"), (1, 2, "must have one thread, got 2")],
 )
 @pytest.mark.usefixtures("collected")
 def test_a_cluster_that_cannot_do_the_work_is_one_sentence(workers, threads, sentence):

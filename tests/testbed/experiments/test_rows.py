@@ -76,7 +76,7 @@ def origin_of(expected, real=()):
 
 def feed(rows, scene, origin, tracks, info):
     scan = Scan.from_xy(np.zeros((len(origin.object), 2)))
-    rows(Frame(0, scene, scan, origin, {rows.task.tracker: (tracks, info)}, "IDLE", np.zeros((0, 2))))
+    rows(Frame(0, scene, scan, origin, {rows.run.source: (tracks, info)}, "IDLE", np.zeros((0, 2))))
 
 
 def entries(rows):

@@ -1,13 +1,13 @@
-"""What the report on hoher2022 claims, and our verdicts; docs/methods/virtual-measurements.md has the equations."""
+"""What the report on hoher2022 claims, and our answers; docs/methods/virtual-measurements.md has the equations."""
 
 from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
+from studies.papers.answer import Answer, Claim, judge
 from studies.papers.hoher2022.runs import ContourErrors, measure
 from studies.papers.hoher2022.uturn import CAR, FIRST, SHAPES, lidar_hits, truth
-from studies.papers.verdict import Claim, Verdict, judge
 from trackers.geometry import unit
 from trackers.random_matrix.ellipse import root_of
 from trackers.random_matrix.virtual_measurements import VirtualMeasurements
@@ -19,8 +19,8 @@ CLEAR = 0.1  # of IoU, a clear gain
 SAME = 0.03  # of IoU, within the tolerance of 100 runs
 
 
-def verdicts(errors: AllErrors) -> tuple[Verdict, ...]:
-    """A verdict on every claim; errors must hold every case and method of the experiment."""
+def answers(errors: AllErrors) -> tuple[Answer, ...]:
+    """An answer to every claim; errors must hold every case and method of the experiment."""
     return (
         contour_gain(errors),
         printed_form(errors),
@@ -46,7 +46,7 @@ def compare(pairs: Mapping[str, tuple[float, float]], digits: int = 2) -> str:
     return ", ".join(f"{case} {a:.{digits}f} / {b:.{digits}f}" for case, (a, b) in pairs.items())
 
 
-def contour_gain(errors: AllErrors) -> Verdict:
+def contour_gain(errors: AllErrors) -> Answer:
     """The main claim, for the corrected form."""
     claim = Claim("The adaptation gives a much better contour than the random matrix alone", "section IV")
     pairs = {
@@ -60,7 +60,7 @@ def contour_gain(errors: AllErrors) -> Verdict:
     return judge(claim, held, f"corrected form, mean IoU without / with: {compare(pairs)}")  # type: ignore[arg-type]
 
 
-def printed_form(errors: AllErrors) -> Verdict:
+def printed_form(errors: AllErrors) -> Answer:
     """The same for the equations and parameters as printed, with either scale of the random matrix's ellipse."""
     claim = Claim("The algorithm as printed, with I = 2, gives a much better contour than the random matrix", "III, IV")
     pairs = {}
@@ -81,7 +81,7 @@ def longest_one_sided() -> slice:
     return slice(int(start), int(end))
 
 
-def one_side(errors: AllErrors) -> Verdict:
+def one_side(errors: AllErrors) -> Answer:
     """Width of the ellipses at the end of the one-sided steps."""
     claim = Claim("Seen from one side, the random matrix collapses on to the detections; the adaptation does not", "IV")
     steps = longest_one_sided()
@@ -97,7 +97,7 @@ def one_side(errors: AllErrors) -> Verdict:
     return judge(claim, held, text + compare(pairs))  # type: ignore[arg-type]
 
 
-def two_iterations(errors: AllErrors) -> Verdict:
+def two_iterations(errors: AllErrors) -> Answer:
     """I = 2 against I = 10 once the start-up is over, body moments."""
     claim = Claim("I = 2 iterations are quite enough", "section IV")
     names = [f"{shape}, sigma {s}" for shape in SHAPES for s in NOISES]
@@ -122,7 +122,7 @@ def jacobian(distance: float, aspect: float, eigenvalues: bool) -> NDArray:
     return np.stack([(statistics(u + d * e) - statistics(u - d * e)) / (2 * d) for e in np.eye(4)], -1)
 
 
-def stability() -> Verdict:
+def stability() -> Answer:
     """Error dynamics I - K J of the step rule, linearised at the solution."""
     claim = Claim("The step rule is stable for 0 < K < 2", "section II.C")
     held, texts = {}, []
@@ -135,7 +135,7 @@ def stability() -> Verdict:
     return judge(claim, held, "; ".join(texts) + " (ranges 8 and 20 m, aspects 0 to 90 deg)")
 
 
-def learned_tilt(errors: AllErrors) -> Verdict:
+def learned_tilt(errors: AllErrors) -> Answer:
     """Tilt error with the learned matrix and with the heading from the velocity, target that drifts by 20 deg."""
     claim = Claim("Learning the matrix of the ellipse expresses a drifting target", "IV, improvement 1")
     names = [f"drift, {shape}, sigma {s}" for shape in ("ellipse", "rectangle") for s in NOISES]
@@ -145,7 +145,7 @@ def learned_tilt(errors: AllErrors) -> Verdict:
     return judge(claim, held, text)
 
 
-def no_virtual_detections(errors: AllErrors) -> Verdict:
+def no_virtual_detections(errors: AllErrors) -> Answer:
     """IoU of the direct form against that of C33."""
     claim = Claim("Virtual detections can be discarded and the real ones used directly", "IV, improvement 2")
     names = [f"{shape}, sigma {s}" for shape in SHAPES for s in NOISES]
@@ -155,7 +155,7 @@ def no_virtual_detections(errors: AllErrors) -> Verdict:
     return judge(claim, held, text)
 
 
-def naive_feedback(errors: AllErrors) -> Verdict:
+def naive_feedback(errors: AllErrors) -> Answer:
     """Tilt error when the contour overwrites the filter's state."""
     claim = Claim("Overwriting the filter's state with the contour causes significant errors of the tilt", "IV, 4")
     names = [c for c, m in errors if m == "C naive"]
@@ -165,7 +165,7 @@ def naive_feedback(errors: AllErrors) -> Verdict:
     return judge(claim, held, text)
 
 
-def offset_feedback(errors: AllErrors) -> Verdict:
+def offset_feedback(errors: AllErrors) -> Answer:
     """Position error of a filter that gets the offset of the mean from the contour."""
     claim = Claim("Fed back correctly, the contour improves the filter's own state", "IV, improvement 4")
     names = [c for c, m in errors if m == "G offset"]
@@ -176,7 +176,7 @@ def offset_feedback(errors: AllErrors) -> Verdict:
     return judge(claim, held, text + f"at the price of the tilt [deg]: {compare(tilt, 1)}")  # type: ignore[arg-type]
 
 
-def sensor_noise(errors: AllErrors) -> Verdict:
+def sensor_noise(errors: AllErrors) -> Answer:
     """Width bias without sensor noise in the virtual spread, which the report does not mention."""
     claim = Claim("The virtual spread needs no sensor noise (it has none as printed)", "Algorithm 1, lines 20 to 28")
     names = [c for c, m in errors if m == "B without sigma^2" and "0.0" not in c]
@@ -186,7 +186,7 @@ def sensor_noise(errors: AllErrors) -> Verdict:
     return judge(claim, held, text)
 
 
-def radar_too(errors: AllErrors) -> Verdict:
+def radar_too(errors: AllErrors) -> Answer:
     """The same course seen by our ray-cast radars, whose detections also come from inside the body."""
     claim = Claim("What holds for a lidar holds for a radar", "our question, not the report's")
     names = list(dict.fromkeys(c for c, _ in errors if c.startswith("our radar")))

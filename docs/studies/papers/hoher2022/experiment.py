@@ -6,16 +6,17 @@ report prints pictures only: the courses, the shapes and the settings are ours.
 """
 
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 
 from sensors import RADARS, Radar
-from studies.papers.hoher2022.claims import verdicts
+from studies.papers.hoher2022.claims import answers
 from studies.papers.hoher2022.direct_fit import DirectFit
 from studies.papers.hoher2022.printed import PrintedKoch
-from studies.papers.hoher2022.reference import REFERENCE
 from studies.papers.hoher2022.runs import (
     LEGEND,
     MEASURES,
@@ -29,13 +30,17 @@ from studies.papers.hoher2022.runs import (
 )
 from studies.papers.hoher2022.uturn import FIRST, SECOND, Truth, UTurn, lidar_scans, radar_scans, truth
 from studies.papers.hoher2022.variants import ReportVariant, ShapeLms
-from studies.papers.report import MethodRow, PaperReport, Progress, carry_out, silent
+from studies.papers.reference import figures
+from studies.papers.report import HERE, MethodRow, PaperReport, Progress, carry_out, silent
+from testbed.experiments.command import calculated
+from testbed.experiments.engine import Engine
 from trackers import Scan
 from trackers.random_matrix.adaptation import Bayes, Lms
 from trackers.random_matrix.koch import Koch
 from trackers.random_matrix.virtual_measurements import VirtualMeasurements
 
 PAPER = "hoher2022"
+REFERENCE = figures(PAPER)
 FINE = float(np.radians(0.1))  # [rad] grid of virtual rays in the report
 SIGMAS = (0.0, 0.1, 0.5)  # [m]
 DRIFT = float(np.radians(20.0))  # [rad] heading minus course of the drifting target
@@ -155,12 +160,25 @@ class UTurnRuns:
         self.tracks: dict[tuple[str, str], ContourTrack] = {}
         self.scans: dict[str, tuple[Truth, list[Scan]]] = {}  # by case
 
-    def add(self, case: Case, method: ContourMethod, track: ContourTrack, truth: Truth) -> None:
+    def add(self, case: Case, method: str, track: ContourTrack, truth: Truth, scans: list[Scan]) -> None:
         """Measure a track and keep it."""
-        key = (case.name, method.name)
-        e = errors(track, truth)
-        self.tracks[key], self.errors[key] = track, e
-        self.rows.append(MethodRow(case.name, method.name, measure(e), REFERENCE.get(key, {})))
+        key = (case.name, method)
+        self.scans[case.name] = truth, scans
+        self.tracks[key], self.errors[key] = track, errors(track, truth)
+        self.rows.append(MethodRow(*key, measure(self.errors[key]), REFERENCE.get(key, {})))
+
+
+@lru_cache(maxsize=1)
+def scanned(number: int, runs: int, seed: int) -> tuple[Truth, list[Scan]]:
+    """Truth and detections of a case of `CASES`; every case has its own random numbers."""
+    case, child = CASES[number], np.random.SeedSequence(seed).spawn(len(CASES))[number]
+    body = truth(case.course, case.shape, case.drift)
+    return body, case.scans(body, runs, np.random.default_rng(child))
+
+
+def tracked(number: int, method: str, runs: int, seed: int) -> ContourTrack:
+    """What a method makes of a case."""
+    return track(methods(CASES[number].sigma)[method], scanned(number, runs, seed)[1])
 
 
 def experiment(
@@ -169,27 +187,22 @@ def experiment(
     found: UTurnRuns,
     progress: Progress = silent,
     wanted: Callable[[Case, str], bool] = lambda case, method: True,
+    engine: Engine = HERE,
 ) -> None:
-    """Run all cases, or the (case, method) that are wanted, into `found`; every case has its own random numbers.
+    """Run all cases, or the (case, method) that are wanted, into `found`.
 
     `found` holds what is finished when a Stopped comes through.
     """
-    chosen = [(c, [m for m in c.methods if wanted(c, m)]) for c in CASES]
-    total, done = sum(len(names) for _, names in chosen), 0
-    for (case, names), child in zip(chosen, np.random.SeedSequence(seed).spawn(len(CASES)), strict=True):
-        if not names:
-            continue
-        body = truth(case.course, case.shape, case.drift)
-        scans = case.scans(body, runs, np.random.default_rng(child))
-        found.scans[case.name] = body, scans
-        table = methods(case.sigma)
-        for name in names:
-            progress(done, total, f"{case.name}: {name}")
-            found.add(case, table[name], track(table[name], scans), body)
-            done += 1
+    work = [(k, name) for k, case in enumerate(CASES) for name in case.methods if wanted(case, name)]
+    with closing(calculated(tracked, [(*each, runs, seed) for each in work], engine)) as tracks:
+        for done, (k, name) in enumerate(work):
+            progress(done, len(work), f"{CASES[k].name}: {name}")
+            found.add(CASES[k], name, next(tracks), *scanned(k, runs, seed))
 
 
-def run(runs: int = 100, out: Path | None = None, progress: Progress = silent, seed: int = 0) -> PaperReport:
+def run(
+    runs: int = 100, out: Path | None = None, progress: Progress = silent, seed: int = 0, engine: Engine = HERE
+) -> PaperReport:
     """The whole experiment, about 20 minutes for 100 runs; see `carry_out`."""
     found = UTurnRuns()
 
@@ -207,9 +220,9 @@ def run(runs: int = 100, out: Path | None = None, progress: Progress = silent, s
     )
     return carry_out(
         blank,
-        lambda: experiment(runs, seed, found, progress),
+        lambda: experiment(runs, seed, found, progress, engine=engine),
         rows=lambda: found.rows,
-        verdicts=lambda: verdicts(found.errors),
+        answers=lambda: answers(found.errors),
         draw=draw,
         out=out,
         progress=progress,

@@ -1,4 +1,4 @@
-"""What the two papers of xia2020 claim, and our verdicts.
+"""What the two papers of xia2020 claim, and our answers.
 
 "Slides": the hierarchical truncated Gaussian with online bounds. "Paper": the learned one. Where a claim is about "the
 method", it is tried on the update that the text gives ("literal"), on its repair by counting true detections only
@@ -10,7 +10,7 @@ from time import process_time
 
 import numpy as np
 
-from studies.papers.verdict import Claim, Verdict, judge
+from studies.papers.answer import Answer, Claim, judge
 from studies.papers.xia2020.generators import GENERATORS, draw_training
 from studies.papers.xia2020.methods import (
     BEST,
@@ -54,8 +54,8 @@ def text(figures: Mapping[str, float], digits: int = 2) -> str:
 # -- the slides -------------------------------------------------------------------------------------------------------
 
 
-def slides(results: TrialRuns) -> tuple[Verdict, ...]:
-    """Verdicts on the slides; the results are those of the full view and of the 2 Hz courses."""
+def slides(results: TrialRuns) -> tuple[Answer, ...]:
+    """Answers to the slides; the results are those of the full view and of the 2 Hz courses."""
     return (
         against_rm(results, "band", "with the ideal measurement model (uniform band)"),
         against_rm(results, "vrm", "under measurement model mismatch (Student-t mixture)"),
@@ -65,7 +65,7 @@ def slides(results: TrialRuns) -> tuple[Verdict, ...]:
     )
 
 
-def against_rm(results: TrialRuns, generator: str, words: str) -> Verdict:
+def against_rm(results: TrialRuns, generator: str, words: str) -> Answer:
     """The main claim in full view, against either baseline."""
     claim = Claim(f"The method with online bounds is more accurate than the random matrix {words}", "slides, results")
     case = f"full view, {generator}"
@@ -73,7 +73,7 @@ def against_rm(results: TrialRuns, generator: str, words: str) -> Verdict:
     return judge(claim, {f"the baseline {m}": got[ONLINE] < got[m] for m in (RM, RM_MATCHED)}, f"GWD^2 {text(got)}")
 
 
-def biased_statistics(results: TrialRuns) -> Verdict:
+def biased_statistics(results: TrialRuns) -> Answer:
     """Mean length error of either random matrix; more than half a metre counts as a bias."""
     claim = Claim("Statistics of edge detections are biased, so the random matrix is off", "slides, problem")
     names = {f"{m}, {g}": (f"full view, {g}", m) for m in (RM, RM_MATCHED) for g in GENERATORS}
@@ -81,13 +81,13 @@ def biased_statistics(results: TrialRuns) -> Verdict:
     return judge(claim, {n: abs(b) > 0.5 for n, b in bias.items()}, f"mean length error [m]: {text(bias)}")
 
 
-def open_sides(results: TrialRuns) -> Verdict:
+def open_sides(results: TrialRuns) -> Answer:
     """GWD^2 in partial view, where bounds are open on the sides that the sensor does not see."""
     claim = Claim("Bounds at infinity model self-occlusion: partial views are tracked better", "slides, model")
     return large_margin(results, claim, {"literal": ONLINE, "n-count": ONLINE_N}, 1.0)
 
 
-def light_weight(results: TrialRuns) -> Verdict:
+def light_weight(results: TrialRuns) -> Answer:
     """CPU time of an update, one object."""
     claim = Claim("A light-weight method, implementable on an automotive control unit", "slides, contributions")
     trial = results.trials["full view, band"]
@@ -98,8 +98,8 @@ def light_weight(results: TrialRuns) -> Verdict:
 # -- the paper --------------------------------------------------------------------------------------------------------
 
 
-def paper(results: TrialRuns) -> tuple[Verdict, ...]:
-    """Verdicts on the paper; the results are those of all cases."""
+def paper(results: TrialRuns) -> tuple[Answer, ...]:
+    """Answers to the paper; the results are those of all cases."""
     margin = Claim("Learned HTG-RM outperforms the random matrix by a large margin, partial view", "paper, V-B")
     return (
         resemblance(),
@@ -123,7 +123,7 @@ def gain(table: HTGTable, u: np.ndarray, aspect: np.ndarray) -> float:
     return float((log_density(u, table.of(b)) - gauss).mean())
 
 
-def resemblance() -> Verdict:
+def resemblance() -> Answer:
     """Held-out likelihood of the learned density against the Gaussian that a random matrix assumes."""
     claim = Claim("The learned density resembles where radar detections lie", "paper, abstract")
     got = {}
@@ -137,7 +137,7 @@ def resemblance() -> Verdict:
     return judge(claim, held, f"held-out log-likelihood over a Gaussian a bin [nat a detection]: {text(got)}")
 
 
-def large_margin(results: TrialRuns, claim: Claim, forms: Mapping[str, str], margin: float) -> Verdict:
+def large_margin(results: TrialRuns, claim: Claim, forms: Mapping[str, str], margin: float) -> Answer:
     """A form holds where its GWD^2 is below margin times that of both random matrices on every course."""
     best = {c: min(results.gwd2(c, m) for m in (RM, RM_MATCHED)) for c in COURSES}
     got = {form: [results.gwd2(c, m) for c in COURSES] for form, m in forms.items()}
@@ -152,7 +152,7 @@ def on_radar(results: TrialRuns) -> tuple[str, ...]:
     return tuple(case for case in results.trials if case.startswith(SCENARIOS))
 
 
-def rig_margin(results: TrialRuns) -> Verdict:
+def rig_margin(results: TrialRuns) -> Answer:
     """`large_margin` on detections of our ray-cast radar."""
     claim = Claim("The same on our ray-cast radar, learned on its own rig", "paper, V-B, our detections")
     forms, cases = {"literal": LEARNED, "n-count": LEARNED_N, "HTG-MM": MM, "HTG-MAP": ON_RIG}, on_radar(results)
@@ -162,7 +162,7 @@ def rig_margin(results: TrialRuns) -> Verdict:
     return judge(claim, held, f"GWD^2 {'; '.join(rows)}")
 
 
-def sensitive(results: TrialRuns) -> Verdict:
+def sensitive(results: TrialRuns) -> Answer:
     """GWD^2 from a start that is off by 1 m over that from the true start, on the same detections."""
     claim = Claim("The update is sensitive to a prediction that is far off", "paper, V-B")
     forms = {**FORMS, "literal, c_D from .1": LEARNED_LOOSE, "literal, online bounds": ONLINE}
@@ -171,7 +171,7 @@ def sensitive(results: TrialRuns) -> Verdict:
     return judge(claim, held, f"GWD^2 with a start off by 1 m over that with the true start: {text(ratio)}")
 
 
-def seen_part(results: TrialRuns) -> Verdict:
+def seen_part(results: TrialRuns) -> Answer:
     """How far the centre is shifted to the sensor, following course."""
     claim = Claim("The random matrix fits the part in sight, HTG-RM does not", "paper, V-B")
     case = COURSES[0]
@@ -180,7 +180,7 @@ def seen_part(results: TrialRuns) -> Verdict:
     return judge(claim, held, f"mean shift of the centre towards the sensor [m]: {text(shift)}")
 
 
-def cheaper(results: TrialRuns) -> Verdict:
+def cheaper(results: TrialRuns) -> Answer:
     """CPU time of the learned and the online update, five iterations each."""
     claim = Claim("The learned update is computationally simpler than that with online bounds", "paper, IV-B")
     case = COURSES[0]
@@ -188,7 +188,7 @@ def cheaper(results: TrialRuns) -> Verdict:
     return judge(claim, {"CPU time": ms[LEARNED] < ms[ONLINE]}, f"ms an update, one object: {text(ms)}")
 
 
-def sparse(results: TrialRuns) -> Verdict:
+def sparse(results: TrialRuns) -> Answer:
     """GWD^2 with two detections a scan instead of five."""
     claim = Claim("Improved tracking with sparse measurements", "paper, IV-B")
     others = (RM, RM_MATCHED, ONLINE, ONLINE_N)
@@ -202,7 +202,7 @@ def foreign_name(form: str, generator: str) -> str:
     return f"{form} of {generator}"
 
 
-def robust(results: TrialRuns) -> Verdict:
+def robust(results: TrialRuns) -> Answer:
     """GWD^2 with the table of another full-view generator."""
     claim = Claim("A learned structure is robust to a mismatch between training data and detections", "paper, I")
     held, numbers = {}, []
@@ -217,7 +217,7 @@ def robust(results: TrialRuns) -> Verdict:
     return judge(claim, held, f"GWD^2 RM, matched rho {best}; {'; '.join(numbers)}")
 
 
-def rig_mismatch(results: TrialRuns) -> Verdict:
+def rig_mismatch(results: TrialRuns) -> Answer:
     """A table of another radar, or of real detections, against random matrices, which need no learning."""
     claim = Claim("Learned on one radar and used on another, HTG-MAP still beats the random matrices", "paper, I")
     rows = {case: (ON_RIG, {"imaging": ON_OTHER, "real": ON_REAL}) for case in on_radar(results)}

@@ -3,8 +3,6 @@
 The ego keeps its lane and speed; the rig on it scans every policy step, 5 Hz. y is to the driver's right here.
 """
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -90,13 +88,10 @@ def pad(scans: list[list[Scan]]) -> Scan:
     )  # fmt: skip
 
 
-def radar_trial(
-    scenario: str, radar: Radar, runs: int, seed: int, tick: Callable[[int], None] = lambda ride: None
-) -> Trial:
-    """Episodes with seeds seed, seed + 1, ...; the first kinematic state is the truth. tick(ride) before each."""
+def radar_trial(scenario: str, radar: Radar, runs: int, seed: int) -> Trial:
+    """Episodes with seeds seed, seed + 1, ...; the first kinematic state is the truth."""
     rides, scans = [], []
     for k in range(runs):
-        tick(k)
         rides.append(episode(scenario, seed + k))
         scans.append(own_scans(rides[-1][1:], radar, np.random.default_rng([seed + k, SEED])))
     objects = [[scene.objects for scene in ride] for ride in rides]

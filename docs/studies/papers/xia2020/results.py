@@ -1,14 +1,16 @@
 """What the experiments of xia2020 have measured so far."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from studies.papers.reference import figures
 from studies.papers.report import MethodRow
-from studies.papers.xia2020.trials import EllipseErrors, NamedFilter, Trial, TrialEstimates, errors, track
+from studies.papers.xia2020.trials import EllipseErrors, NamedFilter, Trial, TrialEstimates, errors
 from trackers.geometry import unit
 
+REFERENCE = figures("xia2020")
 COLUMNS: Mapping[str, int] = {  # of `Errors.summary`, on paper; the JSON has them all
     "pos": 2, "vel": 2, "head": 1, "len": 2, "wid": 2, "gwd2": 3, "se": 3, "gwd": 2, "nees": 1,
 }  # fmt: skip
@@ -28,19 +30,13 @@ class TrialRuns:
     rows: list[MethodRow] = field(default_factory=list)
     used: dict[tuple[str, str], NamedFilter] = field(default_factory=dict)
 
-    def add(
-        self,
-        trial: Trial,
-        method: NamedFilter,
-        reference: Mapping[str, float],
-        tick: Callable[[int], None] = lambda step: None,
-    ) -> None:
-        """Run a filter on a trial and keep its estimates and errors; tick as in `track`."""
+    def add(self, trial: Trial, method: NamedFilter, estimates: TrialEstimates) -> None:
+        """Keep what a filter made of a trial, and its errors."""
         key = trial.name, method.name
         self.trials[trial.name], self.used[key] = trial, method
-        self.estimates[key] = track(method, trial, tick)
+        self.estimates[key] = estimates
         self.errors[key] = errors(self.estimates[key], trial)
-        self.rows.append(MethodRow(*key, self.errors[key].summary(), reference))
+        self.rows.append(MethodRow(*key, self.errors[key].summary(), REFERENCE.get(key, {})))
 
     def methods(self, case: str, names: Sequence[str]) -> dict[str, NamedFilter]:
         """Filters by name, as they were used in a case."""

@@ -196,13 +196,12 @@ def start(x0: NDArray, size: NDArray, std: NDArray) -> Estimate:
     )
 
 
-def track(method: NamedFilter, trial: Trial, tick: Callable[[int], None] = lambda step: None) -> TrialEstimates:
-    """Estimates of a filter over the steps of a trial; tick(step) is called before each."""
+def track(method: NamedFilter, trial: Trial) -> TrialEstimates:
+    """Estimates of a filter over the steps of a trial."""
     f = method.make()
     state = f.init(trial.start._replace(size_std=method.size_std * trial.start.size))
     estimates, extents = [], []
     for k in range(len(trial.pose)):
-        tick(k)
         state = f.predict(state, trial.dt)
         state, _ = f.update(state, take(trial.scan, np.array(k)))
         estimates.append(f.estimate(state))

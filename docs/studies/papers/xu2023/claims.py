@@ -1,11 +1,10 @@
-"""What xu2023 claims, and our verdicts; docs/reproductions.md has the figures."""
+"""What xu2023 claims, and our answers; docs/reproductions.md has the figures."""
 
 from collections.abc import Mapping
 
-from studies.papers.verdict import Claim, Verdict, every, judge
+from studies.papers.answer import Answer, Claim, every, judge
 from studies.papers.xu2023.cases import VARIED
-from studies.papers.xu2023.measures import UNITS, reductions
-from studies.papers.xu2023.reference import COLUMNS, READINGS, TABLE_2
+from studies.papers.xu2023.measures import COLUMNS, READINGS, TABLE_2, UNITS, reductions
 from studies.papers.xu2023.simulation import RunErrors
 from testbed.evaluation.intervals import PlusMinus
 
@@ -18,8 +17,8 @@ POINTS = 5.0  # [%] difference that counts as the same reduction
 RIGHT = 0.8  # share of scans with the true mode most likely
 
 
-def verdicts(rows: Rows, runs: Runs) -> tuple[Verdict, ...]:
-    """A verdict on every claim."""
+def answers(rows: Rows, runs: Runs) -> tuple[Answer, ...]:
+    """An answer to every claim."""
     gain = _gain(runs, *STEPS_UP[0], "Interacting models reduce the errors of DRA(CV) in maneuvers")
     further = _gain(runs, *STEPS_UP[1], "The prior from rays reduces them further")
     unprinted = varied(rows, runs)
@@ -41,7 +40,7 @@ def _pair(found: Mapping[str, PlusMinus], stage: str) -> str:
     return " / ".join(f"{round(found[f'{stage} {u}'].value)} ± {found[f'{stage} {u}'].half:.0f}" for u in UNITS)
 
 
-def _gain(runs: Runs, before: str, after: str, text: str) -> Verdict:
+def _gain(runs: Runs, before: str, after: str, text: str) -> Answer:
     held, numbers = {}, []
     for case, reading in READINGS:
         found = _reductions(runs, case, reading, before, after)
@@ -56,7 +55,7 @@ def _gain(runs: Runs, before: str, after: str, text: str) -> Verdict:
     return judge(Claim(text, "Table II"), held, text_of)
 
 
-def sizes(runs: Runs) -> Verdict:
+def sizes(runs: Runs) -> Answer:
     """Whether the reductions are as large as the paper's."""
     held: dict[str, bool | None] = {}
     numbers = []
@@ -72,7 +71,7 @@ def sizes(runs: Runs) -> Verdict:
     return judge(claim, held, f"within {POINTS:.0f} points of its percentages: {'; '.join(numbers)}")
 
 
-def table(rows: Rows) -> Verdict:
+def table(rows: Rows) -> Answer:
     """How many of the 18 figures of Table II are ours within 20 %."""
     held: dict[str, bool | None] = {}
     numbers = []
@@ -88,7 +87,7 @@ def table(rows: Rows) -> Verdict:
     return judge(Claim("The errors are those of Table II", "Table II"), held, f"within 20 %: {'; '.join(numbers)}")
 
 
-def modes(rows: Rows) -> Verdict:
+def modes(rows: Rows) -> Answer:
     """Share of scans in which the true mode is the most likely one."""
     held: dict[str, bool | None] = {}
     numbers = []
@@ -101,7 +100,7 @@ def modes(rows: Rows) -> Verdict:
     return judge(claim, held, f"share of scans, CV / CA / CT, bar {RIGHT}: {'; '.join(numbers)}")
 
 
-def both(rows: Rows) -> Verdict:
+def both(rows: Rows) -> Answer:
     """Whether one reading of eq. (42) gives the table's velocity errors of the turn and the modes of Fig. 5."""
     held: dict[str, bool | None] = {}
     numbers = []
@@ -123,7 +122,7 @@ def group(variant: str) -> str:
     return "transition matrix" if variant.startswith("stay") else "first estimate"
 
 
-def varied(rows: Rows, runs: Runs) -> tuple[Verdict, Verdict]:
+def varied(rows: Rows, runs: Runs) -> tuple[Answer, Answer]:
     """How far the result depends on what the paper does not print: the sign of the gain, and the figures."""
     single, several = (f"{VARIED}{name}, S" for name in ("DRA(CV)", "DRA-IMM"))
     variants = [name for case, name in rows if case == several]
@@ -159,7 +158,7 @@ def _spread(rows: Rows, case: str, variants: list[str], column: str) -> float:
     return max(values) / min(values)
 
 
-def ours(rows: Rows) -> Verdict:
+def ours(rows: Rows) -> Answer:
     """Error of the turn with our changes against that without them."""
     pairs = {c: (rows[c, "EDRA-IMM, V"]["CT m"], rows[c, "literal"]["CT m"]) for c in ("near", "far")}
     name = "near, extent follows"

@@ -4,22 +4,23 @@ The paper prints neither the radar's course nor the transition matrix nor the pr
 used instead, and the rows "not printed" vary it.
 """
 
-import signal
-import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
-from joblib import Parallel, cpu_count, delayed, parallel_config
 
-from studies.papers.report import MethodRow, PaperReport, Progress, carry_out, silent
+from studies.papers.reference import figures
+from studies.papers.report import HERE, MethodRow, PaperReport, Progress, carry_out, silent
 from studies.papers.xu2023.cases import FAR, NEAR, STAY, SWEEPS, Sweep
-from studies.papers.xu2023.claims import verdicts
+from studies.papers.xu2023.claims import answers
 from studies.papers.xu2023.measures import UNITS, measure
-from studies.papers.xu2023.reference import REFERENCE
 from studies.papers.xu2023.simulation import STAGES, RunErrors, collect, join, split, track
+from testbed.experiments.command import calculated
+from testbed.experiments.engine import Engine
 
 PAPER = "xu2023"
+REFERENCE = figures(PAPER)
 MEASURES = {f"{stage} {unit}": 2 for stage in STAGES for unit in UNITS} | {"IoU": 2, "mode": 2}
 LEGEND = (
     "± half the 95 % interval over the runs. RMSE of position [m] and velocity [m/s] over the stages, mean IoU, share "
@@ -67,47 +68,24 @@ def experiment(
     found: ManeuverRuns,
     progress: Progress = silent,
     sweeps: tuple[Sweep, ...] = SWEEPS,
-    jobs: int | None = None,
+    engine: Engine = HERE,
 ) -> None:
-    """Run all sweeps into `found`, which holds what is finished when a Stopped comes through.
-
-    By default on as many processes as there are cores; the figures do not depend on it.
-    """
+    """Run all sweeps into `found`, which holds what is finished when a Stopped comes through."""
     work = batches(sweeps, runs)
     parts: list[list[RunErrors]] = []
-    for done, part in enumerate(_results(work, runs, seed, jobs)):
-        sweep = work[done][0]
-        parts.append(part)
-        if done + 1 == len(work) or work[done + 1][0] is not sweep:
-            for variant, errors in zip(sweep.variants, zip(*parts, strict=True), strict=True):
-                found.add(sweep.case, variant.name, join(errors))
-            parts = []
-        progress(done + 1, len(work), f"{sweep.case}: {sweep.variants[0].name}")
+    with closing(calculated(batch, [(sweep, runs, seed, number) for sweep, number in work], engine)) as results:
+        for done, (sweep, _) in enumerate(work, 1):
+            parts.append(next(results))
+            if done == len(work) or work[done][0] is not sweep:
+                for variant, errors in zip(sweep.variants, zip(*parts, strict=True), strict=True):
+                    found.add(sweep.case, variant.name, join(errors))
+                parts = []
+            progress(done, len(work), f"{sweep.case}: {sweep.variants[0].name}")
 
 
-def _results(work: list[tuple[Sweep, int]], runs: int, seed: int, jobs: int | None) -> Iterator[list[RunErrors]]:
-    """Errors of the batches, in their order."""
-    jobs = min(cpu_count() if jobs is None else jobs, len(work))
-    if jobs == 1:
-        yield from (batch(sweep, runs, seed, number) for sweep, number in work)
-        return
-    one_core = parallel_config(backend="loky", inner_max_num_threads=1, initializer=_leave_interrupts_to_the_parent)
-    with one_core, warnings.catch_warnings():
-        warnings.filterwarnings("ignore", ".*tasks which were still being processed", UserWarning)
-        parallel = Parallel(n_jobs=jobs, return_as="generator", batch_size=1)
-        results = parallel(delayed(batch)(sweep, runs, seed, number) for sweep, number in work)
-        try:
-            yield from results
-        finally:
-            results.close()
-
-
-def _leave_interrupts_to_the_parent() -> None:
-    """Ctrl-C reaches all processes of a terminal; the parent process decides what becomes of the work."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
-def run(runs: int = 100, out: Path | None = None, progress: Progress = silent, seed: int = 0) -> PaperReport:
+def run(
+    runs: int = 100, out: Path | None = None, progress: Progress = silent, seed: int = 0, engine: Engine = HERE
+) -> PaperReport:
     """The whole experiment; see `carry_out`."""
     found = ManeuverRuns()
 
@@ -133,9 +111,9 @@ def run(runs: int = 100, out: Path | None = None, progress: Progress = silent, s
     )
     return carry_out(
         blank,
-        lambda: experiment(runs, seed, found, progress),
+        lambda: experiment(runs, seed, found, progress, engine=engine),
         rows=lambda: found.rows,
-        verdicts=lambda: verdicts(found.measured, found.errors),
+        answers=lambda: answers(found.measured, found.errors),
         draw=draw,
         out=out,
         progress=progress,

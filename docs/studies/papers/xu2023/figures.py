@@ -9,8 +9,7 @@ from matplotlib.figure import Figure
 
 from studies.papers.xu2023.cases import VARIED
 from studies.papers.xu2023.claims import group
-from studies.papers.xu2023.measures import UNITS, rmse
-from studies.papers.xu2023.reference import TABLE_2
+from studies.papers.xu2023.measures import TABLE_2, UNITS, rmse
 from studies.papers.xu2023.simulation import STAGES, STEP, STEPS, RunErrors
 from testbed.files import write_figure
 

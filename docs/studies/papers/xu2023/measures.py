@@ -12,6 +12,13 @@ from studies.papers.xu2023.simulation import IOU_EVERY, STAGES, STEP, STEPS, Run
 from testbed.evaluation.intervals import PlusMinus, student_interval
 
 UNITS = ("m", "m/s")
+COLUMNS = tuple(f"{stage} {unit}" for stage in STAGES for unit in UNITS)
+TABLE_2 = {  # 1000 runs, in the order of COLUMNS
+    "DRA(CV)": (0.33, 0.10, 0.65, 0.88, 1.78, 3.29),
+    "DRA-IMM": (0.34, 0.11, 0.50, 0.48, 1.52, 2.79),
+    "EDRA-IMM": (0.31, 0.08, 0.45, 0.40, 1.35, 2.34),
+}
+READINGS = (("near", "S"), ("near", "V"), ("far", "V"))  # course of the radar, reading of eq. (42): not printed
 LEAST = 1e-12  # [m] error of a stage that is divided by
 
 

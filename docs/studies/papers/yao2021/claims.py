@@ -1,11 +1,11 @@
-"""What yao2021 claims, and our verdicts; docs/reproductions.md has the figures."""
+"""What yao2021 claims, and our answers; docs/reproductions.md has the figures."""
 
 from collections.abc import Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
-from studies.papers.verdict import Claim, Verdict, every, judge
+from studies.papers.answer import Answer, Claim, every, judge
 from testbed.evaluation.intervals import Interval
 
 StageSquares = Mapping[str, Mapping[str, NDArray]]  # stage -> column -> mean squared errors (R,) of the runs
@@ -55,12 +55,12 @@ def gains(squares: Squares) -> Iterator[tuple[str, Interval, Interval]]:
             yield f"{method}, {word}", truck, tractor
 
 
-def verdicts(squares: Squares) -> tuple[Verdict, ...]:
-    """A verdict on every claim."""
+def answers(squares: Squares) -> tuple[Answer, ...]:
+    """An answer to every claim."""
     return smoother(squares), adaptation(squares), comparable(squares), ours(squares)
 
 
-def smoother(squares: Squares) -> Verdict:
+def smoother(squares: Squares) -> Answer:
     """Section IV: errors of smoothed states against those of filtered ones."""
     held: dict[str, bool | None] = {}
     numbers = []
@@ -74,7 +74,7 @@ def smoother(squares: Squares) -> Verdict:
     return judge(claim, held, f"RMSE filtered over smoothed: {'; '.join(numbers)}")
 
 
-def adaptation(squares: Squares) -> Verdict:
+def adaptation(squares: Squares) -> Answer:
     """Section IV: errors with the adapted contour against those without."""
     held: dict[str, bool | None] = {}
     numbers = []
@@ -85,7 +85,7 @@ def adaptation(squares: Squares) -> Verdict:
     return judge(claim, held, f"RMSE without over with, truck / tractor; much: above {MUCH}: {'; '.join(numbers)}")
 
 
-def comparable(squares: Squares) -> Verdict:
+def comparable(squares: Squares) -> Answer:
     """Section IV: gain of the truck against that of the tractor."""
     held: dict[str, bool | None] = {}
     numbers = []
@@ -98,7 +98,7 @@ def comparable(squares: Squares) -> Verdict:
     return judge(claim, held, f"larger gain over smaller, alike: below {ALIKE}: {'; '.join(numbers)}")
 
 
-def ours(squares: Squares) -> Verdict:
+def ours(squares: Squares) -> Answer:
     """Position errors with our shift of the frame against those without."""
     pairs = {
         name: gain(squares[name, "A"]["adapted"]["position m"], squares[name, "B"]["adapted"]["position m"])

@@ -5,20 +5,22 @@ is the paper's with the corrections of docs/methods/spline-pmht.md, "A, 4 Sigma"
 paper prints in the association, and B ours: joint update, the frame moved to the middle of the contour, two passes.
 """
 
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from studies.papers.report import MethodRow, PaperReport, Progress, carry_out, silent
-from studies.papers.yao2021.claims import verdicts
-from studies.papers.yao2021.reference import COLUMNS, REFERENCE
+from studies.papers.reference import figures
+from studies.papers.report import HERE, MethodRow, PaperReport, Progress, carry_out, silent
+from studies.papers.yao2021.claims import answers
 from studies.papers.yao2021.simulation import (
     ADAPT_AT,
     CONTOURS,
     DETECTIONS,
     A,
+    AdaptationMethod,
     AdaptationRuns,
     B,
     StageErrors,
@@ -27,10 +29,14 @@ from studies.papers.yao2021.simulation import (
     simulate,
 )
 from testbed.evaluation.intervals import student_interval
+from testbed.experiments.command import calculated
+from testbed.experiments.engine import Engine
 from trackers.pmht.model import find
 
 PAPER = "yao2021"
+REFERENCE = figures(PAPER)
 MODEL = "yao2021"  # the over-smoothed model learned offline
+COLUMNS = ("position m", "speed m/s", "heading rad", "length m", "width m", "NEES")
 METHODS = (A, replace(A, name="A, 4 Sigma", widened=4.0), B)
 MEASURES = dict(zip(COLUMNS, (3, 4, 4, 4, 4, 1), strict=True)) | {"offset m": 3, "IoU": 3, "lost": 0}
 LEGEND = (
@@ -62,18 +68,19 @@ def measure(runs: AdaptationRuns, stage: str, outline: NDArray) -> dict[str, flo
     return out
 
 
-def experiment(runs: int, seed: int, found: AllRuns, progress: Progress = silent) -> None:
+def adapted(name: str, method: AdaptationMethod, runs: int, seed: int) -> AdaptationRuns:
+    """All runs of a method on a contour; every method has the same detections."""
+    rng = np.random.default_rng(np.random.SeedSequence([seed, len(name)]))
+    return run_stages(method, find(MODEL), simulate(CONTOURS[name], runs, rng))
+
+
+def experiment(runs: int, seed: int, found: AllRuns, progress: Progress = silent, engine: Engine = HERE) -> None:
     """Run all contours and methods into `found`, which holds what is finished when a Stopped comes through."""
-    model = find(MODEL)
     work = [(name, method) for name in CONTOURS for method in METHODS]
-    for done, (name, method) in enumerate(work):
-
-        def tick(part: float, done: int = done, what: str = f"{name}: {method.name}") -> None:
-            progress(done + part, len(work), what)
-
-        tick(0.0)
-        rng = np.random.default_rng(np.random.SeedSequence([seed, len(name)]))
-        found[name, method.name] = run_stages(method, model, simulate(CONTOURS[name], runs, rng), tick)
+    with closing(calculated(adapted, [(*each, runs, seed) for each in work], engine)) as results:
+        for done, (name, method) in enumerate(work):
+            progress(done, len(work), f"{name}: {method.name}")
+            found[name, method.name] = next(results)
 
 
 def rows(found: AllRuns) -> list[MethodRow]:
@@ -95,7 +102,9 @@ def all_squares(found: AllRuns) -> dict[tuple[str, str], dict[str, dict[str, NDA
     return {key: {stage: squares(e, runs.kept) for stage, e in runs.stages.items()} for key, runs in found.items()}
 
 
-def run(runs: int = 100, out: Path | None = None, progress: Progress = silent, seed: int = 0) -> PaperReport:
+def run(
+    runs: int = 100, out: Path | None = None, progress: Progress = silent, seed: int = 0, engine: Engine = HERE
+) -> PaperReport:
     """The whole experiment; see `carry_out`."""
     found: AllRuns = {}
 
@@ -113,9 +122,9 @@ def run(runs: int = 100, out: Path | None = None, progress: Progress = silent, s
     )
     return carry_out(
         blank,
-        lambda: experiment(runs, seed, found, progress),
+        lambda: experiment(runs, seed, found, progress, engine),
         rows=lambda: rows(found),
-        verdicts=lambda: verdicts(all_squares(found)),
+        answers=lambda: answers(all_squares(found)),
         draw=draw,
         out=out,
         progress=progress,

@@ -3,7 +3,6 @@
 The paper describes the contours in words and prints no turn rates: the numbers are ours.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -217,17 +216,12 @@ class AdaptationRuns(NamedTuple):
         return ~np.any(list(self.lost.values()), axis=0)
 
 
-def run_stages(
-    method: AdaptationMethod, model: SplineModel, runs: SimulatedRuns, progress: Callable[[float], None]
-) -> AdaptationRuns:
+def run_stages(method: AdaptationMethod, model: SplineModel, runs: SimulatedRuns) -> AdaptationRuns:
     """Track the first circle, adapt, and go on with and without the new contour."""
     filter = method.filter(model)
     state, before = track(filter, runs, begin(filter, runs.mask.shape[1]), 0, ADAPT_AT)
-    progress(0.2)
     adapted = adapt(method, filter, runs, state, before)
-    progress(0.5)
     _, without = track(filter, runs, state, ADAPT_AT, STEPS)
-    progress(0.75)
     _, with_ = track(filter, runs, adapted.state, ADAPT_AT, STEPS)
     parts = {"before": before, "smoothed": adapted.smoothed, "not adapted": without, "adapted": with_}
     x = {name: runs.x[:ADAPT_AT] if name in EARLY else runs.x[ADAPT_AT:] for name in parts}

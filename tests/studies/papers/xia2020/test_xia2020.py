@@ -1,12 +1,12 @@
-"""The experiments of xia2020 on a small scale; the tables and verdicts are in tests/reproduction."""
+"""The experiments of xia2020 on a small scale; the tables and answers are in tests/reproduction."""
 
 import numpy as np
 import pytest
 
 import sensors
 from sensors.scene import Ego, boxes_scene
+from studies.papers.answer import CONFIRMED, REFUTED
 from studies.papers.report import Stopped
-from studies.papers.verdict import CONFIRMED, REFUTED
 from studies.papers.xia2020 import claims, figures
 from studies.papers.xia2020.experiment import RATES, PlannedTrial, experiment, full_cases, partial_cases
 from studies.papers.xia2020.generators import (
@@ -25,8 +25,7 @@ from studies.papers.xia2020.generators import (
 )
 from studies.papers.xia2020.methods import LEARNED, MAP, ONLINE, RM, RM_MATCHED
 from studies.papers.xia2020.radar import own_scans, pad
-from studies.papers.xia2020.reference import CASES, FULL, PARTIAL, full_reference, partial_reference
-from studies.papers.xia2020.results import TrialRuns
+from studies.papers.xia2020.results import REFERENCE, TrialRuns
 from studies.papers.xia2020.trials import (
     SIZE,
     EllipseErrors,
@@ -40,6 +39,7 @@ from studies.papers.xia2020.trials import (
     unit_coordinates,
     wasserstein,
 )
+from testbed.experiments.engine import Engine
 from trackers.batch import take
 from trackers.estimate import prior
 from trackers.geometry import box_corners, extent_matrix
@@ -227,26 +227,26 @@ def small_cases():
     """Two trials of three runs, two random matrices each."""
     methods = tuple(NamedFilter(m, lambda: RandomMatrix(tau=10.0)) for m in (RM, RM_MATCHED))
     for k, course in enumerate(COURSES[:2]):
-        yield PlannedTrial(40, lambda tick, c=course, k=k: partial_view(c, 2.0, 3, rng(k)), methods, partial_reference)
+        yield PlannedTrial(lambda c=course, k=k: partial_view(c, 2.0, 3, rng(k)), methods)
 
 
-def test_an_experiment_counts_its_steps_and_keeps_the_reference_figures():
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_an_experiment_counts_its_methods_and_keeps_the_reference_figures(jobs):
     calls, results = [], TrialRuns()
-    experiment(tuple(small_cases()), results, lambda *call: calls.append(call))
-    done = [d for d, _, _ in calls]
-    assert done == sorted(done)
-    assert done[0] == 0
-    assert max(done) < 80
-    assert {total for _, total, _ in calls} == {80}
+    experiment(tuple(small_cases()), results, lambda *call: calls.append(call), Engine(jobs))
+    assert [call[:2] for call in calls] == [(0, 2), (1, 2), (0, 4), (1, 4), (2, 4), (3, 4)]
     assert [(r.case, r.method) for r in results.rows] == [
         (f"{c.name}, 2 Hz", m) for c in COURSES[:2] for m in (RM, RM_MATCHED)
     ]
     assert results.rows[0].reference == {"gwd2": 3.08, "gwd": 1.69}
+    here = TrialRuns()
+    experiment(tuple(small_cases()), here)
+    assert here.rows == results.rows
 
 
 def test_a_stopped_experiment_keeps_its_finished_rows():
     def stop(done, total, what):
-        if done > 50:  # in the third of four rows
+        if (done, total) == (2, 4):
             raise Stopped
 
     results = TrialRuns()
@@ -259,11 +259,11 @@ def test_a_case_repeats_whatever_other_cases_are_run():
     slow, all_of_them = (list(partial_cases(2, 7, rates)) for rates in (RATES[:1], RATES))
     assert len(slow) == len(all_of_them) - 3
     for a, b in ((slow[1], all_of_them[1]), (slow[-2], all_of_them[-2])):
-        np.testing.assert_array_equal(a.draw(int).scan.mask, b.draw(int).scan.mask)
+        np.testing.assert_array_equal(a.draw().scan.mask, b.draw().scan.mask)
 
 
 def test_a_rough_start_meets_the_detections_of_the_true_one():
-    true, *_, rough = (case.draw(int) for case in partial_cases(2, 7, RATES[:1]))
+    true, *_, rough = (case.draw() for case in partial_cases(2, 7, RATES[:1]))
     np.testing.assert_array_equal(true.scan.polar, rough.scan.polar)
     assert np.abs(true.start.pose - rough.start.pose).max() > 0.05
 
@@ -285,7 +285,7 @@ def test_figures_are_drawn_from_what_was_run(tmp_path):
         assert path.stat().st_size > 20_000
 
 
-# -- verdicts ---------------------------------------------------------------------------------------------------------
+# -- answers ---------------------------------------------------------------------------------------------------------
 
 
 def made_up(figures):
@@ -303,9 +303,9 @@ def made_up(figures):
 def test_a_verdict_says_against_which_baseline_a_claim_holds(online, outcome):
     case = "full view, band"
     results = made_up({(case, ONLINE): online, (case, RM): 1.7, (case, RM_MATCHED): 0.3, (case, MAP): 0.05})
-    verdict = claims.against_rm(results, "band", "ideally")
-    assert verdict.outcome == outcome
-    assert f"{online:.2f}" in verdict.numbers
+    answer = claims.against_rm(results, "band", "ideally")
+    assert answer.outcome == outcome
+    assert f"{online:.2f}" in answer.numbers
 
 
 @pytest.mark.parametrize(
@@ -322,7 +322,8 @@ def test_a_large_margin_must_be_there_on_every_course(gwd2, outcome):
 def test_the_centre_of_a_random_matrix_is_shifted_to_the_sensor():
     trial = partial_view(FOLLOWING, 2.0, 20, rng())
     results = TrialRuns()
-    results.add(trial, NamedFilter(RM, lambda: RandomMatrix(tau=10.0)), {})
+    method = NamedFilter(RM, lambda: RandomMatrix(tau=10.0))
+    results.add(trial, method, track(method, trial))
     assert results.shift_to_sensor(trial.name, RM) > 1.0
     assert results.rows[0].measured["gwd2"] == pytest.approx(results.gwd2(trial.name, RM))
 
@@ -336,12 +337,10 @@ def test_the_cost_of_an_update_is_that_of_one_object():
 
 
 def test_every_reference_figure_is_found_under_its_case():
-    assert full_reference("band", RM)["gwd2"] == 1.703
-    assert full_reference("band", "no such method") == {}
-    assert partial_reference("S curve, 13 Hz", MAP) == {"gwd2": 0.22, "gwd": 0.44}
-    assert partial_reference("elsewhere", MAP) == {}
-    assert set(FULL) == set(GENERATORS)
-    assert all(len(row) == len(CASES) for row in PARTIAL.values())
+    assert REFERENCE["full view, band", RM]["gwd2"] == 1.703
+    assert REFERENCE["S curve, 13 Hz", MAP] == {"gwd2": 0.22, "gwd": 0.44}
+    cases = {f"full view, {g}" for g in GENERATORS} | {f"{c.name}, {hz:g} Hz" for c in COURSES for hz in RATES}
+    assert {case for case, _ in REFERENCE} == cases
 
 
 def test_the_sensor_is_seen_in_the_frame_of_the_body():

@@ -1,4 +1,4 @@
-"""The reproduction of xu2023: its maneuvers, its measures and its verdicts, on small inputs."""
+"""The reproduction of xu2023: its maneuvers, its measures and its answers, on small inputs."""
 
 from dataclasses import replace
 from itertools import islice
@@ -9,15 +9,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import t as student
 
+from studies.papers.answer import CONFIRMED, REFUTED
 from studies.papers.catalogue import PAPERS
 from studies.papers.report import Stopped
-from studies.papers.verdict import CONFIRMED, REFUTED
 from studies.papers.xu2023 import experiment as xu2023
 from studies.papers.xu2023 import figures
 from studies.papers.xu2023.cases import METHODS, NEAR, READINGS, SWEEPS, VARIED, Sweep, Variant, unprinted
-from studies.papers.xu2023.claims import group, verdicts
-from studies.papers.xu2023.measures import measure, reduction, rmse, stage_mask, true_modes
-from studies.papers.xu2023.reference import BARS, COLUMNS, TABLE_2
+from studies.papers.xu2023.claims import answers, group
+from studies.papers.xu2023.measures import COLUMNS, TABLE_2, measure, reduction, rmse, stage_mask, true_modes
 from studies.papers.xu2023.simulation import (
     CAR,
     IOU_EVERY,
@@ -36,6 +35,8 @@ from studies.papers.xu2023.simulation import (
     track,
 )  # fmt: skip
 from testbed.evaluation.intervals import PlusMinus
+from testbed.experiments.engine import Engine
+from tests.reproduction.test_xu2023_bars import BARS
 from trackers.dra import ProcessNoise
 from trackers.dra.state import PLACE, VELOCITY, VERTICES, axes
 
@@ -182,10 +183,10 @@ def test_the_table_s_own_figures_confirm_its_claims_and_rows_exist_for_all_of_th
         (case, name): constant(table_of(case.removeprefix(VARIED) if case.startswith(VARIED) else name))
         for case, name in KEYS
     }
-    answers = verdicts({key: measure(errors) for key, errors in runs.items()}, runs)
-    assert [v.outcome for v in answers] == [CONFIRMED] * 8 + [REFUTED]
-    assert "CA 23 ± 0 / 45 ± 0, CT 15 ± 0 / 15 ± 0" in answers[0].numbers
-    assert "(paper CA 23 / 45, CT 15 / 15)" in answers[0].numbers
+    found = answers({key: measure(errors) for key, errors in runs.items()}, runs)
+    assert [v.outcome for v in found] == [CONFIRMED] * 8 + [REFUTED]
+    assert "CA 23 ± 0 / 45 ± 0, CT 15 ± 0 / 15 ± 0" in found[0].numbers
+    assert "(paper CA 23 / 45, CT 15 / 15)" in found[0].numbers
     assert PAPERS["xu2023"].run is xu2023.run
     assert {group(v) for c, v in KEYS if c.startswith(VARIED)} == {
         "radar's course", "transition matrix", "first estimate"
@@ -207,7 +208,7 @@ def test_few_runs_are_near_the_bars_and_the_same_on_two_processes():
     """Eight runs: 2.5 times the bands of fifty."""
     (sweep,) = (s for s in SWEEPS if (s.case, s.variants[0].name) == ("near", "literal"))
     runs = xu2023.ManeuverRuns()
-    xu2023.experiment(8, 3, runs, sweeps=(sweep, replace(sweep, case="again")), jobs=2)
+    xu2023.experiment(8, 3, runs, sweeps=(sweep, replace(sweep, case="again")), engine=Engine(2))
     bar, row = BARS["near", "literal"], runs.rows[0].measured
     found = np.array([row[c] for c in COLUMNS])
     assert (np.abs(found - bar.errors) < 2.5 * np.array(bar.bands)).all(), found
@@ -234,5 +235,5 @@ def test_a_stopped_experiment_keeps_its_finished_rows():
     sweeps = tuple(Sweep(case, METHODS["literal"], (Variant("literal"),)) for case in ("near", "never"))
     runs = xu2023.ManeuverRuns()
     with pytest.raises(Stopped):
-        xu2023.experiment(1, 0, runs, stop, sweeps, jobs=1)
+        xu2023.experiment(1, 0, runs, stop, sweeps)
     assert [(row.case, row.method) for row in runs.rows] == [("near", "literal")]

@@ -1,4 +1,4 @@
-"""The reproduction of yao2021: its simulation, its measures and its verdicts, on small inputs."""
+"""The reproduction of yao2021: its simulation, its measures and its answers, on small inputs."""
 
 import json
 
@@ -9,7 +9,7 @@ import shapely
 from studies.papers.catalogue import PAPERS
 from studies.papers.report import Stopped
 from studies.papers.yao2021 import experiment as yao2021
-from studies.papers.yao2021.claims import above, apart, gain, verdicts
+from studies.papers.yao2021.claims import above, answers, apart, gain
 from studies.papers.yao2021.simulation import (
     BAND,
     CONTOURS,
@@ -104,10 +104,10 @@ def test_two_gains_are_as_far_apart_whichever_comes_first():
 
 @pytest.mark.slow
 def test_the_whole_experiment_with_two_runs(tmp_path):
-    """Every method has every stage, the figures are drawn and the verdicts given."""
+    """Every method has every stage, the figures are drawn and the answers given."""
     report = yao2021.run(runs=2, out=tmp_path, seed=3)
     assert len(report.rows) == 2 * 3 * 4
-    assert {v.outcome.split()[0] for v in report.verdicts} <= {"confirmed", "not"}
+    assert {v.outcome.split()[0] for v in report.answers} <= {"confirmed", "not"}
     row = report.row("tractor", "B adapted")
     assert row["position m"] < 0.1 < report.row("tractor", "B not adapted")["position m"]
     assert row["IoU"] > 0.85
@@ -129,7 +129,7 @@ def test_an_early_end_keeps_every_stage_of_the_methods_that_are_done(tmp_path):
     assert row["position m"] < 0.1 < cut.row("truck", "A not adapted")["position m"]
     assert row["IoU"] > 0.85
     assert np.isnan(cut.row("truck", "A smoothed")["lost"])
-    assert not cut.verdicts + cut.figures
+    assert not cut.answers + cut.figures
     assert json.loads((tmp_path / "yao2021.json").read_text())["interrupted"]
 
 
@@ -139,4 +139,4 @@ def test_claims_follow_from_the_figures():
     squares = {s: dict.fromkeys(yao2021.COLUMNS, np.full(5, v)) for s, v in stages.items()}
     good = {s: {c: v / (9 if s == "adapted" else 1) for c, v in cols.items()} for s, cols in squares.items()}
     all_squares = {(c, m): good if m == "B" else squares for c in CONTOURS for m in ("A", "A, 4 Sigma", "B")}
-    assert [v.outcome for v in verdicts(all_squares)] == ["confirmed"] * 4
+    assert [v.outcome for v in answers(all_squares)] == ["confirmed"] * 4

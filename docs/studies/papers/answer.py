@@ -18,7 +18,7 @@ class Claim:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Answer:
     """Our answer to a claim."""
 
     claim: Claim
@@ -31,8 +31,8 @@ class Verdict:
         return self.outcome != REFUTED
 
 
-def judge(claim: Claim, cases: Mapping[str, bool | None], numbers: str) -> Verdict:
-    """Verdict from the conditions that were tried: whether each holds, None where that is not decided.
+def judge(claim: Claim, cases: Mapping[str, bool | None], numbers: str) -> Answer:
+    """Answer from the conditions that were tried: whether each holds, None where that is not decided.
 
     >>> judge(Claim("better", "IV"), {"noise-free": True, "sigma 0.5 m": False}, "").outcome
     'confirmed under noise-free'
@@ -44,12 +44,12 @@ def judge(claim: Claim, cases: Mapping[str, bool | None], numbers: str) -> Verdi
     held = [name for name, holds in cases.items() if holds]
     unclear = [name for name, holds in cases.items() if holds is None]
     if len(held) == len(cases):
-        return Verdict(claim, CONFIRMED, numbers)
+        return Answer(claim, CONFIRMED, numbers)
     if len(unclear) == len(cases):
-        return Verdict(claim, OPEN, numbers)
+        return Answer(claim, OPEN, numbers)
     parts = [f"confirmed under {'; '.join(held)}"] if held else []
     parts += [f"{OPEN} under {'; '.join(unclear)}"] if unclear else []
-    return Verdict(claim, "; ".join(parts) or REFUTED, numbers)
+    return Answer(claim, "; ".join(parts) or REFUTED, numbers)
 
 
 def every(values: Iterable[bool | None]) -> bool | None:

@@ -25,7 +25,7 @@ PLACE_X, PLACE_Y, LOT = range(3)  # independent numbers of one cell
 
 
 @dataclass(frozen=True)
-class Surroundings:
+class Roadside:
     """What stands around the road for one radar. The defaults are fitted to a real one: docs/standing-returns.md."""
 
     density: float = 0.32  # [1/m^2] of points beside the road, directly behind the rail
@@ -41,12 +41,12 @@ class Surroundings:
         for one in fields(self):
             value = getattr(self, one.name)
             if not (np.isfinite(value) and value >= 0):
-                raise ValueError(f"surroundings.{one.name} must be finite and at least 0, got {value}")
+                raise ValueError(f"roadside.{one.name} must be finite and at least 0, got {value}")
         for name in ("depth", "reach", "beam_deg"):
             if getattr(self, name) == 0:
-                raise ValueError(f"surroundings.{name} must be positive, got 0; set density to 0 for no roadside")
+                raise ValueError(f"roadside.{name} must be positive, got 0; set density to 0 for no roadside")
         if self.share_astray > 1:
-            raise ValueError(f"surroundings.share_astray must be within 0 and 1, got {self.share_astray}")
+            raise ValueError(f"roadside.share_astray must be within 0 and 1, got {self.share_astray}")
 
 
 def hashed(cell: NDArray, number: int, seed: int) -> NDArray:
@@ -77,9 +77,7 @@ def view_corners(pose: NDArray, fov: float, radius: float) -> tuple[NDArray, NDA
     return np.minimum(rim.min(0), pose[:2]), np.maximum(rim.max(0), pose[:2])
 
 
-def detected(
-    options: Surroundings, points: NDArray, pose: NDArray, fov: float, radius: float, rng: Generator
-) -> NDArray:
+def detected(options: Roadside, points: NDArray, pose: NDArray, fov: float, radius: float, rng: Generator) -> NDArray:
     """Rows (D,) of the points (K, 2) [m] in view of a radar at pose (3,), up to a radius [m], that a scan detects."""
     dx, dy = points[:, 0] - pose[0], points[:, 1] - pose[1]
     r = np.hypot(dx, dy)
@@ -109,7 +107,7 @@ def wall_distance(points: NDArray, walls: NDArray) -> NDArray:
 
 
 def standing_points(
-    options: Surroundings, ego: NDArray, walls: NDArray, pose: NDArray, fov: float, max_range: float, rng: Generator
+    options: Roadside, ego: NDArray, walls: NDArray, pose: NDArray, fov: float, max_range: float, rng: Generator
 ) -> NDArray:
     """Points (D, 2) [m] of the landscape that a radar at pose (3,) detects in this scan if no vehicle hides it.
 
@@ -133,8 +131,8 @@ def standing_points(
     return np.concatenate(found)
 
 
-def surrounding_returns(
-    options: Surroundings, index: int, model: SensorModel, scene: Scene, pose: NDArray, velocity: NDArray,
+def roadside_returns(
+    options: Roadside, index: int, model: SensorModel, scene: Scene, pose: NDArray, velocity: NDArray,
     elements: Illuminated, rng: Generator,
 ) -> Returns:  # fmt: skip
     """Noise-free returns of what stands around the road to one radar, the one with this index in its rig.

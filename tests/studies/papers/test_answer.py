@@ -1,8 +1,8 @@
-"""Verdicts from the conditions that were tried."""
+"""Answers from the conditions that were tried."""
 
 import pytest
 
-from studies.papers.verdict import CONFIRMED, OPEN, REFUTED, Claim, every, judge
+from studies.papers.answer import CONFIRMED, OPEN, REFUTED, Claim, every, judge
 
 CLAIM = Claim("better", "IV")
 
@@ -19,8 +19,8 @@ CLAIM = Claim("better", "IV")
     ],
 )
 def test_a_verdict_names_the_conditions_that_hold_and_those_that_are_not_decided(cases, outcome, holds):
-    verdict = judge(CLAIM, cases, "1 < 2")
-    assert (verdict.outcome, verdict.holds) == (outcome, holds)
+    answer = judge(CLAIM, cases, "1 < 2")
+    assert (answer.outcome, answer.holds) == (outcome, holds)
 
 
 def test_a_claim_without_conditions_is_refused():

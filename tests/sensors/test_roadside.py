@@ -5,19 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sensors import RADARS, Radar, Surroundings
+from sensors import RADARS, Radar, Roadside
 from sensors.origin import STATIC
+from sensors.roadside import landscape, rail_crossings, wall_distance
 from sensors.scene import Ego, boxes_scene
-from sensors.surroundings import landscape, rail_crossings, wall_distance
 from trackers.geometry import box_corners, to_frame, unit
 
 IDEAL = RADARS["ideal"].sensors[0]
 ROAD = np.array([[[-400.0, y], [400.0, y]] for y in (-8.0, 8.0)])
-SURE = Surroundings(density=0.2, depth=1e9, reach=1e6, beam_deg=1e6, share_astray=0.0)
+SURE = Roadside(density=0.2, depth=1e9, reach=1e6, beam_deg=1e6, share_astray=0.0)
 
 
 def rig(options, **parameters):
-    return Radar("test", "for a test", (replace(IDEAL, max_range=80.0, surroundings=options, **parameters),))
+    return Radar("test", "for a test", (replace(IDEAL, max_range=80.0, roadside=options, **parameters),))
 
 
 def road(x=0.0, heading=0.0, velocity=(0.0, 0.0), cars=((500.0, 0.0, 0.0),), walls=ROAD):
@@ -35,8 +35,8 @@ def standing(radar, scene, seed=0):
 def test_without_the_option_a_scan_is_the_one_that_it_was():
     scene = road(velocity=(20.0, 0.0), cars=((20.0, 3.0, 0.0),))
     off = RADARS["imaging"]
-    none = Surroundings(density=0.0, on_road=0.0, share_astray=0.0)
-    on = replace(off, sensors=(replace(off.sensors[0], surroundings=none),))
+    none = Roadside(density=0.0, on_road=0.0, share_astray=0.0)
+    on = replace(off, sensors=(replace(off.sensors[0], roadside=none),))
     for a, b in zip(
         off.scan(scene, np.random.default_rng(1))[0], on.scan(scene, np.random.default_rng(1))[0], strict=True
     ):
@@ -123,13 +123,13 @@ def test_crossings_and_distances_of_rails_by_hand():
      ({"depth": np.inf}, "depth"), ({"share_astray": 1.5}, "share_astray"), ({"on_road": np.nan}, "on_road")],
 )  # fmt: skip
 def test_a_wrong_option_is_refused_by_name(change, name):
-    with pytest.raises(ValueError, match=f"surroundings.{name} must be"):
-        Surroundings(**change)
+    with pytest.raises(ValueError, match=f"roadside.{name} must be"):
+        Roadside(**change)
 
 
 def test_it_works_on_a_rig_of_which_one_radar_has_the_option():
     surround = RADARS["surround"]
-    some = replace(surround, sensors=(replace(surround.sensors[0], surroundings=SURE), *surround.sensors[1:]))
+    some = replace(surround, sensors=(replace(surround.sensors[0], roadside=SURE), *surround.sensors[1:]))
     scan, origin = some.scan(road(velocity=(20.0, 0.0), cars=((20.0, 3.0, 0.0),)), np.random.default_rng(0))
     assert ((origin.kind == STATIC) & (scan.sensor == 0)).sum() > 100
     local = to_frame(scan.pose[scan.sensor == 0][0], scan.xy[scan.sensor == 0])
