@@ -88,7 +88,7 @@ def test_runs_in_closed_loop_are_published_beside_the_others_and_stand_on_the_pa
     publish_part("closed", tmp_path / "runs", tmp_path)
     found = read_part("closed", tmp_path)
     runs = Results.read(comparison).runs.set_index("seed")
-    assert found.comparison.settings.loop == "closed"
+    assert found.study.settings.loop == "closed"
     assert found.spans.set_index("seed")["progress"].to_numpy() == pytest.approx(runs["progress"].to_numpy(), rel=1e-6)
     (row,) = [line for line in closed(found).splitlines() if line.startswith("| `htg-mm`") and "[" not in line][:1]
     assert float(row.split("|")[4]) == pytest.approx(runs["progress"].mean(), abs=0.05)
