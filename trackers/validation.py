@@ -198,8 +198,7 @@ def unguarded(method: Method) -> Method:
     plain: Any = getattr(method, "unguarded", None)
     if plain is None or getattr(method, "__wrapped__", None) is not plain:  # or wrapped once more by a user
         return method
-    bound: Any = method
-    return cast(Method, MethodType(plain, bound.__self__))
+    return cast(Method, MethodType(cast(Any, plain), cast(Any, method).__self__))
 
 
 def guarded(update: Callable[..., tuple[Any, Any]], state: Any, scan: Scan, *rest: Any) -> tuple[Any, Any]:
