@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from trackers.batch import Memoised, select
 from trackers.estimate import Estimate
 from trackers.filter import CONTOUR, LEARNING, SMOOTHED, Abilities, Gaussian, Note
-from trackers.motion.mixture import ANGLES, Mixture, MotionModes, Sizes, followed, resized, without_rates
+from trackers.motion.mixture import ANGLES, Mixture, MotionModes, followed, resized, without_rates
 from trackers.scan import Scan, SensorModel
 from trackers.size.hidden import Around
 from trackers.size.posterior import Pin, SizePosterior, SizeState
@@ -67,7 +67,7 @@ class Composed:
 
     @property
     def abilities(self) -> Abilities:
-        """What it offers beyond the four methods; with a size, its Gaussian is that of `without_size`."""
+        """What it offers beyond the four methods: that of its parts."""
         names = ["log_spatial", "restart", "learn_where"]
         names += ["reach", "update_among", "classes"] if self.size is not None else [*SMOOTHED, "resize", "shift"]
         return Abilities(**{name: getattr(self, name) for name in names}, on_sensors=self.on)
@@ -101,7 +101,7 @@ class Composed:
         if self.motion is None:
             place = unguarded(self.place.predict)(place, dt)
         elif dt > 0:
-            motion = self.motion.predicted(motion, self._sizes, dt)
+            motion = self.motion.predicted(motion, self.place, dt)
             if self._learns:  # its past moves too
                 place = unguarded(self.place.predict)(self._filled(state), dt)
             place = self._kept(motion, place)
@@ -162,7 +162,7 @@ class Composed:
         """State whose next scan shows the complete objects where (...) is true; by default it shows all of them so."""
         if self._can.learn_where is not None:
             place = self._can.learn_where(self._filled(state), where)
-            state = state._replace(place=self._kept(state.motion, place))
+            state = state._replace(place=place if self._own else self._kept(state.motion, place))
         return state if self.size is None else state._replace(size=state.size._replace(fully_visible=where))
 
     def restart(self, state: ComposedState, estimate: Estimate) -> ComposedState:
@@ -202,7 +202,7 @@ class Composed:
         """
         place, after = (old, found) if self._learns else (definite(found, old), None)
         before, after = self._can.gaussian(old), after or self._can.gaussian(place)
-        motion, g, turned = self.motion.forward(self.motion.corrected(x, before, after, self._sizes, scan))
+        motion, g, turned = self.motion.forward(self.motion.corrected(x, before, after, self.place, scan))
         if not self._learns:
             place = self._can.with_gaussian(place, g)
         else:
@@ -298,10 +298,6 @@ class Composed:
     def _locate(self) -> Any:
         """The update of the place, without validation; of one that learns, its spatial part."""
         return self._can.located if self._learns else unguarded(self.place.update)
-
-    @cached_property
-    def _sizes(self) -> Sizes:
-        return Sizes(self._can.log_size, self._can.size_walk)
 
 
 def place_of(filter: Any) -> Any:

@@ -132,7 +132,7 @@ def find(name: str, **parameters: Any) -> Filter:
     if is_own(name, TRACKERS):
         return with_parameters(find_own(name, TRACKERS, "tracker"), name, parameters)
     filter = look_up(name, TRACKERS, "tracker").filter
-    _check_known(name, parameters, [*_fields(filter), *sorted(WORDS)], parameters)
+    _check_known(name, parameters, [*parameters_of(place_of(filter)), *sorted(WORDS)], parameters)
     return _changed(filter, name, parameters)
 
 
@@ -159,8 +159,8 @@ def build(text: str, sensors: Sequence[SensorModel], **parameters: Any) -> Any:
     if is_own(name, TRACKERS):
         return _built(find_own(name, TRACKERS, "tracker"), name, wanted, tuple(sensors))
     entry = look_up(name, TRACKERS, "tracker")
-    own = {key: wanted[key] for key in wanted if key in LAYERS and key not in _fields(entry.filter)}
-    _check_known(name, wanted, [*_fields(entry.filter), *sorted(WORDS | LAYERS)], parameters)
+    own = {key: wanted[key] for key in wanted if key in LAYERS and key not in parameters_of(place_of(entry.filter))}
+    _check_known(name, wanted, [*parameters_of(place_of(entry.filter)), *sorted(WORDS | LAYERS)], parameters)
     check_types(MultiObjectTracker, name, own)
     filter = _changed(entry.filter, name, {key: value for key, value in wanted.items() if key not in own})
     layers = {**entry.layers, **own}
@@ -190,11 +190,6 @@ def _built(found: Any, name: str, wanted: Mapping[str, Any], sensors: tuple[Sens
     check_types(MultiObjectTracker, name, layers)
     check_types(composed, name, words)
     return MultiObjectTracker(composed(made, **words), sensors, **layers)
-
-
-def _fields(filter: Any) -> tuple[str, ...]:
-    """Names of the parameters of a filter."""
-    return tuple(place_of(filter).__dataclass_fields__)
 
 
 def _changed(filter: Any, name: str, parameters: Mapping[str, Any]) -> Any:

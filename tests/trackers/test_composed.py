@@ -48,8 +48,9 @@ def test_without_motion_and_size_nothing_is_around_the_filter():
 
 
 def test_an_unknown_parameter_is_named():
-    with pytest.raises(TypeError, match="imm-spline has no parameter depth; it has model, visibility"):
-        find("imm-spline", depth=3)
+    for name in ("depth", "angles"):
+        with pytest.raises(TypeError, match=f"imm-spline has no parameter {name}; it has model, visibility"):
+            find("imm-spline", **{name: 3})
 
 
 def test_what_a_filter_offers_is_what_its_parts_do():

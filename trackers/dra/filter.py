@@ -6,7 +6,7 @@ docs/methods/interacting-models.md.
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,6 +64,8 @@ class DataRegion:
     sigma_rate: float = 0.027  # [m/s]
     surface_std: float = 0.2  # [m] roughness of a side, in the density of detections only
     centre_std: float = 0.0  # [m] added in estimates, as no body is a rectangle with evenly spread detections
+
+    angles: ClassVar[tuple[int, ...]] = ()  # no component of the state is one
 
     def __post_init__(self) -> None:
         if not self.models or not set(self.models) <= set(MODELS):
@@ -148,11 +150,6 @@ class DataRegion:
         m = state.m.copy()
         m[..., PLACE] += d[..., None, :]
         return state._replace(m=m)
-
-    @property
-    def angles(self) -> tuple[int, ...]:
-        """No component of the state is an angle."""
-        return ()
 
     def gaussian(self, state: DataRegionState) -> Gaussian:
         """Mean and covariance of the state; of several models, of their mixture."""

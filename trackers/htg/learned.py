@@ -10,9 +10,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers import held_gaussian
 from trackers.batch import select
 from trackers.estimate import Estimate
-from trackers.filter import Extent, Gaussian, UpdateInfo
+from trackers.filter import UpdateInfo
 from trackers.htg.bins import HTGTable, resolve
 from trackers.htg.density import complement, log_mass, noise_matrix
 from trackers.htg.pseudo import Hole, body_axes, correct, fill, length, mean_extent, posterior, sample_of, scale_of
@@ -36,6 +37,10 @@ class HTGLearned:
     sigma: float = 0.0  # [m] noise beside the table's of detections whose scan does not state it
     iterations: int = 5
     n_count: bool = False  # information of the n detections alone, (HTG.20); else of all N as in the paper
+
+    angles = RandomMatrix.angles
+    gaussian, with_gaussian, shift = held_gaussian.gaussian, held_gaussian.with_gaussian, held_gaussian.shift
+    extent, with_extent = RandomMatrix.extent, RandomMatrix.with_extent
 
     def __post_init__(self) -> None:
         check_numbers(self, positive=("iterations",))
@@ -84,31 +89,6 @@ class HTGLearned:
     def resize(self, state: RMState, size: NDArray, size_std: NDArray) -> RMState:
         """State with another size (..., 2) [m] of standard deviation size_std (..., 2) [m]."""
         return self.rm.resize(state, size, size_std)
-
-    def shift(self, state: RMState, d: NDArray) -> RMState:
-        """State with d (..., 2) [m] added to the centre."""
-        return self.rm.shift(state, d)
-
-    @property
-    def angles(self) -> tuple[int, ...]:
-        """The heading."""
-        return self.rm.angles
-
-    def gaussian(self, state: RMState) -> Gaussian:
-        """Mean and covariance of the motion."""
-        return self.rm.gaussian(state)
-
-    def with_gaussian(self, state: RMState, gaussian: Gaussian) -> RMState:
-        """The state with another mean and covariance of the motion."""
-        return self.rm.with_gaussian(state, gaussian)
-
-    def extent(self, state: RMState) -> Extent:
-        """The density of the extent."""
-        return self.rm.extent(state)
-
-    def with_extent(self, state: RMState, extent: Extent) -> RMState:
-        """The state with another density of the extent."""
-        return self.rm.with_extent(state, extent)
 
     def log_spatial(self, state: RMState, scan: Scan, track: NDArray, detection: NDArray) -> NDArray:
         """Log density (G,) [1/m^2] of the detections with indices detection (G,) under the tracks track (G,)."""

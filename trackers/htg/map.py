@@ -7,13 +7,14 @@ Equations: docs/methods/hierarchical-truncated-gaussians.md.
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers import held_gaussian
 from trackers.estimate import Estimate, check_estimate
-from trackers.filter import Gaussian, UpdateInfo
+from trackers.filter import UpdateInfo
 from trackers.geometry import rotation, unit, wrap_angle
 from trackers.htg.bins import HTGTable, metric_ends, resolve
 from trackers.htg.density import moments
@@ -56,6 +57,10 @@ class HTGMap:
     two_starts: bool = True  # also from the prediction moved by the sample mean
     contest: int = 2  # rounds after which the better start goes on alone
     size_step: float = 0.2  # largest change of a log size in a step
+
+    angles: ClassVar[tuple[int, ...]] = (PHI,)  # of m
+    log_size: ClassVar[bool] = True
+    gaussian, with_gaussian, shift = held_gaussian.gaussian, held_gaussian.with_gaussian, held_gaussian.shift
 
     def __post_init__(self) -> None:
         positive = ("alpha", "rate_std", "rate_clip", "rounds", "contest", "size_step")
@@ -163,30 +168,6 @@ class HTGMap:
         P *= scale[..., :, None] * scale[..., None, :]
         P[..., LOG_L, LOG_L], P[..., LOG_W, LOG_W] = ((size_std / size)[..., i] ** 2 for i in range(2))
         return MotionSizeState(m, P)
-
-    def shift(self, state: MotionSizeState, d: NDArray) -> MotionSizeState:
-        """State with d (..., 2) [m] added to the centre."""
-        m = state.m.copy()
-        m[..., :2] += d
-        return state._replace(m=m)
-
-    @property
-    def angles(self) -> tuple[int, ...]:
-        """The heading."""
-        return (PHI,)
-
-    @property
-    def log_size(self) -> bool:
-        """Sizes are logarithms."""
-        return True
-
-    def gaussian(self, state: MotionSizeState) -> Gaussian:
-        """Mean and covariance of the state."""
-        return Gaussian(state.m, state.P)
-
-    def with_gaussian(self, state: MotionSizeState, gaussian: Gaussian) -> MotionSizeState:
-        """The state with another mean and covariance."""
-        return state._replace(m=gaussian.m, P=gaussian.P)
 
     def log_spatial(self, state: MotionSizeState, scan: Scan, track: NDArray, detection: NDArray) -> NDArray:
         """Log density (G,) [1/m^2] of the detections with indices detection (G,) under the tracks track (G,)."""

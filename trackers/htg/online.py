@@ -68,6 +68,8 @@ class HTGOnline:
     start: float = 0.7  # bounds of a new object
     least_weight: float = 0.3  # a side with fewer detections keeps its bound
 
+    angles = RandomMatrix.angles
+
     def __post_init__(self) -> None:
         check_numbers(self, positive=("iterations", "rounds", "cap"))
 
@@ -147,11 +149,6 @@ class HTGOnline:
     def shift(self, state: OnlineState, d: NDArray) -> OnlineState:
         """State with d (..., 2) [m] added to the centre."""
         return state._replace(rm=self.rm.shift(state.rm, d))
-
-    @property
-    def angles(self) -> tuple[int, ...]:
-        """The heading."""
-        return self.rm.angles
 
     def gaussian(self, state: OnlineState) -> Gaussian:
         """Mean and covariance of the motion."""

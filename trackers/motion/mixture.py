@@ -4,7 +4,7 @@ The filter has the place, the modes velocity, heading and yaw rate. Equations: d
 """
 
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,17 +39,6 @@ class Mixture(NamedTuple):
         return Gaussian(*moments(self.m, self.P, self.mu, ANGLES))  # (MODE.9)
 
 
-class Sizes(NamedTuple):
-    """What the last two components of a contour filter's state are."""
-
-    log: bool  # logarithms of length and width
-    walk: float  # random walk, in their unit / sqrt(s)
-
-    def of(self, m: NDArray) -> NDArray:
-        """Length and width (..., 2) [m] of means m (..., 7)."""
-        return np.exp(m[..., SIZE:]) if self.log else m[..., SIZE:]
-
-
 @dataclass(frozen=True)
 class MotionModes:
     """How the modes mix, and what a scan says of them."""
@@ -69,20 +58,20 @@ class MotionModes:
         """The modes as at birth."""
         return Mixture(*self.modes.at_birth(*g))
 
-    def predicted(self, x: Mixture, sizes: Sizes, dt: float) -> Mixture:
-        """The modes after dt > 0 [s]: mixing, then the motion of each."""
+    def predicted(self, x: Mixture, place: Any, dt: float) -> Mixture:
+        """The modes after dt > 0 [s]: mixing, then the motion of each; place is the contour filter."""
         Pi = chain(len(self.modes.table), self.stay, dt / self.step)
         m, P, mu = mix(x.m, x.P, x.mu, Pi, angles=ANGLES)
-        m, P = self.modes.moved(m, P, sizes.of(m)[..., 0], dt)
-        P[..., [SIZE, SIZE + 1], [SIZE, SIZE + 1]] += sizes.walk**2 * dt  # (MODE.4)
+        m, P = self.modes.moved(m, P, size_of(m, place.log_size)[..., 0], dt)
+        P[..., [SIZE, SIZE + 1], [SIZE, SIZE + 1]] += place.size_walk**2 * dt  # (MODE.4)
         return Mixture(mu, m, P)
 
-    def corrected(self, x: Mixture, before: Gaussian, after: Gaussian, sizes: Sizes, scan: Scan) -> Mixture:
-        """The modes after a spatial update, which took `before` to `after`, and the range rates of its scan."""
+    def corrected(self, x: Mixture, before: Gaussian, after: Gaussian, place: Any, scan: Scan) -> Mixture:
+        """The modes after an update of the contour filter, which took `before` to `after`, and the range rates."""
         m, P, log_l = corrected(x.m, x.P, likelihood(before, after), after)
-        if not sizes.log:
+        if not place.log_size:
             m[..., SIZE:] = np.maximum(m[..., SIZE:], LEAST_SIZE)
-        size = sizes.of(m)
+        size = size_of(m, place.log_size)
         m, P, more = self.rates.correct(x.mu, m, P, Body(self.modes.axle * size[..., 0], size), scan)
         return Mixture(reweight(x.mu, log_l + more), m, P)  # (MODE.22)
 
@@ -134,6 +123,11 @@ class MotionModes:
         cov[..., 2:, 2:] += more[..., None, None] * outer(across)  # (MODE.26)
         cov[..., :2, :2] = box.cov[..., :2, :2]  # with what the outline adds
         return box._replace(velocity=v * along + omega * d * across, cov=cov)  # (MODE.24)
+
+
+def size_of(m: NDArray, log: bool) -> NDArray:
+    """Length and width (..., 2) [m] of means m (..., 7), which hold their logarithms or themselves."""
+    return np.exp(m[..., SIZE:]) if log else m[..., SIZE:]
 
 
 def resized(x: Mixture, old: Gaussian, new: Gaussian) -> Mixture:

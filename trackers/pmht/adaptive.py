@@ -14,10 +14,12 @@ bounded for any number of objects.
 """
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers import held_gaussian
 from trackers.batch import put, select, take
 from trackers.estimate import Estimate, check_estimate
 from trackers.filter import Gaussian, Note
@@ -55,6 +57,10 @@ class AdaptiveSpline:
     hysteresis: float = 0.3  # [m] about the length that divides the two contours of objects of unknown class
     out_of_class: float = 3.0  # standard deviations of log length beyond which a restart forgets the class
 
+    angles: ClassVar[tuple[int, ...]] = (PHI,)  # of m
+    log_size: ClassVar[bool] = False
+    gaussian, with_gaussian = held_gaussian.gaussian, held_gaussian.with_gaussian
+
     def __post_init__(self) -> None:
         check_numbers(self, positive=("window", "kept", "at_once", "bins", "room"))
 
@@ -64,27 +70,9 @@ class AdaptiveSpline:
         return self.learner.spline
 
     @property
-    def angles(self) -> tuple[int, ...]:
-        """Components of m that are angles, as of `SplinePmht`."""
-        return self.spline.angles
-
-    @property
-    def log_size(self) -> bool:
-        """Sizes are metres."""
-        return False
-
-    @property
     def size_walk(self) -> float:
         """Random walk [m/sqrt(s)] of length and width."""
         return self.spline.size_walk
-
-    def gaussian(self, state: AdaptiveState) -> Gaussian:
-        """Mean and covariance of the state."""
-        return Gaussian(state.m, state.P)
-
-    def with_gaussian(self, state: AdaptiveState, gaussian: Gaussian) -> AdaptiveState:
-        """The state with another mean and covariance."""
-        return state._replace(m=gaussian.m, P=gaussian.P)
 
     @property
     def classes(self) -> tuple[str, ...]:

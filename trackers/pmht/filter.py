@@ -6,13 +6,14 @@ ellipses by their probabilities; the synthetic detection of each ellipse then co
 
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers import held_gaussian
 from trackers.batch import Memoised, select
 from trackers.estimate import Estimate, check_estimate
-from trackers.filter import Gaussian
 from trackers.geometry import rotation
 from trackers.linalg import outer
 from trackers.motion.turn import PHI
@@ -59,6 +60,10 @@ class SplinePmht:
     outward: float = 0.0  # standard deviations of the ellipses that the drawn contour lies outside the curve
     position_std: tuple[float, float] = (0.0, 0.0)  # shares of length and width added to the std of the place
 
+    angles: ClassVar[tuple[int, ...]] = (PHI,)  # of m; unwrapped, but a heading starts anew where a track does
+    log_size: ClassVar[bool] = False  # sizes are metres
+    gaussian, with_gaussian, shift = held_gaussian.gaussian, held_gaussian.with_gaussian, held_gaussian.shift
+
     def __post_init__(self) -> None:
         if self.visibility not in VISIBILITIES:
             raise ValueError(f"visibility must be one of {', '.join(VISIBILITIES)}, got {self.visibility!r}")
@@ -72,27 +77,9 @@ class SplinePmht:
             )
 
     @property
-    def angles(self) -> tuple[int, ...]:
-        """The heading is unwrapped, but starts anew where a track does."""
-        return (PHI,)
-
-    @property
-    def log_size(self) -> bool:
-        """Sizes are metres."""
-        return False
-
-    @property
     def size_walk(self) -> float:
         """Random walk [m/sqrt(s)] of length and width."""
         return self.walk.size
-
-    def gaussian(self, state: SplineState) -> Gaussian:
-        """Mean and covariance of the state."""
-        return Gaussian(state.m, state.P)
-
-    def with_gaussian(self, state: SplineState, gaussian: Gaussian) -> SplineState:
-        """The state with another mean and covariance."""
-        return state._replace(m=gaussian.m, P=gaussian.P)
 
     @cached_property
     def models(self) -> tuple[SplineModel, ...]:
@@ -236,12 +223,6 @@ class SplinePmht:
         if all(map(np.array_equal, contours, state[2:])):
             contours = state[2:]  # the arrays themselves, so that `outline` is kept
         return SplineState(m, P, *contours)
-
-    def shift(self, state: SplineState, d: NDArray) -> SplineState:
-        """State with d (..., 2) [m] added to the centre."""
-        m = state.m.copy()
-        m[..., :2] += d
-        return state._replace(m=m)
 
     def log_spatial(self, state: SplineState, scan: Scan, track: NDArray, detection: NDArray) -> NDArray:
         """Log density (G,) [1/m^2] of the detections with indices detection (G,) under the tracks track (G,)."""

@@ -4,14 +4,15 @@ Equations: docs/methods/random-matrices.md; sources: Feldmann et al. (2011), and
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers import held_gaussian
 from trackers.batch import select
 from trackers.estimate import Estimate, check_estimate
-from trackers.filter import Extent, Gaussian, UpdateInfo
+from trackers.filter import Extent, UpdateInfo
 from trackers.geometry import extent_matrix, rotation, unit, wrap_angle
 from trackers.linalg import I2, inverse, inverse_sqrtm, outer, sqrtm, symmetrize
 from trackers.motion.turn import OMEGA, PHI, SPEED, cartesian_covariance, coordinated_turn, polar_moments, turn_noise
@@ -68,6 +69,9 @@ class RandomMatrix:
     rate_std: float = 0.5  # [m/s] range rate, scattering on the body included; larger than the radar's own
     rate_weight: float = 0.3  # information of a range rate, because those of one vehicle are not independent
     rate_clip: float = 1.5  # [m/s] larger residuals count as this
+
+    angles: ClassVar[tuple[int, ...]] = (PHI,)  # of m
+    gaussian, with_gaussian, shift = held_gaussian.gaussian, held_gaussian.with_gaussian, held_gaussian.shift
 
     def __post_init__(self) -> None:
         check_numbers(self, positive=("tau", "rho", "rate_std", "rate_clip"), unlimited=("tau", "rate_clip"))
@@ -156,25 +160,6 @@ class RandomMatrix:
         """State with another size (..., 2) [m] of standard deviation size_std (..., 2) [m]."""
         nu = degrees_of_freedom(size, size_std)
         return state._replace(nu=nu, V=(nu - 6)[..., None, None] * extent_matrix(state.m[..., PHI], size))  # (RM.4)
-
-    def shift(self, state: RMState, d: NDArray) -> RMState:
-        """State with d (..., 2) [m] added to the centre."""
-        m = state.m.copy()
-        m[..., :2] += d
-        return state._replace(m=m)
-
-    @property
-    def angles(self) -> tuple[int, ...]:
-        """The heading."""
-        return (PHI,)
-
-    def gaussian(self, state: RMState) -> Gaussian:
-        """Mean and covariance of the motion."""
-        return Gaussian(state.m, state.P)
-
-    def with_gaussian(self, state: RMState, gaussian: Gaussian) -> RMState:
-        """The state with another mean and covariance of the motion."""
-        return state._replace(m=gaussian.m, P=gaussian.P)
 
     def extent(self, state: RMState) -> Extent:
         """The density of the extent, which turns with the heading."""

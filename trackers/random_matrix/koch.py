@@ -6,7 +6,7 @@ Equations: docs/methods/random-matrices.md; sources: Koch (2008), Singer (1970),
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +55,8 @@ class Koch:
     rate_std: float = 0.5  # [m/s] range rate, scattering on the body included
     rate_weight: float = 0.0  # information of a range rate; 0: not used, as in the paper
     rate_clip: float = 1.5  # [m/s] larger residuals count as this
+
+    angles: ClassVar[tuple[int, ...]] = ()  # no component of the state is one
 
     def __post_init__(self) -> None:
         positive = ("theta", "tau", "var_a", "sigmas", "rate_std", "rate_clip")
@@ -138,11 +140,6 @@ class Koch:
         x = state.x.copy()
         x[..., :2] += d
         return state._replace(x=x)
-
-    @property
-    def angles(self) -> tuple[int, ...]:
-        """No component of the state is an angle."""
-        return ()
 
     def gaussian(self, state: KochState) -> Gaussian:
         """Two Gaussians (..., 2, 3) of position, velocity, acceleration, one a coordinate; P is the factor."""

@@ -7,7 +7,7 @@ Equations: docs/methods/virtual-measurements.md; source: Hoher et al. (2022), th
 """
 
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,6 +65,8 @@ class VirtualMeasurements:
     sigma: float = 0.2  # [m] sensor noise of detections whose scan does not state it
     unbiased: bool = False  # covariance divided by n - 1 instead of n, for radars with few detections
     centre_std: float = 0.4  # [m] of the centre of the body beside the filter's covariance, (VM.17)
+
+    angles: ClassVar[tuple[int, ...]] = ()  # no component of the state is one
 
     def __post_init__(self) -> None:
         if self.body not in BODIES:
@@ -153,11 +155,6 @@ class VirtualMeasurements:
     def shift(self, state: ContourState, d: NDArray) -> ContourState:
         """State with d (..., 2) [m] added to the centre of the contour and to the mean that the filter follows."""
         return state._replace(koch=self.koch.shift(state.koch, d), centre=state.centre + d)
-
-    @property
-    def angles(self) -> tuple[int, ...]:
-        """No component of the filter's state is an angle."""
-        return self.koch.angles
 
     def gaussian(self, state: ContourState) -> Gaussian:
         """The Gaussians of the filter."""

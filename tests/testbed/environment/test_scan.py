@@ -1,7 +1,7 @@
 """One scan from the environment to the filter: through which functions it goes."""
 
 import traceback
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 from testbed.environment.registration import make
 from trackers import find
@@ -25,7 +25,7 @@ class Watched(SplinePmht):
 
 def test_from_the_step_of_the_environment_to_the_update_of_the_filter_are_eight_calls():
     place = place_of(find("imm-spline"))
-    parameters = {name: getattr(place, name) for name in SplinePmht.__dataclass_fields__}
+    parameters = {field.name: getattr(place, field.name) for field in fields(place)}
     filter = composed(Watched(**parameters), size="ends", motion=True)
     env = make("cut-in", tracker=filter, warm_up=1.0)
     env.reset(seed=0)
