@@ -78,18 +78,13 @@ def run(
     after: options.After = None,
     out: Annotated[Path, typer.Option(help="Directory for the log and the results.")] = Path("runs"),
     log: options.Log = "full",
-    no_metrics: Annotated[
-        bool, typer.Option("--no-metrics", help="Compare nothing with the truth, for speed; needs --log off.")
-    ] = False,
+    no_metrics: Annotated[bool, typer.Option("--no-metrics", help="No measures, for speed; needs --log off.")] = False,
     fault: Annotated[
         list[str] | None,
         typer.Option(help="Of the radar, such as front:outage:3:5; repeat for several at once. docs/faults.md."),
     ] = None,
     config: Annotated[Path | None, typer.Option(help="JSON file of the environment's config.")] = None,
-    focus: Annotated[
-        int | None,
-        typer.Option(help="Vehicle whose page comes first in the log. Without it: that of the worst moment."),
-    ] = None,
+    focus: options.Focus = None,
 ) -> None:
     """Run one scenario in closed loop: traffic, radar, tracker, planner.
 
@@ -141,9 +136,7 @@ def run(
 def replay(
     folder: Annotated[Path, typer.Argument(help="Folder of the tables, see docs/own-recordings.md.")],
     tracker: options.Trackers = None,
-    start: Annotated[
-        float | None, typer.Option("--from", help="Seconds after the first scan. Without it: from that on.")
-    ] = None,
+    start: Annotated[float | None, typer.Option("--from", help="Seconds after the first scan. Without it: 0.")] = None,
     end: Annotated[float | None, typer.Option("--to", help="Seconds after the first scan. Without it: all.")] = None,
     out: Annotated[Path, typer.Option(help="Directory for the log, the results and the tracks.")] = Path("runs"),
     log: options.Log = "full",
@@ -203,27 +196,12 @@ def review(
     path: Annotated[list[Path] | None, typer.Argument(help="Logs (.rrd) of runs.")] = None,
     web: Annotated[bool, typer.Option("--web", help="Serve the viewer to a browser on this machine.")] = False,
     screenshot: Annotated[Path | None, typer.Option(help="Write a picture (.png) instead of opening a window.")] = None,
-    at: Annotated[
-        float | None, typer.Option(help="Time of the picture in seconds. Without it: the middle of the run.")
-    ] = None,
-    view: Annotated[
-        str | None, typer.Option(help="Name of a view, or how it begins: a picture of that alone, such as overview.")
-    ] = None,
-    focus: Annotated[
-        int | None,
-        typer.Option(help="Vehicle whose page comes first, such as 3 for veh_03. Without it: as the log was written."),
-    ] = None,
-    gif: Annotated[
-        Path | None, typer.Option(help="Write the run from above as an animation (.gif) instead; no viewer is needed.")
-    ] = None,
-    html: Annotated[
-        Path | None,
-        typer.Option(help="Write the run as one page (.html) for a browser instead; nothing else is needed."),
-    ] = None,
-    report: Annotated[
-        Path | None,
-        typer.Option(help="Show a folder of results in a browser on this machine, with a page of every log."),
-    ] = None,
+    at: Annotated[float | None, typer.Option(help="Seconds, of the picture. Without it: the middle one.")] = None,
+    view: Annotated[str | None, typer.Option(help="Name of a view, or its begin: a picture of that alone.")] = None,
+    focus: options.Focus = None,
+    gif: Annotated[Path | None, typer.Option(help="Write an animation (.gif) from above instead.")] = None,
+    html: Annotated[Path | None, typer.Option(help="Write one page (.html) for a browser instead.")] = None,
+    report: Annotated[Path | None, typer.Option(help="Serve a folder of results to a browser on this machine.")] = None,
 ) -> None:
     """Open the logs of runs in the viewer, or make a page, an animation or a picture of one.
 
@@ -280,9 +258,7 @@ def check(
 
 @app.command()
 def bench(
-    scenario: Annotated[
-        list[str] | None, typer.Argument(help="Names of `testbed list scenarios`. Without any name: all benchmarks.")
-    ] = None,
+    scenario: Annotated[list[str] | None, typer.Argument(help="Scenarios. Without it: all benchmarks.")] = None,
     tracker: Annotated[list[str] | None, typer.Option(help="Repeat for several, on the same scans.")] = None,
     radar: Annotated[list[str] | None, typer.Option(help="Repeat for several, one after the other.")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Fewer repetitions.")] = False,
@@ -317,9 +293,7 @@ def learn_htg(
     ] = 0.0,
     count: options.Count = 60000,
     seed: options.Seed = 0,
-    edges: Annotated[
-        bool, typer.Option("--edges", help="Edges instead of middles of bins at 0 and 180 degrees.")
-    ] = False,
+    edges: Annotated[bool, typer.Option("--edges", help="Edges, not middles, of bins at 0 and 180 degrees.")] = False,
     no_mirror: options.NoMirror = False,
 ) -> None:
     """Learn a table of truncated Gaussians, one for each aspect bin, from detections; docs/learning.md has the formats.
@@ -342,9 +316,7 @@ def learn_spline(
     out: Annotated[Path, typer.Option(help="The model, a .json file.")],
     ellipses: Annotated[int, typer.Option(help="Number of ellipses on the contour.")] = 24,
     points: Annotated[int, typer.Option(help="Number of its control points.")] = 12,
-    visibility: Annotated[
-        str, typer.Option(help="rays: ellipses weighed by what is visible to the sensor; none: all alike.")
-    ] = "rays",
+    visibility: Annotated[str, typer.Option(help="rays: ellipses weighed by visibility; none: all alike.")] = "rays",
     count: options.Count = 20000,
     seed: options.Seed = 0,
     no_mirror: options.NoMirror = False,
@@ -374,9 +346,7 @@ def compare(
         str | None, typer.Option(help="The tracker that the others are compared with. Without it: the first.")
     ] = None,
     radar: options.Radar = "surround",
-    loop: Annotated[
-        str, typer.Option(help="open: all get the same recorded scans; closed: the planner uses each.")
-    ] = "open",
+    loop: Annotated[str, typer.Option(help="open: all get the same scans; closed: the planner uses each.")] = "open",
     planner: options.Planner = "idm",
     fault: options.Faults = None,
     duration: options.Duration = None,
@@ -431,13 +401,8 @@ def regret(
     ] = None,
     fault: options.Faults = None,
     seeds: options.Seeds = "200:220",
-    attribute: Annotated[
-        bool, typer.Option("--attribute", help="Also which group of errors costs what: existence, geometry, motion.")
-    ] = False,
-    inject: Annotated[
-        list[str] | None,
-        typer.Option(help="NAME=VALUE, an error put into what is in view; repeat for several doses."),
-    ] = None,
+    attribute: Annotated[bool, typer.Option("--attribute", help="Also what each group of errors costs.")] = False,
+    inject: Annotated[list[str] | None, typer.Option(help="NAME=VALUE, an error of what is in view; repeat.")] = None,
     radar: options.Radar = "surround",
     duration: options.Duration = None,
     jobs: options.Jobs = 1,
@@ -485,9 +450,7 @@ def regret(
 @app.command()
 def probe(
     name: Annotated[str, typer.Argument(help="A name of `testbed list probes`.")],
-    search: Annotated[
-        str | None, typer.Option(help="The parameter that is made harder. Without it: the first of the probe.")
-    ] = None,
+    search: Annotated[str | None, typer.Option(help="The parameter to make harder. Without it: the first one.")] = None,
     planner: options.Planner = "idm",
     tracker: Annotated[str, typer.Option(help="A name of `testbed list trackers`; compared with the truth.")] = DEFAULT,
     radar: options.Radar = "surround",
@@ -528,9 +491,7 @@ def regress(
     fault: options.Faults = None,
     jobs: Annotated[int | None, typer.Option(help="Number of processes. Without it: one a core.")] = None,
     junit: options.Junit = None,
-    baselines: Annotated[
-        Path | None, typer.Option(help="File of the baselines. Without it: the committed one.")
-    ] = None,
+    baselines: Annotated[Path | None, typer.Option(help="File of baselines. Without it: the committed one.")] = None,
     out: Annotated[Path, typer.Option(help="Directory of the runs; those of other code go.")] = Path("runs/regress"),
 ) -> None:
     """Compare every tracker in every scenario with the committed baselines; docs/regression.md has the rules.

@@ -352,7 +352,7 @@ def _write(results: Path, report: Path) -> None:
     if page.exists():
         write_atomic(page, page.read_text().replace(old["code"], new["code"]))
     write_json(results / ABOUT, known | {"identity": old | new})
-    console.print(f"digests  {results / ABOUT}; now `make comparison-page`", soft_wrap=True, highlight=False)
+    console.print(f"digests  {results / ABOUT}; now `make study-comparison`", soft_wrap=True, highlight=False)
 
 
 def _table(found: Sequence[Mismatch]) -> Any:

@@ -65,7 +65,7 @@ def test_the_report_is_published_without_logs(published):
 
 
 def test_the_committed_page_is_of_the_committed_results():
-    """On failure: `make comparison-page`."""
+    """On failure: `make study-comparison`."""
     known = json.loads((DOCS / "results" / "comparison.json").read_text())
     page = (DOCS / "comparison.md").read_text()
     assert f"committed results of {known['date']}" in page
@@ -79,7 +79,7 @@ def test_the_committed_page_is_of_the_committed_results():
 
 @pytest.mark.slow
 def test_the_committed_page_is_what_the_results_give():
-    """On failure: `make comparison-page`."""
+    """On failure: `make study-comparison`."""
     assert_committed("comparison", render(DOCS / "results"))
 
 
