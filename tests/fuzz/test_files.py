@@ -1,4 +1,4 @@
-"""Damaged files at every door that reads one: a result, or one sentence and exit status 2, in bounded time and memory.
+"""Damaged files wherever one is read: a result, or one sentence and exit status 2, in bounded time and memory.
 
 `python -m tests.fuzz.test_files 100` tries so many damaged copies of each file and counts how the calls ended.
 """

@@ -71,7 +71,9 @@ def test_a_sample_without_a_tracker_whose_code_has_changed_is_refused(results, c
     assert json.loads((results / ABOUT).read_text()) == known
 
 
-@pytest.mark.parametrize("part", ["drives", "probes", "papers"])
+@pytest.mark.parametrize(
+    "part", ["papers", *(pytest.param(part, marks=pytest.mark.slow) for part in ("drives", "probes"))]
+)
 def test_each_part_is_repeated_and_a_changed_number_of_it_is_shown(part, tmp_path, capsys, monkeypatch):
     committed = DOCS / "results"
     for name in ("probes.json", KEPT):
