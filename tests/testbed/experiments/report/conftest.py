@@ -14,14 +14,13 @@ from testbed.experiments.study import Tally
 from testbed.frame import TRUTH
 from tests.testbed.experiments.made_results import make
 
+DRAWS = 100
 TRACKERS = ("good", "fair", "bad")
 
 
-@pytest.fixture(scope="session", autouse=True)
-def few_draws():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(intervals, "RESAMPLES", 100)
-        yield
+@pytest.fixture(autouse=True)
+def few_draws(monkeypatch):
+    monkeypatch.setattr(intervals, "RESAMPLES", DRAWS)
 
 
 @pytest.fixture(scope="session")
@@ -37,6 +36,8 @@ def results(tmp_path_factory):
 def report(results):
     """Path of its page, with figures and without logs."""
     before = dict(matplotlib.rcParams)
-    path = write_report(results, Tally(done=18, wall=12.5), with_logs=False)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(intervals, "RESAMPLES", DRAWS)
+        path = write_report(results, Tally(done=18, wall=12.5), with_logs=False)
     assert dict(matplotlib.rcParams) == before, "the settings of matplotlib are those of the caller"
     return path
