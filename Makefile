@@ -15,7 +15,7 @@ SITE := build/docs
 # Byte code is kept, also where the machine's default is not to.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo test test-slow test-all explore test-lowest lint types unit generated docs bench regress reproduce comparison comparison-page learning-docs family modes partial-view contours probes calibration regret regret-page standing surround faults faults-page persistence learned clean traffic
+.PHONY: demo test test-slow test-all explore test-lowest lint types unit generated docs bench regress reproduce comparison regret faults learned clean
 
 demo: $(STAMP)
 	@echo
@@ -64,6 +64,11 @@ bench: $(STAMP)
 regress: $(STAMP)  # some minutes; after a wanted change `testbed regress --update`
 	$(BIN)/testbed regress
 
+# `make study-modes` writes docs/modes.md, and so for every name of `make study-`: what it needs is driven anew, what is
+# committed is taken, and what was interrupted goes on. DATA is a folder of recordings, for those that need one.
+study-%: $(STAMP)
+	$(STUDY) $* $(DATA) --docs docs $(OPTIONS)
+
 # About an hour on two cores. A claim that is not confirmed is an answer, not a failure of the command, hence `|| test`.
 reproduce: $(STAMP)
 	for paper in hoher2022 xia2020 xia2020-learned xu2023 yao2021; do \
@@ -82,25 +87,7 @@ comparison: $(STAMP)
 		--out runs/closed
 	$(STUDY) publish runs/comparison --closed runs/closed --layers runs/layers --reference rm-feldmann
 	$(STUDY) consistency runs/comparison --docs docs
-	$(MAKE) comparison-page
-
-comparison-page: $(STAMP)  # docs/comparison.md from the committed results
 	$(STUDY) comparison --docs docs
-
-family: $(STAMP)  # half an hour or more; OPTIONS="--seed 0 --seed 1" for more
-	$(STUDY) closed-loop --docs docs $(OPTIONS)
-
-modes: $(STAMP)  # two minutes
-	$(STUDY) modes --docs docs
-
-probes: $(STAMP)  # five minutes
-	$(STUDY) probes --docs docs
-
-calibration: $(STAMP)  # half a minute; needs the real detections
-	$(STUDY) calibration --docs docs
-
-partial-view: $(STAMP)  # eight minutes
-	$(STUDY) partial-view --docs docs
 
 # Four CPU hours; the same command goes on where it was interrupted. Seeds that no parameter was set on.
 REGRET_TRACKERS := imm-spline edra-imm rm-feldmann rm-koch
@@ -117,10 +104,7 @@ regret: $(STAMP)
 	$(REGRET) $(REGRET_DOSES:%=--inject %) --seeds 200:205 --out runs/regret/doses
 	$(REGRET) $(CAUTION) --planner mpc --planner mpc-cautious --tracker imm-spline \
 		--tracker imm-spline+covariance=0.25 --tracker imm-spline+covariance=4 --seeds 240:280 --out runs/regret/caution
-	$(MAKE) regret-page STUDIES="$(foreach part,main attribution doses caution,$(part)=runs/regret/$(part))"
-
-regret-page: $(STAMP)  # docs/regret.md, from STUDIES or else from the committed results
-	$(STUDY) regret $(STUDIES) --docs docs
+	$(STUDY) regret $(foreach part,main attribution doses caution,$(part)=runs/regret/$(part)) --docs docs
 
 # Two CPU hours; needs the extra rl. Trainings that are there are kept.
 LEARNED := $(foreach tracker,truth imm-spline,$(foreach seed,0 1 2,runs/learned/$(tracker)-$(seed).npz))
@@ -132,13 +116,6 @@ runs/learned/%.npz: $(STAMP)
 	$(BIN)/python docs/examples/train.py --tracker $(shell echo $* | sed 's/-[0-9]*$$//') --seed $(lastword $(subst -, ,$*)) \
 		--episodes 1 --out $@
 
-surround: $(STAMP)  # five minutes: what other figures of the default rig would change, for docs/radars.md
-	$(STUDY) surround
-	$(STUDY) generated
-
-standing: $(STAMP)  # half a minute; DATA is the folder with frames.npz of the real radar
-	$(STUDY) standing-returns $(DATA) --docs docs
-
 # Half a CPU hour; the same command goes on where it was interrupted. Seeds that no parameter was set on.
 FAULTS := front:outage:2:4 outage:2:3 front:yaw:0.5 corners:yaw:2 clock:0.05 drop:0.2 drop:0.5 burst:3:500 \
 	burst:2:200:2 blind:rain:0.5 blind:dirt:0.5
@@ -147,23 +124,7 @@ FAULT_SCENARIOS := cut-in dense-traffic
 faults: $(STAMP)
 	$(BIN)/testbed compare $(FAULT_SCENARIOS) $(FAULT_TRACKERS:%=--tracker %) $(FAULTS:%=--fault %) \
 		--seeds 300:310 --duration 6 --jobs -1 --out runs/faults
-	$(MAKE) faults-page FOLDER=runs/faults
-
-faults-page: $(STAMP)  # docs/faults.md, from FOLDER or else from the committed results
-	$(STUDY) faults $(FOLDER) --docs docs
-
-persistence: $(STAMP)  # ten minutes; OPTIONS= writes the page alone, from the committed results
-	$(STUDY) persistence --docs docs $(OPTIONS)
-persistence: OPTIONS ?= --seeds 320:330
-
-traffic: $(STAMP)  # three minutes; DATA is the folder of the recordings, DATA= writes the page alone, from the committed results
-	$(STUDY) traffic $(DATA) --docs docs
-
-contours: $(STAMP)  # twelve minutes
-	$(STUDY) contours --docs docs
-
-learning-docs: $(STAMP)  # DATA is the folder with objects.npz of the real extract
-	$(STUDY) htg-tables $(DATA) --docs docs
+	$(STUDY) faults runs/faults --docs docs
 
 $(STAMP): pyproject.toml constraints.txt
 	@$(PYTHON) -c "import sys; v = sys.version_info; sys.exit(0 if v >= (3, 11) else f'Python >= 3.11 is needed, $(PYTHON) is {v[0]}.{v[1]}; call make PYTHON=python3.11')"

@@ -67,7 +67,7 @@ class Outage:
         rng: np.random.Generator,
     ) -> tuple[Scan, Origin]:  # fmt: skip
         """Without their detections, and not delivered."""
-        return silence(scan, origin, on)
+        return without_sensors(scan, origin, on)
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ class Dropout:
         rng: np.random.Generator,
     ) -> tuple[Scan, Origin]:  # fmt: skip
         """Without the lost scans, which are not delivered."""
-        return silence(scan, origin, on & (rng.random(len(on)) < self.share))  # (FLT.1)
+        return without_sensors(scan, origin, on & (rng.random(len(on)) < self.share))  # (FLT.1)
 
 
 @dataclass(frozen=True)
@@ -255,7 +255,7 @@ def keep(scan: Scan, origin: Origin, rows: NDArray) -> tuple[Scan, Origin]:
     return left, origin._replace(**{name: getattr(origin, name)[rows] for name in ORIGINS})
 
 
-def silence(scan: Scan, origin: Origin, out: NDArray) -> tuple[Scan, Origin]:
+def without_sensors(scan: Scan, origin: Origin, out: NDArray) -> tuple[Scan, Origin]:
     """Without the scans of the sensors of the mask `out` (S,), which count as not delivered."""
     return keep(scan._replace(delivered=scan.delivered & ~out), origin, ~out[scan.sensor])
 

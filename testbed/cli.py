@@ -78,18 +78,13 @@ def run(
     after: options.After = None,
     out: Annotated[Path, typer.Option(help="Directory for the log and the results.")] = Path("runs"),
     log: options.Log = "full",
-    no_metrics: Annotated[
-        bool, typer.Option("--no-metrics", help="Compare nothing with the truth, for speed; needs --log off.")
-    ] = False,
+    no_metrics: Annotated[bool, typer.Option("--no-metrics", help="No measures, for speed; needs --log off.")] = False,
     fault: Annotated[
         list[str] | None,
         typer.Option(help="Of the radar, such as front:outage:3:5; repeat for several at once. docs/faults.md."),
     ] = None,
     config: Annotated[Path | None, typer.Option(help="JSON file of the environment's config.")] = None,
-    focus: Annotated[
-        int | None,
-        typer.Option(help="Vehicle whose page comes first in the log. Without it: that of the worst moment."),
-    ] = None,
+    focus: options.Focus = None,
 ) -> None:
     """Run one scenario in closed loop: traffic, radar, tracker, planner.
 
@@ -141,9 +136,7 @@ def run(
 def replay(
     folder: Annotated[Path, typer.Argument(help="Folder of the tables, see docs/own-recordings.md.")],
     tracker: options.Trackers = None,
-    start: Annotated[
-        float | None, typer.Option("--from", help="Seconds after the first scan. Without it: from that on.")
-    ] = None,
+    start: Annotated[float | None, typer.Option("--from", help="Seconds after the first scan. Without it: 0.")] = None,
     end: Annotated[float | None, typer.Option("--to", help="Seconds after the first scan. Without it: all.")] = None,
     out: Annotated[Path, typer.Option(help="Directory for the log, the results and the tracks.")] = Path("runs"),
     log: options.Log = "full",
@@ -203,27 +196,12 @@ def review(
     path: Annotated[list[Path] | None, typer.Argument(help="Logs (.rrd) of runs.")] = None,
     web: Annotated[bool, typer.Option("--web", help="Serve the viewer to a browser on this machine.")] = False,
     screenshot: Annotated[Path | None, typer.Option(help="Write a picture (.png) instead of opening a window.")] = None,
-    at: Annotated[
-        float | None, typer.Option(help="Time of the picture in seconds. Without it: the middle of the run.")
-    ] = None,
-    view: Annotated[
-        str | None, typer.Option(help="Name of a view, or how it begins: a picture of that alone, such as overview.")
-    ] = None,
-    focus: Annotated[
-        int | None,
-        typer.Option(help="Vehicle whose page comes first, such as 3 for veh_03. Without it: as the log was written."),
-    ] = None,
-    gif: Annotated[
-        Path | None, typer.Option(help="Write the run from above as an animation (.gif) instead; no viewer is needed.")
-    ] = None,
-    html: Annotated[
-        Path | None,
-        typer.Option(help="Write the run as one page (.html) for a browser instead; nothing else is needed."),
-    ] = None,
-    report: Annotated[
-        Path | None,
-        typer.Option(help="Show a folder of results in a browser on this machine, with a page of every log."),
-    ] = None,
+    at: Annotated[float | None, typer.Option(help="Seconds, of the picture. Without it: the middle one.")] = None,
+    view: Annotated[str | None, typer.Option(help="Name of a view, or its begin: a picture of that alone.")] = None,
+    focus: options.Focus = None,
+    gif: Annotated[Path | None, typer.Option(help="Write an animation (.gif) from above instead.")] = None,
+    html: Annotated[Path | None, typer.Option(help="Write one page (.html) for a browser instead.")] = None,
+    report: Annotated[Path | None, typer.Option(help="Serve a folder of results to a browser on this machine.")] = None,
 ) -> None:
     """Open the logs of runs in the viewer, or make a page, an animation or a picture of one.
 
@@ -280,9 +258,7 @@ def check(
 
 @app.command()
 def bench(
-    scenario: Annotated[
-        list[str] | None, typer.Argument(help="Names of `testbed list scenarios`. Without any name: all benchmarks.")
-    ] = None,
+    scenario: Annotated[list[str] | None, typer.Argument(help="Scenarios. Without it: all benchmarks.")] = None,
     tracker: Annotated[list[str] | None, typer.Option(help="Repeat for several, on the same scans.")] = None,
     radar: Annotated[list[str] | None, typer.Option(help="Repeat for several, one after the other.")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Fewer repetitions.")] = False,
@@ -317,9 +293,7 @@ def learn_htg(
     ] = 0.0,
     count: options.Count = 60000,
     seed: options.Seed = 0,
-    edges: Annotated[
-        bool, typer.Option("--edges", help="Edges instead of middles of bins at 0 and 180 degrees.")
-    ] = False,
+    edges: Annotated[bool, typer.Option("--edges", help="Edges, not middles, of bins at 0 and 180 degrees.")] = False,
     no_mirror: options.NoMirror = False,
 ) -> None:
     """Learn a table of truncated Gaussians, one for each aspect bin, from detections; docs/learning.md has the formats.
@@ -342,9 +316,7 @@ def learn_spline(
     out: Annotated[Path, typer.Option(help="The model, a .json file.")],
     ellipses: Annotated[int, typer.Option(help="Number of ellipses on the contour.")] = 24,
     points: Annotated[int, typer.Option(help="Number of its control points.")] = 12,
-    visibility: Annotated[
-        str, typer.Option(help="rays: ellipses weighed by what is visible to the sensor; none: all alike.")
-    ] = "rays",
+    visibility: Annotated[str, typer.Option(help="rays: ellipses weighed by visibility; none: all alike.")] = "rays",
     count: options.Count = 20000,
     seed: options.Seed = 0,
     no_mirror: options.NoMirror = False,
@@ -374,9 +346,7 @@ def compare(
         str | None, typer.Option(help="The tracker that the others are compared with. Without it: the first.")
     ] = None,
     radar: options.Radar = "surround",
-    loop: Annotated[
-        str, typer.Option(help="open: all get the same recorded scans; closed: the planner uses each.")
-    ] = "open",
+    loop: Annotated[str, typer.Option(help="open: all get the same scans; closed: the planner uses each.")] = "open",
     planner: options.Planner = "idm",
     fault: options.Faults = None,
     duration: options.Duration = None,
@@ -396,27 +366,24 @@ def compare(
     Example: [bold]testbed compare cut-in --tracker imm-spline --fault drop:0.2 --fault front:outage:3:5[/bold]
     Example: [bold]testbed compare all --seeds 0:5 --after 3 --settle 2 --jobs -1 --reference htg-map[/bold]
     """
-    from testbed.compare import command
-    from testbed.compare.runs.config import Comparison, Settings, check, expand, parse_seeds, with_faults
+    from testbed.experiments.command import carry_out, check
+    from testbed.experiments.compare import Comparison, Settings
     from testbed.experiments.engine import Engine
-    from testbed.experiments.engine import check as check_engine
+    from testbed.experiments.run import expand, parse_seeds, with_faults
 
     with user_input():
-        settings = Settings(radar, loop, planner, duration, after, settle)
         comparison = Comparison(
             with_faults(expand(scenario, "scenarios"), fault or ()),
             expand(tracker or ["all"], "trackers"),
             parse_seeds(seeds),
-            settings,
+            Settings(radar, loop, planner, duration, after, settle),
             reference,
-            str(out),
+            out=str(out),
         )
         engine = Engine(jobs, dask)
-        check(comparison)
-        check_engine(engine)
-    raise typer.Exit(
-        command.compare(comparison, engine, console, progress_bar("{task.completed:.0f} / {task.total:.0f}", 600.0))
-    )
+        check(comparison, engine)
+    bar = progress_bar("{task.completed:.0f} / {task.total:.0f}", 600.0)
+    raise typer.Exit(carry_out(comparison, engine, console, bar))
 
 
 @app.command()
@@ -431,13 +398,8 @@ def regret(
     ] = None,
     fault: options.Faults = None,
     seeds: options.Seeds = "200:220",
-    attribute: Annotated[
-        bool, typer.Option("--attribute", help="Also which group of errors costs what: existence, geometry, motion.")
-    ] = False,
-    inject: Annotated[
-        list[str] | None,
-        typer.Option(help="NAME=VALUE, an error put into what is in view; repeat for several doses."),
-    ] = None,
+    attribute: Annotated[bool, typer.Option("--attribute", help="Also what each group of errors costs.")] = False,
+    inject: Annotated[list[str] | None, typer.Option(help="NAME=VALUE, an error of what is in view; repeat.")] = None,
     radar: options.Radar = "surround",
     duration: options.Duration = None,
     jobs: options.Jobs = 1,
@@ -447,7 +409,7 @@ def regret(
 ) -> None:
     """What tracking error costs in driving: drives on the truth, on what is in view, and on tracks, paired by seed.
 
-    Every finished drive has its file in OUT/drives, so after Ctrl-C the same
+    Every finished drive has its file in OUT/rows, so after Ctrl-C the same
     command does the rest. Exit status 1: some drives failed. docs/methods/regret.md
     has the definitions.
 
@@ -456,38 +418,33 @@ def regret(
     Example: [bold]testbed regret probe-brake --inject velocity_lag=0.25 --inject velocity_lag=0.5[/bold]
     """
     from scenarios.probes import PROBES
-    from testbed.compare.runs.config import parse_seeds, with_faults
+    from testbed.experiments.command import carry_out, check
     from testbed.experiments.engine import Engine
-    from testbed.experiments.engine import check as check_engine
-    from testbed.regret import command
-    from testbed.regret.study import Settings, Study, check
+    from testbed.experiments.regret import Regret
+    from testbed.experiments.run import parse_seeds, with_faults
 
     with user_input():
-        study = Study(
+        study = Regret(
             tuple(scenario or PROBES),
             tuple(planner or ["idm"]),
             with_faults(tracker or ([] if inject else [DEFAULT]), fault or ()),
             parse_seeds(seeds),
-            Settings(radar, duration),
+            radar,
+            duration,
             attribute,
             tuple(inject or []),
-            str(out),
+            out=str(out),
         )
-        options = command.Options(Engine(jobs, dask), junit)
-        check(study)
-        check_engine(options.engine)
-        options.check()
-    raise typer.Exit(
-        command.regret(study, options, console, progress_bar("{task.completed:.0f} / {task.total:.0f}", 600.0))
-    )
+        engine = Engine(jobs, dask)
+        check(study, engine, junit)
+    bar = progress_bar("{task.completed:.0f} / {task.total:.0f}", 600.0)
+    raise typer.Exit(carry_out(study, engine, console, bar, junit))
 
 
 @app.command()
 def probe(
     name: Annotated[str, typer.Argument(help="A name of `testbed list probes`.")],
-    search: Annotated[
-        str | None, typer.Option(help="The parameter that is made harder. Without it: the first of the probe.")
-    ] = None,
+    search: Annotated[str | None, typer.Option(help="The parameter to make harder. Without it: the first one.")] = None,
     planner: options.Planner = "idm",
     tracker: Annotated[str, typer.Option(help="A name of `testbed list trackers`; compared with the truth.")] = DEFAULT,
     radar: options.Radar = "surround",
@@ -506,18 +463,16 @@ def probe(
 
     Example: [bold]testbed probe probe-brake --search gap --tracker rm-feldmann --jobs 2[/bold]
     """
-    from testbed.compare.runs.config import parse_seeds
+    from testbed.experiments.command import carry_out, check
     from testbed.experiments.engine import Engine
-    from testbed.experiments.engine import check as check_engine
-    from testbed.probing import command
-    from testbed.probing.drives import Setting
+    from testbed.experiments.probe import Probe
+    from testbed.experiments.run import parse_seeds
 
     with user_input():
-        setting = Setting(name, planner, tracker, radar)
-        options = command.Options(setting, search, parse_seeds(seeds), resolution, Engine(jobs, dask), out)
-        options.check()
-        check_engine(options.engine)
-    raise typer.Exit(command.probe(options, console, progress_bar("{task.completed:.0f} / {task.total:.0f}", 600.0)))
+        study = Probe(name, planner, tracker, parse_seeds(seeds), search, resolution, radar, out=str(out))
+        engine = Engine(jobs, dask)
+        check(study, engine)
+    raise typer.Exit(carry_out(study, engine, console, progress_bar("{task.completed:.0f} / {task.total:.0f}", 600.0)))
 
 
 @app.command()
@@ -527,10 +482,9 @@ def regress(
     scenario: Annotated[list[str] | None, typer.Option(help="Repeat for several. Without it: all.")] = None,
     fault: options.Faults = None,
     jobs: Annotated[int | None, typer.Option(help="Number of processes. Without it: one a core.")] = None,
+    dask: options.Dask = None,
     junit: options.Junit = None,
-    baselines: Annotated[
-        Path | None, typer.Option(help="File of the baselines. Without it: the committed one.")
-    ] = None,
+    baselines: Annotated[Path | None, typer.Option(help="File of baselines. Without it: the committed one.")] = None,
     out: Annotated[Path, typer.Option(help="Directory of the runs; those of other code go.")] = Path("runs/regress"),
 ) -> None:
     """Compare every tracker in every scenario with the committed baselines; docs/regression.md has the rules.
@@ -544,16 +498,20 @@ def regress(
     Example: [bold]testbed regress --update --tracker htg-map[/bold]
     Example: [bold]testbed regress --scenario cut-in --fault drop:0.2[/bold]
     """
-    from testbed.regress import command
-    from testbed.regress.suite import Suite
+    from joblib import cpu_count
+
+    from testbed.experiments.command import carry_out, check
+    from testbed.experiments.engine import Engine
+    from testbed.experiments.regress import COMMITTED, Regress
 
     with user_input():
-        suite = Suite.of(scenario, tracker, str(out), fault or ())
-        options = command.Options(suite, baselines, update, junit, jobs)
-        found = command.prepare(options)
-    raise typer.Exit(
-        command.regress(options, found, console, progress_bar("{task.completed:.0f} / {task.total:.0f}", 600.0))
-    )
+        suite = Regress.of(
+            scenario, tracker, fault or (), baselines=baselines or COMMITTED, update=update, out=str(out)
+        )
+        engine = Engine(min(cpu_count(), len(suite.work())) if jobs is None else jobs, dask)
+        check(suite, engine, junit)
+    bar = progress_bar("{task.completed:.0f} / {task.total:.0f}", 600.0)
+    raise typer.Exit(carry_out(suite, engine, console, bar, junit))
 
 
 @app.command()

@@ -195,8 +195,10 @@ def guarded_update(update: Method) -> Method:
 
 def unguarded(method: Method) -> Method:
     """A method of a filter without the validation of its decorator, for a caller that has validated the scan."""
-    plain = getattr(method, "unguarded", None)
-    return method if plain is None else cast(Method, MethodType(plain, method.__self__))  # type: ignore[attr-defined]
+    plain: Any = getattr(method, "unguarded", None)
+    if plain is None or getattr(method, "__wrapped__", None) is not plain:  # or wrapped once more by a user
+        return method
+    return cast(Method, MethodType(cast(Any, plain), cast(Any, method).__self__))
 
 
 def guarded(update: Callable[..., tuple[Any, Any]], state: Any, scan: Scan, *rest: Any) -> tuple[Any, Any]:

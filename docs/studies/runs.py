@@ -18,7 +18,7 @@ from testbed.experiments.command import calculated, check, execute, show_tally
 from testbed.experiments.engine import Engine
 from testbed.experiments.episode import Played
 from testbed.experiments.run import Run
-from testbed.experiments.store import Results, Store
+from testbed.experiments.store import Results
 from testbed.experiments.study import WHOLE_RUN, Kept, Study
 from testbed.frame import Frame
 
@@ -40,7 +40,7 @@ def made(study: Study, engine: Engine) -> Results:
     show_tally(tally, console)
     if tally.interrupted or tally.failed:
         raise typer.Exit(tally.exit_status or 1)
-    return Results(Store(study))
+    return Results.read(study)
 
 
 @dataclass(frozen=True, kw_only=True)

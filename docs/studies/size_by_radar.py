@@ -7,6 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from sensors import RADARS
+from studies.page import Docs
 from studies.runs import every_sensor, seen_by, summaries
 from testbed.command_line.options import Dask, Jobs
 from testbed.command_line.terminal import console
@@ -29,7 +30,7 @@ DRIVES = {  # radar -> (scenario, seed); 400, 401, and 402 of imaging were seen 
 
 
 def main(
-    out: Annotated[Path, typer.Argument(help="The JSON file.")] = Path("docs/results/size-by-radar.json"),
+    docs: Docs = Path("docs"),
     folder: Annotated[str, typer.Option(help="Directory of the runs.")] = "runs/size-by-radar",
     jobs: Jobs = 1,
     dask: Dask = None,
@@ -48,6 +49,7 @@ def main(
         for (name, scenario, seed), each in asked.items()
     ]
     measured_by = f"GOSPA [m], c = 5 m, mean over the frames of drives of {DURATION:g} s, through {DEFAULT}"
+    out = docs / "results" / "size-by-radar.json"
     write_json(out, {"measured": measured_by, "rows": rows})
     console.print(f"results  {out}", soft_wrap=True)
 

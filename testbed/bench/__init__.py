@@ -20,19 +20,20 @@ from scenarios.adapter import SceneReader
 from scenarios.roads import cached as cached_road
 from sensors import find as find_radar
 from sensors.raycast import cast_bodies
+from testbed.environment.registration import make
 from testbed.environment.track_observation import TrackObservation
 from testbed.environment.wrapper import TrackedEnv
 from testbed.frame import TRUTH
 from testbed.planners import PLANNERS, Planner
 from testbed.planners import find as find_planner
 from testbed.planners import settings as planner_settings
-from testbed.run import RunConfig, make_env
 from trackers import Scan, prior
 from trackers import find as find_tracker
 from trackers.filter import Filter
 from trackers.range_rate import RangeRates
 
 Progress = Callable[[float, float, str], None]  # done, total, name of the next benchmark
+PLANNER = "idm"
 IDLE = 1  # of DiscreteMetaAction
 VEHICLES = (10, 20, 50)
 ROAD_VEHICLES = (10, 20, 50, 100)
@@ -151,14 +152,14 @@ def logging(duration: float) -> Table:
     """The share of the log in the closed loop: the same run with and without a log, a simulated second in turns."""
     table = _table("log against the loop, CPU time", "scenario", "loop [ms a frame]", "log [ms a frame]",
                    "share (goal 0.3)")  # fmt: skip
-    planner = find_planner(RunConfig.planner)
+    planner = find_planner(PLANNER)
     for scenario in ("cut-in", "dense-traffic"):
         with TemporaryDirectory() as out, ExitStack() as stack:
             runs = []
             for level in ("off", "full"):
-                config = RunConfig(scenario, ("rm-feldmann",), duration=duration, out=f"{out}/{level}", log=level)
-                env = stack.enter_context(closing(make_env(config)))
-                env.reset(seed=config.seed)
+                options = {"tracker": "rm-feldmann", "out": f"{out}/{level}", "log": level}
+                env = stack.enter_context(closing(make(scenario, {"duration": duration}, **options)))
+                env.reset(seed=0)
                 runs.append(partial(deciding, env, planner, env.unwrapped.config["policy_frequency"]))  # type: ignore[attr-defined]
             bare, logged = runs
             pairs = interleaved(bare, logged, int(duration))

@@ -4,19 +4,19 @@ from collections.abc import Iterator, Sequence
 from contextlib import closing
 from itertools import islice, product
 from statistics import median
-from tempfile import TemporaryDirectory
 from time import perf_counter
 from typing import Any, NamedTuple
 
 from rich.markup import escape
 from rich.table import Table
 
-from testbed.bench import Progress
+from testbed.bench import PLANNER, Progress
 from testbed.command_line.tables import light_table
 from testbed.environment.episode import decisions as decisions_of
 from testbed.environment.episode import start
+from testbed.environment.perception import Perception
+from testbed.environment.registration import make, scenario_of
 from testbed.planners import find as find_planner
-from testbed.run import RunConfig, check, make_env
 from trackers import DEFAULT
 
 SECONDS = 10  # simulated, of each scenario
@@ -37,20 +37,13 @@ class Choice(NamedTuple):
     ) -> "Choice":
         """What was named, with the defaults of `testbed run` for the rest."""
         seconds = QUICK if quick else SECONDS
-        return cls(scenarios or ["cut-in"], trackers or [DEFAULT], radars or [RunConfig.radar], seconds)
-
-    def configs(self, out: str) -> list[RunConfig]:
-        """A run for each scenario and radar."""
-        return [
-            RunConfig(scenario, tuple(self.trackers), radar, out=out, log="off", metrics=False)
-            for scenario, radar in product(self.scenarios, self.radars)
-        ]
+        return cls(scenarios or ["cut-in"], trackers or [DEFAULT], radars or ["surround"], seconds)
 
     def check(self) -> None:
         """Raise LookupError or ValueError, in one sentence, for what cannot be run."""
-        with TemporaryDirectory() as out:
-            for run in self.configs(out):
-                check(run)
+        for scenario, radar in product(self.scenarios, self.radars):
+            scenario_of(scenario)
+            Perception.mount(radar, self.trackers)
 
 
 class Spent(NamedTuple):
@@ -64,20 +57,22 @@ class Spent(NamedTuple):
 def measure(choice: Choice, progress: Progress) -> list[Table]:
     """A table a scenario and radar; progress(done, total, name) before each."""
     tables = []
-    with TemporaryDirectory() as out:
-        runs = choice.configs(out)
-        for k, run in enumerate(runs):
-            progress(k, len(runs), run.scenario)
-            with closing(make_env(run)) as env:
-                frames = env.unwrapped.config["simulation_frequency"] / env.unwrapped.config["policy_frequency"]  # type: ignore[attr-defined]
-                tables.append(table(run, list(decisions(env, run, choice.seconds)), frames))
-        progress(len(runs), len(runs), "done")
+    cases = list(product(choice.scenarios, choice.radars))
+    first, *others = choice.trackers
+    for k, (scenario, radar) in enumerate(cases):
+        progress(k, len(cases), scenario)
+        with closing(make(scenario, tracker=first, also=others, radar=radar, log="off", metrics=False)) as env:
+            config = env.unwrapped.config  # type: ignore[attr-defined]
+            spent = list(decisions(env, choice.seconds))
+        title = f"{scenario}, radar {radar}"
+        tables.append(table(title, choice.trackers, spent, config["simulation_frequency"] / config["policy_frequency"]))
+    progress(len(cases), len(cases), "done")
     return tables
 
 
-def decisions(env: Any, run: RunConfig, seconds: int) -> Iterator[Spent]:
+def decisions(env: Any, seconds: int) -> Iterator[Spent]:
     """What each decision of so many simulated seconds took; an episode that ends earlier is followed by the next."""
-    planner, seed = find_planner(run.planner), run.seed
+    planner, seed = find_planner(PLANNER), 0
     left = seconds * env.unwrapped.config["policy_frequency"]
     while left > 0:
         start(env, planner, seed)
@@ -92,12 +87,12 @@ def decisions(env: Any, run: RunConfig, seconds: int) -> Iterator[Spent]:
         seed += 1
 
 
-def table(run: RunConfig, spent: Sequence[Spent], frames: float) -> Table:
+def table(title: str, trackers: Sequence[str], spent: Sequence[Spent], frames: float) -> Table:
     """Medians over the decisions, a frame; ratios are medians of the ratios of one decision, on the same scans."""
-    shown = light_table(f"{run.scenario}, radar {run.radar}: wall time a frame, medians of {len(spent)} decisions")
-    for head in ("", "[ms]", f"times {run.trackers[0]}", "times the simulation"):
+    shown = light_table(f"{title}: wall time a frame, medians of {len(spent)} decisions")
+    for head in ("", "[ms]", f"times {trackers[0]}", "times the simulation"):
         shown.add_column(escape(head), justify="right" if head else "left")
-    parts = [(name, [s.trackers[k] for s in spent]) for k, name in enumerate(run.trackers)]
+    parts = [(name, [s.trackers[k] for s in spent]) for k, name in enumerate(trackers)]
     first, simulation = parts[0][1], [s.simulation for s in spent]
     for name, times in [*parts, ("scene and radar", [s.radar for s in spent]), ("simulation, planner", simulation)]:
         shown.add_row(

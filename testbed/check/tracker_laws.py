@@ -54,7 +54,7 @@ def a_car_that_is_gone_loses_its_track(tracker: Any) -> None:
 
 
 def nothing_seen_is_nothing_tracked(tracker: Any) -> None:
-    """Empty scans bear no track, also where the first has no time before it."""
+    """Empty scans make no track, also where the first has no time before it."""
     tracks, nothing = tracker.start(), Scan.from_xy(np.zeros((0, 2)))
     for dt in (0.0, DT, 1.0):
         tracks, _ = tracker.step(tracks, nothing, dt)

@@ -22,6 +22,7 @@ Seeds = Annotated[str, typer.Option(help="0:20 for 0 to 19, a list 0,3,7, or one
 Duration = Annotated[float | None, typer.Option(help="Seconds. Without it: the scenario's own.")]
 After = Annotated[float | None, typer.Option(help="End a run so many seconds after the maneuver, or at its duration.")]
 Log = Annotated[str, typer.Option(help="What goes into the log: off, metrics or full.")]
+Focus = Annotated[int | None, typer.Option(help="Vehicle whose page comes first in the log, such as 3 for veh_03.")]
 Jobs = Annotated[int, typer.Option(help="Number of processes; -1 for one a core.")]
 Dask = Annotated[str | None, typer.Option(help="Address of a Dask scheduler, in place of local processes.")]
 Junit = Annotated[Path | None, typer.Option(help="Also write the findings to this file, as JUnit XML.")]

@@ -459,10 +459,10 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
             rngs = streams(perception.faults, seed, self._episode)
             perception.start(self._read, RoadMap.of(lanes), sensor, frequency, fault_rngs=rngs)
         if self._belief is None or self._belief[0] != perception.steps:
-            self._belief = perception.steps, self._believe(perception)
+            self._belief = perception.steps, self._belief_of(perception)
         return self._belief[1]
 
-    def _believe(self, perception: Perception) -> Road:
+    def _belief_of(self, perception: Perception) -> Road:
         core = self._core
         if perception.knows_truth:
             return mirror_road(core.road, core.controlled_vehicles, self._rng)

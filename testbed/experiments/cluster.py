@@ -44,8 +44,10 @@ class Folder(NamedTuple):
 
 
 @contextmanager
-def connected(address: str, modules: tuple[str, ...] = ()) -> Iterator[Any]:
+def connected(address: str, modules: tuple[str, ...] = (), timeout: float = CONNECT_TIMEOUT) -> Iterator[Any]:
     """A client of the cluster, whose workers are known to run the code at hand, and that of modules of the user.
+
+    timeout [s]: for the scheduler to answer.
 
     Raises:
         ValueError: dask is not installed here.
@@ -57,7 +59,7 @@ def connected(address: str, modules: tuple[str, ...] = ()) -> Iterator[Any]:
         raise ValueError("dask is not installed; install the extra with `pip install -e '.[dask]'`") from None
     with _silent():
         try:
-            client = Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
+            client = Client(address, timeout=timeout, set_as_default=False)
         except (OSError, ValueError, MemoryError) as error:  # the last where something else answers
             raise OSError(f"dask: no scheduler answers at {address!r} ({error}); is the cluster running?") from None
         with client:

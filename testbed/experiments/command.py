@@ -23,14 +23,19 @@ from testbed.experiments.store import Results, Store, make, reads, record
 from testbed.experiments.study import Findings, Progress, Study, Tally
 from testbed.files import check_target, make_directory
 
+GOES_ON = "the same command makes the rest"
+
 
 def check(study: Study, engine: Engine, junit: Path | None = None) -> None:
     """Raise LookupError, TypeError, ValueError or OSError, in one sentence, for what cannot be made or written."""
     study.check()
     check_engine(engine)
     if junit is not None:
-        check_target(junit)
-        make_directory(junit.parent)
+        try:
+            check_target(junit)
+            make_directory(junit.parent)
+        except OSError as error:
+            raise OSError(f"junit: {str(error).removeprefix('out: ')}") from None
     Store(study).check()
 
 
@@ -141,41 +146,49 @@ def carry_out(study: Study, engine: Engine, console: Console, bar: Bar, junit: P
     with user_input((OSError, ValueError)), bar:
         tally = execute(study, engine, stages(bar))
     show_tally(tally, console)
-    results = Results(Store(study))
-    if not results.metas:
+    results = Results.read(study)
+    if not (study.whole or results.metas) or (study.whole and tally.interrupted):
+        if tally.interrupted:
+            console.print(f"[yellow]interrupted: {GOES_ON}[/yellow]")
         return tally.exit_status or 1
     found = study.judge(results, tally)
     for part in found.shown:
         console.print(part, highlight=False, soft_wrap=isinstance(part, str))
     with user_input((OSError,)):
-        if not tally.interrupted and junit is not None:
+        study.write(results, found, console)
+        if tally.interrupted:
+            console.print(f"[yellow]interrupted: tables of the {study.what} made so far; {GOES_ON}[/yellow]")
+            return tally.exit_status
+        if junit is not None:
             study.junit(results, found, tally, junit)
             console.print(f"junit    {junit}", soft_wrap=True, highlight=False)
-        study.write(results, found, console)
-    if tally.interrupted:
-        console.print("[yellow]interrupted: what there is so far; the same command makes the rest[/yellow]")
-        return tally.exit_status
-    status = _report(study, results, found, tally, console, bar)
+    status = _report(study, results, found, tally, engine, console, bar)
     return status or (1 if found.failed or tally.failed else 0)
 
 
-def _report(study: Study, results: Results, found: Findings, tally: Tally, console: Console, bar: Bar) -> int:
+def _report(
+    study: Study, results: Results, found: Findings, tally: Tally, engine: Engine, console: Console, bar: Bar
+) -> int:
     """Write the report page, if the study has one; the status is that of a signal that ended it early."""
     for task in bar.task_ids:
         bar.remove_task(task)
     show = stages(bar, "report: ")
-    with interruptible() as request, user_input((OSError,)), bar:
+    with interruptible() as request, user_input((OSError,)):
 
         def step(done: int, total: int, what: str) -> None:
+            bar.start()  # a study without a report shows none
             show(done, total, what)
             if request.signal is not None:
                 raise KeyboardInterrupt
 
         try:
-            page = study.page(results, found, tally, step)
+            page = study.page(results, found, tally, engine, step)
         except KeyboardInterrupt:
             console.print("[yellow]interrupted: no report; the same command writes it[/yellow]")
             return 128 + (request.signal or signal.SIGINT)
+        finally:
+            if bar.live.is_started:
+                bar.stop()
     if page is not None:
         console.print(f"report   {page}", soft_wrap=True)
         console.print(f"open it  {page.resolve().as_uri()}", soft_wrap=True)

@@ -33,12 +33,13 @@ SHARED = ("scenarios", "sensors")  # whole packages
 ROOTS = ("trackers.multi.tracker",)  # modules that count with all of `trackers` that they import
 SCORES = (  # modules of testbed that decide about rows
     "frame",
-    "environment.belief", "environment.observation", "environment.perception", "environment.wrapper",
+    "environment.belief", "environment.episode", "environment.observation", "environment.perception",
+    "environment.wrapper",
     "planners.car_following", "planners.collision", "planners.idm", "planners.prediction", "planners.registry",
     "planners.track_vehicle",
     "evaluation.drive_evaluator", "evaluation.driving", "evaluation.ends", "evaluation.histories", "evaluation.metric",
     "evaluation.metrics", "evaluation.pair_errors", "evaluation.span", "evaluation.tracking",
-    "compare.runs.tasks", "experiments.rows", "experiments.run", "replay.recording", "replay.rescan",
+    "experiments.episode", "experiments.rows", "experiments.run", "replay.recording", "replay.rescan",
 )  # fmt: skip
 CATALOGUES: Mapping[str, Callable[[], Container[str]]] = {
     "tracker": lambda: {*TRACKERS, TRUTH},
@@ -65,10 +66,10 @@ def modules_digest(modules: Iterable[str]) -> str:
 
 
 def project_digest() -> str:
-    """Short digest of all our code and data but those of `testbed regress`, which hold results of runs."""
-    held = _root("testbed") / "regress"
+    """Short digest of all our code and data but the baselines of `testbed regress`, which are results of runs."""
+    held = _root("testbed") / "experiments" / "baselines.json"
     paths = [p for package in PACKAGES for p in _root(package).rglob("*") if p.suffix in (".py", ".json")]
-    return code_digest(path for path in paths if held not in path.parents)
+    return code_digest(path for path in paths if path != held)
 
 
 def tracker_digest(name: str) -> str:

@@ -5,32 +5,25 @@ A row is a counted object with its track (`pair`) or without one (`missed`), a r
 the sum of `gospa2` over its rows.
 """
 
-import json
-from collections.abc import Mapping
-from pathlib import Path
-from time import perf_counter
 from typing import Any, NamedTuple
-from zlib import crc32
 
 import numpy as np
-import pandas as pd
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from scenarios.stage import Phase
-from testbed.compare.runs.config import Task
+from testbed.evaluation.drive_evaluator import DriveEvaluator
 from testbed.evaluation.ends import HITS, Ends
 from testbed.evaluation.metric import METRICS
 from testbed.evaluation.metrics import CUTOFF
 from testbed.evaluation.tracking import ERRORS, Evaluator, jsonable
-from testbed.files import atomic_file
+from testbed.experiments.episode import Played
+from testbed.experiments.run import Run
+from testbed.experiments.study import WHOLE_RUN, Kept
 from testbed.frame import Frame
 from trackers.geometry import wrap_angle
 
 PAIR, MISSED, FALSE, EMPTY = "pair", "missed", "false", "empty"
 BETWEEN = "between"  # phase of a frame that lies in none
-VERSION = 3  # of this layout
-META, CHECKSUM = b"testbed", b"testbed checksum"
 
 
 class Column(NamedTuple):
@@ -76,19 +69,26 @@ SCHEMA = pa.schema([pa.field(c.name, c.type, metadata={"unit": c.unit, "note": c
 
 
 class Rows:
-    """Observer of an environment or of a replay that keeps the rows of one tracker."""
+    """Watches a run for the rows of its source, and in closed loop for how the ego drove."""
 
-    def __init__(self, task: Task, phases: tuple[Phase, ...] = (), settle: float = 0.0) -> None:
-        self.task = task
-        self.evaluator = Evaluator(task.tracker, phases, settle)
+    def __init__(self, run: Run) -> None:
+        self.run = run
+        self.evaluator = Evaluator(run.source)
+        self._drive = DriveEvaluator() if run.loop == "closed" else None
         self._rows: list[tuple[Any, ...]] = []
         self._ends = Ends()
         self._first: dict[int, float] = {}  # object id -> time [s] at which it first counted
 
+    def begin(self, phases: tuple[Phase, ...]) -> None:
+        """Measure by these phases."""
+        self.evaluator = Evaluator(self.run.source, phases, self.run.settle)
+
     def __call__(self, frame: Frame) -> None:
         """Add the rows of one frame."""
         time, scene, origin = frame.time, frame.scene, frame.origin
-        tracks, info = frame.outputs[self.task.tracker]
+        tracks, info = frame.outputs[self.run.source]
+        if self._drive is not None:
+            self._drive.step(scene)
         score = self.evaluator.step(time, scene, origin, tracks, info.owner)
         out = tracks.reported
         row_of = {track: k for k, track in enumerate(out.id.tolist())}
@@ -101,7 +101,7 @@ class Rows:
         ends = self._ends.step(objects, origin, frame.scan.xy).tolist()
         self._first = dict.fromkeys(score.counted, time) | self._first
         size_std = out.estimate.size_std.tolist()
-        head = (*self.task, time, self._phase(time))
+        head = (self.run.case, self.run.source, self.run.seed, time, self._phase(time))
         rows: list[tuple[Any, ...]] = []
         for n, key in enumerate(objects.id.tolist()):
             if key not in score.counted:
@@ -129,95 +129,15 @@ class Rows:
         arrays = [pa.array(values, c.type, from_pandas=True) for values, c in zip(columns, COLUMNS, strict=True)]
         return pa.table(arrays, SCHEMA)
 
-    def summaries(self) -> list[dict[str, Any]]:
-        """Measures of the run and of each phase, one flat row each; events count in the phase in which they happen."""
-        spans = [{"phase": "all", **self.evaluator.summary()}, *self.evaluator.phase_rows()]
-        return [{**dict(zip(Task._fields, self.task)), **jsonable(row)} for row in spans]
+    def kept(self, played: Played) -> Kept:
+        """The rows, and measures of the run and of each phase; events count in the phase in which they happen."""
+        whole = {"phase": WHOLE_RUN, **self.evaluator.summary()}
+        whole |= played.costs[self.run.source].row()
+        whole |= {} if self._drive is None else self._drive.summary()
+        return Kept(self.table(), [jsonable(row) for row in (whole, *self.evaluator.phase_rows())])
 
     def _phase(self, time: float) -> str:
         return next((name for name, start, end in self.evaluator.phases if start <= time < end), BETWEEN)
 
 
 NOTHING = (None,) * (len(ERRORS) + 3)  # errors, two standard deviations and NIS of a row without a pair
-
-
-def write(table: pa.Table, meta: Mapping[str, Any], path: Path) -> None:
-    """Write the rows of a run with its metadata.
-
-    The time that it takes goes into `meta["seconds"]` as "writing". Raises OSError, in one sentence, where the file
-    cannot be written.
-    """
-    start = perf_counter()
-    with (
-        atomic_file(path) as file,
-        pq.ParquetWriter(file, table.schema, compression="zstd", write_page_checksum=True) as writer,
-    ):
-        writer.write_table(table)
-        seconds = {**meta["seconds"], "writing": perf_counter() - start}
-        known = {"layout": VERSION, "rows": table.num_rows, "content": content(table), **meta, "seconds": seconds}
-        text = json.dumps(known, allow_nan=False).encode()
-        writer.add_key_value_metadata({META: text, CHECKSUM: _checksum(text)})  # pages have theirs, this has not
-
-
-def read_meta(path: Path, layout: pa.Schema | None = None) -> dict[str, Any]:
-    """The metadata of a run; `layout` is that of its rows, None: `SCHEMA`.
-
-    Raises:
-        FileNotFoundError: it has not been made.
-        ValueError: the file is damaged or of another layout.
-    """
-    try:
-        with pq.ParquetFile(path) as file:
-            kept = file.metadata.metadata or {}
-            rows, schema = file.metadata.num_rows, file.schema_arrow
-        if kept[CHECKSUM] != _checksum(kept[META]):
-            raise ValueError("wrong checksum")
-        found = json.loads(kept[META])
-    except FileNotFoundError:
-        raise
-    except (pa.ArrowException, KeyError, ValueError, OSError) as error:
-        raise ValueError(f"{path} is damaged ({_one_line(error)})") from None
-    complete = found.get("layout") == VERSION and found.get("rows") == rows
-    if not (complete and schema.equals(layout or SCHEMA, check_metadata=True)):
-        raise ValueError(f"{path} is of another layout or not complete")
-    return found
-
-
-def check_part(path: Path, task: Any, layout: pa.Schema | None = None) -> None:
-    """Raise ValueError, naming the file, where the rows of a run are damaged or those of another run.
-
-    `task` is a named tuple; `layout` as in `read_meta`.
-    """
-    meta = read_meta(path, layout)
-    if meta.get("task") != task._asdict():
-        raise ValueError(f"{path} holds the run {meta.get('task')}")
-    try:
-        table = pq.read_table(path, page_checksum_verification=True)
-        if content(table) != meta["content"]:  # page headers have no checksum
-            raise ValueError("its rows are not those that were written")
-    except (pa.ArrowException, ValueError, OSError) as error:
-        raise ValueError(f"{path} is damaged ({_one_line(error)})") from None
-
-
-def is_made(path: Path, task: Any, layout: pa.Schema | None = None) -> bool:
-    """Whether a file has the rows of a run, undamaged; the run itself replaces others, and says so."""
-    if not path.exists():
-        return False
-    try:
-        check_part(path, task, layout)
-    except ValueError:
-        return False
-    return True
-
-
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())
-
-
-def content(table: pa.Table) -> int:
-    """Checksum of the rows, however they are stored."""
-    return crc32(pd.util.hash_pandas_object(table.to_pandas(), index=False).to_numpy().tobytes())
-
-
-def _checksum(text: bytes) -> bytes:
-    return f"{crc32(text):08x}".encode()

@@ -63,11 +63,12 @@ class Run:
     @cached_property
     def name(self) -> str:
         """Stem of its file: what a study varies; runs that differ otherwise belong into different folders."""
-        parts = [self.case, self.source]
-        parts += [self.planner] if self.loop == "closed" else []
-        parts += [] if self.radar == "surround" else [_short(self.radar)]
-        parts += [_short(self.config)] if self.config else []
-        return "_".join([*parts, f"seed{self.seed}"]).replace(":", "~").replace("/", "-")
+        return self._stem(self.case, self.source, *([self.planner] if self.loop == "closed" else []))
+
+    def _stem(self, *parts: str) -> str:
+        radar = [] if self.radar == "surround" else [_short(self.radar)]
+        config = [_short(self.config)] if self.config else []
+        return "_".join([*parts, *radar, *config, f"seed{self.seed}"]).replace(":", "~").replace("/", "-")
 
     @property
     def key(self) -> dict[str, Any]:
@@ -81,6 +82,11 @@ class Run:
         radar = self.recorded_with or self.radar
         truth = replace(self, source=TRUTH, planner=TRUTH, radar=radar, faults=(), loop="closed", settle=0.0)
         return replace(truth, recorded_with=None)
+
+    @property
+    def recording_name(self) -> str:
+        """Stem of the file of the recording."""
+        return self.recording._stem(self.scenario)
 
     @property
     def settings(self) -> dict[str, Any]:

@@ -8,6 +8,7 @@ import json
 import shutil
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from time import perf_counter
@@ -47,7 +48,7 @@ class Store:
 
     def recording_path(self, run: Run) -> Path:
         """Where the recording that a run replays lies."""
-        return self.out / RECORDINGS / f"{run.recording.name}.npz"
+        return self.out / RECORDINGS / f"{run.recording_name}.npz"
 
     # The folder
 
@@ -81,7 +82,7 @@ class Store:
                 )
         elif found.get("study") != self.study.name:
             raise ValueError(
-                f"out: {self.out} holds the runs of `testbed {found.get('study')}`, not other files than those of "
+                f"out: {self.out} holds runs of `testbed {found.get('study')}`, wanted are those of "
                 f"`testbed {self.study.name}`; choose another directory"
             )
         elif not self.study.fresh and (key := self._differs(wanted := self.study.identity(), found)):
@@ -159,20 +160,7 @@ class Store:
             ValueError: the file is damaged, of another layout, or of another run.
         """
         path = self.path(work)
-        try:
-            with pq.ParquetFile(path) as file:
-                kept = file.metadata.metadata or {}
-                rows, schema = file.metadata.num_rows, file.schema_arrow
-            if kept[CHECKSUM] != _checksum(kept[META]):
-                raise ValueError("wrong checksum")
-            found = json.loads(kept[META])
-        except FileNotFoundError:
-            raise
-        except (pa.ArrowException, KeyError, ValueError, OSError) as error:
-            raise ValueError(f"{path} is damaged ({_one_line(error)})") from None
-        complete = found.get("layout") == VERSION and found.get("rows") == rows
-        if not (complete and schema.equals(self.study.schema, check_metadata=True)):
-            raise ValueError(f"{path} is of another layout or not complete")
+        found = read_meta(path, self.study.schema)
         if found.get("run") != work.key:
             raise ValueError(f"{path} holds the run {found.get('run')}")
         return found
@@ -203,9 +191,24 @@ class Store:
         recordings.save(made, path)
         return made
 
-    def results(self) -> "Results":
-        """What is known of every run."""
-        return Results(self)
+
+def read_meta(path: Path, schema: pa.Schema) -> dict[str, Any]:
+    """What the file of a run says beside its table, which has this schema; raises as `Store.meta`."""
+    try:
+        with pq.ParquetFile(path) as file:
+            kept = file.metadata.metadata or {}
+            rows, found_schema = file.metadata.num_rows, file.schema_arrow
+        if kept[CHECKSUM] != _checksum(kept[META]):
+            raise ValueError("wrong checksum")
+        found = json.loads(kept[META])
+    except FileNotFoundError:
+        raise
+    except (pa.ArrowException, KeyError, ValueError, OSError) as error:
+        raise ValueError(f"{path} is damaged ({_one_line(error)})") from None
+    complete = found.get("layout") == VERSION and found.get("rows") == rows
+    if not (complete and found_schema.equals(schema, check_metadata=True)):
+        raise ValueError(f"{path} is of another layout or not complete")
+    return found
 
 
 def make(work: Any, study: Study, out: Path) -> Outcome:
@@ -236,7 +239,7 @@ def record(run: Run, study: Study, out: Path) -> Outcome:
         store.recording(run)
         return ""
 
-    return outcome_of(f"recording {run.recording.name}", done)
+    return outcome_of(f"recording {run.recording_name}", done)
 
 
 def reads(work: Any, study: Study, out: Path) -> list[Path]:
@@ -246,26 +249,32 @@ def reads(work: Any, study: Study, out: Path) -> list[Path]:
     return [*([store.recording_path(work)] if open_loop else []), store.path(work)]
 
 
+@dataclass
 class Results:
     """What is known of the runs of a study: one table of all of them, and the table of each on demand."""
 
-    def __init__(self, store: Store) -> None:
-        """Read what the files say of their runs; their tables are not read."""
-        self.store, self.study = store, store.study
-        self.metas: dict[Any, dict[str, Any]] = {}
-        self.missing: list[Any] = []  # that failed or have not been made
-        for work in self.study.work():
-            try:
-                self.metas[work] = store.meta(work)
-            except (FileNotFoundError, ValueError):
-                self.missing.append(work)
+    study: Any  # the `Study`
+    spans: pd.DataFrame  # one row a run and phase, phase "all" for all of it; `METRICS` has units
+    missing: list[Any] = field(default_factory=list)  # runs that failed or have not been made
+    metas: dict[Any, dict[str, Any]] = field(default_factory=dict)  # what the file of each run says beside its table
 
-    @cached_property
-    def spans(self) -> pd.DataFrame:
-        """One row a run and phase, phase "all" for all of it."""
-        found = [{**self.study.columns(work), **span} for work, meta in self.metas.items() for span in meta["spans"]]
+    @classmethod
+    def read(cls, study: Study) -> "Results":
+        """What the files in the folder of a study say of their runs; their tables are not read."""
+        metas, missing = dict[Any, dict[str, Any]](), []
+        for work in study.work():
+            try:
+                metas[work] = Store(study).meta(work)
+            except (FileNotFoundError, ValueError):
+                missing.append(work)
+        found = [{**study.columns(work), **span} for work, meta in metas.items() for span in meta["spans"]]
         columns = dict.fromkeys(key for span in found for key in span)  # of runs, then those that only phases have
-        return pd.DataFrame(found, columns=list(columns) or ["phase"])
+        return cls(study, pd.DataFrame(found, columns=list(columns) or ["phase"]), missing, metas)
+
+    @property
+    def store(self) -> Store:
+        """The files of the runs."""
+        return Store(self.study)
 
     @property
     def runs(self) -> pd.DataFrame:

@@ -18,6 +18,7 @@ from sensors.faults import chosen
 from testbed.environment.perception import radar_of
 from testbed.environment.registration import scenario_of
 from testbed.environment.sources import conditions
+from testbed.experiments.engine import Engine
 from testbed.experiments.episode import Played, episode
 from testbed.experiments.identity import modules_digest, own_code, own_names, shared_digest, tracker_digest
 from testbed.experiments.run import DONE, FAILED, Outcome, Run
@@ -114,6 +115,7 @@ class Study:
     what: ClassVar[str] = "runs"  # of which a bar shows how many are done
     schema: ClassVar[pa.Schema]  # of the table of a run
     modules: ClassVar[tuple[str, ...]] = ()  # that decide about results, beside the code behind every run
+    whole: ClassVar[bool] = False  # judged only when all work is done or has failed, then also where nothing was made
     fresh: ClassVar[bool] = False  # runs of other code are deleted; else the folder is refused
 
     def __post_init__(self) -> None:
@@ -131,7 +133,7 @@ class Study:
         """What names a unit of work in tables."""
         return {"scenario": work.case, "tracker": work.source, "seed": work.seed}
 
-    def settings(self) -> dict[str, Any]:
+    def shared(self) -> dict[str, Any]:
         """What all runs have in common, as JSON types, as far as it decides about results."""
         return {}
 
@@ -156,8 +158,8 @@ class Study:
     def write(self, results: Any, found: Findings, console: Console) -> None:
         """Write tables into the folder; raises OSError, in one sentence, where that cannot be."""
 
-    def page(self, results: Any, found: Findings, tally: Tally, progress: Progress) -> Path | None:
-        """Write a report with its figures and logs, and return its path; OSError as in `write`."""
+    def page(self, results: Any, found: Findings, tally: Tally, engine: Engine, progress: Progress) -> Path | None:
+        """Write a report with its figures, and logs made on the engine; return its path. OSError as in `write`."""
         return None
 
     def junit(self, results: Any, found: Findings, tally: Tally, path: Path) -> None:
@@ -188,7 +190,7 @@ class Study:
         )
         return {
             "study": self.name,
-            **self.settings(),
+            **self.shared(),
             **{f"version of {name}": version for name, version in versions().items()},
             "code": shared_digest(),
             **({"code of the study": modules_digest(self.modules)} if self.modules else {}),

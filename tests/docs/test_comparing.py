@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from testbed.compare.runs.config import Comparison, Settings
-from testbed.compare.runs.results import collect, write_runs
-from testbed.compare.runs.work import execute
+from testbed.experiments.command import execute
+from testbed.experiments.compare import Comparison, Settings, write_runs
 from testbed.experiments.engine import Engine
+from testbed.experiments.store import Results
 from testbed.replay.recording import load
 from testbed.replay.rescan import write_log
 
@@ -21,7 +21,7 @@ def folder(tmp_path_factory):
     out = home / "runs" / "compare"
     comparison = Comparison(("xia2020-lane",), ("rm-feldmann",), (0, 1), Settings(duration=1.0), out=str(out))
     assert execute(comparison, Engine()).done == 2
-    write_runs(collect(comparison))
+    write_runs(Results.read(comparison))
     for seed in (0, 1):
         recording = load(out / "recordings" / f"xia2020-lane_seed{seed}.npz", "xia2020-lane", seed, "surround")
         write_log(recording, ("rm-feldmann",), out / "logs")

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from studies.comparison.publish import read
-from testbed.compare.statistics.analysis import cells
 from testbed.evaluation.metric import METRICS
+from testbed.experiments.statistics import cells
 from trackers import DEFAULT
 
 ROOT = Path(__file__).parents[2]
@@ -34,10 +34,10 @@ def results():
 @pytest.fixture(scope="module")
 def figures(results):
     """(tracker, measure) -> mean, low, high as printed, of the trackers that the README names."""
-    named = tuple(t for t in results.comparison.trackers if f"`{t}`" in PROSE)
+    named = tuple(t for t in results.study.trackers if f"`{t}`" in PROSE)
     spans = results.spans[results.spans["tracker"].isin(named)]
-    comparison = replace(results.comparison, trackers=named)
-    found = cells(results._replace(comparison=comparison, spans=spans), tuple(MEASURES.values()))
+    comparison = replace(results.study, trackers=named)
+    found = cells(replace(results, study=comparison, spans=spans), tuple(MEASURES.values()))
     return {
         (c.tracker, c.measure): tuple(
             f"{x:.{METRICS[c.measure].digits}f}" for x in (c.mean.value, c.mean.low, c.mean.high)
@@ -67,7 +67,7 @@ def test_every_decimal_figure_comes_from_the_results(figures):
 
 
 def test_the_table_says_what_was_run(results):
-    comparison = results.comparison
+    comparison = results.study
     assert (
         f"over {len(comparison.scenarios)} scenarios and {len(comparison.seeds)} seeds "
         f"(each {comparison.settings.length}, radar `{comparison.settings.radar}`)"

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
-from testbed.compare.runs.config import Comparison, Settings
-from testbed.compare.runs.results import collect, write_runs
-from testbed.compare.runs.work import execute
+from testbed.experiments.command import execute
+from testbed.experiments.compare import Comparison, Settings, write_runs
 from testbed.experiments.engine import Engine
-from testbed.regress.command import COMMITTED
+from testbed.experiments.regress import COMMITTED
+from testbed.experiments.store import Results
 from testbed.replay.recording import record
 from testbed.replay.writing import write
 from testbed.run import RunConfig, run
@@ -26,7 +26,7 @@ def make(folder: Path) -> Path:
     np.savez(folder / "points.npz", **points(400))
     done = Comparison(("cut-in",), ("rm-feldmann",), (0,), Settings("front", duration=0.2), out=str(folder / "done"))
     execute(done, Engine())
-    write_runs(collect(done))
+    write_runs(Results.read(done))
     write(record("cut-in", 0, "front", 0.2), folder / "drive", "csv")
     (folder / "real").mkdir()
     np.savez(folder / "real" / "objects.npz", **extract(40, 10))

@@ -9,7 +9,7 @@ for module in pkgutil.walk_packages(testbed.__path__, "testbed."):
     if not module.name.endswith("__main__"):
         import_module(module.name)
 
-from testbed.compare.runs.config import Settings, identity  # noqa: E402
+from testbed.experiments.compare import Comparison  # noqa: E402
 from trackers import TRACKERS  # noqa: E402
 
-identity(Settings(), tuple(TRACKERS))  # digests of all code are kept
+Comparison(("cut-in",), tuple(TRACKERS), (0,)).identity()  # digests of all code are kept

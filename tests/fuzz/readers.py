@@ -21,7 +21,7 @@ READERS: tuple[tuple[str, tuple[str, ...]], ...] = (  # file, and a command that
     ("real/objects.npz", line("calibrate")),
     ("baselines.json", line("regress")),
     ("baselines.json", (*line("regress")[:-1], "--update")),
-    ("done/comparison.json", RESUME),
+    ("done/study.json", RESUME),
     ("done/runs.parquet", RESUME),
     (f"done/rows/{RUN}.parquet", RESUME),
     ("done/recordings/cut-in_seed0.npz", line("compare", out="done", tracker="rm-koch")),

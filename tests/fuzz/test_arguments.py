@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 from testbed import run as running
-from testbed.compare.runs import config as comparing
+from testbed.experiments import compare as comparing
+from testbed.experiments.command import check
+from testbed.experiments.engine import Engine
 from testbed.learn.htg import LearnConfig
 from testbed.learn.spline import SplineConfig
 
@@ -22,7 +24,7 @@ GIVEN = {
     LearnConfig: {"data": "sampler:front"},
     SplineConfig: {"data": "sampler:front"},
 }
-CHECKS = {running.RunConfig: running.check, comparing.Comparison: comparing.check}
+CHECKS = {running.RunConfig: running.check, comparing.Comparison: lambda comparison: check(comparison, Engine())}
 LATER = {"radar", "planner"}  # of `Settings`: names, which `check` of a comparison looks up
 
 
@@ -57,4 +59,4 @@ def refusal(made, **changed):
 def test_names_in_the_settings_of_a_comparison_are_looked_up(name, value, tmp_path):
     settings = comparing.Settings(**{name: value})
     with pytest.raises(LookupError, match=name):
-        comparing.check(comparing.Comparison(("cut-in",), ("rm-koch",), (0,), settings, out=str(tmp_path)))
+        comparing.Comparison(("cut-in",), ("rm-koch",), (0,), settings, out=str(tmp_path)).check()

@@ -1,4 +1,4 @@
-"""Damaged files at every door that reads one: a result, or one sentence and exit status 2, in bounded time and memory.
+"""Damaged files wherever one is read: a result, or one sentence and exit status 2, in bounded time and memory.
 
 `python -m tests.fuzz.test_files 100` tries so many damaged copies of each file and counts how the calls ended.
 """
@@ -40,7 +40,7 @@ def test_what_is_nested_flat_or_claims_to_be_huge_is_refused(template, tmp_path)
     u = with_array(points.read_bytes(), "u", np.array(0.5))
     damaged = (
         (line("regress"), "baselines.json", b"[" * NESTED),
-        (line("compare", out="done"), "done/comparison.json", b'{"a":' * NESTED),
+        (line("compare", out="done"), "done/study.json", b'{"a":' * NESTED),
         (line("learn-htg"), "points.npz", u),
         (line("learn-spline"), "points.npz", u),
         (line("learn-htg"), "points.npz", claim(points.read_bytes(), rng)),

@@ -3,7 +3,6 @@
 import pytest
 
 from testbed.bench.chosen import Choice, Spent, measure, table
-from testbed.run import RunConfig
 from trackers import DEFAULT
 
 
@@ -14,7 +13,7 @@ def cells(shown):
 def test_times_are_medians_a_frame_and_ratios_those_of_one_decision():
     # The second decision was disturbed: everything took ten times as long, which is in no ratio.
     spent = [Spent(0.03 * k, (0.06 * k, 0.12 * k), 0.03 * k) for k in (1.0, 10.0, 1.0)]
-    names, times, first, simulation = cells(table(RunConfig("cut-in", ("a", "b")), spent, 3.0))
+    names, times, first, simulation = cells(table("cut-in, radar front", ("a", "b"), spent, 3.0))
     assert names == ["a", "b", "scene and radar", "simulation, planner"]
     assert times == ["20.00", "40.00", "10.00", "10.00"]
     assert first == ["1.00", "2.00", "0.50", "0.50"]
@@ -32,3 +31,16 @@ def test_all_that_a_run_takes_can_be_measured_also_beyond_its_end(scenario):
     (shown,) = measure(Choice([scenario], ["rm-koch"], ["front"], 2), lambda *step: steps.append(step))
     assert [float(x) > 0 for x in cells(shown)[1]] == [True] * 3
     assert steps == [(0, 1, scenario), (1, 1, "done")]
+
+
+@pytest.mark.parametrize(
+    ("choice", "words"),
+    [
+        (Choice(["cut-inn"], ["rm-koch"], ["front"]), "did you mean 'cut-in'"),
+        (Choice(["cut-in"], ["rm-koch"], ["sonar"]), "radar 'sonar'"),
+        (Choice(["cut-in"], ["rm-koch", "rm-koch"], ["front"]), "different names"),
+    ],
+)
+def test_what_cannot_be_run_is_refused_before_anything_is_measured(choice, words):
+    with pytest.raises((LookupError, ValueError), match=words):
+        choice.check()

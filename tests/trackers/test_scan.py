@@ -87,7 +87,7 @@ def test_noise_is_along_and_across_the_line_of_sight():
     np.testing.assert_allclose(Scan.from_xy([[0.0, 50.0]]).position_noise(0.2)[0], 0.04 * np.eye(2), atol=1e-12)
 
 
-def test_shapes_of_the_doors():
+def test_shapes_of_what_comes_in():
     with pytest.raises(ValueError, match="one detection is xy"):
         Scan.from_xy([1.0, 2.0])
     with pytest.raises(ValueError, match=r"mask must be \(\.\.\., M\) with M = 2"):

@@ -1,11 +1,12 @@
 """What filters take in, and what their updates may return."""
 
+from functools import wraps
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 
-from trackers import TRACKERS, Scan, SensorModel, build, find, prior, validation
+from trackers import TRACKERS, RandomMatrix, Scan, SensorModel, build, find, prior, validation
 from trackers.batch import stack
 from trackers.filter import UpdateInfo
 from trackers.linalg import floored
@@ -282,3 +283,19 @@ def test_a_filter_without_the_decorator_is_called_as_it_is():
     f = Plain()
     with pytest.raises(np.linalg.LinAlgError, match="a bug of the user"):
         validation.guarded(f.update, f.init(prior([[21.0, 3.0, 0.1]])), scan_of())
+
+
+def test_a_method_that_a_user_has_wrapped_again_keeps_the_wrapping():
+    calls = []
+
+    class Counted(RandomMatrix):
+        @wraps(RandomMatrix.update)
+        def update(self, state, scan):
+            calls.append(scan)
+            return super().update(state, scan)
+
+    f = Counted()
+    state = f.init(prior([[21.0, 3.0, 0.1]]))
+    new, _ = validation.guarded(f.update, state, stack([scan_of()]))
+    assert len(calls) == 1
+    np.testing.assert_array_equal(new.m, RandomMatrix().update(state, stack([scan_of()]))[0].m)

@@ -63,7 +63,7 @@ class Course:
     def of(self, points: Unexplained, W: NDArray, lanes: Lanes, standing: NDArray) -> Motion:
         """Motion of the cells W (B, P) of detections; standing (B,) bool those that seem not to move.
 
-        A lane seen from abeam hides the speed on it: such a cell may stand, or drive. Cells without range rates have
+        A lane seen from the side hides the speed on it: such a cell may stand, or drive. Cells without range rates have
         the velocity of their likeliest prior, and the heading of the lane.
         """
         along = lanes.ego_speed * unit(lanes.direction)

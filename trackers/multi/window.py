@@ -66,7 +66,7 @@ class Window:
 
     span: float = 0.4  # [s] of what moves
     span_standing: float = 1.5  # [s] of what stands
-    along_sight: float = 0.7  # least cosine of line of sight and lane: abeam the range rate does not give the speed
+    along_sight: float = 0.7  # least cosine of line of sight and lane: beside it a range rate gives no speed
     beyond: float = 30.0  # [m] least range: near vehicles give enough detections in one scan
     moving: float = 1.0  # [m/s] least magnitude of the ground range rate of what moves
     beside_lane: float = 1.0  # [m] a detection so near to a lane has its direction

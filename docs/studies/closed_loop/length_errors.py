@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from testbed.compare.statistics.analysis import EDGES, LABELS
 from testbed.evaluation.metrics import rmse
 from testbed.evaluation.tracking import Evaluator
+from testbed.experiments.bands import EDGES, LABELS
 from testbed.frame import Frame
 
 FEWEST = 30  # frames with a track that an average needs

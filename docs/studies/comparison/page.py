@@ -8,12 +8,12 @@ import typer
 from studies.comparison.publish import read, read_part
 from studies.page import DOCS, Docs, Page, fill
 from testbed.command_line.terminal import user_input
-from testbed.compare.runs.results import Results
-from testbed.compare.statistics.analysis import DRIVE, MAIN, cells
 from testbed.evaluation.metric import METRICS
 from testbed.evaluation.metrics import CUTOFF
 from testbed.experiments.report import tables
-from testbed.experiments.report.renderers import markdown
+from testbed.experiments.report.grid import markdown
+from testbed.experiments.statistics import DRIVE, MAIN, cells
+from testbed.experiments.store import Results
 from trackers import DEFAULT
 
 BY_SCENARIO = ("gospa", "rmse_position", "rmse_length")
@@ -33,7 +33,7 @@ def main(
 def render(folder: Path) -> str:
     """What the page says about the results in a folder."""
     results, known, _ = read(folder)
-    comparison = results.comparison
+    comparison = results.study
     settings, baseline = comparison.settings, comparison.baseline
     versions = {k.removeprefix("version of "): v for k, v in known["identity"].items() if k.startswith("version of ")}
     main_cells = list(cells(results, MAIN))
@@ -43,7 +43,7 @@ def render(folder: Path) -> str:
         trackers=len(comparison.trackers),
         scenarios=len(comparison.scenarios),
         seeds=len(comparison.seeds),
-        runs=len(comparison.tasks),
+        runs=len(comparison.work()),
         length=settings.length,
         settle=settings.settle,
         births=markdown(tables.overview(list(cells(results, BIRTHS)), baseline)),
@@ -64,7 +64,7 @@ def layers(results: Results | None) -> str:
     """The default tracker with a layer off, held against the complete one."""
     if results is None:
         return "No run was made without a layer."
-    comparison = results.comparison
+    comparison = results.study
     return fill(
         "comparison/layers.md.j2",
         default=DEFAULT,
@@ -77,7 +77,7 @@ def layers(results: Results | None) -> str:
 
 def scenario_part(results: Results, measure: str) -> str:
     """Every tracker in every scenario by one measure."""
-    found = tables.by_scenario(list(cells(results, (measure,), by="scenario")), results.comparison.baseline)
+    found = tables.by_scenario(list(cells(results, (measure,), by="scenario")), results.study.baseline)
     note = f"\n\nc = {CUTOFF:g} m, over the rooted Gaussian Wasserstein distance." if measure == "gospa" else ""
     return f"## {METRICS[measure].title} by scenario{note}\n\n{markdown(found)}"
 
@@ -86,14 +86,14 @@ def closed(results: Results | None) -> str:
     """Every tracker with a planner that drives on its tracks: the drives, then the errors."""
     if results is None:
         return "No run was made in closed loop."
-    comparison, settings = results.comparison, results.comparison.settings
+    comparison, settings = results.study, results.study.settings
     drives, errors = (list(cells(results, measures)) for measures in (DRIVE, MAIN))
     return fill(
         "comparison/closed.md.j2",
         planner=settings.planner,
         scenarios=", ".join(comparison.scenarios),
         seeds=len(comparison.seeds),
-        runs=len(comparison.tasks),
+        runs=len(comparison.work()),
         drives=markdown(tables.overview(drives, comparison.baseline)),
         errors=markdown(tables.overview(errors, comparison.baseline)),
     )

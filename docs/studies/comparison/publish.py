@@ -1,7 +1,7 @@
 """The results of a complete comparison, made small enough to be committed: `make comparison`.
 
 `RESULTS/comparison.json` says what was run, `runs.parquet` has the measures of every run and phase, `range.csv`,
-`visible.csv` and `consistency.csv` are the tables of `testbed.compare.statistics.analysis` that need all rows. Two
+`visible.csv` and `consistency.csv` are the tables of `testbed.experiments.bands` that need all rows. Two
 smaller comparisons stand beside it, `NAME.json` and `NAME.parquet` each: `closed`, trackers in closed loop, and
 `layers`, the default tracker without each of its layers.
 `studies.comparison.page` makes the page from them.
@@ -21,14 +21,16 @@ import typer
 
 from scenarios import SCENARIOS
 from testbed.command_line.terminal import console, user_input
-from testbed.compare.runs.config import Comparison, Settings, Task, read_settings
-from testbed.compare.runs.results import Results, collect
-from testbed.compare.runs.tasks import ROWS
-from testbed.compare.statistics.analysis import DRIVE, MAIN, by_band, consistency
 from testbed.evaluation.metric import COSTS, METRICS, old_names
-from testbed.experiments.report.page import write_report
-from testbed.experiments.rows import read_meta
+from testbed.experiments.bands import by_band, consistency
+from testbed.experiments.compare import Comparison, Settings
+from testbed.experiments.report.comparison import page_of
+from testbed.experiments.report.figures import draw
+from testbed.experiments.rows import SCHEMA
+from testbed.experiments.statistics import DRIVE, MAIN
+from testbed.experiments.store import ROWS, Results, Store, read_meta
 from testbed.files import atomic_file, write_atomic, write_json
+from testbed.frame import TRUTH
 from trackers import DEFAULT, TRACKERS
 from trackers.lookup import parse
 
@@ -41,6 +43,7 @@ PUBLISHED = (  # of every run and phase
 )  # fmt: skip
 TABLES = ("range", "visible", "consistency")  # .csv
 KEY = ["scenario", "tracker", "seed", "phase"]  # of a row of `runs.parquet`
+PICTURES = ("time_nees_position",)  # of the report, shown on the page
 DIGITS = 6  # significant, of the tables
 
 
@@ -49,24 +52,37 @@ def stored_comparison(folder: Path, reference: str | None = None) -> Comparison:
 
     Raises ValueError where the folder holds none, or not all runs of a product of scenarios, trackers and seeds.
     """
-    settings, _ = read_settings(folder)
-    tasks = {Task(**read_meta(path)["task"]) for path in sorted((folder / ROWS).glob("*.parquet"))}
-    if not tasks:
+    settings = settings_of(folder)
+    made = {_named(read_meta(path, SCHEMA)["run"]) for path in sorted((folder / ROWS).glob("*.parquet"))}
+    if not made:
         raise ValueError(f"out: {folder} holds no finished run; run `testbed compare --out {folder}` first")
-    found = [_in_order([getattr(t, name) for t in tasks], name) for name in Task._fields]
-    comparison = Comparison(found[0], found[1], found[2], settings, reference, str(folder))
-    missing = [task for task in comparison.tasks if task not in tasks]
+    found = [_in_order([names[k] for names in made], what) for k, what in enumerate(KEY[:3])]
+    comparison = Comparison(found[0], found[1], found[2], settings, reference, out=str(folder))
+    missing = [run for run in comparison.work() if _named(run.key) not in made]
     if missing:
         raise ValueError(f"out: {folder} lacks {len(missing)} runs, {missing[0].name} among them; finish it first")
     return comparison
 
 
-def publish(folder: Path, target: Path, report: Path, reference: str | None = None) -> None:
-    """Write the small results of all runs in a folder, and the report page without its logs."""
-    results = collect(stored_comparison(folder, reference))
+def settings_of(folder: Path) -> Settings:
+    """The settings that a folder was made with; ValueError where it holds no comparison."""
+    known = Store(Comparison((TRUTH,), (TRUTH,), (0,), out=str(folder))).about()
+    if known.get("study") != Comparison.name:
+        raise ValueError(f"out: {folder} holds no comparison; make one with `testbed compare --out {folder}`")
+    return Settings(**{f.name: known[f.name] for f in fields(Settings)})
+
+
+def _named(key: dict[str, Any]) -> tuple[str, str, int]:
+    """Scenario with its faults, tracker and seed of a run."""
+    return "+".join([key["scenario"], *key["faults"]]), key["source"], key["seed"]
+
+
+def publish(folder: Path, target: Path, pictures: Path, reference: str | None = None) -> None:
+    """Write the small results of all runs in a folder, and the figures of its report that the page shows."""
+    results = Results.read(stored_comparison(folder, reference))
     target.mkdir(parents=True, exist_ok=True)
     _write(target, *_small(results), about(results))
-    write_report(results, out=report, logs=False)
+    draw([plot for plot in page_of(results, None).plots if plot.name in PICTURES], pictures, "comparison-")
 
 
 def publish_part(name: str, folder: Path, target: Path, reference: str | None = None) -> None:
@@ -74,9 +90,9 @@ def publish_part(name: str, folder: Path, target: Path, reference: str | None = 
 
     Raises ValueError where the runs are of the other loop.
     """
-    results = collect(stored_comparison(folder, reference))
+    results = Results.read(stored_comparison(folder, reference))
     loop = "closed" if name == "closed" else "open"
-    if results.comparison.settings.loop != loop:
+    if results.study.settings.loop != loop:
         raise ValueError(f"{name}: {folder} does not hold runs of {loop} loop; make them with --loop {loop}")
     target.mkdir(parents=True, exist_ok=True)
     measures = list(PARTS[name])
@@ -94,9 +110,9 @@ def replace_trackers(folder: Path, target: Path) -> tuple[str, ...]:
     Raises:
         ValueError: the folder has other settings, versions, scenarios or seeds, or a tracker that was not published.
     """
-    results = collect(stored_comparison(folder))
+    results = Results.read(stored_comparison(folder))
     before, known, tables = read(target)
-    new, trackers = about(results), results.comparison.trackers
+    new, trackers = about(results), results.study.trackers
     shared = [key for key in known["identity"] if not key.startswith("code")]
     pairs = [(key, new[key], known[key]) for key in ("scenarios", "seeds")]
     for what, mine, theirs in pairs + [(key, new["identity"].get(key), known["identity"][key]) for key in shared]:
@@ -145,9 +161,8 @@ def _write(target: Path, spans: pd.DataFrame, tables: Sequence[pd.DataFrame], kn
 
 def about(results: Results) -> dict[str, Any]:
     """What was run, when, with which versions, and where the time went."""
-    comparison = results.comparison
+    comparison = results.study
     folder = Path(comparison.out)
-    _, identity = read_settings(folder)
     made = max(path.stat().st_mtime for path in (folder / ROWS).glob("*.parquet"))
     return {
         "date": f"{datetime.fromtimestamp(made, UTC):%Y-%m-%d}",
@@ -155,7 +170,7 @@ def about(results: Results) -> dict[str, Any]:
         "trackers": list(comparison.trackers),
         "seeds": list(comparison.seeds),
         "reference": comparison.baseline,
-        "identity": identity,
+        "identity": {key: value for key, value in results.store.about().items() if key != "study"},
         "seconds": {name: round(value, 1) for name, value in results.shares.items()},
     }
 
@@ -175,9 +190,9 @@ def _read_runs(target: Path, facts: str, runs: str) -> tuple[Results, dict[str, 
     known = json.loads((target / facts).read_text())
     settings = Settings(**{f.name: known["identity"][f.name] for f in fields(Settings)})
     scenarios, trackers, seeds = (tuple(known[what]) for what in ("scenarios", "trackers", "seeds"))
-    comparison = Comparison(scenarios, trackers, seeds, settings, known["reference"], str(target))
+    comparison = Comparison(scenarios, trackers, seeds, settings, known["reference"], out=str(target))
     spans = pd.read_parquet(target / runs).rename(columns=old_names("comparison"))
-    return Results(comparison, spans, pd.DataFrame(), []), known
+    return Results(comparison, spans), known
 
 
 def _in_order(values: Sequence[Any], what: str) -> tuple[Any, ...]:
@@ -192,7 +207,7 @@ def _in_order(values: Sequence[Any], what: str) -> tuple[Any, ...]:
 def main(
     folder: Annotated[Path, typer.Argument(help="What `testbed compare --out` left.")],
     target: Annotated[Path, typer.Argument(help="Directory for the small results.")] = Path("docs/results"),
-    report: Annotated[Path, typer.Argument(help="Directory for the report page.")] = Path("docs/comparison"),
+    pictures: Annotated[Path, typer.Argument(help="Directory for the pictures.")] = Path("docs/pictures"),
     reference: Annotated[str | None, typer.Option(help="The tracker that the others are compared with.")] = None,
     closed: Annotated[Path | None, typer.Option(help="Also these runs of trackers in closed loop.")] = None,
     layers: Annotated[Path | None, typer.Option(help="Also these runs of the default tracker without layers.")] = None,
@@ -206,8 +221,8 @@ def main(
         if replace:
             console.print(f"replaced {', '.join(replace_trackers(folder, target))}", highlight=False)
         else:
-            publish(folder, target, report, reference)
+            publish(folder, target, pictures, reference)
         for name, part in (("closed", closed), ("layers", layers)):
             if part is not None:
                 publish_part(name, part, target, DEFAULT if name == "layers" else reference)
-    console.print(f"results  {target}, {report}", soft_wrap=True)
+    console.print(f"results  {target}, {pictures}", soft_wrap=True)

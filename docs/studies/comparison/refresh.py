@@ -11,7 +11,7 @@ testbed comes in.
 """
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from math import isnan, nan
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -22,29 +22,28 @@ import pandas as pd
 import typer
 from rich.markup import escape
 
-from studies.comparison.publish import ABOUT, read
+from studies.comparison.publish import ABOUT, KEY, read
 from studies.page import steps
 from studies.papers.cases import CASES
 from studies.probes import drives as probes
 from testbed.command_line.tables import light_table
 from testbed.command_line.terminal import console, user_input
-from testbed.compare.runs import tasks as compare
-from testbed.compare.runs.config import Settings, Task
 from testbed.evaluation.metric import COSTS, old_names
+from testbed.experiments import probe as probing
+from testbed.experiments.compare import Comparison
 from testbed.experiments.engine import Engine, check, perform
 from testbed.experiments.identity import shared_digest, tracker_digest
-from testbed.experiments.report.page import NAME
-from testbed.experiments.rows import read_meta
-from testbed.experiments.run import FAILED, Outcome, outcome_of
-from testbed.files import make_directory, write_atomic, write_json
+from testbed.experiments.pairs import KEY as DRIVE_KEY
+from testbed.experiments.pairs import Drive
+from testbed.experiments.probe import limit, parameter_of
+from testbed.experiments.regret import Regret
+from testbed.experiments.run import FAILED, Outcome, Run, outcome_of
+from testbed.experiments.store import RECORDINGS, Store
+from testbed.files import make_directory, write_json
 from testbed.frame import TRUTH
-from testbed.probing import drives as probing
-from testbed.probing.search import limit, parameter_of
-from testbed.regret import drives as regret
-from testbed.regret import study as regret_study
+from trackers import DEFAULT
 from trackers.lookup import look_up
 
-OLD = old_names("drives")
 KEPT = "repeated.json"
 LIMITS = (  # probe, tracker, seed, resolution
     ("probe-passing", TRUTH, 0, 0.05),
@@ -60,6 +59,7 @@ EXACT = (  # scenario, planner, condition, seed
     ("probe-brake", "mpc-cautious", "edra-imm+drop:0.2", 203),
     ("probe-jam", "idm", "truth", 204),
 )
+OLD = old_names("drives")  # of metrics of drives
 SHOWN = 40  # rows of the table
 DIGITS = 9  # significant; that tell a float32 from its neighbours
 Numbers = dict[str, float]
@@ -99,45 +99,43 @@ class Mismatch(NamedTuple):
 
 def runs(results: Path) -> list[Piece]:
     """Runs of the comparison."""
-    comparison = read(results)[0].comparison
-    return [Piece("runs", task.name, task.tracker, (task, comparison.settings)) for task in comparison.tasks]
+    comparison = read(results)[0].study
+    return [Piece("runs", run.name, run.source, (run, comparison)) for run in comparison.work()]
 
 
 def runs_committed(results: Path, pieces: Sequence[Piece]) -> Iterator[Numbers]:
     """Measures by phase; wall times are not compared."""
     table = read(results)[0].spans
-    measures = table.columns.difference([*Task._fields, "phase", *COSTS], sort=False)
+    measures = table.columns.difference([*KEY, *COSTS], sort=False)
     for piece in pieces:
-        own = np.logical_and.reduce([table[name] == value for name, value in piece.arguments[0]._asdict().items()])
+        own = np.logical_and.reduce([table[key] == value for key, value in _columns(*piece.arguments)])
         rows = table[own].set_index("phase")[measures]
         yield {f"{phase}: {key}": float(value) for phase, row in rows.iterrows() for key, value in row.items()}
 
 
-def run_again(folder: Path, task: Task, settings: Settings) -> Numbers:
+def run_again(folder: Path, run: Run, comparison: Comparison) -> Numbers:
     """Measures of a run, after the same cast to float32."""
-    for name in (compare.ROWS, compare.RECORDINGS):
-        make_directory(folder / name)
-    outcome = compare.run(task, settings, folder)
-    if outcome.status == FAILED:
-        raise RuntimeError(outcome.note)
-    spans = read_meta(compare.rows_path(task, folder))["spans"]
+    make_directory(folder / RECORDINGS)
     return {
         f"{row['phase']}: {key}": nan if value is None else _float32(value)
-        for row in spans
+        for row in comparison.make(run, Store(comparison, folder)).spans
         for key, value in row.items()
-        if key not in (*Task._fields, "phase")
+        if key not in KEY
     }
+
+
+def _columns(run: Run, comparison: Comparison) -> Iterable[tuple[str, Any]]:
+    return comparison.columns(run).items()
 
 
 def drives(results: Path) -> list[Piece]:
     """Drives of all parts of the study of regret."""
-    keys = [*regret_study.Task._fields]
     return [
-        Piece("drives", f"{folder.name}: {task.name}", task.condition, (task, folder.name))
+        Piece("drives", f"{folder.name}: {drive.name}", drive.condition, (drive, folder.name))
         for folder in sorted((results / "regret").iterdir())
-        for task in (
-            regret_study.Task(*row)
-            for row in pd.read_parquet(folder / "drives.parquet")[keys].itertuples(index=False, name=None)
+        for drive in (
+            Drive(*row)
+            for row in pd.read_parquet(folder / "drives.parquet")[[*DRIVE_KEY]].itertuples(index=False, name=None)
         )
     ]
 
@@ -145,24 +143,23 @@ def drives(results: Path) -> list[Piece]:
 def drives_committed(results: Path, pieces: Sequence[Piece]) -> Iterator[Numbers]:
     """Measures of the drive and errors of its tracker; CPU times are not compared."""
     for piece in pieces:
-        task, folder = piece.arguments
+        drive, folder = piece.arguments
         table = pd.read_parquet(results / "regret" / folder / "drives.parquet").rename(columns=OLD)
-        own = table[np.logical_and.reduce([table[key] == value for key, value in task._asdict().items()])]
-        (row,) = own.drop(columns=[*task._fields, "cpu"]).to_dict("records")
+        own = table[np.logical_and.reduce([table[key] == value for key, value in drive._asdict().items()])]
+        (row,) = own.drop(columns=[*DRIVE_KEY, "cpu"]).to_dict("records")
         yield row
 
 
-def drive_again(folder: Path, task: regret_study.Task, *part: str) -> Numbers:
+def drive_again(folder: Path, drive: Drive, *part: str) -> Numbers:
     """The same of a drive made now."""
-    _, meta = regret.driven(task, regret_study.Settings())
-    found = {**meta["measures"], **meta["tracking"]}
-    return {key: nan if value is None else float(value) for key, value in found.items()}
+    study = Regret((drive.scenario,), (drive.planner,), (DEFAULT,), (drive.seed,))
+    (found,) = study.make(study.run(drive), Store(study, folder)).spans
+    return {key: nan if value is None else float(value) for key, value in found.items() if key not in ("phase", "cpu")}
 
 
 def exact_drives(results: Path) -> list[Piece]:
     """Some drives of regret with all digits, which change with the machine."""
-    tasks = [regret_study.Task(*drive) for drive in EXACT]
-    return [Piece("exact", task.name, task.condition, (task,)) for task in tasks]
+    return [Piece("exact", drive.name, drive.condition, (drive,)) for drive in map(Drive._make, EXACT)]
 
 
 def probe_drives(results: Path) -> list[Piece]:
@@ -180,12 +177,12 @@ def probes_committed(results: Path, pieces: Sequence[Piece]) -> Iterator[Numbers
     known = json.loads((results / "probes.json").read_text())["drives"]
     for piece in pieces:
         probe, seed = piece.arguments
-        yield _renamed(known[probe][seed])
+        yield {OLD.get(key, key): value for key, value in known[probe][seed].items()}
 
 
 def probe_again(folder: Path, probe: str, seed: int) -> Numbers:
     """The same of a drive made now."""
-    row = probes.row(probing.drive(probing.Setting(probe, probes.planner_of(probe)), seed))
+    row = probes.row(probing.driven(probes.on_truth(probe, seed)))
     return {key: nan if value is None else float(value) for key, value in row.items()}
 
 
@@ -196,8 +193,12 @@ def limits(results: Path) -> list[Piece]:
 
 def limit_again(folder: Path, probe: str, tracker: str, seed: int, resolution: float) -> Numbers:
     """The hardest value of the first parameter that is survived."""
-    setting, parameter = probing.Setting(probe, tracker=tracker), parameter_of(probe, None)
-    survives = lambda value: probing.survives(setting, seed, {parameter.name: value})  # noqa: E731
+    parameter = parameter_of(probe, None)
+
+    def survives(value: float) -> bool:
+        run = Run(probe, seed, tracker, config=((parameter.name, value),))
+        return probing.survived(probing.find_probe(probe), probing.driven(run))
+
     return {parameter.name: limit(survives, parameter.easy, parameter.hard, resolution)}
 
 
@@ -217,12 +218,8 @@ def kept(results: Path, pieces: Sequence[Piece]) -> Iterator[Numbers]:
     """Numbers of limits and papers, from `KEPT`."""
     known = json.loads((results / KEPT).read_text())
     for piece in pieces:
-        yield _renamed({key: nan if value is None else value for key, value in known[piece.part][piece.name].items()})
-
-
-def _renamed(numbers: Numbers) -> Numbers:
-    """Numbers of a drive under the keys of today."""
-    return {OLD.get(key, key): value for key, value in numbers.items()}
+        numbers = known[piece.part][piece.name]
+        yield {OLD.get(key, key): nan if value is None else value for key, value in numbers.items()}
 
 
 PARTS: Mapping[str, Part] = {
@@ -289,9 +286,6 @@ def _measure(key: str) -> str:
 
 def main(
     results: Annotated[Path, typer.Option(help="Directory of the committed results.")] = Path("docs/results"),
-    report: Annotated[Path, typer.Option(help="Directory of the report page, which names the digest.")] = Path(
-        "docs/comparison"
-    ),
     part: Annotated[list[str] | None, typer.Option(help=f"One of {', '.join(PARTS)}; by default all.")] = None,
     sample: Annotated[int, typer.Option(min=1, help="How many pieces of each part.")] = 20,
     seed: Annotated[int, typer.Option(min=0, help="Of the samples.")] = 0,
@@ -328,7 +322,7 @@ def main(
             equal = ", ".join(piece.name for piece in pieces if piece.part == name)
             console.print(f"equal    {name}: {equal}", soft_wrap=True, highlight=False)
         if "runs" in chosen:
-            _write(results, report)
+            _write(results)
 
 
 def _check_sample(results: Path, repeated: Sequence[str]) -> None:
@@ -350,15 +344,12 @@ def _nulls(numbers: Numbers) -> dict[str, float | None]:
     return {key: None if isnan(value) else value for key, value in numbers.items()}
 
 
-def _write(results: Path, report: Path) -> None:
-    """The new digests into the settings of the results, and into the report page where there is one."""
+def _write(results: Path) -> None:
+    """The new digests into the settings of the results."""
     known = read(results)[1]
     old, new = known["identity"], digests(known["trackers"])
-    page = report / NAME
-    if page.exists():
-        write_atomic(page, page.read_text().replace(old["code"], new["code"]))
     write_json(results / ABOUT, known | {"identity": old | new})
-    console.print(f"digests  {results / ABOUT}; now `make comparison-page`", soft_wrap=True, highlight=False)
+    console.print(f"digests  {results / ABOUT}; now `make study-comparison`", soft_wrap=True, highlight=False)
 
 
 def _table(found: Sequence[Mismatch]) -> Any:

@@ -19,7 +19,7 @@ from studies.consistency.tables import (
 )
 from studies.page import DOCS, Docs, Page, fill
 from testbed.command_line.terminal import user_input
-from testbed.compare.runs.results import collect
+from testbed.experiments.store import Results
 from testbed.log.text import markdown_table
 from trackers import DEFAULT
 
@@ -45,7 +45,7 @@ def main(
             known = ", ".join(comparison.trackers)
             raise ValueError(f"tracker: {folder} has no runs of {tracker!r}; choose one of {known}")
         page = Page("consistency", docs)
-        rows = pairs(collect(comparison), tracker)
+        rows = pairs(Results.read(comparison), tracker)
         groups = {name: by_group(rows, name) for name in GROUPS}
         draw({name: groups[name] for name in GROUPS if name != "scenario"}, page.picture("consistency"))
         ranges = "; ".join(f"{q.low:g} to {q.high:g} for {q.name}" for q in QUANTITIES)

@@ -7,8 +7,8 @@ import numpy as np
 import pandas as pd
 from scipy.stats import chi2
 
-from testbed.compare.runs.results import Results
 from testbed.evaluation.intervals import Interval, bootstrap_interval
+from testbed.experiments.store import Results
 
 OUTLIER = 0.99  # probability of the chi-square limit beyond which an error counts as an outlier
 MOST_OUTLIERS = 0.03

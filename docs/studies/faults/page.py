@@ -12,7 +12,7 @@ from studies.faults.figure import draw
 from studies.faults.tables import FAULT, NONE, by_fault
 from studies.page import DOCS, Docs, Page, fill
 from testbed.command_line.terminal import user_input
-from testbed.compare.runs.results import collect
+from testbed.experiments.store import Results
 
 RESULTS = "faults.csv"
 
@@ -32,7 +32,7 @@ def main(
     with user_input((OSError, ValueError)):
         path = docs / "results" / RESULTS
         if folder is not None:
-            table = by_fault(collect(stored_comparison(folder)).runs)
+            table = by_fault(Results.read(stored_comparison(folder)).runs)
             if NONE not in set(table["fault"]):
                 raise ValueError(f"{folder} has no runs without a fault; compare the scenarios themselves too")
             write_runs(table, path)

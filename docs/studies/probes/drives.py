@@ -12,14 +12,13 @@ from studies.runs import NOTHING
 from testbed.evaluation.drive_evaluator import DriveEvaluator
 from testbed.evaluation.tracking import jsonable
 from testbed.experiments.episode import Played
+from testbed.experiments.probe import accepted
 from testbed.experiments.run import Run
 from testbed.experiments.study import WHOLE_RUN, Kept, Study
 from testbed.frame import TRUTH, Frame
-from testbed.probing.drives import FREE
 
 PLANNERS = {"probe-merge": "idm-keen"}  # that want what the probe is about; `PLANNER` in all others
 PLANNER = "idm"
-TTC = (1.5, 3.0)  # [s] in which the median of the least time to collision must lie
 SEEDS = 50
 
 
@@ -35,12 +34,7 @@ class Acceptance:
     drac: float  # [m/s^2] median of the largest DRAC
     braking: tuple[float, float]  # [m/s^2] median and largest of the hardest braking
 
-    @property
-    def accepted(self) -> bool:
-        """No collision; the median time to collision in `TTC`, or no braking where nothing calls for it."""
-        if PROBES[self.probe].calm:
-            return not self.collisions and self.braking[1] < FREE
-        return not self.collisions and TTC[0] <= self.ttc[1] <= TTC[1]
+    accepted: bool
 
 
 def planner_of(probe: str) -> str:
@@ -63,7 +57,13 @@ def acceptance(probe: str, rows: Sequence[Mapping[str, Any]]) -> Acceptance:
         (min(ttc), float(np.median(ttc)), max(ttc)),
         float(np.median([row["drac_max"] for row in rows])),
         (float(np.median(braking)), max(braking)),
+        accepted(PROBES[probe], rows),
     )
+
+
+def on_truth(probe: str, seed: int) -> Run:
+    """A drive of a probe on the truth, with the planner with which it is accepted."""
+    return Run(probe, seed, TRUTH, planner_of(probe))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,7 +78,7 @@ class Probes(Study):
 
     def work(self) -> list[Run]:
         """Every probe with every seed."""
-        return [Run(probe, seed, TRUTH, planner_of(probe)) for probe in PROBES for seed in range(self.seeds)]
+        return [on_truth(probe, seed) for probe in PROBES for seed in range(self.seeds)]
 
     def watch(self, run: Run) -> "Watched":
         """What measures the drive."""

@@ -13,7 +13,7 @@ from scenarios.probes import PROBES
 from scenarios.record import Scenario
 from sensors.scene import Scene
 from studies.page import DOCS, Docs, Page, fill
-from studies.probes.drives import SEEDS, TTC, Acceptance, Probes, acceptance, planner_of
+from studies.probes.drives import SEEDS, Acceptance, Probes, acceptance, on_truth
 from studies.probes.figure import draw
 from studies.runs import made
 from testbed.command_line.options import Dask, Jobs
@@ -24,11 +24,10 @@ from testbed.evaluation.driving import LONGEST
 from testbed.experiments.engine import Engine
 from testbed.experiments.episode import episode
 from testbed.experiments.identity import shared_digest
-from testbed.experiments.run import Run
+from testbed.experiments.probe import FREE, TTC
 from testbed.files import make_directory, write_json
-from testbed.frame import TRUTH, Frame
+from testbed.frame import Frame
 from testbed.log.text import markdown_table
-from testbed.probing.drives import FREE
 
 SHOWN = 1  # seed of the pictures
 
@@ -55,7 +54,7 @@ def main(
     for probe in PROBES:
         picture(probe, page.picture(probe))
     today = f"{datetime.now(UTC):%Y-%m-%d}"
-    accepted = [asdict(each) | {"accepted": each.accepted} for each in probes]
+    accepted = list(map(asdict, probes))
     write_json(
         docs / "results" / "probes.json",
         {"date": today, "code": shared_digest(), "seeds": seeds, "verdicts": accepted, "drives": found},
@@ -72,7 +71,7 @@ def picture(probe: str, path: Path) -> None:
         scenes.append(frame.scene)
         evaluator.step(frame.scene)
 
-    episode(Run(probe, SHOWN, TRUTH, planner_of(probe)), [keep])
+    episode(on_truth(probe, SHOWN), [keep])
     network = PROBES[probe].build(np.random.default_rng(SHOWN)).road.network
     draw(scenes, evaluator.curves, lane_shapes(network), path)
 

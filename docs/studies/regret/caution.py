@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 
 import pandas as pd
 
-from testbed.regret.analysis import ALL, Cell, change
+from testbed.experiments.pairs import ALL, Cell, change
 
 MEASURES = ("drive_score", "collisions", "drac_max", "tit", "progress", "deceleration_max")
 CAUTIOUS, PLAIN = "mpc-cautious", "mpc"

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from sensors import RADARS, Roadside, Sensor
+from studies.page import Docs
 from studies.runs import every_sensor, seen_by, summaries
 from testbed.command_line.options import Dask, Jobs
 from testbed.command_line.terminal import console
@@ -31,7 +32,7 @@ CHANGES: Mapping[str, Callable[[Sensor], Sensor]] = {
 
 
 def main(
-    out: Annotated[Path, typer.Argument(help="The JSON file.")] = Path(f"docs/results/{RIG}.json"),
+    docs: Docs = Path("docs"),
     folder: Annotated[str, typer.Option(help="Directory of the runs.")] = f"runs/{RIG}",
     jobs: Jobs = 1,
     dask: Dask = None,
@@ -47,6 +48,7 @@ def main(
     }
     summary = summaries([run for runs in asked.values() for run in runs], folder, Engine(jobs, dask))
     rows = {name: [{key: summary(run)[key] for key in MEASURES} for run in runs] for name, runs in asked.items()}
+    out = docs / "results" / f"{RIG}.json"
     write_json(out, {"rig": RIG, "tracker": DEFAULT, "scenarios": SCENARIOS, "seeds": SEEDS, "duration": DURATION,
                      "rows": rows})  # fmt: skip
     console.print(f"results  {out}", soft_wrap=True)

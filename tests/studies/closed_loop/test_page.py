@@ -6,7 +6,7 @@ import typer
 
 from studies.closed_loop.page import MEANS, RESULTS, TOTALS, Family, by_scenario, lengths, main, overview, render
 from testbed.experiments.run import Run
-from testbed.experiments.store import Results, Store
+from testbed.experiments.store import Results
 
 NAMES = ("rm-feldmann", "rm-surface")
 
@@ -54,7 +54,7 @@ def test_a_short_run_through_the_command_leaves_page_figure_and_results_and_is_n
     main(**options)
     assert (tmp_path / "pictures" / "length-error.png").is_file()
     run = Run("cut-in", 0, NAMES[0], duration=1.0)
-    results = Results(Store(Family(trackers=NAMES, asked=(run,), out=out)))
+    results = Results.read(Family(trackers=NAMES, asked=(run,), out=out))
     found = results.metas[run]["result"]
     assert set(found["trackers"]) == set(NAMES)
     assert found["drive"]["elapsed"] == pytest.approx(1.0)

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from studies.comparison.publish import publish
-from testbed.compare.runs.config import Comparison, Settings
-from testbed.compare.runs.work import execute
+from testbed.experiments.command import execute
+from testbed.experiments.compare import Comparison, Settings
 from testbed.experiments.engine import Engine
 
 DOCS = Path(__file__).parents[3] / "docs"
@@ -24,7 +24,7 @@ def folder(tmp_path_factory):
 @pytest.fixture(scope="session")
 def published(folder):
     results = folder.parent / "results"
-    publish(folder, results, folder.parent / "report", "htg-mm")
+    publish(folder, results, folder.parent / "pictures", "htg-mm")
     shutil.copy(DOCS / "results" / "calibration.json", results)
     shutil.copytree(DOCS / "results" / "reproduce", results / "reproduce")
     return results

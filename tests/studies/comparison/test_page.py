@@ -9,11 +9,11 @@ import pytest
 from studies.comparison import committed
 from studies.comparison.page import layers, render
 from studies.comparison.publish import read, stored_comparison
-from testbed.compare.runs.config import Comparison, Settings
-from testbed.compare.runs.results import collect, write_runs
+from testbed.experiments.compare import Comparison, Settings, write_runs
+from testbed.experiments.store import Results
 from tests.studies.committed_pages import assert_committed
 from tests.studies.comparison.conftest import DOCS, TRACKERS
-from tests.testbed.compare.made_results import make
+from tests.testbed.experiments.made_results import make
 
 
 def test_a_folder_tells_which_comparison_made_it(folder):
@@ -32,12 +32,12 @@ def test_a_folder_that_lacks_a_run_is_refused_with_its_name(folder, tmp_path):
 
 def test_published_runs_are_those_of_the_folder(folder, published):
     results, known, tables = read(published)
-    whole = pd.read_parquet(write_runs(collect(stored_comparison(folder)))).set_index(
+    whole = pd.read_parquet(write_runs(Results.read(stored_comparison(folder)))).set_index(
         ["scenario", "tracker", "seed", "phase"]
     )["gospa"]
     kept = results.spans.set_index(["scenario", "tracker", "seed", "phase"])["gospa"]
     pd.testing.assert_series_equal(kept, whole, check_dtype=False, rtol=1e-6)
-    assert known["reference"] == results.comparison.baseline == "htg-mm"
+    assert known["reference"] == results.study.baseline == "htg-mm"
     assert set(known["seconds"]) == {"simulation", "sensing", "loading", "tracking", "metrics", "writing"}
     assert set(tables["consistency"]["tracker"]) == set(TRACKERS)
 
@@ -58,14 +58,13 @@ def test_layers_are_held_against_the_complete_tracker_and_not_against_the_refere
     assert layers(None) == "No run was made without a layer."
 
 
-def test_the_report_is_published_without_logs(published):
-    page = (published.parent / "report" / "report.html").read_text()
-    assert "rm-feldmann" in page
-    assert not (published.parent / "report" / "logs").exists()
+def test_the_pictures_of_the_page_are_figures_of_the_report(published):
+    pictures = sorted(path.name for path in (published.parent / "pictures").iterdir())
+    assert pictures == ["comparison-time_nees_position.png"]
 
 
 def test_the_committed_page_is_of_the_committed_results():
-    """On failure: `make comparison-page`."""
+    """On failure: `make study-comparison`."""
     known = json.loads((DOCS / "results" / "comparison.json").read_text())
     page = (DOCS / "comparison.md").read_text()
     assert f"committed results of {known['date']}" in page
@@ -79,7 +78,7 @@ def test_the_committed_page_is_of_the_committed_results():
 
 @pytest.mark.slow
 def test_the_committed_page_is_what_the_results_give():
-    """On failure: `make comparison-page`."""
+    """On failure: `make study-comparison`."""
     assert_committed("comparison", render(DOCS / "results"))
 
 

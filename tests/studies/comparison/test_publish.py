@@ -9,10 +9,10 @@ import pytest
 
 from studies.comparison.page import closed
 from studies.comparison.publish import ABOUT, RUNS, TABLES, publish_part, read_part, replace_trackers
-from testbed.compare.runs.config import Comparison, Settings
-from testbed.compare.runs.results import collect
-from testbed.compare.runs.work import execute
+from testbed.experiments.command import execute
+from testbed.experiments.compare import Comparison, Settings
 from testbed.experiments.engine import Engine
+from testbed.experiments.store import Results
 
 PART = Comparison(("xia2020-lane",), ("htg-mm",), (0, 1, 2), Settings(duration=1.0))
 
@@ -87,8 +87,8 @@ def test_runs_in_closed_loop_are_published_beside_the_others_and_stand_on_the_pa
     execute(comparison, Engine())
     publish_part("closed", tmp_path / "runs", tmp_path)
     found = read_part("closed", tmp_path)
-    runs = collect(comparison).runs.set_index("seed")
-    assert found.comparison.settings.loop == "closed"
+    runs = Results.read(comparison).runs.set_index("seed")
+    assert found.study.settings.loop == "closed"
     assert found.spans.set_index("seed")["progress"].to_numpy() == pytest.approx(runs["progress"].to_numpy(), rel=1e-6)
     (row,) = [line for line in closed(found).splitlines() if line.startswith("| `htg-mm`") and "[" not in line][:1]
     assert float(row.split("|")[4]) == pytest.approx(runs["progress"].mean(), abs=0.05)

@@ -25,9 +25,9 @@ def folder(tmp_path):
 
 
 def test_each_policy_drives_on_everything_that_one_was_trained_on(folder):
-    table = drives(policies(folder), str(folder / "out"), Engine(), episodes=2)
+    table = drives(policies(folder), str(folder / "out"), Engine(), episodes=1)
     assert list(zip(table["tracker"], table["driven"], table["seed"], strict=True)) == [
-        (t, d, s) for t in ("truth", "rm-koch") for d in ("truth", "rm-koch") for s in (1000, 1001)
+        (t, d, s) for t in ("truth", "rm-koch") for d in ("truth", "rm-koch") for s in (1000,)
     ]
     assert (table["length"][table["crashed"] == 0] == 30).all()  # of the environment, when nothing ends it before
     assert table["length"].max() <= 30

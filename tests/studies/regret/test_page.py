@@ -12,8 +12,8 @@ from studies.regret.page import PARTS, joined, load, text
 from testbed.environment.sources.substitution import subsets
 from testbed.evaluation import metric
 from testbed.evaluation.metric import keys
-from testbed.regret.pairs import MEASURES
-from testbed.regret.results import DRIVES, PAIRS
+from testbed.experiments.pairs import MEASURES
+from testbed.experiments.regret import DRIVES, PAIRS
 from tests.studies.committed_pages import assert_committed
 
 DOCS = Path(__file__).parents[3] / "docs"
@@ -57,6 +57,7 @@ def test_the_page_has_a_part_for_each_study_and_figures_of_the_tables():
     assert text({"main": found["main"]}).count("\n## ") == page.count("\n## ") - 3
 
 
+@pytest.mark.slow
 def test_the_committed_page_says_what_the_committed_tables_say():
     results = DOCS / "results" / "regret"
     written = text({name: load(results / name) for name in PARTS if (results / name).exists()})

@@ -83,7 +83,7 @@ def near_end(outcome: Outcome, start: float) -> tuple[NDArray, NDArray]:
 GOSPA = {
     "abreast": (6.12, 5.27, 5.01),
     "truck and car": (3.99, 2.05, 0.62),
-    "hidden": (5.29, 5.05, 5.14),
+    "hidden": (5.29, 5.05, 3.19),
     "overtaking": (1.15, 1.01, 0.33),
     "leaving": (1.37, 1.07, 0.29),
     "abeam": (1.80, 1.65, 0.70),
@@ -91,7 +91,7 @@ GOSPA = {
     "tailgaters": (2.22, 0.80, 0.43),
     "passing truck": (3.20, 4.53, 2.80),
     "jam": (11.18, 8.96, 9.37),
-    "turn": (6.35, 4.62, 5.31),
+    "turn": (6.35, 4.62, 3.26),
     "ghost": (2.43, 3.20, 2.13),
 }
 OF_MAP = ("truck and car", "overtaking", "tailgaters")  # the quick cases of the other filters

@@ -14,19 +14,18 @@ from dataclasses import replace
 from pathlib import Path
 
 import pandas as pd
-import pyarrow.parquet as pq
 import pytest
 from distributed import Client, LocalCluster
 
-from testbed.compare.runs.config import Comparison, Settings, Task
-from testbed.compare.runs.results import RUNS, collect
-from testbed.compare.runs.tasks import RECORDINGS, ROWS, RecordingTask, recording_path, rows_path
-from testbed.compare.runs.work import execute
 from testbed.evaluation.metric import COSTS
-from testbed.experiments.cluster import Folder, carried, difference, environment, modules_in
+from testbed.experiments.cluster import Folder, carried, connected, difference, environment, modules_in
+from testbed.experiments.command import calculated, execute
+from testbed.experiments.compare import Comparison, Settings
 from testbed.experiments.engine import Engine, check, perform
 from testbed.experiments.report import logs
-from testbed.experiments.run import DONE, FAILED, Outcome
+from testbed.experiments.run import DONE, FAILED, Outcome, Run
+from testbed.experiments.store import RECORDINGS, ROWS, RUNS, Results, Store
+from tests.testbed.experiments.naps import Naps
 from tests.testbed.experiments.orders import DIES, DIES_ONCE, FAILS, FINE, Order, orders, status, work
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -100,10 +99,10 @@ def test_files_that_a_task_reads_and_makes_travel_and_no_others(tmp_path, engine
 
 def assert_same_results(a, b):
     """Rows and measures to the bit, but for wall times."""
-    for task in a.tasks:
-        one, two = (pq.read_table(rows_path(task, Path(c.out))) for c in (a, b))
-        assert one.equals(two, check_metadata=True), task
-    frames = [collect(c).spans.drop(columns=list(COSTS)) for c in (a, b)]
+    for run in a.work():
+        one, two = (Store(c).table(run) for c in (a, b))
+        assert one.equals(two, check_metadata=True), run
+    frames = [Results.read(c).spans.drop(columns=list(COSTS)) for c in (a, b)]
     pd.testing.assert_frame_equal(*frames, check_exact=True)
 
 
@@ -111,21 +110,29 @@ def test_a_cluster_gives_the_rows_and_logs_of_one_process_also_where_files_are_d
     here, there = (replace(WANTED, out=str(tmp_path / name)) for name in ("here", "there"))
     assert execute(here, Engine(1)).done == execute(there, engine).done == 4
     assert_same_results(here, there)
-    out, damaged = Path(there.out), there.tasks[0]
-    rows_path(damaged, out).write_bytes(b"")
-    recording_path(RecordingTask(damaged.scenario, damaged.seed), out).write_bytes(b"")
-    rows_path(there.tasks[3], out).unlink()
-    intact = recording_path(RecordingTask(damaged.scenario, 1), out)
+    store, (damaged, _, _, last) = Store(there), there.work()
+    store.path(damaged).write_bytes(b"")
+    store.recording_path(damaged).write_bytes(b"")
+    store.path(last).unlink()
+    intact = store.recording_path(last)
     before = intact.read_bytes()
     tally = execute(there, engine)
     assert (tally.done, tally.found) == (2, 2)
     assert intact.read_bytes() == before, "recorded again, with other wall times"
-    assert [o.note.startswith(f"{rows_path(damaged, out)} is damaged") for o in tally.redone] == [True]
-    results = collect(there)
+    assert [o.note.startswith(f"{store.path(damaged)} is damaged") for o in tally.redone] == [True]
     assert_same_results(here, there)
+    results = Results.read(there)
     found = logs.picks(results)
     assert [o.status for o in logs.write(results, found, engine)] == [DONE] * 4
-    assert all(logs.log_path(pick, there, out).stat().st_size > 1000 for pick in found)
+    assert all(logs.log_path(pick, store.out).stat().st_size > 1000 for pick in found)
+
+
+def test_a_cluster_does_a_study_of_anything_and_calculations(tmp_path, engine):
+    study = Naps(bad=(3,), out=str(tmp_path))
+    tally = execute(study, engine)
+    assert (tally.done, [outcome.name for outcome in tally.failed]) == (5, ["nap3"])
+    assert all(Store(study).is_made(work) for work in study.work() if work.k != 3)
+    assert list(calculated(divmod, [(7, 2), (9, 4)], engine)) == [(3, 1), (2, 1)]
 
 
 def test_a_worker_of_another_environment_does_nothing():
@@ -141,8 +148,10 @@ def test_a_worker_without_the_module_of_a_user_does_nothing_and_says_so(tmp_path
     (tmp_path / "my_tracker.py").write_text("from trackers import RandomMatrix\n\ntuned = RandomMatrix()\n")
     (tmp_path / "my_worker.py").write_text("act = min\n")
     monkeypatch.setattr(sys, "path", [*sys.path, str(tmp_path)])
-    settings = Settings(radar="surround", planner="my_worker:act:a=1")
-    tasks = [(Task("cut-in", name, 0), settings, tmp_path) for name in ("rm-koch", "my_tracker:tuned:sigma=0.3")]
+    runs = [
+        Run("cut-in", source=name, planner="my_worker:act:a=1") for name in ("rm-koch", "my_tracker:tuned:sigma=0.3")
+    ]
+    tasks = [(run, tmp_path) for run in runs]
     assert modules_in(tasks[:1]) == ("my_worker",)
     modules = modules_in(tasks)
     assert modules == ("my_tracker", "my_worker")
@@ -171,18 +180,25 @@ def closed_port():
 @pytest.mark.parametrize("find", [closed_port, lambda: "nowhere", lambda: "tcp://127.0.0.1:port"])
 @pytest.mark.usefixtures("collected")
 def test_a_cluster_that_does_not_answer_is_one_sentence(find):
-    with pytest.raises(OSError, match=r"dask: no scheduler answers at '.*' \(.*\); is the cluster running\?"):
-        check(Engine(dask=find()))
+    sentence = r"dask: no scheduler answers at '.*' \(.*\); is the cluster running\?"
+    with pytest.raises(OSError, match=sentence), connected(find(), timeout=0.5):
+        pass
 
 
 @pytest.mark.parametrize(
     ("workers", "threads", "sentence"),
-    [(0, 1, "has no workers; start `dask worker tcp://.* --nthreads 1`"), (1, 2, "must have one thread, got 2")],
+    [(0, 1, "has no workers; start `dask worker inproc://.* --nthreads 1`"), (1, 2, "must have one thread, got 2")],
 )
 @pytest.mark.usefixtures("collected")
 def test_a_cluster_that_cannot_do_the_work_is_one_sentence(workers, threads, sentence):
     with (
-        LocalCluster(n_workers=workers, threads_per_worker=threads, dashboard_address=":0", silence_logs=50) as made,
+        LocalCluster(
+            n_workers=workers,
+            threads_per_worker=threads,
+            processes=False,
+            dashboard_address=":0",
+            silence_logs=50,
+        ) as made,
         pytest.raises(OSError, match=f"dask: .*{sentence}"),
     ):
         check(Engine(dask=made.scheduler_address))
@@ -260,9 +276,9 @@ def test_the_command_on_a_real_cluster_that_loses_a_worker_gives_the_tables_of_o
     execute(here, Engine(1))
     assert_same_results(here, there)
     out = Path(there.out)
-    assert len(pd.read_parquet(out / RUNS)) == len(collect(here).spans)
-    assert {path.name for path in (out / RECORDINGS).iterdir()} == {f"xia2020-lane_seed{k}.npz" for k in range(6)}
-    picked = {logs.log_path(pick, there, out).name for pick in logs.picks(collect(there))}
+    assert len(pd.read_parquet(out / RUNS)) == len(Results.read(here).spans)
+    assert {path.name for path in (out / RECORDINGS).iterdir()} == {f"xia2020-lane_front_seed{k}.npz" for k in range(6)}
+    picked = {logs.log_path(pick, out).name for pick in logs.picks(Results.read(there))}
     assert {path.name for path in (out / logs.FOLDER).glob("*.rrd")} == picked
     assert len(picked) == 6
     page = (out / "report.html").read_text()

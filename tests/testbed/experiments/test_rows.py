@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pyarrow as pa
@@ -13,9 +14,14 @@ from hypothesis import strategies as st
 from scenarios.stage import Phase
 from sensors.origin import CLUTTER, CONTOUR, Origin
 from sensors.scene import boxes_scene
-from testbed.compare.runs.config import Task
+from testbed.environment.perception import Cost
 from testbed.evaluation.tracking import ERRORS, Evaluator
-from testbed.experiments.rows import COLUMNS, NAMES, SCHEMA, Rows, check_part, read_meta, write
+from testbed.experiments.compare import Comparison
+from testbed.experiments.episode import Played
+from testbed.experiments.rows import COLUMNS, NAMES, SCHEMA, Rows
+from testbed.experiments.run import Run
+from testbed.experiments.store import ROWS, Store, read_meta
+from testbed.experiments.study import Kept
 from testbed.frame import Frame
 from testbed.replay.recording import record
 from testbed.replay.rescan import replay
@@ -23,10 +29,17 @@ from trackers.estimate import prior
 from trackers.multi.tracks import StepInfo, Tracks
 from trackers.scan import Scan
 
-TASK = Task("cut-in", "rm-koch", 4)
+TASK = Run("cut-in", 4, "rm-koch", loop="open")
 CAR = (4.0, 2.0)
 PHASES = (Phase("before", 0.0, 1.0), Phase("onset", 1.0, 2.0))
-LANE = Task("articulated-turn", "rm-feldmann", 2)
+LANE = Run("articulated-turn", 2, "rm-feldmann", loop="open")
+
+
+def watch(run, phases):
+    """Keeps the rows of a run with these phases."""
+    rows = Rows(run)
+    rows.begin(phases)
+    return rows
 
 
 def tracks_at(positions, ids, existence=None, size=CAR):
@@ -63,7 +76,7 @@ def origin_of(expected, real=()):
 
 def feed(rows, scene, origin, tracks, info):
     scan = Scan.from_xy(np.zeros((len(origin.object), 2)))
-    rows(Frame(0, scene, scan, origin, {rows.task.tracker: (tracks, info)}, "IDLE", np.zeros((0, 2))))
+    rows(Frame(0, scene, scan, origin, {rows.run.source: (tracks, info)}, "IDLE", np.zeros((0, 2))))
 
 
 def entries(rows):
@@ -73,7 +86,7 @@ def entries(rows):
 @pytest.fixture
 def one_frame():
     """Object 5 has track 3 half a metre off, object 7 has none, 8 counts as little as its track; track 6 is false."""
-    rows = Rows(TASK, PHASES)
+    rows = watch(TASK, PHASES)
     scene = scene_at([(30, 40), (0, 50), (60, 0)], [5, 7, 8], kinds=("van", "car", "bus"))
     tracks = tracks_at([(60, 0), (30.3, 40.4), (-3, 4), (90, 90)], [2, 3, 6, 1], [0.9, 1.0, 0.6, 0.4])
     info = info_of([6, 9, 3, 2], [0, 5, 2, 4], [math.nan, 8.0, 1.5, 7.0], [3, 2, 3, 2, 2, 2])
@@ -119,7 +132,7 @@ def test_neither_uncounted_objects_nor_unreported_tracks_have_rows(one_frame):
 
 
 def test_a_frame_without_anything_to_say_has_a_row():
-    rows = Rows(TASK, PHASES)
+    rows = watch(TASK, PHASES)
     feed(rows, scene_at([(60, 0)], [8]), origin_of([0.1]), tracks_at([(60, 0)], [2]), info_of([2], [1], [1.0]))
     feed(rows, scene_at([], [], 1.5), origin_of([]), tracks_at([], []), info_of([], [], []))
     found = entries(rows)
@@ -138,11 +151,11 @@ def test_a_track_born_at_this_frame_has_no_innovation_yet():
 
 
 def test_a_frame_belongs_to_the_phase_that_it_begins_and_to_between_outside_of_all():
-    rows = Rows(TASK, PHASES)
+    rows = watch(TASK, PHASES)
     for time in (0.0, 0.999, 1.0, 2.0):
         feed(rows, scene_at([], [], time), origin_of([]), tracks_at([], []), info_of([], [], []))
     assert rows.table().column("phase").to_pylist() == ["before", "before", "onset", "between"]
-    assert [(s["phase"], s["scans"]) for s in rows.summaries()] == [("all", 4), ("before", 2), ("onset", 1)]
+    assert [(s["phase"], s["scans"]) for s in kept(rows).spans] == [("all", 4), ("before", 2), ("onset", 1)]
 
 
 def test_a_run_without_a_frame_is_an_empty_table():
@@ -154,7 +167,7 @@ def test_a_run_without_a_frame_is_an_empty_table():
 @given(st.integers(0, 10**6), st.integers(0, 5), st.integers(0, 5))
 def test_rows_of_a_frame_add_up_to_its_gospa(seed, objects, tracks):
     rng = np.random.default_rng(seed)
-    rows, evaluator = Rows(TASK, PHASES), Evaluator(TASK.tracker, PHASES)
+    rows, evaluator = watch(TASK, PHASES), Evaluator(TASK.source, PHASES)
     for k in range(3):
         scene = scene_at(rng.uniform(0, 15, (objects, 2)), range(objects), k / 2)
         origin = origin_of(rng.uniform(0, 1.2, objects))
@@ -173,8 +186,8 @@ def test_rows_of_a_frame_add_up_to_its_gospa(seed, objects, tracks):
 def drive():
     """A short drive with its rows, and every frame of it."""
     recording = record(LANE.scenario, LANE.seed, "surround", 2.0)
-    rows, frames = Rows(LANE, recording.phases), []
-    replay(recording, (LANE.tracker,), [rows, frames.append])
+    rows, frames = watch(LANE, recording.phases), []
+    replay(recording, (LANE.source,), [rows, frames.append])
     return rows, frames
 
 
@@ -187,7 +200,7 @@ def test_every_frame_of_a_drive_has_rows_that_agree_with_scene_tracks_and_step(d
     for row in found:
         if row["status"] == "pair":
             scene, origin = frame_at[row["time"]].scene, frame_at[row["time"]].origin
-            tracks, info = frame_at[row["time"]].outputs[LANE.tracker]
+            tracks, info = frame_at[row["time"]].outputs[LANE.source]
             n, k = scene.objects.id.tolist().index(row["object"]), tracks.id.tolist().index(row["track"])
             estimate = tracks.estimate
             off = estimate.pose[k, :2] - scene.objects.pose[n, :2]
@@ -205,10 +218,9 @@ def test_every_frame_of_a_drive_has_rows_that_agree_with_scene_tracks_and_step(d
 def test_summaries_follow_from_the_rows(drive):
     rows, _ = drive
     table = rows.table().to_pandas()
-    whole = rows.summaries()[0]
+    whole = kept(rows).spans[0]
     pairs = table[table["status"] == "pair"]
     assert whole["phase"] == "all"
-    assert {k: whole[k] for k in Task._fields} == LANE._asdict()
     assert whole["gospa"] == pytest.approx(np.sqrt(table.groupby("time")["gospa2"].sum()).mean(), rel=1e-5)
     assert whole["rmse_position"] == pytest.approx(np.sqrt((pairs["position"] ** 2).mean()), rel=1e-5)
     assert whole["nees_position"] == pytest.approx(pairs["nees_position"].mean(), rel=1e-5)
@@ -216,20 +228,35 @@ def test_summaries_follow_from_the_rows(drive):
     assert whole["missed_percent"] == pytest.approx(100 * missed / (missed + len(pairs)))
 
 
+def kept(rows):
+    """What a watch keeps of a run, whose tracker took no time."""
+    return rows.kept(Played((), {rows.run.source: Cost()}, {"tracking": 1.0}, 0.0, None))
+
+
+def stored(rows, folder):
+    """A folder that holds the run."""
+    store = Store(Comparison((LANE.scenario,), (LANE.source,), (LANE.seed,), out=str(folder)))
+    (folder / ROWS).mkdir(parents=True, exist_ok=True)
+    store.write(LANE, kept(rows)._replace(seconds={"tracking": 1.0}))
+    return store
+
+
 @pytest.fixture
-def part(drive, tmp_path):
-    rows, _ = drive
-    path = tmp_path / f"{LANE.name}.parquet"
-    write(rows.table(), {"task": LANE._asdict(), "spans": rows.summaries(), "seconds": {"tracking": 1.0}}, path)
-    return path
+def store(drive, tmp_path):
+    return stored(drive[0], tmp_path)
 
 
-def test_a_file_holds_the_rows_and_what_is_to_be_known(part, drive):
+@pytest.fixture
+def part(store):
+    return store.path(LANE)
+
+
+def test_a_file_holds_the_rows_and_what_is_to_be_known(store, part, drive):
     rows, _ = drive
-    check_part(part, LANE)
+    store.verify(LANE)
     assert pq.read_table(part).equals(rows.table())
-    meta = read_meta(part)
-    assert meta["spans"] == rows.summaries()
+    meta = read_meta(part, SCHEMA)
+    assert meta["spans"] == kept(rows).spans
     assert meta["rows"] == rows.table().num_rows
     assert set(meta["seconds"]) == {"tracking", "writing"}
     assert list(part.parent.iterdir()) == [part]
@@ -263,18 +290,18 @@ def test_polars_reads_a_file(part, drive):
 
 @given(place=st.integers(0, 10**6), flip=st.integers(1, 255))
 def test_a_flipped_byte_is_harmless_or_refused_in_one_sentence(drive, whole_part, place, flip):
-    data, meta, folder = whole_part
+    data, meta, store = whole_part
     damaged = bytearray(data)
     damaged[place % len(data)] ^= flip
-    path = folder / "flipped.parquet"
+    path = store.path(LANE)
     path.write_bytes(damaged)
     try:
-        check_part(path, LANE)
+        store.verify(LANE)
         refused = None
     except ValueError as error:
         refused = str(error)
     if refused is None:  # the name of the writer, or a length that nobody asks for
-        assert read_meta(path) == meta
+        assert store.meta(LANE) == meta
         assert pq.read_table(path).equals(drive[0].table())
     else:
         assert refused.startswith(str(path))
@@ -283,16 +310,12 @@ def test_a_flipped_byte_is_harmless_or_refused_in_one_sentence(drive, whole_part
 
 @pytest.fixture(scope="module")
 def whole_part(drive, tmp_path_factory):
-    rows, _ = drive
-    folder = tmp_path_factory.mktemp("damaged")
-    write(
-        rows.table(), {"task": LANE._asdict(), "spans": rows.summaries(), "seconds": {}}, folder / "whole.parquet"
-    )  # fmt: skip
-    return (folder / "whole.parquet").read_bytes(), read_meta(folder / "whole.parquet"), folder
+    store = stored(drive[0], tmp_path_factory.mktemp("damaged"))
+    return store.path(LANE).read_bytes(), store.meta(LANE), store
 
 
 def of_other_columns(path):
-    known = {"layout": 1, "rows": 1, "task": LANE._asdict()}
+    known = {"layout": 1, "rows": 1, "run": LANE.key}
     pq.write_table(pa.table({"a": [1]}).replace_schema_metadata({b"testbed": json.dumps(known).encode()}), path)
 
 
@@ -305,30 +328,32 @@ def of_other_columns(path):
         (of_other_columns, "is damaged"),
     ],
 )
-def test_damage_is_reported_with_the_name_of_the_file(part, damage, refused):
+def test_damage_is_reported_with_the_name_of_the_file(store, part, damage, refused):
     damage(part)
     with pytest.raises(ValueError, match=rf"{LANE.name}\.parquet {refused}"):
-        check_part(part, LANE)
+        store.verify(LANE)
 
 
-def test_rows_of_another_run_are_refused(part):
-    other = LANE._replace(seed=LANE.seed + 1)
-    with pytest.raises(ValueError, match=r"holds the run \{'scenario': 'articulated-turn', .*'seed': 2\}"):
-        check_part(part, other)
+def test_rows_of_another_run_are_refused(store, part):
+    other = replace(LANE, seed=LANE.seed + 1)
+    part.rename(store.path(other))
+    with pytest.raises(ValueError, match=r"holds the run \{'scenario': 'articulated-turn', 'seed': 2, "):
+        store.verify(other)
 
 
 def test_a_missing_file_is_not_a_damaged_one(tmp_path):
     with pytest.raises(FileNotFoundError):
-        read_meta(tmp_path / "none.parquet")
+        read_meta(tmp_path / "none.parquet", SCHEMA)
 
 
-def test_numbers_that_json_does_not_know_are_refused_and_nothing_is_left(drive, tmp_path):
-    meta = {"task": LANE._asdict(), "spans": [{"gospa": math.nan}], "seconds": {}}
+def test_numbers_that_json_does_not_know_are_refused_and_nothing_is_left(drive, store, part):
+    part.unlink()
     with pytest.raises(ValueError, match="JSON"):
-        write(drive[0].table(), meta, tmp_path / "a.parquet")
-    assert not (tmp_path / "a.parquet").exists()
+        store.write(LANE, Kept(drive[0].table(), [{"gospa": math.nan}]))
+    assert list(part.parent.iterdir()) == []
 
 
 def test_rows_without_a_place_are_refused_in_one_sentence(drive, tmp_path):
-    with pytest.raises(OSError, match=r"cannot write .*a\.parquet: "):
-        write(drive[0].table(), {"seconds": {}}, tmp_path / "missing" / "a.parquet")
+    store = Store(Comparison(("cut-in",), ("rm-koch",), (0,), out=str(tmp_path / "missing")))
+    with pytest.raises(OSError, match=r"cannot write .*\.parquet: "):
+        store.write(LANE, Kept(drive[0].table(), []))

@@ -15,9 +15,11 @@ from scenarios.stage import Phase
 from sensors import find as find_radar
 from sensors.origin import Origin
 from sensors.scene import Ego, boxes_scene
-from testbed.compare.runs.config import Settings, Task
-from testbed.compare.runs.tasks import RECORDINGS, RecordingTask, obtain, recording_path
+from testbed.evaluation.tracking import jsonable
+from testbed.experiments.compare import Comparison, Settings
 from testbed.experiments.rows import Rows
+from testbed.experiments.run import Run
+from testbed.experiments.store import RECORDINGS, Store
 from testbed.log import reader
 from testbed.log.record import RoadGeometry
 from testbed.planners import find as find_planner
@@ -29,6 +31,13 @@ from trackers.scan import Scan
 TRACKERS = ("rm-feldmann", "htg-map")
 DRIVES = (("articulated-turn", "surround"), ("stop-and-go", "nuscenes-like"), ("xia2020-lane", "front"))
 DURATION, SEED = 1.0, 3
+
+
+def watch(recording, tracker):
+    """Keeps the rows of a tracker."""
+    rows = Rows(Run(recording.scenario, SEED, tracker, loop="open"))
+    rows.begin(recording.phases)
+    return rows
 
 
 def differences(a, b, where="."):
@@ -102,7 +111,7 @@ def test_the_live_environment_shows_what_was_recorded_and_trackers_say_the_same(
         of_replay.append([frame.outputs[name] for name in TRACKERS])
         steps.append((frame.step, frame.action))
 
-    rows = [[Rows(Task(back.scenario, name, SEED), back.phases) for name in TRACKERS] for _ in range(2)]
+    rows = [[watch(back, name) for name in TRACKERS] for _ in range(2)]
     live(back.scenario, back.radar, [keep, *rows[0]])
     perception = replay(back, TRACKERS, [listen, *rows[1]])
     assert differences(tuple(frames), back.frames) == []
@@ -110,7 +119,8 @@ def test_the_live_environment_shows_what_was_recorded_and_trackers_say_the_same(
         assert [differences(tuple(x), tuple(y)) for x, y in zip(a, b, strict=True)] == [[]] * len(TRACKERS)
     for a, b in zip(*rows, strict=True):
         assert a.table().equals(b.table(), check_metadata=True)
-        assert a.summaries() == b.summaries()
+        assert jsonable(a.evaluator.summary()) == jsonable(b.evaluator.summary())
+        assert list(map(jsonable, a.evaluator.phase_rows())) == list(map(jsonable, b.evaluator.phase_rows()))
     assert perception.costs[TRACKERS[0]].scans == len(back.frames)
     assert steps == [(k, REPLAY) for k in range(len(back.frames))]
 
@@ -123,7 +133,7 @@ def lane():
 
 def test_a_tracker_alone_says_what_it_says_among_others_and_the_recording_stays_as_it_is(lane):
     before = copy.deepcopy(lane.frames)
-    rows = [Rows(Task(lane.scenario, TRACKERS[1], SEED), lane.phases) for _ in range(2)]
+    rows = [watch(lane, TRACKERS[1]) for _ in range(2)]
     replay(lane, TRACKERS, rows[:1])
     replay(lane, TRACKERS[1:], rows[1:])
     assert rows[0].table().equals(rows[1].table())
@@ -174,7 +184,7 @@ def test_empty_frames_come_back_and_are_tracked(lane, tmp_path, empty, which):
     save(made, tmp_path / "drive.npz")
     back = load(tmp_path / "drive.npz", made.scenario, made.seed, made.radar)
     assert differences(made.frames, back.frames) == []
-    rows = Rows(Task(made.scenario, TRACKERS[0], SEED), made.phases)
+    rows = watch(made, TRACKERS[0])
     replay(back, TRACKERS[:1], [rows])
     assert len(set(rows.table().column("time").to_pylist())) == len(frames)
 
@@ -260,14 +270,16 @@ def flipped(data):
 @pytest.mark.parametrize("damage", [lambda data: b"", lambda data: data[: len(data) // 2], lambda data: b"no", flipped])
 def test_a_damaged_recording_is_made_again(lane_bytes, damage, tmp_path):
     _, data, _ = lane_bytes
-    wanted = RecordingTask("xia2020-lane", SEED)
-    path = recording_path(wanted, tmp_path)
+    study = Comparison(("xia2020-lane",), TRACKERS[:1], (SEED,), Settings("front", duration=0.2), out=str(tmp_path))
+    (run,) = study.work()
+    store = Store(study)
+    path = store.recording_path(run)
     path.parent.mkdir()
     path.write_bytes(damage(data))
     with pytest.raises(ValueError, match="is damaged"):
-        load(path, *wanted, "front")
-    obtain(wanted, Settings(radar="front", duration=0.2), tmp_path)
-    assert load(path, *wanted, "front").frames
+        load(path, run.scenario, run.seed, "front")
+    store.recording(run)
+    assert load(path, run.scenario, run.seed, "front").frames
     assert os.listdir(tmp_path / RECORDINGS) == [path.name]
 
 

@@ -1,22 +1,26 @@
 """What the report on hoher2022 claims, and our answers; docs/methods/virtual-measurements.md has the equations."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from studies.papers.answer import Answer, Claim, judge
-from studies.papers.hoher2022.runs import ContourErrors, measure
+from studies.papers.hoher2022.runs import SETTLED, ContourErrors, measure
 from studies.papers.hoher2022.uturn import CAR, FIRST, SHAPES, lidar_hits, truth
 from trackers.geometry import unit
 from trackers.random_matrix.ellipse import root_of
 from trackers.random_matrix.virtual_measurements import VirtualMeasurements
 
 AllErrors = Mapping[tuple[str, str], ContourErrors]  # case and method
+Pairs = Mapping[str, tuple[float, float]]  # by case
 NOISES = ("0.0", "0.1", "0.5")  # [m]
 LATE = 60  # steps after which the start-up is over
 CLEAR = 0.1  # of IoU, a clear gain
 SAME = 0.03  # of IoU, within the tolerance of 100 runs
+FIRST_PATH = tuple(f"{shape}, sigma {s}" for shape in SHAPES for s in NOISES)
+SECOND_PATH = tuple(f"second path, {shape}, sigma {s}" for shape in ("rectangle", "ellipse") for s in NOISES)
+DRIFTING = tuple(f"drift, {shape}, sigma {s}" for shape in ("ellipse", "rectangle") for s in NOISES)
 
 
 def answers(errors: AllErrors) -> tuple[Answer, ...]:
@@ -36,12 +40,20 @@ def answers(errors: AllErrors) -> tuple[Answer, ...]:
     )
 
 
-def value(errors: AllErrors, case: str, method: str, name: str = "IoU", since: int = 20) -> float:
+def value(errors: AllErrors, case: str, method: str, name: str = "IoU", since: int = SETTLED) -> float:
     """One measure of one method in one case."""
     return measure(errors[case, method], since)[name]
 
 
-def compare(pairs: Mapping[str, tuple[float, float]], digits: int = 2) -> str:
+def pairs_of(
+    errors: AllErrors, cases: Iterable[str], methods: tuple[str, str], name: str = "IoU", since: int = SETTLED
+) -> Pairs:
+    """One measure of two methods by case."""
+    first, second = methods
+    return {case: (value(errors, case, first, name, since), value(errors, case, second, name, since)) for case in cases}
+
+
+def compare(pairs: Pairs, digits: int = 2) -> str:
     """Pairs of figures as text."""
     return ", ".join(f"{case} {a:.{digits}f} / {b:.{digits}f}" for case, (a, b) in pairs.items())
 
@@ -49,15 +61,9 @@ def compare(pairs: Mapping[str, tuple[float, float]], digits: int = 2) -> str:
 def contour_gain(errors: AllErrors) -> Answer:
     """The main claim, for the corrected form."""
     claim = Claim("The adaptation gives a much better contour than the random matrix alone", "section IV")
-    pairs = {
-        f"{shape}, sigma {s}": tuple(
-            value(errors, f"{shape}, sigma {s}", m) for m in ("RM corrected, 1 sigma", "C33 I=2")
-        )
-        for shape in SHAPES
-        for s in NOISES
-    }
+    pairs = pairs_of(errors, FIRST_PATH, ("RM corrected, 1 sigma", "C33 I=2"))
     held = {case: b > a + CLEAR for case, (a, b) in pairs.items()}
-    return judge(claim, held, f"corrected form, mean IoU without / with: {compare(pairs)}")  # type: ignore[arg-type]
+    return judge(claim, held, f"corrected form, mean IoU without / with: {compare(pairs)}")
 
 
 def printed_form(errors: AllErrors) -> Answer:
@@ -100,11 +106,9 @@ def one_side(errors: AllErrors) -> Answer:
 def two_iterations(errors: AllErrors) -> Answer:
     """I = 2 against I = 10 once the start-up is over, body moments."""
     claim = Claim("I = 2 iterations are quite enough", "section IV")
-    names = [f"{shape}, sigma {s}" for shape in SHAPES for s in NOISES]
-    names += [f"second path, {shape}, sigma {s}" for shape in ("rectangle", "ellipse") for s in NOISES]
-    pairs = {n: tuple(value(errors, n, m, since=LATE) for m in ("C I=2", "C I=10")) for n in names}
+    pairs = pairs_of(errors, FIRST_PATH + SECOND_PATH, ("C I=2", "C I=10"), since=LATE)
     held = {case: a > b - SAME for case, (a, b) in pairs.items()}
-    return judge(claim, held, f"mean IoU after {LATE} steps with I = 2 / 10: {compare(pairs)}")  # type: ignore[arg-type]
+    return judge(claim, held, f"mean IoU after {LATE} steps with I = 2 / 10: {compare(pairs)}")
 
 
 def jacobian(distance: float, aspect: float, eigenvalues: bool) -> NDArray:
@@ -138,60 +142,55 @@ def stability() -> Answer:
 def learned_tilt(errors: AllErrors) -> Answer:
     """Tilt error with the learned matrix and with the heading from the velocity, target that drifts by 20 deg."""
     claim = Claim("Learning the matrix of the ellipse expresses a drifting target", "IV, improvement 1")
-    names = [f"drift, {shape}, sigma {s}" for shape in ("ellipse", "rectangle") for s in NOISES]
-    pairs = {n: tuple(value(errors, n, m, "tilt [deg]") for m in ("C I=10", "square root I=10")) for n in names}
+    pairs = pairs_of(errors, DRIFTING, ("C I=10", "square root I=10"), "tilt [deg]")
     held = {case: b < 0.6 * a for case, (a, b) in pairs.items()}
-    text = f"tilt RMSE [deg] from the velocity / learned: {compare(pairs, 1)}"  # type: ignore[arg-type]
-    return judge(claim, held, text)
+    return judge(claim, held, f"tilt RMSE [deg] from the velocity / learned: {compare(pairs, 1)}")
 
 
 def no_virtual_detections(errors: AllErrors) -> Answer:
     """IoU of the direct form against that of C33."""
     claim = Claim("Virtual detections can be discarded and the real ones used directly", "IV, improvement 2")
-    names = [f"{shape}, sigma {s}" for shape in SHAPES for s in NOISES]
-    pairs = {n: tuple(value(errors, n, m) for m in ("C33 I=2", "direct I=2")) for n in names}
+    pairs = pairs_of(errors, FIRST_PATH, ("C33 I=2", "direct I=2"))
     held = {case: b > a - SAME for case, (a, b) in pairs.items()}
-    text = f"mean IoU of C33 I=2 / of the direct form with tangent rows: {compare(pairs)}"  # type: ignore[arg-type]
-    return judge(claim, held, text)
+    return judge(claim, held, f"mean IoU of C33 I=2 / of the direct form with tangent rows: {compare(pairs)}")
 
 
 def naive_feedback(errors: AllErrors) -> Answer:
     """Tilt error when the contour overwrites the filter's state."""
     claim = Claim("Overwriting the filter's state with the contour causes significant errors of the tilt", "IV, 4")
-    names = [c for c, m in errors if m == "C naive"]
-    pairs = {n: tuple(value(errors, n, m, "tilt [deg]") for m in ("C I=2", "C naive")) for n in names}
+    pairs = pairs_of(errors, [c for c, m in errors if m == "C naive"], ("C I=2", "C naive"), "tilt [deg]")
     held = {case: b > 2 * a for case, (a, b) in pairs.items()}
-    text = f"tilt RMSE [deg] without / with: {compare(pairs, 1)}"  # type: ignore[arg-type]
-    return judge(claim, held, text)
+    return judge(claim, held, f"tilt RMSE [deg] without / with: {compare(pairs, 1)}")
 
 
 def offset_feedback(errors: AllErrors) -> Answer:
     """Position error of a filter that gets the offset of the mean from the contour."""
     claim = Claim("Fed back correctly, the contour improves the filter's own state", "IV, improvement 4")
-    names = [c for c, m in errors if m == "G offset"]
-    pairs = {n: tuple(value(errors, n, m, "position [m]") for m in ("G I=1", "G offset")) for n in names}
+    names, methods = [c for c, m in errors if m == "G offset"], ("G I=1", "G offset")
+    pairs = pairs_of(errors, names, methods, "position [m]")
     held = {case: b < 0.8 * a for case, (a, b) in pairs.items()}
-    tilt = {n: tuple(value(errors, n, m, "tilt [deg]") for m in ("G I=1", "G offset")) for n in names}
-    text = f"filter position RMSE [m] without / with the offset: {compare(pairs)}; "  # type: ignore[arg-type]
-    return judge(claim, held, text + f"at the price of the tilt [deg]: {compare(tilt, 1)}")  # type: ignore[arg-type]
+    tilt = compare(pairs_of(errors, names, methods, "tilt [deg]"), 1)
+    text = (
+        f"filter position RMSE [m] without / with the offset: {compare(pairs)}; at the price of the tilt [deg]: {tilt}"
+    )
+    return judge(claim, held, text)
 
 
 def sensor_noise(errors: AllErrors) -> Answer:
     """Width bias without sensor noise in the virtual spread, which the report does not mention."""
     claim = Claim("The virtual spread needs no sensor noise (it has none as printed)", "Algorithm 1, lines 20 to 28")
     names = [c for c, m in errors if m == "B without sigma^2" and "0.0" not in c]
-    pairs = {n: tuple(value(errors, n, m, "width bias [m]") for m in ("B I=2", "B without sigma^2")) for n in names}
+    pairs = pairs_of(errors, names, ("B I=2", "B without sigma^2"), "width bias [m]")
     held = {case: b < a + 0.5 for case, (a, b) in pairs.items()}
-    text = f"width bias [m] with / without it: {compare(pairs)}"  # type: ignore[arg-type]
-    return judge(claim, held, text)
+    return judge(claim, held, f"width bias [m] with / without it: {compare(pairs)}")
 
 
 def radar_too(errors: AllErrors) -> Answer:
     """The same course seen by our ray-cast radars, whose detections also come from inside the body."""
     claim = Claim("What holds for a lidar holds for a radar", "our question, not the report's")
     names = list(dict.fromkeys(c for c, _ in errors if c.startswith("our radar")))
-    pairs = {n: tuple(value(errors, n, m) for m in ("RM corrected, 2 sigma", "C33 I=2")) for n in names}
+    pairs = pairs_of(errors, names, ("RM corrected, 2 sigma", "C33 I=2"))
     held = {case: b > a + CLEAR for case, (a, b) in pairs.items()}
     box = ", ".join(f"{n} {value(errors, n, 'box, Bayes (ours)'):.2f}" for n in names)
-    text = f"mean IoU of the random matrix at 2 sigma / of C33: {compare(pairs)}; "  # type: ignore[arg-type]
-    return judge(claim, held, text + f"box with Bayesian gain: {box}")
+    text = f"mean IoU of the random matrix at 2 sigma / of C33: {compare(pairs)}; box with Bayesian gain: {box}"
+    return judge(claim, held, text)

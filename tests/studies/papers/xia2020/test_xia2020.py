@@ -230,7 +230,7 @@ def small_cases():
         yield PlannedTrial(lambda c=course, k=k: partial_view(c, 2.0, 3, rng(k)), methods)
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
+@pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_an_experiment_counts_its_methods_and_keeps_the_reference_figures(jobs):
     calls, results = [], TrialRuns()
     experiment(tuple(small_cases()), results, lambda *call: calls.append(call), Engine(jobs))

@@ -5,16 +5,14 @@ from xml.etree import ElementTree
 import numpy as np
 import pandas as pd
 
-from testbed.compare.runs.config import Task
-from testbed.compare.runs.results import Results, collect
-from testbed.compare.runs.work import Tally
+from testbed.experiments.baselines import NONE, Update, merge
+from testbed.experiments.regress import Findings, Regress, examine, suites, worst_run
 from testbed.experiments.report import junit
 from testbed.experiments.run import FAILED, Outcome
-from testbed.regress.baselines import NONE, Update, merge
-from testbed.regress.findings import Findings, examine, worst_run
-from testbed.regress.suite import TOLERANCES, Suite
-from testbed.regress.verdict import OVERALL, judge
-from tests.testbed.regress import made_suites
+from testbed.experiments.store import Results
+from testbed.experiments.study import Tally
+from testbed.experiments.tolerated import OVERALL, TOLERANCES, tolerated
+from tests.testbed.experiments import made_suites
 
 BASE = made_suites.make(4)
 KEY, BROKEN, NEW = ("a", "scenario-3"), ("b", "scenario-0"), ("b", "scenario-9")
@@ -22,11 +20,11 @@ FAULTY = made_suites.changed(BASE, KEY, "gospa", BASE[KEY]["gospa"] + [0.5, 2.0]
 
 
 def findings(new=FAULTY, failed=None, without=()):
-    return Findings(list(BASE), judge(new, BASE), failed or {}, without, [], {KEY: 1.5})
+    return Findings(list(BASE), tolerated(new, BASE), failed or {}, without, [], {KEY: 1.5})
 
 
 def read(tmp_path, what):
-    junit.write(what, tmp_path / "j.xml")
+    junit.write("regress", list(suites(what)), tmp_path / "j.xml")
     return ElementTree.parse(tmp_path / "j.xml").getroot()
 
 
@@ -79,13 +77,14 @@ def test_the_worst_run_of_a_loss_everywhere_is_where_it_is_largest():
 
 
 def test_a_run_that_failed_is_a_failure_with_its_traceback(tmp_path):
-    suite = Suite(("cut-in",), ("htg-mm", "htg-map"), out=str(tmp_path))
-    gone = Task("cut-in", "htg-map", 1)
-    ran = [task._asdict() for task in suite.comparison.tasks if task != gone]
+    suite = Regress(("cut-in",), ("htg-mm", "htg-map"), out=str(tmp_path))
+    gone = suite.run("cut-in", "htg-map", 1)
+    made = [run for run in suite.work() if run != gone]
+    ran = [suite.columns(run) for run in made]
     spans = pd.DataFrame([{"phase": "all", **run, **dict.fromkeys(TOLERANCES, 1.0)} for run in ran])
-    results = Results(suite.comparison, spans, pd.DataFrame([{**run, "tracking": 2.0} for run in ran]), [gone])
-    report = Tally(failed=[Outcome("cut-in_htg-map_seed1", FAILED, "Traceback: told")])
-    what = examine(results, report, suite, NONE)
+    results = Results(suite, spans, [gone], {run: {"seconds": {"tracking": 2.0}} for run in made})
+    report = Tally(failed=[Outcome(gone.name, FAILED, "Traceback: told")])
+    what = examine(results, report, NONE)
     assert what.failed == {("htg-map", "cut-in"): "Traceback: told"}
     assert not what.passed
     assert what.seconds["htg-mm", "cut-in"] == 4.0
@@ -94,8 +93,8 @@ def test_a_run_that_failed_is_a_failure_with_its_traceback(tmp_path):
 
 
 def test_no_run_at_all_is_a_failure_of_all(tmp_path):
-    suite = Suite(("cut-in",), ("htg-mm",), out=str(tmp_path))
-    what = examine(collect(suite.comparison), Tally(), suite, NONE)
+    suite = Regress(("cut-in",), ("htg-mm",), out=str(tmp_path))
+    what = examine(Results.read(suite), Tally(), NONE)
     assert set(what.failed) == {("htg-mm", "cut-in")}
 
 

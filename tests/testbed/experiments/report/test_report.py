@@ -5,7 +5,6 @@ import re
 import shutil
 import subprocess
 from dataclasses import replace
-from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -13,93 +12,42 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from testbed.compare.runs.config import SETTINGS, Comparison, Settings, Task, identity
-from testbed.compare.runs.results import Results, collect
-from testbed.compare.runs.tasks import rows_path
-from testbed.compare.runs.work import Tally, execute
-from testbed.compare.statistics.analysis import MAIN, cells
+from testbed.evaluation.intervals import FEWEST
+from testbed.experiments.command import execute
+from testbed.experiments.compare import Comparison, Settings
 from testbed.experiments.engine import Engine
-from testbed.experiments.report import links, logs
+from testbed.experiments.report import logs
 from testbed.experiments.report import words as report_words
-from testbed.experiments.report.grouping import failures
-from testbed.experiments.report.page import bands_of, render, seeds_text, tables_of, write_report
-from testbed.experiments.report.ranking import ranking
+from testbed.experiments.report.comparison import links_of, page_of, write_report
+from testbed.experiments.report.page import failures, render, write_page
+from testbed.experiments.report.tables import ranking
+from testbed.experiments.report.texts import seeds_text
 from testbed.experiments.run import FAILED, Outcome
-from tests.testbed.compare.made_results import make
-
-VOID = {"meta", "img", "br", "link", "source", "hr", "input"}
-TRACKERS = ("good", "fair", "bad")
-
-
-class Page(HTMLParser):
-    """Tags, links, texts and sections of a page; complains of tags that are not closed."""
-
-    def __init__(self, path: Path) -> None:
-        super().__init__(convert_charrefs=True)
-        self.path, self.open, self.links, self.ids, self.tags, self.texts = path, [], [], [], [], []
-        self.section, self.by_section = "", {}
-        self.feed(path.read_text())
-        self.close()
-        assert not self.open, f"not closed: {self.open}"
-
-    def handle_starttag(self, tag, attrs):
-        found = dict(attrs)
-        self.tags.append(tag)
-        self.links += [found[key] for key in ("href", "src") if key in found]
-        self.ids += [found["id"]] if "id" in found else []
-        if tag == "section":
-            self.section = found.get("id", "")
-        if tag not in VOID:
-            self.open.append(tag)
-
-    def handle_endtag(self, tag):
-        assert self.open.pop() == tag
-
-    def handle_data(self, data):
-        self.texts.append(data)
-        self.by_section[self.section] = self.by_section.get(self.section, "") + data
-
-    @property
-    def text(self) -> str:
-        return " ".join(" ".join(self.texts).split())
-
-
-def check_links(page: Page) -> None:
-    for link in page.links:
-        if link.startswith("#"):
-            assert link[1:] in page.ids
-        else:
-            assert "://" not in link
-            assert (page.path.parent / unquote(link)).is_file(), link
-    assert len(set(page.ids)) == len(page.ids)
+from testbed.experiments.statistics import MAIN, cells
+from testbed.experiments.store import Results, Store
+from testbed.experiments.study import Tally
+from tests.testbed.experiments.made_results import make
+from tests.testbed.experiments.report.conftest import TRACKERS
+from tests.testbed.experiments.report.pages import ODD, Page, check_links
 
 
 def written(results: Results, out: Path, report: Tally | None = None) -> Page:
     """The page alone, without figures and logs, which take the time."""
     path = out / "alone.html"
-    path.write_text(render(results, report, tables_of(results, bands_of(results))))
+    path.write_text(render(page_of(results, report)))
     page = Page(path)
     check_links(page)
     return page
 
 
 @pytest.fixture(scope="module")
-def results(tmp_path_factory):
-    out = tmp_path_factory.mktemp("report")
-    comparison = Comparison(("cut-in", "merge"), TRACKERS, (0, 1, 2, 3), Settings(duration=8.0), "fair", str(out))
-    (Path(comparison.out) / SETTINGS).write_text(json.dumps(identity(comparison.settings)))
-    return make(comparison)
-
-
-@pytest.fixture(scope="module")
-def page(results):
-    return Page(write_report(results, Tally(done=24, wall=12.5), logs=False))
+def page(report):
+    return Page(report)
 
 
 def test_every_link_leads_to_a_file_or_a_part_of_the_page(page):
     check_links(page)
-    assert sum(link.endswith(".svg") for link in page.links) == 2 * 10
-    assert sum(link.endswith(".png") for link in page.links) == 10
+    assert sum(link.endswith(".png") for link in page.links) == 2 * 10  # shown, and opened alone
 
 
 def test_the_page_needs_nothing_from_outside(page):
@@ -116,7 +64,7 @@ def test_every_tracker_stands_in_every_table(page):
 
 def test_the_page_says_what_was_compared(page):
     about = page.by_section["about"]
-    for text in ("good, fair, bad", "cut-in, merge", "4: 0 to 3", "8 s", "surround", "24 of 24", "numpy"):
+    for text in ("good, fair, bad", "cut-in, merge", "3: 0 to 2", "8 s", "surround", "18 of 18", "numpy"):
         assert text in about
     for part in ("tracking", "metrics", "loading"):
         assert part in about
@@ -183,8 +131,7 @@ def test_a_tracker_that_holds_nothing_is_named_as_such(tmp_path):
 def test_one_seed_has_means_and_says_why_there_are_no_intervals(tmp_path):
     comparison = Comparison(("cut-in",), TRACKERS, (5,), out=str(tmp_path))
     page = written(make(comparison), tmp_path)
-    assert "1 seeds are too few" not in page.text
-    assert "1 seed is too few for intervals" in page.text
+    assert "1 seed is too few for intervals" in page.text[: page.text.index("is best in GOSPA")]
     assert "too few seeds" in page.by_section["differences"]
     assert "nan" not in page.text.split()
 
@@ -192,17 +139,35 @@ def test_one_seed_has_means_and_says_why_there_are_no_intervals(tmp_path):
 def test_one_tracker_has_nothing_to_be_held_against(tmp_path):
     page = written(make(Comparison(("cut-in",), ("good",), (0, 1, 2), out=str(tmp_path))), tmp_path)
     assert "no other tracker" in page.by_section["verdict"]
-    assert "no other tracker" in page.by_section["differences"]
+    assert not {"differences", "ranking", "scenarios"} & set(page.ids)
+    assert "reference" not in page.by_section["overview"]
+
+
+@pytest.mark.parametrize(("scenarios", "trackers", "seeds"), [(1, 1, 1), (1, 2, 1), (2, 1, 2)])
+def test_few_runs_read_like_sentences_and_say_that_no_interval_can_be_trusted(tmp_path, scenarios, trackers, seeds):
+    names = ("cut-in", "merge")[:scenarios], TRACKERS[:trackers], tuple(range(seeds))
+    page = written(make(Comparison(*names, out=str(tmp_path))), tmp_path, Tally(done=1, wall=3.0))
+    assert not ODD.search(page.text)
+    assert seeds < FEWEST
+    assert f"{FEWEST} are the least. No interval and no difference on this page can be trusted" in page.text
+    assert page.text.index("can be trusted") < page.text.index("GOSPA")
+    assert ("differences" in page.ids) == (trackers > 1)
+    assert ("scenarios" in page.ids) == (scenarios > 1)
+    assert [link for link in page.links if link.startswith("#")] == [f"#{i}" for i in page.ids if i in page.by_section]
+
+
+def test_as_many_seeds_as_an_interval_needs_are_no_caveat(page):
+    assert "can be trusted" not in page.text
 
 
 def test_a_folder_without_a_finished_run_says_so(tmp_path):
     comparison = Comparison(("cut-in",), TRACKERS, (0, 1), out=str(tmp_path))
-    failed = [Outcome(task.name, FAILED, "ZeroDivisionError") for task in comparison.tasks]
-    page = Page(write_report(collect(comparison), Tally(failed=failed)))
+    failed = [Outcome(task.name, FAILED, "ZeroDivisionError") for task in comparison.work()]
+    page = Page(write_report(Results.read(comparison), Tally(failed=failed)))
     check_links(page)
     assert "nothing to compare" in page.by_section["verdict"]
     assert page.by_section["runs"].count("6 failed: ZeroDivisionError") == 1
-    assert all(task.name in page.by_section["runs"] for task in comparison.tasks)
+    assert all(task.name in page.by_section["runs"] for task in comparison.work())
 
 
 def test_the_verdict_stands_first_and_the_provenance_last(page):
@@ -214,7 +179,7 @@ def test_the_verdict_stands_first_and_the_provenance_last(page):
 def test_the_ranking_has_the_best_first_whatever_order_the_trackers_were_named_in(tmp_path):
     comparison = Comparison(("cut-in", "merge"), TRACKERS, (0, 1, 2, 3), reference="bad", out=str(tmp_path))
     made = make(comparison)
-    turned = made._replace(comparison=replace(comparison, trackers=TRACKERS[::-1]))
+    turned = replace(made, study=replace(comparison, trackers=TRACKERS[::-1]))
     grid = ranking(turned, list(cells(turned, MAIN)))
     assert [line.name for line in grid.lines] == ["good", "fair", "bad"]
     assert [line.fields[0].text for line in grid.lines] == ["1", "2", "3"]
@@ -238,7 +203,7 @@ def test_a_phase_that_no_run_reaches_is_said_with_its_count(tmp_path):
 
 
 def test_trackers_that_lack_as_many_runs_are_one_sentence(tmp_path):
-    gone = (Task("cut-in", "fair", 1), Task("cut-in", "bad", 2))
+    gone = (("cut-in", "fair", 1), ("cut-in", "bad", 2))
     page = written(make(Comparison(("cut-in",), TRACKERS, (0, 1, 2), out=str(tmp_path)), gone=gone), tmp_path)
     assert "fair and bad lack 1 of 3 runs each: their means" in page.text
 
@@ -251,17 +216,17 @@ def test_failures_are_grouped_by_their_reason_the_most_frequent_first():
 
 def test_a_page_of_a_log_is_linked_where_it_was_written(tmp_path):
     log = tmp_path / "logs" / "a b.rrd"
-    assert links.found(log, tmp_path, "not here") == links.LogFiles(note="not here")
+    assert logs.found(log, tmp_path, "not here") == logs.LogFiles(note="not here")
     log.parent.mkdir()
     log.touch()
-    assert links.found(log, tmp_path, "").page == ""
+    assert logs.found(log, tmp_path, "").page == ""
     log.with_suffix(".html").touch()
-    assert links.found(log, tmp_path, "")[:2] == ("logs/a%20b.rrd", "logs/a%20b.html")
+    assert logs.found(log, tmp_path, "")[:2] == ("logs/a%20b.rrd", "logs/a%20b.html")
 
 
 def test_missing_runs_are_named(tmp_path):
     comparison = Comparison(("cut-in", "merge"), TRACKERS, (0, 1, 2), out=str(tmp_path))
-    gone = (Task("merge", "bad", 1), *(Task(c, "fair", s) for c in ("cut-in", "merge") for s in (0, 1, 2)))
+    gone = (("merge", "bad", 1), *((c, "fair", s) for c in ("cut-in", "merge") for s in (0, 1, 2)))
     page = written(make(comparison, gone=gone), tmp_path)
     assert "bad lacks 1 of 6 runs" in page.text
     assert "fair has no finished run" in page.text
@@ -269,29 +234,25 @@ def test_missing_runs_are_named(tmp_path):
 
 
 def test_the_same_results_give_the_same_page_and_figures_wherever_they_go(results, page, tmp_path):
-    shown = []
-    again = write_report(
-        results,
-        Tally(done=24, wall=12.5),
-        tmp_path / "elsewhere",
-        logs=False,
-        progress=lambda *step: shown.append(step),
-    )
-    check_links(Page(again))
-    assert again == tmp_path / "elsewhere" / "report.html"
-    assert again.read_text() == page.path.read_text()
-    for figure in sorted((again.parent / "figures").iterdir()):
-        assert figure.read_bytes() == (page.path.parent / "figures" / figure.name).read_bytes(), figure.name
-    assert shown == [(0, 2, "tables"), (1, 2, "tables"), (2, 2, "tables"), (0, 1, "figures")] + [
-        (k, 10, "figures") for k in range(1, 11)
-    ]
+    shown, folder = [], tmp_path / "elsewhere"
+    again = page_of(results, Tally(done=18, wall=12.5), lambda *step: shown.append((*step, "tables")))
+    some = [plot for plot in again.plots if plot.name in ("cost", "time_nis")]
+    again = again._replace(plots=some, links=lambda step: links_of(results, folder))
+    path = write_page(again, folder, lambda *step: shown.append(step))
+    check_links(Page(path))
+    assert path == folder / "report.html"
+    before = page.path.read_text().partition('<section id="figures">')[0]
+    assert path.read_text().partition('<section id="figures">')[0] == before
+    for name in ("cost.png", "time_nis.png"):
+        assert (folder / "figures" / name).read_bytes() == (page.path.parent / "figures" / name).read_bytes(), name
+    assert shown == [(k, 2, "tables") for k in range(3)] + [(0, 1, "figures"), (1, 2, "figures"), (2, 2, "figures")]
 
 
 def gospa_of(values: dict[tuple[str, str, int], float]) -> Results:
     """Results with nothing but the GOSPA of runs (scenario, tracker, seed)."""
     scenarios, trackers, seeds = (tuple(dict.fromkeys(key[k] for key in values)) for k in range(3))
-    rows = [dict(zip(Task._fields, key), phase="all", gospa=value) for key, value in values.items()]
-    return Results(Comparison(scenarios, trackers, seeds), pd.DataFrame(rows), pd.DataFrame(), [])
+    rows = [dict(zip(("scenario", "tracker", "seed"), key), phase="all", gospa=value) for key, value in values.items()]
+    return Results(Comparison(scenarios, trackers, seeds), pd.DataFrame(rows))
 
 
 def test_best_median_and_worst_are_those_computed_by_hand():
@@ -300,9 +261,7 @@ def test_best_median_and_worst_are_those_computed_by_hand():
         {("easy", "a", 0): 1.0, ("easy", "a", 1): 2.0, ("hard", "a", 0): 18.0, ("hard", "a", 1): 22.0,
          ("easy", "b", 0): 3.0, ("easy", "b", 1): 2.0, ("hard", "b", 0): 24.0, ("hard", "b", 1): 16.0}
     )  # fmt: skip
-    found = {
-        (p.task.tracker, p.place): (p.task.scenario, p.task.seed, round(p.relative, 9)) for p in logs.picks(results)
-    }
+    found = {(p.run.source, p.place): (p.run.case, p.run.seed, round(p.relative, 9)) for p in logs.picks(results)}
     assert found == {
         ("a", "best"): ("easy", 0, 0.5),
         ("a", "median"): ("hard", 0, 0.9),
@@ -317,12 +276,12 @@ def test_no_run_is_picked_twice():
     one = logs.picks(gospa_of({("easy", "a", 0): 1.0}))
     two = logs.picks(gospa_of({("easy", "a", 0): 1.0, ("easy", "a", 1): 3.0}))
     assert [p.place for p in one] == ["best"]
-    assert [(p.place, p.task.seed) for p in two] == [("best", 0), ("worst", 1)]
+    assert [(p.place, p.run.seed) for p in two] == [("best", 0), ("worst", 1)]
 
 
 def test_runs_without_a_gospa_are_not_picked():
     picked = logs.picks(gospa_of({("easy", "a", 0): np.nan, ("easy", "a", 1): 0.0}))
-    assert [(p.place, p.task.seed) for p in picked] == [("best", 1)]
+    assert [(p.place, p.run.seed) for p in picked] == [("best", 1)]
 
 
 def test_a_lead_that_is_chance_is_not_called_resolved():
@@ -370,8 +329,12 @@ def recorded(tmp_path_factory):
 def test_logs_are_written_from_the_recording_and_linked(recorded):
     comparison, report = recorded
     shown = []
-    results = collect(comparison)
-    page = Page(write_report(results, report, progress=lambda *step: shown.append(step)))
+    results = Results.read(comparison)
+    folder = Path(comparison.out)
+    alone = page_of(results, report)._replace(
+        plots=(), links=lambda step: links_of(results, folder, logs.write(results, progress=step))
+    )
+    page = Page(write_page(alone, folder, lambda *step: shown.append(step)))
     check_links(page)
     linked = [unquote(link) for link in page.links if link.endswith(".rrd")]
     assert linked == [
@@ -388,12 +351,12 @@ def test_logs_are_written_from_the_recording_and_linked(recorded):
 def test_logs_that_are_there_are_kept(recorded, tmp_path):
     copied = replace(recorded[0], out=str(shutil.copytree(recorded[0].out, tmp_path / "copy")))
     shutil.rmtree(tmp_path / "copy" / "logs", ignore_errors=True)
-    results = collect(copied)
+    results = Results.read(copied)
     found = logs.picks(results)
-    kept = logs.log_path(found[0], copied, tmp_path / "copy")
+    kept = logs.log_path(found[0], tmp_path / "copy")
     kept.parent.mkdir()
     kept.write_text("mine")
-    outcomes = logs.write(results, found)
+    outcomes = logs.write(results)
     assert [o.status for o in outcomes] == ["found", "done"]
     assert kept.read_text() == "mine"
 
@@ -401,10 +364,10 @@ def test_logs_that_are_there_are_kept(recorded, tmp_path):
 def test_a_reference_that_failed_is_in_no_log(recorded, tmp_path):
     copied = replace(recorded[0], out=str(shutil.copytree(recorded[0].out, tmp_path / "copy")))
     shutil.rmtree(tmp_path / "copy" / "logs", ignore_errors=True)
-    task = next(task for task in copied.tasks if task.tracker == copied.baseline)
-    rows_path(task, tmp_path / "copy").unlink()
-    results = collect(copied)
-    assert {outcome.status for outcome in logs.write(results, logs.picks(results))} == {"done"}
+    run = next(run for run in copied.work() if run.source == copied.baseline)
+    Store(copied).path(run).unlink()
+    results = Results.read(copied)
+    assert {outcome.status for outcome in logs.write(results)} == {"done"}
     assert [p.stem for p in (tmp_path / "copy" / "logs").glob("*.rrd")] == ["cut-in_rm-koch_surround_replay_seed0"]
 
 
@@ -412,6 +375,6 @@ def test_logs_of_closed_loops_are_driven_again(tmp_path):
     settings = Settings(duration=0.6, loop="closed")
     comparison = Comparison(("cut-in",), ("rm-feldmann",), (1,), settings, out=str(tmp_path))
     assert not execute(comparison, Engine()).failed
-    results = collect(comparison)
-    assert [o.status for o in logs.write(results, logs.picks(results))] == ["done"]
+    results = Results.read(comparison)
+    assert [o.status for o in logs.write(results)] == ["done"]
     assert (tmp_path / "logs" / "cut-in_rm-feldmann_surround_idm_seed1.rrd").is_file()

@@ -5,15 +5,14 @@ import io
 import numpy as np
 from rich.console import Console
 
-from testbed.compare.statistics.analysis import Cell
-from testbed.compare.statistics.differences import PairedDifference
 from testbed.evaluation.intervals import NO_INTERVAL, Interval
 from testbed.experiments.report import tables
-from testbed.experiments.report.renderers import markdown, terminal
+from testbed.experiments.report.grid import Field, markdown, terminal
+from testbed.experiments.statistics import Cell, Change
 
 
 def difference(mean, low, high):
-    return PairedDifference(Interval(mean, low, high), NO_INTERVAL, Interval(0.75, 0.5, 1.0), 8, 20.0)
+    return Change(Interval(mean, low, high), NO_INTERVAL, Interval(0.75, 0.5, 1.0), 8, 20.0)
 
 
 CELLS = (
@@ -42,7 +41,7 @@ def test_the_best_and_what_is_resolved_are_marked():
     assert [field.mark for field in line(grid, "new")] == ["best better", "worse"]
     assert [field.mark for field in line(grid, "odd")] == ["", ""]
     assert line(grid, "new")[0].remark == "-1.000 better"
-    assert line(grid, "odd") == [tables.Field("2.50", remark="+0.500 unresolved"), tables.Field("–")]
+    assert line(grid, "odd") == [Field("2.50", remark="+0.500 unresolved"), Field("–")]
 
 
 def test_shading_grows_from_the_best_of_a_scenario():

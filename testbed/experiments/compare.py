@@ -1,0 +1,189 @@
+"""`testbed compare`: trackers on common random numbers, in open or closed loop."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+from rich.console import Console, RenderableType
+
+from sensors import find as find_radar
+from sensors.fault_text import split_faults
+from testbed.evaluation.metric import METRICS
+from testbed.experiments import statistics
+from testbed.experiments.engine import Engine
+from testbed.experiments.report import tables
+from testbed.experiments.report.comparison import write_report
+from testbed.experiments.report.grid import terminal
+from testbed.experiments.report.texts import counted
+from testbed.experiments.rows import SCHEMA, Rows
+from testbed.experiments.run import LOOPS, Run
+from testbed.experiments.statistics import DRIVE, MAIN
+from testbed.experiments.store import RUNS, Results
+from testbed.experiments.study import Findings, Progress, Study, Tally
+from testbed.files import atomic_file
+from testbed.limits import (
+    MOST_RUNS,
+    check_choice,
+    check_duration,
+    check_names,
+    check_seeds,
+    check_settle,
+)
+from testbed.planners import find as find_planner
+
+UNITS = {"seed": "1", "start": "s", "end": "s"}  # of the columns of `RUNS` that are numbers and no metrics
+WARNINGS = 8  # that are spelt out on the terminal
+FEW = 3  # trackers that stand side by side in 80 columns with their intervals
+SHOWN = ("measure", "mean difference", "interquartile mean", "probability of improvement", "verdict")
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What all runs of a results folder have in common; runs of other settings are not comparable with them."""
+
+    radar: str = "surround"
+    loop: str = "open"  # open: recorded scans are replayed; closed: the planner uses the tracks of each
+    planner: str = "idm"  # in closed loop; recordings use the planner that knows the truth
+    duration: float | None = None  # [s] of a run at most, None: the scenario's own
+    after: float | None = None  # [s] from the end of the maneuver, at which a run ends; None: with its duration
+    settle: float = 0.0  # [s] from the start, of which no scan enters a mean
+
+    def __post_init__(self) -> None:
+        check_choice("loop", self.loop, LOOPS)
+        check_duration(self.duration)
+        check_duration(self.after, "after", "a run that ends with its duration")
+        check_settle(self.settle)
+
+    @property
+    def length(self) -> str:
+        """How long a run is, in words."""
+        if self.after is None:
+            return f"{self.duration:g} s" if self.duration else "the scenarios' own"
+        most = f"{self.duration:g} s" if self.duration else "the scenario's own length"
+        return f"to {self.after:g} s after the maneuver, {most} at most"
+
+
+RECORD = Settings(duration=60.0, after=3.0, settle=2.0)
+"""What the comparison of record and the baselines of `testbed regress` are made with."""
+
+
+@dataclass(frozen=True)
+class Comparison(Study):
+    """All combinations of scenarios, trackers and seeds."""
+
+    scenarios: tuple[str, ...]  # NAME, or with faults of the radar NAME+FAULT+FAULT
+    trackers: tuple[str, ...]
+    seeds: tuple[int, ...]
+    settings: Settings = Settings()
+    reference: str | None = None  # tracker that the others are compared with, None: the first
+
+    name: ClassVar[str] = "compare"
+    schema: ClassVar[pa.Schema] = SCHEMA
+
+    def __post_init__(self) -> None:
+        check_names("scenarios", self.scenarios)
+        check_names("trackers", self.trackers)
+        if isinstance(self.seeds, str | bytes) or not isinstance(self.seeds, Sequence):
+            raise ValueError(f"seeds must be a tuple of whole numbers, got {self.seeds!r}; put them in a tuple")
+        if not self.seeds:
+            raise ValueError("seeds must name at least one of them, got none; see `testbed compare --help`")
+        check_seeds(*self.seeds, name="seeds")
+        if len(set(self.seeds)) < len(self.seeds):
+            raise ValueError(f"seeds must differ, got {', '.join(map(str, self.seeds))}; drop the repetition")
+        if (runs := len(self.scenarios) * len(self.trackers) * len(self.seeds)) > MOST_RUNS:
+            raise ValueError(f"a comparison has at most {MOST_RUNS} runs, got {runs}; take fewer seeds or trackers")
+        if not isinstance(self.settings, Settings):
+            raise ValueError(f"settings must be Settings, got {self.settings!r}; leave them out for those of a command")
+        super().__post_init__()
+        if self.reference is not None and not (isinstance(self.reference, str) and self.reference in self.trackers):
+            raise ValueError(
+                f"reference {self.reference!r} is not compared; choose one of {', '.join(self.trackers)}, or add it"
+            )
+
+    @property
+    def baseline(self) -> str:
+        """The tracker that the others are compared with."""
+        return self.reference or self.trackers[0]
+
+    def work(self) -> list[Run]:
+        """All runs, those on the same detections next to each other."""
+        return [
+            self.run(case, tracker, seed) for case in self.scenarios for seed in self.seeds for tracker in self.trackers
+        ]
+
+    def run(self, case: str, tracker: str, seed: int) -> Run:
+        """One run, of a scenario with its faults."""
+        scenario, faults = split_faults(case)
+        return Run(scenario, seed, tracker, faults=faults, **self.shared())
+
+    def shared(self) -> dict[str, Any]:
+        """The settings."""
+        return asdict(self.settings)
+
+    def check(self) -> None:
+        """Raise LookupError or ValueError for what cannot be run, or for a case that is written in another way."""
+        find_radar(self.settings.radar)
+        find_planner(self.settings.planner)
+        super().check()
+        for case in self.scenarios:
+            if case != (written := "+".join([split_faults(case)[0], *split_faults(case)[1]])):
+                raise ValueError(
+                    f"scenarios: {case!r} is written {written!r}; write it so, as its files are named by it"
+                )
+
+    def watch(self, run: Run) -> Rows:
+        """Keeps the rows of the tracker."""
+        return Rows(run)
+
+    def judge(self, results: Results, tally: Tally) -> Findings:
+        """Means, and differences to the reference, of the main measures over all scenarios."""
+        main, drives = (list(statistics.cells(results, measures)) for measures in (MAIN, DRIVE))
+        return Findings([*_overview(results, main, drives), *_warnings(statistics.unresolved(main))])
+
+    def write(self, results: Results, found: Findings, console: Console) -> None:
+        """Write what is known of every run as one table, with the units of its columns."""
+        console.print(f"runs     {write_runs(results)}", soft_wrap=True)
+
+    def page(self, results: Results, found: Findings, tally: Tally, engine: Engine, progress: Progress) -> Path | None:
+        """The report, with figures and logs."""
+        return write_report(results, tally, engine=engine, progress=progress)
+
+
+def write_runs(results: Results) -> Path:
+    """Write the table of all runs and phases into the folder; OSError, in one sentence, where that cannot be."""
+    path = Path(results.study.out) / RUNS
+    table = pa.Table.from_pandas(results.spans, preserve_index=False)
+    units = {name: METRICS[name].unit if name in METRICS else UNITS.get(name, "") for name in table.column_names}
+    fields = [field.with_metadata({"unit": units[field.name]}) for field in table.schema]
+    with atomic_file(path) as file:
+        pq.write_table(table.cast(pa.schema(fields, table.schema.metadata)), file)
+    return path
+
+
+def _overview(
+    results: Results, main: Sequence[statistics.Cell], drives: Sequence[statistics.Cell]
+) -> Iterator[RenderableType]:
+    study = results.study
+    where = (
+        f"{counted(len(study.scenarios), 'scenario')}, {counted(len(study.seeds), 'seed')}, {study.settings.loop} loop"
+    )
+    for what, group in (("means", main), ("the drives", drives)):
+        if group:
+            means, title = tables.overview(group, study.baseline), f"{where}: {what} with 95 % intervals"
+            if len(means.lines) <= FEW:
+                yield terminal(means.transposed("measure"), title, no_wrap=True)
+            else:
+                yield terminal(means, title, narrow=True)
+    if len(study.trackers) > 1:
+        found = tables.differences(main, study.baseline).only(*SHOWN)
+        yield terminal(found, f"difference to {study.baseline} on the same seeds; negative is better")
+
+
+def _warnings(sentences: Sequence[str]) -> Iterator[str]:
+    for sentence in sentences[:WARNINGS]:
+        yield f"[yellow]![/yellow] {sentence}"
+    if len(sentences) > WARNINGS:
+        yield f"[yellow]![/yellow] and {len(sentences) - WARNINGS} more that the seeds cannot resolve: see above"

@@ -1,0 +1,398 @@
+"""`testbed regress`: every scenario by every tracker, compared with committed baselines of the same runs.
+
+Every scenario on two seeds, to 3 s after its maneuver, in open loop. The folder holds runs of the present code only:
+runs of other code or versions are deleted, those of the same code, of an interrupted call, are kept.
+"""
+
+import shlex
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from rich.console import Console, RenderableType
+from rich.markup import escape
+from rich.table import Table
+
+from scenarios import SCENARIOS
+from testbed.command_line.tables import light_table, number
+from testbed.evaluation.intervals import mean_of_means
+from testbed.evaluation.metric import METRICS
+from testbed.experiments import study
+from testbed.experiments.baselines import NONE, Baselines, Key, Update, load, merge, save
+from testbed.experiments.compare import RECORD, Comparison, Settings, write_runs
+from testbed.experiments.engine import Engine
+from testbed.experiments.identity import project_digest
+from testbed.experiments.report import junit
+from testbed.experiments.report.texts import say
+from testbed.experiments.run import with_faults
+from testbed.experiments.store import LOGS, Results
+from testbed.experiments.study import Progress, Tally
+from testbed.experiments.tolerated import BETTER, GONE, OVERALL, TOLERANCES, WORSE, Moved, tolerated
+from testbed.files import check_target, make_directory, versions
+from testbed.replay.rescan import write_log
+from trackers import TRACKERS
+
+COMMITTED = Path(str(files("testbed.experiments"))) / "baselines.json"
+UNREAD = "its file of rows is not there or cannot be read"
+ROWS = 40  # of a table; there may be thousands of changes
+NAMES = 4  # in a sentence
+
+# The fault matrix: all kinds of faults of the radar, in one scenario with traffic on all sides.
+FAULTS = (
+    "front:outage:2:4",
+    "drop:0.2",
+    "corners:yaw:2+clock:0.05",
+    "blind:rain:0.5+burst:3:100",
+)
+CASES = (*SCENARIOS, *(f"cut-in+{fault}" for fault in FAULTS))
+
+
+@dataclass(frozen=True)
+class Regress(Comparison):
+    """The runs that are compared with the baselines, or that make new ones."""
+
+    scenarios: tuple[str, ...] = CASES  # with faults: NAME+FAULT+FAULT
+    trackers: tuple[str, ...] = tuple(TRACKERS)
+    seeds: tuple[int, ...] = (0, 1)
+    settings: Settings = RECORD
+    baselines: Path = COMMITTED
+    update: bool = False  # write the baselines
+
+    name: ClassVar[str] = "regress"
+    fresh: ClassVar[bool] = True
+    whole: ClassVar[bool] = True
+
+    @classmethod
+    def of(
+        cls, scenarios: Sequence[str] | None, trackers: Sequence[str] | None, faults: Sequence[str] = (), **more: Any
+    ) -> "Regress":
+        """The part with these names; all of them where none is named.
+
+        With faults each scenario takes part as it is and under each of them. ValueError for what is no fault.
+        """
+        cases = with_faults(scenarios or tuple(SCENARIOS), faults) if faults else tuple(scenarios or CASES)
+        return cls(cases, tuple(trackers or TRACKERS), **more)
+
+    @property
+    def complete(self) -> bool:
+        """Whether everything in the catalogues takes part."""
+        return set(self.scenarios) >= set(CASES) and set(self.trackers) >= set(TRACKERS)
+
+    @property
+    def conditions(self) -> dict[str, Any]:
+        """What baselines must have been made with."""
+        return {"seeds": list(self.seeds), **asdict(self.settings)}
+
+    def identity(self) -> dict[str, Any]:
+        """Everything that decides about results, with a digest of all our code."""
+        return {**super().identity(), "all code": project_digest()}
+
+    def check(self) -> None:
+        """Also read the baselines, and see whether they can be written; OSError or ValueError in one sentence."""
+        super().check()
+        self.known()
+        if self.update:
+            try:
+                check_target(self.baselines)
+                make_directory(self.baselines.parent)
+            except OSError as error:
+                raise OSError(f"baselines: {str(error).removeprefix('out: ')}") from None
+
+    def known(self) -> Baselines:
+        """The baselines; a complete update may replace a file that is not there or cannot be read."""
+        try:
+            return load(self.baselines, self.conditions)
+        except FileNotFoundError:
+            if self.update:
+                return NONE
+            raise
+        except ValueError as error:
+            if self.update and self.complete:
+                return NONE
+            if self.update:
+                raise ValueError(f"{error} without --tracker and --scenario") from None
+            raise
+
+    def judge(self, results: Results, tally: Tally) -> study.Findings:
+        """What moved."""
+        known = self.known()
+        found = examine(results, tally, known)
+        shown = [] if self.update else list(_shown(found, known))
+        return study.Findings(shown, bool(found.failed) if self.update else not found.passed, found)
+
+    def write(self, results: Results, found: study.Findings, console: Console) -> None:
+        """Write new baselines, or the log of the worst run."""
+        if self.update:
+            _update(results, found.data, console)
+        elif found.data.worse:
+            _write_log(results, found.data, self.known(), console)
+        write_runs(results)
+
+    def page(
+        self, results: Results, found: study.Findings, tally: Tally, engine: Engine, progress: Progress
+    ) -> Path | None:
+        """None: what moved is a table on the terminal."""
+        return None
+
+    def junit(self, results: Results, found: study.Findings, tally: Tally, path: Path) -> None:
+        """A suite a tracker, a case a scenario."""
+        junit.write("regress", list(suites(found.data)), path)
+
+
+class Findings(NamedTuple):
+    """What a regression run reports."""
+
+    cells: Sequence[Key]  # of the suite
+    changes: Sequence[Moved]  # all differences that were examined
+    failed: Mapping[Key, str]  # traceback of a run
+    new: Sequence[Key]  # without a baseline
+    orphans: Sequence[Key]  # baselines of what is no longer in the catalogues
+    seconds: Mapping[Key, float]  # wall time
+
+    @property
+    def worse(self) -> list[Moved]:
+        """Regressions, the largest first."""
+        return self._sorted(WORSE, GONE)
+
+    @property
+    def better(self) -> list[Moved]:
+        """Improvements, the largest first."""
+        return self._sorted(BETTER)
+
+    @property
+    def passed(self) -> bool:
+        """Whether nothing failed or got worse."""
+        return not self.failed and not self.worse
+
+    def _sorted(self, *verdicts: str) -> list[Moved]:
+        return sorted((c for c in self.changes if c.verdict in verdicts), key=lambda c: -c.size)
+
+
+def suites(found: Findings) -> Iterator[junit.Suite]:
+    """A suite a tracker, a case a scenario and one for all of them together."""
+    for tracker in dict.fromkeys(tracker for tracker, _ in found.cells):
+        keys = [*(key for key in found.cells if key[0] == tracker), (tracker, OVERALL)]
+        yield junit.Suite(tracker, [_case(found, key) for key in keys])
+
+
+def _case(found: Findings, key: Key) -> junit.Case:
+    worse, better = (
+        "\n".join(sentence(c) for c in group if (c.tracker, c.scenario) == key) for group in (found.worse, found.better)
+    )
+    error, skipped = found.failed.get(key, ""), say("no baseline") if key in found.new else ""
+    case = junit.Case(key[0], key[1], found.seconds.get(key, 0.0), error, "regression", worse, skipped)
+    return case if error or worse or skipped else case._replace(output=better)
+
+
+def sentence(change: Moved) -> str:
+    """One change in words."""
+    name = METRICS[change.measure].title
+    if change.verdict == GONE:
+        return f"{name}: nothing measured any more, the baseline has {change.before:.4g}"
+    numbers = f"{change.before:.4g} -> {change.after:.4g}"
+    return f"{name}: {numbers}, {change.verdict} by {abs(change.change):.3g}, allowed {change.limit:.3g}"
+
+
+def examine(results: Results, tally: Tally, baselines: Baselines) -> Findings:
+    """Compare the results with the baselines."""
+    suite, failed = results.study, failures(results, tally)
+    values = {key: v for key, v in measured(results).items() if key not in failed}
+    cells = [(t, c) for t in suite.trackers for c in suite.scenarios]
+    return Findings(
+        cells,
+        tolerated(values, baselines.values),
+        failed,
+        [key for key in cells if key not in baselines.values and key not in failed],
+        orphans(baselines, suite),
+        _seconds(results.seconds),
+    )
+
+
+def measured(results: Results) -> dict[Key, dict[str, NDArray]]:
+    """Values by seed of all runs that there are; NaN where a run measured nothing, or is missing."""
+    found: dict[Key, dict[str, NDArray]] = {}
+    if results.runs.empty:
+        return found
+    for (tracker, scenario), runs in results.runs.groupby(["tracker", "scenario"], sort=False, observed=True):
+        runs = runs.set_index("seed").reindex(list(results.study.seeds))
+        found[str(tracker), str(scenario)] = {measure: runs[measure].to_numpy(float) for measure in TOLERANCES}
+    return found
+
+
+def failures(results: Results, tally: Tally) -> dict[Key, str]:
+    """The last lines of each failed run by tracker and scenario."""
+    notes = {outcome.name: outcome.note for outcome in tally.failed}
+    return {(run.source, run.case): notes.get(run.name, UNREAD) for run in results.missing}
+
+
+def orphans(baselines: Baselines, suite: Regress) -> list[Key]:
+    """Baselines of trackers and scenarios that are no longer in the catalogues, nor asked for by a name of the user."""
+    trackers, scenarios = {*TRACKERS, *suite.trackers}, {*CASES, *suite.scenarios}
+    return [key for key in baselines.values if key[0] not in trackers or key[1] not in scenarios]
+
+
+def worst_run(findings: Findings, values: Mapping[Key, Mapping[str, NDArray]], baselines: Baselines) -> tuple[Key, int]:
+    """Tracker and scenario of the worst change, and which of the seeds shows it most.
+
+    A change over all scenarios is shown by the one in which it is largest.
+    """
+    tracker, scenario, measure, *_ = findings.worse[0]
+    if scenario == OVERALL:
+        own = [c for c in findings.changes if c[0] == tracker and c.measure == measure and c.scenario != OVERALL]
+        scenario = max(own, key=lambda c: np.nan_to_num(c.change, nan=-np.inf)).scenario
+    key = tracker, scenario
+    moved = np.abs(values[key][measure] - baselines.values[key][measure])
+    return key, int(np.argmax(np.where(np.isnan(moved), np.inf, moved)))
+
+
+def _seconds(frame: pd.DataFrame) -> dict[Key, float]:
+    if frame.empty:
+        return {}
+    parts = [c for c in frame.columns if c not in ("scenario", "tracker", "seed")]
+    sums = frame.assign(total=frame[parts].sum(axis=1)).groupby(["tracker", "scenario"])["total"].sum()
+    return {(str(t), str(c)): float(s) for (t, c), s in sums.items()}
+
+
+def _shown(findings: Findings, baselines: Baselines) -> Iterator[RenderableType]:
+    if findings.worse:
+        yield moved(findings.worse, "worse than the baselines")
+    if findings.better:
+        yield moved(findings.better, "better than the baselines")
+        yield "keep the improvement with `testbed regress --update`"
+    for what, keys, remedy in (
+        ("new, without a baseline", findings.new, "makes them"),
+        ("gone, with a baseline", findings.orphans, "drops them"),
+    ):
+        if keys:
+            yield escape(f"{what}: {cells(keys)}; `testbed regress --update` {remedy}")
+    compared = [key for key in findings.cells if key in baselines.values]
+    bad = {(c.tracker, c.scenario) for c in findings.worse} | set(findings.failed)
+    overall = sum(scenario == OVERALL for _, scenario in bad)
+    yield (
+        f"{len(compared)} results compared with baselines: {len(compared) - len(bad) + overall} good, "
+        f"{len(bad) - overall} worse or failed, {overall} trackers worse over all scenarios"
+    )
+    if not findings.passed:
+        for note in _other_versions(baselines):
+            yield f"[yellow]![/yellow] {note}"
+
+
+def _other_versions(baselines: Baselines) -> list[str]:
+    """One sentence for each library that was another one when baselines were made."""
+    here = versions()
+    then = {(name, v) for update in baselines.updates.values() for name, v in update.versions.items()}
+    return [
+        f"baselines were made with {name} {v}, here is {here.get(name, 'none')}"
+        for name, v in sorted(then)
+        if here.get(name) != v
+    ]
+
+
+def _write_log(results: Results, findings: Findings, baselines: Baselines, console: Console) -> None:
+    """Write the review log of the worst run; where it cannot be written, the exit status stays as it is."""
+    suite = results.study
+    (tracker, scenario), k = worst_run(findings, measured(results), baselines)
+    run = suite.run(scenario, tracker, suite.seeds[k])
+    try:
+        path = write_log(results.store.recording(run), (tracker,), results.store.out / LOGS, run.faults)
+    except OSError as error:
+        console.print(f"[yellow]no log of the worst run: {error}[/yellow]", soft_wrap=True)
+        return
+    console.print(f"worst    {tracker} in {scenario}, seed {run.seed}", highlight=False, soft_wrap=True)
+    console.print(f"open it  testbed review {shlex.quote(str(path))}", highlight=False, soft_wrap=True)
+
+
+def _update(results: Results, findings: Findings, console: Console) -> None:
+    """New baselines, unless a run failed."""
+    suite = results.study
+    if findings.failed:
+        console.print(f"[red]baselines are left as they were: {len(findings.failed)} results failed[/red]")
+        return
+    old, today = suite.known(), Update(datetime.now(UTC).date().isoformat(), versions())
+    dropped = orphans(old, suite) if suite.complete else []
+    new = merge(old, measured(results), today, [key for key in old.values if key not in dropped])
+    save(new, suite.conditions, suite.baselines)
+    console.print(f"Baselines of {today.date}:\n", highlight=False)
+    console.print(update_list(old, new, dropped), markup=False, highlight=False, soft_wrap=True)
+    console.print(f"\nwritten  {suite.baselines}", soft_wrap=True, highlight=False)
+
+
+def moved(changes: Sequence[Moved], title: str) -> Table:
+    """Changes, the largest first, with what was allowed."""
+    table = light_table(title)
+    table.add_column("tracker, scenario")
+    table.add_column("measure")
+    for name in ("before", "now", "change", "allowed"):
+        table.add_column(name, justify="right", no_wrap=True)
+    for c in changes[:ROWS]:
+        digits = METRICS[c.measure].digits + 1
+        numbers = (number(c.before, digits), number(c.after, digits), _signed(c.change, digits))
+        table.add_row(f"{c.tracker}, {c.scenario}", escape(METRICS[c.measure].title), *numbers, number(c.limit, digits))
+    if len(changes) > ROWS:
+        table.add_row(f"and {len(changes) - ROWS} more", *[""] * 5)
+    return table
+
+
+def cells(keys: Sequence[Key]) -> str:
+    """Trackers and scenarios in a few words.
+
+    >>> cells([("a", "x"), ("a", "y")])
+    'a (x, y)'
+    """
+    by_tracker: dict[str, list[str]] = {}
+    for tracker, scenario in keys:
+        by_tracker.setdefault(tracker, []).append(scenario)
+    return _few([f"{t} ({_few(c)})" for t, c in by_tracker.items()])
+
+
+def update_list(old: Baselines, new: Baselines, dropped: Sequence[Key]) -> str:
+    """What an update of baselines changed, as a short markdown list."""
+    fresh = [key for key in new.values if key not in old.values]
+    changed = [key for key in new.values if key in old.values and _differ(old.values[key], new.values[key])]
+    lines = []
+    if fresh:
+        lines.append(f"- {len(fresh)} new: {cells(fresh)}")
+    for tracker in dict.fromkeys(tracker for tracker, _ in changed):
+        mine = [key for key in changed if key[0] == tracker]
+        where = f"{len(mine)} of {sum(key[0] == tracker for key in new.values)} scenarios"
+        lines.append(f"- {tracker}, changed in {where}; over these: {_means(old, new, mine)}")
+    if dropped:
+        lines.append(f"- {len(dropped)} dropped, in the catalogues no more: {cells(dropped)}")
+    same = len(new.values) - len(fresh) - len(changed)
+    return "\n".join([*lines, f"- {same} unchanged"] if same or not lines else lines)
+
+
+def _means(old: Baselines, new: Baselines, keys: Sequence[Key]) -> str:
+    """Mean of each measure that moved, before and after."""
+    parts = []
+    for measure in TOLERANCES:
+        a, b = (_mean([baselines.values[key][measure] for key in keys]) for baselines in (old, new))
+        digits = METRICS[measure].digits + 1
+        before, after = f"{a:.{digits}f}", f"{b:.{digits}f}"
+        if before != after:
+            parts.append(f"{METRICS[measure].title} {before} -> {after}")
+    return ", ".join(parts) or "less than the digits shown"
+
+
+def _mean(groups: Iterable[NDArray]) -> float:
+    known = [group[np.isfinite(group)] for group in groups]
+    return float(mean_of_means(*[group for group in known if len(group)])) if any(map(len, known)) else np.nan
+
+
+def _differ(a: Mapping[str, NDArray], b: Mapping[str, NDArray]) -> bool:
+    return any(not np.array_equal(a[measure], b[measure], equal_nan=True) for measure in b)
+
+
+def _few(names: Sequence[str]) -> str:
+    more = f" and {len(names) - NAMES} more" if len(names) > NAMES else ""
+    return ", ".join(names[:NAMES]) + more
+
+
+def _signed(value: float, digits: int) -> str:
+    return f"{value:+.{digits}f}" if np.isfinite(value) else "gone"

@@ -1,0 +1,152 @@
+"""The page of a study of regret: tables, figures, logs of the worst pairs."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from testbed.environment.sources.conditions import IN_VIEW
+from testbed.experiments import pairs as analysis
+from testbed.experiments.pairs import Cell
+from testbed.experiments.report import figures_regret, logs, logs_of_pairs, words
+from testbed.experiments.report import tables_regret as tables
+from testbed.experiments.report.page import Page, Step, write_page
+from testbed.experiments.report.texts import numbered, say, seeds_fact
+from testbed.experiments.run import FAILED, Outcome
+from testbed.experiments.store import Results
+from testbed.experiments.study import Progress, Tally
+from testbed.frame import TRUTH
+
+TEMPLATE = "regret.html.j2"
+TABLE = (
+    "drive_score", "collisions", "drac_max", "tit", "progress", "deceleration_max", "extra_braking", "changed",
+)  # fmt: skip
+ATTRIBUTED = ("drive_score", "drac_max", "progress")  # measures that are taken apart
+
+
+class Findings(NamedTuple):
+    """Everything that a page shows, from the tables of drives and of pairs alone."""
+
+    together: list[Cell]  # over all scenarios, against the truth
+    total: list[Cell]  # by scenario, against the truth
+    tracking: list[Cell]  # by scenario, against what is in view
+    sensing: list[Cell]  # by scenario, what is in view against the truth
+    sensing_together: list[Cell]
+    doses: list[Cell]  # by scenario, injected errors against what is in view
+    shares: list[analysis.Attribution]
+    errors: pd.DataFrame
+    ranks: list[analysis.Correlation]
+    worst: list[analysis.WorstPair]
+    verdict: list[str]
+
+
+def find(drives: pd.DataFrame, pairs: pd.DataFrame) -> Findings:
+    """All findings of a study."""
+    injected = pairs["condition"].str.startswith(f"{IN_VIEW}+")
+    tracked, doses = pairs[~injected], analysis.compared_with(pairs[injected], IN_VIEW)
+    total = analysis.compared_with(tracked, TRUTH)
+    sensing = analysis.compared_with(tracked, TRUTH, sensing=True)
+    together = list(analysis.cells(total, TABLE, together=True))
+    apart = list(analysis.cells(sensing, ("drive_score",), together=True))
+    shares = list(analysis.attributions(drives, ATTRIBUTED))
+    errors = analysis.error_and_regret(drives, total)
+    ranks = analysis.correlations(errors)
+    of_score = [a for a in shares if a.measure == "drive_score"]
+    return Findings(
+        together=together,
+        total=list(analysis.cells(total, TABLE)),
+        tracking=list(analysis.cells(analysis.compared_with(tracked, IN_VIEW), TABLE)),
+        sensing=list(analysis.cells(sensing, TABLE)),
+        sensing_together=apart,
+        doses=list(analysis.cells(doses, TABLE)),
+        shares=shares,
+        errors=errors,
+        ranks=ranks,
+        worst=analysis.worst_pairs(total),
+        verdict=words.regret([c for c in together if c.measure == "drive_score"], apart, of_score, ranks, total),
+    )
+
+
+def write_report(results: Results, found: Findings, tally: Tally, progress: Progress | None = None) -> Path:
+    """Write the page, its figures and the logs of the worst pairs; returns its path. OSError as in `write_page`."""
+    folder = Path(results.study.out)
+
+    def links(step: Step | None) -> list[tuple[str, logs.LogFiles]]:
+        outcomes = logs_of_pairs.write(found.worst, results.study, step)
+        return [_log(pair, o, folder) for pair, o in zip(found.worst, outcomes, strict=True)]
+
+    return write_page(page_of(results, found, tally)._replace(links=links), folder, progress)
+
+
+def page_of(results: Results, found: Findings, tally: Tally) -> Page:
+    """The page without its logs."""
+    study = results.study
+    facts = [
+        ("scenario" if len(study.scenarios) == 1 else "scenarios", numbered(study.scenarios)),
+        ("planner" if len(study.planners) == 1 else "planners", numbered(study.planners)),
+        ("tracker" if len(study.trackers) == 1 else "trackers", numbered(study.trackers) or "none"),
+        ("seed" if len(study.seeds) == 1 else "seeds", seeds_fact(study.seeds)),
+        ("radar", study.radar),
+        ("drives", f"{len(results.metas)} of {len(study.work())}"),
+        ("CPU time of the drives", f"{results.runs['cpu'].sum():.0f} s"),
+    ]
+    values = {
+        "title": say("regret title", trackers=study.trackers),
+        "verdict": found.verdict,
+        "caveats": words.few_seeds(results.runs, ["scenario", "planner", "condition"], len(study.seeds)),
+        "facts": facts,
+        "open_questions": analysis.unresolved(found.total),
+        "one_sided": analysis.one_sided(found.total),
+        "planners": len(study.planners),
+        "pairs": len(found.worst),
+        **grids(found),
+    }
+    return Page(TEMPLATE, values, figures_regret.plots(*drawable(found)), tally.failed, results.missing)
+
+
+def grids(found: Findings) -> dict[str, Any]:
+    """All tables by their names in the template, None for what there are no data for."""
+    vs_truth, vs_view, sensing = (say(k) for k in ("tracks minus truth", "drive minus in view", "in view minus truth"))
+    return {
+        "overview": found.together and tables.overview(ranked(found.together), say("regret")),
+        "total": found.total and tables.changes(found.total, vs_truth),
+        "tracking": found.tracking and tables.changes(found.tracking, vs_view),
+        "sensing": found.sensing and tables.changes(found.sensing, sensing),
+        "attribution": found.shares and tables.attribution(found.shares),
+        "doses": found.doses and tables.changes(found.doses, vs_view),
+        "errors": found.ranks and tables.correlation(found.ranks),
+        "worst": found.worst and tables.worst(found.worst),
+    }
+
+
+def ranked(cells: Sequence[Cell]) -> list[Cell]:
+    """Cells over all scenarios, those of the condition with the least mean regret over the planners first."""
+    cost: dict[str, list[float]] = {}
+    for cell in _only_score(cells):
+        cost.setdefault(cell.condition, []).append(-cell.change.mean.value)
+    return sorted(cells, key=lambda c: float(np.mean(cost.get(c.condition, [np.inf]))))
+
+
+def drawable(
+    found: Findings,
+) -> tuple[list[Cell], list[analysis.Attribution], pd.DataFrame, list[Cell]]:
+    """What `figures_regret.plots` takes: all of it in the drive score."""
+    return (
+        _only_score(found.total),
+        [a for a in found.shares if a.measure == "drive_score"],
+        found.errors,
+        _only_score(found.doses),
+    )
+
+
+def _only_score(cells: Sequence[Cell]) -> list[Cell]:
+    return [c for c in cells if c.measure == "drive_score"]
+
+
+def _log(pair: analysis.WorstPair, outcome: Outcome, folder: Path) -> tuple[str, logs.LogFiles]:
+    """Name of a pair, and its log."""
+    if outcome.status == FAILED:
+        return pair.drive.name, logs.LogFiles(note=outcome.note)
+    return pair.drive.name, logs.found(logs_of_pairs.log_path(pair.drive, folder), folder, "not here")
