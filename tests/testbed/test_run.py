@@ -96,7 +96,7 @@ def test_the_costs_of_the_trackers_are_the_time_spent_on_tracking(tmp_path):
     done = run(short(tmp_path, log="off", trackers=("rm-feldmann", "rm-surface"))).result
     timing, scans = done["timing"], done["trackers"]["rm-feldmann"]["scans"]
     spent = sum(cost["ms_per_scan"] for cost in timing["trackers"].values()) * scans / 1e3
-    assert 0.8 * timing["track"] < spent < timing["track"]
+    assert 0.8 * timing["track"] < spent <= (1 + 1e-9) * timing["track"]  # added up in another order
 
 
 def test_observers_are_called_with_every_frame(tmp_path):
