@@ -252,7 +252,7 @@ def check(
     from testbed.check import command
 
     with user_input():
-        found = command.verdicts(what, name)
+        found = command.results(what, name)
     raise typer.Exit(command.show(name, found, console))
 
 

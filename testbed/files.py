@@ -8,6 +8,7 @@ import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from importlib.metadata import version
+from io import BytesIO
 from pathlib import Path
 from secrets import token_hex
 from tempfile import TemporaryFile
@@ -18,6 +19,7 @@ from zipfile import BadZipFile, ZipFile
 import numpy as np
 from numpy.typing import NDArray
 
+COLOURS = 256  # of a figure
 ROOM = 1 << 20  # [bytes] of the disk that the results of a run take at most
 PACKAGES = ("eot-testbed", "highway-env", "gymnasium", "numpy", "scipy", "rerun-sdk", "shapely")
 KINDS = {
@@ -128,10 +130,19 @@ def write_json(path: Path, value: Any) -> None:
     write_atomic(path, json.dumps(value, indent=1, allow_nan=False) + "\n")
 
 
-def write_figure(path: Path, figure: Any, **settings: Any) -> Path:
-    """Write a matplotlib figure in the format of the suffix, as `atomic_file` does; returns the path."""
+def write_figure(path: Path, figure: Any, dpi: float | str = "figure") -> Path:
+    """Write a matplotlib figure as PNG of `COLOURS` colours, as `atomic_file` does; returns the path.
+
+    A third of the size, and no difference that one sees: letters and lines keep their colours, of a shade there are
+    fewer steps. The same figure gives the same file.
+    """
+    from PIL import Image  # with matplotlib, late as that is
+
+    whole = BytesIO()
+    figure.savefig(whole, format="png", dpi=dpi)
+    image = Image.open(whole).convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE)
     with atomic_file(path) as file:
-        figure.savefig(file, format=path.suffix[1:], **settings)
+        image.save(file, format="png", optimize=True)
     return path
 
 

@@ -14,7 +14,7 @@ import pandas as pd
 
 from testbed.command_line.terminal import console
 from testbed.evaluation.intervals import Interval, crossed_interval
-from testbed.experiments.report.page import seeds_text
+from testbed.experiments.report.texts import seeds_text
 from testbed.files import make_directory
 from testbed.log.text import markdown_table
 

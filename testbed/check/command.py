@@ -11,7 +11,7 @@ from testbed.check.report import (
     PLANNER_LAWS,
     RADAR_LAWS,
     SCENARIO_LAWS,
-    Verdict,
+    LawResult,
     examine,
     examine_filter,
     examine_tracker,
@@ -24,7 +24,7 @@ from trackers.lookup import look_up
 from trackers.multi.tracker import MultiObjectTracker
 
 
-def check_tracker(name: str) -> list[Verdict]:
+def check_tracker(name: str) -> list[LawResult]:
     """Verdicts on a tracker by its name: on its filter, then on the whole.
 
     Raises:
@@ -39,7 +39,7 @@ def check_tracker(name: str) -> list[Verdict]:
     return alone if place is tracker.filter else [*alone, *examine_tracker(tracker)]
 
 
-KINDS: Mapping[str, Callable[[str], list[Verdict]]] = {
+KINDS: Mapping[str, Callable[[str], list[LawResult]]] = {
     "tracker": check_tracker,
     "planner": lambda name: examine(PLANNER_LAWS, find_planner(name)),
     "radar": lambda name: examine(RADAR_LAWS, find_radar(name)),
@@ -47,18 +47,18 @@ KINDS: Mapping[str, Callable[[str], list[Verdict]]] = {
 }
 
 
-def verdicts(what: str, name: str) -> list[Verdict]:
+def results(what: str, name: str) -> list[LawResult]:
     """Verdicts on an entry; LookupError for an unknown kind of entry, else as in `check_tracker`."""
     return look_up(what, KINDS, "kind of entry")(name)
 
 
-def show(name: str, found: list[Verdict], console: Console) -> int:
+def show(name: str, found: list[LawResult], console: Console) -> int:
     """Print a line a law; the exit status is 1 where one is broken."""
-    for verdict in found:
-        if verdict.holds:
-            console.print(f"[green]holds[/green]   {escape(verdict.law)}")
+    for result in found:
+        if result.holds:
+            console.print(f"[green]holds[/green]   {escape(result.law)}")
         else:
-            console.print(f"[red]broken[/red]  {escape(verdict.law)}\n        {escape(verdict.fault)}", highlight=False)
-    broken = sum(not verdict.holds for verdict in found)
+            console.print(f"[red]broken[/red]  {escape(result.law)}\n        {escape(result.fault)}", highlight=False)
+    broken = sum(not result.holds for result in found)
     console.print(f"{escape(name)} " + (f"breaks {broken} of {len(found)} laws" if broken else "keeps all laws"))
     return 1 if broken else 0

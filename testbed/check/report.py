@@ -1,4 +1,4 @@
-"""The laws one after the other, each with a verdict in words."""
+"""The laws one after the other, each with its result in words."""
 
 import traceback
 from collections.abc import Callable, Mapping, Sequence
@@ -70,7 +70,7 @@ SCENARIO_LAWS: tuple[tuple[Law, Cases], ...] = (
 )
 
 
-class Verdict(NamedTuple):
+class LawResult(NamedTuple):
     """One law, and how it is broken."""
 
     law: str  # in words
@@ -82,24 +82,24 @@ class Verdict(NamedTuple):
         return not self.fault
 
 
-def examine_filter(filter: Any) -> list[Verdict]:
+def examine_filter(filter: Any) -> list[LawResult]:
     """Verdicts on a filter, an object with init, predict, update and estimate: alone, then in the tracker."""
     found = examine(FILTER_LAWS, filter)
-    found += [verdict(law, filter) for ability, law in OPTIONAL if Abilities.of(filter).has(ability)]
+    found += [law_result(law, filter) for ability, law in OPTIONAL if Abilities.of(filter).has(ability)]
     return found + examine_tracker(MultiObjectTracker(filter, (tracker_laws.RADAR,)))
 
 
-def examine_tracker(tracker: Any) -> list[Verdict]:
+def examine_tracker(tracker: Any) -> list[LawResult]:
     """Verdicts on a multi-object tracker for the sensors `(tracker_laws.RADAR,)`, an object with start and step."""
-    return [verdict(law, tracker) for law in TRACKER_LAWS]
+    return [law_result(law, tracker) for law in TRACKER_LAWS]
 
 
-def examine(laws: Sequence[tuple[Law, Cases]], subject: Any) -> list[Verdict]:
+def examine(laws: Sequence[tuple[Law, Cases]], subject: Any) -> list[LawResult]:
     """Verdicts of some laws on whatever they are about."""
-    return [verdict(law, subject, cases) for law, cases in laws]
+    return [law_result(law, subject, cases) for law, cases in laws]
 
 
-def verdict(law: Law, subject: Any, cases: Cases = ONCE) -> Verdict:
+def law_result(law: Law, subject: Any, cases: Cases = ONCE) -> LawResult:
     """Whether a law holds in all cases; the first fault is reported.
 
     Code of a user may raise anything: any error is a fault, reported with its place, and the other laws go on.
@@ -110,10 +110,10 @@ def verdict(law: Law, subject: Any, cases: Cases = ONCE) -> Verdict:
             with np.errstate(all="ignore"):  # what comes of it is looked at instead
                 law(subject, **case)
         except Broken as broken:
-            return Verdict(name, f"{broken}{_told(law, case)}")
+            return LawResult(name, f"{broken}{_told(law, case)}")
         except Exception as error:
-            return Verdict(name, f"{type(error).__name__}: {error} ({_place(error)}){_told(law, case)}")
-    return Verdict(name)
+            return LawResult(name, f"{type(error).__name__}: {error} ({_place(error)}){_told(law, case)}")
+    return LawResult(name)
 
 
 def _told(law: Law, case: Mapping[str, Any]) -> str:

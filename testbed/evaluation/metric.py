@@ -382,9 +382,9 @@ METRICS: Mapping[str, Metric] = MappingProxyType({metric.key: metric for metric 
 ALIASES: Mapping[tuple[str, str], str] = MappingProxyType(
     {  # kind of file, key in files that were made before -> key
         ("comparison", "J"): "drive_score",
-        ("regret", "J"): "drive_score",
-        ("regret", "collided"): "collisions",  # a crash ends an episode, so there is one or none
-        ("regret", "brake_max"): "deceleration_max",
+        ("drives", "J"): "drive_score",
+        ("drives", "collided"): "collisions",  # a crash ends an episode, so there is one or none
+        ("drives", "brake_max"): "deceleration_max",
     }
 )
 

@@ -15,8 +15,9 @@ from testbed.evaluation.metric import METRICS
 from testbed.experiments import statistics
 from testbed.experiments.engine import Engine
 from testbed.experiments.report import tables
-from testbed.experiments.report.page import write_report
-from testbed.experiments.report.renderers import terminal
+from testbed.experiments.report.comparison import write_report
+from testbed.experiments.report.grid import terminal
+from testbed.experiments.report.texts import counted
 from testbed.experiments.rows import SCHEMA, Rows
 from testbed.experiments.run import LOOPS, Run
 from testbed.experiments.statistics import DRIVE, MAIN
@@ -166,7 +167,9 @@ def _overview(
     results: Results, main: Sequence[statistics.Cell], drives: Sequence[statistics.Cell]
 ) -> Iterator[RenderableType]:
     study = results.study
-    where = f"{len(study.scenarios)} scenarios, {len(study.seeds)} seeds, {study.settings.loop} loop"
+    where = (
+        f"{counted(len(study.scenarios), 'scenario')}, {counted(len(study.seeds), 'seed')}, {study.settings.loop} loop"
+    )
     for what, group in (("means", main), ("the drives", drives)):
         if group:
             means, title = tables.overview(group, study.baseline), f"{where}: {what} with 95 % intervals"

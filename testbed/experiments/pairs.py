@@ -220,7 +220,8 @@ def unresolved(found: Sequence[Cell]) -> list[str]:
         d, label = cell.change, METRICS[cell.measure].label
         where = f"{cell.condition}, {cell.planner}, {cell.scenario}, {label}"
         if cell.verdict == "too few seeds":
-            sentences.append(f"{where}: {d.pairs} seeds are too few for an interval")
+            few = "1 seed is" if d.pairs == 1 else f"{d.pairs} seeds are"
+            sentences.append(f"{where}: {few} too few for an interval")
         elif cell.verdict == "unresolved":
             seeds = f"about {d.needed:.0f} seeds would" if np.isfinite(d.needed) else "no number of seeds will"
             sentences.append(f"{where}: {d.mean.value:+.3g} is not resolved; {seeds} resolve it")

@@ -29,6 +29,7 @@ from testbed.experiments.compare import RECORD, Comparison, Settings, write_runs
 from testbed.experiments.engine import Engine
 from testbed.experiments.identity import project_digest
 from testbed.experiments.report import junit
+from testbed.experiments.report.texts import say
 from testbed.experiments.run import with_faults
 from testbed.experiments.store import LOGS, Results
 from testbed.experiments.study import Progress, Tally
@@ -141,7 +142,7 @@ class Regress(Comparison):
 
     def junit(self, results: Results, found: study.Findings, tally: Tally, path: Path) -> None:
         """A suite a tracker, a case a scenario."""
-        junit.write(found.data, path)
+        junit.write("regress", list(suites(found.data)), path)
 
 
 class Findings(NamedTuple):
@@ -171,6 +172,31 @@ class Findings(NamedTuple):
 
     def _sorted(self, *verdicts: str) -> list[Moved]:
         return sorted((c for c in self.changes if c.verdict in verdicts), key=lambda c: -c.size)
+
+
+def suites(found: Findings) -> Iterator[junit.Suite]:
+    """A suite a tracker, a case a scenario and one for all of them together."""
+    for tracker in dict.fromkeys(tracker for tracker, _ in found.cells):
+        keys = [*(key for key in found.cells if key[0] == tracker), (tracker, OVERALL)]
+        yield junit.Suite(tracker, [_case(found, key) for key in keys])
+
+
+def _case(found: Findings, key: Key) -> junit.Case:
+    worse, better = (
+        "\n".join(sentence(c) for c in group if (c.tracker, c.scenario) == key) for group in (found.worse, found.better)
+    )
+    error, skipped = found.failed.get(key, ""), say("no baseline") if key in found.new else ""
+    case = junit.Case(key[0], key[1], found.seconds.get(key, 0.0), error, "regression", worse, skipped)
+    return case if error or worse or skipped else case._replace(output=better)
+
+
+def sentence(change: Moved) -> str:
+    """One change in words."""
+    name = METRICS[change.measure].title
+    if change.verdict == GONE:
+        return f"{name}: nothing measured any more, the baseline has {change.before:.4g}"
+    numbers = f"{change.before:.4g} -> {change.after:.4g}"
+    return f"{name}: {numbers}, {change.verdict} by {abs(change.change):.3g}, allowed {change.limit:.3g}"
 
 
 def examine(results: Results, tally: Tally, baselines: Baselines) -> Findings:

@@ -13,14 +13,16 @@ from rich.console import Console, RenderableType
 from testbed.environment.sources import conditions
 from testbed.environment.sources.conditions import IN_VIEW
 from testbed.environment.sources.substitution import GROUPS, subsets
+from testbed.evaluation.metric import METRICS
 from testbed.experiments import pairs, study
 from testbed.experiments.drives import SCHEMA, DriveWatch
 from testbed.experiments.engine import Engine
 from testbed.experiments.pairs import Drive, key_of
-from testbed.experiments.report import regret_junit as junit
-from testbed.experiments.report import regret_tables as tables
-from testbed.experiments.report.regret_page import Findings, find, write_page
-from testbed.experiments.report.renderers import terminal
+from testbed.experiments.report import junit
+from testbed.experiments.report import tables_regret as tables
+from testbed.experiments.report.grid import terminal
+from testbed.experiments.report.regret import Findings, find, write_report
+from testbed.experiments.report.texts import say
 from testbed.experiments.run import Run
 from testbed.experiments.store import Results
 from testbed.experiments.study import Progress, Study, Tally
@@ -153,12 +155,11 @@ class Regret(Study):
         self, results: Results, found: study.Findings, tally: Tally, engine: Engine, progress: Progress
     ) -> Path | None:
         """The report, with figures and logs of the worst pairs."""
-        return None if found.data.found is None else write_page(results, found.data.found, tally)
+        return None if found.data.found is None else write_report(results, found.data.found, tally, progress)
 
     def junit(self, results: Results, found: study.Findings, tally: Tally, path: Path) -> None:
         """A suite a planner and tracker, a case a scenario, which fails where tracks collide."""
-        total = found.data.found.total if found.data.found else []
-        junit.write(found.data.pairs, total, tally.failed, found.data.same, path)
+        junit.write("regret", list(suites(found.data, tally)), path)
 
 
 class Judged(NamedTuple):
@@ -167,6 +168,35 @@ class Judged(NamedTuple):
     pairs: pd.DataFrame
     found: Findings | None  # None without any pair
     same: dict[Drive, bool]  # whether a drive with all groups of errors is that of its tracker
+
+
+def suites(found: Judged, tally: Tally) -> Iterator[junit.Suite]:
+    """A suite a planner and tracker, a case a scenario with its changes; then the self-test, and what failed."""
+    total = found.found.total if found.found else []
+    against_truth = pairs.compared_with(found.pairs, TRUTH)
+    for (planner, condition), part in against_truth.groupby(["planner", "condition"], sort=False):
+        cases = []
+        for scenario, rows in part.groupby("scenario", sort=False):
+            own = [c for c in total if (c.scenario, c.planner, c.condition) == (scenario, planner, condition)]
+            crashed = rows.loc[rows["collisions"] > 0, "seed"].tolist()
+            failure = say("collides", crashed=crashed, seeds=len(rows)) if crashed else ""
+            output = "\n".join(map(sentence, own))
+            case = junit.Case(f"{planner}.{condition}", str(scenario), kind="collision", failure=failure, output=output)
+            cases.append(case)
+        yield junit.Suite(f"{planner} {condition}", cases)
+    differs = say("self-test differs")
+    tested = [
+        junit.Case("self-test", drive.name, kind="self-test", failure="" if equal else differs)
+        for drive, equal in found.same.items()
+    ]
+    failed = [junit.Case("drive", outcome.name, error=outcome.note) for outcome in tally.failed]
+    yield junit.Suite("drives", [*tested, *failed])
+
+
+def sentence(cell: pairs.Cell) -> str:
+    """A change in words."""
+    v, metric = cell.change.mean, METRICS[cell.measure]
+    return f"{metric.title}: {v.value:+.4g} [{v.low:+.4g}, {v.high:+.4g}], {cell.verdict}"
 
 
 def is_plain(tracker: str) -> bool:

@@ -154,7 +154,8 @@ def unresolved(cells: Sequence[Cell]) -> list[str]:
             continue
         label = METRICS[cell.measure].label
         if d.verdict == "too few seeds":
-            sentences.append(f"{cell.tracker}, {label}: {d.pairs} runs are too few for an interval")
+            few = "1 run is" if d.pairs == 1 else f"{d.pairs} runs are"
+            sentences.append(f"{cell.tracker}, {label}: {few} too few for an interval")
         else:
             seeds = (
                 f"about {d.needed:.0f} seeds a scenario would" if np.isfinite(d.needed) else "no number of seeds will"

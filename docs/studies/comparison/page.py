@@ -11,7 +11,7 @@ from testbed.command_line.terminal import user_input
 from testbed.evaluation.metric import METRICS
 from testbed.evaluation.metrics import CUTOFF
 from testbed.experiments.report import tables
-from testbed.experiments.report.renderers import markdown
+from testbed.experiments.report.grid import markdown
 from testbed.experiments.statistics import DRIVE, MAIN, cells
 from testbed.experiments.store import Results
 from trackers import DEFAULT

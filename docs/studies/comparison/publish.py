@@ -24,7 +24,8 @@ from testbed.command_line.terminal import console, user_input
 from testbed.evaluation.metric import COSTS, METRICS, old_names
 from testbed.experiments.bands import by_band, consistency
 from testbed.experiments.compare import Comparison, Settings
-from testbed.experiments.report.page import write_report
+from testbed.experiments.report.comparison import page_of
+from testbed.experiments.report.figures import draw
 from testbed.experiments.rows import SCHEMA
 from testbed.experiments.statistics import DRIVE, MAIN
 from testbed.experiments.store import ROWS, Results, Store, read_meta
@@ -42,6 +43,7 @@ PUBLISHED = (  # of every run and phase
 )  # fmt: skip
 TABLES = ("range", "visible", "consistency")  # .csv
 KEY = ["scenario", "tracker", "seed", "phase"]  # of a row of `runs.parquet`
+PICTURES = ("time_nees_position",)  # of the report, shown on the page
 DIGITS = 6  # significant, of the tables
 
 
@@ -75,12 +77,12 @@ def _named(key: dict[str, Any]) -> tuple[str, str, int]:
     return "+".join([key["scenario"], *key["faults"]]), key["source"], key["seed"]
 
 
-def publish(folder: Path, target: Path, report: Path, reference: str | None = None) -> None:
-    """Write the small results of all runs in a folder, and the report page without its logs."""
+def publish(folder: Path, target: Path, pictures: Path, reference: str | None = None) -> None:
+    """Write the small results of all runs in a folder, and the figures of its report that the page shows."""
     results = Results.read(stored_comparison(folder, reference))
     target.mkdir(parents=True, exist_ok=True)
     _write(target, *_small(results), about(results))
-    write_report(results, out=report, logs=False)
+    draw([plot for plot in page_of(results, None).plots if plot.name in PICTURES], pictures, "comparison-")
 
 
 def publish_part(name: str, folder: Path, target: Path, reference: str | None = None) -> None:
@@ -205,7 +207,7 @@ def _in_order(values: Sequence[Any], what: str) -> tuple[Any, ...]:
 def main(
     folder: Annotated[Path, typer.Argument(help="What `testbed compare --out` left.")],
     target: Annotated[Path, typer.Argument(help="Directory for the small results.")] = Path("docs/results"),
-    report: Annotated[Path, typer.Argument(help="Directory for the report page.")] = Path("docs/comparison"),
+    pictures: Annotated[Path, typer.Argument(help="Directory for the pictures.")] = Path("docs/pictures"),
     reference: Annotated[str | None, typer.Option(help="The tracker that the others are compared with.")] = None,
     closed: Annotated[Path | None, typer.Option(help="Also these runs of trackers in closed loop.")] = None,
     layers: Annotated[Path | None, typer.Option(help="Also these runs of the default tracker without layers.")] = None,
@@ -219,8 +221,8 @@ def main(
         if replace:
             console.print(f"replaced {', '.join(replace_trackers(folder, target))}", highlight=False)
         else:
-            publish(folder, target, report, reference)
+            publish(folder, target, pictures, reference)
         for name, part in (("closed", closed), ("layers", layers)):
             if part is not None:
                 publish_part(name, part, target, DEFAULT if name == "layers" else reference)
-    console.print(f"results  {target}, {report}", soft_wrap=True)
+    console.print(f"results  {target}, {pictures}", soft_wrap=True)

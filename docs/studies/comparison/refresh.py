@@ -37,10 +37,9 @@ from testbed.experiments.pairs import KEY as DRIVE_KEY
 from testbed.experiments.pairs import Drive
 from testbed.experiments.probe import limit, parameter_of
 from testbed.experiments.regret import Regret
-from testbed.experiments.report.page import NAME
 from testbed.experiments.run import FAILED, Outcome, Run, outcome_of
 from testbed.experiments.store import RECORDINGS, Store
-from testbed.files import make_directory, write_atomic, write_json
+from testbed.files import make_directory, write_json
 from testbed.frame import TRUTH
 from trackers import DEFAULT
 from trackers.lookup import look_up
@@ -60,7 +59,7 @@ EXACT = (  # scenario, planner, condition, seed
     ("probe-brake", "mpc-cautious", "edra-imm+drop:0.2", 203),
     ("probe-jam", "idm", "truth", 204),
 )
-OLD = old_names("regret")  # of metrics of drives
+OLD = old_names("drives")  # of metrics of drives
 SHOWN = 40  # rows of the table
 DIGITS = 9  # significant; that tell a float32 from its neighbours
 Numbers = dict[str, float]
@@ -287,9 +286,6 @@ def _measure(key: str) -> str:
 
 def main(
     results: Annotated[Path, typer.Option(help="Directory of the committed results.")] = Path("docs/results"),
-    report: Annotated[Path, typer.Option(help="Directory of the report page, which names the digest.")] = Path(
-        "docs/comparison"
-    ),
     part: Annotated[list[str] | None, typer.Option(help=f"One of {', '.join(PARTS)}; by default all.")] = None,
     sample: Annotated[int, typer.Option(min=1, help="How many pieces of each part.")] = 20,
     seed: Annotated[int, typer.Option(min=0, help="Of the samples.")] = 0,
@@ -326,7 +322,7 @@ def main(
             equal = ", ".join(piece.name for piece in pieces if piece.part == name)
             console.print(f"equal    {name}: {equal}", soft_wrap=True, highlight=False)
         if "runs" in chosen:
-            _write(results, report)
+            _write(results)
 
 
 def _check_sample(results: Path, repeated: Sequence[str]) -> None:
@@ -348,13 +344,10 @@ def _nulls(numbers: Numbers) -> dict[str, float | None]:
     return {key: None if isnan(value) else value for key, value in numbers.items()}
 
 
-def _write(results: Path, report: Path) -> None:
-    """The new digests into the settings of the results, and into the report page where there is one."""
+def _write(results: Path) -> None:
+    """The new digests into the settings of the results."""
     known = read(results)[1]
     old, new = known["identity"], digests(known["trackers"])
-    page = report / NAME
-    if page.exists():
-        write_atomic(page, page.read_text().replace(old["code"], new["code"]))
     write_json(results / ABOUT, known | {"identity": old | new})
     console.print(f"digests  {results / ABOUT}; now `make study-comparison`", soft_wrap=True, highlight=False)
 

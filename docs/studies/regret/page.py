@@ -13,14 +13,15 @@ from testbed.command_line.terminal import console, user_input
 from testbed.evaluation.metric import old_names
 from testbed.experiments.pairs import KEY, Attribution, Cell, one_sided, unresolved
 from testbed.experiments.regret import DRIVES, PAIRS, write_table
-from testbed.experiments.report import regret_figures as figures
-from testbed.experiments.report import regret_tables as tables
-from testbed.experiments.report.page import seeds_text
-from testbed.experiments.report.regret_page import TABLE, drawable, find
-from testbed.experiments.report.renderers import markdown
+from testbed.experiments.report import figures_regret
+from testbed.experiments.report import tables_regret as tables
+from testbed.experiments.report.figures import draw
+from testbed.experiments.report.grid import markdown
+from testbed.experiments.report.regret import TABLE, drawable, find
+from testbed.experiments.report.texts import seeds_text
 from testbed.files import make_directory
 
-OLD = old_names("regret")
+OLD = old_names("drives")
 PARTS = ("main", "attribution", "doses", "caution")  # folders of docs/results/regret
 
 
@@ -161,11 +162,12 @@ def _draw(
     errors: pd.DataFrame | None = None,
     doses: Sequence[Cell] = (),
 ) -> None:
-    """Draw the pictures of a part beside the page; arguments as those of `figures.draw`."""
+    """Draw the pictures of a part beside the page; arguments as those of `figures_regret.plots`."""
     if page is not None:
         table = pd.DataFrame() if errors is None else errors
-        for figure in figures.draw(total, shares, table, doses, page.docs / "pictures", ("png",), "regret-"):
-            console.print(f"picture  {figure.png}", soft_wrap=True)
+        plots = figures_regret.plots(total, shares, table, doses)
+        for figure in draw(plots, page.docs / "pictures", "regret-"):
+            console.print(f"picture  {figure.path}", soft_wrap=True)
 
 
 def _facts(drives: pd.DataFrame) -> str:

@@ -1,6 +1,7 @@
 """Figures of errors by range and by the visible share of an object."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -9,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from testbed.experiments.bands import BAND_MEASURES
-from testbed.experiments.report.style import OTHERS, LineStyle
+from testbed.experiments.report.figure_style import OTHERS, LineStyle, label
 
 DODGE = 0.56  # share of a band over which the trackers stand side by side
 
@@ -20,7 +21,7 @@ def bands(
     xlabel: str,
     shown: Sequence[str],
     styles: dict[str, LineStyle],
-    baseline: str,
+    study: Any,
 ) -> Figure:
     """Errors by band with 95 % intervals; trackers that are not in `shown` are grey lines behind."""
     figure = Figure(figsize=(12.0, 7.6), layout="constrained")
@@ -37,10 +38,7 @@ def bands(
         axis.set_title(title.rpartition(" [")[0])
         axis.set_ylim(0, 103 if key == "held" else None)
         axis.grid(axis="x", visible=False)
-    handles = [
-        Line2D([], [], label=f"{n} (reference)" if n == baseline else n, marker=styles[n].marker, **styles[n].line)
-        for n in shown
-    ]
+    handles = [Line2D([], [], label=label(n, study), marker=styles[n].marker, **styles[n].line) for n in shown]
     if set(table["tracker"]) - set(shown):
         handles.append(Line2D([], [], color=OTHERS, linewidth=0.9, label="other trackers"))
     figure.legend(handles=handles, loc="outside lower center", ncols=min(len(handles), 4))

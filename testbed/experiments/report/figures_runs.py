@@ -9,8 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from testbed.evaluation.metric import METRICS
-from testbed.experiments.report.figures_axes import plain_log
-from testbed.experiments.report.style import DIVERGING, SIZE, LineStyle
+from testbed.experiments.report.figure_style import DIVERGING, SIZE, LineStyle, label, plain_log
 from testbed.experiments.store import Results
 
 LOGARITHMIC = ("nees_position", "nees_velocity", "ms_per_scan", "us_per_update")
@@ -30,12 +29,12 @@ def strips(results: Results, measures: Sequence[str], order: Sequence[str], styl
         _panel(axis, runs, key, order, styles)
     for axis in axes.ravel()[len(measures) :]:
         axis.set_axis_off()
-    labels = [f"{n} (reference)" if n == results.study.baseline else n for n in order]
+    labels = [label(n, results.study) for n in order]
     for axis in axes[:, 0]:
         axis.set_yticks(range(len(order)), labels)
         axis.set_ylim(len(order) - 0.4, -0.6)
         for tick, name in zip(axis.get_yticklabels(), order, strict=True):
-            tick.set_fontweight("bold" if name == results.study.baseline else "normal")
+            tick.set_fontweight("bold" if label(name, results.study) != name else "normal")
     figure.legend(handles=_key(), loc="outside lower center", ncols=4)
     return figure
 

@@ -11,12 +11,12 @@ from matplotlib.patches import Patch
 
 from testbed.evaluation.intervals import FEWEST, chi2_limits
 from testbed.experiments.bands import DOF
-from testbed.experiments.report.figures_axes import plain_log
-from testbed.experiments.report.style import DURING, LIMITS, ONSET, LineStyle, grid
+from testbed.experiments.report.figure_style import DURING, LIMITS, ONSET, LineStyle, grid, label, plain_log
 from testbed.experiments.series import PhaseTimes, Series
 from testbed.experiments.store import Results
 
 SHADES = {"onset": ONSET, "during": DURING}
+LABELS = {"onset": "onset", "during": "maneuver"}
 BAND = 0.13  # opacity
 LEAST, MOST = 1e-2, 1e4  # of NEES and NIS that are drawn
 
@@ -105,15 +105,13 @@ def _top(shown: Sequence[Series]) -> float:
 
 def _legend(figure: Figure, data: TimeData, quantity: str, more: list[Patch]) -> None:
     names = dict.fromkeys(s.tracker for s in data.series if s.quantity == quantity and np.isfinite(s.mean).any())
-    handles: list[Line2D | Patch] = [Line2D([], [], label=_name(data.results, n), **data.styles[n].line) for n in names]
+    handles: list[Line2D | Patch] = [
+        Line2D([], [], label=label(n, data.results.study), **data.styles[n].line) for n in names
+    ]
     handles += more
     if names and quantity in ("gospa", "position") and len(data.results.study.seeds) >= FEWEST:
         handles.append(Patch(color=data.styles[next(iter(names))].color, alpha=BAND, label="95 % band"))
-    if data.times:
-        handles += [Patch(color=ONSET, label="onset"), Patch(color=DURING, label="maneuver")]
+    shaded = {phase.phase for phase in data.times}
+    handles += [Patch(color=SHADES[phase], label=text) for phase, text in LABELS.items() if phase in shaded]
     wide = figure.get_figwidth() > 10
     figure.legend(handles=handles, loc="outside lower center", ncols=5 if wide else 3)
-
-
-def _name(results: Results, tracker: str) -> str:
-    return f"{tracker} (reference)" if tracker == results.study.baseline else tracker

@@ -1,10 +1,13 @@
-"""Review logs of the best, the median and the worst run of every tracker."""
+"""Review logs of the best, the median and the worst run of every tracker, and what a page says of a log."""
 
-from collections.abc import Callable, Sequence
+import os
+import shlex
+from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
+from urllib.parse import quote
 
 import numpy as np
 
@@ -19,7 +22,35 @@ from testbed.log.record import run_id
 from testbed.replay.rescan import REPLAY, write_log
 
 FOLDER = "logs"
+PAGE = ".html"  # of a log, in place of its .rrd
 PLACES = ("best", "median", "worst")
+
+
+class LogFiles(NamedTuple):
+    """What a report page says of one log."""
+
+    href: str = ""  # of the log, empty where there is none
+    page: str = ""  # of its page for a browser, empty where that was not written
+    command: str = ""  # that opens the log in the viewer
+    note: str = ""  # why there is no log
+
+
+def href(path: Path, folder: Path) -> str:
+    """Address of a file as seen from a page in the folder.
+
+    >>> href(Path("runs/logs/a b.rrd"), Path("runs"))
+    'logs/a%20b.rrd'
+    """
+    return quote(Path(os.path.relpath(path, folder)).as_posix(), safe="/")
+
+
+def found(path: Path, folder: Path, note: str) -> LogFiles:
+    """The log, and beside it the page that `testbed review LOG --html PAGE` has written; the note where none is."""
+    if not path.exists():
+        return LogFiles(note=note)
+    page = path.with_suffix(PAGE)
+    command = f"testbed review {shlex.quote(str(path))}"
+    return LogFiles(href(path, folder), href(page, folder) if page.exists() else "", command)
 
 
 class Pick(NamedTuple):
@@ -78,18 +109,17 @@ def log_path(pick: Pick, out: Path) -> Path:
 
 def write(
     results: Results,
-    found: Sequence[Pick],
     engine: Engine = Engine(),  # noqa: B008 - frozen
     progress: Callable[[int, int], None] | None = None,
 ) -> list[Outcome]:
-    """Write the logs of the picks into the folder of the results, beside those that are there already, which are kept.
+    """Write the logs of all `picks` into the folder of the results; those that are there already are kept.
 
     progress(done, total) after each. Raises OSError, in one sentence, where the folder cannot be written or a cluster
     cannot be used.
     """
     study, out = results.study, Path(results.study.out)
     make_directory(out / FOLDER)
-    runs = list({pick.run: pick for pick in found}.values())
+    runs = list({pick.run: pick for pick in picks(results)}.values())
     outcomes = [Outcome(pick.name, FOUND) for pick in runs if log_path(pick, out).exists()]
     work = [(pick, study, out) for pick in runs if not log_path(pick, out).exists()]
     with closing(perform(write_one, work, engine, _reads)) as finished:

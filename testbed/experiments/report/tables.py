@@ -1,11 +1,8 @@
-"""The tables of a comparison as data: what stands in them, formatted and marked; `renderers` and the template set them.
+"""The tables of a comparison: what stands in them. Captions are in `templates/captions.md`."""
 
-A table is made once. The terminal, the page of the documentation and the report page show it, or some of its columns.
-"""
-
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from itertools import groupby
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -14,83 +11,29 @@ from testbed.command_line.tables import DASH, number
 from testbed.evaluation.intervals import LEVEL, Interval
 from testbed.evaluation.metric import METRICS
 from testbed.experiments.bands import BAND_MEASURES, BANDS, DOF, QUANTITIES
-from testbed.experiments.statistics import PHASES, Cell, Change
+from testbed.experiments.report.grid import Field, Grid, Line, estimate, mark_of, needed
+from testbed.experiments.report.texts import say
+from testbed.experiments.statistics import PHASES, Cell, Change, compare, samples
+from testbed.experiments.store import Results
 
 WORST = 2.0  # times the best value of a row, at which shading is full
 CONSISTENCY = {
     "nees_position": "NEES position", "nees_velocity": "NEES velocity", "nis": "NIS",
     "length_covered": "length in its interval [%]", "width_covered": "width in its interval [%]",
 }  # fmt: skip
+RANKED = "gospa"
+SAID = {"worse": "behind", "better": "ahead on shared runs", "the same": "level",
+        "unresolved": "not resolved", "too few seeds": "too few seeds to judge"}  # fmt: skip
 
 
-class Field(NamedTuple):
-    """One field of a table: a number with its interval, or a word."""
+def overview(cells: Sequence[Cell], baseline: str, note: str = "ideal") -> Grid:
+    """Trackers down, measures across: means with intervals, and the difference to the reference in words.
 
-    text: str
-    bounds: str = ""  # ends of the 95 % interval, in brackets
-    half: str = ""  # half the width of it, for narrow columns
-    remark: str = ""  # what the number means, in words
-    mark: str = ""  # "best" of those that it is compared with; "better" or "worse" than the reference
-    heat: float | None = None  # how much worse than the best, 0 to 1
-
-
-class Line(NamedTuple):
-    """One row of a table."""
-
-    name: str
-    fields: list[Field]
-
-
-class Grid(NamedTuple):
-    """A table, with an optional line of groups above its heads."""
-
-    caption: str
-    corner: str  # what the lines are: "tracker"
-    heads: list[str]
-    lines: list[Line]
-    reference: str = ""  # the line, or the column, that the others are compared with
-    words: Sequence[str] = ()  # heads of columns that hold no numbers
-    groups: Sequence[tuple[str, int]] = ()  # label and number of columns
-
-    def only(self, *heads: str) -> "Grid":
-        """The same without the other columns."""
-        kept = [self.heads.index(head) for head in heads]
-        return self._replace(heads=list(heads), lines=[Line(n, [f[k] for k in kept]) for n, f in self.lines])
-
-    def transposed(self, corner: str) -> "Grid":
-        """The same with lines and columns exchanged."""
-        columns = zip(*(line.fields for line in self.lines), strict=True)
-        lines = [Line(head, list(fields)) for head, fields in zip(self.heads, columns, strict=True)]
-        return self._replace(corner=corner, heads=[line.name for line in self.lines], lines=lines)
-
-
-def estimate(found: Interval, digits: int, remark: str = "", mark: str = "", heat: float | None = None) -> Field:
-    """A number with its interval."""
-    known = np.isfinite(found.low)
-    half = f"{(found.high - found.low) / 2:.{digits}f}" if known else ""
-    return Field(number(found.value, digits), bounds(found, digits), half, remark, mark, heat)
-
-
-def bounds(found: Interval, digits: int) -> str:
-    """The interval in brackets, nothing where there is none."""
-    return f"[{found.low:.{digits}f}, {found.high:.{digits}f}]" if np.isfinite(found.low) else ""
-
-
-OVERVIEW = (
-    "Means with 95 % intervals; bold: the best of a column. Below: the difference to the reference on the same seeds, "
-    "coloured only where its interval leaves out zero."
-)
-IDEAL = " For the NEES it is the distance from 2 that counts."
-SIGNS = (
-    " Of drive score and progress more is better; their differences are turned round, so that negative is better "
-    "everywhere."
-)
-
-
-def overview(cells: Sequence[Cell], baseline: str, note: str = IDEAL) -> Grid:
-    """Trackers down, measures across: means with intervals, and the difference to the reference in words."""
+    note: name of a text that the caption ends with, "ideal" or "signs".
+    """
+    several = _several(c.tracker for c in cells)
     return Grid(
-        OVERVIEW + note,
+        f"{say('overview', several=several)} {say(note, several=several)}",
         "tracker",
         list(dict.fromkeys(METRICS[c.measure].title for c in cells)),
         _lines(cells, lambda c: c.tracker, lambda c: c.measure, _with_difference),
@@ -106,13 +49,12 @@ def differences(cells: Sequence[Cell], baseline: str) -> Grid:
         if d is not None:
             digits = METRICS[cell.measure].digits + 1
             numbers = [estimate(d.mean, digits), estimate(d.iqm, digits), estimate(d.improvement, 2)]
-            verdict = Field(d.verdict, remark=_needed(d), mark=_mark(d))
+            verdict = Field(d.verdict, remark=needed(d, d.verdict), mark=mark_of(d.verdict))
             lines.append(
                 Line(cell.tracker, [Field(METRICS[cell.measure].title), *numbers, Field(str(d.pairs)), verdict])
             )
     return Grid(
-        f"Differences to {baseline} on the same seeds, with 95 % intervals; negative is better. For measures with an "
-        "ideal value it is the distance from it that is compared. The interquartile mean leaves out the extreme runs.",
+        say("differences", reference=baseline),
         "tracker",
         ["measure", "mean difference", "interquartile mean", "probability of improvement", "pairs", "verdict"],
         lines,
@@ -123,8 +65,12 @@ def differences(cells: Sequence[Cell], baseline: str) -> Grid:
 def by_scenario(cells: Sequence[Cell], baseline: str) -> Grid:
     """Scenarios down, trackers across, by one measure; shaded by how much worse than the best of the scenario."""
     return Grid(
-        f"{METRICS[cells[0].measure].title} by scenario with 95 % intervals; bold: the best of a row. The darker, the "
-        f"worse than that; full at {WORST:g} times the best.",
+        say(
+            "by scenario",
+            measure=METRICS[cells[0].measure].title,
+            several=_several(c.tracker for c in cells),
+            worst=f"{WORST:g}",
+        ),
         "scenario",
         list(dict.fromkeys(c.tracker for c in cells)),
         _lines(cells, lambda c: c.group, lambda c: c.tracker, _shaded),
@@ -139,7 +85,7 @@ def by_phase(cells: Sequence[Cell], baseline: str, every: bool = False) -> Grid:
     if every:
         columns = [(key, phase) for key in dict(columns) for phase in PHASES]
     return Grid(
-        "Means by phase of the maneuver with 95 % intervals, and the difference to the reference as above.",
+        say("by phase", several=_several(c.tracker for c in cells)),
         "tracker",
         [phase for _, phase in columns],
         _lines(cells, lambda c: c.tracker, lambda c: (c.measure, c.group), _with_difference, columns),
@@ -160,13 +106,12 @@ def by_band(table: pd.DataFrame, band: str, baseline: str) -> Grid:
             best = per_band[key].max() if key == "held" else per_band[key].min()
             for b in used:
                 row = at.get((tracker, b))
-                mark = "best" if row is not None and row[key] == best[b] else ""
+                mark = "best" if row is not None and row[key] == best[b] and _several(table["tracker"]) else ""
                 fields.append(Field(DASH) if row is None else estimate(_interval(row, key, scale), digits, mark=mark))
         lines.append(Line(tracker, fields))
     frames = ", ".join(f"{b}: {table.loc[table['band'] == b, 'frames'].median():.0f}" for b in used)
     return Grid(
-        "Means over runs with 95 % intervals; bold: the best of a column; bands with few frames are left out. Frames "
-        f"of a tracker, median: {frames}.",
+        say("by band", several=_several(table["tracker"]), frames=frames),
         "tracker",
         used * len(BAND_MEASURES),
         lines,
@@ -191,15 +136,17 @@ def consistency(table: pd.DataFrame, baseline: str) -> Grid:
     for key, text in CONSISTENCY.items():
         heads += [text, "inside [%]"] if key in QUANTITIES else [text]
     return Grid(
-        "Do the covariances match the errors? Ideal: NEES and NIS 2, 95 % of the instants inside the chi-square "
-        "limits of the mean over runs and objects, 95 % of the true lengths and widths in their 95 % intervals. "
-        "“Overconfident” and “conservative” stand where the interval of the mean leaves out the ideal.",
+        say("consistency"),
         "tracker",
         heads,
         lines,
         baseline,
         words=("phase",),
     )
+
+
+def _several(names: Iterable[str]) -> bool:
+    return len(set(names)) > 1
 
 
 def _lines(
@@ -209,9 +156,9 @@ def _lines(
     field: Callable[[Cell, float], Field],
     columns: Sequence[Any] | None = None,
 ) -> list[Line]:
-    """Cells as lines; `field` gets the least badness among the trackers, in the same measure and group."""
+    """Cells as lines; `field` gets the least badness among several trackers, in the same measure and group, or NaN."""
     best: dict[Any, float] = {}
-    for c in cells:
+    for c in cells if _several(c.tracker for c in cells) else ():
         bad = METRICS[c.measure].badness(c.mean.value)
         if np.isfinite(bad):
             best[c.measure, c.group] = min(bad, best.get((c.measure, c.group), np.inf))
@@ -227,7 +174,7 @@ def _with_difference(cell: Cell, best: float) -> Field:
     remark, d = "", cell.difference
     if d is not None and np.isfinite(d.mean.value):
         remark = f"{d.mean.value:+.{digits + 1}f} {d.verdict}"
-        marks.append(_mark(d))
+        marks.append(mark_of(d.verdict))
     return estimate(cell.mean, digits, remark, " ".join(filter(None, marks)))
 
 
@@ -235,16 +182,6 @@ def _shaded(cell: Cell, best: float) -> Field:
     bad = METRICS[cell.measure].badness(cell.mean.value)
     heat = float(np.clip((bad / best - 1) / (WORST - 1), 0, 1)) if np.isfinite(bad) and best > 0 else None
     return estimate(cell.mean, METRICS[cell.measure].digits, mark="best" if bad == best else "", heat=heat)
-
-
-def _mark(d: Change) -> str:
-    return d.verdict if d.verdict in ("better", "worse") else ""
-
-
-def _needed(d: Change) -> str:
-    if d.verdict != "unresolved" or np.isnan(d.needed):
-        return ""
-    return f"{d.needed:.0f} seeds needed" if np.isfinite(d.needed) else "no number of seeds will do"
 
 
 def _confidence(found: Interval, ideal: float, sign: int = 1) -> str:
@@ -259,3 +196,39 @@ def _confidence(found: Interval, ideal: float, sign: int = 1) -> str:
 
 def _interval(row: Any, key: str, scale: float) -> Interval:
     return Interval(scale * row[key], scale * row[f"{key}_low"], scale * row[f"{key}_high"])
+
+
+def order(cells: Sequence[Cell]) -> list[Cell]:
+    """The cells of the GOSPA over all runs, the least mean first; without those that have none."""
+    found = [c for c in cells if c.measure == RANKED and np.isfinite(c.mean.value)]
+    return sorted(found, key=lambda c: c.mean.value)
+
+
+def ranking(results: Results, cells: Sequence[Cell]) -> Grid | None:
+    """Place, mean and distance to the first on the same seeds, a line a tracker; None for fewer than two of them."""
+    ranked = order(cells)
+    if len(ranked) < 2:
+        return None
+    comparison, measure = results.study, METRICS[RANKED]
+    found = samples(results.runs, RANKED, comparison.scenarios, comparison.seeds)
+    first = ranked[0].tracker
+    lines = []
+    for place, cell in enumerate(ranked, 1):
+        behind = None if place == 1 else compare(found[cell.tracker], found[first])
+        mean = estimate(cell.mean, measure.digits, mark="best" if place == 1 else "")
+        lines.append(Line(cell.tracker, [Field(str(place)), mean, *_behind(behind, measure.digits)]))
+    return Grid(
+        say("ranking", measure=measure.label, first=first),
+        "tracker",
+        ["place", measure.title, f"behind {first} [{measure.unit}]", "verdict"],
+        lines,
+        comparison.baseline,
+        words=("verdict",),
+    )
+
+
+def _behind(d: Change | None, digits: int) -> list[Field]:
+    if d is None:
+        return [Field(""), Field("first")]
+    remark = needed(d, d.verdict) if np.isfinite(d.needed) else ""
+    return [estimate(d.mean, digits), Field(SAID[d.verdict], remark=remark, mark=mark_of(d.verdict))]

@@ -1,47 +1,78 @@
-"""What the statistics of a comparison say, in sentences."""
+"""What the statistics of a study say, in sentences; their wording is in `templates/sentences.md`."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from testbed.command_line.tables import number
+from testbed.environment.sources.substitution import GROUP_NAMES, GROUPS
 from testbed.evaluation.intervals import FEWEST
 from testbed.evaluation.metric import METRICS
-from testbed.experiments.report.grouping import listed, reach
-from testbed.experiments.report.ranking import order as by_gospa
-from testbed.experiments.report.tables import bounds
-from testbed.experiments.statistics import MAIN, Cell, compare, samples
+from testbed.experiments.pairs import Attribution, Correlation
+from testbed.experiments.pairs import Cell as PairCell
+from testbed.experiments.report.grid import bounds
+from testbed.experiments.report.tables import order
+from testbed.experiments.report.texts import say
+from testbed.experiments.statistics import MAIN, PHASES, Cell, compare, samples
 from testbed.experiments.store import Results
 
 BESIDES = tuple(key for key in MAIN if key != "gospa")
+MANY = 20  # intervals, of which one leaves out zero by chance
+AGAINST = {"better": "better", "worse": "worse", "unresolved": "not resolved", "the same": "the same",
+           "too few seeds": "too few seeds to judge"}  # fmt: skip
+
+
+class Reach(NamedTuple):
+    """How many finished runs have scans in a phase of the maneuver."""
+
+    phase: str
+    reached: int
+    runs: int
+
+    @property
+    def text(self) -> str:
+        """The count in words."""
+        return say("reach", **self._asdict())
+
+
+def reach(results: Results) -> list[Reach]:
+    """The four phases in their order; a run that has no scan in a phase does not reach it."""
+    spans, runs = results.spans, len(results.runs)
+    if not runs:
+        return []
+    scanned = spans[spans["gospa"].notna()] if "gospa" in spans else spans
+    return [Reach(phase, int((scanned["phase"] == phase).sum()), runs) for phase in PHASES]
+
+
+def few_seeds(runs: pd.DataFrame, strata: Sequence[str], planned: int) -> list[str]:
+    """A sentence where no stratum of these columns has as many seeds as an interval needs."""
+    seeds = planned if runs.empty else int(runs.groupby(list(strata))["seed"].nunique().max())
+    return [say("few seeds", seeds=seeds, fewest=FEWEST)] if seeds < FEWEST else []
 
 
 def verdict(results: Results, cells: Sequence[Cell]) -> list[str]:
     """Best in GOSPA and whether that is resolved, the others against the reference, then the other measures."""
-    order = by_gospa(cells)
-    if not order:
-        return ["No run has a GOSPA yet, so there is nothing to compare."]
-    sentences = [_best(results, order)]
-    if len(order) > 1:
-        sentences += [_lead(results, order), _wins(results, order[0].tracker), _against(cells, results)]
-    sentences += [_besides(cells), _certainty(cells), _cost(results, order[0].tracker)]
+    ranked = order(cells)
+    if not ranked:
+        return [say("nothing to compare")]
+    sentences = [_best(results, ranked)]
+    if len(ranked) > 1:
+        sentences += [_lead(results, ranked), _wins(results, ranked[0].tracker), _against(cells, results)]
+    sentences += [_besides(cells), _certainty(cells), _cost(results, ranked[0].tracker)]
     return [s for s in sentences if s]
 
 
 def caveats(results: Results, cells: Sequence[Cell]) -> list[str]:
     """What a reader should know before using the tables."""
-    comparison = results.study
-    found = []
-    if len(comparison.seeds) < FEWEST:
-        few = f"{_count(len(comparison.seeds), 'seed')} {'is' if len(comparison.seeds) == 1 else 'are'}"
-        found.append(f"{few} too few for intervals: {FEWEST} are the least.")
-    found += [*_lacking(results), *_blind(results, cells), *_unreached(results)]
+    found = few_seeds(results.runs, ["tracker", "scenario"], len(results.study.seeds))
+    found += [*_lacking(results), *_blind(results, cells)]
+    if empty := [phase.text for phase in reach(results) if not phase.reached]:
+        found.append(say("unreached", phases=empty))
     count = sum(c.difference is not None and np.isfinite(c.difference.mean.low) for c in cells)
-    if count >= 20:
-        found.append(
-            f"Every interval holds alone with 95 %: of {count} differences about {count / 20:.0f} would seem resolved "
-            "by chance if there were none."
-        )
+    if count >= MANY:
+        found.append(say("many intervals", count=count, chance=f"{count / MANY:.0f}"))
     return found
 
 
@@ -61,19 +92,11 @@ def _lacking(results: Results) -> list[str]:
     for tracker, count in _missing(results).items():
         alike.setdefault(count, []).append(tracker)
     alike.pop(0, None)
-    each, said = _each(results), []
-    for count, names in alike.items():
-        one = len(names) == 1
-        if count == each:
-            has = "has no finished run and is" if one else "have no finished run and are"
-            said.append(f"{listed(names)} {has} left out.")
-        else:
-            lack, their = ("lacks", "its") if one else ("lack", "their")
-            apiece = "" if one else " each"
-            said.append(
-                f"{listed(names)} {lack} {count} of {each} runs{apiece}: {their} means are over the others, see below."
-            )
-    return said
+    each = _each(results)
+    return [
+        say("no run" if count == each else "some runs", trackers=names, count=count, each=each)
+        for count, names in alike.items()
+    ]
 
 
 def _blind(results: Results, cells: Sequence[Cell]) -> list[str]:
@@ -81,54 +104,35 @@ def _blind(results: Results, cells: Sequence[Cell]) -> list[str]:
     missing, each = _missing(results), _each(results)
     seeing = {c.tracker for c in cells if c.measure == "rmse_position" and np.isfinite(c.mean.value)}
     names = [t for t in results.study.trackers if missing[t] < each and t not in seeing]
-    if not names:
-        return []
-    it = "it has" if len(names) == 1 else "they have"
-    return [f"{listed(names)} never tracked an object, so {it} no errors of position, velocity and extent."]
+    return [say("blind", trackers=names)] if names else []
 
 
-def _unreached(results: Results) -> list[str]:
-    """A sentence for the phases of the maneuver in which no run has a scan."""
-    empty = [phase.text for phase in reach(results) if not phase.reached]
-    phases = "this phase" if len(empty) == 1 else "these phases"
-    return [f"{listed(empty)}: no mean is of {phases} of the maneuver."] if empty else []
-
-
-def _best(results: Results, order: Sequence[Cell]) -> str:
-    best = order[0]
-    comparison = results.study
-    where = f"{_count(len(comparison.scenarios), 'scenario')} and {_count(len(comparison.seeds), 'seed')}"
+def _best(results: Results, ranked: Sequence[Cell]) -> str:
+    best, study = ranked[0], results.study
     size = " ".join(filter(None, (f"{best.mean.value:.2f} m", bounds(best.mean, 2))))
-    if len(order) == 1:
-        return f"{best.tracker} has a mean GOSPA of {size} over {where}; there is no other tracker to compare it with."
-    return f"{best.tracker} is best in GOSPA: {size} over {where}."
+    key = "best" if len(ranked) > 1 else "only" if len(results.runs) > 1 else "only run"
+    return say(key, best=best.tracker, size=size, scenarios=len(study.scenarios), seeds=len(study.seeds))
 
 
-def _lead(results: Results, order: Sequence[Cell]) -> str:
-    comparison = results.study
-    best, second = order[0].tracker, order[1].tracker
-    found = samples(results.runs, "gospa", comparison.scenarios, comparison.seeds)
+def _lead(results: Results, ranked: Sequence[Cell]) -> str:
+    study, best, second = results.study, ranked[0].tracker, ranked[1].tracker
+    found = samples(results.runs, "gospa", study.scenarios, study.seeds)
     d = compare(found[second], found[best])  # as the ranking has it: an interval is not that of the opposite, turned
-    lead = f"{d.mean.value:.2f} m"
+    values = {"second": second, "lead": f"{d.mean.value:.2f} m"}
     if d.verdict == "worse":
-        return (
-            f"Its lead over the next, {second}, is {lead} [{d.mean.low:.2f}, {d.mean.high:.2f}] and resolved; "
-            f"it is the better one in {100 * (1 - d.improvement.value):.0f} % of the runs."
-        )
+        share = f"{100 * (1 - d.improvement.value):.0f}"
+        return say("lead resolved", low=f"{d.mean.low:.2f}", high=f"{d.mean.high:.2f}", share=share, **values)
     if d.verdict == "too few seeds":
-        return f"The next is {second}, {lead} behind; the seeds are too few to say whether that is chance."
+        return say("lead of few seeds", **values)
     if not np.isfinite(d.needed):
-        return f"The next, {second}, is as good."
-    return (
-        f"Its lead over the next, {second}, is {lead} and not resolved: about {d.needed:.0f} seeds a scenario would "
-        "resolve it, if the difference stays what it is."
-    )
+        return say("no lead", **values)
+    return say("lead unresolved", needed=f"{d.needed:.0f}", **values)
 
 
 def _wins(results: Results, best: str) -> str:
     means = results.runs.pivot_table(index="scenario", columns="tracker", values="gospa")
     wins = int((means.idxmin(axis=1) == best).sum())
-    return f"It has the smallest mean GOSPA in {wins} of {_count(len(means), 'scenario')}." if len(means) > 1 else ""
+    return say("wins", wins=wins, scenarios=len(means)) if len(means) > 1 else ""
 
 
 def _against(cells: Sequence[Cell], results: Results) -> str:
@@ -136,10 +140,8 @@ def _against(cells: Sequence[Cell], results: Results) -> str:
     for c in cells:
         if c.measure == "gospa" and c.difference is not None:
             groups.setdefault(c.difference.verdict, []).append(c.tracker)
-    words = {"better": "better", "worse": "worse", "unresolved": "not resolved", "the same": "the same",
-             "too few seeds": "too few seeds to judge"}  # fmt: skip
-    parts = [f"{words[v]}: {', '.join(groups[v])}" for v in words if v in groups]
-    return f"GOSPA against the reference {results.study.baseline} – {'; '.join(parts)}." if parts else ""
+    parts = [f"{AGAINST[v]}: {', '.join(groups[v])}" for v in AGAINST if v in groups]
+    return say("against", reference=results.study.baseline, parts=parts) if parts else ""
 
 
 def _besides(cells: Sequence[Cell]) -> str:
@@ -147,10 +149,11 @@ def _besides(cells: Sequence[Cell]) -> str:
     for key in BESIDES:
         known = [c for c in cells if c.measure == key and np.isfinite(c.mean.value)]
         if len(known) > 1 and not key.startswith("nees"):
-            best = min(known, key=lambda c: METRICS[key].badness(c.mean.value))
-            unit = f" {METRICS[key].unit}" if METRICS[key].unit != "1" else ""
-            parts.append(f"{METRICS[key].label} {best.tracker} ({number(best.mean.value, METRICS[key].digits)}{unit})")
-    return f"Smallest means besides: {', '.join(parts)}." if parts else ""
+            metric = METRICS[key]
+            best = min(known, key=lambda c, metric=metric: metric.badness(c.mean.value))  # type: ignore[misc]
+            unit = f" {metric.unit}" if metric.unit != "1" else ""
+            parts.append(f"{metric.label} {best.tracker} ({number(best.mean.value, metric.digits)}{unit})")
+    return say("besides", parts=parts) if parts else ""
 
 
 def _certainty(cells: Sequence[Cell]) -> str:
@@ -159,10 +162,8 @@ def _certainty(cells: Sequence[Cell]) -> str:
         return ""
     best = min(known, key=lambda c: METRICS["nees_position"].badness(c.mean.value))
     sure = sum(bool(c.mean.low > 2) for c in known)
-    say = f"The NEES of the position is nearest to its ideal 2 for {best.tracker} ({best.mean.value:.1f})"
-    if not sure:
-        return f"{say}."
-    return f"{say}; {sure} of {_count(len(known), 'tracker')} are overconfident (interval above 2)."
+    key = "NEES" if len(known) > 1 else "NEES of one"
+    return say(key, best=best.tracker, mean=f"{best.mean.value:.1f}", sure=sure, trackers=len(known))
 
 
 def _cost(results: Results, best: str) -> str:
@@ -174,10 +175,41 @@ def _cost(results: Results, best: str) -> str:
     if best not in known:
         return ""
     fastest = min(known, key=lambda tracker: known[tracker])
-    if fastest == best:
-        return f"A scan costs {best} {known[best]:.1f} ms{', the least of all' if len(known) > 1 else ''}."
-    return f"A scan costs {best} {known[best]:.1f} ms; the fastest, {fastest}, takes {known[fastest]:.1f} ms."
+    own, least = f"{known[best]:.1f}", f"{known[fastest]:.1f}"
+    return say("cost", best=best, own=own, fastest=fastest, least=least, trackers=len(known))
 
 
-def _count(n: int, what: str) -> str:
-    return f"{n} {what}{'' if n == 1 else 's'}"
+def regret(
+    together: Sequence[PairCell],
+    sensing: Sequence[PairCell],
+    shares: Sequence[Attribution],
+    ranks: Sequence[Correlation],
+    pairs: pd.DataFrame,
+) -> list[str]:
+    """Sentences: least and largest regret, collisions, sensing, the group that costs most, the error that matters.
+
+    `together` and `sensing` are the cells of the drive score over all scenarios; pairs are those against the truth.
+    """
+    said = []
+    for planner in dict.fromkeys(c.planner for c in together):
+        ranked = sorted((c for c in together if c.planner == planner), key=lambda c: -c.change.mean.value)
+        texts = [f"{c.condition} ({0.0 - c.change.mean.value:+.2f} s{_turned(c)})" for c in ranked]
+        said.append(say("least regret", planner=planner, texts=[texts[0], texts[-1]] if len(texts) > 1 else texts))
+    if len(pairs):
+        said.append(say("crashes", crashed=int((pairs["collisions"] > 0).sum()), pairs=len(pairs)))
+    for cell in sensing:
+        cost = f"{0.0 - cell.change.mean.value:+.2f} s of the drive score{_turned(cell)}"
+        said.append(say("sensing", planner=cell.planner, regret=cost))
+    if shares:
+        costs = {g: float(np.mean([-a.share[g].value for a in shares])) for g in GROUPS}
+        parts = [f"{GROUP_NAMES[g]} {costs[g]:+.2f} s" for g in sorted(costs, key=lambda g: -costs[g])]
+        said.append(say("groups", parts=parts))
+    if ranks:
+        said.append(say("error that ranks", label=METRICS[ranks[0].error].label, rho=f"{ranks[0].rho:+.2f}"))
+    return said
+
+
+def _turned(cell: PairCell) -> str:
+    """The interval of a regret, which is a change with the other sign."""
+    v = cell.change.mean
+    return f" [{0.0 - v.high:+.2f}, {0.0 - v.low:+.2f}]" if np.isfinite(v.low) else ""

@@ -24,7 +24,7 @@ def folder(tmp_path_factory):
 @pytest.fixture(scope="session")
 def published(folder):
     results = folder.parent / "results"
-    publish(folder, results, folder.parent / "report", "htg-mm")
+    publish(folder, results, folder.parent / "pictures", "htg-mm")
     shutil.copy(DOCS / "results" / "calibration.json", results)
     shutil.copytree(DOCS / "results" / "reproduce", results / "reproduce")
     return results

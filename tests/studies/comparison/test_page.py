@@ -58,10 +58,9 @@ def test_layers_are_held_against_the_complete_tracker_and_not_against_the_refere
     assert layers(None) == "No run was made without a layer."
 
 
-def test_the_report_is_published_without_logs(published):
-    page = (published.parent / "report" / "report.html").read_text()
-    assert "rm-feldmann" in page
-    assert not (published.parent / "report" / "logs").exists()
+def test_the_pictures_of_the_page_are_figures_of_the_report(published):
+    pictures = sorted(path.name for path in (published.parent / "pictures").iterdir())
+    assert pictures == ["comparison-time_nees_position.png"]
 
 
 def test_the_committed_page_is_of_the_committed_results():

@@ -16,14 +16,12 @@ from tests.studies.comparison.conftest import DOCS, TRACKERS
 
 @pytest.fixture
 def results(published, tmp_path):
-    """Committed results of other code, with their report page."""
+    """Committed results of other code."""
     target = tmp_path / "results"
     shutil.copytree(published, target)
     known = json.loads((target / ABOUT).read_text())
     known["identity"] |= {"code": "0123456789ab", "code of rm-feldmann": "ba9876543210"}
     (target / ABOUT).write_text(json.dumps(known))
-    (tmp_path / "report").mkdir()
-    (tmp_path / "report" / "report.html").write_text("<p>made by 0123456789ab</p>")
     return target
 
 
@@ -37,7 +35,7 @@ def change(results, measure, seed, by):
 
 
 def refresh(results, sample, part="runs"):
-    main(results=results, report=results.parent / "report", part=[part], sample=sample, seed=0, jobs=1, keep=False)
+    main(results=results, part=[part], sample=sample, seed=0, jobs=1, keep=False)
 
 
 def test_equal_runs_get_the_digests_of_the_code_at_hand(results, published, capsys):
@@ -45,7 +43,6 @@ def test_equal_runs_get_the_digests_of_the_code_at_hand(results, published, caps
     refresh(results, 4)
     known, wanted = (json.loads((folder / ABOUT).read_text()) for folder in (results, published))
     assert known == wanted
-    assert (results.parent / "report" / "report.html").read_text() == f"<p>made by {wanted['identity']['code']}</p>"
     (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("equal    runs:")]
     assert line.count("xia2020-lane_htg-mm_seed") == line.count("xia2020-lane_rm-feldmann_seed") == 2
 

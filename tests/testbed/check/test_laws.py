@@ -22,7 +22,7 @@ from testbed.check.report import (
     SCENARIO_LAWS,
     TRACKER_LAWS,
     examine,
-    verdict,
+    law_result,
 )
 from testbed.check.tracker_laws import RADAR
 from testbed.planners import find as find_planner
@@ -145,9 +145,9 @@ TWINS = {
 
 
 def test_a_filter_of_fifty_lines_keeps_all_laws():
-    verdicts = examine_filter(broken.Centroid())
-    assert len(verdicts) == len(FILTER_LAWS) + len(OPTIONAL) + len(TRACKER_LAWS)
-    assert [v for v in verdicts if not v.holds] == []
+    results = examine_filter(broken.Centroid())
+    assert len(results) == len(FILTER_LAWS) + len(OPTIONAL) + len(TRACKER_LAWS)
+    assert [v for v in results if not v.holds] == []
 
 
 def test_each_law_has_a_twin():
@@ -161,7 +161,7 @@ def test_each_law_has_a_twin():
 )
 def test_a_broken_filter_is_caught_and_told_why(law, twin, sentence):
     cases = {**dict(FILTER_LAWS), **dict.fromkeys((law for _, law in OPTIONAL), ONCE)}
-    found = verdict(law, twin(), cases[law])
+    found = law_result(law, twin(), cases[law])
     assert not found.holds
     assert re.search(sentence, found.fault)
 
@@ -203,7 +203,7 @@ class Forgetful:
     ids=lambda x: getattr(x, "__name__", ""),
 )
 def test_a_broken_tracker_is_caught_and_told_why(law, twin, sentence):
-    found = verdict(law, twin())
+    found = law_result(law, twin())
     assert re.search(sentence, found.fault), found
 
 
@@ -322,7 +322,7 @@ def begins_late(world, count):
     ids=lambda x: getattr(x, "__name__", ""),
 )
 def test_a_broken_radar_planner_or_scenario_is_caught_and_told_why(law, twin, sentence):
-    found = verdict(law, twin)
+    found = law_result(law, twin)
     assert re.search(sentence, found.fault), found
 
 

@@ -83,7 +83,7 @@ def test_counts_are_shown_whole_and_what_was_not_measured_as_missing():
     assert METRICS["lost"].title == "lost tracks"
 
 
-@pytest.mark.parametrize(("kind", "pattern"), [("regret", "regret/*/*.parquet"), ("comparison", "*.parquet")])
+@pytest.mark.parametrize(("kind", "pattern"), [("drives", "regret/*/*.parquet"), ("comparison", "*.parquet")])
 def test_committed_files_hold_metrics_under_their_keys_or_old_ones(kind, pattern):
     """`old_names` turns each old key into that of the same quantity; nothing old is a key of another quantity."""
     beside = {"scenario", "planner", "condition", "seed", "cpu", "reference", "parted", "parting", "tracker", "phase"}

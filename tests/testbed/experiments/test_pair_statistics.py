@@ -20,7 +20,7 @@ from testbed.experiments.pairs import (
     unresolved,
     worst_pairs,
 )
-from testbed.experiments.report.regret_figures import DOSE_UNITS, dose_response
+from testbed.experiments.report.figures_regret import DOSE_UNITS, dose_response
 
 SEEDS = range(8)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from testbed.experiments.baselines import NONE, Update, merge
-from testbed.experiments.regress import Findings, Regress, examine, worst_run
+from testbed.experiments.regress import Findings, Regress, examine, suites, worst_run
 from testbed.experiments.report import junit
 from testbed.experiments.run import FAILED, Outcome
 from testbed.experiments.store import Results
@@ -24,7 +24,7 @@ def findings(new=FAULTY, failed=None, without=()):
 
 
 def read(tmp_path, what):
-    junit.write(what, tmp_path / "j.xml")
+    junit.write("regress", list(suites(what)), tmp_path / "j.xml")
     return ElementTree.parse(tmp_path / "j.xml").getroot()
 
 

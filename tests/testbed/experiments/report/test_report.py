@@ -5,7 +5,6 @@ import re
 import shutil
 import subprocess
 from dataclasses import replace
-from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -13,94 +12,42 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from testbed.evaluation.intervals import FEWEST
 from testbed.experiments.command import execute
 from testbed.experiments.compare import Comparison, Settings
 from testbed.experiments.engine import Engine
-from testbed.experiments.report import links, logs
+from testbed.experiments.report import logs
 from testbed.experiments.report import words as report_words
-from testbed.experiments.report.grouping import failures
-from testbed.experiments.report.page import bands_of, render, seeds_text, tables_of, write_report
-from testbed.experiments.report.ranking import ranking
+from testbed.experiments.report.comparison import links_of, page_of, write_report
+from testbed.experiments.report.page import failures, render, write_page
+from testbed.experiments.report.tables import ranking
+from testbed.experiments.report.texts import seeds_text
 from testbed.experiments.run import FAILED, Outcome
 from testbed.experiments.statistics import MAIN, cells
-from testbed.experiments.store import ABOUT, Results, Store
+from testbed.experiments.store import Results, Store
 from testbed.experiments.study import Tally
-from testbed.frame import TRUTH
 from tests.testbed.experiments.made_results import make
-
-VOID = {"meta", "img", "br", "link", "source", "hr", "input"}
-TRACKERS = ("good", "fair", "bad")
-
-
-class Page(HTMLParser):
-    """Tags, links, texts and sections of a page; complains of tags that are not closed."""
-
-    def __init__(self, path: Path) -> None:
-        super().__init__(convert_charrefs=True)
-        self.path, self.open, self.links, self.ids, self.tags, self.texts = path, [], [], [], [], []
-        self.section, self.by_section = "", {}
-        self.feed(path.read_text())
-        self.close()
-        assert not self.open, f"not closed: {self.open}"
-
-    def handle_starttag(self, tag, attrs):
-        found = dict(attrs)
-        self.tags.append(tag)
-        self.links += [found[key] for key in ("href", "src") if key in found]
-        self.ids += [found["id"]] if "id" in found else []
-        if tag == "section":
-            self.section = found.get("id", "")
-        if tag not in VOID:
-            self.open.append(tag)
-
-    def handle_endtag(self, tag):
-        assert self.open.pop() == tag
-
-    def handle_data(self, data):
-        self.texts.append(data)
-        self.by_section[self.section] = self.by_section.get(self.section, "") + data
-
-    @property
-    def text(self) -> str:
-        return " ".join(" ".join(self.texts).split())
-
-
-def check_links(page: Page) -> None:
-    for link in page.links:
-        if link.startswith("#"):
-            assert link[1:] in page.ids
-        else:
-            assert "://" not in link
-            assert (page.path.parent / unquote(link)).is_file(), link
-    assert len(set(page.ids)) == len(page.ids)
+from tests.testbed.experiments.report.conftest import TRACKERS
+from tests.testbed.experiments.report.pages import ODD, Page, check_links
 
 
 def written(results: Results, out: Path, report: Tally | None = None) -> Page:
     """The page alone, without figures and logs, which take the time."""
     path = out / "alone.html"
-    path.write_text(render(results, report, tables_of(results, bands_of(results))))
+    path.write_text(render(page_of(results, report)))
     page = Page(path)
     check_links(page)
     return page
 
 
 @pytest.fixture(scope="module")
-def results(tmp_path_factory):
-    out = tmp_path_factory.mktemp("report")
-    comparison = Comparison(("cut-in", "merge"), TRACKERS, (0, 1, 2, 3), Settings(duration=8.0), "fair", out=str(out))
-    (Path(comparison.out) / ABOUT).write_text(json.dumps(Comparison((TRUTH,), (TRUTH,), (0,)).identity()))
-    return make(comparison)
-
-
-@pytest.fixture(scope="module")
-def page(results):
-    return Page(write_report(results, Tally(done=24, wall=12.5), logs=False))
+def page(report):
+    return Page(report)
 
 
 def test_every_link_leads_to_a_file_or_a_part_of_the_page(page):
     check_links(page)
-    assert sum(link.endswith(".svg") for link in page.links) == 2 * 10
-    assert sum(link.endswith(".png") for link in page.links) == 10
+    assert sum(link.endswith(".png") for link in page.links) == 2 * 10  # shown, and opened alone
 
 
 def test_the_page_needs_nothing_from_outside(page):
@@ -117,7 +64,7 @@ def test_every_tracker_stands_in_every_table(page):
 
 def test_the_page_says_what_was_compared(page):
     about = page.by_section["about"]
-    for text in ("good, fair, bad", "cut-in, merge", "4: 0 to 3", "8 s", "surround", "24 of 24", "numpy"):
+    for text in ("good, fair, bad", "cut-in, merge", "3: 0 to 2", "8 s", "surround", "18 of 18", "numpy"):
         assert text in about
     for part in ("tracking", "metrics", "loading"):
         assert part in about
@@ -184,8 +131,7 @@ def test_a_tracker_that_holds_nothing_is_named_as_such(tmp_path):
 def test_one_seed_has_means_and_says_why_there_are_no_intervals(tmp_path):
     comparison = Comparison(("cut-in",), TRACKERS, (5,), out=str(tmp_path))
     page = written(make(comparison), tmp_path)
-    assert "1 seeds are too few" not in page.text
-    assert "1 seed is too few for intervals" in page.text
+    assert "1 seed is too few for intervals" in page.text[: page.text.index("is best in GOSPA")]
     assert "too few seeds" in page.by_section["differences"]
     assert "nan" not in page.text.split()
 
@@ -193,7 +139,25 @@ def test_one_seed_has_means_and_says_why_there_are_no_intervals(tmp_path):
 def test_one_tracker_has_nothing_to_be_held_against(tmp_path):
     page = written(make(Comparison(("cut-in",), ("good",), (0, 1, 2), out=str(tmp_path))), tmp_path)
     assert "no other tracker" in page.by_section["verdict"]
-    assert "no other tracker" in page.by_section["differences"]
+    assert not {"differences", "ranking", "scenarios"} & set(page.ids)
+    assert "reference" not in page.by_section["overview"]
+
+
+@pytest.mark.parametrize(("scenarios", "trackers", "seeds"), [(1, 1, 1), (1, 2, 1), (2, 1, 2)])
+def test_few_runs_read_like_sentences_and_say_that_no_interval_can_be_trusted(tmp_path, scenarios, trackers, seeds):
+    names = ("cut-in", "merge")[:scenarios], TRACKERS[:trackers], tuple(range(seeds))
+    page = written(make(Comparison(*names, out=str(tmp_path))), tmp_path, Tally(done=1, wall=3.0))
+    assert not ODD.search(page.text)
+    assert seeds < FEWEST
+    assert f"{FEWEST} are the least. No interval and no difference on this page can be trusted" in page.text
+    assert page.text.index("can be trusted") < page.text.index("GOSPA")
+    assert ("differences" in page.ids) == (trackers > 1)
+    assert ("scenarios" in page.ids) == (scenarios > 1)
+    assert [link for link in page.links if link.startswith("#")] == [f"#{i}" for i in page.ids if i in page.by_section]
+
+
+def test_as_many_seeds_as_an_interval_needs_are_no_caveat(page):
+    assert "can be trusted" not in page.text
 
 
 def test_a_folder_without_a_finished_run_says_so(tmp_path):
@@ -252,12 +216,12 @@ def test_failures_are_grouped_by_their_reason_the_most_frequent_first():
 
 def test_a_page_of_a_log_is_linked_where_it_was_written(tmp_path):
     log = tmp_path / "logs" / "a b.rrd"
-    assert links.found(log, tmp_path, "not here") == links.LogFiles(note="not here")
+    assert logs.found(log, tmp_path, "not here") == logs.LogFiles(note="not here")
     log.parent.mkdir()
     log.touch()
-    assert links.found(log, tmp_path, "").page == ""
+    assert logs.found(log, tmp_path, "").page == ""
     log.with_suffix(".html").touch()
-    assert links.found(log, tmp_path, "")[:2] == ("logs/a%20b.rrd", "logs/a%20b.html")
+    assert logs.found(log, tmp_path, "")[:2] == ("logs/a%20b.rrd", "logs/a%20b.html")
 
 
 def test_missing_runs_are_named(tmp_path):
@@ -270,22 +234,18 @@ def test_missing_runs_are_named(tmp_path):
 
 
 def test_the_same_results_give_the_same_page_and_figures_wherever_they_go(results, page, tmp_path):
-    shown = []
-    again = write_report(
-        results,
-        Tally(done=24, wall=12.5),
-        tmp_path / "elsewhere",
-        logs=False,
-        progress=lambda *step: shown.append(step),
-    )
-    check_links(Page(again))
-    assert again == tmp_path / "elsewhere" / "report.html"
-    assert again.read_text() == page.path.read_text()
-    for figure in sorted((again.parent / "figures").iterdir()):
-        assert figure.read_bytes() == (page.path.parent / "figures" / figure.name).read_bytes(), figure.name
-    assert shown == [(0, 2, "tables"), (1, 2, "tables"), (2, 2, "tables"), (0, 1, "figures")] + [
-        (k, 10, "figures") for k in range(1, 11)
-    ]
+    shown, folder = [], tmp_path / "elsewhere"
+    again = page_of(results, Tally(done=18, wall=12.5), lambda *step: shown.append((*step, "tables")))
+    some = [plot for plot in again.plots if plot.name in ("cost", "time_nis")]
+    again = again._replace(plots=some, links=lambda step: links_of(results, folder))
+    path = write_page(again, folder, lambda *step: shown.append(step))
+    check_links(Page(path))
+    assert path == folder / "report.html"
+    before = page.path.read_text().partition('<section id="figures">')[0]
+    assert path.read_text().partition('<section id="figures">')[0] == before
+    for name in ("cost.png", "time_nis.png"):
+        assert (folder / "figures" / name).read_bytes() == (page.path.parent / "figures" / name).read_bytes(), name
+    assert shown == [(k, 2, "tables") for k in range(3)] + [(0, 1, "figures"), (1, 2, "figures"), (2, 2, "figures")]
 
 
 def gospa_of(values: dict[tuple[str, str, int], float]) -> Results:
@@ -370,7 +330,11 @@ def test_logs_are_written_from_the_recording_and_linked(recorded):
     comparison, report = recorded
     shown = []
     results = Results.read(comparison)
-    page = Page(write_report(results, report, progress=lambda *step: shown.append(step)))
+    folder = Path(comparison.out)
+    alone = page_of(results, report)._replace(
+        plots=(), links=lambda step: links_of(results, folder, logs.write(results, progress=step))
+    )
+    page = Page(write_page(alone, folder, lambda *step: shown.append(step)))
     check_links(page)
     linked = [unquote(link) for link in page.links if link.endswith(".rrd")]
     assert linked == [
@@ -392,7 +356,7 @@ def test_logs_that_are_there_are_kept(recorded, tmp_path):
     kept = logs.log_path(found[0], tmp_path / "copy")
     kept.parent.mkdir()
     kept.write_text("mine")
-    outcomes = logs.write(results, found)
+    outcomes = logs.write(results)
     assert [o.status for o in outcomes] == ["found", "done"]
     assert kept.read_text() == "mine"
 
@@ -403,7 +367,7 @@ def test_a_reference_that_failed_is_in_no_log(recorded, tmp_path):
     run = next(run for run in copied.work() if run.source == copied.baseline)
     Store(copied).path(run).unlink()
     results = Results.read(copied)
-    assert {outcome.status for outcome in logs.write(results, logs.picks(results))} == {"done"}
+    assert {outcome.status for outcome in logs.write(results)} == {"done"}
     assert [p.stem for p in (tmp_path / "copy" / "logs").glob("*.rrd")] == ["cut-in_rm-koch_surround_replay_seed0"]
 
 
@@ -412,5 +376,5 @@ def test_logs_of_closed_loops_are_driven_again(tmp_path):
     comparison = Comparison(("cut-in",), ("rm-feldmann",), (1,), settings, out=str(tmp_path))
     assert not execute(comparison, Engine()).failed
     results = Results.read(comparison)
-    assert [o.status for o in logs.write(results, logs.picks(results))] == ["done"]
+    assert [o.status for o in logs.write(results)] == ["done"]
     assert (tmp_path / "logs" / "cut-in_rm-feldmann_surround_idm_seed1.rrd").is_file()

@@ -7,7 +7,7 @@ from rich.console import Console
 
 from testbed.evaluation.intervals import NO_INTERVAL, Interval
 from testbed.experiments.report import tables
-from testbed.experiments.report.renderers import markdown, terminal
+from testbed.experiments.report.grid import Field, markdown, terminal
 from testbed.experiments.statistics import Cell, Change
 
 
@@ -41,7 +41,7 @@ def test_the_best_and_what_is_resolved_are_marked():
     assert [field.mark for field in line(grid, "new")] == ["best better", "worse"]
     assert [field.mark for field in line(grid, "odd")] == ["", ""]
     assert line(grid, "new")[0].remark == "-1.000 better"
-    assert line(grid, "odd") == [tables.Field("2.50", remark="+0.500 unresolved"), tables.Field("–")]
+    assert line(grid, "odd") == [Field("2.50", remark="+0.500 unresolved"), Field("–")]
 
 
 def test_shading_grows_from_the_best_of_a_scenario():

@@ -1,4 +1,4 @@
-"""The report page of a study: tables, figures, logs of the worst pairs."""
+"""The page of a study of regret: tables, figures, logs of the worst pairs."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,34 +10,20 @@ import pandas as pd
 from testbed.environment.sources.conditions import IN_VIEW
 from testbed.experiments import pairs as analysis
 from testbed.experiments.pairs import Cell
-from testbed.experiments.report import links
-from testbed.experiments.report import regret_logs as logs
-from testbed.experiments.report import regret_tables as tables
-from testbed.experiments.report import regret_words as words
-from testbed.experiments.report.figures import FOLDER, FigureFiles
-from testbed.experiments.report.grouping import failures
-from testbed.experiments.report.links import LogFiles, href
-from testbed.experiments.report.page import seeds_text, template
-from testbed.experiments.report.regret_figures import draw
+from testbed.experiments.report import figures_regret, logs, logs_of_pairs, words
+from testbed.experiments.report import tables_regret as tables
+from testbed.experiments.report.page import Page, Step, write_page
+from testbed.experiments.report.texts import numbered, say, seeds_fact
 from testbed.experiments.run import FAILED, Outcome
 from testbed.experiments.store import Results
-from testbed.experiments.study import Tally
-from testbed.files import write_atomic
+from testbed.experiments.study import Progress, Tally
 from testbed.frame import TRUTH
 
-NAME = "report.html"
 TEMPLATE = "regret.html.j2"
-REGRET = "Drive score on the truth minus that on tracks [s]."
 TABLE = (
     "drive_score", "collisions", "drac_max", "tit", "progress", "deceleration_max", "extra_braking", "changed",
 )  # fmt: skip
 ATTRIBUTED = ("drive_score", "drac_max", "progress")  # measures that are taken apart
-PARTS = (
-    ("verdict", "Verdict"), ("overview", "Overview"), ("total", "Total"), ("tracking", "Tracking"),
-    ("sensing", "Sensing"), ("attribution", "Attribution"), ("doses", "Doses"), ("errors", "Errors"),
-    ("figures", "Figures"), ("worst", "Worst pairs"), ("runs", "Failures"),
-    ("about", "Provenance"),
-)  # fmt: skip
 
 
 class Findings(NamedTuple):
@@ -79,65 +65,55 @@ def find(drives: pd.DataFrame, pairs: pd.DataFrame) -> Findings:
         errors=errors,
         ranks=ranks,
         worst=analysis.worst_pairs(total),
-        verdict=words.verdict([c for c in together if c.measure == "drive_score"], apart, of_score, ranks, total),
+        verdict=words.regret([c for c in together if c.measure == "drive_score"], apart, of_score, ranks, total),
     )
 
 
-def write_page(results: Results, found: Findings, tally: Tally) -> Path:
-    """Write the page, its figures and the logs of the worst pairs; returns its path.
-
-    Raises OSError, in one sentence, where the disk is full or must not be written.
-    """
+def write_report(results: Results, found: Findings, tally: Tally, progress: Progress | None = None) -> Path:
+    """Write the page, its figures and the logs of the worst pairs; returns its path. OSError as in `write_page`."""
     folder = Path(results.study.out)
-    drawn = draw(*drawable(found), folder / FOLDER)
-    outcomes = logs.write(found.worst, results.study)
-    path = folder / NAME
-    write_atomic(path, render(results, found, tally, drawn, outcomes))
-    return path
+
+    def links(step: Step | None) -> list[tuple[str, logs.LogFiles]]:
+        outcomes = logs_of_pairs.write(found.worst, results.study, step)
+        return [_log(pair, o, folder) for pair, o in zip(found.worst, outcomes, strict=True)]
+
+    return write_page(page_of(results, found, tally)._replace(links=links), folder, progress)
 
 
-def render(
-    results: Results,
-    found: Findings,
-    tally: Tally,
-    drawn: Sequence[FigureFiles] = (),
-    outcomes: Sequence[Outcome] = (),
-) -> str:
-    """The page itself."""
-    study, folder = results.study, Path(results.study.out)
+def page_of(results: Results, found: Findings, tally: Tally) -> Page:
+    """The page without its logs."""
+    study = results.study
     facts = [
-        ("scenarios", ", ".join(study.scenarios)),
-        ("planners", ", ".join(study.planners)),
-        ("trackers", ", ".join(study.trackers) or "none"),
-        ("seeds", f"{len(study.seeds)}: {seeds_text(study.seeds)}"),
+        ("scenario" if len(study.scenarios) == 1 else "scenarios", numbered(study.scenarios)),
+        ("planner" if len(study.planners) == 1 else "planners", numbered(study.planners)),
+        ("tracker" if len(study.trackers) == 1 else "trackers", numbered(study.trackers) or "none"),
+        ("seed" if len(study.seeds) == 1 else "seeds", seeds_fact(study.seeds)),
         ("radar", study.radar),
         ("drives", f"{len(results.metas)} of {len(study.work())}"),
         ("CPU time of the drives", f"{results.runs['cpu'].sum():.0f} s"),
     ]
-    return template(TEMPLATE).render(
-        title=f"Regret of {len(study.trackers)} trackers" if study.trackers else "Regret of injected errors",
-        parts=PARTS,
-        verdict=found.verdict,
-        facts=facts,
-        open_questions=analysis.unresolved(found.total),
-        one_sided=analysis.one_sided(found.total),
-        figures=[(d, href(d.svg, folder), href(d.png, folder)) for d in drawn],
-        logs=[_log(pair, o, folder) for pair, o in zip(found.worst, outcomes, strict=False)],
-        failures=failures(tally.failed),
-        missing=results.missing,
+    values = {
+        "title": say("regret title", trackers=study.trackers),
+        "verdict": found.verdict,
+        "caveats": words.few_seeds(results.runs, ["scenario", "planner", "condition"], len(study.seeds)),
+        "facts": facts,
+        "open_questions": analysis.unresolved(found.total),
+        "one_sided": analysis.one_sided(found.total),
+        "planners": len(study.planners),
+        "pairs": len(found.worst),
         **grids(found),
-    )
+    }
+    return Page(TEMPLATE, values, figures_regret.plots(*drawable(found)), tally.failed, results.missing)
 
 
 def grids(found: Findings) -> dict[str, Any]:
     """All tables by their names in the template, None for what there are no data for."""
-    vs_truth, vs_view = "Drive on tracks minus drive on the truth.", "Drive minus drive on what is in view."
+    vs_truth, vs_view, sensing = (say(k) for k in ("tracks minus truth", "drive minus in view", "in view minus truth"))
     return {
-        "overview": found.together and tables.overview(ranked(found.together), REGRET),
+        "overview": found.together and tables.overview(ranked(found.together), say("regret")),
         "total": found.total and tables.changes(found.total, vs_truth),
         "tracking": found.tracking and tables.changes(found.tracking, vs_view),
-        "sensing": found.sensing
-        and tables.changes(found.sensing, "Drive on what is in view minus drive on the truth."),
+        "sensing": found.sensing and tables.changes(found.sensing, sensing),
         "attribution": found.shares and tables.attribution(found.shares),
         "doses": found.doses and tables.changes(found.doses, vs_view),
         "errors": found.ranks and tables.correlation(found.ranks),
@@ -156,7 +132,7 @@ def ranked(cells: Sequence[Cell]) -> list[Cell]:
 def drawable(
     found: Findings,
 ) -> tuple[list[Cell], list[analysis.Attribution], pd.DataFrame, list[Cell]]:
-    """What `figures.draw` takes: all of it in the drive score."""
+    """What `figures_regret.plots` takes: all of it in the drive score."""
     return (
         _only_score(found.total),
         [a for a in found.shares if a.measure == "drive_score"],
@@ -169,8 +145,8 @@ def _only_score(cells: Sequence[Cell]) -> list[Cell]:
     return [c for c in cells if c.measure == "drive_score"]
 
 
-def _log(pair: analysis.WorstPair, outcome: Outcome, folder: Path) -> tuple[str, LogFiles]:
+def _log(pair: analysis.WorstPair, outcome: Outcome, folder: Path) -> tuple[str, logs.LogFiles]:
     """Name of a pair, and its log."""
     if outcome.status == FAILED:
-        return pair.drive.name, LogFiles(note=outcome.note)
-    return pair.drive.name, links.found(logs.log_path(pair.drive, folder), folder, "not here")
+        return pair.drive.name, logs.LogFiles(note=outcome.note)
+    return pair.drive.name, logs.found(logs_of_pairs.log_path(pair.drive, folder), folder, "not here")

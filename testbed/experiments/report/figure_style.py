@@ -1,4 +1,4 @@
-"""Style of the figures of a comparison: colours, dashes and markers of the trackers, and settings of matplotlib.
+"""Style of the figures of reports: colours, dashes and markers of the trackers, and settings of matplotlib.
 
 Colours are those of Okabe and Ito (2008), "Color Universal Design", without the yellow, which fades on white. Colours,
 dashes and markers repeat after 7, 4 and 9 entries, so no two of the first 252 trackers share all three, nor of the
@@ -9,6 +9,9 @@ from collections.abc import Sequence
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
+from matplotlib.axis import Axis
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#000000", "#E69F00", "#56B4E9")
 DASHES: tuple[Any, ...] = ("solid", (0, (6, 1.6)), (0, (1.2, 1.4)), (0, (6, 1.6, 1.2, 1.6)))
 MARKERS = "osD^vPX*<"
@@ -17,6 +20,7 @@ GOOD, BAD = "#2166AC", "#B35806"  # the ends of the diverging map
 DIVERGING = "PuOr"
 ONSET, DURING = "0.93", "0.86"  # shades of the phases
 LIMITS = "#009E73"
+DECADES = 2.0  # a logarithmic axis that is shorter has ticks between them
 SIZE = 9  # of all letters
 RC: MappingProxyType[Any, Any] = MappingProxyType(
     {
@@ -44,7 +48,6 @@ RC: MappingProxyType[Any, Any] = MappingProxyType(
         "lines.markersize": 4.5,
         "figure.facecolor": "white",
         "savefig.dpi": 130,
-        "svg.hashsalt": "testbed",  # the same results give the same file
     }
 )
 
@@ -74,8 +77,22 @@ def line_styles(trackers: Sequence[str]) -> dict[str, LineStyle]:
     }
 
 
+def label(tracker: str, study: Any) -> str:
+    """A tracker as legends have it: the one that the others are compared with is marked."""
+    return f"{tracker} (reference)" if tracker == study.baseline and len(study.trackers) > 1 else tracker
+
+
 def grid(panels: int) -> tuple[int, int, tuple[float, float]]:
     """Rows and columns of small multiples, and the size of one of them [in]."""
     columns = min(panels, 4 if panels > 6 else 3)
     rows = -(-panels // columns)
     return rows, columns, {1: (8.0, 4.0), 2: (5.5, 3.2), 3: (4.2, 2.9)}.get(columns, (3.5, 2.2))
+
+
+def plain_log(axis: Axis) -> None:
+    """Ticks of a logarithmic axis as plain numbers, few enough to be read; call it when the data are drawn."""
+    low, high = sorted(axis.get_view_interval())
+    short = high / max(low, 1e-12) < 10**DECADES
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if short else (1.0,), numticks=8))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}" if value < 1e6 else f"{value:.0e}"))
+    axis.set_minor_locator(NullLocator())

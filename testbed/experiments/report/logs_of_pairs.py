@@ -11,13 +11,13 @@ from testbed.evaluation.driving import LONGEST
 from testbed.experiments.drives import DriveWatch
 from testbed.experiments.episode import episode
 from testbed.experiments.pairs import Drive, WorstPair, events
+from testbed.experiments.report.logs import FOLDER
+from testbed.experiments.report.texts import say
 from testbed.experiments.run import FOUND, Outcome, Run, outcome_of
 from testbed.files import make_directory
 from testbed.frame import TRUTH, Frame
 from testbed.log.pair import TRACKS, LoggedDrive, write_pair
 from testbed.log.record import RoadGeometry
-
-FOLDER = "logs"
 
 
 class Replayed(NamedTuple):
@@ -33,11 +33,16 @@ def log_path(drive: Drive, out: Path) -> Path:
     return out / FOLDER / f"{drive.name}_beside_{TRUTH}.rrd"
 
 
-def write(worst: list[WorstPair], study: Any) -> list[Outcome]:
+def write(worst: list[WorstPair], study: Any, progress: Callable[[int, int], None] | None = None) -> list[Outcome]:
     """Write the logs that are missing; a log that cannot be written is a failed outcome."""
     out = Path(study.out)
     make_directory(out / FOLDER)
-    return [write_one(pair, study.run, out) for pair in worst]
+    outcomes = []
+    for pair in worst:
+        outcomes.append(write_one(pair, study.run, out))
+        if progress:
+            progress(len(outcomes), len(worst))
+    return outcomes
 
 
 def write_one(pair: WorstPair, run: Callable[[Drive], Run], out: Path) -> Outcome:
@@ -80,8 +85,5 @@ def _curves(drive: Replayed) -> dict[str, NDArray]:
 
 
 def _summary(pair: WorstPair) -> str:
-    drive = pair.drive
-    return (
-        f"# {drive.scenario}, seed {drive.seed}\n\nPlanner `{drive.planner}`: truth above, `{drive.condition}` "
-        f"below. Regret {pair.regret:.2f} s.\n\nWhere the drives part: {pair.parting}.\n"
-    )
+    drive = pair.drive._asdict()
+    return say("pair log", regret=f"{pair.regret:.2f}", parting=pair.parting, **drive) + "\n"

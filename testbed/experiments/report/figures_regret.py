@@ -1,9 +1,7 @@
 """Figures of a study of regret: by tracker and planner, attribution, regret against tracking errors, doses."""
 
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 
-import matplotlib
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -12,9 +10,8 @@ from matplotlib.figure import Figure
 from testbed.environment.sources.substitution import GROUP_NAMES, GROUPS
 from testbed.evaluation.metric import METRICS
 from testbed.experiments.pairs import Attribution, Cell, correlations
-from testbed.experiments.report.figures import STATIC, FigureFiles, Plot
-from testbed.experiments.report.style import COLOURS, RC, line_styles
-from testbed.files import make_directory, write_figure
+from testbed.experiments.report.figure_style import COLOURS, line_styles
+from testbed.experiments.report.figures import Plot, plot
 
 GROUP_COLOURS = dict(zip(GROUPS, COLOURS, strict=False))
 DOSE_UNITS = {
@@ -28,58 +25,13 @@ def plots(
 ) -> Iterator[Plot]:
     """Those for which there are data; cells are of the drive score."""
     if total:
-        yield Plot(
-            "regret",
-            "Regret against the truth by scenario, tracker and planner",
-            "Drive score on the truth minus that on tracks, with 95 % intervals over the seeds; right of the line "
-            "tracking costs.",
-            lambda: by_scenario(total),
-        )
+        yield plot("regret", lambda: by_scenario(total))
     if shares:
-        yield Plot(
-            "attribution",
-            "Which group of errors costs what",
-            "Shapley values of existence, geometry and motion in the regret against what is in view; they add up to "
-            "the dot.",
-            lambda: attribution_bars(shares),
-        )
+        yield plot("attribution", lambda: attribution_bars(shares))
     if correlations(errors):
-        yield Plot(
-            "errors",
-            "Regret against the errors of the tracker",
-            "A dot is a mean over the seeds; rho: rank correlation within scenarios and planners.",
-            lambda: against_errors(errors),
-        )
+        yield plot("errors", lambda: against_errors(errors), "tracking errors")
     if doses:
-        yield Plot(
-            "doses",
-            "Regret by the size of an injected error",
-            "Drive score on what is in view minus that with the error, with 95 % intervals over the seeds.",
-            lambda: dose_response(doses),
-        )
-
-
-def draw(
-    total: Sequence[Cell],
-    shares: Sequence[Attribution],
-    errors: pd.DataFrame,
-    doses: Sequence[Cell],
-    out: Path,
-    kinds: Sequence[str] = ("png", "svg"),
-    prefix: str = "",
-) -> list[FigureFiles]:
-    """Write the figures of `plots` into a folder, in files of these kinds, their names after a prefix."""
-    make_directory(out)
-    drawn = []
-    with matplotlib.rc_context(dict(RC)):
-        for plot in plots(total, shares, errors, doses):
-            figure = plot.draw()
-            figure.suptitle(plot.title)
-            for kind in kinds:
-                write_figure(out / f"{prefix}{plot.name}.{kind}", figure, metadata=STATIC[kind])
-            files = (out / f"{prefix}{plot.name}.{kind}" for kind in ("png", "svg"))
-            drawn.append(FigureFiles(plot.name, plot.title, plot.caption, *files))
-    return drawn
+        yield plot("doses", lambda: dose_response(doses))
 
 
 def _panels(count: int, width: float, height: float, sharex: bool = False) -> tuple[Figure, list[Axes]]:

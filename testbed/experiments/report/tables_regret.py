@@ -2,16 +2,13 @@
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from testbed.command_line.tables import number
 from testbed.environment.sources.substitution import GROUPS
 from testbed.evaluation.intervals import Interval
 from testbed.evaluation.metric import METRICS
 from testbed.experiments.pairs import Attribution, Cell, Correlation, WorstPair
-from testbed.experiments.report.tables import Field, Grid, Line, estimate
-
-SIGNED = "In brackets 95 % intervals over the seeds, paired; coloured where the interval leaves out zero."
+from testbed.experiments.report.grid import Field, Grid, Line, mark_of, needed, signed
+from testbed.experiments.report.texts import say
 
 
 def overview(cells: Sequence[Cell], title: str) -> Grid:
@@ -22,7 +19,7 @@ def overview(cells: Sequence[Cell], title: str) -> Grid:
         Line(name, [found.get((name, p), Field("")) for p in planners])
         for name in dict.fromkeys(c.condition for c in cells)
     ]
-    return Grid(f"{title} {SIGNED}", "tracker", planners, lines)
+    return Grid(say("regret signed", title=title), "tracker", planners, lines)
 
 
 def changes(cells: Sequence[Cell], title: str) -> Grid:
@@ -38,7 +35,9 @@ def changes(cells: Sequence[Cell], title: str) -> Grid:
             fields.append(Field("") if cell is None else _change(cell))
         lines.append(Line(condition, fields))
     words = ["scenario", "planner"] if several else ["scenario"]
-    return Grid(f"{title} {SIGNED}", "tracker", [*words, *(METRICS[k].title for k in keys)], lines, words=words)
+    return Grid(
+        say("regret signed", title=title), "tracker", [*words, *(METRICS[k].title for k in keys)], lines, words=words
+    )
 
 
 def attribution(found: Sequence[Attribution]) -> Grid:
@@ -62,8 +61,7 @@ def attribution(found: Sequence[Attribution]) -> Grid:
         "repaired E / G / V",
     ]
     return Grid(
-        "Change against what is in view, and the Shapley value of each group of errors: the three add up to the "
-        "total. Repaired: how the drive on the tracks changes when one group alone is made perfect.",
+        say("attribution"),
         "tracker",
         heads,
         lines,
@@ -75,8 +73,7 @@ def correlation(found: Sequence[Correlation]) -> Grid:
     """Tracking errors down: how well each ranks the regret."""
     lines = [Line(METRICS[c.error].label, [Field(f"{c.rho:+.2f}"), Field(str(c.means))]) for c in found]
     return Grid(
-        "Rank correlation of an error of the tracker, in its own drives, with the regret: ranks among the trackers "
-        "of one scenario and planner, over all of these.",
+        say("correlation"),
         "error",
         ["rank correlation", "means"],
         lines,
@@ -91,32 +88,22 @@ def worst(found: Sequence[WorstPair]) -> Grid:
         fields = map(Field, (w.drive.planner, w.drive.scenario, str(w.drive.seed), number(w.regret, 2), w.parting))
         lines.append(Line(w.drive.condition, list(fields)))
     words = ("planner", "scenario", "parts from the drive on the truth")
-    return Grid("The seed with the largest regret against the truth.", "tracker", heads, lines, words=words)
-
-
-def signed(found: Interval, digits: int, remark: str = "", mark: str = "") -> Field:
-    """A difference with its sign and its interval."""
-    field = estimate(found, digits, remark, mark)
-    return field._replace(text=f"{found.value:+.{digits}f}") if np.isfinite(found.value) else field
+    return Grid(say("worst pairs"), "tracker", heads, lines, words=words)
 
 
 def _regret(cell: Cell) -> Field:
     v = cell.change.mean
-    return signed(Interval(-v.value, -v.high, -v.low), METRICS[cell.measure].digits, _needed(cell), _mark(cell))
+    return signed(
+        Interval(-v.value, -v.high, -v.low),
+        METRICS[cell.measure].digits,
+        needed(cell.change, cell.verdict),
+        mark_of(cell.verdict),
+    )
 
 
 def _change(cell: Cell) -> Field:
     if cell.verdict == "the same":
         return Field("0")
-    return signed(cell.change.mean, METRICS[cell.measure].digits, _needed(cell), _mark(cell))
-
-
-def _mark(cell: Cell) -> str:
-    return cell.verdict if cell.verdict in ("better", "worse") else ""
-
-
-def _needed(cell: Cell) -> str:
-    d = cell.change
-    if cell.verdict != "unresolved" or np.isnan(d.needed):
-        return ""
-    return f"{d.needed:.0f} seeds needed" if np.isfinite(d.needed) else "no number of seeds will do"
+    return signed(
+        cell.change.mean, METRICS[cell.measure].digits, needed(cell.change, cell.verdict), mark_of(cell.verdict)
+    )
