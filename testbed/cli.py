@@ -102,8 +102,8 @@ def run(
 
     Recorded traffic: [bold]testbed run replay:i80.csv:ego=12,react=5[/bold]; docs/real-traffic.md
     """
-    from testbed.run import RunConfig, Unusable, check, length
-    from testbed.run import run as run_once
+    from testbed.experiments.single import RunConfig, Unusable, check, length
+    from testbed.experiments.single import run as run_once
 
     with user_input():
         trackers, faults = tuple(tracker or (DEFAULT,)), tuple(fault or ())

@@ -33,6 +33,6 @@ def test_what_only_names_things_loads_no_heavy_library(code):
 def test_a_run_loads_the_simulator_when_its_environment_is_made():
     needed = ("scipy", "shapely")
     late = (*(name for name in HEAVY if name not in needed), "matplotlib", "scipy.optimize")
-    assert loaded("import testbed.run", late) == []
-    code = "import testbed.run\ntestbed.run.planners.find('idm')"  # highway-env brings pyplot
+    assert loaded("import testbed.experiments.single", late) == []
+    code = "from testbed.experiments import single\nsingle.planners.find('idm')"  # highway-env brings pyplot
     assert loaded(code, ("highway_env", *DRAWING)) == ["highway_env", "matplotlib.pyplot"]

@@ -9,7 +9,7 @@ For many seeds and scenarios, with 95 % intervals, figures and a report page, us
 
 import numpy as np
 
-from testbed.run import RunConfig, run
+from testbed.experiments.single import RunConfig, run
 
 TRACKERS = ("imm-spline", "rm-feldmann")  # the first one's tracks go to the planner
 MEASURES = {  # keys of the results, see docs/results.md

@@ -5,8 +5,8 @@ python docs/examples/read_log.py
 
 import json
 
+from testbed.experiments.single import RunConfig, run
 from testbed.log import reader
-from testbed.run import RunConfig, run
 
 # A short run writes runs/RUN.rrd (the log) and runs/RUN.json (the results).
 done = run(RunConfig("cut-in", ("imm-spline",), duration=3.0, seed=0, out="runs"))

@@ -9,10 +9,10 @@ from testbed.experiments.command import execute
 from testbed.experiments.compare import Comparison, Settings, write_runs
 from testbed.experiments.engine import Engine
 from testbed.experiments.regress import COMMITTED
+from testbed.experiments.single import RunConfig, run
 from testbed.experiments.store import Results
 from testbed.replay.recording import record
 from testbed.replay.writing import write
-from testbed.run import RunConfig, run
 
 
 def make(folder: Path) -> Path:

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from testbed import run as running
 from testbed.experiments import compare as comparing
+from testbed.experiments import single as running
 from testbed.experiments.command import check
 from testbed.experiments.engine import Engine
 from testbed.learn.htg import LearnConfig

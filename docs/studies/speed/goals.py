@@ -17,9 +17,9 @@ from studies.speed import training
 from studies.speed.growth import Growth, exponent
 from studies.speed.training import tracked_steps
 from testbed.bench import OBJECTS, Pairs, cycling, deciding, interleaved
+from testbed.experiments.single import RunConfig, make_env
 from testbed.frame import TRUTH
 from testbed.planners import find as find_planner
-from testbed.run import RunConfig, make_env
 from trackers import DEFAULT
 from trackers import find as find_tracker
 
@@ -27,7 +27,7 @@ PLAIN = "rm-feldmann"
 STARTING = "importing numpy and scipy"
 FLOOR = "import numpy, scipy.linalg, scipy.optimize, scipy.special"  # a process that tracks needs these in any case
 FIRST_RESET = """
-import time, gymnasium, testbed, testbed.run
+import time, gymnasium, testbed, testbed.experiments.single
 env = gymnasium.make("testbed/cut-in-v0")
 start = time.process_time()
 env.reset(seed=0)
@@ -75,7 +75,7 @@ def process_seconds(*arguments: str) -> float:
 def starts(repeat: int) -> list[Goal]:
     """What a process costs before it simulates, in units of importing numpy and scipy."""
     what = {
-        "`import testbed.run`": (("-c", "import testbed.run"), 2.0),
+        "`import testbed.experiments.single`": (("-c", "import testbed.experiments.single"), 2.0),
         "`testbed --help`": (("-m", "testbed", "--help"), 1.1),
     }
     for arguments, _ in what.values():

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 
 from testbed.bench import deciding, frames_of, highway, stepping
 from testbed.environment.wrapper import TrackedEnv
+from testbed.experiments.single import RunConfig, make_env
 from testbed.planners import find as find_planner
-from testbed.run import RunConfig, make_env
 from trackers import DEFAULT
 
 SCENARIOS = ("cut-in", "dense-traffic")

@@ -13,13 +13,13 @@ import numpy as np
 
 from testbed.experiments.engine import Engine, perform
 from testbed.experiments.run import DONE, FAILED, FOUND, Outcome, Run
+from testbed.experiments.single import RunConfig
+from testbed.experiments.single import run as run_live
 from testbed.experiments.store import Results, Store
 from testbed.experiments.study import Study
 from testbed.files import make_directory
 from testbed.log.record import run_id
 from testbed.replay.rescan import REPLAY, write_log
-from testbed.run import RunConfig
-from testbed.run import run as run_live
 
 FOLDER = "logs"
 PAGE = ".html"  # of a log, in place of its .rrd

@@ -11,6 +11,8 @@ from rich.console import Console
 
 import sensors
 from testbed.cli import main
+from testbed.experiments.single import RunConfig
+from testbed.experiments.single import run as run_once
 from testbed.learn.calibration import DATA
 from testbed.learn.detections import (
     GROWN,
@@ -26,8 +28,6 @@ from testbed.learn.detections import (
 from testbed.learn.htg import LearnConfig, LearnedTable, learn, report
 from testbed.learn.spline import SplineConfig
 from testbed.log.detections import read_detections
-from testbed.run import RunConfig
-from testbed.run import run as run_once
 from trackers.geometry import box_corners, rotation, to_frame
 from trackers.htg.bins import SHIPPED, load
 from trackers.htg.density import log_density, log_mass

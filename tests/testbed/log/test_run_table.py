@@ -1,7 +1,7 @@
 import pytest
 
+from testbed.experiments.single import RunConfig, run
 from testbed.log.run_table import run_table
-from testbed.run import RunConfig, run
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""One closed-loop run from start to table."""
+"""One closed-loop run with its log and results, as `testbed run` makes it."""
 
 import json
 from collections.abc import Callable, Iterator, Sequence
