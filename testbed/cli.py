@@ -560,12 +560,14 @@ def calibrate(
 ) -> None:
     """Compare simulated with real detections of cars: where they lie and how many there are.
 
+    A command of a checkout: the comparison is no part of the package.
+
     Example: [bold]testbed calibrate --radar imaging[/bold]
     """
-    from testbed.learn import calibration_report
+    from testbed.command_line.checkout import study
 
     with user_input():
-        report = calibration_report.report(data, radar)
+        report = study("calibration.report", "testbed calibrate").report(data, radar)
     for table in report:
         console.print(table)
 

@@ -7,8 +7,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from studies.calibration.statistics import ASPECTS, Vehicles
 from testbed.files import write_figure
-from testbed.learn.calibration import ASPECTS, Vehicles
 from trackers.geometry import to_frame
 
 EDGE = 1.3  # of the panels, in unit coordinates

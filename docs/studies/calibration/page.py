@@ -10,11 +10,11 @@ from rich.table import Table
 import sensors
 from sensors.aspects import Aspects
 from studies.calibration.figure import draw
+from studies.calibration.report import LEVEL, NOTE, SEED, TITLES, Compared, compared, tables
+from studies.calibration.statistics import ASPECTS, BANDS, BLOCK, SHORT, halves, read_real, simulate
 from studies.page import DOCS, Docs, Page, fill, steps
 from testbed.command_line.terminal import console, user_input
 from testbed.files import make_directory, write_json
-from testbed.learn.calibration import ASPECTS, BANDS, BLOCK, SHORT, halves, read_real, simulate
-from testbed.learn.calibration_report import LEVEL, NOTE, SEED, TITLES, Compared, compared, tables
 from testbed.log.text import markdown_table
 
 RADAR = "imaging"

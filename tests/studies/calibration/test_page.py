@@ -10,9 +10,9 @@ import pytest
 import sensors
 from studies.calibration.figure import CELLS, EDGE, density, unit_frame
 from studies.calibration.page import main, missed, parameters
+from studies.calibration.report import Compared
+from studies.calibration.statistics import ASPECTS, BANDS, NAMES, Vehicles
 from studies.page import TABLES
-from testbed.learn.calibration import ASPECTS, BANDS, NAMES, Vehicles
-from testbed.learn.calibration_report import Compared
 
 
 def extract(frames, each):

@@ -10,10 +10,10 @@ import pytest
 from rich.console import Console
 
 import sensors
+from studies.calibration.statistics import DATA
 from testbed.cli import main
 from testbed.experiments.single import RunConfig
 from testbed.experiments.single import run as run_once
-from testbed.learn.calibration import DATA
 from testbed.learn.detections import (
     GROWN,
     TrainingDetections,

@@ -13,7 +13,7 @@ from rich import box
 from rich.table import Table
 
 import sensors
-from testbed.learn.calibration import ASPECTS, BANDS, NAMES, groups, halves, read_real, simulate, statistics, sums
+from studies.calibration.statistics import ASPECTS, BANDS, NAMES, groups, halves, read_real, simulate, statistics, sums
 
 WITHIN = 0.1  # of the real statistic
 LEVEL = 0.9

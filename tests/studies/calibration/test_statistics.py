@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sensors import find
-from testbed.learn.calibration import (
+from studies.calibration.statistics import (
     BLOCK,
     DATA,
     NAMES,

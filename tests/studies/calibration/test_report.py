@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from testbed.learn.calibration import DATA, NAMES
-from testbed.learn.calibration_report import Compared, compare, compared, tables
+from studies.calibration.report import Compared, compare, compared, tables
+from studies.calibration.statistics import DATA, NAMES
 
 needs_data = pytest.mark.skipif(
     not (DATA / "objects.npz").exists(), reason="the real detections are not part of this project and not beside it"

@@ -24,7 +24,7 @@ from testbed.learn.archive import read_extract_arrays
 from trackers.geometry import compose, to_frame, wrap_angle
 
 EXTRACT = "astyx_hires2019_extract"  # folder of the real detections, in a folder `data` beside the project
-DATA = next(Path(__file__).resolve().parents[3].glob(f"*/data/{EXTRACT}"), Path("data") / EXTRACT)
+DATA = next(Path(__file__).resolve().parents[4].glob(f"*/data/{EXTRACT}"), Path("data") / EXTRACT)
 BANDS = ((0.0, 15.0), (15.0, 30.0), (30.0, 50.0), (50.0, 80.0), (80.0, 120.0))  # [m] range of the centre
 ASPECTS = ("front", "diagonal front", "side", "diagonal rear", "rear")  # of the vehicle, turned to the radar
 ASPECT_LIMITS = np.radians([22.5, 67.5, 112.5, 157.5])
