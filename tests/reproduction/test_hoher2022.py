@@ -4,10 +4,9 @@ import json
 
 import numpy as np
 import pytest
-from studies.papers.hoher2022.reference import REFERENCE
 
 from studies.papers.hoher2022.claims import longest_one_sided, stability
-from studies.papers.hoher2022.experiment import CASES, UTurnRuns, experiment, methods, run
+from studies.papers.hoher2022.experiment import CASES, REFERENCE, UTurnRuns, experiment, methods, run
 from studies.papers.hoher2022.runs import MEASURES
 from studies.papers.hoher2022.uturn import FIRST, SECOND, SHAPES, lidar_scans, truth
 
