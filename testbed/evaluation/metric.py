@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from testbed.evaluation import driving, histories
+from testbed.evaluation import driving, histories, identities
 from testbed.evaluation.driving import LONGEST
 from testbed.evaluation.metrics import mean, nees_bounds, rmse
 from testbed.evaluation.span import Span
@@ -289,6 +289,18 @@ _TABLE = (
     Metric(
         "orphan_duration", RUN, "s", -1, "longest orphan", "longest life of a track that never belonged to an object",
         lambda s: max((track.duration for track in s.tracks if track.orphan), default=0.0),
+    ),
+    Metric(
+        "hota", RUN, "1", 1, "HOTA", "higher order tracking accuracy: detection and association together",
+        lambda s: identities.hota(s.meetings), 3,
+    ),
+    Metric(
+        "mota", RUN, "1", 1, "MOTA", "multiple object tracking accuracy: one less misses, false tracks and switches "
+        "per object", lambda s: s.clear["mota"], 3, needs="motmetrics",
+    ),
+    Metric(
+        "idf1", RUN, "1", 1, "IDF1", "how often an object has the track that is its own", lambda s: s.clear["idf1"], 3,
+        needs="motmetrics",
     ),
     # What a tracker costs.
     Metric(

@@ -7,6 +7,7 @@ from typing import NamedTuple
 from numpy.typing import NDArray
 
 from testbed.evaluation.histories import History, first_counted
+from testbed.evaluation.identities import Meeting, clear
 from testbed.evaluation.metrics import Gospa
 
 
@@ -54,6 +55,7 @@ class Span:
         histories: Sequence[History],
         tracks: Sequence[TrackPast],
         jumps: NDArray,
+        meetings: Sequence[Meeting],
     ) -> None:
         self.start, self.end = start, end
         self.scans = scans  # metric of a scan -> values (F,)
@@ -61,6 +63,7 @@ class Span:
         self.objects = [(h, (start <= h.time) & (h.time < end)) for h in histories]  # with the mask (F,) of its scans
         self.tracks = tracks  # that were reported in the span
         self.jumps = jumps  # times [s] at which a track changed its object
+        self.meetings = meetings  # objects and tracks of each scan
 
     def within(self, times: NDArray) -> int:
         """How many of some times [s] lie in the span."""
@@ -70,6 +73,11 @@ class Span:
     def counted(self) -> list[History]:
         """The objects that counted at some scan."""
         return [h for h, now in self.objects if (h.counted & now).any()]
+
+    @cached_property
+    def clear(self) -> dict[str, float]:
+        """`mota` and `idf1`, which have their matching in common."""
+        return clear(self.meetings)
 
     @property
     def first_seen(self) -> list[History]:

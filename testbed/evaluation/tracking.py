@@ -16,6 +16,7 @@ from sensors.origin import GHOSTS, Origin
 from sensors.scene import Objects, Scene
 from testbed.evaluation import histories
 from testbed.evaluation.histories import History
+from testbed.evaluation.identities import Meeting, meeting
 from testbed.evaluation.metric import METRICS, PAIR, PAIRS, RUN, SCAN, SPAN, Metric, keys, values
 from testbed.evaluation.metrics import gospa, mean
 from testbed.evaluation.pair_errors import Pairs, PairTruth, pair_distances, pair_truth
@@ -57,6 +58,7 @@ class Evaluator:
         self.phases, self.settle = tuple(phases), settle
         self._time: list[float] = []  # of each scan
         self._scans: list[dict[str, float]] = []  # the metrics of each scan
+        self._meetings: list[Meeting] = []  # who could belong together at each scan
         self._pair_keys: list[tuple[float, int]] = []  # time, object id of each counted pair
         self._pair_errors: list[NDArray] = []  # (K, len(ERRORS)) of counted pairs, in the order of the scans
         self._waiting: list[tuple[PairTruth, Estimate, NDArray]] = []  # counted pairs without errors as yet
@@ -124,6 +126,8 @@ class Evaluator:
         held_by[rows] = out.id[columns]
         self._time.append(time)
         self._scans.append(values(SCAN, Judged(score, counted, held_by, out.id)))
+        rest = np.delete(np.arange(len(out.id)), columns[~counted[rows]])  # without those on objects that do not count
+        self._meetings.append(meeting(objects.id[counted], out.id[rest], distance[counted][:, rest]))
         plain = countable & (origin.visible > PLAIN_SHARE) & (origin.expected > PLAIN_COUNT)  # (MET.18)
         self._remember(time, objects, counted, plain, held_by, out)
         self._pair_keys += [(time, i) for i in objects.id[rows[counted[rows]]].tolist()]
@@ -241,17 +245,18 @@ class Evaluator:
     def _span(self, start: float, end: float) -> Span:
         """The scans from start up to end [s]; errors and scans only of those that are not before `settle`."""
         settled = max(start, self.settle)
-        within = [scan for time, scan in zip(self._time, self._scans, strict=True) if settled <= time < end]
+        within = [k for k, time in enumerate(self._time) if settled <= time < end]
         chosen = np.array([settled <= time < end for time, _ in self._pair_keys], bool)
         tracks = [i for i, seen in self._reports.items() if any(start <= time < end for time, _ in seen)]
         return Span(
             start,
             end,
-            scans={key: np.array([scan[key] for scan in within], float) for key in SCANS},
+            scans={key: np.array([self._scans[k][key] for k in within], float) for key in SCANS},
             errors=dict(zip(ERRORS, self._errors()[chosen].T, strict=True)),
             histories=list(self.histories().values()),
             tracks=[self._past(track) for track in tracks],
             jumps=np.array([time for time, _ in self._jumps]),
+            meetings=[self._meetings[k] for k in within],
         )
 
     def _past(self, track: int) -> TrackPast:

@@ -37,8 +37,9 @@ SCORES = (  # modules of testbed that decide about rows
     "environment.wrapper",
     "planners.car_following", "planners.collision", "planners.idm", "planners.prediction", "planners.registry",
     "planners.track_vehicle",
-    "evaluation.drive_evaluator", "evaluation.driving", "evaluation.ends", "evaluation.histories", "evaluation.metric",
-    "evaluation.metrics", "evaluation.pair_errors", "evaluation.span", "evaluation.tracking",
+    "evaluation.drive_evaluator", "evaluation.driving", "evaluation.ends", "evaluation.histories",
+    "evaluation.identities", "evaluation.metric", "evaluation.metrics", "evaluation.pair_errors", "evaluation.span",
+    "evaluation.tracking",
     "experiments.episode", "experiments.rows", "experiments.run", "replay.recording", "replay.rescan",
 )  # fmt: skip
 CATALOGUES: Mapping[str, Callable[[], Container[str]]] = {

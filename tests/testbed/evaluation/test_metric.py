@@ -1,5 +1,7 @@
 """The table of metrics: every entry is complete, documented and computed; old keys of committed files are read."""
 
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -63,6 +65,49 @@ def test_every_metric_is_computed_where_it_belongs():
     score = Evaluator("case").step(0.0, scene, seen(scene), tracks_at([20.5], [1]))
     assert score.errors[1].keys() == set(keys(PAIR))
     assert score.mean.keys() == {*keys(SCAN), *keys(PAIR)}
+
+
+CASES = {  # tracks of one car, scan by scan -> HOTA, MOTA, IDF1
+    "1111": (1.0, 1.0, 1.0),
+    # Each track is on the car for 2 of its 4 scans: A = 2 / 4 for all pairs; one switch; the car's own has 2 of 4 + 4.
+    "1122": (np.sqrt(1 / 2), 3 / 4, 2 * 2 / 8),
+    # One of four missed: A = 3 / 4, detection 3 / 4; the track has 3 scans.
+    ".111": (3 / 4, 3 / 4, 2 * 3 / 7),
+    "....": (0.0, 0.0, 0.0),
+}
+
+
+@pytest.mark.parametrize("held", CASES)
+def test_identities_are_those_counted_by_hand(held):
+    summary = run(held).summary()
+    assert [summary[key] for key in ("hota", "mota", "idf1")] == pytest.approx(CASES[held])
+
+
+def test_a_track_beside_its_object_counts_up_to_the_cut_off_of_gospa():
+    """2 m off has a similarity of 0.6 and passes 12 of 19 thresholds; 6 m off is a miss and a false track."""
+    found = []
+    for offset in (2.0, 6.0):
+        evaluator, scene = Evaluator("case"), road([20.0])
+        for k in range(4):
+            evaluator.step(0.5 * k, scene, seen(scene), tracks_at([20.0 + offset], [1]))
+        found.append([evaluator.summary()[key] for key in ("hota", "mota", "idf1")])
+    np.testing.assert_allclose(found, [[12 / 19, 1.0, 1.0], [0.0, -1.0, 0.0]])
+
+
+def test_a_track_on_an_object_that_does_not_count_is_no_false_track():
+    evaluator, scene = Evaluator("case"), road([20.0, 60.0], kinds=("car", "obstacle"))
+    for k in range(4):
+        evaluator.step(0.5 * k, scene, seen(scene), tracks_at([20.0, 60.0], [1, 2]))
+    assert [evaluator.summary()[key] for key in ("hota", "mota", "idf1")] == pytest.approx([1.0] * 3)
+
+
+def test_without_its_library_a_metric_is_left_out():
+    code = (
+        "import sys\nsys.modules['motmetrics'] = None\nfrom testbed.evaluation.metric import keys\nprint(*keys('run'))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["plain_view_gap", "uncovered_gap", "orphan_duration", "hota"]
+    assert done.stderr == ""
 
 
 def test_least_times_to_collision_are_those_of_an_empty_road_at_most():
