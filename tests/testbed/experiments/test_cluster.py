@@ -123,7 +123,7 @@ def test_a_cluster_gives_the_rows_and_logs_of_one_process_also_where_files_are_d
     assert_same_results(here, there)
     results = Results.read(there)
     found = logs.picks(results)
-    assert [o.status for o in logs.write(results, found, engine)] == [DONE] * 4
+    assert [o.status for o in logs.write(results, engine)] == [DONE] * 4
     assert all(logs.log_path(pick, store.out).stat().st_size > 1000 for pick in found)
 
 
