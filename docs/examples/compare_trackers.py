@@ -9,14 +9,11 @@ For many seeds and scenarios, with 95 % intervals, figures and a report page, us
 
 import numpy as np
 
+import testbed
 from testbed.experiments.single import RunConfig, run
 
 TRACKERS = ("imm-spline", "rm-feldmann")  # the first one's tracks go to the planner
-MEASURES = {  # keys of the results, see docs/results.md
-    "gospa": "GOSPA [m]",
-    "rmse_position": "position RMSE [m]",
-    "rmse_length": "length RMSE [m]",
-}
+MEASURES = ("gospa", "rmse_position", "rmse_length")  # keys of testbed.METRICS and of the results
 
 rows = []
 for seed in range(3):
@@ -27,6 +24,6 @@ for seed in range(3):
 values = np.array(rows)  # (seed, tracker, measure)
 difference = values[:, 0] - values[:, 1]  # on the same seed: what the seeds have in common drops out
 spread = difference.std(0, ddof=1) / np.sqrt(len(rows))
-for k, label in enumerate(MEASURES.values()):
+for k, key in enumerate(MEASURES):
     means = "  ".join(f"{name} {values[:, j, k].mean():.2f}" for j, name in enumerate(TRACKERS))
-    print(f"{label:18} {means}  difference {difference[:, k].mean():+.2f} +- {spread[k]:.2f}")
+    print(f"{testbed.METRICS[key].title:18} {means}  difference {difference[:, k].mean():+.2f} +- {spread[k]:.2f}")

@@ -2,25 +2,19 @@
 
 from collections.abc import Mapping, Sequence
 
+from testbed.evaluation.metric import METRICS
 from testbed.log import paths
 from testbed.log.text import markdown_table, number
 
 Table = Mapping[str, float | int | str | None]  # a row of it
 
-COLUMNS = (  # key of a row of `objects` in the results, heading with unit, digits
-    ("severity", "severity [m^2 s]", 1),
-    ("scans_counted", "scans in view", 0),
-    ("birth_delay", "birth delay [s]", 2),
-    ("scans_missed", "scans without a track", 0),
-    ("lost", "lost", 0),
-    ("switches", "switches", 0),
-    ("gwd", "GWD [m]", 2),
-    ("rmse_position", "position [m]", 2),
-    ("rmse_velocity", "velocity [m/s]", 2),
-    ("rmse_heading_deg", "heading [deg]", 1),
-    ("rmse_length", "length [m]", 2),
-    ("rmse_width", "width [m]", 2),
-)
+COUNTS = {  # of a row of `objects` in the results: what are no metrics, and their headings
+    "severity": "severity [m^2 s]", "scans_counted": "scans in view", "scans_missed": "scans without a track",
+}  # fmt: skip
+COLUMNS = (
+    "severity", "scans_counted", "birth_delay", "scans_missed", "lost", "switches", "gwd", "rmse_position",
+    "rmse_velocity", "rmse_heading_deg", "rmse_length", "rmse_width",
+)  # fmt: skip
 
 
 NOTHING_WRONG = "Nothing went wrong that counts: every vehicle in view had a track, and no track was wrong."
@@ -54,13 +48,19 @@ def moments_text(moments: Sequence[Table]) -> str:
 def objects_text(objects: Sequence[Table]) -> str:
     """Page of the objects that counted, those of greatest severity first."""
     rows = sorted((row for row in objects if row["scans_counted"]), key=lambda row: -float(row["severity"] or 0.0))
-    head = ("object", "tracker", *(heading for _, heading, _ in COLUMNS))
+    head = ("object", "tracker", *(COUNTS.get(key) or METRICS[key].title for key in COLUMNS))
     body = [
         (
             f"{paths.vehicle(int(row['object'] or 0))} {row['kind']}",
             str(row["tracker"]),
-            *(number(row.get(key), digits) for key, _, digits in COLUMNS),
+            *(_cell(key, row.get(key)) for key in COLUMNS),
         )
         for row in rows
     ]
     return markdown_table(head, body)
+
+
+def _cell(key: str, value: float | int | str | None) -> str:
+    if key in METRICS:
+        return METRICS[key].text(value, "-")
+    return number(value, 0 if isinstance(value, int) else 1)

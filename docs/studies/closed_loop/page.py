@@ -23,6 +23,7 @@ from testbed.command_line.terminal import user_input
 from testbed.environment.episode import drive
 from testbed.environment.registration import make
 from testbed.evaluation.drive_evaluator import DriveEvaluator
+from testbed.evaluation.metric import COSTS, METRICS
 from testbed.evaluation.metrics import CUTOFF, mean
 from testbed.evaluation.tracking import jsonable
 from testbed.experiments.engine import Engine
@@ -38,18 +39,10 @@ from testbed.planners import find as find_planner
 
 TRACKERS = ("imm-spline", "imm-htg", "htg-map", "edra-imm", "pmht-spline-adaptive", "rm-feldmann")
 LONGEST = 20.0  # [s] of a run; only the courses of papers are longer
-MEANS = (  # key of a tracker's summary or cost, label, digits
-    ("gospa", "GOSPA [m]", 2),
-    ("missed_percent", "missed [%]", 1),
-    ("false_per_scan", "false a scan", 2),
-    ("rmse_position", "position [m]", 2),
-    ("rmse_velocity", "velocity [m/s]", 2),
-    ("rmse_length", "length [m]", 2),
-    ("nees_position", "NEES position", 1),
-    ("nees_velocity", "NEES velocity", 1),
-    ("ms_per_scan", "ms a scan", 1),
-    ("us_per_update", "us an update", 0),
-)
+MEANS = (  # of a tracker's summary or cost
+    "gospa", "missed_percent", "false_per_scan", "rmse_position", "rmse_velocity", "rmse_length", "nees_position",
+    "nees_velocity", *COSTS,
+)  # fmt: skip
 TOTALS = ("lost", "switches", "jumps")
 RESULTS = "closed-loop.csv"  # GOSPA by scenario
 SCHEMA = pa.schema([("tracker", pa.string()), *((name, pa.float64()) for name in LengthSamples._fields)])
@@ -185,9 +178,9 @@ def overview(results: Sequence[Mapping[str, Any]]) -> str:
     rows = []
     for name in results[0]["trackers"]:
         found = [r["trackers"][name] for r in results]
-        means = [number(_mean([row[key] for row in found]), digits) for key, _, digits in MEANS]
+        means = [number(_mean([row[key] for row in found]), METRICS[key].digits) for key in MEANS]
         rows.append((f"`{name}`", *means, *(str(sum(row[key] for row in found)) for key in TOTALS)))
-    return markdown_table(("tracker", *(label for _, label, _ in MEANS), *TOTALS), rows)
+    return markdown_table(("tracker", *(METRICS[key].title for key in MEANS), *TOTALS), rows)
 
 
 def by_scenario(results: Sequence[tuple[str, Mapping[str, Any]]]) -> str:

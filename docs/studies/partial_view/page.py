@@ -15,6 +15,7 @@ from studies.partial_view.encounters import STEP, encounters, follow, measure, s
 from studies.partial_view.figure import ContourPanel, draw_learned, draw_tracked
 from testbed.command_line.terminal import user_input
 from testbed.evaluation.intervals import PlusMinus
+from testbed.evaluation.metric import METRICS
 from testbed.evaluation.metrics import contour_iou
 from testbed.evaluation.tracking import Evaluator, Row
 from testbed.learn.detections import TrainingDetections, read
@@ -55,16 +56,9 @@ DRAWN = {
     "nees": "NEES of the centre, ideal 2",
 }
 COLUMNS = (  # of a run with the multi-object tracker
-    ("gospa", "GOSPA [m]", 2),
-    ("rmse_position", "position [m]", 2),
-    ("rmse_velocity", "velocity [m/s]", 2),
-    ("rmse_heading_deg", "heading [deg]", 2),
-    ("rmse_length", "length [m]", 2),
-    ("rmse_width", "width [m]", 2),
-    ("contour_iou", "contour IoU", 3),
-    ("nees_position", "NEES position", 1),
-    ("nees_velocity", "NEES velocity", 1),
-)
+    "gospa", "rmse_position", "rmse_velocity", "rmse_heading_deg", "rmse_length", "rmse_width", "contour_iou",
+    "nees_position", "nees_velocity",
+)  # fmt: skip
 NextStep = Callable[[str], None]  # called with what comes next
 Tracked = dict[tuple[str, str, str], dict[str, PlusMinus]]  # class, view, variant
 
@@ -213,9 +207,9 @@ def course_table(found: Mapping[tuple[str, str], Sequence[Row]]) -> str:
     """One row a scenario and variant, means over the seeds; they are too few for intervals."""
     body = []
     for (scenario, name), summaries in found.items():
-        means = ((np.mean([float(row[key]) for row in summaries]), digits) for key, _, digits in COLUMNS)
+        means = ((np.mean([float(row[key]) for row in summaries]), METRICS[key].digits) for key in COLUMNS)
         body.append((scenario, name, *(f"{value:.{digits}f}" for value, digits in means)))
-    return markdown_table(("scenario", "tracker", *(label for _, label, _ in COLUMNS)), body)
+    return markdown_table(("scenario", "tracker", *(METRICS[key].title for key in COLUMNS)), body)
 
 
 class Study(NamedTuple):

@@ -17,6 +17,7 @@ from studies.page import DOCS, Docs, Page, fill
 from studies.runs import every_sensor, seen_by, summaries
 from testbed.command_line.options import Dask, Jobs
 from testbed.command_line.terminal import user_input
+from testbed.evaluation.metric import METRICS, Metric
 from testbed.experiments.engine import Engine
 from testbed.experiments.run import parse_seeds
 
@@ -26,11 +27,7 @@ LIFETIMES = (0.0, 0.2, 1.0, 5.0)  # [s]; 0: drawn anew in each scan
 LIFETIME = Factor("lifetime", 0.0, lambda lifetime: f"{lifetime:g} s" if lifetime else "off")
 TRACKERS = ("imm-spline", "rm-feldmann")
 SCENARIOS, SEEDS, DURATION = ("cut-in", "dense-traffic"), tuple(range(320, 330)), 6.0  # [s]
-TITLES = {  # of what is on the page; all measures are in its data file
-    "nees_position": "NEES of position (2 where the covariance is honest)",
-    "nees_length": "NEES of length (1 where it is)",
-    "gospa": "GOSPA [m]",
-}
+SHOWN = ("nees_position", "nees_length", "gospa")  # on the page; all measures are in its data file
 MEASURES = ("gospa", "nees_position", "nees_length", "abs_length", "rmse_position")
 COLUMNS = ("scenario", "lifetime", "tracker", "seed", *MEASURES)
 
@@ -54,10 +51,14 @@ def runs(out: str, engine: Engine, seeds: Sequence[int] = SEEDS, duration: float
 
 def render(table: pd.DataFrame) -> str:
     """The page from the runs."""
-    parts = [f"### {title}\n\n{effects_table(table, LIFETIME, name, 2)}" for name, title in TITLES.items()]
+    parts = [f"### {_title(METRICS[name])}\n\n{effects_table(table, LIFETIME, name, 2)}" for name in SHOWN]
     return fill(
         "persistence/page.md.j2", facts=f"Rig `{RIG}`, {facts(table)}, {DURATION:g} s each.", tables="\n\n".join(parts)
     )
+
+
+def _title(metric: Metric) -> str:
+    return metric.title if metric.ideal is None else f"{metric.title}, {metric.sense}"
 
 
 def main(

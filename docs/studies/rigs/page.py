@@ -10,15 +10,11 @@ from numpy.typing import NDArray
 
 from sensors import RADARS, Radar, Roadside, Sensor
 from studies.page import fill
-from studies.rigs.sensitivity import RIG
+from studies.rigs.sensitivity import MEASURES, RIG
 from studies.rigs.sources import LEGEND, SENSORS, source
 from testbed.evaluation.intervals import student_interval
+from testbed.evaluation.metric import METRICS
 from testbed.log.text import markdown_table
-
-LABELS = {
-    "gospa": "GOSPA [m]", "missed_percent": "missed [%]", "false_per_scan": "false a scan",
-    "rmse_position": "position [m]", "rmse_velocity": "velocity [m/s]", "abs_length": "length [m]",
-}  # fmt: skip
 
 
 def text(docs: Path) -> str:
@@ -66,12 +62,12 @@ def cell(sensor: str, name: str) -> str:
 def sensitivity(rows: dict[str, list[dict[str, Any]]]) -> str:
     """The rig as it is, and differences to it for every change, a column a measure."""
     base, *others = rows
-    columns = {name: {m: np.array([row[m] for row in found]) for m in LABELS} for name, found in rows.items()}
-    body = [(base, *(f"{columns[base][m].mean():.2f}" for m in LABELS))]
+    columns = {name: {m: np.array([row[m] for row in found]) for m in MEASURES} for name, found in rows.items()}
+    body = [(base, *(f"{columns[base][m].mean():.2f}" for m in MEASURES))]
     for name in others:
-        differences = (columns[name][m] - columns[base][m] for m in LABELS)
+        differences = (columns[name][m] - columns[base][m] for m in MEASURES)
         body.append((name, *(difference(d) for d in differences)))
-    return markdown_table(("", *LABELS.values()), body)
+    return markdown_table(("", *(METRICS[m].title for m in MEASURES)), body)
 
 
 def difference(values: NDArray) -> str:

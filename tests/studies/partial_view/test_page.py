@@ -167,7 +167,7 @@ def made_study(model: SplineModel) -> Study:
     figures = dict.fromkeys(MEASURES, PlusMinus(-0.25, 0.05))
     sided = [Sided("rear only", v, model, learned, np.zeros((5, 2))) for v in ("rays", "none")]
     single = {(kind, view, v): figures for kind in KINDS for view in ("behind", "passing") for v in ("rays", "none")}
-    whole = {(name, "pmht-spline"): [{key: 1.25 for key, _, _ in COLUMNS}] for name in COURSES}
+    whole = {(name, "pmht-spline"): [dict.fromkeys(COLUMNS, 1.25)] for name in COURSES}
     return Study(sided, single, whole, 2, 1, 60.0)
 
 
