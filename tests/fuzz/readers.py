@@ -8,7 +8,7 @@ from tests.fuzz.damage import damaged
 from tests.fuzz.declared import line
 
 SLOW = 15.0  # [s] for a command that reads a log, in a process of its own
-RUN = "cut-in_rm-feldmann_seed0"
+RUN = "cut-in_rm-feldmann_front_seed0"
 RESUME = line("compare", out="done")
 READERS: tuple[tuple[str, tuple[str, ...]], ...] = (  # file, and a command that reads it
     ("log.rrd", line("review")),
@@ -24,7 +24,7 @@ READERS: tuple[tuple[str, tuple[str, ...]], ...] = (  # file, and a command that
     ("done/study.json", RESUME),
     ("done/runs.parquet", RESUME),
     (f"done/rows/{RUN}.parquet", RESUME),
-    ("done/recordings/cut-in_seed0.npz", line("compare", out="done", tracker="rm-koch")),
+    ("done/recordings/cut-in_front_seed0.npz", line("compare", out="done", tracker="rm-koch")),
 )
 
 
