@@ -30,7 +30,6 @@ ROOMS = (
     ("experiments",),
     ("cli",),
 )
-LEAVING = ("run",)  # on no floor until they are gone
 # Library -> modules, or packages, that may import it.
 HOMES = {
     "highway_env": (
