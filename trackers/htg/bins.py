@@ -49,7 +49,7 @@ class HTGTable:
     name: str = "unnamed"
     anchor: NDArray = field(default_factory=lambda: np.zeros((1, 2)))  # (B or 1, 2) see `warp`; 0 in the paper
     size: ArrayLike = TYPICAL  # (2,) or (B, 2) [m] typical of the data; at this size every anchor gives the same u
-    scale: NDArray = field(default_factory=lambda: np.ones((1, 2)))  # (B or 1, 2) see `calibration.py`; 1 in the paper
+    scale: NDArray = field(default_factory=lambda: np.ones((1, 2)))  # (B or 1, 2) of u, (HTG.14); 1 in the paper
     shift: NDArray = field(default_factory=lambda: np.zeros((1, 2)))  # (B or 1, 2); 0 in the paper
     above: float = np.inf  # [m] length above which a body is of the second class
 

@@ -21,12 +21,6 @@ from trackers.pmht.state import LENGTH
 FINE = 400  # points of the curve whose box is taken
 
 
-def decoupled(m: NDArray, xy: NDArray) -> NDArray:
-    """Detections xy (..., M, 2) [m] in the unit frame of states m (..., 7), (PMHT.29)."""
-    body = (xy - m[..., None, :2]) @ rotation(m[..., PHI])
-    return body / m[..., None, LENGTH:]  # (PMHT.29)
-
-
 def frame_shift(p: NDArray) -> NDArray:
     """Centre (..., 2) of the box around the curve of control points p (..., n_c, 2), in the unit frame.
 

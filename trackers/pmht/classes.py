@@ -69,9 +69,7 @@ class Catalogue:
         """One contour a class."""
         folder = FOLDER if self.folder is None else Path(self.folder)
         if missing := [name for name in self.names if not (folder / f"{name}.json").is_file()]:
-            raise ValueError(
-                f"folder {folder} has no model {missing[0]}.json; python -m testbed.learn.classes makes them"
-            )
+            raise ValueError(f"folder {folder} has no model {missing[0]}.json; `testbed learn-spline` makes one")
         return tuple(load(folder / f"{name}.json") for name in self.names)
 
     @cached_property

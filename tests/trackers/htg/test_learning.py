@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize, minimize_scalar
 
-from trackers.htg.density import HTG, log_density, sample
+from studies.papers.xia2020.generators import sample
+from trackers.htg.density import HTG, log_density
 from trackers.htg.descent import descend
 from trackers.htg.learning import (
     FLAT,
