@@ -300,12 +300,12 @@ def learn_htg(
 
     Example: [bold]testbed learn-htg sampler:surround:car --out car.json[/bold]
     """
-    from testbed.learn.htg import LearnConfig, learn, report
+    from testbed.learn.models import TableConfig, learn
 
     with user_input():
-        config = LearnConfig(data, bins, not edges, not no_mirror, mass_min, count, seed)
+        config = TableConfig(data, bins, not edges, not no_mirror, mass_min, count, seed)
         learned = reported(partial(learn, config, out), "learning")
-    for part in report(learned):
+    for part in learned.report():
         console.print(part)
     console.print(f"table    {learned.path}", soft_wrap=True)
 
@@ -325,14 +325,14 @@ def learn_spline(
 
     Example: [bold]testbed learn-spline sampler:surround:car --out car.json[/bold]
     """
-    from testbed.learn.spline import SplineConfig, learn, report
+    from testbed.learn.models import SplineConfig, learn
     from trackers.pmht.offline import OfflineLearning
 
     with user_input():
         model = OfflineLearning(ellipses, points, visibility=visibility, mirrored=not no_mirror)
         config = SplineConfig(data, count, seed, model)
         learned = reported(partial(learn, config, out), "learning")
-    for part in report(learned):
+    for part in learned.report():
         console.print(part)
     console.print(f"model    {learned.path}", soft_wrap=True)
 

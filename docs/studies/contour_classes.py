@@ -16,7 +16,7 @@ import sensors
 from scenarios.contours import CONTOURS
 from testbed.files import write_json
 from testbed.learn.detections import Make, sample
-from testbed.learn.spline import fit
+from testbed.learn.models import fit_spline
 from trackers.pmht import classes, model
 from trackers.pmht.offline import OfflineLearning
 
@@ -36,7 +36,7 @@ def learn(name: str, count: int, radar: str = "surround") -> model.SplineModel:
     """The model of a class from `count` detections of all its sizes; the size of the model is the mean of the class."""
     detections = sample(sensors.find(radar), name, count, np.random.default_rng(0), table=CLASSES)
     length, width = ARTICULATED if name == "articulated" else CONTOURS[name].size.tolist()
-    return replace(fit(detections, OfflineLearning(), name)[0], size=(length, width))
+    return replace(fit_spline(detections, OfflineLearning(), name)[0], size=(length, width))
 
 
 def main(

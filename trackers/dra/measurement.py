@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.dra.flat_scan import FlatScan
-from trackers.dra.matrix3 import inverse_and_log_det
 from trackers.dra.regions import ALPHA, BETA, MIDDLE
 from trackers.dra.state import OBSERVED, P1, P2, VX, W, X, Y
+from trackers.linalg import inverse_and_log_det
 
 SPREAD = np.sqrt(3.0)  # c: sigma points at +- c standard deviations, those of s at exactly 0 and 1
 POINTS = 1 + 2 * OBSERVED + 4  # the mean, both ways along every column of L, both ways along s1 and s2

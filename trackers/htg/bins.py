@@ -13,9 +13,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trackers.geometry import unit, wrap_angle
-from trackers.htg.density import HTG, log_mass
+from trackers.estimate import Estimate
+from trackers.geometry import rotation, unit, wrap_angle
+from trackers.htg.density import HTG, log_density, log_mass
 from trackers.json_file import read_json
+from trackers.scan import Scan
 
 FORMAT = "htg-table-1"
 SHIPPED = Path(__file__).parent / "tables"
@@ -273,3 +275,24 @@ def _numbers(name: str, key: str, value: Any) -> NDArray:
     except (ValueError, TypeError, OverflowError):
         raise ValueError(f"{name} needs {key} as numbers, in rows of equal lengths") from None
     return np.where(np.isnan(found), np.inf, found)
+
+
+def log_spatial(
+    table: HTGTable, estimate: Estimate, scan: Scan, track: NDArray, detection: NDArray, sigma: float
+) -> NDArray:
+    """Log density (G,) [1/m^2] of pairs of track (G,) and detection (G,) under the bin of that detection's aspect.
+
+    The noise of the detection and the uncertainty of the centre blur the density; unknown noise is sigma [m].
+    """
+    M = scan.mask.shape[-1]
+    sensor = np.broadcast_to(scan.pose[:, :2], (M, 2))[detection]
+    pose, half = estimate.pose[track], estimate.size[track] / 2
+    index = table.bin_at(pose[:, :2], pose[:, 2], estimate.size[track, 0], sensor)
+    p = table.of(index)
+    h, shift = table.warp(half, index)
+    C = scan.position_noise(sigma)[detection] + estimate.cov[track, :2, :2]
+    body = rotation(pose[:, 2])
+    e = (body.mT @ (scan.xy[detection] - pose[:, :2])[..., None])[..., 0]
+    axes = body @ (rotation(p.theta) / h[:, :, None])  # columns: turned axes of unit coordinates, pulled back
+    noise = (axes * (C @ axes)).sum(-2)  # (HTG.40)
+    return log_density((e - shift) / h, p, noise, log_masses(table)[index]) - np.log(h[:, 0] * h[:, 1])  # (HTG.40)

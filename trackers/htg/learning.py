@@ -24,8 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from trackers.geometry import wrap_angle
 from trackers.htg.bins import PARAMETERS, HTGTable
 from trackers.htg.density import HTG, log_mass
-from trackers.htg.descent import Found, Objective, descend
-from trackers.htg.likelihood import mean_log_density
+from trackers.htg.likelihood import Found, Objective, descend, mean_log_density
 
 SIDES = ("a1", "a2", "b1", "b2")
 LEAST = 20  # detections that a fit needs

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.geometry import rotation
+from trackers.held_gaussian import LENGTH
 from trackers.motion.turn import PHI
 from trackers.pmht.model import curve
-from trackers.pmht.state import LENGTH
 
 FINE = 400  # points of the curve whose box is taken
 

@@ -24,18 +24,17 @@ from trackers.batch import put, select, take
 from trackers.estimate import Estimate, check_estimate
 from trackers.filter import Gaussian, Note
 from trackers.geometry import rotation, to_frame, to_world
+from trackers.held_gaussian import LENGTH, prior_moments, resized
 from trackers.motion.turn import PHI
 from trackers.parameters import check_numbers
 from trackers.pmht import pool as pools
 from trackers.pmht import window as windows
 from trackers.pmht.adaptation import moved
-from trackers.pmht.adaptive_state import AdaptiveState, forgotten, index, plain
 from trackers.pmht.filter import TRUCK_ABOVE, SplinePmht
-from trackers.pmht.info import SplineInfo
-from trackers.pmht.learner import Learner
+from trackers.pmht.joint import SplineInfo
+from trackers.pmht.learner import AdaptiveState, Learner, forgotten, index, plain
 from trackers.pmht.learning import SplineContour
-from trackers.pmht.motion import predicted
-from trackers.pmht.state import LENGTH, moments_of, resized
+from trackers.pmht.state import predicted
 from trackers.scan import Scan
 from trackers.validation import definite, guarded_predict, guarded_update, unguarded
 
@@ -84,7 +83,7 @@ class AdaptiveSpline:
     def init(self, estimate: Estimate) -> AdaptiveState:
         """State from a prior; raises ValueError for a prior that is not finite, positive, definite."""
         check_estimate(estimate)
-        m, P = moments_of(estimate)
+        m, P = prior_moments(estimate, estimate.size, estimate.size_std)
         kind = self.learner.by_length(m[..., LENGTH])
         p, Sigma, visible = (a[kind] for a in self.learner.offline)
         lead, zero = m.shape[:-1], np.zeros(m.shape[:-1], int)

@@ -1,4 +1,4 @@
-"""Which ellipse made which detection: probabilities, and one synthetic detection an ellipse.
+"""The ellipses of objects in the plane, and which of them made which detection.
 
 Equations: docs/methods/spline-pmht.md. Arrays over detections and ellipses are (..., M, L); positions are relative to
 the object's centre, because expanded squares lose digits far from the origin. Covariances are columns xx, xy, yy, see
@@ -9,6 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from trackers.geometry import rotation
+from trackers.held_gaussian import LENGTH
+from trackers.linalg import I2
+from trackers.motion.turn import PHI
+from trackers.pmht.symmetric import columns, congruence
 
 LOG_2PI = float(np.log(2 * np.pi))
 LEAST_WEIGHT = 1e-9  # of an ellipse, below which it has no detection
@@ -69,12 +75,45 @@ def synthesise(w: NDArray, detections: RelativeDetections) -> SyntheticDetection
     return SyntheticDetections(M, detections.z @ share, detections.R @ share if each else detections.R)  # (PMHT.11)
 
 
-def outlier_density(clutter: float, expected: float) -> float:
-    """Density eps [1/m^2] of (PMHT.10), from false alarms clutter [1/m^2] and expected detections of the object a scan.
+BOX = I2 / 12  # covariance of points even over the unit box
+BOX_COLUMN = columns(BOX[None])  # (3, 1)
 
-    Ellipse l makes detections with intensity `expected` pi_l N_il, clutter with its own; eps is the clutter's over
-    `expected`. Raises ValueError for a negative density or no expected detection.
+
+class UnitEllipses(NamedTuple):
+    """The ellipses of objects in the unit frame, and a box that detections come from anywhere in."""
+
+    mu: NDArray  # (..., 2, L) centres of the ellipses
+    Sigma: NDArray  # (..., 3, L + 1) their covariances, and that of the box
+
+
+class PlacedEllipses(NamedTuple):
+    """The same in the plane, relative to some point."""
+
+    c: NDArray  # (..., 2, L) [m]
+    E: NDArray  # (..., 3, L) [m^2]
+    centre: NDArray  # (..., 2, 1) [m]
+    box: NDArray  # (..., 3, 1) [m^2]
+
+
+def unit_ellipses(N: NDArray, p: NDArray, Sigma: NDArray) -> UnitEllipses:
+    """The ellipses of control points p (..., n_c, 2) and covariances Sigma (..., L, 2, 2), (PMHT.3).
+
+    N (L, n_c) are the weights of the control points.
     """
-    if not (clutter >= 0 and expected > 0):
-        raise ValueError(f"clutter must be >= 0 and expected > 0, got {clutter} and {expected}; per m^2 and per scan")
-    return clutter / expected
+    box = np.broadcast_to(BOX_COLUMN, (*Sigma.shape[:-3], 3, 1))
+    return UnitEllipses((N @ p).mT, np.concatenate([columns(Sigma), box], -1))
+
+
+def place(ellipses: UnitEllipses, m: NDArray, origin: NDArray) -> PlacedEllipses:
+    """The ellipses at the states m (..., 7), relative to origin (..., 2) [m]."""
+    A = rotation(m[..., PHI]) * m[..., None, LENGTH:]  # (PMHT.3)
+    centre = (m[..., :2] - origin)[..., None]
+    E = congruence(A) @ ellipses.Sigma  # (PMHT.8)
+    return PlacedEllipses(A @ ellipses.mu + centre, E[..., :-1], centre, E[..., -1:])  # (PMHT.8)
+
+
+def interior_density(placed: PlacedEllipses, detections: RelativeDetections, share: float) -> NDArray:
+    """Density f (..., M, 1) [1/m^2] of detections from anywhere inside, a `share` of them, beside the ellipses'."""
+    if not share:
+        return np.zeros((1, 1))
+    return share / (1 - share) * np.exp(log_density(detections, placed.centre, placed.box))  # (PMHT.9)

@@ -19,8 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.parameters import check_numbers
-from trackers.pmht.association import RelativeDetections, log_density, responsibilities, synthesise
-from trackers.pmht.ellipses import BOX_COLUMN
+from trackers.pmht.association import BOX_COLUMN, RelativeDetections, log_density, responsibilities, synthesise
 from trackers.pmht.filter import typical_visibility
 from trackers.pmht.model import SHIPPED, SplineModel, load
 from trackers.pmht.symmetric import columns, determinant, squares

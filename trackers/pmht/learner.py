@@ -13,27 +13,70 @@ contour that crosses itself is discarded.
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from trackers.batch import select
 from trackers.geometry import rotation
+from trackers.held_gaussian import LENGTH, resized
 from trackers.motion.turn import PHI
 from trackers.parameters import check_numbers
 from trackers.pmht import pool as pools
 from trackers.pmht import window as windows
 from trackers.pmht.adaptation import partial_shift, shifted
-from trackers.pmht.adaptive_state import AdaptiveState
 from trackers.pmht.association import RelativeDetections
 from trackers.pmht.classes import Catalogue
 from trackers.pmht.filter import TRUCK_ABOVE, SplinePmht, typical_visibility
-from trackers.pmht.learning import SplineContour
+from trackers.pmht.learning import Refine, SplineContour, is_simple
 from trackers.pmht.model import DEGREE, outlines
-from trackers.pmht.refine import Refine, is_simple
-from trackers.pmht.state import LENGTH, resized
+from trackers.pmht.pool import Pool
+from trackers.pmht.state import SplineState
 from trackers.pmht.symmetric import squares
 from trackers.pmht.visibility import visibility_table
+from trackers.pmht.window import Window, cleared
+
+
+class AdaptiveState(NamedTuple):
+    """The state of `SplinePmht`, and what class and contour are learned from."""
+
+    m: NDArray  # (..., 7) px, py [m], phi [rad] unwrapped, v [m/s], omega [rad/s], l, w [m]
+    P: NDArray  # (..., 7, 7)
+    p: NDArray  # (..., n_c, 2) control points
+    Sigma: NDArray  # (..., L, 2, 2)
+    visible: NDArray  # (..., A, L)
+    kind: NDArray  # (...) int, row of the contour in `Learner.offline` that the object started from
+    cross: NDArray  # (..., 7, 7) cross covariance of the last scan in the window and now, (SM.9)
+    window: Window
+    pool: Pool
+    draft: SplineContour  # the contour that is being learned
+    stage: NDArray  # (...) int, of learning, see `Learner`
+    fresh: NDArray  # (...) int, detections that came into the pool since a contour was learned
+    probability: NDArray  # (..., C) of the classes
+    complete: NDArray  # (...) bool, the next scan shows the complete object; from parts nothing is learned
+
+
+def plain(state: AdaptiveState) -> SplineState:
+    """The state of `SplinePmht` in it."""
+    return SplineState(*state[:5])
+
+
+def forgotten(state: AdaptiveState, where: NDArray) -> AdaptiveState:
+    """The state with nothing to learn from where (...) is true."""
+    keep = ~where
+    return state._replace(
+        window=cleared(state.window, where),
+        pool=state.pool._replace(came=state.pool.came * keep[..., None]),
+        stage=state.stage * keep,
+        fresh=state.fresh * keep,
+    )
+
+
+def index(rows: NDArray, lead: tuple[int, ...]) -> Any:
+    """Index of flat rows (A,) into arrays with leading axes; without leading axes the one object gets an axis."""
+    return np.unravel_index(rows, lead) if lead else (None,)
+
 
 COARSE = 2  # points on the arc of an ellipse for the visibility of a contour that is learned on the way
 NO_NOISE = np.array([1.0, 0.0, 1.0])  # of padding: the identity as columns

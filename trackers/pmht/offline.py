@@ -13,11 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.linalg import inverse, outer, symmetrize
-from trackers.pmht.association import LOG_2PI
-from trackers.pmht.ellipses import BOX
+from trackers.pmht.association import BOX, LOG_2PI
 from trackers.pmht.learning import EllipseStatistics, SplineContour, centres, control_points
-from trackers.pmht.model import DEGREE
-from trackers.pmht.spline import MOST_ELLIPSES, chain
+from trackers.pmht.model import DEGREE, MOST_ELLIPSES, chain
 from trackers.pmht.visibility import visibility_table, weights
 
 PART = 4000  # detections worked on together

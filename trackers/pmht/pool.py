@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.pmht.state import LENGTH
+from trackers.held_gaussian import LENGTH
 from trackers.pmht.symmetric import squares
 from trackers.pmht.window import Decoupled
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.geometry import cross, dot, unit
-from trackers.pmht.spline import basis, slope_basis
+from trackers.pmht.model import basis, slope_basis
 
 DIRECTIONS = 36
 POINTS = 4  # on the arc of an ellipse

@@ -18,10 +18,18 @@ from trackers.filter import Gaussian, UpdateInfo
 from trackers.geometry import rotation, to_frame, unit, wrap_angle
 from trackers.parameters import check_numbers
 from trackers.random_matrix.adaptation import Descent, Difference, GaussNewton, Rule, Variances, descend
-from trackers.random_matrix.box import box_hits, box_outline, box_sector
-from trackers.random_matrix.ellipse import near_hits, outline, root_of, sector_fan, tangent_sector
 from trackers.random_matrix.feldmann import masked_mean, moments
 from trackers.random_matrix.koch import Koch, KochState
+from trackers.random_matrix.rays import (
+    box_hits,
+    box_outline,
+    box_sector,
+    near_hits,
+    outline,
+    root_of,
+    sector_fan,
+    tangent_sector,
+)
 from trackers.scan import Scan
 from trackers.validation import definite, guarded_update, unguarded
 

@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 
 from trackers.htg.bins import HTGTable
 from trackers.htg.density import HTG, score
-from trackers.htg.descent import descend
-from trackers.htg.likelihood import mean_log_density
+from trackers.htg.likelihood import descend, mean_log_density
 
 TURN = 0.3  # [rad] largest theta: a hole on its corner is likelier, but four blobs are no side of a vehicle
 STEP = 1e-5  # of log k, for its derivative

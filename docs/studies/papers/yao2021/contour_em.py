@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.geometry import rotation
+from trackers.held_gaussian import LENGTH
 from trackers.linalg import inverse, outer
 from trackers.motion.turn import PHI
 from trackers.pmht.association import LOG_2PI, responsibilities
 from trackers.pmht.learning import EllipseStatistics, SplineContour, centres
 from trackers.pmht.offline import maximise
-from trackers.pmht.state import LENGTH
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from studies.papers.hoher2022.variants import ReportVariant, ShapeLms, grid_fan
 from tests.trackers.random_matrix.contour_cases import CAR, ORIGIN, adapted, follow, static_case
 from tests.trackers.rear_sides import RADAR, Road, drive
 from trackers import MultiObjectTracker, Scan, prior
-from trackers.random_matrix.ellipse import near_hits, root_of, tangent_sector
+from trackers.random_matrix.rays import near_hits, root_of, tangent_sector
 from trackers.random_matrix.virtual_measurements import VirtualMeasurements
 
 
