@@ -204,10 +204,7 @@ def as_json(table: HTGTable, provenance: dict[str, Any] | None = None) -> dict[s
 def load(name_or_path: str) -> HTGTable:
     """A shipped table by name, or one of your own by the path of its JSON file; see `as_json` for the keys.
 
-    Raises:
-        LookupError: neither a shipped table nor a file.
-        ValueError: the file is not such a table.
-
+    Raises LookupError where there is neither, ValueError for a file that is not such a table.
     """
     path = Path(name_or_path)
     if path.suffix != ".json":

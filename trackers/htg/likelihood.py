@@ -101,16 +101,10 @@ Found = tuple[NDArray, float]
 
 
 def descend(f: Objective, x: NDArray, box: Limits, flat: float, runs: int = 10, steps: int = 500) -> Found:
-    """Minimum that is reached from x (n,), and its value.
+    """Minimum of f, which gives value and gradient (n,), that is reached from x (n,) within the box, and its value.
 
-    Args:
-        f: value and gradient (n,).
-        x: within the limits.
-        box: limits of each coordinate.
-        flat: a run of the optimiser that gains less is the last.
-        runs: of the optimiser at most.
-        steps: of one run at most.
-
+    The line search of L-BFGS-B sometimes gives up in a bent valley far from its bottom; a fresh start at the same place
+    forgets the curvature that led astray. A run that gains less than `flat` is the last.
     """
     settings = {"maxiter": steps, "ftol": flat / 100}
     value = np.inf

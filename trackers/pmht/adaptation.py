@@ -1,4 +1,4 @@
-"""Learning an object's contour from its own track: decoupled detections, and where the frame lies.
+"""Where the frame of a contour lies that is learned from the object's own track.
 
 Equations: docs/methods/spline-pmht.md. Moving the model by o (unit frame) and the centre by -A o predicts the same
 detections, whatever sides they come from (PMHT.30), so o is not observable. A convention settles it: the position is

@@ -1,16 +1,10 @@
 """pmht-spline-adaptive: pmht-spline that learns class and contour of each object from its detections, on the way.
 
 Equations: docs/methods/spline-pmht.md and docs/methods/smoothing.md, after Yao et al. (2021), whose adaptation is one
-batch with a view from all sides. Ours goes on while the filter runs and sees one to three sides.
-
-Each object keeps its last scans. When they span `span` seconds and hold `least` detections, or the window is full, its
-turn may come: smoothed states take the motion out of the detections, which join a pool of the newest ones for each
-direction that the object was seen from. In the next update the pool is compared with the catalogue of classes. Once
-`Learner.enough` of its detections are new, updates with a few steps of expectation maximisation follow, and in the last
-one the filter takes the new contour. Detections of a scan that shows a part of an object, cut off by the edge of a
-field of view or hidden by others, are not kept: half a car looks like a motorcycle. At most `at_once` objects have a
-turn in one update, first those that have begun, then those that have waited longest, so the cost of an update is
-bounded for any number of objects.
+batch with a view from all sides. Each object keeps its last scans. When they span `span` seconds and hold `least`
+detections, or the window is full, its turn may come, in the stages of `Learner`. At most `at_once` objects have a turn
+in one update, first those that have begun, then those that have waited longest: so its cost is bounded. Of a scan that
+shows a part of an object nothing is kept: half a car looks like a motorcycle.
 """
 
 from dataclasses import dataclass

@@ -97,14 +97,10 @@ class Catalogue:
         return np.array([self.length_std, self.width_std])
 
     def fit(self, detections: RelativeDetections, sensor: NDArray, size: NDArray, ends: NDArray) -> ClassFits:
-        """The classes fitted to the detections of T objects.
+        """The classes fitted to the detections (T, 2, D) [m] of T objects in the frame of the body.
 
-        Args:
-            detections: (T, 2, D) [m] in the frame of the body.
-            sensor: (T, D, 2) [m] places of their sensors in that frame.
-            size: (T, 2) [m] of the tracks.
-            ends: (T, 2, 2) bool, which ends were seen: rear and front, right and left.
-
+        sensor (T, D, 2) [m] are the places of their sensors in that frame, size (T, 2) [m] is that of the tracks, ends
+        (T, 2, 2) bool are the ends that were seen: rear and front, right and left.
         """
         noise = detections.R[:, None] + self.blur**2 * np.array([[1.0], [0.0], [1.0]])
         z = RelativeDetections(detections.z[:, None], noise, detections.mask[:, None])

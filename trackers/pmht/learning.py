@@ -82,15 +82,9 @@ class Refine:
     def run(
         self, start: SplineContour, off: SplineContour, data: Decoupled, log_pi: NDArray | float, interior: float
     ) -> SplineContour:
-        """The contour after some iterations.
+        """The contour after some iterations; off is that of the catalogue.
 
-        Args:
-            start: p (..., n_c, 2), Sigma (..., L, 2, 2).
-            off: the contour of the catalogue.
-            data: detections (..., D).
-            log_pi: (..., D or 1, L) log weights of the ellipses.
-            interior: share of the detections from anywhere inside.
-
+        log_pi (..., D or 1, L) are the log weights of the ellipses, interior is the share of detections from inside.
         """
         detections = RelativeDetections(
             data.z.mT, np.where(data.mask[..., None], data.R, [1.0, 0.0, 1.0]).mT, data.mask

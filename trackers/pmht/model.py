@@ -120,23 +120,16 @@ def load(path: Path) -> SplineModel:
         raise ValueError(f"{path} holds no spline model ({error}); `testbed learn-spline` writes one") from None
 
 
-def names() -> tuple[str, ...]:
-    """Models that come with the package."""
-    return tuple(sorted(path.stem for path in SHIPPED.glob("*.json")))
-
-
 @lru_cache(maxsize=32)
 def find(name: str) -> SplineModel:
     """The model of that name, or in the .json file of that path.
 
-    Raises:
-        LookupError: no such model; the known ones are named.
-        ValueError: the file holds none.
-
+    Raises LookupError where there is none, ValueError for a file that holds none.
     """
     path = Path(name) if name.endswith(".json") else SHIPPED / f"{name}.json"
     if not path.is_file():
-        raise LookupError(f"no spline model {name!r}; known: {', '.join(names()) or 'none'}, or the path of a .json")
+        known = ", ".join(sorted(file.stem for file in SHIPPED.glob("*.json"))) or "none"
+        raise LookupError(f"no spline model {name!r}; known: {known}, or the path of a .json")
     return load(path)
 
 
