@@ -139,10 +139,7 @@ def sample(
     progress: Progress = lambda done, total, what: None,
     table: dict[str, tuple[Make, ...]] = MAKES,
 ) -> TrainingDetections:
-    """At least `count` detections of lone vehicles, each scan by a radar of the rig drawn at random.
-
-    `table` has the makes of each kind.
-    """
+    """`count` detections or more of lone vehicles of the makes in `table`, each scan by one of the radars at random."""
     parts, got, scans = [], 0, 0
     what = f"{radar.name} on {kind}s"
     for detections in lone_vehicle_scans(radar, kind, rng, table):

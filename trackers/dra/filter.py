@@ -13,10 +13,8 @@ from numpy.typing import NDArray
 
 from trackers import linalg
 from trackers.dra import motion, parameters
-from trackers.dra.constraints import heading, rectangle
-from trackers.dra.flat_scan import FlatScan, flatten
 from trackers.dra.forms import RegionPosterior, RegionUpdate, sequential, soft, softmax
-from trackers.dra.measurement import LinearisedRegions, RegionResiduals, linearise_regions, residuals
+from trackers.dra.measurement import FlatScan, LinearisedRegions, RegionResiduals, flatten, linearise_regions, residuals
 from trackers.dra.parameters import MODELS, Parameters
 from trackers.dra.regions import gates, log_spatial, ray_prior, region_moments, uniform_prior
 from trackers.dra.state import (
@@ -28,8 +26,10 @@ from trackers.dra.state import (
     DataRegionState,
     N,
     W,
+    along_velocity,
     axes,
     from_estimate,
+    rectangle,
     resized,
     swung,
     to_estimate,
@@ -208,7 +208,7 @@ class DataRegion:
         if np.isfinite(p.rectangle_std):
             m, P = rectangle(m, P, p.rectangle_std)  # (DRA.30)
         if np.isfinite(p.heading_std):
-            m, P = heading(m, P, p.heading_std, p.heading_speed)  # (DRA.31)
+            m, P = along_velocity(m, P, p.heading_std, p.heading_speed)  # (DRA.31)
         return m, symmetrize(P), posterior.log_c1
 
     def _posterior(self, regions: LinearisedRegions, nu: RegionResiduals, flat: FlatScan) -> RegionPosterior:

@@ -11,8 +11,8 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.dra.flat_scan import FlatScan
 from trackers.dra.measurement import (
+    FlatScan,
     LinearisedRegions,
     RegionResiduals,
     log_constant,
@@ -23,6 +23,10 @@ from trackers.dra.measurement import (
 from trackers.dra.regions import REGIONS
 from trackers.dra.state import OBSERVED
 from trackers.linalg import inverse_and_det, inverse_and_log_det
+
+# By the pattern of passed gates as bits: which are passed (32, 5), the regions with these first, and their number
+PASSED = (np.arange(2**REGIONS)[:, None] >> np.arange(REGIONS)) % 2
+PASSED_FIRST, PASSED_COUNT = np.argsort(-PASSED, axis=-1, kind="stable"), PASSED.sum(-1)
 
 
 class RegionPosterior(NamedTuple):
@@ -49,11 +53,6 @@ def softmax(log_w: NDArray, axis: int = -1) -> tuple[NDArray, NDArray]:
     w = np.exp(log_w - top)
     total = w.sum(axis, keepdims=True)
     return w / total, (top + np.log(total)).squeeze(axis)
-
-
-# By the pattern of passed gates as bits: which are passed (32, 5), the regions with these first, and their number
-PASSED = (np.arange(2**REGIONS)[:, None] >> np.arange(REGIONS)) % 2
-PASSED_FIRST, PASSED_COUNT = np.argsort(-PASSED, axis=-1, kind="stable"), PASSED.sum(-1)
 
 
 class RegionCandidates(NamedTuple):

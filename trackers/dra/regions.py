@@ -31,6 +31,9 @@ CORNERS = np.array([[1, 0], [0, 1], [-1, 0], [0, -1]], float)
 FROM, TO = [1, 2, 3, 0], [0, 1, 2, 3]  # corners at s1 = 0 and s1 = 1 of the four sides
 TIE = 1e-6  # [m] off a corner two sides are as near: the first is taken, whatever the rounding
 LEAST_SINE = 1e-3  # between the axes; a flat parallelogram has no coordinates
+LEAST_DENSITY = 1e-300
+ROOT_2PI = np.sqrt(2 * np.pi)
+LEAST_PRIOR = 1e-6
 
 
 def corners(m: NDArray) -> NDArray:
@@ -103,10 +106,6 @@ def _spread(R: NDArray, axis: NDArray) -> NDArray:
     return u * u * R[..., 0, 0] + 2 * u * v * R[..., 0, 1] + v * v * R[..., 1, 1]
 
 
-LEAST_DENSITY = 1e-300
-ROOT_2PI = np.sqrt(2 * np.pi)
-
-
 def log_density(e: NDArray, size: NDArray, std: NDArray, prior: NDArray) -> NDArray:
     """Log density (G,) [1/m^2] at e (G, 2) [m] from the centre, in body axes, of points even on sides or inside.
 
@@ -139,14 +138,8 @@ def log_spatial(
     return log_density(e, size, np.sqrt(variance), prior)
 
 
-LEAST_PRIOR = 1e-6
-
-
 def uniform_prior(shape: tuple[int, ...]) -> NDArray:
-    """Probabilities (..., 5), the same for all regions.
-
-    Not 1 / (number of hypotheses), as printed: that favours models whose gates leave fewer of them.
-    """
+    """Probabilities (..., 5), the same for all regions; 1 / (number of hypotheses), as printed, favours few gates."""
     return np.full((*shape, REGIONS), 1 / REGIONS)  # (DRA.11)
 
 

@@ -1,4 +1,1 @@
-"""Hierarchical truncated Gaussian trackers: density, tables, and the filters over them.
-
-Equations: docs/methods/hierarchical-truncated-gaussians.md.
-"""
+"""Hierarchical truncated Gaussian trackers: density, tables, and the filters over them."""

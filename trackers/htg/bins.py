@@ -132,6 +132,7 @@ def log_masses(table: HTGTable) -> NDArray:
     return log_mass(table.p)
 
 
+@lru_cache(maxsize=64)  # the same object at each call, so that the caches of tables hold
 def metric_ends(table: HTGTable) -> HTGTable:
     """The table with the end that faces the sensor as anchor, in the bins centred on an axis of the body.
 

@@ -15,20 +15,9 @@ from trackers import held_gaussian
 from trackers.batch import select
 from trackers.estimate import Estimate
 from trackers.filter import UpdateInfo
+from trackers.htg import pseudo
 from trackers.htg.bins import HTGTable, log_spatial, resolve
 from trackers.htg.density import complement, log_mass, noise_matrix
-from trackers.htg.pseudo import (
-    Hole,
-    body_axes,
-    correct,
-    fill,
-    inverse_axes,
-    length,
-    mean_extent,
-    posterior,
-    sample_of,
-    scale_of,
-)
 from trackers.linalg import inverse, inverse_sqrtm, outer, sqrtm, symmetrize
 from trackers.motion.turn import PHI
 from trackers.parameters import check_numbers
@@ -101,20 +90,20 @@ class HTGLearned(LearnedRandomMatrix):
     @guarded_update
     def update(self, state: RMState, scan: Scan) -> tuple[RMState, UpdateInfo]:
         """Measurement update; without a detection the state is returned as it came."""
-        s = sample_of(scan, self.sigma)
+        s = pseudo.sample_of(scan, self.sigma)
         some = s._replace(n=np.maximum(s.n, 1))  # rows without a detection must stay regular
-        table, X_hat = self.model(), mean_extent(state)
+        table, X_hat = self.model(), pseudo.mean_extent(state)
         models, root, m, X = bin_models(table), sqrtm(X_hat), state.m, X_hat
         for _ in range(self.iterations):
-            A = body_axes(X, m[..., PHI])  # (HTG.16)
-            index = table.bin_at(m[..., :2], m[..., PHI], length(A), s.sensor)
+            A = pseudo.body_axes(X, m[..., PHI])  # (HTG.16)
+            index = table.bin_at(m[..., :2], m[..., PHI], pseudo.length(A), s.sensor)
             model = BinModels(*(leaf[index] for leaf in models))
-            count, mean, spread = fill(some, model.hole, m[..., :2], A, s.noise)  # (HTG.17)
+            count, mean, spread = pseudo.fill(some, model.hole, m[..., :2], A, s.noise)  # (HTG.17)
             # R of the density is in unit coordinates, so it grows with the iterate; the scale stays the prediction's.
-            scale = scale_of(root, model.rho * X_hat + A @ model.noise @ A.mT + s.noise)  # (HTG.18)
-            last = correct(state, scale, count, mean, spread)  # (HTG.19)
+            scale = pseudo.scale_of(root, model.rho * X_hat + A @ model.noise @ A.mT + s.noise)  # (HTG.18)
+            last = pseudo.correct(state, scale, count, mean, spread)  # (HTG.19)
             m, X = last.m, last.X
-        new = posterior(state, last, scale, some.n if self.n_count else count)
+        new = pseudo.posterior(state, last, scale, some.n if self.n_count else count)
         m, P = self.rm.rates.correct(new.m, new.P, scan, scan.xy)  # (RR.4)
         return select(s.n > 0, new._replace(m=m, P=P), state), UpdateInfo(s.n, last.eps, last.S)
 
@@ -129,9 +118,9 @@ class BinModels(NamedTuple):
     noise: NDArray  # (..., 2, 2) R_UC
 
     @property
-    def hole(self) -> Hole:
+    def hole(self) -> pseudo.Hole:
         """The part that the hole cuts out."""
-        return Hole(self.share, self.mean, self.cov)
+        return pseudo.Hole(self.share, self.mean, self.cov)
 
 
 @lru_cache(maxsize=64)
@@ -153,17 +142,17 @@ class HTGMoment(LearnedRandomMatrix):
     @guarded_update
     def update(self, state: RMState, scan: Scan) -> tuple[RMState, UpdateInfo]:
         """Measurement update; without a detection the state is returned as it came."""
-        table, s = self.model(), sample_of(scan, self.sigma)
+        table, s = self.model(), pseudo.sample_of(scan, self.sigma)
         m, P, nu, V = state
         count = np.maximum(s.n, 1)[..., None, None]
-        root, new = sqrtm(mean_extent(state)), state
+        root, new = sqrtm(pseudo.mean_extent(state)), state
         for _ in range(self.iterations):
-            A = body_axes(mean_extent(new), new.m[..., PHI])  # (HTG.16)
-            b = table.bin_at(new.m[..., :2], new.m[..., PHI], length(A), s.sensor)
+            A = pseudo.body_axes(pseudo.mean_extent(new), new.m[..., PHI])  # (HTG.16)
+            b = table.bin_at(new.m[..., :2], new.m[..., PHI], pseudo.length(A), s.sensor)
             S = P[..., :2, :2] + A @ table.cov[b] @ A.mT / count  # (HTG.27)
             eps = s.mean - (A @ table.mean[b][..., None])[..., 0] - m[..., :2]  # (HTG.27)
             K = P[..., :2] @ inverse(S)
-            W = A @ whitening(table)[b] @ inverse_axes(A)  # (HTG.27)
+            W = A @ whitening(table)[b] @ pseudo.inverse_axes(A)  # (HTG.27)
             B = root @ inverse_sqrtm(S)
             new = RMState(
                 m=m + (K @ eps[..., None])[..., 0],  # (HTG.28)

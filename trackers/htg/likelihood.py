@@ -14,6 +14,9 @@ from scipy.optimize import minimize
 from scipy.special import log_ndtr, ndtr
 
 LOG_2PI = float(np.log(2 * np.pi))
+Objective = Callable[[NDArray], tuple[float, NDArray]]
+Limits = Sequence[tuple[float, float]]
+Found = tuple[NDArray, float]
 
 
 class Outside(NamedTuple):
@@ -93,11 +96,6 @@ def log_mass_gradient(rho: float, a: NDArray, b: NDArray) -> tuple[float, NDArra
     out = outside(A, C)
     turn = (out.upper * finite(A) + out.lower * finite(C)).sum() / 2
     return float(out.log_Q), np.array([-turn, *(-out.lower / s), *(-out.upper / s), 0.0, 0.0, 0.0])
-
-
-Objective = Callable[[NDArray], tuple[float, NDArray]]
-Limits = Sequence[tuple[float, float]]
-Found = tuple[NDArray, float]
 
 
 def descend(f: Objective, x: NDArray, box: Limits, flat: float, runs: int = 10, steps: int = 500) -> Found:

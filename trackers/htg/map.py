@@ -68,7 +68,7 @@ class HTGMap:
     def model(self) -> HTGTable:
         """The table, with its near ends as anchors unless it has anchors of its own."""
         table = resolve(self.table)
-        return anchored(table) if self.metric and not table.anchor.any() else table
+        return metric_ends(table) if self.metric and not table.anchor.any() else table
 
     def init(self, estimate: Estimate) -> MotionSizeState:
         """State from a prior; raises ValueError for a prior that is not finite, positive, definite."""
@@ -164,12 +164,6 @@ class HTGMap:
         body = rotation(m[..., PHI]) * (size * self.shape_std)[..., None, :]
         found.cov[..., :2, :2] += body @ body.mT  # (HTG.39)
         return found
-
-
-@lru_cache(maxsize=64)
-def anchored(table: HTGTable) -> HTGTable:
-    """`metric_ends` of a table, the same object at each call, so that the caches of tables hold."""
-    return metric_ends(table)
 
 
 def centroid(table: HTGTable, objective: Objective, P: NDArray) -> tuple[NDArray, NDArray, NDArray]:

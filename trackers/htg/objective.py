@@ -1,7 +1,6 @@
 """The log posterior of htg-map for many objects at once, over one flat list of detections.
 
-Objects have different numbers of detections, and half of a padded array would be evaluated for nothing. So the valid
-ones form one list of G, sorted by object, and sums over an object are sums over a segment of it.
+The valid detections form one list of G, sorted by object: half of a padded array would be evaluated for nothing.
 Equations: docs/methods/hierarchical-truncated-gaussians.md.
 
 xi = [px, py, phi, v, omega, log l, log w]: centre [m], heading [rad], speed [m/s], yaw rate [rad/s], size [m].
@@ -21,6 +20,9 @@ from trackers.scan import Scan
 PX, PY, PHI, SPEED, OMEGA, LOG_L, LOG_W = range(7)
 RATE_ROWS = [0, 1 + PHI, 1 + SPEED, 1 + OMEGA]  # of a value and its gradient
 SPATIAL = np.array([PX, PY, PHI, LOG_L, LOG_W])  # components that the position of a detection depends on
+LEVELS = np.array([0.0, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0])  # noise variances in unit coordinates, along one axis
+SWITCH = np.sqrt(np.maximum(LEVELS[:-1], 1e-3) * LEVELS[1:])  # between neighbours; the geometric mean
+SPAN, STEP, MOST = 4.5, 0.7, 160  # grid: half width and spacing in standard deviations, points along an axis
 
 
 class Points(NamedTuple):
@@ -212,11 +214,6 @@ def jacobian(xi: NDArray, frame: UnitFrame) -> NDArray:
     L[..., 3, 4], L[..., 3, 0] = -grows[..., 0], -moves[..., 0]  # (HTG.35)
     L[..., 4, 5], L[..., 4, 1] = -grows[..., 1], -moves[..., 1]  # (HTG.35)
     return L
-
-
-LEVELS = np.array([0.0, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0])  # noise variances in unit coordinates, along one axis
-SWITCH = np.sqrt(np.maximum(LEVELS[:-1], 1e-3) * LEVELS[1:])  # between neighbours; the geometric mean
-SPAN, STEP, MOST = 4.5, 0.7, 160  # grid: half width and spacing in standard deviations, points along an axis
 
 
 def score_moments(p: HTG) -> NDArray:

@@ -23,10 +23,9 @@ from trackers.motion.turn import PHI
 from trackers.parameters import check_numbers
 from trackers.pmht import pool as pools
 from trackers.pmht import window as windows
-from trackers.pmht.adaptation import moved
 from trackers.pmht.filter import TRUCK_ABOVE, SplinePmht
 from trackers.pmht.joint import SplineInfo
-from trackers.pmht.learner import AdaptiveState, Learner, forgotten, index, plain
+from trackers.pmht.learner import AdaptiveState, Learner, forgotten, index, moved, plain
 from trackers.pmht.learning import SplineContour
 from trackers.pmht.state import predicted
 from trackers.scan import Scan
@@ -137,10 +136,7 @@ class AdaptiveSpline:
         return self.spline.estimate(plain(state))._replace(class_probability=state.probability.copy())
 
     def resize(self, state: AdaptiveState, size: NDArray, size_std: NDArray) -> AdaptiveState:
-        """State with another size (..., 2) [m] and std, now and in the window and the pool.
-
-        An object of unknown class may change its contour by length.
-        """
+        """State with another size and std (..., 2) [m], also in window and pool; the contour may change with length."""
         m, P = resized(state.m, state.P, size, size_std)
         shrunk = np.ones(m.shape)
         before = state.P.diagonal(axis1=-2, axis2=-1)[..., LENGTH:]
@@ -169,10 +165,7 @@ class AdaptiveSpline:
         return state._replace(m=m, window=window._replace(**past), pool=pools.moved(state.pool, body, size, size))
 
     def restart(self, state: AdaptiveState, estimate: Estimate) -> AdaptiveState:
-        """State that starts again from an estimate and forgets its detections.
-
-        Class and contour stay, unless the new length does not fit the class.
-        """
+        """State that starts again without detections; class and contour stay where the new length fits the class."""
         fresh = self.init(estimate)
         new = forgotten(state._replace(m=fresh.m, P=fresh.P, cross=fresh.P), np.ones(state.stage.shape, bool))
         size, std = self.class_size(state)

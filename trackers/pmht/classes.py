@@ -1,13 +1,9 @@
 """Which class of contour an object has: the likelihood of its detections under a catalogue of learned contours.
 
-Equations: docs/methods/spline-pmht.md. Each class is a hypothesis about the complete body. Its contour is placed at the
-mean size of the class, so that the end which was seen lies where the track has it, and then fitted to the pooled
-detections: position along and across, length and width, each with a prior of the class. The fit is the PMHT of the
-filter itself, in the frame of the body and without motion. The probability of a class is the likelihood of its fit
-times the share of the class in traffic.
-
-Detections of one body are not independent: they share the error of the pose, and those of the next scan come from the
-same points. So each counts for less than one detection.
+Equations: docs/methods/spline-pmht.md. Each class is a hypothesis about the complete body. Its contour, placed so that
+the end which was seen lies where the track has it, is fitted to the pooled detections by the PMHT of the filter itself,
+without motion: position, length and width, each with a prior of the class. The probability of a class is the likelihood
+of its fit times its share in traffic. Each detection counts for less than one: those of one body are not independent.
 """
 
 from dataclasses import dataclass
@@ -19,10 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.parameters import check_numbers
-from trackers.pmht.association import BOX_COLUMN, RelativeDetections, log_density, responsibilities, synthesise
+from trackers.pmht.association import (
+    BOX_COLUMN,
+    RelativeDetections,
+    columns,
+    determinant,
+    log_density,
+    responsibilities,
+    squares,
+    synthesise,
+)
 from trackers.pmht.filter import typical_visibility
 from trackers.pmht.model import SHIPPED, SplineModel, load
-from trackers.pmht.symmetric import columns, determinant, squares
 from trackers.pmht.visibility import directions, weights
 
 FOLDER = SHIPPED / "classes"

@@ -5,7 +5,7 @@ ellipses by their probabilities; the synthetic detection of each ellipse then co
 """
 
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from typing import ClassVar
 
 import numpy as np
@@ -23,9 +23,11 @@ from trackers.pmht import joint
 from trackers.pmht.association import (
     RelativeDetections,
     UnitEllipses,
+    columns,
     interior_density,
     log_density,
     place,
+    polar_noise,
     responsibilities,
     synthesise,
     unit_ellipses,
@@ -33,7 +35,6 @@ from trackers.pmht.association import (
 from trackers.pmht.joint import EllipseUpdate, SplineInfo, innovation, nothing, predict_ellipses
 from trackers.pmht.model import DEGREE, SplineModel, chain, outlines, resolve
 from trackers.pmht.state import LEAST_SIZE, SplineState, Walk, estimate_of, predicted
-from trackers.pmht.symmetric import columns, polar_noise
 from trackers.pmht.visibility import directions, visibility_table, weights
 from trackers.range_rate import RangeRates
 from trackers.scan import Scan
@@ -101,12 +102,12 @@ class SplinePmht:
     @cached_property
     def outline(self) -> Memoised[[NDArray, NDArray], NDArray]:
         """Drawn contours (..., C, 2) in the unit frame of control points and covariances."""
-        return Memoised(self._outlined)
+        return Memoised(partial(outlines, outward=self.outward))
 
     @cached_property
     def ellipses(self) -> Memoised[[NDArray, NDArray], UnitEllipses]:
         """The ellipses of control points and covariances in the unit frame."""
-        return Memoised(self._chained)
+        return Memoised(partial(unit_ellipses, self.N))
 
     @cached_property
     def interior(self) -> float:
@@ -264,12 +265,6 @@ class SplinePmht:
     def _which(self, length: NDArray) -> NDArray:
         """Rows (...) of the models of objects of length (...) [m]."""
         return (length > TRUCK_ABOVE).astype(int) if len(self.models) > 1 else np.zeros(length.shape, int)
-
-    def _chained(self, p: NDArray, Sigma: NDArray) -> UnitEllipses:
-        return unit_ellipses(self.N, p, Sigma)
-
-    def _outlined(self, p: NDArray, Sigma: NDArray) -> NDArray:
-        return outlines(p, Sigma, self.outward)
 
 
 @lru_cache(maxsize=64)

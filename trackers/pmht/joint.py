@@ -11,13 +11,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.filter import Note
-from trackers.geometry import dot, rotation
+from trackers.geometry import rotation
 from trackers.held_gaussian import LENGTH
-from trackers.linalg import I2, symmetrize
+from trackers.linalg import I2, quadratic, symmetrize
 from trackers.motion.turn import PHI
-from trackers.pmht.association import LEAST_WEIGHT, RelativeDetections, SyntheticDetections
+from trackers.pmht.association import (
+    LEAST_WEIGHT,
+    RelativeDetections,
+    SyntheticDetections,
+    determinant,
+    matrices,
+    upright,
+)
 from trackers.pmht.state import N, rotating_root
-from trackers.pmht.symmetric import determinant, matrices, upright
 from trackers.unscented import STANDARD
 
 AUGMENTED = N + 2
@@ -102,8 +108,7 @@ class SplineInfo(NamedTuple):
     @property
     def nis(self) -> NDArray:
         """Normalised innovation squared (...), NaN without a detection."""
-        d = np.linalg.solve(self.S, self.eps[..., None])[..., 0]
-        return np.where(self.n > 0, dot(self.eps, d), np.nan)
+        return np.where(self.n > 0, quadratic(self.eps, self.S), np.nan)
 
 
 def innovation(

@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 from trackers.geometry import cross
 from trackers.linalg import inverse, outer, symmetrize
 from trackers.parameters import check_numbers
-from trackers.pmht.association import BOX_COLUMN, RelativeDetections, log_density, responsibilities
+from trackers.pmht.association import BOX_COLUMN, RelativeDetections, columns, log_density, matrices, responsibilities
 from trackers.pmht.model import DEGREE, chain, curve
-from trackers.pmht.symmetric import columns, matrices
 from trackers.pmht.visibility import directions, weights
 from trackers.pmht.window import Decoupled
 

@@ -22,6 +22,7 @@ DEGREE = 3
 OUTLINE = 48  # points of a drawn contour
 Pairs = tuple[tuple[float, float], ...]
 Triples = tuple[tuple[float, float, float], ...]
+MOST_ELLIPSES = 1000  # of a chain; a body has some dozens
 
 
 @dataclass(frozen=True)
@@ -144,9 +145,6 @@ def resolve(model: "str | SplineModel | tuple[SplineModel, ...]") -> tuple[Splin
     if len({(len(m.points), len(m.spread)) for m in found}) != 1:
         raise ValueError(f"model must be of models with equal numbers of points and ellipses, got {model!r}")
     return found
-
-
-MOST_ELLIPSES = 1000  # of a chain; a body has some dozens
 
 
 def cardinal(t: NDArray, degree: int) -> NDArray:

@@ -166,10 +166,7 @@ def maximise(
 
 
 def rectangle_start(L: int = 24, n_c: int = 12) -> SplineContour:
-    """A spline through points at equal arc length on a rectangle, counter-clockwise from ahead: a start for learning.
-
-    Made for a body of 5 m by 2 m; in the unit frame it serves bodies of every size.
-    """
+    """A spline through points spread evenly over a rectangle, counter-clockwise from ahead: a start for learning."""
     half = np.array([2.3, 0.8])
     corners = np.array([[1, 0], [1, 1], [-1, 1], [-1, -1], [1, -1], [1, 0]]) * half
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(corners, axis=0), axis=1))])

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.held_gaussian import LENGTH
-from trackers.pmht.symmetric import squares
+from trackers.pmht.association import squares
 from trackers.pmht.window import Decoupled
 
 REACH = 0.8  # largest coordinate in the unit frame, where the box ends at 0.5; beyond, it is another object's

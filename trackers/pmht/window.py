@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from trackers.geometry import rotation, wrap_angle
 from trackers.held_gaussian import LENGTH
 from trackers.motion.turn import PHI
-from trackers.pmht.association import RelativeDetections
+from trackers.pmht.association import RelativeDetections, congruence
 from trackers.pmht.state import N
-from trackers.pmht.symmetric import congruence
 
 
 class Window(NamedTuple):

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from trackers.geometry import rotation, unit, wrap_angle
 
+CORNERS = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
+
 
 def root_of(size: NDArray, tilt: NDArray) -> NDArray:
     """Root L (..., 2, 2) [m] of ellipses with full length and width size (..., 2) [m] along tilt (...) [rad]."""
@@ -67,9 +69,6 @@ def sector_fan(middle: NDArray, right: NDArray, left: NDArray, rays: int) -> NDA
     """Bearings (..., rays) [rad] at the midpoints of equal parts of the sector: smooth in the ellipse."""
     share = (np.arange(rays) + 0.5) / rays
     return middle[..., None] + right[..., None] + (left - right)[..., None] * share  # (VM.4)
-
-
-CORNERS = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
 
 
 def box_hits(sensor: NDArray, bearing: NDArray, centre: NDArray, L: NDArray) -> NDArray:

@@ -107,11 +107,7 @@ class VirtualMeasurements:
         return select(info.n > 0, self.adapt(updated, scan), state), info
 
     def correct(self, state: ContourState, scan: Scan) -> tuple[KochState, UpdateInfo]:
-        """Koch's update. The position of the filter is that of the mean of the detections.
-
-        At the first update of an object it is therefore moved from the centre of the prior to the mean that the contour
-        predicts.
-        """
+        """Koch's update of the mean of the detections; the first one begins at the mean that the contour predicts."""
         first, koch = state.steps == 0, state.koch
         if first.any():
             x = koch.x.copy()

@@ -9,12 +9,10 @@ from hypothesis import strategies as st
 
 from trackers import Scan
 from trackers.dra import Parameters, ProcessNoise, motion
-from trackers.dra.constraints import heading, rectangle
 from trackers.dra.filter import root
-from trackers.dra.flat_scan import flatten
-from trackers.dra.measurement import linearise_regions, observe
+from trackers.dra.measurement import flatten, linearise_regions, observe
 from trackers.dra.regions import ALPHA, BETA, gates, ray_prior, region_moments, side_distance
-from trackers.dra.state import OBSERVED, ORDER, P1, P2, PLACE, VELOCITY, W, vertices
+from trackers.dra.state import OBSERVED, ORDER, P1, P2, PLACE, VELOCITY, W, along_velocity, rectangle, vertices
 from trackers.linalg import inverse_and_det, inverse_and_log_det
 
 X = np.array([20, 30, 0, 3, 1, 0, 0.1, 2.4, 0.9, 2.4, -0.9])
@@ -227,11 +225,13 @@ def test_a_rectangle_stays_and_a_sheared_body_becomes_one():
 def test_the_heading_follows_the_velocity_when_it_moves_and_not_at_standstill():
     m = X.copy()
     m[VELOCITY] = 30 * np.array([np.cos(0.1), np.sin(0.1)])
-    fast, _ = heading(m, P, 0.03, 0.0)
+    fast, _ = along_velocity(m, P, 0.03, 0.0)
     turned = np.arctan2(*(fast[P1] + fast[P2])[::-1])
     assert 0.02 < turned < 0.1
     m[VELOCITY] = [0.0, 0.01]  # across the body, by noise
-    slow, cov = heading(m, np.diag([0.25, 1e-2, 0.01, 0.25, 1e-2, 0.01, 0.01, 1e-3, 1e-3, 1e-3, 1e-3]), 0.03, 0.0)
+    slow, cov = along_velocity(
+        m, np.diag([0.25, 1e-2, 0.01, 0.25, 1e-2, 0.01, 0.01, 1e-3, 1e-3, 1e-3, 1e-3]), 0.03, 0.0
+    )
     assert abs(np.arctan2(*(slow[P1] + slow[P2])[::-1])) < 0.01
     np.linalg.cholesky(cov)
 

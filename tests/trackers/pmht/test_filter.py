@@ -10,12 +10,11 @@ from hypothesis import strategies as st
 from trackers import Scan, prior
 from trackers.geometry import rotation, to_world, unit
 from trackers.pmht import SplinePmht, SplineState, Walk
-from trackers.pmht.association import SyntheticDetections
+from trackers.pmht.association import SyntheticDetections, columns, congruence, matrices
 from trackers.pmht.joint import predict_ellipses
 from trackers.pmht.joint import update as joint_update
 from trackers.pmht.model import find
 from trackers.pmht.state import predicted, rotating_root, turned
-from trackers.pmht.symmetric import columns, congruence, matrices
 from trackers.range_rate import RangeRates
 from trackers.unscented import STANDARD, sigma_points
 

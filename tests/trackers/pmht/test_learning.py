@@ -6,8 +6,8 @@ import pytest
 from studies.papers.yao2021.contour_em import ContourEM, decoupled, features, log_densities, statistics
 from trackers.geometry import to_world
 from trackers.linalg import inverse
-from trackers.pmht.adaptation import frame_shift, partial_shift, shifted
 from trackers.pmht.association import responsibilities
+from trackers.pmht.learner import frame_shift, partial_shift, shifted
 from trackers.pmht.learning import EllipseStatistics, SplineContour, centres, control_points
 from trackers.pmht.model import curve, find
 from trackers.pmht.offline import LabelledDetections, OfflineLearning, maximise, rectangle_start

@@ -14,9 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.dra.flat_scan import FlatScan
 from trackers.dra.forms import InformationTerms, RegionPosterior, information_terms
-from trackers.dra.measurement import LinearisedRegions, RegionResiduals, marginal
+from trackers.dra.measurement import FlatScan, LinearisedRegions, RegionResiduals, marginal
 from trackers.dra.regions import REGIONS
 from trackers.dra.state import OBSERVED
 

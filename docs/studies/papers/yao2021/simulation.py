@@ -18,9 +18,9 @@ from trackers.geometry import rotation, to_world, wrap_angle
 from trackers.held_gaussian import LENGTH, WIDTH
 from trackers.linalg import quadratic
 from trackers.motion.turn import OMEGA, PHI, SPEED
-from trackers.pmht.adaptation import frame_shift, shifted
 from trackers.pmht.filter import SplinePmht
 from trackers.pmht.joint import EllipseUpdate
+from trackers.pmht.learner import frame_shift, shifted
 from trackers.pmht.learning import SplineContour
 from trackers.pmht.model import SplineModel, curve
 from trackers.pmht.state import SplineState, predicted, turned
