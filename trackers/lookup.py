@@ -55,8 +55,7 @@ def parse(text: str) -> tuple[str, dict[str, Any]]:
     >>> parse("my_ekf:CentroidEKF:gain=2")
     ('my_ekf:CentroidEKF', {'gain': 2})
 
-    Raises:
-        ValueError: a parameter without a value, or given twice, or a file in place of a module.
+    Raises ValueError for a parameter without a value or given twice, and for a file in place of a module.
     """
     name, colon, rest = text.partition(":")
     item, more, parameters_of_item = rest.partition(":")

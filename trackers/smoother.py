@@ -1,8 +1,7 @@
 """Unscented Rauch-Tung-Striebel smoother for every filter whose state holds a Gaussian.
 
-Equations: docs/methods/smoothing.md, after Yao et al. (2021). Of a filter only `predict` and the methods of
-`trackers.filter.SMOOTHED` are used: the values of `predict` at sigma points give the cross covariance D.
-
+Equations: docs/methods/smoothing.md, after Yao et al. (2021). The values of a filter's `predict` at sigma points give
+the cross covariance D.
 Extents of random matrices are smoothed by a rule of ours, (SM.8); sizes that are part of the Gaussian (htg-map, dra,
 pmht-spline) with it. The contour of rm-vmm keeps its size and moves with its centre.
 """

@@ -131,7 +131,9 @@ def to_estimate(state: DataRegionState) -> Estimate:
     across = perpendicular(along)
     directions = (_both(along, 1.0), _both(left, -1.0), _both(across, 1.0))
     rounding = ROUNDING * np.trace(shape, axis1=-2, axis2=-1)  # of directions that are known far better than others
-    length_var, width_var, turn_var = (np.maximum(_variance(shape, v), rounding) for v in directions)  # (DRA.35)
+    length_var, width_var, turn_var = (
+        np.maximum(((shape @ v[..., None])[..., 0] * v).sum(-1), rounding) for v in directions
+    )  # (DRA.35)
     cov = P[..., np.array(KINEMATIC)[:, None], KINEMATIC]
     return Estimate(
         pose=np.concatenate([m[..., PLACE], np.arctan2(along[..., 1], along[..., 0])[..., None]], -1),  # (DRA.35)
@@ -180,11 +182,6 @@ def _on_vertices(A: NDArray) -> NDArray:
 def _both(v: NDArray, sign: float) -> NDArray:
     """Gradient (..., 4) of v . (p1 + sign p2)."""
     return np.concatenate([v, sign * v], -1)
-
-
-def _variance(P: NDArray, v: NDArray) -> NDArray:
-    """v^T P v (...)."""
-    return ((P @ v[..., None])[..., 0] * v).sum(-1)
 
 
 def rectangle(m: NDArray, P: NDArray, std: float) -> tuple[NDArray, NDArray]:

@@ -106,11 +106,6 @@ def log_density(u: NDArray, p: HTG, noise: NDArray | None = None, log_c: NDArray
     return evaluate(np.moveaxis(u, -1, 0), prepare(lift(p, u.ndim - 1), noise, log_c))[0]
 
 
-def score(u: NDArray, p: HTG, noise: NDArray | None = None) -> NDArray:
-    """Gradient (..., 2) of the log density with respect to u (..., 2), (HTG.7)."""
-    return np.moveaxis(evaluate(np.moveaxis(u, -1, 0), prepare(lift(p, u.ndim - 1), noise))[1], 0, -1)
-
-
 def log_mass(p: HTG) -> NDArray:
     """Log of c_D (...), the probability of the source Gaussian outside the hole, (HTG.6)."""
     t = np.moveaxis(p.bounds / np.sqrt(p.rho)[..., None], -1, 0)

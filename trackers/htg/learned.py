@@ -98,7 +98,8 @@ class HTGLearned(LearnedRandomMatrix):
             A = pseudo.body_axes(X, m[..., PHI])  # (HTG.16)
             index = table.bin_at(m[..., :2], m[..., PHI], pseudo.length(A), s.sensor)
             model = BinModels(*(leaf[index] for leaf in models))
-            count, mean, spread = pseudo.fill(some, model.hole, m[..., :2], A, s.noise)  # (HTG.17)
+            hole = pseudo.Hole(model.share, model.mean, model.cov)
+            count, mean, spread = pseudo.fill(some, hole, m[..., :2], A, s.noise)  # (HTG.17)
             # R of the density is in unit coordinates, so it grows with the iterate; the scale stays the prediction's.
             scale = pseudo.scale_of(root, model.rho * X_hat + A @ model.noise @ A.mT + s.noise)  # (HTG.18)
             last = pseudo.correct(state, scale, count, mean, spread)  # (HTG.19)
@@ -116,11 +117,6 @@ class BinModels(NamedTuple):
     cov: NDArray  # (..., 2, 2) of that part, noise included
     rho: NDArray  # (..., 1, 1)
     noise: NDArray  # (..., 2, 2) R_UC
-
-    @property
-    def hole(self) -> pseudo.Hole:
-        """The part that the hole cuts out."""
-        return pseudo.Hole(self.share, self.mean, self.cov)
 
 
 @lru_cache(maxsize=64)

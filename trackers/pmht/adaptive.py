@@ -77,7 +77,7 @@ class AdaptiveSpline:
         """State from a prior; raises ValueError for a prior that is not finite, positive, definite."""
         check_estimate(estimate)
         m, P = prior_moments(estimate, estimate.size, estimate.size_std)
-        kind = self.learner.by_length(m[..., LENGTH])
+        kind = self.spline.by_length(m[..., LENGTH])
         p, Sigma, visible = (a[kind] for a in self.learner.offline)
         lead, zero = m.shape[:-1], np.zeros(m.shape[:-1], int)
         return AdaptiveState(
@@ -193,7 +193,7 @@ class AdaptiveSpline:
             return state
         edge = TRUCK_ABOVE + np.where(state.kind == 0, self.hysteresis, -self.hysteresis)
         unknown = state.kind < len(self.spline.models)
-        kind = np.where(unknown, self.learner.by_length(state.m[..., LENGTH] - edge + TRUCK_ABOVE), state.kind)
+        kind = np.where(unknown, self.spline.by_length(state.m[..., LENGTH] - edge + TRUCK_ABOVE), state.kind)
         changed = kind != state.kind
         return forgotten(self.learner.of_kind(state, kind), changed) if changed.any() else state
 

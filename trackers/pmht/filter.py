@@ -259,11 +259,11 @@ class SplinePmht:
 
     def _contours(self, length: NDArray) -> tuple[NDArray, NDArray, NDArray]:
         """Control points, covariances and visibility of objects of length (...) [m]."""
-        p, Sigma, visible = (a[self._which(length)] for a in self.contours)
+        p, Sigma, visible = (a[self.by_length(length)] for a in self.contours)
         return p, Sigma, visible
 
-    def _which(self, length: NDArray) -> NDArray:
-        """Rows (...) of the models of objects of length (...) [m]."""
+    def by_length(self, length: NDArray) -> NDArray:
+        """Rows (...) int of the models of objects of length (...) [m]."""
         return (length > TRUCK_ABOVE).astype(int) if len(self.models) > 1 else np.zeros(length.shape, int)
 
 

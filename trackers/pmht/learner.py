@@ -32,7 +32,7 @@ from trackers.pmht import pool as pools
 from trackers.pmht import window as windows
 from trackers.pmht.association import RelativeDetections, squares
 from trackers.pmht.classes import Catalogue
-from trackers.pmht.filter import TRUCK_ABOVE, SplinePmht, typical_visibility
+from trackers.pmht.filter import SplinePmht, typical_visibility
 from trackers.pmht.learning import Refine, SplineContour, is_simple
 from trackers.pmht.model import DEGREE, curve, outlines
 from trackers.pmht.pool import Pool
@@ -176,17 +176,13 @@ class Learner:
         first = len(self.spline.models)
         own = np.take_along_axis(p, np.maximum(state.kind - first, 0)[:, None], -1)[:, 0]
         doubtful = (state.kind >= first) & (own < 1 - self.sure)
-        kind = np.where(doubtful, self.by_length(state.m[:, LENGTH]), state.kind)
+        kind = np.where(doubtful, self.spline.by_length(state.m[:, LENGTH]), state.kind)
         return self.of_kind(state, np.where(p.max(-1) > self.sure, first + p.argmax(-1), kind))
 
     def of_kind(self, state: AdaptiveState, kind: NDArray) -> AdaptiveState:
         """Objects whose kind (...) has changed start again from the contour of the new one."""
         p, Sigma, visible = (a[kind] for a in self.offline)
         return select(kind != state.kind, state._replace(p=p, Sigma=Sigma, visible=visible, kind=kind), state)
-
-    def by_length(self, length: NDArray) -> NDArray:
-        """Kind (...) int of objects of length (...) [m] whose class is not known."""
-        return (length > TRUCK_ABOVE).astype(int) * (len(self.spline.models) > 1)
 
     # -- contours ---------------------------------------------------------------------------------------------------
 
@@ -232,10 +228,7 @@ class Learner:
 
 
 def frame_shift(p: NDArray) -> NDArray:
-    """Centre (..., 2) of the box around the curve of control points p (..., n_c, 2), in the unit frame.
-
-    A wrong offline model keeps the track off by a constant offset; where all sides were seen, this is that offset.
-    """
+    """Centre (..., 2) of the box around the curve of control points p (..., n_c, 2), in the unit frame."""
     ring = curve(p, FINE)
     return (ring.max(-2) + ring.min(-2)) / 2  # (PMHT.31)
 

@@ -106,7 +106,8 @@ class Refine:
             log_density(detections, mu, Sigma) + log_pi, detections.mask, rest
         )  # (..., D, L), (PMHT.32)
         S = Sigma[..., None, :] + detections.R[..., None]  # (..., 3, D, L)
-        S = S / determinant_of(S)[..., None, :, :]
+        det = S[..., 0, :, :] * S[..., 2, :, :] - S[..., 1, :, :] ** 2
+        S = S / det[..., None, :, :]
         dx, dy = (detections.z[..., i, :, None] - mu[..., i, None, :] for i in (0, 1))
         ux, uy = S[..., 2, :, :] * dx - S[..., 1, :, :] * dy, S[..., 0, :, :] * dy - S[..., 1, :, :] * dx  # S^-1 d
         M = w.sum(-2)  # (PMHT.25)
@@ -165,8 +166,3 @@ def is_simple(p: NDArray) -> NDArray:
 
     meet = (side(a, i, j) * side(b, i, j) < 0) & (side(a, j, i) * side(b, j, i) < 0)
     return np.asarray((area > 0) & ~meet.any(-1))
-
-
-def determinant_of(S: NDArray) -> NDArray:
-    """Determinants (..., D, L) of columns S (..., 3, D, L)."""
-    return S[..., 0, :, :] * S[..., 2, :, :] - S[..., 1, :, :] ** 2

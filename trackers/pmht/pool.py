@@ -1,7 +1,6 @@
 """The newest decoupled detections of an object, so many for each direction that it was seen from.
 
-The number is bounded, and detections of one side never displace those of another: a side that is out of view now keeps
-what was seen of it.
+So a side that is out of view now keeps what was seen of it.
 """
 
 from typing import NamedTuple

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.special import log_ndtr
 
+from studies.papers.xia2020.calibration import score
 from studies.papers.xia2020.generators import sample
 from trackers.geometry import rotation
 from trackers.htg.bins import (
@@ -22,7 +23,7 @@ from trackers.htg.bins import (
     single,
     warp,
 )
-from trackers.htg.density import HTG, complement, log_density, log_mass, moments, score
+from trackers.htg.density import HTG, complement, log_density, log_mass, moments
 from trackers.htg.objective import information, score_moments
 
 PUBLISHED = HTG(np.array(0.183), np.array([0.675, 0.670, 0.611, 0.648]), np.array(0.763), np.array([0.037, 0.035]))
