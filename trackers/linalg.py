@@ -86,10 +86,7 @@ def floored(P: NDArray, before: NDArray) -> NDArray:
 
 
 def inverse_and_log_det(A: NDArray) -> tuple[NDArray, NDArray]:
-    """Inverse (..., 3, 3) and log determinant (...) of symmetric positive definite A (..., 3, 3), by cofactors.
-
-    LAPACK costs several times as much.
-    """
+    """Inverse (..., 3, 3) and log determinant (...) of positive definite A (..., 3, 3); LAPACK costs several times."""
     a = A.reshape(*A.shape[:-2], 9)
     i, j, k, l = COFACTORS
     cofactors = a[..., i] * a[..., j] - a[..., k] * a[..., l]

@@ -175,11 +175,6 @@ def aspect_angle(centre: NDArray, heading: NDArray, sensor: NDArray) -> NDArray:
     return wrap_angle(heading - np.arctan2(d[..., 1], d[..., 0]))  # (HTG.12)
 
 
-def single(p: HTG, mean: NDArray, cov: NDArray) -> HTGTable:
-    """A table of one bin: the same density p () from every side."""
-    return HTGTable(HTG(*(np.asarray(leaf, float)[None] for leaf in p)), mean[None], cov[None])
-
-
 def as_json(table: HTGTable, provenance: dict[str, Any] | None = None) -> dict[str, Any]:
     """What the JSON file of a table holds.
 

@@ -1,7 +1,6 @@
 """htg-map: maximum a posteriori update of centre, heading and size under the hierarchical truncated Gaussian.
 
-Ours: the density of the papers as a likelihood, maximised by Fisher scoring, instead of pseudo-measurements in a
-random-matrix update. xi = [px, py, phi, v, omega, log l, log w].
+Ours: Fisher scoring of the density of the papers, no pseudo-measurements. xi = [px, py, phi, v, omega, log l, log w].
 Equations: docs/methods/hierarchical-truncated-gaussians.md.
 """
 

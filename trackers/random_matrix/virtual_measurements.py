@@ -237,7 +237,7 @@ class VirtualMeasurements:
         spread = np.stack([z.C[..., 0, 0], z.C[..., 1, 1]], -1)
         mean_var = spread / np.maximum(z.n, 1)[..., None]  # (VM.15)
         shape_var = 2 * spread / np.maximum(z.n - 1, 1)[..., None]  # (VM.15): y^2 / (2 (n - 1)) with y = 2 s
-        P = self.koch.covariance(state.koch)
+        P = self.koch.covariance(state.koch.P, state.koch.extent)
         M = rotation(state.tilt)
         centre = M.mT @ P[..., :2, :2] @ M
         centre_var = np.stack([centre[..., 0, 0], centre[..., 1, 1]], -1) + self.centre_std**2

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.special import log_ndtr
 
-from studies.papers.xia2020.calibration import score
+from studies.papers.xia2020.calibration import score, single
 from studies.papers.xia2020.generators import sample
 from trackers.geometry import rotation
 from trackers.htg.bins import (
@@ -20,7 +20,6 @@ from trackers.htg.bins import (
     load,
     metric_ends,
     resolve,
-    single,
     warp,
 )
 from trackers.htg.density import HTG, complement, log_density, log_mass, moments

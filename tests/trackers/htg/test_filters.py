@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from studies.papers.xia2020.calibration import single
 from studies.papers.xia2020.generators import sample
 from tests.trackers.rear_sides import RADAR, Road, drive
 from trackers import MultiObjectTracker, RandomMatrix, Scan, prior
 from trackers.geometry import extent_matrix, to_world
-from trackers.htg.bins import HTGTable, by_length, metric_ends, single
+from trackers.htg.bins import HTGTable, by_length, metric_ends
 from trackers.htg.density import HTG, log_density, moments
 from trackers.htg.learned import HTGLearned, HTGMoment
 from trackers.htg.map import HTGMap, MotionSizeState

@@ -89,3 +89,8 @@ def polish(p: HTG, u: NDArray, variance: NDArray) -> NDArray:
 def score(u: NDArray, p: HTG, noise: NDArray | None = None) -> NDArray:
     """Gradient (..., 2) of the log density with respect to u (..., 2), (HTG.7)."""
     return np.moveaxis(evaluate(np.moveaxis(u, -1, 0), prepare(lift(p, u.ndim - 1), noise))[1], 0, -1)
+
+
+def single(p: HTG, mean: NDArray, cov: NDArray) -> HTGTable:
+    """A table of one bin: the same density p () from every side."""
+    return HTGTable(HTG(*(np.asarray(leaf, float)[None] for leaf in p)), mean[None], cov[None])
