@@ -9,8 +9,7 @@ import numpy as np
 
 from sensors.origin import KINDS
 from testbed.log import paths
-from testbed.log.columns import Columns
-from testbed.log.reader import properties
+from testbed.log.reader import Columns, properties
 from testbed.log.review import readable
 
 

@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 
 from testbed.log import paths
-from testbed.log.columns import Columns
 from testbed.log.modes import modes_of
-from testbed.log.reader import properties
+from testbed.log.reader import Columns, properties
 from testbed.log.record import RoadGeometry, RunMeta
 from testbed.log.writer import in_focus
 
@@ -41,7 +40,7 @@ def focused(log: str | Path, focus: int) -> Any:
     trackers = tuple(str(groups.get("run", {}).get("trackers", "")).split())
     if not trackers:
         raise ValueError(f"--focus: the log {log} is of several drives, or of none with a tracker; leave --focus out")
-    there = vehicles(columns)
+    there = columns.vehicles()
     if focus not in there:
         known = ", ".join(map(str, there)) or "none"
         raise ValueError(f"--focus: the log {log} has no vehicle {focus}; it has {known}")
@@ -49,11 +48,6 @@ def focused(log: str | Path, focus: int) -> Any:
     pages = in_focus(focus, json.loads(str(groups.get("tables", {}).get("moments", "[]"))))
     full = bool(columns.entities(paths.TRUTH_CONTOUR))
     return layout(meta, _metrics(columns, trackers), pages, _road(columns), full, modes_of(trackers), True)
-
-
-def vehicles(columns: Columns) -> list[int]:
-    """Ids of all vehicles of a log, ascending."""
-    return sorted({int(entity.split("/")[1].rpartition("_")[2]) for entity in columns.entities("objects/")})
 
 
 def _metrics(columns: Columns, trackers: tuple[str, ...]) -> dict[str, tuple[str, ...]]:

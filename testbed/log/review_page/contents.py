@@ -11,9 +11,7 @@ from numpy.typing import NDArray
 from sensors.origin import KINDS
 from testbed.evaluation.metric import METRICS
 from testbed.log import legend, palette, paths
-from testbed.log.columns import Columns
-from testbed.log.focus import vehicles
-from testbed.log.reader import events, properties
+from testbed.log.reader import Columns, events, properties
 from testbed.log.review_page.shapes import Shapes, centimetres
 from testbed.log.table_pages import NOTHING_WRONG
 
@@ -65,13 +63,9 @@ def contents(path: str | Path) -> dict[str, Any]:
 
 def _names(columns: Columns, objects: list[dict[str, Any]]) -> dict[str, str]:
     """Id of an object -> its name and class, as far as the log knows it."""
-    found = {str(key): paths.vehicle(key) for key in vehicles(columns)}
-    found |= {str(row["object"]): f"{paths.vehicle(row['object'])} {row['kind']}" for row in objects}
-    for entry in columns.static(paths.TRUTH_CONTOUR, "AnnotationContext:context"):
-        for info in entry if isinstance(entry, list) else [entry]:
-            described = info["class_description"]["info"]
-            found[str(described["id"] - 1)] = described["label"]
-    return found
+    found = {key: paths.vehicle(key) for key in columns.vehicles()}
+    found |= {row["object"]: f"{paths.vehicle(row['object'])} {row['kind']}" for row in objects}
+    return {str(key): name for key, name in (found | columns.names()).items()}
 
 
 def _truth(columns: Columns, shapes: Shapes, steps: list[int]) -> list[list[list[int]]]:
