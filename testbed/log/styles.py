@@ -8,8 +8,8 @@ import rerun as rr
 from sensors.origin import KINDS
 from testbed.log import palette, paths
 from testbed.log.layers import dashes, fields_of_view
-from testbed.log.legend import RINGS
 from testbed.log.record import RoadGeometry
+from testbed.log.text import RINGS
 from trackers.geometry import unit
 from trackers.scan import SensorModel
 

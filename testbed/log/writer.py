@@ -15,18 +15,26 @@ import numpy as np
 from sensors.scene import Objects
 from testbed.frame import Frame, FrameScore
 from testbed.log import layers, palette, paths, road_shape
-from testbed.log.legend import legend_text
 from testbed.log.modes import class_names, modes_of
 from testbed.log.record import RoadGeometry, RunMeta, SmoothedTracks
-from testbed.log.table_pages import Table, moments_text, objects_text
-from testbed.log.text import config_text, flat_properties, flat_summary, summary_text, unfinished_text
+from testbed.log.text import (
+    Table,
+    Value,
+    config_text,
+    flat_properties,
+    flat_summary,
+    legend_text,
+    moments_text,
+    objects_text,
+    summary_text,
+    unfinished_text,
+)
 from trackers.multi.tracks import NO_TRACK, Event, StepInfo, Tracks
 from trackers.scan import SensorModel
 
 if TYPE_CHECKING:
     from testbed.log.stream import Block, Stream
 
-Value = str | int | float | bool
 Summary = Mapping[str, Value | Mapping[str, Value]]
 Scores = Mapping[str, FrameScore]  # by name of the tracker, in the order of the run
 LogEvents = Iterable[tuple[str, str]]  # severity, text

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from sensors.origin import KINDS
 from testbed.evaluation.metric import METRICS
-from testbed.log import legend, palette, paths
+from testbed.log import palette, paths
 from testbed.log.reader import Columns, events, properties
 from testbed.log.review_page.shapes import Shapes, centimetres
-from testbed.log.table_pages import NOTHING_WRONG
+from testbed.log.text import NOTHING_WRONG, RINGS
 
 CURVES = ("gospa", "gwd", "position", "velocity", "heading_deg", "length", "width", "unassigned", "ghosts")
 PLAIN_LEVELS = ("INFO", "WARN", "ERROR")
@@ -38,14 +38,14 @@ def contents(path: str | Path) -> dict[str, Any]:
         "run": {key: run.get(key) for key in ("scenario", "seed", "radar", "planner")} | {"log": Path(path).name},
         "time": [round(t, 3) for t in times.values()],
         "trackers": [
-            {"name": name, "color": legend.css(palette.tracker(i))} | _tracks(columns, shapes, name, steps)
+            {"name": name, "color": palette.css(palette.tracker(i))} | _tracks(columns, shapes, name, steps)
             for i, name in enumerate(trackers)
         ],
         "kinds": [
-            {"name": kind, "color": legend.css(palette.DETECTION[kind]), "note": legend.KIND_NOTES[kind]}
+            {"name": kind, "color": palette.css(palette.DETECTION[kind]), "note": palette.KIND_NOTES[kind]}
             for kind in KINDS
         ],
-        "rings": legend.RINGS,
+        "rings": RINGS,
         "names": _names(columns, tables.get("objects", [])),
         "truth": _truth(columns, shapes, steps),
         "ego": _ego(columns, shapes, steps),
