@@ -99,7 +99,6 @@ def _difference(one: Any, other: Any) -> str:
 
 
 def _short(value: Any) -> str:
-    """A value in a few words."""
     if value is None:
         return "nothing"
     if isinstance(value, np.ndarray) and value.ndim == 1:

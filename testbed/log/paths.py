@@ -7,6 +7,8 @@ layer; numbers are under `metrics`, `objects` and `ego`.
 import re
 from functools import lru_cache
 
+from testbed.evaluation.reasons import vehicle
+
 APPLICATION = "eot_testbed"
 STEP, TIME = "step", "sim_time"  # the two timelines: frame number, seconds of simulation
 
@@ -72,11 +74,6 @@ def smoothed(name: str, layer: str) -> str:
 def metric(name: str, tracker: str) -> str:
     """A metric of the whole frame."""
     return f"metrics/{part(name)}/{plain(tracker)}"
-
-
-def vehicle(object_id: int) -> str:
-    """Name of an object in paths and texts."""
-    return f"veh_{object_id:02d}"
 
 
 def of_object(object_id: int, leaf: str) -> str:

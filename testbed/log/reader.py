@@ -232,5 +232,4 @@ def _points(vectors: pa.Array) -> NDArray:
 
 
 def _split(values: NDArray, lists: pa.Array) -> list[NDArray]:
-    """The values of each list."""
     return np.split(values, np.cumsum(np.asarray(lists.value_lengths()))[:-1]) if len(lists) else []

@@ -76,7 +76,6 @@ def change_styles(index: int, name: str) -> Iterator[Static]:
 
 
 def _rings() -> Iterator[Static]:
-    """Distances from the ego."""
     angle = np.linspace(0.0, 2 * np.pi, 97)
     rings = [np.array(r * unit(angle), np.float32) for r in RINGS]
     yield paths.RINGS, rr.LineStrips2D(rings, radii=0.04, colors=palette.RING, draw_order=-16)

@@ -67,7 +67,6 @@ def _key(name: str) -> str:
 
 
 def _plain(name: str, value: object) -> Value:
-    """A number or text that a property can hold."""
     if isinstance(value, np.generic):
         value = value.item()
     if not isinstance(value, str | int | float | bool):

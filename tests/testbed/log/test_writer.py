@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from sensors.origin import KINDS
-from testbed.log import NullLog, RunLog, paths, reader
+from testbed.log import RunLog, paths, reader
 from testbed.log.writer import in_focus
 from tests.testbed.log import log_content, log_runs
 
@@ -359,14 +359,6 @@ def test_empty_frames_are_logged(tmp_path):
     assert instances(path, paths.TRUTH_CONTOUR, "LineStrips2D:strips") == 0
     each = log_runs.write(tmp_path / "each.rrd", steps=5, objects=0, clutter=0, every=1)
     assert log_content.digests(each) == log_content.digests(path)
-
-
-def test_the_null_log_takes_everything(tmp_path):
-    with NullLog() as log:
-        log.static(log_runs.road(), log_runs.SENSORS)
-        log.step(*next(log_runs.records(1)))
-        log.event("INFO", "unheard")
-        log.close(log_runs.SUMMARY)
 
 
 def test_the_log_module_does_not_import_rerun():
