@@ -118,7 +118,9 @@ def _over_time(results: Results) -> Iterator[Plot]:
         def errors(quantity: str = quantity, label: str = metric.title) -> Figure:
             return figures_time.errors(data, quantity, label)
 
-        yield plot(f"time_{quantity}", errors, "errors", label=metric.label, band=seeds >= FEWEST, seeds=seeds, **shared)
+        yield plot(
+            f"time_{quantity}", errors, "errors", label=metric.label, band=seeds >= FEWEST, seeds=seeds, **shared
+        )
     for quantity, label in (("nees_position", "NEES of the position"), ("nis", "NIS of the centroid")):
         if not any(s.quantity == quantity and (s.mean > 0).any() for s in series):
             continue
