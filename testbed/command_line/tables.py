@@ -1,11 +1,14 @@
-"""Tables that people read: catalogues and the results of a run."""
+"""What people read on the terminal: catalogues, the results of a run, and where its files are."""
 
+import shlex
 from collections.abc import Mapping, Sequence
 from importlib.metadata import EntryPoint
 from math import isfinite
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rich import box
+from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
@@ -26,7 +29,7 @@ SEVERITY = (
 )
 
 BESIDE = {  # what runs without being an entry, by catalogue
-    "scenarios": "Recorded traffic runs too: replay:FILE[:ego=ID,react=METRES,smooth=SECONDS]; docs/real-traffic.md.",
+    "scenarios": "Recorded traffic runs too: replay:FILE[:ego=ID,react=METRES,smooth=SECONDS]; docs/real-traffic.md."
 }
 
 
@@ -158,3 +161,45 @@ def light_table(title: str) -> Table:
         box=box.SIMPLE_HEAD,
         min_width=len(title) + 2,
     )
+
+
+def show_measures(result: Mapping[str, Any], console: Console, title: str | None = None) -> None:
+    """Errors of the trackers and what they mean, and the worst moments if any; see `metrics` for the title."""
+    console.print(metrics(result, title))
+    for line in EXPLAINED:
+        console.print(line)
+    console.print()
+    if result["moments"]:
+        console.print(moments(result))
+        console.print(escape(SEVERITY))
+        console.print()
+
+
+def show_files(files: Mapping[str, Path | None], console: Console) -> None:
+    """Where each file is that was written, and how to open the one called "log"."""
+    for name, path in files.items():
+        if path is not None:
+            console.print(f"{name:8} {path}", soft_wrap=True)
+    if files["log"] is not None:
+        console.print(f"open it  testbed review {shlex.quote(str(files['log']))}", soft_wrap=True)
+
+
+def show_run(result: Mapping[str, Any], files: Mapping[str, Path | None], focus: int | None, console: Console) -> None:
+    """What a run was: the measures, or where there are none the costs; its events, and where the files are.
+
+    focus: id of the vehicle that the user wants to see first, None for no wish.
+    """
+    if "objects" in result:
+        show_measures(result, console)
+        console.print(drive(result))
+    else:
+        console.print(costs(result))
+    for event in result["run"].get("events", ()):
+        console.print(escape(f"at {event['time']:.1f} s: {event['text']}"))
+    there = sorted({row["object"] for row in result.get("objects", ())})
+    if focus not in (None, *there):
+        known = ", ".join(map(str, there)) or "none"
+        console.print(f"[yellow]--focus: there was no vehicle {focus}; vehicles: {known}[/yellow]", highlight=False)
+    if result["interrupted"]:
+        console.print("[yellow]interrupted: the tables and files hold what was run until then[/yellow]")
+    show_files(files, console)

@@ -8,14 +8,16 @@ from contextlib import closing
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import perf_counter
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
+import typer
+from joblib import cpu_count
 from rich.console import Console
 from rich.progress import Progress as Bar
 
 from testbed.command_line.interruption import InterruptRequest, interruptible
-from testbed.command_line.terminal import stages, user_input
+from testbed.command_line.terminal import console, progress_bar, stages, user_input
 from testbed.experiments.engine import Engine, nothing, perform
 from testbed.experiments.engine import check as check_engine
 from testbed.experiments.run import FAILED, Outcome, Run, outcome_of
@@ -195,6 +197,19 @@ def _report(
     return 0
 
 
+def run_study(make: Callable[[], Study], jobs: int | None, dask: str | None, junit: Path | None = None) -> NoReturn:
+    """All of a command: make its study, check it, carry it out; raises typer.Exit with the status.
+
+    jobs: processes, None for one a core, but no more than there are runs.
+    """
+    with user_input():
+        study = make()
+        engine = Engine(min(cpu_count(), len(study.work())) if jobs is None else jobs, dask)
+        check(study, engine, junit)
+    bar = progress_bar("{task.completed:.0f} / {task.total:.0f}", 600.0)
+    raise typer.Exit(carry_out(study, engine, console, bar, junit))
+
+
 def show_tally(tally: Tally, console: Console) -> None:
     """Print how many runs were made and found, and which failed and why."""
     for outcome in tally.redone:
@@ -203,6 +218,5 @@ def show_tally(tally: Tally, console: Console) -> None:
         console.print(f"[red]failed[/red] {outcome.name}", highlight=False)
         console.print(outcome.note, markup=False, highlight=False, soft_wrap=True)
     console.print(
-        f"{tally.done} runs made, {tally.found} found, {len(tally.failed)} failed, {tally.wall:.0f} s",
-        highlight=False,
+        f"{tally.done} runs made, {tally.found} found, {len(tally.failed)} failed, {tally.wall:.0f} s", highlight=False
     )

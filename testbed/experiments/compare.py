@@ -14,24 +14,17 @@ from sensors.fault_text import split_faults
 from testbed.evaluation.metric import METRICS
 from testbed.experiments import statistics
 from testbed.experiments.engine import Engine
-from testbed.experiments.report import tables
+from testbed.experiments.report import tables, words
 from testbed.experiments.report.comparison import write_report
 from testbed.experiments.report.grid import terminal
 from testbed.experiments.report.texts import counted
 from testbed.experiments.rows import SCHEMA, Rows
-from testbed.experiments.run import LOOPS, Run
+from testbed.experiments.run import Run
 from testbed.experiments.statistics import DRIVE, MAIN
 from testbed.experiments.store import RUNS, Results
 from testbed.experiments.study import Findings, Progress, Study, Tally
 from testbed.files import atomic_file
-from testbed.limits import (
-    MOST_RUNS,
-    check_choice,
-    check_duration,
-    check_names,
-    check_seeds,
-    check_settle,
-)
+from testbed.limits import MOST_RUNS, check_names, check_seeds
 from testbed.planners import find as find_planner
 
 UNITS = {"seed": "1", "start": "s", "end": "s"}  # of the columns of `RUNS` that are numbers and no metrics
@@ -52,10 +45,7 @@ class Settings:
     settle: float = 0.0  # [s] from the start, of which no scan enters a mean
 
     def __post_init__(self) -> None:
-        check_choice("loop", self.loop, LOOPS)
-        check_duration(self.duration)
-        check_duration(self.after, "after", "a run that ends with its duration")
-        check_settle(self.settle)
+        Run("any", **asdict(self))  # which refuses what no run can have
 
     @property
     def length(self) -> str:
@@ -141,7 +131,7 @@ class Comparison(Study):
     def judge(self, results: Results, tally: Tally) -> Findings:
         """Means, and differences to the reference, of the main measures over all scenarios."""
         main, drives = (list(statistics.cells(results, measures)) for measures in (MAIN, DRIVE))
-        return Findings([*_overview(results, main, drives), *_warnings(statistics.unresolved(main))])
+        return Findings([*_overview(results, main, drives), *_warnings(words.unresolved(main))])
 
     def write(self, results: Results, found: Findings, console: Console) -> None:
         """Write what is known of every run as one table, with the units of its columns."""
@@ -167,16 +157,12 @@ def _overview(
     results: Results, main: Sequence[statistics.Cell], drives: Sequence[statistics.Cell]
 ) -> Iterator[RenderableType]:
     study = results.study
-    where = (
-        f"{counted(len(study.scenarios), 'scenario')}, {counted(len(study.seeds), 'seed')}, {study.settings.loop} loop"
-    )
+    runs = f"{counted(len(study.scenarios), 'scenario')}, {counted(len(study.seeds), 'seed')}"
     for what, group in (("means", main), ("the drives", drives)):
         if group:
-            means, title = tables.overview(group, study.baseline), f"{where}: {what} with 95 % intervals"
-            if len(means.lines) <= FEW:
-                yield terminal(means.transposed("measure"), title, no_wrap=True)
-            else:
-                yield terminal(means, title, narrow=True)
+            means, few = tables.overview(group, study.baseline), len({c.tracker for c in group}) <= FEW
+            title = f"{runs}, {study.settings.loop} loop: {what} with 95 % intervals"
+            yield terminal(means.transposed("measure") if few else means, title, narrow=not few, no_wrap=few)
     if len(study.trackers) > 1:
         found = tables.differences(main, study.baseline).only(*SHOWN)
         yield terminal(found, f"difference to {study.baseline} on the same seeds; negative is better")

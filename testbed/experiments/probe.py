@@ -22,6 +22,7 @@ from testbed.environment.registration import scenario_of
 from testbed.evaluation.drive_evaluator import DriveEvaluator
 from testbed.evaluation.intervals import Interval, bootstrap_interval
 from testbed.experiments.episode import episode
+from testbed.experiments.report.texts import counted
 from testbed.experiments.run import Run
 from testbed.experiments.store import Results, Store
 from testbed.experiments.study import WHOLE_RUN, Findings, Kept, Study, Tally, check_runs
@@ -177,13 +178,11 @@ class Probe(Study):
 
     def judge(self, results: Results, tally: Tally) -> Findings:
         """The limits on the truth and on tracks, over the seeds of which both are known."""
-        if not results.metas:
-            return Findings([f"0 of {len(self.seeds)} seeds are done; the same command does the rest"], failed=True)
-        table = results.runs.pivot_table(index="source", columns="seed", values="limit", dropna=False)
         known = {(work.run.source, work.run.seed) for work in results.metas}
         seeds = [seed for seed in self.seeds if all((source, seed) in known for source in self.sources)]
         if not seeds:
             return Findings([f"0 of {len(self.seeds)} seeds are done; the same command does the rest"], failed=True)
+        table = results.runs.pivot_table(index="source", columns="seed", values="limit", dropna=False)
         truth, tracks = (table.reindex(index=[source], columns=seeds).to_numpy(float)[0] for source in self.sources)
         found = limits(truth, tracks, self.searched)
         failed = not np.isfinite(found.tracks.value) or len(seeds) < len(self.seeds)
@@ -192,7 +191,8 @@ class Probe(Study):
     def table(self, found: "Limits", seeds: int) -> Table:
         """The limits on the truth and on tracks, and their difference."""
         parameter = self.searched
-        shown = light_table(f"{self.probe}, planner {self.planner}, {seeds} seeds: {parameter.name}, {parameter.note}")
+        about = f"{parameter.name}, {parameter.note}"
+        shown = light_table(f"{self.probe}, planner {self.planner}, {counted(seeds, 'seed')}: {about}")
         shown.add_column("")
         shown.add_column(f"{parameter.name} [{parameter.unit}]", justify="right")
         shown.add_column("95 % interval", justify="right")

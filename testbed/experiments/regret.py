@@ -18,7 +18,7 @@ from testbed.experiments import pairs, study
 from testbed.experiments.drives import SCHEMA, DriveWatch
 from testbed.experiments.engine import Engine
 from testbed.experiments.pairs import Drive, key_of
-from testbed.experiments.report import junit
+from testbed.experiments.report import junit, words
 from testbed.experiments.report import tables_regret as tables
 from testbed.experiments.report.grid import terminal
 from testbed.experiments.report.regret import Findings, find, write_report
@@ -54,8 +54,7 @@ class Regret(Study):
     what: ClassVar[str] = "drives"
     schema: ClassVar[pa.Schema] = SCHEMA
     modules: ClassVar[tuple[str, ...]] = (
-        "testbed.planners", "testbed.environment.sources", "testbed.experiments.discrepancy",
-        "testbed.experiments.drives",
+        "testbed.planners", "testbed.environment.sources", "testbed.experiments.drives",
     )  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -155,7 +154,7 @@ class Regret(Study):
         self, results: Results, found: study.Findings, tally: Tally, engine: Engine, progress: Progress
     ) -> Path | None:
         """The report, with figures and logs of the worst pairs."""
-        return None if found.data.found is None else write_report(results, found.data.found, tally, progress)
+        return None if found.data.found is None else write_report(results, found.data.found, tally, engine, progress)
 
     def junit(self, results: Results, found: study.Findings, tally: Tally, path: Path) -> None:
         """A suite a planner and tracker, a case a scenario, which fails where tracks collide."""
@@ -225,7 +224,7 @@ def _overview(found: Findings) -> Iterator[RenderableType]:
         if cells:
             shown = [c for c in cells if c.measure in SHOWN]
             yield terminal(tables.changes(shown, ""), title, narrow=True)
-    sentences = [*found.verdict, *pairs.one_sided(found.total)]
-    sentences += pairs.unresolved([c for c in found.together if c.measure == "drive_score"])
+    sentences = [*found.verdict, *words.one_sided(found.total)]
+    sentences += words.unresolved_pairs([c for c in found.together if c.measure == "drive_score"])
     for sentence in sentences[:WARNINGS]:
         yield f"[yellow]![/yellow] {sentence}"

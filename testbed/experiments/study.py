@@ -12,7 +12,6 @@ from typing import Any, ClassVar, NamedTuple, Protocol
 import pyarrow as pa
 from rich.console import Console, RenderableType
 
-from scenarios.stage import Phase
 from sensors import Radar, faults_of
 from sensors.faults import chosen
 from testbed.environment.perception import radar_of
@@ -70,28 +69,16 @@ class Tally:
 
 
 class Watch(Protocol):
-    """What watches a run: an observer of its frames."""
+    """What watches a run: an observer of its frames, called with every frame that has a scan.
 
-    def begin(self, phases: tuple[Phase, ...]) -> None:
-        """Called before the first frame."""
+    If it has `begin(phases)`, that is called before the first frame.
+    """
 
     def __call__(self, frame: Frame) -> None:
-        """Called with every frame that has a scan."""
+        """Take one frame."""
 
     def kept(self, played: Played) -> Kept:
         """What is kept, when the run is over."""
-
-
-class Work(Protocol):
-    """A unit for one process: a `Run`, or a search over many."""
-
-    @property
-    def name(self) -> str:
-        """Stem of its file."""
-
-    @property
-    def key(self) -> dict[str, Any]:
-        """All of it as JSON types: what its file says it holds."""
 
 
 class Findings(NamedTuple):
@@ -122,7 +109,7 @@ class Study:
         check_folder(self.out)
 
     def work(self) -> list[Any]:
-        """All units of work."""
+        """All units of work, each for one process: a `Run`, or a search over many that has its `name` and its `key`."""
         raise NotImplementedError
 
     def together(self, work: Any) -> Any:
