@@ -8,7 +8,7 @@ from contextlib import closing
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import perf_counter
-from typing import Any, NoReturn
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 import typer
@@ -22,8 +22,7 @@ from testbed.experiments.engine import Engine, nothing, perform
 from testbed.experiments.engine import check as check_engine
 from testbed.experiments.run import FAILED, Outcome, Run, outcome_of
 from testbed.experiments.store import Results, Store, make, reads, record
-from testbed.experiments.study import Findings, Progress, Study, Tally
-from testbed.files import check_target, make_directory
+from testbed.experiments.study import Findings, Progress, Study, Tally, check_file
 
 GOES_ON = "the same command makes the rest"
 
@@ -33,11 +32,7 @@ def check(study: Study, engine: Engine, junit: Path | None = None) -> None:
     study.check()
     check_engine(engine)
     if junit is not None:
-        try:
-            check_target(junit)
-            make_directory(junit.parent)
-        except OSError as error:
-            raise OSError(f"junit: {str(error).removeprefix('out: ')}") from None
+        check_file("junit", junit)
     Store(study).check()
 
 
@@ -46,9 +41,7 @@ def execute(study: Study, engine: Engine, progress: Progress | None = None) -> T
 
     Ctrl-C or SIGTERM ends it when the runs that have begun are finished; the next call makes the rest.
 
-    Raises:
-        LookupError, ValueError, OSError: in one sentence, for what cannot be run, see `Study.check`, `Store.open` and
-            `engine.perform`.
+    Raises what `Study.check`, `Store.open` and `engine.perform` raise for what cannot be run.
     """
     study.check()
     store, tally, start = Store(study), Tally(), perf_counter()
@@ -122,11 +115,12 @@ def calculated(function: Callable[..., Any], arguments: Sequence[tuple[Any, ...]
                 yield waiting.pop(str(k))
 
 
-class _Calculation:
+class _Calculation(NamedTuple):
     """A call with a name."""
 
-    def __init__(self, name: str, function: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
-        self.name, self.function, self.arguments = name, function, arguments
+    name: str
+    function: Callable[..., Any]
+    arguments: tuple[Any, ...]
 
 
 def _calculate(task: _Calculation, out: Path) -> Outcome:

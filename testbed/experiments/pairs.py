@@ -23,8 +23,6 @@ ALL = "all"  # scenarios together
 TRACKING = (  # errors of the tracker in its own drive
     "gospa", "rmse_position", "rmse_velocity", "rmse_length", "birth_delay", "missed_percent",
 )  # fmt: skip
-
-
 HARD = 2.0  # [m/s^2] braking that counts as an event
 AFTER = 3.0  # [s] within which the other drive brakes for the same reason
 MEASURES = (  # of each drive, of which a pair has the difference

@@ -17,7 +17,7 @@ from rich.table import Table
 from scenarios import SCENARIOS, Scenario
 from scenarios.probes import PROBES
 from scenarios.record import Parameter
-from testbed.command_line.tables import DASH, light_table
+from testbed.command_line.tables import DASH, filled_table
 from testbed.environment.registration import scenario_of
 from testbed.evaluation.drive_evaluator import DriveEvaluator
 from testbed.evaluation.intervals import Interval, bootstrap_interval
@@ -191,17 +191,16 @@ class Probe(Study):
     def table(self, found: "Limits", seeds: int) -> Table:
         """The limits on the truth and on tracks, and their difference."""
         parameter = self.searched
-        about = f"{parameter.name}, {parameter.note}"
-        shown = light_table(f"{self.probe}, planner {self.planner}, {counted(seeds, 'seed')}: {about}")
-        shown.add_column("")
-        shown.add_column(f"{parameter.name} [{parameter.unit}]", justify="right")
-        shown.add_column("95 % interval", justify="right")
+        title = f"{self.probe}, planner {self.planner}, {counted(seeds, 'seed')}: {parameter.name}, {parameter.note}"
         hardest = f"hardest that {SHARE:.0%} of the seeds survive"
-        shown.add_row(f"{hardest}, on the truth", *_cells(found.truth))
-        shown.add_row(f"{hardest}, on {self.tracker}", *_cells(found.tracks))
-        shown.add_row("easier by, because of tracking", *_cells(found.cost))
-        shown.add_row("the same, mean over the seeds", *_cells(found.mean_cost))
-        return shown
+        rows = {
+            f"{hardest}, on the truth": found.truth,
+            f"{hardest}, on {self.tracker}": found.tracks,
+            "easier by, because of tracking": found.cost,
+            "the same, mean over the seeds": found.mean_cost,
+        }
+        heads = ("", f"{parameter.name} [{parameter.unit}]", "95 % interval")
+        return filled_table(title, heads, [(what, *_cells(interval)) for what, interval in rows.items()])
 
 
 def limit(survives: Callable[[float], bool], easy: float, hard: float, resolution: float) -> float:

@@ -35,7 +35,7 @@ from testbed.experiments.run import with_faults
 from testbed.experiments.store import LOGS, Results
 from testbed.experiments.study import Progress, Tally
 from testbed.experiments.tolerated import BETTER, GONE, OVERALL, TOLERANCES, WORSE, Moved, tolerated
-from testbed.files import check_target, make_directory, versions
+from testbed.files import versions
 from testbed.replay.rescan import write_log
 from trackers import TRACKERS
 
@@ -94,11 +94,7 @@ class Regress(Comparison):
         super().check()
         self.known()
         if self.update:
-            try:
-                check_target(self.baselines)
-                make_directory(self.baselines.parent)
-            except OSError as error:
-                raise OSError(f"baselines: {str(error).removeprefix('out: ')}") from None
+            study.check_file("baselines", self.baselines)
 
     def known(self) -> Baselines:
         """The baselines; a complete update may replace a file that is not there or cannot be read."""
@@ -130,9 +126,7 @@ class Regress(Comparison):
             _write_log(results, found.data, self.known(), console)
         write_runs(results)
 
-    def page(
-        self, results: Results, found: study.Findings, tally: Tally, engine: Engine, progress: Progress
-    ) -> Path | None:
+    def page(self, results: Results, found: Any, tally: Tally, engine: Engine, progress: Progress) -> Path | None:
         """None: what moved is a table on the terminal."""
         return None
 

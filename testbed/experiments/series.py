@@ -59,15 +59,12 @@ def chosen(results: Results) -> list[str]:
 
 def ranked(results: Results) -> list[str]:
     """All trackers: the reference, then the others by their mean GOSPA, those without any run last."""
-    names, baseline = results.study.trackers, results.study.baseline
-    runs = results.runs
-    gospa = runs.groupby(["tracker", "scenario"])["gospa"].mean().groupby("tracker").mean() if len(runs) else {}
-    order = sorted(names, key=lambda name: (name != baseline, _last(gospa.get(name)), names.index(name)))
-    return list(order)
-
-
-def _last(value: float | None) -> float:
-    return np.inf if value is None or np.isnan(value) else value
+    names, baseline, runs = results.study.trackers, results.study.baseline, results.runs
+    gospa: dict[str, float] = {}
+    if len(runs):
+        means = runs.groupby(["tracker", "scenario"])["gospa"].mean().groupby("tracker").mean()
+        gospa = means.dropna().to_dict()
+    return sorted(names, key=lambda name: (name != baseline, gospa.get(name, np.inf), names.index(name)))
 
 
 class PhaseTimes(NamedTuple):

@@ -32,36 +32,26 @@ class LogLink(NamedTuple):
 
 def write_report(
     results: Results,
-    tally: Tally | None = None,
-    out: Path | None = None,
-    with_logs: bool = True,
+    tally: Tally,
     engine: Engine = Engine(),  # noqa: B008 - frozen
     progress: Progress | None = None,
 ) -> Path:
-    """Write OUT/report.html with its figures and, where asked for, its logs; returns the path of the page.
+    """Write OUT/report.html with its figures and the logs of the picked runs; returns the path of the page.
 
-    Args:
-        results: of a folder.
-        tally: how the runs ended; without it the page shows which are missing, but not why.
-        out: where page and figures go; None: the folder of the results.
-        with_logs: whether to replay, or to drive again, the best, the median and the worst run of each tracker. Their
-            logs go into the folder of the results, and only a page there has links to them.
-        engine: on which the logs are made.
-        progress: progress(done, total, what) with what is being made: tables, figures, then logs.
-
-    Raises OSError, in one sentence, where the disk is full or must not be written.
+    progress: progress(done, total, what) with what is being made: tables, figures, then logs. Raises OSError, in one
+    sentence, where the disk is full or must not be written.
     """
-    folder = Path(out or results.study.out)
+    folder = Path(results.study.out)
     page = page_of(results, tally, stage(progress, "tables"))
 
     def links(step: Step | None) -> list[LogLink]:
-        return links_of(results, folder, logs.write(results, engine, step) if with_logs else [])
+        return links_of(results, folder, logs.write(results, engine, step))
 
     return write_page(page._replace(links=links), folder, progress)
 
 
 def page_of(results: Results, tally: Tally | None, step: Step | None = None) -> Page:
-    """The page without its logs."""
+    """The page without its logs; without a tally it shows which runs are missing, but not why."""
     show = step or (lambda done, total: None)
     show(0, 2)
     bands = {band: pd.DataFrame() if results.runs.empty else by_band(results, band) for band in BANDS}

@@ -68,7 +68,7 @@ def verdict(results: Results, cells: Sequence[Cell]) -> list[str]:
 def caveats(results: Results, cells: Sequence[Cell]) -> list[str]:
     """What a reader should know before using the tables."""
     found = few_seeds(results.runs, ["tracker", "scenario"], len(results.study.seeds))
-    found += [*_lacking(results), *_blind(results, cells)]
+    found += _lacking(results, cells)
     if empty := [phase.text for phase in reach(results) if not phase.reached]:
         found.append(say("unreached", phases=empty))
     count = sum(c.difference is not None and np.isfinite(c.difference.mean.low) for c in cells)
@@ -117,35 +117,20 @@ def _moved(cell: PairCell) -> str:
     return f"{metric.label} {cell.change.mean.value:+.3g} {metric.unit}"
 
 
-def _missing(results: Results) -> dict[str, int]:
-    """Number of missing runs of each tracker."""
-    return {t: sum(run.source == t for run in results.missing) for t in results.study.trackers}
-
-
-def _each(results: Results) -> int:
-    """Number of runs that each tracker should have."""
-    return len(results.study.scenarios) * len(results.study.seeds)
-
-
-def _lacking(results: Results) -> list[str]:
-    """A sentence for all trackers that lack the same number of runs."""
-    alike: dict[int, list[str]] = {}
-    for tracker, count in _missing(results).items():
-        alike.setdefault(count, []).append(tracker)
-    alike.pop(0, None)
-    each = _each(results)
-    return [
+def _lacking(results: Results, cells: Sequence[Cell]) -> list[str]:
+    """Sentences for the trackers that lack the same number of runs, and for those that have runs, but no tracks."""
+    study = results.study
+    each, alike = len(study.scenarios) * len(study.seeds), dict[int, list[str]]()
+    for tracker in study.trackers:
+        alike.setdefault(sum(run.source == tracker for run in results.missing), []).append(tracker)
+    said = [
         say("no run" if count == each else "some runs", trackers=names, count=count, each=each)
         for count, names in alike.items()
+        if count
     ]
-
-
-def _blind(results: Results, cells: Sequence[Cell]) -> list[str]:
-    """A sentence for all trackers that have runs, but no track on any object."""
-    missing, each = _missing(results), _each(results)
     seeing = {c.tracker for c in cells if c.measure == "rmse_position" and np.isfinite(c.mean.value)}
-    names = [t for t in results.study.trackers if missing[t] < each and t not in seeing]
-    return [say("blind", trackers=names)] if names else []
+    blind = [t for t in study.trackers if t not in seeing and t not in alike.get(each, [])]
+    return [*said, say("blind", trackers=blind)] if blind else said
 
 
 def _best(results: Results, ranked: Sequence[Cell]) -> str:
