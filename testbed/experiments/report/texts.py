@@ -13,7 +13,7 @@ HEADING = re.compile(r"^## (.+)$", re.MULTILINE)
 
 def say(key: str, **values: Any) -> str:
     """The text under a heading of `TEXTS`; KeyError for a heading that is not there."""
-    return _texts()[key].render(values)
+    return _texts()[key].render(values).strip()
 
 
 def page(name: str) -> Template:
