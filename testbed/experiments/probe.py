@@ -191,7 +191,8 @@ class Probe(Study):
     def table(self, found: "Limits", seeds: int) -> Table:
         """The limits on the truth and on tracks, and their difference."""
         parameter = self.searched
-        title = f"{self.probe}, planner {self.planner}, {counted(seeds, 'seed')}: {parameter.name}, {parameter.note}"
+        searched = f"{parameter.name} [{parameter.unit}], {parameter.note}"
+        title = f"{self.probe}, planner {self.planner}, {counted(seeds, 'seed')}: {searched}"
         hardest = f"hardest that {SHARE:.0%} of the seeds survive"
         rows = {
             f"{hardest}, on the truth": found.truth,
@@ -199,7 +200,7 @@ class Probe(Study):
             "easier by, because of tracking": found.cost,
             "the same, mean over the seeds": found.mean_cost,
         }
-        heads = ("", f"{parameter.name} [{parameter.unit}]", "95 % interval")
+        heads = ("", parameter.name, "95 % interval")
         return filled_table(title, heads, [(what, *_cells(interval)) for what, interval in rows.items()])
 
 
