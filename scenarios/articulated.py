@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from scenarios.bodies import RigidPart, body_part, motion
 from scenarios.contours import CONTOURS
-from scenarios.vehicles import CourseVehicle, SizedIDM, keep_habits
+from scenarios.vehicles import CourseVehicle, SizedIDM, keep_habits, known
 from trackers.geometry import perpendicular, point_velocity, unit, wrap_angle
 
 UNIT, TRAILER = "tractor-unit", "trailer"
@@ -105,19 +105,9 @@ class ArticulatedIDM(Articulated, SizedIDM):
     @classmethod
     def create_from(cls, vehicle: Vehicle) -> Self:
         """A truck in the same state with the same trailer."""
-        new = cls(
-            vehicle.road,
-            vehicle.position,
-            vehicle.heading,
-            vehicle.speed,
-            getattr(vehicle, "target_lane_index", None),
-            getattr(vehicle, "target_speed", None),
-            getattr(vehicle, "route", None),
-            timer=getattr(vehicle, "timer", None),
-            enable_lane_change=getattr(vehicle, "enable_lane_change", False),
-            hitch=getattr(vehicle, "hitch", 0.0),
-            trailer=getattr(vehicle, "trailer_size", None),
-        )
+        habits = known(vehicle, "target_lane_index", "target_speed", "route", "timer", "enable_lane_change", "hitch")
+        trailer = getattr(vehicle, "trailer_size", None)
+        new = cls(vehicle.road, vehicle.position, vehicle.heading, vehicle.speed, **habits, trailer=trailer)
         if isinstance(vehicle, cls):
             keep_habits(new, vehicle)
         return new

@@ -12,7 +12,7 @@ class ProtectedConstants:
     A stock environment wrapped in one of these at every call runs exactly as it would alone, and the rest of the
     process never sees its constants:
 
-        fence = protect_idm_constants()
+        fence = ProtectedConstants()
         with fence: env.reset(seed=0)
         with fence: env.step(1)
     """
@@ -44,8 +44,3 @@ class ProtectedConstants:
             delattr(self._cls, name)
         for name, value in constants.items():
             setattr(self._cls, name, value)
-
-
-def protect_idm_constants(cls: type = IDMVehicle) -> ProtectedConstants:
-    """A fence around the class constants of IDMVehicle, or of another class of traffic."""
-    return ProtectedConstants(cls)

@@ -7,7 +7,6 @@ centre and turns in a lane change at up to 1.35 rad/s; both are cured here.
 import copy
 import math
 from collections import deque
-from collections.abc import Sequence
 from typing import Any, Self
 
 import numpy as np
@@ -18,21 +17,8 @@ from highway_env.vehicle.controller import MDPVehicle
 from highway_env.vehicle.kinematics import Vehicle
 from numpy.typing import ArrayLike, NDArray
 
-from scenarios.bodies import RigidPart, Sized, contour_of, motion, parts, rear_extent, resize
-from scenarios.constants import protect_idm_constants
-from scenarios.table import CourseTable
-
-__all__ = [
-    "CourseTable",
-    "CourseVehicle",
-    "EgoVehicle",
-    "RigidPart",
-    "SizedIDM",
-    "motion",
-    "parts",
-    "protect_idm_constants",
-    "resize",
-]
+from scenarios.bodies import Sized, contour_of, rear_extent
+from scenarios.courses import CourseTable
 
 
 class SoftSteering:
@@ -95,20 +81,8 @@ class SizedIDM(SoftSteering, Sized, IDMVehicle):
     @classmethod
     def create_from(cls, vehicle: Vehicle) -> Self:
         """A vehicle in the same state, with the same size, contour and habits."""
-        new = cls(
-            vehicle.road,
-            vehicle.position,
-            heading=vehicle.heading,
-            speed=vehicle.speed,
-            target_lane_index=getattr(vehicle, "target_lane_index", None),
-            target_speed=getattr(vehicle, "target_speed", None),
-            route=getattr(vehicle, "route", None),
-            enable_lane_change=getattr(vehicle, "enable_lane_change", True),
-            timer=getattr(vehicle, "timer", None),
-            length=vehicle.LENGTH,
-            width=vehicle.WIDTH,
-            contour=contour_of(vehicle),
-        )
+        habits = known(vehicle, "target_lane_index", "target_speed", "route", "enable_lane_change", "timer")
+        new = cls(vehicle.road, vehicle.position, vehicle.heading, vehicle.speed, **habits, **size_of(vehicle))
         keep_habits(new, vehicle)
         return new
 
@@ -145,6 +119,16 @@ class SizedIDM(SoftSteering, Sized, IDMVehicle):
         return float(self.DISTANCE_WANTED + moving + ego_vehicle.LENGTH / 2 + rear_extent(front_vehicle))
 
 
+def known(vehicle: Vehicle, *names: str) -> dict[str, Any]:
+    """Those of the attributes that a vehicle has, as arguments of its class."""
+    return {name: getattr(vehicle, name) for name in names if hasattr(vehicle, name)}
+
+
+def size_of(vehicle: Vehicle) -> dict[str, Any]:
+    """Size [m] and contour of a vehicle, as arguments of a class with `Sized`."""
+    return {"length": vehicle.LENGTH, "width": vehicle.WIDTH, "contour": contour_of(vehicle)}
+
+
 def keep_habits(new: Vehicle, old: Vehicle) -> None:
     """Copy what was set on one vehicle over the constants of its class: DELTA, TIME_WANTED ..."""
     for name, value in vars(old).items():
@@ -168,40 +152,16 @@ class EgoVehicle(SoftSteering, Sized, MDPVehicle):
     ACC_LIMITS = (-8.0, 4.0)  # [m/s^2]
 
     def __init__(
-        self,
-        road: Road,
-        position: ArrayLike,
-        heading: float = 0.0,
-        speed: float = 0.0,
-        target_lane_index: LaneIndex | None = None,
-        target_speed: float | None = None,
-        target_speeds: Sequence[float] | NDArray | None = None,
-        route: Route | None = None,
-        *,
-        length: float | None = None,
-        width: float | None = None,
-        contour: str = "car",
+        self, *args: Any, length: float | None = None, width: float | None = None, contour: str = "car", **kwargs: Any
     ) -> None:
-        super().__init__(road, position, heading, speed, target_lane_index, target_speed, target_speeds, route)
+        super().__init__(*args, **kwargs)
         self._take_size(length, width, contour)
 
     @classmethod
     def create_from(cls, vehicle: Vehicle) -> Self:
         """A vehicle in the same state, with the same size, contour and target speeds."""
-        new = cls(
-            vehicle.road,
-            vehicle.position,
-            heading=vehicle.heading,
-            speed=vehicle.speed,
-            target_lane_index=getattr(vehicle, "target_lane_index", None),
-            target_speed=getattr(vehicle, "target_speed", None),
-            target_speeds=getattr(vehicle, "target_speeds", None),
-            route=getattr(vehicle, "route", None),
-            length=vehicle.LENGTH,
-            width=vehicle.WIDTH,
-            contour=contour_of(vehicle),
-        )
-        return new
+        habits = known(vehicle, "target_lane_index", "target_speed", "target_speeds", "route")
+        return cls(vehicle.road, vehicle.position, vehicle.heading, vehicle.speed, **habits, **size_of(vehicle))
 
     def act(self, action: dict | str | None = None) -> None:
         """Take a meta-action (LANE_LEFT, FASTER ...), then control speed and lane within the limits."""
@@ -238,7 +198,7 @@ class PedalEgo(Sized, Vehicle):
     def create_from(cls, vehicle: Vehicle) -> Self:
         """A vehicle in the same state, with the same size, contour and route."""
         new = cls(vehicle.road, vehicle.position, vehicle.heading, vehicle.speed)
-        new._take_size(vehicle.LENGTH, vehicle.WIDTH, contour_of(vehicle))
+        new._take_size(**size_of(vehicle))
         new.route = getattr(vehicle, "route", None)
         return new
 

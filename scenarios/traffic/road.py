@@ -1,19 +1,25 @@
-"""The road of a recording: vehicles enter and leave it as recorded, and react once the ego has left its record."""
+"""The world of an episode of recorded traffic: straight lanes, and vehicles that enter, leave and react on them."""
 
 from typing import Any
 
 import numpy as np
+from highway_env.road.lane import StraightLane
+from highway_env.road.road import RoadNetwork
 from highway_env.vehicle.kinematics import Vehicle
 from numpy.typing import NDArray
 
+from scenarios.courses import CourseTable
+from scenarios.networks import OPEN, lines
 from scenarios.roads import CachedRoad
-from scenarios.table import CourseTable
-from scenarios.traffic.plan import Part
+from scenarios.stage import TARGET_SPEEDS, Phase, World
+from scenarios.traffic.fitting import Lanes
+from scenarios.traffic.plan import Part, Plan
 from scenarios.vehicles import CourseVehicle, EgoVehicle, SizedIDM
 
 STANDSTILL = 2.0  # [m] gap of a reacting driver at standstill
 HEADWAYS = (0.5, 1.5)  # [s] least and greatest time gap of a reacting driver
 BEHIND = 100.0  # [m] a driver farther than this behind stays on record
+BEFORE, BEYOND = 200.0, 1000.0  # [m] of road before the first and beyond the last recorded place
 CLEAR = 0.3  # [m] between the sides of two vehicles from which one is not in the other's way
 
 
@@ -156,13 +162,37 @@ def take_over(vehicle: CourseVehicle, part: Part, gap: float) -> None:
     vehicle.__dict__ = driver.__dict__
 
 
-def place_ego(road: RecordedRoad, part: Part, target_speeds: tuple[float, ...]) -> EgoVehicle:
+def place_ego(road: RecordedRoad, part: Part) -> EgoVehicle:
     """The ego as its record begins, first on the road."""
     _, x, y, heading, vx, vy, _ = part.table[0]
     length, width = part.size
     ego = EgoVehicle(
         road, (x, y), heading, float(np.hypot(vx, vy)),
-        target_speeds=target_speeds, length=length, width=width, contour=part.kind,
+        target_speeds=TARGET_SPEEDS, length=length, width=width, contour=part.kind,
     )  # fmt: skip
     road.vehicles.append(ego)
     return ego
+
+
+def world(plan: Plan, react: float | None, rng: np.random.Generator) -> World:
+    """The episode before its first frame; nothing but the choices of highway-env's vehicles is drawn."""
+    road = RecordedRoad(network(plan), np_random=rng, neighbour_vehicles_connected_lanes=True)
+    ego = place_ego(road, plan.ego)
+    road.play(ego, CourseTable(plan.ego.table), plan.others, react)
+    return World(road, ego, np.zeros((0, 2, 2)), (Phase("during", 0.0, float(plan.ego.table[-1, 0])),))
+
+
+def network(plan: Plan) -> RoadNetwork:
+    """Lanes a -> b the way that the ego drives, and c -> d against it, each leftmost first for its drivers."""
+    found = RoadNetwork()
+    start, end = plan.reach[0] - BEFORE, plan.reach[1] + BEYOND
+    _add(found, ("a", "b"), plan.lanes, plan.lanes.places, start, end)
+    if plan.opposite is not None:
+        _add(found, ("c", "d"), plan.opposite, plan.opposite.places[::-1], end, start)
+    return found
+
+
+def _add(network: RoadNetwork, edge: tuple[str, str], lanes: Lanes, places: NDArray, start: float, end: float) -> None:
+    for k, y in enumerate(places):
+        lane = StraightLane([start, y], [end, y], lanes.width, lines(k, len(places)), speed_limit=OPEN)
+        network.add_lane(*edge, lane)

@@ -25,7 +25,7 @@ class Obstacles(NamedTuple):
 
     def rows(self, index: NDArray) -> "Obstacles":
         """Those at index, (N,) bool or rows."""
-        return Obstacles(Others(*(part[index] for part in self.others)), *(part[index] for part in self[1:]))
+        return Obstacles(self.others.rows(index), *(part[index] for part in self[1:]))
 
     def edge_std(self, times: NDArray) -> NDArray:
         """Standard deviations (N, H) [m] of the near bumper along its course, predicted to times (H,) [s]."""
