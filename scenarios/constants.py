@@ -9,8 +9,7 @@ from highway_env.vehicle.behavior import IDMVehicle
 class ProtectedConstants:
     """Context manager: what is written to the constants inside stays inside, and is there again at the next entry.
 
-    A stock environment wrapped in one of these at every call runs exactly as it would alone, and the rest of the
-    process never sees its constants:
+    A stock environment runs in it exactly as it would alone:
 
         fence = ProtectedConstants()
         with fence: env.reset(seed=0)

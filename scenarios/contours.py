@@ -1,9 +1,7 @@
 """CONTOURS: outlines of road users seen from above, and the sizes that vehicles of each class have on the road.
 
-An outline is written in the unit box and fitted to the length and width of each vehicle: its ends keep their metres,
-the middle stretches. The box that highway-env collides is the bounding box of the outline, because every outline
-touches all four sides of its unit box. Proportions are drawn from the usual dimensions of each class (drive-train and
-wheel positions rounded). Equations and sources: docs/methods/vehicles.md.
+An outline is written in the unit box, all sides of which it touches, and fitted to the length and width of each
+vehicle: its ends keep their metres, the middle stretches. Equations and sources: docs/methods/vehicles.md.
 
         y
         |

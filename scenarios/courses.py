@@ -1,10 +1,7 @@
 """Prescribed courses: tables of motion at 100 Hz, made by integration, to be followed exactly.
 
-A table has the columns of `COLUMNS`. The heading is the course (no crab angle), so heading, velocity and yaw rate
-agree as trackers with constant-velocity or coordinated-turn models assume. Onsets are smooth: accelerations and yaw
-rates pass from one value to the next linearly, over `onset` and `ramp` seconds.
-
-In highway-env's frame, y to the driver's right, a positive yaw rate and a positive shift turn to the right.
+The heading is the course (no crab angle). Accelerations and yaw rates pass from one value to the next linearly, over
+`onset` and `ramp` seconds. A positive yaw rate and a positive shift turn to the right: y points there.
 """
 
 from collections.abc import Sequence
@@ -24,8 +21,7 @@ RATE = 100  # [Hz]
 class CourseTable:
     """A course over time, rows with the columns of `COLUMNS`, read between them.
 
-    Between the rows a cubic through both states and rates (Hermite), so velocity is the derivative of position; past
-    the last row straight on. Immutable, so copies of a simulation share it.
+    Between the rows a cubic through both states and rates (Hermite); past the last row straight on. Immutable.
     """
 
     def __init__(self, rows: ArrayLike) -> None:
@@ -120,8 +116,7 @@ def integrate(
 ) -> NDArray:
     """Course (n, 7) from a pose (3,) x, y [m], heading [rad] at a speed [m/s] through the segments.
 
-    The table is longer than the segments by the larger of `ramp` and `onset`, when the last demand has faded; the total
-    turn is then the sum of duration times yaw rate.
+    It is longer than the segments by the larger of `ramp` and `onset`, when the last demand has faded.
     """
     check_segments(segments)
     x, y, heading = np.asarray(start, float)
@@ -170,8 +165,7 @@ def follow_lane(
 ) -> NDArray:
     """Course (n, 7) along a path from arc length s [m], with a profile of speed and of lateral offset.
 
-    The speed is that along the lane at the vehicle's own offset; the lane gives the yaw rate, so that of the segments
-    must be left at 0. After the segments the speed stays.
+    The speed is that at the vehicle's own offset, and stays after the segments, whose yaw rate must be 0.
     """
     check_segments(segments)
     if any(g.yaw_rate for g in segments):

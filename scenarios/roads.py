@@ -1,10 +1,8 @@
 """The cached road: the states of highway-env's Road, bit by bit, in a fraction of its time.
 
-highway-env asks for neighbours about four times a vehicle and frame, each time projecting every other vehicle on the
-lane, and tests every pair for collision in Python. Positions do not change while vehicles decide, so one projection
-a lane and frame, sorted, serves all questions; most pairs are ruled out by one array of distances, and so are most
-lanes where a vehicle looks for its own. Every number comes from the same scalar call as in the stock road, and ties
-are resolved in its order.
+Positions do not change while vehicles decide, so one projection a lane and frame, sorted, serves all questions for
+neighbours; one array of distances rules out most pairs of a collision, and most lanes where a vehicle looks for its
+own. Every number comes from the same scalar call as in the stock road, and ties are resolved in its order.
 """
 
 from bisect import bisect_left
@@ -36,10 +34,7 @@ class LaneBoxes(NamedTuple):
 
 
 class SiftedNetwork(RoadNetwork):
-    """A RoadNetwork that leaves far lanes out of the search for the nearest: half of a frame at a large junction.
-
-    A lane whose bounding box is farther away than the best one found cannot be the nearest.
-    """
+    """A RoadNetwork that asks no lane whose bounding box is farther away than the nearest lane found so far."""
 
     _boxes: LaneBoxes | None = None
 
@@ -119,10 +114,7 @@ class CachedRoad(Road):
             self._orders, self._projections = None, {}
 
     def neighbour_vehicles(self, vehicle: Vehicle, lane_index: LaneIndex | None = None) -> tuple[Any, Any]:
-        """Nearest vehicle or obstacle ahead and behind on a lane, as `Road.neighbour_vehicles`.
-
-        Outside `act` positions may change at any time, and the stock search answers.
-        """
+        """Nearest vehicle or obstacle ahead and behind on a lane, as in `Road`, which answers outside `act`."""
         lane_index = lane_index or vehicle.lane_index
         if self._orders is None or not lane_index:
             return super().neighbour_vehicles(vehicle, lane_index)

@@ -1,7 +1,6 @@
 """Vehicles fit to be tracked: sized traffic with bumper-to-bumper gaps, prescribed courses, the ego vehicle.
 
-IDM: Treiber, Hennecke, Helbing (2000), Phys. Rev. E 62, 1805. highway-env's own version measures gaps from centre to
-centre and turns in a lane change at up to 1.35 rad/s; both are cured here.
+IDM: Treiber, Hennecke, Helbing (2000), Phys. Rev. E 62, 1805. highway-env's own measures gaps between centres.
 """
 
 import copy
@@ -33,8 +32,7 @@ class SoftSteering:
     def TAU_PURSUIT(self) -> float:
         """Look-ahead time [s]: the heading lag, less the time from the rear axle to the centre.
 
-        With it the steering has no steady lateral error on a circle, at any speed and length: the lag v tau_heading
-        of the heading loop and the slip of the centre, L / 2 ahead of the rear axle, cancel in first order.
+        With it the steering has no steady lateral error on a circle, at any speed and length, in first order.
         """
         return self.TAU_HEADING - self.LENGTH / 2 / not_zero(self.speed)
 
@@ -95,10 +93,7 @@ class SizedIDM(SoftSteering, Sized, IDMVehicle):
     def acceleration(
         self, ego_vehicle: Any, front_vehicle: Any | None = None, rear_vehicle: Any | None = None
     ) -> float:
-        """IDM acceleration [m/s^2] of any vehicle behind a leader, gaps from bumper to bumper.
-
-        An overlap counts as no gap, so that MOBIL never chooses a lane beside a long vehicle.
-        """
+        """IDM acceleration [m/s^2] of any vehicle behind a leader, gaps from bumper to bumper; an overlap is none."""
         free = super().acceleration(ego_vehicle)
         if front_vehicle is None or not isinstance(ego_vehicle, Vehicle):
             return free
@@ -142,9 +137,8 @@ PEDALS = {"FASTER": 1, "SLOWER": -1}  # meta-actions that change the target spee
 class EgoVehicle(SoftSteering, Sized, MDPVehicle):
     """The vehicle under test: meta-actions over target speeds, with the limits of a real car.
 
-    FASTER and SLOWER move the target speed by one step, SLOWER from no higher than the present speed. So a single press
-    is gentle, and repeated ones add up to an emergency stop; highway-env's own rule always goes to the neighbour of the
-    present speed, and its hardest braking is that of one step. The target stays where it still makes a difference.
+    FASTER and SLOWER move the target speed by one step, SLOWER from no higher than the present speed: a single press is
+    gentle, repeated ones add up to an emergency stop. The target stays where it still makes a difference.
     """
 
     TAU_ACC = 0.8  # [s]

@@ -26,9 +26,8 @@ CLEAR = 0.3  # [m] between the sides of two vehicles from which one is not in th
 class RecordedRoad(CachedRoad):
     """Plays a recording; set by `play`.
 
-    From the moment at which the ego is farther than `react` [m] from its recorded place of the same time, who has the
-    ego next ahead, or somebody who reacts, drives by the intelligent driver model from then on. All others stay on
-    record. `events` has what happened, as (time [s], text).
+    Once the ego is farther than `react` [m] from its recorded place of the same time, who has the ego or somebody who
+    reacts next ahead drives by IDM from then on. `events` has what happened, as (time [s], text).
     """
 
     events: list[tuple[float, str]]
@@ -42,7 +41,6 @@ class RecordedRoad(CachedRoad):
         self._playing: list[tuple[Vehicle, Part]] = []
         self._frames, self._dt, self._since = 0, 0.0, 0.0
         self._left_at: float | None = None
-        self.reacting = 0
         self._enter()
 
     @property
@@ -102,7 +100,6 @@ class RecordedRoad(CachedRoad):
             self.events.append((self.time, f"ego is {away:.1f} m from its record: those behind it react"))
         for vehicle, part, gap in self._followers():
             take_over(vehicle, part, gap)
-            self.reacting += 1
             self.events.append((self.time, f"vehicle {part.id} of the recording reacts"))
 
     def _followers(self) -> list[tuple[CourseVehicle, Part, float]]:
@@ -147,7 +144,7 @@ def part_from(table: NDArray, time: float) -> NDArray:
 
 
 def take_over(vehicle: CourseVehicle, part: Part, gap: float) -> None:
-    """Turn a vehicle on record into an IDM driver at the same place: the same object, so it keeps its number.
+    """Turn a vehicle on record into an IDM driver: the same object, so it keeps its number.
 
     It wants the highest speed of its record, keeps the time gap that it has, within limits, and its lane.
     """

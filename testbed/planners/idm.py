@@ -1,7 +1,7 @@
 """The default planner: speed by the Intelligent Driver Model, lane changes by MOBIL, on the belief road.
 
-IDM is in `car_following`; MOBIL is by Kesting, Treiber, Helbing (2007), "General lane-changing model MOBIL for
-car-following models". Actions for which `collision` forecasts a contact are not chosen.
+MOBIL: Kesting, Treiber, Helbing (2007), "General lane-changing model MOBIL for car-following models". Actions for which
+`collision` forecasts a contact are not chosen.
 """
 
 from collections.abc import Sequence
@@ -149,14 +149,9 @@ class IdmPlanner:
         return LaneOption(path, relate(path, others), allowed_speed(path, self.lateral_accel, self.model.brake))
 
     def _lane_change(
-        self,
-        network: RoadNetwork,
-        ego: ControlledVehicle,
-        here: LaneOption,
-        acceleration: float,
-        cruise: float,
+        self, network: RoadNetwork, ego: ControlledVehicle, here: LaneOption, acceleration: float, cruise: float,
         others: Others,
-    ) -> tuple[str, LaneOption, float] | None:
+    ) -> tuple[str, LaneOption, float] | None:  # fmt: skip
         """The best worthwhile and safe lane change: meta-action, the new lane, acceleration there."""
         if ego.lane_index != ego.target_lane_index or ego.speed < self.change_speed:
             return None

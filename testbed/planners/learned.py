@@ -1,7 +1,6 @@
 """A learned policy: a neural network from the observation of the environment to the action of the greatest value.
 
-The network is kept as arrays in an `.npz` file, so that driving needs neither the library nor the pickles of the
-training: `save_policy` writes the q-network of a DQN of stable-baselines3. How to train one: docs/learning-to-drive.md.
+`save_policy` writes the q-network of a DQN of stable-baselines3 as an `.npz` file. Training: docs/learning-to-drive.md.
 """
 
 from collections.abc import Sequence

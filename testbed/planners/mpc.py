@@ -1,8 +1,7 @@
 """Model predictive control of the acceleration: the cheapest of 156 speed profiles over 4 s in the ego's lane.
 
-A profile holds one acceleration, then another. Each is scored against the predicted tracks, and the first acceleration
-of the cheapest is applied until the next decision. The planner keeps its lane and its route, and steers along it; it
-needs continuous actions. Equations: docs/methods/planners.md.
+A profile holds one acceleration, then another; the first of the cheapest is applied until the next decision. The
+planner keeps its lane and route, and needs continuous actions. Equations: docs/methods/planners.md.
 """
 
 from dataclasses import dataclass
@@ -16,18 +15,21 @@ from numpy.typing import NDArray
 
 from scenarios.vehicles import SoftSteering
 from testbed.planners.idm import Choice, cruise_speed
-from testbed.planners.obstacles import Obstacles, among_tracks, on_belief_road
 from testbed.planners.prediction import (
     LanePath,
+    Others,
     allowed_speed,
     along_path,
     offset_from,
     on_path,
+    others_of,
     path_ahead,
     relate,
     relate_at,
+    things_on,
 )
-from trackers.geometry import wrap_angle
+from testbed.planners.track_vehicle import TrackVehicle, track_vehicles
+from trackers.geometry import unit, wrap_angle
 
 STEP = 0.2  # [s] between the instants of a prediction
 FIRST = np.array([-8.0, -7, -6, -5, -4, -3, -2, -1, -0.5, 0, 0.5, 1, 2])  # [m/s^2] before the switch
@@ -36,6 +38,27 @@ SWITCH = np.array([0.6, 1.4])  # [s]
 COLLIDES = 0.5  # [m] gaps below this count as a collision
 SLOWEST = 1.0  # [m/s] at lower speeds it steers with the gains of this one: a standing vehicle cannot turn
 MOST = np.pi / 4  # [rad] of the angle towards the path
+
+
+class Obstacles(NamedTuple):
+    """N vehicles and obstacles besides the ego."""
+
+    others: Others
+    existence: NDArray  # (N,) probability
+    cov: NDArray  # (N, 4, 4) of x, y, vx, vy [m, m/s]
+    length_std: NDArray  # (N,) [m]
+
+    def rows(self, index: NDArray) -> "Obstacles":
+        """Those at index, (N,) bool or rows."""
+        return Obstacles(self.others.rows(index), *(part[index] for part in self[1:]))
+
+    def edge_std(self, times: NDArray) -> NDArray:
+        """Standard deviations (N, H) [m] of the near bumper along its course, predicted to times (H,) [s]."""
+        along = unit(self.others.course)[:, None]  # (N, 1, 2)
+        P = self.cov
+        xx, xv, vv = ((along @ block @ along.mT)[..., 0] for block in (P[:, :2, :2], P[:, :2, 2:], P[:, 2:, 2:]))
+        place = np.maximum(xx + 2 * times * xv + times**2 * vv, 0.0)
+        return np.sqrt(place + (self.length_std[:, None] / 2) ** 2)  # (PLAN.3)
 
 
 class Ahead(NamedTuple):
@@ -157,6 +180,38 @@ class Mpc:
     def _times(self) -> NDArray:
         """The instants (H,) [s] of a prediction, the present left out."""
         return STEP * np.arange(1, round(self.horizon / STEP) + 1)
+
+
+def on_belief_road(env: gym.Env, within: float) -> Obstacles:
+    """What is on the belief road within [m], taken for certain; motion across a lane counts from 0.5 m/s on."""
+    core: Any = env.unwrapped
+    return _certain(things_on(core.road, core.vehicle, within))
+
+
+def among_tracks(env: gym.Env, within: float, above: float) -> Obstacles:
+    """The tracks within [m] whose existence is above a probability, with their uncertainty; the rest from the road.
+
+    Among them are tentative ones, which are not reported yet. Without a tracker, as in a deep copy: what is on the
+    road.
+    """
+    if not env.has_wrapper_attr("current_tracks"):
+        return on_belief_road(env, within)
+    core: Any = env.unwrapped
+    tracks = env.get_wrapper_attr("current_tracks")
+    tracks = tracks.rows(tracks.existence > above)
+    twins = track_vehicles(core.road, np.arange(len(tracks.id)), tracks.estimate, core.controlled_vehicles)
+    twins = [v for v in twins if np.hypot(*(v.position - core.vehicle.position)) < within]
+    row = np.array([v.track_id for v in twins], int)
+    estimate = tracks.estimate
+    certain = _certain([v for v in things_on(core.road, core.vehicle, within) if not isinstance(v, TrackVehicle)])
+    parts = certain, Obstacles(others_of(twins), tracks.existence[row], estimate.cov[row], estimate.size_std[row, 0])
+    others = Others(*map(np.concatenate, zip(*(part.others for part in parts))))
+    return Obstacles(others, *map(np.concatenate, zip(*(part[1:] for part in parts))))
+
+
+def _certain(things: list[Any]) -> Obstacles:
+    n = len(things)
+    return Obstacles(others_of(things, significant=0.0), np.ones(n), np.zeros((n, 4, 4)), np.zeros(n))
 
 
 def huber(error: NDArray, bound: float) -> NDArray:

@@ -1,7 +1,6 @@
 """Prediction on a highway-env road, of vehicles or of tracks: the ego's path, and who is or will be on it.
 
-A path is the centre line along the route, sampled evenly from the vehicle on. Other vehicles and obstacles are given
-by their place and motion along and across it.
+A path is the centre line along the route, sampled evenly from the vehicle on.
 """
 
 from collections.abc import Sequence

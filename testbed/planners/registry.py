@@ -1,8 +1,7 @@
 """The planners: each chooses the ego's next action from the belief road, or from the tracks themselves.
 
-A planner may offer two things besides those of `Planner`. `action`, a dict, is the `config["action"]` that it needs:
-`settings` finds it. `begin(env)` is called after every reset, for planners with a state; those of this table have none,
-so that one object may serve many environments.
+A planner may offer two things besides those of `Planner`: `action`, the `config["action"]` that it needs (`settings`
+finds it), and `begin(env)`, called after every reset. Those of this table keep no state.
 """
 
 from collections.abc import Mapping
@@ -146,7 +145,6 @@ def find(name: str) -> Planner:
     Raises:
         LookupError: no such planner; the nearest name is suggested.
         ValueError: a parameter or value that it cannot have, an OBJECT that is no planner, or a file without a policy.
-
     """
     if isinstance(name, str) and name.startswith(LEARNED):
         return Learned(name.removeprefix(LEARNED))

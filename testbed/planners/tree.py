@@ -1,9 +1,7 @@
 """Tree search over meta-actions: optimistic planning of deterministic systems with a budget of expansions.
 
 Hren, Munos (2008), "Optimistic planning of deterministic systems", EWRL: of all leaves the one that may still be worth
-most is expanded next. The tracks are not simulated: their forecast at constant velocity is made once a decision, and
-the ego is a few numbers, so that an expansion takes array operations instead of copies of the environment. Equations:
-docs/methods/planners.md.
+most is expanded next. The forecast of the tracks is made once a decision. Equations: docs/methods/planners.md.
 """
 
 from dataclasses import dataclass
