@@ -269,7 +269,7 @@ def mismatches(piece: Piece, committed: Numbers, now: Numbers) -> Iterator[Misma
     measures = {_measure(key) for key in committed}
     for key in dict.fromkeys([*committed, *(key for key in now if _measure(key) in measures)]):
         a, b = float(committed.get(key, nan)), float(now.get(key, nan))
-        if piece.part == "drives":
+        if piece.part != "exact":
             a, b = _float32(a), _float32(b)
         if a != b and not (isnan(a) and isnan(b)):
             yield Mismatch(piece.part, piece.name, key, a, b)
