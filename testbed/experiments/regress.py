@@ -51,6 +51,7 @@ FAULTS = (
     "blind:rain:0.5+burst:3:100",
 )
 CASES = (*SCENARIOS, *(f"cut-in+{fault}" for fault in FAULTS))
+QUICK = ("following", "cut-in")  # under a minute with one tracker on one core
 
 
 @dataclass(frozen=True)
@@ -63,6 +64,7 @@ class Regress(Comparison):
     settings: Settings = RECORD
     baselines: Path = COMMITTED
     update: bool = False  # write the baselines
+    strict: bool = False  # a result without a baseline fails too
 
     name: ClassVar[str] = "regress"
     fresh: ClassVar[bool] = True
@@ -123,8 +125,10 @@ class Regress(Comparison):
         """What moved."""
         known = self.known()
         found = examine(results, tally, known)
-        shown = [] if self.update else list(_shown(found, known))
-        return study.Findings(shown, bool(found.failed) if self.update else not found.passed, found)
+        if self.update:
+            return study.Findings([], bool(found.failed), found)
+        lacking = bool(found.new) if self.strict else not found.compared
+        return study.Findings(list(_shown(found, known, self)), lacking or not found.passed, found)
 
     def write(self, results: Results, found: study.Findings, console: Console) -> None:
         """Write new baselines, or the log of the worst run."""
@@ -164,6 +168,11 @@ class Findings(NamedTuple):
     def better(self) -> list[Moved]:
         """Improvements, the largest first."""
         return self._sorted(BETTER)
+
+    @property
+    def compared(self) -> list[Key]:
+        """What has a baseline, or failed."""
+        return [key for key in self.cells if key not in self.new]
 
     @property
     def passed(self) -> bool:
@@ -259,18 +268,18 @@ def _seconds(frame: pd.DataFrame) -> dict[Key, float]:
     return {(str(t), str(c)): float(s) for (t, c), s in sums.items()}
 
 
-def _shown(findings: Findings, baselines: Baselines) -> Iterator[RenderableType]:
+def _shown(findings: Findings, baselines: Baselines, suite: Regress) -> Iterator[RenderableType]:
     if findings.worse:
         yield moved(findings.worse, "worse than the baselines")
     if findings.better:
         yield moved(findings.better, "better than the baselines")
         yield "keep the improvement with `testbed regress --update`"
-    for what, keys, remedy in (
-        ("new, without a baseline", findings.new, "makes them"),
-        ("gone, with a baseline", findings.orphans, "drops them"),
-    ):
-        if keys:
-            yield escape(f"{what}: {cells(keys)}; `testbed regress --update` {remedy}")
+    if findings.new:
+        failing = suite.strict or not findings.compared
+        gate = "[red]nothing to compare with[/red], " if failing else ""
+        yield f"{gate}new, without a baseline: {escape(cells(findings.new))}; `{_makes(findings, suite)}` makes them"
+    if findings.orphans:
+        yield escape(f"gone, with a baseline: {cells(findings.orphans)}; `testbed regress --update` drops them")
     compared = [key for key in findings.cells if key in baselines.values]
     bad = {(c.tracker, c.scenario) for c in findings.worse} | set(findings.failed)
     overall = sum(scenario == OVERALL for _, scenario in bad)
@@ -281,6 +290,17 @@ def _shown(findings: Findings, baselines: Baselines) -> Iterator[RenderableType]
     if not findings.passed:
         for note in _other_versions(baselines):
             yield f"[yellow]![/yellow] {note}"
+
+
+def _makes(findings: Findings, suite: Regress) -> str:
+    """The command that makes the baselines that are missing."""
+    words = ["testbed", "regress", "--update"]
+    if suite.baselines != COMMITTED:
+        words += ["--baselines", str(suite.baselines)]
+    for option, column in (("--tracker", 0), ("--scenario", 1)):
+        names = list(dict.fromkeys(str(key[column]).partition("+")[0] for key in findings.new))
+        words += [word for name in names[:NAMES] for word in (option, name)] if len(names) <= NAMES else []
+    return escape(shlex.join(words))
 
 
 def _other_versions(baselines: Baselines) -> list[str]:
