@@ -55,7 +55,7 @@ def metrics(result: Mapping[str, Any], title: str | None = None) -> Table:
 
 def moments(result: Mapping[str, Any]) -> Table:
     """The worst moments of the run, the worst first."""
-    from testbed.log.table_pages import happened, subject
+    from testbed.log.text import happened, subject
 
     several = len(result["trackers"]) > 1
     table = light_table(f"the {len(result['moments'])} worst moments")

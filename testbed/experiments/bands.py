@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from testbed.evaluation.intervals import LEVEL, Interval, chi2_limits, crossed_interval
+from testbed.evaluation.metric import METRICS
 from testbed.experiments.statistics import PHASES
 from testbed.experiments.store import Results
 
@@ -20,9 +21,7 @@ BANDS = {
     "visible": (VISIBLE, LABELS),
 }
 BAND_MEASURES = (  # column of `by_band`, title, factor, digits
-    ("position", "position RMSE [m]", 1.0, 2),
-    ("velocity", "velocity RMSE [m/s]", 1.0, 2),
-    ("length", "length RMSE [m]", 1.0, 2),
+    *((key, METRICS[f"rmse_{key}"].title, 1.0, 2) for key in ("position", "velocity", "length")),
     ("held", "frames with a track that fits [%]", 100.0, 1),
 )
 FEWEST_FRAMES = 30  # with a track, for the errors of a band

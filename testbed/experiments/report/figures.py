@@ -113,12 +113,14 @@ def _over_time(results: Results) -> Iterator[Plot]:
     count, seeds = len(results.study.trackers), len(results.study.seeds)
     left = f" {say('chosen', trackers=count)}" if count > len(shown) else ""
     shared = {"step": f"{STEP:g}", "chosen": left}
-    for quantity, label, unit in (("gospa", "GOSPA", "m"), ("position", "position RMSE", "m")):
+    for quantity, metric in (("gospa", METRICS["gospa"]), ("position", METRICS["rmse_position"])):
 
-        def errors(quantity: str = quantity, label: str = f"{label} [{unit}]") -> Figure:
+        def errors(quantity: str = quantity, label: str = metric.title) -> Figure:
             return figures_time.errors(data, quantity, label)
 
-        yield plot(f"time_{quantity}", errors, "errors", label=label, band=seeds >= FEWEST, seeds=seeds, **shared)
+        yield plot(
+            f"time_{quantity}", errors, "errors", label=metric.label, band=seeds >= FEWEST, seeds=seeds, **shared
+        )
     for quantity, label in (("nees_position", "NEES of the position"), ("nis", "NIS of the centroid")):
         if not any(s.quantity == quantity and (s.mean > 0).any() for s in series):
             continue
