@@ -112,6 +112,40 @@ def test_what_has_no_baseline_and_what_has_nothing_else_is_told_and_passes(told,
     assert "gone, with a baseline: old-filter" in said
 
 
+def test_results_without_any_baseline_are_no_pass_and_say_what_makes_them(told, runs, tmp_path):
+    def change(found):
+        for tracker in found["trackers"].values():
+            tracker["scenarios"].pop("following", None)
+            tracker["scenarios"].pop("cut-in", None)
+
+    bare = edited(tmp_path / "bare.json", change)
+    status, said, _ = told(*PART, "--out", runs[0], "--baselines", bare)
+    assert status == 1, said
+    assert f"`testbed regress --update --baselines {bare} --tracker rm-feldmann" in said
+
+
+def test_strict_fails_where_one_result_has_no_baseline(told, runs, tmp_path):
+    known = edited(tmp_path / "b.json", lambda f: f["trackers"]["rm-feldmann"]["scenarios"].pop("following"))
+    status, said, _ = told(*PART, "--out", runs[0], "--baselines", known, "--strict")
+    assert status == 1, said
+    assert "without a baseline: rm-feldmann (following)" in said
+
+
+def test_the_filter_of_a_user_is_run_again_after_a_change_and_its_recordings_stay(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    source = (ROOT / "docs" / "examples" / "own_filter.py").read_text()
+    part = {"baselines": tmp_path / "b.json", "update": True, "settings": Settings(duration=1.0)}
+    made = []
+    for changed in ("", "EXTRA = 1\n"):
+        (tmp_path / "changing_filter.py").write_text(source + changed)
+        own_modules_are_read_again()
+        study = Regress(("following",), ("changing_filter:Kalman",), (0,), out=str(tmp_path / "out"), **part)
+        tally = execute(study, Engine(1))
+        made.append((tally.done, [path.stat().st_mtime_ns for path in (tmp_path / "out" / "recordings").iterdir()]))
+    assert made[0] == made[1] == (1, made[0][1])
+    assert execute(study, Engine(1)).found == 1
+
+
 def test_an_update_of_a_part_makes_it_pass_and_leaves_the_rest(told, runs, easier):
     before = json.loads(easier.read_text())
     status, said, _ = told(
