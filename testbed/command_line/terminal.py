@@ -8,7 +8,7 @@ from io import TextIOWrapper
 from typing import IO, Any, NamedTuple, TypeVar, cast
 
 import typer
-from rich.console import Console, ConsoleOptions, RenderResult
+from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
 from rich.markup import escape
 from rich.measure import Measurement
 from rich.progress import (
@@ -84,6 +84,12 @@ def complain(sentence: object) -> None:
         text = f"{text[: LONGEST // 2]} [...] {text[-LONGEST // 2 :]}"
     with suppress(OSError):  # nothing else can be done where stderr cannot be written
         print(text, file=sys.stderr, flush=True)
+
+
+def show(*parts: RenderableType) -> None:
+    """Print tables, and lines that are not broken: they may hold a path."""
+    for part in parts:
+        console.print(part, soft_wrap=isinstance(part, str))
 
 
 @contextmanager
