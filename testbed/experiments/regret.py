@@ -60,11 +60,11 @@ class Limit(NamedTuple):
 
     def exceeded(self, cell: pairs.Cell) -> str:
         """A sentence where the change of a cell is over the limit, else nothing."""
-        metric, worse = METRICS[self.measure], -METRICS[self.measure].better * cell.change.mean.value
+        worse = -METRICS[cell.measure].better * cell.change.mean.value
         if cell.measure != self.measure or not worse > self.most:
             return ""
         where = f"{cell.condition}, {cell.planner}, {cell.scenario}"
-        return f"{where}: {metric.title} worse by {worse:.3g} than on the truth, allowed {self.most:g}"
+        return f"{where}: {METRICS[self.measure].title} worse by {worse:.3g} than the truth, allowed {self.most:g}"
 
 
 @dataclass(frozen=True)

@@ -4,16 +4,19 @@ import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
 
 from sensors.fault_text import KINDS, faults_of
 from testbed.experiments.baselines import NONE
-from testbed.experiments.command import check
+from testbed.experiments.command import check, execute
+from testbed.experiments.compare import Settings
 from testbed.experiments.engine import Engine
 from testbed.experiments.regress import CASES, COMMITTED, FAULTS, Regress, orphans
 
+ROOT = Path(__file__).parents[3]
 TESTBED = [sys.executable, "-m", "testbed", "regress"]
 PLAIN = {**os.environ, "COLUMNS": "160", "NO_COLOR": "1", "TERM": "dumb"}
 TRACKERS = ("rm-feldmann", "htg-mm")
@@ -115,8 +118,8 @@ def test_what_has_no_baseline_and_what_has_nothing_else_is_told_and_passes(told,
 def test_results_without_any_baseline_are_no_pass_and_say_what_makes_them(told, runs, tmp_path):
     def change(found):
         for tracker in found["trackers"].values():
-            tracker["scenarios"].pop("following", None)
-            tracker["scenarios"].pop("cut-in", None)
+            for scenario in SCENARIOS:
+                tracker["scenarios"].pop(scenario, None)
 
     bare = edited(tmp_path / "bare.json", change)
     status, said, _ = told(*PART, "--out", runs[0], "--baselines", bare)
@@ -138,7 +141,6 @@ def test_the_filter_of_a_user_is_run_again_after_a_change_and_its_recordings_sta
     made = []
     for changed in ("", "EXTRA = 1\n"):
         (tmp_path / "changing_filter.py").write_text(source + changed)
-        own_modules_are_read_again()
         study = Regress(("following",), ("changing_filter:Kalman",), (0,), out=str(tmp_path / "out"), **part)
         tally = execute(study, Engine(1))
         made.append((tally.done, [path.stat().st_mtime_ns for path in (tmp_path / "out" / "recordings").iterdir()]))
