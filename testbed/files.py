@@ -67,11 +67,12 @@ def versions() -> dict[str, str]:
 
 def provenance() -> dict[str, Any]:
     """Date, command and class of machine of this process, digest of our files, commit and whether it was changed."""
-    folder = Path(__file__).parent.parent
+    folder, program = Path(__file__).parent.parent, Path(sys.argv[0])
+    name = program.parent.name if program.name == "__main__.py" else program.name
     state = _git(folder, "status", "--porcelain", "--untracked-files=no", "--", *OURS)
     return {
         "date": f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}",
-        "command": shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]]),
+        "command": shlex.join([name, *sys.argv[1:]]),
         "code": _digest(folder),
         "commit": None if state is None else _git(folder, "rev-parse", "HEAD"),
         "changed": None if state is None else bool(state),

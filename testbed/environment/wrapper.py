@@ -103,9 +103,7 @@ def check_options(options: Any) -> None:
         known = ", ".join(map(repr, OPTIONS))
         raise ValueError(f"options has no key {unknown[0]!r}; known: {known}, the configuration of highway-env")
     if not isinstance(options.get("config", {}), Mapping):
-        raise TypeError(
-            f"options['config'] must be a dict, got {options['config']!r}; write options={{'config': {{}}}}"
-        )
+        raise TypeError(f"options['config'] must be a dict, got {options['config']!r}; leave it out")
 
 
 def planner_name(planner: Any) -> str:

@@ -1,6 +1,7 @@
 """One run from start to files: what is written, what repeats, what does not depend on what."""
 
 import json
+import shlex
 import sys
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -80,7 +81,7 @@ def test_results_say_where_they_come_from(twice):
     made = json.loads(done.json.read_text())["made"]
     assert made == done.result["made"]
     assert datetime.strptime(made["date"], "%Y-%m-%dT%H:%M:%S%z") <= datetime.now(UTC)
-    assert Path(sys.argv[0]).name in made["command"]
+    assert made["command"].endswith(shlex.join(sys.argv[1:]))
     assert len(made["code"]) == 12
     root = Path(__file__).parents[3]
     if (root / ".git").exists():
@@ -89,7 +90,7 @@ def test_results_say_where_they_come_from(twice):
     else:
         assert made["commit"] is None is made["changed"]
     assert str(root) not in json.dumps(made)
-    assert done.result["run"]["config"] == {"simulation_frequency": 15, "policy_frequency": 5, "duration": 1.0}
+    assert done.result["run"]["config"] == {"simulation_frequency": 15, "policy_frequency": 5, "duration": 2.0}
 
 
 def test_another_seed_gives_another(twice, tmp_path):
