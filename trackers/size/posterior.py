@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.estimate import Estimate
-from trackers.geometry import rotation, to_frame, to_world
+from trackers.geometry import rotation, to_frame, to_world, vector
 from trackers.linalg import symmetrize
 from trackers.parameters import check_numbers
 from trackers.scan import Scan, SensorModel
@@ -62,6 +62,7 @@ class SizePosterior:
     lost_rate: float = 1.5e-3  # [1/s] at which a box is misplaced
     pin: float = 0.03  # standard deviation of the size in the filter of the place, as a share of it
     least_pin: float = 0.02  # [m]
+    face_std: float = 0.05  # [m] how well it is known where in a face its detections are
     part_weight: float = 0.3  # of scans that show a part of the width
     enough_side: float = 5.0  # detections from beside an object after which they show all of its length
     impossible: float = 1e-3  # probability of a greater size above which the gates reach so far
@@ -105,11 +106,11 @@ class SizePosterior:
         return SizeState(state.anchor, np.log(p), np.log(q), belief, state.fully_visible, side)
 
     def corrected(
-        self, state: SizeState, heading: NDArray, box: Estimate, scan: Scan, around: Around | None
+        self, state: SizeState, before: NDArray, box: Estimate, scan: Scan, around: Around | None
     ) -> tuple[SizeState, Pin]:
         """Grids with the detections of a scan, some at least, for the objects with detections; and the new box.
 
-        `box` is that after the scan, heading (...) [rad] the one before it, `around` the complete scan, whose other
+        `box` is that after the scan, before (..., 3) the pose before it, `around` the complete scan, whose other
         detections hide parts of the objects, None where it is not known.
         """
         if scan.sensor.max(initial=0) >= len(self.sensors):
@@ -122,11 +123,19 @@ class SizePosterior:
         every = np.ravel_multi_index(index[:-1], lead) if lead else np.zeros(len(index[0]), int)
         rows, start, row = np.unique(every, return_index=True, return_inverse=True)  # H objects with detections
         axes = len(lead)
-        turned = np.cos(box.pose[..., 2] - heading) < 0  # front and rear changed places
-        before = np.where(turned[..., None], -state.anchor, state.anchor)
+        turned = np.cos(box.pose[..., 2] - before[..., 2]) < 0  # front and rear changed places
+        facing_before = np.where(turned[..., None], -state.anchor, state.anchor)
         pose, size, anchor, length, width, fully_visible, side = (
             flat(a, axes)[rows]
-            for a in (box.pose, box.size, before, state.length, state.width, state.fully_visible, state.side)
+            for a in (
+                self._read_at(before, box.pose),
+                box.size,
+                facing_before,
+                state.length,
+                state.width,
+                state.fully_visible,
+                state.side,
+            )
         )
         hits = hits_of(scan, index, row, pose, self.profiles, self.sigma)
         place = np.add.reduceat(hits.place, start, axis=0) / np.diff(start, append=len(row))[:, None]
@@ -165,6 +174,17 @@ class SizePosterior:
         d = (rotation(box.pose[..., 2]) @ body[..., None])[..., 0]
         return new, Pin(size, self.pin_std(size), d)
 
+    def _read_at(self, before: NDArray, after: NDArray) -> NDArray:
+        """Poses (..., 3) of the boxes in which a scan is read: after it, but as far back as offsets can make up for.
+
+        The box after the scan has followed the noise of the same detections, among which it seems too small.
+        """
+        M = rotation(after[..., 2])
+        body = (M.mT @ (before - after)[..., :2, None])[..., 0]
+        reach = np.array([grid.offset_std for grid in self.grids])
+        back = (M @ np.clip(body, -reach, reach)[..., None])[..., 0]  # (ENDS.38)
+        return np.concatenate([after[..., :2] + back, after[..., 2:]], -1)
+
     def restarted(self, state: SizeState, size: NDArray) -> SizeState:
         """The state of objects that start again with a size (..., 2) [m]; the width seen so far stays."""
         l = size[..., :1]
@@ -180,14 +200,30 @@ class SizePosterior:
         return SizeState(state.anchor, length, width, belief, state.fully_visible, side)
 
     def estimate(self, state: SizeState, box: Estimate) -> Estimate:
-        """The box with size, class, and the place of the centre between both ends."""
+        """The box with size, class, and the place of the centre between both ends, and how well each edge is known."""
         b = state.belief
-        placed = _placed(state, box, b.size, b.centre_var)
+        inset, square = np.moveaxis(b.kind @ self.prior.insets, -1, 0)  # (ENDS.35)
+        out, out_var = (vector(x, np.zeros(x.shape)) for x in (inset, square - inset**2))
+        placed = _placed(state, box, b.size, b.centre_var + out_var, out)
         contour = box.contour
         if contour is not None:
             scale = (b.size / box.size)[..., None, :]
             contour = to_world(placed.pose, to_frame(box.pose, contour) * scale)
-        return placed._replace(size_std=np.sqrt(b.size_var), contour=contour, class_probability=b.kind.copy())
+        kind, edge_std = b.kind.copy(), self._edge_std(state, box, out_var)
+        size_std = np.sqrt(b.size_var)
+        return placed._replace(size_std=size_std, contour=contour, class_probability=kind, edge_std=edge_std)
+
+    def _edge_std(self, state: SizeState, box: Estimate, out_var: NDArray) -> NDArray:
+        """Standard deviations (..., 4) [m] of the edges, by the grids, which know them better than the box alone."""
+        b = state.belief
+        M = rotation(box.pose[..., 2])
+        place = np.sum(M * (box.cov[..., :2, :2] @ M), -2)
+        known = np.array([grid.offset_std for grid in self.grids]) ** 2 + (2 * self.pin_std(box.size)) ** 2
+        more = out_var + self.face_std**2 + np.maximum(place - known, 0.0)  # (ENDS.36)
+        near = b.offset_var + more  # (ENDS.36)
+        far = 2 * b.centre_var - b.offset_var + b.size_var / 2 + more  # (ENDS.37)
+        front, rear = (np.where(state.anchor * end > 0, near, far) for end in (1, -1))
+        return np.sqrt(np.stack([front, rear], -1).reshape(*front.shape[:-1], 4))
 
     def reach(self, state: SizeState, box: Estimate) -> Estimate:
         """The box with the greatest length and width that are possible, for gates; its `size_std` is 0."""
@@ -223,10 +259,10 @@ class SizePosterior:
         return estimate._replace(size_std=self.pin_std(estimate.size), contour=None, class_probability=None)
 
 
-def _placed(state: SizeState, box: Estimate, size: NDArray, var: NDArray) -> Estimate:
-    """The box with another size (..., 2) [m] and the same anchor ends; var (..., 2) [m^2] is added to its axes."""
+def _placed(state: SizeState, box: Estimate, size: NDArray, var: NDArray, out: NDArray | float = 0.0) -> Estimate:
+    """The box with another size (..., 2) [m], its anchor ends moved out; var (..., 2) [m^2] is added to its axes."""
     M = rotation(box.pose[..., 2])
-    body = state.anchor * (state.belief.offset + (box.size - size) / 2)  # (ENDS.21)
+    body = state.anchor * (state.belief.offset + out + (box.size - size) / 2)  # (ENDS.21)
     pose, cov = box.pose.copy(), box.cov.copy()
     pose[..., :2] += (M @ body[..., None])[..., 0]  # (ENDS.21)
     cov[..., :2, :2] += symmetrize((M * var[..., None, :]) @ M.mT)  # (ENDS.20)
