@@ -17,11 +17,11 @@ from trackers.parameters import check_numbers
 from trackers.scan import Scan, SensorModel
 from trackers.size import spatial
 from trackers.size.belief import Belief, posterior
-from trackers.size.evidence import evidence, facing
+from trackers.size.evidence import evidence, facing, with_evidence
 from trackers.size.fleet import Fleet, Prior
 from trackers.size.grid import LENGTH, WIDTH, Grid
 from trackers.size.hidden import Around
-from trackers.size.hits import Boxes, hits_of
+from trackers.size.hits import Boxes, Hits, hits_of
 from trackers.size.profile import Profiles
 
 SIDE = np.sin(np.radians(10.0))  # a line of sight further off the axis meets sides behind the front of a load
@@ -125,10 +125,11 @@ class SizePosterior:
         axes = len(lead)
         turned = np.cos(box.pose[..., 2] - before[..., 2]) < 0  # front and rear changed places
         facing_before = np.where(turned[..., None], -state.anchor, state.anchor)
-        pose, size, anchor, length, width, fully_visible, side = (
+        pose, was, size, anchor, length, width, fully_visible, side = (
             flat(a, axes)[rows]
             for a in (
-                self._read_at(before, box.pose),
+                box.pose,
+                before,
                 box.size,
                 facing_before,
                 state.length,
@@ -138,6 +139,9 @@ class SizePosterior:
             )
         )
         hits = hits_of(scan, index, row, pose, self.profiles, self.sigma)
+        back = self._back(hits, start, to_frame(pose, was[:, None, :2])[:, 0])
+        hits = hits._replace(xy=hits.xy - back[row], place=hits.place - back[row])
+        pose = np.concatenate([to_world(pose, back[:, None])[:, 0], pose[:, 2:]], -1)
         place = np.add.reduceat(hits.place, start, axis=0) / np.diff(start, append=len(row))[:, None]
         faced = facing(anchor, size, place)
         for axis, A in enumerate((length, width)):
@@ -147,10 +151,10 @@ class SizePosterior:
         boxes = Boxes(pose, size, faced)
         if around is not None:
             around = around.among(rows)
-        more = evidence(
+        *more, sharper = evidence(
             self.grids, hits, boxes, start, fully_visible, self.outliers, self.independent, self.part_weight, around
         )
-        length, width = (A - A.max((-2, -1), keepdims=True) for A in (length + more[0], width + more[1]))
+        length, width = (with_evidence(A, p, sharper) for A, p in zip((length, width), more, strict=True))
         side = side + np.add.reduceat((np.abs(hits.sight[:, 1]) > SIDE).astype(float), start)
         belief = self.belief(np.exp(length), np.exp(width), faced, side)
         step = np.array([grid.step for grid in self.grids])
@@ -174,16 +178,17 @@ class SizePosterior:
         d = (rotation(box.pose[..., 2]) @ body[..., None])[..., 0]
         return new, Pin(size, self.pin_std(size), d)
 
-    def _read_at(self, before: NDArray, after: NDArray) -> NDArray:
-        """Poses (..., 3) of the boxes in which a scan is read: after it, but as far back as offsets can make up for.
+    def _back(self, hits: Hits, start: NDArray, body: NDArray) -> NDArray:
+        """By how much (H, 2) [m] boxes are moved back before a scan is read in them, along their axes.
 
-        The box after the scan has followed the noise of the same detections, among which it seems too small.
+        body (H, 2) [m] is the place before the scan in the box after it, which has followed the noise of the same
+        detections: among them it would seem too small.
         """
-        M = rotation(after[..., 2])
-        body = (M.mT @ (before - after)[..., :2, None])[..., 0]
-        reach = np.array([grid.offset_std for grid in self.grids])
-        back = (M @ np.clip(body, -reach, reach)[..., None])[..., 0]  # (ENDS.38)
-        return np.concatenate([after[..., :2] + back, after[..., 2:]], -1)
+        n = np.diff(start, append=len(hits.row))[:, None]
+        noise = hits.sigma**2 - hits.sensor.surface_std[:, None] ** 2
+        followed = np.sqrt(np.add.reduceat(np.maximum(noise, 0.0), start)) / n
+        reach = np.minimum(followed, [grid.offset_std for grid in self.grids])
+        return np.clip(body, -reach, reach)  # (ENDS.38)
 
     def restarted(self, state: SizeState, size: NDArray) -> SizeState:
         """The state of objects that start again with a size (..., 2) [m]; the width seen so far stays."""
