@@ -4,7 +4,7 @@ Detections lie all along the visible side of one vehicle. Where many are expecte
 are some on both sides, there are two. Equations: docs/methods/life-cycle-of-tracks.md, section 6.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +15,7 @@ from trackers.geometry import dot, to_frame, to_world, unit, vector, wrap_angle
 from trackers.multi.association import SortedScan
 from trackers.multi.visibility import SensorArray, Visibility, ray_box
 from trackers.parameters import check_numbers
+from trackers.size.fleet import Fleet
 
 STEP, CELLS = 0.25, 128  # [m] and number of the cells along a track: 16 m to both sides of the origin
 PLACE = STEP * (np.arange(CELLS) - CELLS // 2 + 0.5)  # [m] of the cells
@@ -51,7 +52,7 @@ class GroundTest:
     above: float = 0.5  # existence from which it is looked at
     aside: float = 0.4  # [m] beside the box, up to which detections count as its own
     rate: float = 2.0  # [m/s] difference of the range rate up to which they do
-    gaps: tuple[int, ...] = (2, 3, 4, 6, 8, 12, 16, 24, 32)  # [cells] widths of empty ground that are tried
+    gaps: tuple[int, ...] = (2, 3, 4, 6, 8, 12, 16, 24, 32, 40, 48)  # [cells] widths of empty ground that are tried
     beside: int = 6  # [cells] on each side of the gap, from which the density in it is foretold
     denser: float = 2.5  # most by which more detections than expected beside a gap, no wider than that, count for it
     thin: float = 0.5  # share of the expected detections that one vehicle may show in a stretch
@@ -59,7 +60,10 @@ class GroundTest:
     independent: float = 20.0  # a sensor with more detections of a track in a scan counts as so many
     surer: float = 4.0  # log likelihood ratio from which it is two
     least: float = 4.0  # detections on each side of the gap
-    headway: float = 0.0125  # [s^2/m] least gap over the square of the speed: at speed nobody drives closer
+    closest: float = 2.0  # [m] mean gap of a queue that stands
+    headway: float = 1.0  # [s] by which the mean gap grows with the speed
+    fleet: Fleet = field(default_factory=Fleet)  # whose lengths one vehicle, or two, may have
+    length_std: float = 0.7  # [m] of a length, beside the spread of its class
 
     def __post_init__(self) -> None:
         check_numbers(self)
@@ -139,28 +143,39 @@ class GroundTest:
         lit = np.maximum(np.abs(aside) - half, 0.0) / r  # sine of the angle under which the side is seen
         return np.repeat(np.where(sees, np.sqrt(lit) / r, 0.0), COARSE, axis=1)  # (LIFE.31)
 
+    def _log_density(self, length: NDArray) -> NDArray:
+        """Log density (...) [1/m] of lengths (...) [m] among all vehicles."""
+        density = np.full(length.shape, self.fleet.floor)
+        for c in self.fleet.classes:
+            std = np.hypot(c.length[1], self.length_std)
+            density += c.share * np.exp(-0.5 * ((length - c.length[0]) / std) ** 2) / (2.5 * std)
+        return np.log(density)
+
     def split(self, ground: Ground, estimate: Estimate) -> Split:
         """Which of D tracks are two vehicles; estimate (D,) is theirs."""
         D, b = len(ground.id), self.beside
         rows, none = np.arange(D), np.zeros((D, 1))
         S, X = (np.concatenate([none, np.cumsum(a, 1)], 1) for a in (ground.seen, ground.expected))
         edge = STEP * (np.arange(CELLS + 1) - CELLS // 2) - shift_of(ground, estimate)  # (D, CELLS + 1) of the body
-        half, closest = estimate.size[:, :1] / 2 + STEP, self.headway * dot(estimate.velocity, estimate.velocity)
+        half = estimate.size[:, :1] / 2 + STEP
+        one = self._log_density(estimate.size[:, :1])
+        speed = np.sqrt(dot(estimate.velocity, estimate.velocity))[:, None]
+        one = one + np.log(self.closest + self.headway * speed)
+        rear, front = self._log_density(edge + half - STEP), self._log_density(half - STEP - edge)
         begins, ends = edge > -half, edge < half
         flank = S[:, b:] - S[:, :-b]  # detections of the cells beside a gap, from their first edge on
         dense = flank / np.maximum(X[:, b:] - X[:, :-b], 1e-9)
         enough = flank >= self.least
         best, gap = np.full(D, -np.inf), np.zeros((D, 2))
         for w in self.gaps:
-            if not (wide := STEP * w >= closest).any():
-                continue
             last = CELLS + 1 - w - b  # edges b to this one begin a gap
             left, right = slice(0, last - b), slice(b + w, last + w)  # first edges of what is beside it
             denser = np.minimum(np.minimum(dense[:, left], dense[:, right]), self.denser if w <= b else 1.0)
             foretold = (X[:, b + w : last + w] - X[:, b:last]) * denser  # (LIFE.33)
             n = S[:, b + w : last + w] - S[:, b:last]
             ratio = (self.thin - self.stray) * foretold - np.log(self.thin / self.stray) * n  # (LIFE.34)
-            there = begins[:, left] & ends[:, b + w + b :] & enough[:, left] & enough[:, right] & wide[:, None]
+            there = begins[:, left] & ends[:, b + w + b :] & enough[:, left] & enough[:, right]
+            ratio += rear[:, b : last] + front[:, b + w : last + w] - one
             ratio = np.where(there, ratio, -np.inf)
             k = ratio.argmax(1)
             top = ratio[rows, k]

@@ -83,8 +83,9 @@ class MultiObjectTracker:
         estimate = prior(np.zeros((0, 3)))
         none = np.zeros(0)
         return Tracks(
-            none.astype(int), none, none.astype(int), none, none.astype(bool), self.filter.init(estimate), estimate
-        )
+            none.astype(int), none, none.astype(int), none, none.astype(bool), self.filter.init(estimate), estimate,
+            unseen=none,
+        )  # fmt: skip
 
     def step(self, tracks: Tracks, scan: Scan, dt: float) -> tuple[Tracks, StepInfo]:
         """Tracks after one scan (M,) of all sensors, dt [s] after the scan before, and what was decided.
@@ -102,7 +103,10 @@ class MultiObjectTracker:
         tracks = tracks._replace(existence=self.existence.survive(tracks.existence, visible, view.in_view, dt))
         tracks = tracks._replace(memory=tracks.memory._replace(out=out))
         gate = tracks.estimate if self.can.reach is None else self.can.reach(tracks.state)
-        claims = self.association.claim(self.can.log_spatial, tracks.state, gate, tracks.existence, view.expected, z)
+        claims = self.association.claim(
+            self.can.log_spatial, tracks.state, gate, tracks.existence, view.expected, z, self.sensor_array.clutter
+        )
+        z = z._replace(clutter=claims.clutter)
         info = self._weigh(tracks, view, claims)
         updated = tracks
         if info.detections.any():
@@ -117,6 +121,7 @@ class MultiObjectTracker:
             estimate=self.filter.estimate(updated.state),
             existence=self.existence.update(tracks.existence, info.log_ratio),
             hits=tracks.hits + (info.detections > 0),  # (MOT.26)
+            unseen=None if tracks.unseen is None else np.where(info.detections > 0, 0.0, tracks.unseen + dt),
         )
         updated, divided = self._divide(updated, view, z, dt)
         candidate = self.suppression.candidates(z, claims.owner, updated.estimate, updated.existence)
@@ -227,6 +232,7 @@ class MultiObjectTracker:
             estimate=self.filter.estimate(state),
             next_id=tracks.next_id + int((~returned).sum()),
             memory=memory,
+            unseen=None if tracks.unseen is None else np.zeros(B),
         )
         events = [
             Event("returned", int(i), "where the lost vehicle should be by now")
