@@ -28,6 +28,11 @@ SCENARIOS = MappingProxyType({s.name: s for s in (
         "scenarios.longitudinal:stop_and_go", 14,
     ),
     Scenario(
+        "column",
+        "Seventeen cars with gaps of 3 m at 25 m/s on both sides: none may be lost in a track over two of them.",
+        "scenarios.longitudinal:column", 18,
+    ),
+    Scenario(
         "slow-tractor",
         "A tractor with narrow bonnet and wide wheels at 8 m/s on a country road; fast approach, oncoming traffic.",
         "scenarios.longitudinal:slow_tractor", 7,

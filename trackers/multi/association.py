@@ -121,9 +121,9 @@ class Association:
         """Pairs inside both gates, and the owner of each of the M detections.
 
         estimate and existence (T,) are those of the predicted tracks, expected (S, T) their expected detections by
-        sensor, false_alarms (S,) those of the data sheets, None: they are as
-        stated. `log_spatial` is that of the filter with the state (T,), see `trackers.filter.Abilities`; None stands
-        for a density that is even over the box.
+        sensor. `log_spatial` is that of the filter with the state (T,), see `trackers.filter.Abilities`; None stands
+        for a density that is even over the box. false_alarms (S,) are those of the data sheets, with which those of
+        this scan are compared; None: the clutter is that of the data sheets.
         """
         track, detection, log_box = self._inside_gate(estimate, z)
         log_rate, near = self._rate_gate(estimate, z, track, detection)

@@ -35,7 +35,7 @@ class Exclusion:
     overlap_sure: float = 0.7  # whatever the velocity
     lane: float = 1.6  # [m] across
     speed: float = 1.5  # [m/s] difference
-    gap: tuple[float, float, float] = (6.0, 0.8, 0.0125)  # bumper gap below min(a, b + c v^2) [m]: one vehicle
+    gap: tuple[float, float, float] = (7.5, 0.8, 0.0125)  # bumper gap below min(a, b + c v^2) [m]: one vehicle
     longest: float = 20.5  # [m] of a union
 
     def __post_init__(self) -> None:

@@ -16,7 +16,7 @@ class Existence:
     """One existence probability a track."""
 
     life_visible: float = 60.0  # [s]
-    life_hidden: float = 8.0  # [s] inside a field of view, behind something
+    life_hidden: float = 4.0  # [s] inside a field of view, behind something
     life_outside: float = 1.5  # [s] outside every field of view
     dispersion: float = 2.0  # k of the negative binomial count: measured counts vary more than Poisson
     miss_floor: float = 0.2  # least likelihood ratio of an empty scan

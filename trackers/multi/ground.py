@@ -5,6 +5,7 @@ are some on both sides, there are two. Equations: docs/methods/life-cycle-of-tra
 """
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -35,7 +36,7 @@ class Split(NamedTuple):
     """Which of D tracks are two vehicles, and where these lie along its heading, from its centre."""
 
     where: NDArray  # (D,) bool
-    ratio: NDArray  # (D,) log likelihood ratio
+    ratio: NDArray  # (D,) log odds
     rear: NDArray  # (D, 2) [m] from, to
     front: NDArray  # (D, 2) [m] from, to
 
@@ -58,7 +59,7 @@ class GroundTest:
     thin: float = 0.5  # share of the expected detections that one vehicle may show in a stretch
     stray: float = 0.1  # share of them that noise carries into a gap
     independent: float = 20.0  # a sensor with more detections of a track in a scan counts as so many
-    surer: float = 4.0  # log likelihood ratio from which it is two
+    surer: float = 3.0  # log odds from which it is two
     least: float = 4.0  # detections on each side of the gap
     closest: float = 2.0  # [m] mean gap of a queue that stands
     headway: float = 1.0  # [s] by which the mean gap grows with the speed
@@ -143,13 +144,25 @@ class GroundTest:
         lit = np.maximum(np.abs(aside) - half, 0.0) / r  # sine of the angle under which the side is seen
         return np.repeat(np.where(sees, np.sqrt(lit) / r, 0.0), COARSE, axis=1)  # (LIFE.31)
 
-    def _log_density(self, length: NDArray) -> NDArray:
-        """Log density (...) [1/m] of lengths (...) [m] among all vehicles."""
-        density = np.full(length.shape, self.fleet.floor)
-        for c in self.fleet.classes:
-            std = np.hypot(c.length[1], self.length_std)
-            density += c.share * np.exp(-0.5 * ((length - c.length[0]) / std) ** 2) / (2.5 * std)
-        return np.log(density)
+    @cached_property
+    def _lengths(self) -> NDArray:
+        """Density (CELLS,) [1/m] of the lengths of vehicles, at the multiples of `STEP`."""
+        length, floor = STEP * np.arange(CELLS), self.fleet.floor
+        mean, std = np.array([c.length for c in self.fleet.classes]).T[..., None]
+        std = np.hypot(std, self.length_std)
+        each = np.exp(-0.5 * ((length - mean) / std) ** 2) / (std * np.sqrt(2 * np.pi))
+        return (1 - floor) * self.fleet.shares @ each + floor / length[-1]  # (LIFE.35)
+
+    def _in_file(self, speed: NDArray) -> tuple[NDArray, NDArray]:
+        """Densities (D, CELLS) of the gap to the next vehicle, and of the extent of one vehicle or several in file.
+
+        Both [1/m] at the multiples of `STEP`, at speeds (D,) [m/s].
+        """
+        mean = (self.closest + self.headway * speed)[:, None]
+        gap = np.exp(-STEP * np.arange(CELLS) / mean) / mean  # (LIFE.36)
+        one, next = np.fft.rfft(self._lengths, 4 * CELLS), np.fft.rfft(STEP**2 * gap, 4 * CELLS)
+        more = one * next
+        return gap, np.fft.irfft(one * (1 + more * (1 + more * (1 + more))), 4 * CELLS)[:, :CELLS]  # (LIFE.37)
 
     def split(self, ground: Ground, estimate: Estimate) -> Split:
         """Which of D tracks are two vehicles; estimate (D,) is theirs."""
@@ -158,10 +171,9 @@ class GroundTest:
         S, X = (np.concatenate([none, np.cumsum(a, 1)], 1) for a in (ground.seen, ground.expected))
         edge = STEP * (np.arange(CELLS + 1) - CELLS // 2) - shift_of(ground, estimate)  # (D, CELLS + 1) of the body
         half = estimate.size[:, :1] / 2 + STEP
-        one = self._log_density(estimate.size[:, :1])
-        speed = np.sqrt(dot(estimate.velocity, estimate.velocity))[:, None]
-        one = one + np.log(self.closest + self.headway * speed)
-        rear, front = self._log_density(edge + half - STEP), self._log_density(half - STEP - edge)
+        gaps, file = self._in_file(np.sqrt(dot(estimate.velocity, estimate.velocity)))
+        long = np.log(self._lengths[cells_of(2 * half - 2 * STEP)])  # (D, 1)
+        rear, front = (np.log(file[rows[:, None], cells_of(a)]) for a in (edge + half - STEP, half - STEP - edge))
         begins, ends = edge > -half, edge < half
         flank = S[:, b:] - S[:, :-b]  # detections of the cells beside a gap, from their first edge on
         dense = flank / np.maximum(X[:, b:] - X[:, :-b], 1e-9)
@@ -175,7 +187,7 @@ class GroundTest:
             n = S[:, b + w : last + w] - S[:, b:last]
             ratio = (self.thin - self.stray) * foretold - np.log(self.thin / self.stray) * n  # (LIFE.34)
             there = begins[:, left] & ends[:, b + w + b :] & enough[:, left] & enough[:, right]
-            ratio += rear[:, b : last] + front[:, b + w : last + w] - one
+            ratio += rear[:, b:last] + front[:, b + w : last + w] + np.log(gaps[:, w : w + 1]) - long  # (LIFE.38)
             ratio = np.where(there, ratio, -np.inf)
             k = ratio.argmax(1)
             top = ratio[rows, k]
@@ -185,6 +197,11 @@ class GroundTest:
             gap = np.where(better[:, None], found, gap)
         end = estimate.size[:, 0] / 2
         return Split(best > self.surer, best, vector(-end, gap[:, 0]), vector(gap[:, 1], end))
+
+
+def cells_of(length: NDArray) -> NDArray:
+    """Multiple of `STEP` nearest to each length [m], within the cells."""
+    return np.clip(np.rint(length / STEP), 0, CELLS - 1).astype(int)
 
 
 def counts(cell: NDArray, there: NDArray) -> NDArray:

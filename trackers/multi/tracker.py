@@ -84,7 +84,7 @@ class MultiObjectTracker:
         none = np.zeros(0)
         return Tracks(
             none.astype(int), none, none.astype(int), none, none.astype(bool), self.filter.init(estimate), estimate,
-            unseen=none,
+            hidden=none,
         )  # fmt: skip
 
     def step(self, tracks: Tracks, scan: Scan, dt: float) -> tuple[Tracks, StepInfo]:
@@ -117,11 +117,14 @@ class MultiObjectTracker:
             share = gather(z, shares(claims.owner, len(tracks.id), self.most_detections))
             state, found = guarded(self.can.update_among or self.filter.update, state, share, *around)
             updated, info = tracks._replace(state=state), reported(info, found)
+        hidden = tracks.hidden
+        if hidden is not None:
+            hidden = np.where(info.detections > 0, 0.0, hidden + dt * view.hidden)
         updated = updated._replace(
             estimate=self.filter.estimate(updated.state),
             existence=self.existence.update(tracks.existence, info.log_ratio),
             hits=tracks.hits + (info.detections > 0),  # (MOT.26)
-            unseen=None if tracks.unseen is None else np.where(info.detections > 0, 0.0, tracks.unseen + dt),
+            hidden=hidden,
         )
         updated, divided = self._divide(updated, view, z, dt)
         candidate = self.suppression.candidates(z, claims.owner, updated.estimate, updated.existence)
@@ -232,7 +235,7 @@ class MultiObjectTracker:
             estimate=self.filter.estimate(state),
             next_id=tracks.next_id + int((~returned).sum()),
             memory=memory,
-            unseen=None if tracks.unseen is None else np.zeros(B),
+            hidden=None if tracks.hidden is None else np.zeros(B),
         )
         events = [
             Event("returned", int(i), "where the lost vehicle should be by now")
