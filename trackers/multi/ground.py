@@ -160,9 +160,9 @@ class GroundTest:
         """
         mean = (self.closest + self.headway * speed)[:, None]
         gap = np.exp(-STEP * np.arange(CELLS) / mean) / mean  # (LIFE.36)
-        one, next = np.fft.rfft(self._lengths, 4 * CELLS), np.fft.rfft(STEP**2 * gap, 4 * CELLS)
+        one, next = np.fft.rfft(self._lengths, 8 * CELLS), np.fft.rfft(STEP**2 * gap, 8 * CELLS)
         more = one * next
-        return gap, np.fft.irfft(one * (1 + more * (1 + more * (1 + more))), 4 * CELLS)[:, :CELLS]  # (LIFE.37)
+        return gap, np.fft.irfft(one * (1 + more * (1 + more * (1 + more))), 8 * CELLS)[:, :CELLS]  # (LIFE.37)
 
     def split(self, ground: Ground, estimate: Estimate) -> Split:
         """Which of D tracks are two vehicles; estimate (D,) is theirs."""
