@@ -100,7 +100,8 @@ class MultiObjectTracker:
         tracks = self._predict(tracks, dt)
         view, out = self._view(tracks, scan)
         visible = view.share.max(0, initial=0.0) > 0
-        tracks = tracks._replace(existence=self.existence.survive(tracks.existence, visible, view.in_view, dt))
+        alive = self.existence.survive(tracks.existence, visible, view.in_view, view.hidden, dt)
+        tracks = tracks._replace(existence=alive)
         tracks = tracks._replace(memory=tracks.memory._replace(out=out))
         gate = tracks.estimate if self.can.reach is None else self.can.reach(tracks.state)
         claims = self.association.claim(

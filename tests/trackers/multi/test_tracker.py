@@ -327,8 +327,9 @@ def test_existence_by_hand():
     assert ex.log_ratio(np.zeros(1), np.array([50.0]), np.zeros(1)) == np.log(0.2)
     np.testing.assert_allclose(ex.log_ratio(np.ones(1), np.array([2.0]), np.array([3.0])), [2.4])
     np.testing.assert_allclose(ex.update(np.array([0.5]), np.log([4.0])), [0.8])
-    alive = ex.survive(np.ones(3), np.array([True, False, False]), np.array([True, True, False]), 1.5)
-    np.testing.assert_allclose(alive, np.exp([-1.5 / 60, -1.5 / 4, -1]))
+    visible, in_view, hidden = np.array([[1, 0, 0, 0], [1, 1, 1, 0], [0, 1, 0, 1]], bool)
+    alive = ex.survive(np.ones(4), visible, in_view, hidden, 1.5)
+    np.testing.assert_allclose(alive, np.exp([-1.5 / 60, -1.5 / 4, -1.5 / 8, -1]))
 
 
 def test_what_lies_just_ahead_of_a_box_and_moves_like_it_starts_no_track(tracker):
