@@ -213,7 +213,7 @@ def advance(estimate: Estimate, lag: float) -> Estimate:
 
 
 class Perception:
-    """Radar, trackers and their last frame; a deep copy of the environment holds None in its place."""
+    """Radar, trackers and their last frame."""
 
     scene: Scene  # of the last scan
 
@@ -230,9 +230,6 @@ class Perception:
         self.costs = {name: Cost() for name in self.trackers}
         self.only_truth = set(self.trackers.values()) == {None}
         self.steps = 0  # simulated frames since the start
-
-    def __deepcopy__(self, memo: dict) -> None:
-        return None
 
     def without(self, observer: Observer) -> "Perception":
         """The same with one observer less; all else is shared."""
