@@ -317,12 +317,8 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
         self._belief, self.plan = None, np.zeros((0, 2))
         self._decided = None
         self._ended = False
-        try:
-            with self._viewed_from_the_start(), self._fence:
-                observation, info = self.env.reset(seed=seed, options=options)
-        except BaseException:
-            self._clear()
-            raise
+        with self._viewed_from_the_start(), self._fence:
+            observation, info = self.env.reset(seed=seed, options=options)
         self.cruise_speed = max(SLOWEST_CRUISE, float(self._core.vehicle.speed))
         self._swap.hide(self._belief_now())
         return observation, self._report(info)
@@ -346,17 +342,16 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
             )
         if self._mounted is None:
             return self.env.step(action)
-        before = self._belief_now()
+        belief = self._belief_now()  # until there is a new one, which a step that fails does not have
         self._swap.show()
         words = describe_action(core.action_type, action)
         attach_view(core.observation_type, self._view)
         try:
             with frame_tap(core.road, self._mounted, words, self.plan), self._fence:
                 observation, reward, terminated, truncated, info = self.env.step(action)
-        except BaseException:
-            self._swap.hide(before)  # there may be no new one
-            raise
-        self._swap.hide(self._belief_now())
+            belief = self._belief_now()
+        finally:
+            self._swap.hide(belief)
         self._ended = bool(terminated or truncated)
         return observation, reward, terminated, truncated, self._report(info)
 
@@ -539,11 +534,15 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
 
         core.define_spaces = define_and_attach
         del core.reset
+        begun = False
         try:
             yield
+            begun = True
         finally:
             core.reset = NoReset()
             del core.define_spaces
+            if not begun:
+                self._clear()
 
     def _report(self, info: dict[str, Any]) -> dict[str, Any]:
         """The environment's info, the numbers of reported tracks of the first tracker and of detections, and the drive.

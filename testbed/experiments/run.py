@@ -8,19 +8,23 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import gymnasium as gym
+from gymnasium.error import InvalidAction
 
 from scenarios import SCENARIOS
 from scenarios.record import Scenario
 from sensors import Radar, faults_of
 from testbed import planners
+from testbed.environment.door import WrongTracks
 from testbed.environment.registration import make, scenario_of
 from testbed.environment.sources import conditions
 from testbed.frame import TRUTH
 from testbed.limits import LARGEST_SEED, MOST_RUNS, check_choice, check_duration, check_settle
+from testbed.planners.learned import UnfitPolicy
 from trackers import DEFAULT, TRACKERS
 
 LOOPS = ("open", "closed")
 ALL = "all"
+OF_USERS = (WrongTracks, InvalidAction, UnfitPolicy)  # a tracker, planner or policy does not fit; a sentence says how
 DONE, FOUND, FAILED = "done", "found", "failed"
 
 
@@ -130,11 +134,11 @@ class Outcome(NamedTuple):
 def outcome_of(name: str, work: Callable[[], str]) -> Outcome:
     """A run that fails must not stop the others: any error is caught here, and reported with its traceback.
 
-    Of a file that cannot be written or read the sentence is enough.
+    Of a file that cannot be written or read, and of `OF_USERS`, the sentence is enough.
     """
     try:
         note = work()
-    except OSError as error:
+    except (OSError, *OF_USERS) as error:
         return Outcome(name, FAILED, str(error))
     except Exception:
         return Outcome(name, FAILED, traceback.format_exc())
