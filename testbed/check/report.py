@@ -58,6 +58,7 @@ TRACKER_LAWS: tuple[Law, ...] = (
 
 
 RADAR_LAWS: tuple[tuple[Law, Cases], ...] = (
+    (entry_laws.mounts_lie_on_a_vehicle, ONCE),
     (entry_laws.a_scan_fits_the_data_sheets, ONCE),
     (entry_laws.the_same_generator_gives_the_same_scan, ONCE),
     (entry_laws.a_car_in_view_is_detected_and_an_empty_road_has_none, ONCE),

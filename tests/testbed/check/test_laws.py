@@ -1,6 +1,7 @@
 """The laws over every registered filter, and for each law a filter that breaks it."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -353,6 +354,12 @@ class Backwards(Noisy):
         self.rate = -1.0
 
 
+def mounted_at(*mount):
+    radar = Noisy()
+    radar.models = (replace(radar.models[0], mount=mount),)
+    return radar
+
+
 class Restive:
     """A planner that counts on through all episodes, or does what else it must not."""
 
@@ -410,6 +417,12 @@ def begins_late(world, count):
 @pytest.mark.parametrize(
     ("law", "twin", "sentence"),
     [
+        (
+            entry_laws.mounts_lie_on_a_vehicle,
+            mounted_at(2.35, 0.0, 180.0),
+            "sensor 0 has the heading 180 rad, more than",
+        ),
+        (entry_laws.mounts_lie_on_a_vehicle, mounted_at(2350.0, 0.0, 0.0), "mount of sensor 0 is 2350 m, 0 m from"),
         (entry_laws.a_scan_fits_the_data_sheets, SecondSensor(), "sensor must index the 1 models"),
         (entry_laws.a_scan_fits_the_data_sheets, TooFar(), "a detection at 500.0 m is beyond max_range"),
         (entry_laws.a_scan_fits_the_data_sheets, Backwards(), "rate must be positive, in scans a second"),
