@@ -11,7 +11,6 @@ import typer
 
 import testbed
 from testbed.command_line import options, tables
-from testbed.command_line.results import show_run
 from testbed.command_line.terminal import (
     busy,
     complain,
@@ -21,6 +20,7 @@ from testbed.command_line.terminal import (
     losses,
     progress_bar,
     reported,
+    show,
     user_input,
 )
 from testbed.files import LostFileWarning
@@ -63,8 +63,7 @@ def list_command(
     """
     with user_input():
         chosen = tables.catalogues(what)
-    for table in chosen:
-        console.print(table)
+    show(*chosen)
 
 
 @app.command()
@@ -107,29 +106,15 @@ def run(
     from testbed.experiments.single import run as run_once
 
     with user_input():
-        trackers, faults = tuple(tracker or (DEFAULT,)), tuple(fault or ())
-        file = None if config is None else str(config)
-        settings = RunConfig(
-            scenario,
-            trackers,
-            radar,
-            planner,
-            seed,
-            duration,
-            str(out),
-            log,
-            not no_metrics,
-            faults,
-            file,
-            focus,
-            after,
-        )
+        driven = scenario, tuple(tracker or (DEFAULT,)), radar, planner, seed, duration
+        file, faults = None if config is None else str(config), tuple(fault or ())
+        settings = RunConfig(*driven, str(out), log, not no_metrics, faults, file, focus, after)
         check(settings)
     with user_input((OSError, Unusable, WrongTracks)), progress_bar("{task.completed:.1f} / {task.total:.1f} s") as bar:
         task = bar.add_task(f"{scenario}, seed {seed}", total=length(settings))
         result = run_once(settings, lambda done, total: bar.update(task, completed=done, total=total))
     with losses(result.lost):
-        show_run(result.result, {"results": result.json, "log": result.rrd}, focus, console)
+        tables.show_run(result.result, {"results": result.json, "log": result.rrd}, focus, console)
     raise typer.Exit(result.exit_status)
 
 
@@ -187,9 +172,7 @@ def record(
         command.check(scenario, seed, radar, duration, out, format)
     with user_input((OSError,)), busy(f"driving {scenario}, seed {seed}"):
         written = command.record(scenario, seed, radar, duration, out, format)
-    for path in written:
-        console.print(f"{path.stem:10} {path}", soft_wrap=True)
-    console.print(f"replay it  testbed replay {shlex.quote(str(out))}", soft_wrap=True)
+    show(*(f"{path.stem:10} {path}" for path in written), f"replay it  testbed replay {shlex.quote(str(out))}")
 
 
 @app.command()
@@ -279,9 +262,7 @@ def bench(
         choice = chosen.Choice.of(scenario, tracker, radar, quick)
         choice.check()
     named = scenario or tracker or radar
-    report = reported(partial(chosen.measure, choice) if named else partial(benching.measure, quick), "benchmarks")
-    for table in report:
-        console.print(table)
+    show(*reported(partial(chosen.measure, choice) if named else partial(benching.measure, quick), "benchmarks"))
 
 
 @app.command("learn-htg")
@@ -306,9 +287,7 @@ def learn_htg(
     with user_input():
         config = LearnConfig(data, bins, not edges, not no_mirror, mass_min, count, seed)
         learned = reported(partial(learn, config, out), "learning")
-    for part in report(learned):
-        console.print(part)
-    console.print(f"table    {learned.path}", soft_wrap=True)
+    show(*report(learned), f"table    {learned.path}")
 
 
 @app.command("learn-spline")
@@ -333,9 +312,7 @@ def learn_spline(
         model = OfflineLearning(ellipses, points, visibility=visibility, mirrored=not no_mirror)
         config = SplineConfig(data, count, seed, model)
         learned = reported(partial(learn, config, out), "learning")
-    for part in report(learned):
-        console.print(part)
-    console.print(f"model    {learned.path}", soft_wrap=True)
+    show(*report(learned), f"model    {learned.path}")
 
 
 @app.command()
@@ -367,24 +344,17 @@ def compare(
     Example: [bold]testbed compare cut-in --tracker imm-spline --fault drop:0.2 --fault front:outage:3:5[/bold]
     Example: [bold]testbed compare all --seeds 0:5 --after 3 --settle 2 --jobs -1 --reference htg-map[/bold]
     """
-    from testbed.experiments.command import carry_out, check
+    from testbed.experiments.command import run_study
     from testbed.experiments.compare import Comparison, Settings
-    from testbed.experiments.engine import Engine
     from testbed.experiments.run import expand, parse_seeds, with_faults
 
-    with user_input():
-        comparison = Comparison(
-            with_faults(expand(scenario, "scenarios"), fault or ()),
-            expand(tracker or ["all"], "trackers"),
-            parse_seeds(seeds),
-            Settings(radar, loop, planner, duration, after, settle),
-            reference,
-            out=str(out),
-        )
-        engine = Engine(jobs, dask)
-        check(comparison, engine)
-    bar = progress_bar("{task.completed:.0f} / {task.total:.0f}", 600.0)
-    raise typer.Exit(carry_out(comparison, engine, console, bar))
+    def study() -> Comparison:
+        cases = with_faults(expand(scenario, "scenarios"), fault or ())
+        trackers = expand(tracker or ["all"], "trackers")
+        settings = Settings(radar, loop, planner, duration, after, settle)
+        return Comparison(cases, trackers, parse_seeds(seeds), settings, reference, out=str(out))
+
+    run_study(study, jobs, dask)
 
 
 @app.command()
@@ -419,27 +389,17 @@ def regret(
     Example: [bold]testbed regret probe-brake --inject velocity_lag=0.25 --inject velocity_lag=0.5[/bold]
     """
     from scenarios.probes import PROBES
-    from testbed.experiments.command import carry_out, check
-    from testbed.experiments.engine import Engine
+    from testbed.experiments.command import run_study
     from testbed.experiments.regret import Regret
     from testbed.experiments.run import parse_seeds, with_faults
 
-    with user_input():
-        study = Regret(
-            tuple(scenario or PROBES),
-            tuple(planner or ["idm"]),
-            with_faults(tracker or ([] if inject else [DEFAULT]), fault or ()),
-            parse_seeds(seeds),
-            radar,
-            duration,
-            attribute,
-            tuple(inject or []),
-            out=str(out),
-        )
-        engine = Engine(jobs, dask)
-        check(study, engine, junit)
-    bar = progress_bar("{task.completed:.0f} / {task.total:.0f}", 600.0)
-    raise typer.Exit(carry_out(study, engine, console, bar, junit))
+    def study() -> Regret:
+        scenarios, planners, errors = tuple(scenario or PROBES), tuple(planner or ["idm"]), tuple(inject or [])
+        conditions = with_faults(tracker or ([] if inject else [DEFAULT]), fault or ())
+        drives = scenarios, planners, conditions, parse_seeds(seeds)
+        return Regret(*drives, radar, duration, attribute, errors, out=str(out))
+
+    run_study(study, jobs, dask, junit)
 
 
 @app.command()
@@ -464,16 +424,14 @@ def probe(
 
     Example: [bold]testbed probe probe-brake --search gap --tracker rm-feldmann --jobs 2[/bold]
     """
-    from testbed.experiments.command import carry_out, check
-    from testbed.experiments.engine import Engine
+    from testbed.experiments.command import run_study
     from testbed.experiments.probe import Probe
     from testbed.experiments.run import parse_seeds
 
-    with user_input():
-        study = Probe(name, planner, tracker, parse_seeds(seeds), search, resolution, radar, out=str(out))
-        engine = Engine(jobs, dask)
-        check(study, engine)
-    raise typer.Exit(carry_out(study, engine, console, progress_bar("{task.completed:.0f} / {task.total:.0f}", 600.0)))
+    def study() -> Probe:
+        return Probe(name, planner, tracker, parse_seeds(seeds), search, resolution, radar, out=str(out))
+
+    run_study(study, jobs, dask)
 
 
 @app.command()
@@ -499,20 +457,14 @@ def regress(
     Example: [bold]testbed regress --update --tracker htg-map[/bold]
     Example: [bold]testbed regress --scenario cut-in --fault drop:0.2[/bold]
     """
-    from joblib import cpu_count
-
-    from testbed.experiments.command import carry_out, check
-    from testbed.experiments.engine import Engine
+    from testbed.experiments.command import run_study
     from testbed.experiments.regress import COMMITTED, Regress
 
-    with user_input():
-        suite = Regress.of(
-            scenario, tracker, fault or (), baselines=baselines or COMMITTED, update=update, out=str(out)
-        )
-        engine = Engine(min(cpu_count(), len(suite.work())) if jobs is None else jobs, dask)
-        check(suite, engine, junit)
-    bar = progress_bar("{task.completed:.0f} / {task.total:.0f}", 600.0)
-    raise typer.Exit(carry_out(suite, engine, console, bar, junit))
+    def study() -> Regress:
+        files = {"baselines": baselines or COMMITTED, "update": update, "out": str(out)}
+        return Regress.of(scenario, tracker, fault or (), **files)
+
+    run_study(study, jobs, dask, junit)
 
 
 @app.command()
@@ -543,14 +495,12 @@ def reproduce(
         experiment = partial(catalogue.reproduce, paper, runs, seed, out, engine=engine)
         done = reported(experiment, paper, "{task.percentage:.0f} %", 600.0)
     with losses(done.report.lost):
-        for table in done.report.tables():
-            console.print(table)
+        show(*done.report.tables())
         if done.report.interrupted:
-            console.print("[yellow]interrupted: tables and file hold the rows run until then, no verdicts[/yellow]")
+            show("[yellow]interrupted: tables and file hold the rows run until then, no verdicts[/yellow]")
         if done.report.json is not None:
-            console.print(f"results  {done.report.json}", soft_wrap=True)
-        for figure in done.report.figures:
-            console.print(f"figure   {figure}", soft_wrap=True)
+            show(f"results  {done.report.json}")
+        show(*(f"figure   {figure}" for figure in done.report.figures))
     raise typer.Exit(done.exit_status)
 
 
@@ -569,8 +519,7 @@ def calibrate(
 
     with user_input():
         report = study("calibration.report", "testbed calibrate").report(data, radar)
-    for table in report:
-        console.print(table)
+    show(*report)
 
 
 def main() -> None:

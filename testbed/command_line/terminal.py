@@ -8,7 +8,7 @@ from io import TextIOWrapper
 from typing import IO, Any, TypeVar, cast
 
 import typer
-from rich.console import Console
+from rich.console import Console, RenderableType
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.status import Status
@@ -39,6 +39,12 @@ def complain(sentence: object) -> None:
         text = f"{text[: LONGEST // 2]} [...] {text[-LONGEST // 2 :]}"
     with suppress(OSError):  # nothing else can be done where stderr cannot be written
         print(text, file=sys.stderr, flush=True)
+
+
+def show(*parts: RenderableType) -> None:
+    """Print tables, and lines that are not broken: they may hold a path."""
+    for part in parts:
+        console.print(part, soft_wrap=isinstance(part, str))
 
 
 @contextmanager

@@ -21,7 +21,7 @@ from highway_env.road.road import Road
 from numpy.typing import ArrayLike, NDArray
 
 from scenarios.adapter import SceneReader
-from scenarios.constants import protect_idm_constants
+from scenarios.constants import ProtectedConstants
 from scenarios.highway import ScenarioEnv, check_clock, is_positive
 from scenarios.lanes import lane_shapes
 from scenarios.record import Scenario
@@ -233,7 +233,7 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
         self._radar = radar
         self._mount(Perception.mount(radar, (tracker, *also), faults))
         self._clear()
-        self._fence = protect_idm_constants()  # `intersection-*` writes into IDMVehicle at every reset
+        self._fence = ProtectedConstants()  # `intersection-*` writes into IDMVehicle at every reset
         self._episode = 0
         self._ended = False  # whether the episode is over
         self._belief: tuple[int, Road] | None = None  # frame, road

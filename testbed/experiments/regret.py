@@ -18,22 +18,21 @@ from testbed.experiments import pairs, study
 from testbed.experiments.drives import SCHEMA, DriveWatch
 from testbed.experiments.engine import Engine
 from testbed.experiments.pairs import Drive, key_of
-from testbed.experiments.report import junit
+from testbed.experiments.report import junit, words
 from testbed.experiments.report import tables_regret as tables
-from testbed.experiments.report.grid import terminal
+from testbed.experiments.report.grid import terminal, warnings
 from testbed.experiments.report.regret import Findings, find, write_report
 from testbed.experiments.report.texts import say
 from testbed.experiments.run import Run
 from testbed.experiments.store import Results
-from testbed.experiments.study import Progress, Study, Tally
+from testbed.experiments.study import Progress, Study, Tally, check_sample
 from testbed.files import atomic_file
 from testbed.frame import TRUTH
-from testbed.limits import MOST_RUNS, check_duration, check_names, check_seeds
+from testbed.limits import MOST_RUNS, check_duration, check_names
 from testbed.planners import find as find_planner
 
 DRIVES, PAIRS = "drives.parquet", "pairs.parquet"  # tables in the folder
 SHOWN = ("drive_score", "tit", "progress")  # beside the scenario, in 80 columns
-WARNINGS = 8  # that are spelt out on the terminal
 
 
 @dataclass(frozen=True)
@@ -54,8 +53,7 @@ class Regret(Study):
     what: ClassVar[str] = "drives"
     schema: ClassVar[pa.Schema] = SCHEMA
     modules: ClassVar[tuple[str, ...]] = (
-        "testbed.planners", "testbed.environment.sources", "testbed.experiments.discrepancy",
-        "testbed.experiments.drives",
+        "testbed.planners", "testbed.environment.sources", "testbed.experiments.drives",
     )  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -63,12 +61,9 @@ class Regret(Study):
         check_names("planners", self.planners)
         if self.trackers or not self.inject:
             check_names("trackers", self.trackers)
-        if not self.seeds:
-            raise ValueError("seeds must name at least one of them, got none; see `testbed regret --help`")
-        check_seeds(*self.seeds, name="seeds")
-        for what in ("seeds", "inject"):
-            if len(set(getattr(self, what))) < len(getattr(self, what)):
-                raise ValueError(f"{what} must differ, got {getattr(self, what)}; drop the repetition")
+        check_sample(self.seeds, "regret")
+        if len(set(self.inject)) < len(self.inject):
+            raise ValueError(f"inject must differ, got {', '.join(self.inject)}; drop the repetition")
         super().__post_init__()
         check_duration(self.duration)
         if (runs := len(self.work())) > MOST_RUNS:
@@ -151,11 +146,9 @@ class Regret(Study):
         for name, table in ((DRIVES, drives(results)), (PAIRS, found.data.pairs)):
             console.print(f"{name:16} {write_table(table, Path(self.out) / name)}", soft_wrap=True)
 
-    def page(
-        self, results: Results, found: study.Findings, tally: Tally, engine: Engine, progress: Progress
-    ) -> Path | None:
+    def page(self, results: Results, found: Any, tally: Tally, engine: Engine, progress: Progress) -> Path | None:
         """The report, with figures and logs of the worst pairs."""
-        return None if found.data.found is None else write_report(results, found.data.found, tally, progress)
+        return None if found.data.found is None else write_report(results, found.data.found, tally, engine, progress)
 
     def junit(self, results: Results, found: study.Findings, tally: Tally, path: Path) -> None:
         """A suite a planner and tracker, a case a scenario, which fails where tracks collide."""
@@ -180,15 +173,11 @@ def suites(found: Judged, tally: Tally) -> Iterator[junit.Suite]:
             own = [c for c in total if (c.scenario, c.planner, c.condition) == (scenario, planner, condition)]
             crashed = rows.loc[rows["collisions"] > 0, "seed"].tolist()
             failure = say("collides", crashed=crashed, seeds=len(rows)) if crashed else ""
-            output = "\n".join(map(sentence, own))
-            case = junit.Case(f"{planner}.{condition}", str(scenario), kind="collision", failure=failure, output=output)
-            cases.append(case)
+            case = junit.Case(f"{planner}.{condition}", str(scenario), kind="collision", failure=failure)
+            cases.append(case._replace(output="\n".join(map(sentence, own))))
         yield junit.Suite(f"{planner} {condition}", cases)
-    differs = say("self-test differs")
-    tested = [
-        junit.Case("self-test", drive.name, kind="self-test", failure="" if equal else differs)
-        for drive, equal in found.same.items()
-    ]
+    tested = [junit.Case("self-test", drive.name, kind="self-test") for drive in found.same]
+    tested = [c if ok else c._replace(failure=say("self-test differs")) for c, ok in zip(tested, found.same.values())]
     failed = [junit.Case("drive", outcome.name, error=outcome.note) for outcome in tally.failed]
     yield junit.Suite("drives", [*tested, *failed])
 
@@ -225,7 +214,6 @@ def _overview(found: Findings) -> Iterator[RenderableType]:
         if cells:
             shown = [c for c in cells if c.measure in SHOWN]
             yield terminal(tables.changes(shown, ""), title, narrow=True)
-    sentences = [*found.verdict, *pairs.one_sided(found.total)]
-    sentences += pairs.unresolved([c for c in found.together if c.measure == "drive_score"])
-    for sentence in sentences[:WARNINGS]:
-        yield f"[yellow]![/yellow] {sentence}"
+    sentences = [*found.verdict, *words.one_sided(found.total)]
+    sentences += words.unresolved_pairs([c for c in found.together if c.measure == "drive_score"])
+    yield from warnings(sentences)

@@ -118,11 +118,9 @@ def replay(
             timing["trackers"] = {name: jsonable(cost.row()) for name, cost in perception.costs.items()}
             with noting_losses(recorder.lost):
                 recorder.close(interrupted=done < total, timing=timing)
-    lost = tuple(recorder.lost)
+    lost, log = tuple(recorder.lost), recorder.log.file if recorder.log else None
     status = (interrupt.exit_status if done < total else 0) or (2 if lost else 0)
-    return ReplayResult(
-        recorder.close(), lives.rows(), recorder.written, recorder.log.file, tracks.written, status, lost
-    )
+    return ReplayResult(recorder.close(), lives.rows(), recorder.written, log, tracks.written, status, lost)
 
 
 def _meta(config: ReplayConfig, recorded: Recorded) -> RunMeta:

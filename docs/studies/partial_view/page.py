@@ -13,8 +13,8 @@ from scenarios.contours import CONTOURS
 from studies.page import DOCS, Docs, Page, fill, steps
 from studies.partial_view.encounters import STEP, encounters, follow, measure, simulate
 from studies.partial_view.figure import ContourPanel, draw_learned, draw_tracked
+from studies.plus_minus import PlusMinus
 from testbed.command_line.terminal import user_input
-from testbed.evaluation.intervals import PlusMinus
 from testbed.evaluation.metric import METRICS
 from testbed.evaluation.metrics import contour_iou
 from testbed.evaluation.tracking import Evaluator, Row
