@@ -9,8 +9,10 @@ from math import pi
 from typing import Any
 
 import numpy as np
+from gymnasium.error import InvalidAction
 from numpy.typing import NDArray
 
+from testbed.limits import UnfitPolicy
 from trackers.estimate import Estimate
 from trackers.multi.tracks import StepInfo, Tracks
 
@@ -42,6 +44,9 @@ ROUNDING = 1e-6  # of the largest entry of a covariance
 
 class WrongTracks(ValueError):
     """A tracker has returned what cannot be tracks; one sentence names tracker, step and value."""
+
+
+OF_USERS = (WrongTracks, InvalidAction, UnfitPolicy)  # a tracker, planner or policy does not fit; a sentence says how
 
 
 def check_tracks(tracks: Any, name: str, when: str) -> None:

@@ -8,23 +8,20 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import gymnasium as gym
-from gymnasium.error import InvalidAction
 
 from scenarios import SCENARIOS
 from scenarios.record import Scenario
 from sensors import Radar, faults_of
 from testbed import planners
-from testbed.environment.door import WrongTracks
+from testbed.environment.door import OF_USERS
 from testbed.environment.registration import make, scenario_of
 from testbed.environment.sources import conditions
 from testbed.frame import TRUTH
 from testbed.limits import LARGEST_SEED, MOST_RUNS, check_choice, check_duration, check_settle
-from testbed.planners.learned import UnfitPolicy
 from trackers import DEFAULT, TRACKERS
 
 LOOPS = ("open", "closed")
 ALL = "all"
-OF_USERS = (WrongTracks, InvalidAction, UnfitPolicy)  # a tracker, planner or policy does not fit; a sentence says how
 DONE, FOUND, FAILED = "done", "found", "failed"
 
 

@@ -20,6 +20,7 @@ from sensors import find as find_radar
 from sensors.faults import chosen
 from testbed import planners
 from testbed.command_line.interruption import interruptible
+from testbed.environment.door import OF_USERS
 from testbed.environment.episode import decisions
 from testbed.environment.episode import start as start_episode
 from testbed.environment.perception import tracker_of
@@ -27,11 +28,9 @@ from testbed.environment.recorder import check_level
 from testbed.environment.registration import make, scenario_of
 from testbed.evaluation.tracking import jsonable
 from testbed.experiments.identity import own_code, own_module, own_names, tracker_digest
-from testbed.experiments.run import OF_USERS
 from testbed.files import make_directory, noting_losses
 from testbed.frame import Observer
-from testbed.limits import LONGEST, check_duration, check_folder, check_names, check_seeds
-from testbed.planners.learned import UnfitPolicy
+from testbed.limits import LONGEST, UnfitPolicy, check_duration, check_folder, check_names, check_seeds
 from trackers import DEFAULT
 from trackers.json_file import read_json
 

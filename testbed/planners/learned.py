@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from testbed.files import read_arrays
+from testbed.limits import UnfitPolicy
 from testbed.planners.idm import Choice, straight_on
 
 ACTIVATIONS: Mapping[str, Callable[[NDArray], NDArray]] = MappingProxyType(
@@ -25,10 +26,6 @@ ACTIVATIONS: Mapping[str, Callable[[NDArray], NDArray]] = MappingProxyType(
 USED_BEFORE = "relu"  # of files that name no activation, which older versions have written
 SHAPELESS = ("Flatten", "Identity", "Dropout")  # parts of a network that change no value once it is trained
 FITTING = ("FlattenObservation",)  # wrappers of observations whose numbers are those of the environment
-
-
-class UnfitPolicy(ValueError):
-    """A policy does not fit the environment that it is to drive in; one sentence says how."""
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 import testbed
-from testbed.planners.learned import Learned, UnfitPolicy, read_policy, save_policy
+from testbed.limits import UnfitPolicy
+from testbed.planners.learned import Learned, read_policy, save_policy
 from testbed.planners.registry import find
 
 
