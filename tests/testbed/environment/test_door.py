@@ -2,6 +2,7 @@
 
 import json
 import sys
+from copy import deepcopy
 
 import gymnasium as gym
 import numpy as np
@@ -156,3 +157,16 @@ def test_a_start_that_returns_no_tracks_is_refused(user):
     env = gym.make("testbed/lone-leader-v0", tracker=NoStart([12.0, 0.0, 0.0], [3.0, 0.0]))
     with pytest.raises(WrongTracks, match="tracker NoStart, start: tracks must be Tracks"):
         env.reset(seed=0)
+
+
+@pytest.mark.parametrize("kind", ["DiscreteMetaAction", "ContinuousAction"])
+@pytest.mark.parametrize("action", [np.zeros(3), np.array([1, 2]), "LANE_LEFT", [[0.0, 0.0]], np.full(2, np.nan), 1j])
+def test_an_action_of_a_wrong_shape_is_refused_by_an_environment_and_by_its_copies(kind, action):
+    env = gym.make("testbed/lone-leader-v0", tracker="truth", config={"action": {"type": kind}})
+    env.reset(seed=0)
+    for one in (env, deepcopy(env)):
+        with pytest.raises(
+            gym.error.InvalidAction, match=r"^action .* is not in the action space .*sample\(\) is one$"
+        ):
+            one.step(action)
+        assert one.unwrapped.steps == 0
