@@ -24,6 +24,7 @@ FEATURES = ("presence", "x", "y", "vx", "vy", "cos_h", "sin_h")
 SPEED_RANGE = (0.0, 30.0)  # [m/s] over which the reward rises
 MAX_FREQUENCY = 100  # [Hz] of simulated frames: no automotive radar scans faster, and each frame is a scan
 REWARDS = ("speed", "drive")  # speed as a share of the range; the drive score
+UNUSED = "other_vehicles_type"  # a key of every environment of highway-env
 ACTION_TYPES = ("ContinuousAction", "DiscreteAction", "DiscreteMetaAction")
 
 
@@ -54,6 +55,8 @@ def build_config(default: dict[str, Any], config: dict[str, Any] | None) -> dict
     if unknown:
         raise ValueError(f"config has no key {', '.join(map(repr, unknown))}; known: {', '.join(sorted(default))}")
     merged = {**default, **(config or {})}
+    if merged[UNUSED] != default[UNUSED]:
+        raise ValueError(f"config[{UNUSED!r}] is not used by scenarios, which choose their vehicles; leave the key out")
     for key in ("observation", "action"):
         if not isinstance(merged[key], dict) or "type" not in merged[key]:
             raise ValueError(f"config[{key!r}] must be a whole dict with its 'type', got {merged[key]!r}")

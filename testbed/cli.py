@@ -177,7 +177,7 @@ def record(
 
 @app.command()
 def review(
-    path: Annotated[list[Path] | None, typer.Argument(help="Logs (.rrd) of runs.")] = None,
+    path: Annotated[list[Path] | None, typer.Argument(help="Logs (.rrd) of runs; of a folder the newest.")] = None,
     web: Annotated[bool, typer.Option("--web", help="Serve the viewer to a browser on this machine.")] = False,
     screenshot: Annotated[Path | None, typer.Option(help="Write a picture (.png) instead of opening a window.")] = None,
     at: Annotated[float | None, typer.Option(help="Seconds, of the picture. Without it: the middle one.")] = None,
@@ -190,6 +190,7 @@ def review(
     """Open the logs of runs in the viewer, or make a page, an animation or a picture of one.
 
     Example: [bold]testbed review runs/*.rrd[/bold]
+    Example: [bold]testbed review runs[/bold]
     Example: [bold]testbed review runs/a.rrd --html a.html[/bold]
     Example: [bold]testbed review runs/a.rrd --gif a.gif[/bold]
     Example: [bold]testbed review runs/a.rrd --screenshot a.png --at 9 --view overview[/bold]
@@ -282,12 +283,12 @@ def learn_htg(
 
     Example: [bold]testbed learn-htg sampler:surround:car --out car.json[/bold]
     """
-    from testbed.learn.htg import LearnConfig, learn, report
+    from testbed.learn.models import TableConfig, learn
 
     with user_input():
-        config = LearnConfig(data, bins, not edges, not no_mirror, mass_min, count, seed)
+        config = TableConfig(data, bins, not edges, not no_mirror, mass_min, count, seed)
         learned = reported(partial(learn, config, out), "learning")
-    show(*report(learned), f"table    {learned.path}")
+    show(*learned.report(), f"table    {learned.path}")
 
 
 @app.command("learn-spline")
@@ -305,14 +306,14 @@ def learn_spline(
 
     Example: [bold]testbed learn-spline sampler:surround:car --out car.json[/bold]
     """
-    from testbed.learn.spline import SplineConfig, learn, report
+    from testbed.learn.models import SplineConfig, learn
     from trackers.pmht.offline import OfflineLearning
 
     with user_input():
         model = OfflineLearning(ellipses, points, visibility=visibility, mirrored=not no_mirror)
         config = SplineConfig(data, count, seed, model)
         learned = reported(partial(learn, config, out), "learning")
-    show(*report(learned), f"model    {learned.path}")
+    show(*learned.report(), f"model    {learned.path}")
 
 
 @app.command()
@@ -371,6 +372,9 @@ def regret(
     seeds: options.Seeds = "200:220",
     attribute: Annotated[bool, typer.Option("--attribute", help="Also what each group of errors costs.")] = False,
     inject: Annotated[list[str] | None, typer.Option(help="NAME=VALUE, an error of what is in view; repeat.")] = None,
+    limit: Annotated[
+        list[str] | None, typer.Option(help="NAME=VALUE, how much worse than on the truth a mean may be; repeat.")
+    ] = None,
     radar: options.Radar = "surround",
     duration: options.Duration = None,
     jobs: options.Jobs = 1,
@@ -381,23 +385,25 @@ def regret(
     """What tracking error costs in driving: drives on the truth, on what is in view, and on tracks, paired by seed.
 
     Every finished drive has its file in OUT/rows, so after Ctrl-C the same
-    command does the rest. Exit status 1: some drives failed. docs/methods/regret.md
-    has the definitions.
+    command does the rest. Exit status 1: some drives failed, or a limit is
+    exceeded. docs/methods/regret.md has the definitions.
 
     Example: [bold]testbed regret probe-brake --tracker imm-spline --tracker rm-koch --seeds 200:208 --jobs 2[/bold]
     Example: [bold]testbed regret probe-brake --fault front:outage:2:3[/bold]
     Example: [bold]testbed regret probe-brake --inject velocity_lag=0.25 --inject velocity_lag=0.5[/bold]
+    Example: [bold]testbed regret probe-brake --limit collisions=0 --limit score=0.2 --junit regret.xml[/bold]
     """
     from scenarios.probes import PROBES
     from testbed.experiments.command import run_study
-    from testbed.experiments.regret import Regret
+    from testbed.experiments.regret import Limit, Regret
     from testbed.experiments.run import parse_seeds, with_faults
 
     def study() -> Regret:
         scenarios, planners, errors = tuple(scenario or PROBES), tuple(planner or ["idm"]), tuple(inject or [])
         conditions = with_faults(tracker or ([] if inject else [DEFAULT]), fault or ())
         drives = scenarios, planners, conditions, parse_seeds(seeds)
-        return Regret(*drives, radar, duration, attribute, errors, out=str(out))
+        limits = tuple(map(Limit.parse, limit or []))
+        return Regret(*drives, radar, duration, attribute, errors, limits=limits, out=str(out))
 
     run_study(study, jobs, dask, junit)
 
@@ -444,25 +450,29 @@ def regress(
     dask: options.Dask = None,
     junit: options.Junit = None,
     baselines: Annotated[Path | None, typer.Option(help="File of baselines. Without it: the committed one.")] = None,
+    strict: Annotated[bool, typer.Option("--strict", help="A result without a baseline fails too.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="Two scenarios and the default tracker: a minute.")] = False,
     out: Annotated[Path, typer.Option(help="Directory of the runs; those of other code go.")] = Path("runs/regress"),
 ) -> None:
     """Compare every tracker in every scenario with the committed baselines; docs/regression.md has the rules.
 
-    Exit status 1: a measure got worse, or a run failed; a table says which, and
-    a log of the worst run is written. After Ctrl-C the same command does the
+    Exit status 1: a measure got worse, a run failed, or nothing has a baseline; a
+    table says which, and a log of the worst run is written. After Ctrl-C the same command does the
     rest. With --update, the changes are printed as a list for a commit message.
 
     Example: [bold]testbed regress[/bold]
     Example: [bold]testbed regress --tracker htg-map --scenario cut-in --scenario merge --junit regress.xml[/bold]
     Example: [bold]testbed regress --update --tracker htg-map[/bold]
+    Example: [bold]testbed regress --quick --tracker my:Tracker --baselines my.json[/bold]
     Example: [bold]testbed regress --scenario cut-in --fault drop:0.2[/bold]
     """
     from testbed.experiments.command import run_study
-    from testbed.experiments.regress import COMMITTED, Regress
+    from testbed.experiments.regress import COMMITTED, QUICK, Regress
 
     def study() -> Regress:
-        files = {"baselines": baselines or COMMITTED, "update": update, "out": str(out)}
-        return Regress.of(scenario, tracker, fault or (), **files)
+        files = {"baselines": baselines or COMMITTED, "update": update, "strict": strict, "out": str(out)}
+        scenarios, trackers = (scenario or list(QUICK), tracker or [DEFAULT]) if quick else (scenario, tracker)
+        return Regress.of(scenarios, trackers, fault or (), **files)
 
     run_study(study, jobs, dask, junit)
 

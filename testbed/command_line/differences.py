@@ -10,7 +10,7 @@ from testbed.command_line.tables import filled_table
 from testbed.log.difference import Difference, compare_logs
 from trackers.json_file import read_json
 
-APART = ("timing", "run.versions", "interrupted")  # of results: say nothing about what happened
+APART = ("timing", "made", "run.versions", "interrupted")  # of results: say nothing about what happened
 NOTHING = "nothing"  # for what results do not have
 SHOWN = 30  # keys of results in the table
 

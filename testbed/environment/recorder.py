@@ -19,7 +19,7 @@ from testbed.evaluation.histories import LOST_AFTER, TIME_ROUNDING
 from testbed.evaluation.moments import WORST, all_moments, moment_row, severity_of
 from testbed.evaluation.snapshots import Snapshots
 from testbed.evaluation.tracking import UNKNOWN, Evaluator, jsonable
-from testbed.files import check_target, make_directory, noting_losses, reserve, write_json
+from testbed.files import check_target, make_directory, noting_losses, provenance, reserve, write_json
 from testbed.frame import Frame, FrameScore
 from testbed.limits import check_choice
 from testbed.log.record import LEVELS, RoadGeometry, RunMeta
@@ -196,13 +196,14 @@ class Recorder:
             timing: wall time [s] by part, and cost of each tracker; None: the wall time of metrics and log alone.
 
         Returns:
-            What `result` gives, with `interrupted` and `timing`.
+            What `result` gives, with `interrupted`, `timing` and what `provenance` says of this process.
 
         Raises:
             OSError: the results cannot be written; those of an older run stay, and the log keeps its unfinished name.
         """
         if self._result is None:
-            self._result = self.result() | {"interrupted": interrupted, "timing": dict(timing or self.seconds)}
+            ended = {"interrupted": interrupted, "timing": dict(timing or self.seconds), "made": provenance()}
+            self._result = self.result() | ended
             self._room.close()
             if self._frames:
                 try:

@@ -111,6 +111,8 @@ def check_options(options: Any) -> None:
     if unknown := [key for key in options if key not in OPTIONS]:
         known = ", ".join(map(repr, OPTIONS))
         raise ValueError(f"options has no key {unknown[0]!r}; known: {known}, the configuration of highway-env")
+    if not isinstance(options.get("config", {}), Mapping):
+        raise TypeError(f"options['config'] must be a dict, got {options['config']!r}; leave it out")
 
 
 def planner_name(planner: Any) -> str:
@@ -227,7 +229,7 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
         self.out, self.log, self.planner = out, log, planner_name(planner)
         self.metrics, self._road = metrics, road
         self.title: str | None = None  # of the scenario in the files; None: its own name
-        self.notes: dict[str, str] = {}  # what else the files are to say about the run
+        self.notes: dict[str, Any] = {}  # what else the files are to say about the run
         self.plan: NDArray = np.zeros((0, 2))  # (P, 2) [m] the planner's path; set before `step`, for the observers
         self.cruise_speed = SLOWEST_CRUISE  # [m/s] of a planner on a free road
         self._radar = radar
@@ -442,8 +444,8 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
             radar=radar,
             trackers=names,
             planner=self.planner,
-            config={key: str(core.config[key]) for key in keys if key in core.config}
-            | ({"faults": ", ".join(faults)} if faults else {})
+            config={key: core.config[key] for key in keys if key in core.config}
+            | ({"faults": list(faults)} if faults else {})
             | self.notes,
             versions=versions(),
         )

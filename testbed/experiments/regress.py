@@ -47,6 +47,7 @@ NAMES = 4  # in a sentence
 # The fault matrix: all kinds of faults of the radar, in one scenario with traffic on all sides.
 FAULTS = ("front:outage:2:4", "drop:0.2", "corners:yaw:2+clock:0.05", "blind:rain:0.5+burst:3:100")
 CASES = (*SCENARIOS, *(f"cut-in+{fault}" for fault in FAULTS))
+QUICK = ("following", "cut-in")  # under a minute with one tracker on one core
 
 
 @dataclass(frozen=True)
@@ -59,6 +60,7 @@ class Regress(Comparison):
     settings: Settings = RECORD
     baselines: Path = COMMITTED
     update: bool = False  # write the baselines
+    strict: bool = False  # a result without a baseline fails too
 
     name: ClassVar[str] = "regress"
     fresh: ClassVar[bool] = True
@@ -115,8 +117,10 @@ class Regress(Comparison):
         """What moved."""
         known = self.known()
         found = examine(results, tally, known)
-        shown = [] if self.update else list(_shown(found, known))
-        return study.Findings(shown, bool(found.failed) if self.update else not found.passed, found)
+        if self.update:
+            return study.Findings([], bool(found.failed), found)
+        lacking = bool(found.new) if self.strict else not found.compared
+        return study.Findings(list(_shown(found, known, self)), lacking or not found.passed, found)
 
     def write(self, results: Results, found: study.Findings, console: Console) -> None:
         """Write new baselines, or the log of the worst run."""
@@ -154,6 +158,11 @@ class Findings(NamedTuple):
     def better(self) -> list[Moved]:
         """Improvements, the largest first."""
         return self._sorted(BETTER)
+
+    @property
+    def compared(self) -> list[Key]:
+        """What has a baseline, or failed."""
+        return [key for key in self.cells if key not in self.new]
 
     @property
     def passed(self) -> bool:
@@ -245,16 +254,33 @@ def _seconds(frame: pd.DataFrame) -> dict[Key, float]:
     return {(str(t), str(c)): float(s) for (t, c), s in sums.items()}
 
 
-def _shown(findings: Findings, baselines: Baselines) -> Iterator[RenderableType]:
+def _shown(findings: Findings, baselines: Baselines, suite: Regress) -> Iterator[RenderableType]:
     for changes, title in ((findings.worse, "worse"), (findings.better, "better")):
         if changes:
             yield moved(changes, f"{title} than the baselines")
     compared = [key for key in findings.cells if key in baselines.values]
     bad = {(c.tracker, c.scenario) for c in findings.worse} | set(findings.failed)
     overall = sum(scenario == OVERALL for _, scenario in bad)
-    counts = {"compared": len(compared), "bad": len(bad) - overall, "overall": overall, "better": bool(findings.better)}
+    counts: dict[str, Any] = {
+        "compared": len(compared),
+        "bad": len(bad) - overall,
+        "overall": overall,
+        "better": bool(findings.better),
+    }
     new, gone = escape(cells(findings.new)), escape(cells(findings.orphans))
+    counts |= {"failing": suite.strict or not findings.compared, "command": _makes(findings, suite)}
     yield say("regress", **counts, new=new, gone=gone, versions=[] if findings.passed else _other_versions(baselines))
+
+
+def _makes(findings: Findings, suite: Regress) -> str:
+    """The command that makes the baselines that are missing."""
+    words = ["testbed", "regress", "--update"]
+    if suite.baselines != COMMITTED:
+        words += ["--baselines", str(suite.baselines)]
+    for option, column in (("--tracker", 0), ("--scenario", 1)):
+        names = list(dict.fromkeys(str(key[column]).partition("+")[0] for key in findings.new))
+        words += [word for name in names[:NAMES] for word in (option, name)] if len(names) <= NAMES else []
+    return escape(shlex.join(words))
 
 
 def _other_versions(baselines: Baselines) -> list[tuple[str, str, str]]:

@@ -46,9 +46,14 @@ def flat_properties(meta: RunMeta) -> dict[str, Value]:
         "trackers": " ".join(meta.trackers),
         "planner": meta.planner,
     }
-    varied = {f"config_{_key(name)}": text for name, text in meta.config.items()}
+    varied = {f"config_{_key(name)}": _written(value) for name, value in meta.config.items()}
     versions = {f"version_{_key(name)}": text for name, text in meta.versions.items()}
     return fixed | varied | versions
+
+
+def _written(value: object) -> str:
+    """A setting as text."""
+    return ", ".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
 
 
 def flat_summary(summary: Mapping[str, Value | Mapping[str, Value]]) -> dict[str, Value]:
@@ -79,7 +84,8 @@ def _plain(name: str, value: object) -> Value:
 def config_text(meta: RunMeta) -> str:
     """Page with everything that identifies the run."""
     rows = {"scenario": meta.scenario, "seed": str(meta.seed), "radar": meta.radar}
-    rows |= {"trackers": ", ".join(meta.trackers), "planner": meta.planner} | meta.config
+    rows |= {"trackers": ", ".join(meta.trackers), "planner": meta.planner}
+    rows |= {name: _written(value) for name, value in meta.config.items()}
     return "\n\n".join(
         [
             markdown_table(("setting", "value"), rows.items()),

@@ -126,9 +126,9 @@ def replay(
 def _meta(config: ReplayConfig, recorded: Recorded) -> RunMeta:
     window = {"from": config.start, "to": config.end}
     varied = {
-        "sensors": ", ".join(recorded.sensors.names),
-        "scans": str(len(recorded.frames)),
-        **{name: f"{value:g} s" for name, value in window.items() if value is not None},
+        "sensors": list(recorded.sensors.names),
+        "scans": len(recorded.frames),
+        **{f"{name} [s]": value for name, value in window.items() if value is not None},
     }
     name = replay_id(config, recorded)
     return RunMeta(name, recorded.name, 0, RECORDED, config.trackers, REPLAY, varied, versions())
