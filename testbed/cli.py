@@ -101,6 +101,7 @@ def run(
 
     Recorded traffic: [bold]testbed run replay:i80.csv:ego=12,react=5[/bold]; docs/real-traffic.md
     """
+    from testbed.environment.door import WrongTracks
     from testbed.experiments.single import RunConfig, Unusable, check, length
     from testbed.experiments.single import run as run_once
 
@@ -109,7 +110,7 @@ def run(
         file, faults = None if config is None else str(config), tuple(fault or ())
         settings = RunConfig(*driven, str(out), log, not no_metrics, faults, file, focus, after)
         check(settings)
-    with user_input((OSError, Unusable)), progress_bar("{task.completed:.1f} / {task.total:.1f} s") as bar:
+    with user_input((OSError, Unusable, WrongTracks)), progress_bar("{task.completed:.1f} / {task.total:.1f} s") as bar:
         task = bar.add_task(f"{scenario}, seed {seed}", total=length(settings))
         result = run_once(settings, lambda done, total: bar.update(task, completed=done, total=total))
     with losses(result.lost):

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from testbed.command_line.interruption import interruptible
+from testbed.environment.door import WrongTracks
 from testbed.environment.perception import Perception, tracker_of
 from testbed.environment.recorder import Recorder, check_level
 from testbed.evaluation.tracking import jsonable
@@ -51,8 +52,8 @@ class ReplayResult:
     json: Path | None
     rrd: Path | None
     tracks: Path | None
-    exit_status: int  # 0, 128 + signal where one ended the replay early, 2 where something could not be written
-    lost: tuple[str, ...] = ()  # what could not be written, in sentences
+    exit_status: int  # 0, 128 + signal where one ended the replay early, 2 where `lost` says something
+    lost: tuple[str, ...] = ()  # in sentences, what could not be written, or why a tracker ended the replay
 
 
 def prepare(config: ReplayConfig) -> Recorded:
@@ -109,6 +110,8 @@ def replay(
                 progress(done, total)
                 if interrupt.signal is not None:
                     break
+        except WrongTracks as error:
+            recorder.lost.append(f"{error}; the replay ends after {done} of {total} scans")
         finally:
             timing: dict[str, Any] = {**perception.seconds, **recorder.seconds, "wall": perf_counter() - start}
             timing["cpu"] = process_time() - cpu
