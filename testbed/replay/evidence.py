@@ -18,6 +18,7 @@ ALONG, ACROSS = 1.0, 2.0  # [m] within which it is the same place
 PAIRS, MOST, SCANS = 40, 200, 200  # pairs of scans of a sensor, detections of one, and scans that are looked at
 RATE_LEAST = 0.4  # [m/s] least tolerance of a range rate, as in (RR.9)
 BOX = 0.5  # [m] by which the boxes of truth are grown
+RATE_NEXT = 2.0  # [m/s] by which the range rate of one place may change between two scans
 RATE_TRUTH = 1.0  # [m/s] within which a range rate is that of the box
 
 
@@ -84,7 +85,7 @@ class Seen(NamedTuple):
         r, a, rate = self.polar.T
         a = how.side * a
         rate = how.rate * rate - (unit(a) * self.velocity).sum(-1) * how.ground
-        return np.stack([how.range * r, a, rate], -1)
+        return np.stack([how.range * r, a, rate], -1)  # (PLA.1)
 
     def over_ground(self, how: Reading) -> tuple[NDArray, NDArray]:
         """Range rates over ground (N,) [m/s] in a reading, and up to which (N,) [m/s] a thing stands."""
@@ -120,7 +121,7 @@ def fits(seen: Seen, how: Reading) -> tuple[NDArray, NDArray, NDArray]:
     due, due0 = ((unit(side * seen.polar[:, 1]) * seen.velocity).sum(-1) for side in (how.side, 1))
     column = 0.0 * due if how.ground or not how.rate else -due / how.rate
     tells = np.abs(column + due0) > t0 + t
-    return np.abs(g) < t * scale, np.abs(g0) < t0, tells & np.isfinite(g)
+    return np.abs(g) < t * scale, np.abs(g0) < t0, tells & np.isfinite(g)  # (PLA.2)
 
 
 def standing(seen: Seen, how: Reading) -> Counts:
@@ -164,19 +165,20 @@ def _moved(step: Step, how: Reading) -> tuple[NDArray, NDArray]:
     v = (a.velocity[0] + rotation(wrap_angle(b.pose[0, 2] - a.pose[0, 2])) @ b.velocity[0]) / 2
     xy = r[:, None] * u + tau * np.where(still[:, None], -v, rate[:, None] * u)
     turn = wrap_angle(a.pose[0, 2] - b.pose[0, 2])
-    xy = (rotation(turn) @ xy[..., None])[..., 0] / how.range
+    xy = (rotation(turn) @ xy[..., None])[..., 0] / how.range  # (PLA.3)
     return xy * [1, how.side], ACROSS + np.where(still, 0.0, a.polar[:, 0] * abs(turn))
 
 
 def _there(step: Step, due: NDArray, room: NDArray) -> NDArray:
     """Which (N,) places have a detection in the second scan so far across, with a like range rate."""
     a, b = step
-    d = b.xy[None] - due[:, None]
-    u = due / np.maximum(np.hypot(*due.T), 1e-9)[:, None]
-    along, across = (d * u[:, None]).sum(-1), cross(u[:, None], d)
-    like = 1 + 0.1 * np.nanmax(np.abs(a.polar[:, 2]), initial=0)
-    near = (np.abs(along) < ALONG) & (np.abs(across) < room[:, None])
-    return (near & ~(np.abs(a.polar[:, None, 2] - b.polar[None, :, 2]) > like)).any(-1)
+    far, towards = np.hypot(*due.T), np.arctan2(due[:, 1], due[:, 0])
+    i, j = np.nonzero(np.abs(far[:, None] - b.polar[:, 0]) < ALONG)
+    across = far[i] * np.abs(wrap_angle(b.polar[j, 1] - towards[i]))
+    near = (across < room[i]) & ~(
+        np.abs(a.polar[i, 2] - b.polar[j, 2]) > RATE_NEXT
+    )  # a rate that is not given is like all
+    return np.bincount(i[near], minlength=len(due)) > 0
 
 
 def continuity(pairs: list[Step], how: Reading, base: list[tuple[NDArray, NDArray]]) -> tuple[Counts, Counts]:
@@ -236,12 +238,13 @@ def in_boxes(seen: Seen, boxes: Boxed, how: Reading) -> tuple[NDArray, NDArray]:
 
 
 def truth(seen: Seen, how: Reading, right: tuple[NDArray, NDArray], other: tuple[NDArray, NDArray]) -> Counts:
-    """Detections that only one of two readings puts into boxes of truth, or gives the range rate of their box.
+    """Detections that one of two readings alone puts into a box of truth with its range rate.
 
-    `right` and `other` are `in_boxes` of both; where boxes tell ranges or azimuths, they alone count.
+    `right` and `other` are `in_boxes` of both.
     """
-    (inside0, due), (inside, _) = right, other
-    if how.side < 0 or how.range != 1:
-        return _count(seen.xy, inside, inside0, inside != inside0)
-    fit, fit0 = (np.abs(seen.read(h)[:, 2] - due) < RATE_TRUTH for h in (how, RIGHT))
-    return _count(seen.xy, fit, fit0, inside0)
+    (inside0, due0), (inside, due) = right, other
+    fit, fit0 = (
+        at & ~(np.abs(seen.read(h)[:, 2] - rate) > RATE_TRUTH)  # a rate that is not given fits
+        for h, at, rate in ((how, inside, due), (RIGHT, inside0, due0))
+    )
+    return _count(seen.xy, fit, fit0, inside | inside0)

@@ -27,10 +27,11 @@ SPREAD = 10  # cells that what stands must be in
 WINDOW = 1.0  # [s] over which motion is compared with places
 OFTEN, APART = 0.1, 0.5  # share of the windows that must show motion, and by which share both may differ
 TURN, DRIVE = 0.05, 2.5  # [rad/s], [m/s] from which on there is motion
-NEAR = 0.1  # share up to which a factor is that of a unit, and up to which a scale is right
+NEAR = 0.1  # share up to which a factor is that of a unit, and one reading explains as much as another
+SCALE = 0.2  # share up to which a speed may differ from that of the places
 FAR, BEYOND = 1.25, 0.05  # times `max_range`, and the share of detections that may lie further away
 TWICE, SOME = 0.25, 0.02  # share of detections with an equal, of a fault and of a doubt
-CROWD, LOST = 10.0, 0.25  # unexplained detections in expected false alarms; share explained below which that counts
+CROWD, LOST = 10.0, 0.4  # unexplained detections in expected false alarms; share explained below which that counts
 
 
 class Finding(NamedTuple):
@@ -153,7 +154,8 @@ class Votes(NamedTuple):
 
 
 def _clear(much: int, little: int) -> bool:
-    return much >= LEAST and much > CLEAR * little
+    """Whether so many detections for it, and so few against it, decide."""
+    return much >= LEAST and much > CLEAR * little  # (PLA.4)
 
 
 def _readings(
@@ -165,11 +167,13 @@ def _readings(
     total = [sum(votes[1:], votes[0]) for votes in zip(*parts.values(), strict=True)]
     best = _best(total)
     if best is not None and not any(_best_is_right(votes, best) for votes in parts.values()):
-        return _told(seen, total, best, "")
-    found = _told(seen, total, None, "")
+        return _told(seen, boxes, total, best, "")
+    found = _told(seen, boxes, total, None, "")
     for s, votes in parts.items():
         if (own := _best(votes)) is not None and len(parts) > 1 and votes[own].verdict == FAULT:
-            found += [f for f in _told(seen.take(seen.sensor == s), votes, own, sensors.names[s]) if f.verdict == FAULT]
+            found += [
+                f for f in _told(seen.take(seen.sensor == s), boxes, votes, own, sensors.names[s]) if f.verdict == FAULT
+            ]
     return found
 
 
@@ -203,7 +207,7 @@ def _best_is_right(votes: Sequence[Votes], best: int) -> bool:
     return votes[best].verdict == GOOD
 
 
-def _told(seen: Seen, votes: Sequence[Votes], best: int | None, sensor: str) -> list[Finding]:
+def _told(seen: Seen, boxes: Boxed, votes: Sequence[Votes], best: int | None, sensor: str) -> list[Finding]:
     """A line for each of the three columns."""
     at = f"@{sensor}" * bool(sensor)
     changed = {} if best is None else {fix.partition("=")[0]: fix for fix in READINGS[best].fixes}
@@ -211,7 +215,7 @@ def _told(seen: Seen, votes: Sequence[Votes], best: int | None, sensor: str) -> 
     for column, of in (("range_rate", "range rate"), ("azimuth", "azimuth"), ("range", "range")):
         test = of + f" of {sensor}" * bool(sensor)
         singles = [k for k, how in enumerate(READINGS) if {f.partition("=")[0] for f in how.fixes} == {column}]
-        if column == "range_rate" and (flat := _flat(seen, test, at)) is not None:
+        if column == "range_rate" and (flat := _flat(seen, boxes, test, at)) is not None:
             found.append(flat)
         elif best is not None and column in changed:
             fixes = [fix for fix in READINGS[best].fixes if fix.startswith(f"{column}=")]
@@ -254,7 +258,7 @@ def _shares(seen: Seen) -> Finding:
     return Finding("standing returns", f"{said}; scale {scale:.2f}, offset {offset:+.2f} m/s", GOOD, GOOD)
 
 
-def _flat(seen: Seen, test: str, at: str) -> Finding | None:
+def _flat(seen: Seen, boxes: Boxed, test: str, at: str) -> Finding | None:
     """Range rates that are all the same, or none."""
     rate = seen.polar[np.isfinite(seen.polar[:, 2]), 2]
     if not len(rate):
@@ -263,6 +267,10 @@ def _flat(seen: Seen, test: str, at: str) -> Finding | None:
     k = count.argmax()
     speed = np.median(np.hypot(*seen.velocity.T))
     if count[k] < max(LEAST, 0.5 * len(rate)) or speed < 1.0:
+        return None
+    inside, due = evidence.in_boxes(seen, boxes, RIGHT)
+    fit = np.abs(seen.polar[inside, 2] - due[inside]) < evidence.RATE_TRUTH
+    if _clear(fit.sum(), (~fit).sum()):  # the truth moves as the ego does
         return None
     figure, remedy = (
         f"{count[k] / len(rate):.0%} are {value[k]:g} m/s",
@@ -318,10 +326,10 @@ class Ways(NamedTuple):
             return Finding(test, "no motion to compare", OPEN, OPEN)
         off = float(np.median(np.linalg.norm(self.said - self.went, axis=-1)[use] / most[use]))
         a, b = self.said[use], self.went[use]
-        factor = float((a * b).sum() / max((a * a).sum(), 1e-12))
+        factor = float((a * b).sum() / max((a * a).sum(), 1e-12))  # (PLA.5)
         moved, claimed = float(np.median(went[use])), float(np.median(said[use]))
         figure = f"{claimed:.3g} {unit_} against {moved:.3g} {unit_} by places or headings, {off:.0%} off"
-        if off <= APART and abs(factor - 1) <= NEAR:
+        if off <= APART and abs(factor - 1) <= SCALE:
             return Finding(test, figure, GOOD, GOOD)
         rest = float(np.median(np.linalg.norm(factor * a - b, axis=-1) / most[use]))
         name = next((n for n, f in units.items() if abs(factor - f) <= NEAR * abs(f) and rest < NEAR), "")
@@ -405,10 +413,10 @@ def _crowd(seen: Seen, pairs: list[evidence.Step], sensors: SensorSheets) -> Fin
     """Detections that nothing explains, against the false alarms that the sensors are said to have."""
     due = np.array([model.clutter for model in sensors.models])
     count, share = unexplained(seen, pairs, len(due))
-    if not pairs:
-        return Finding("detections a scan", "no two scans to compare", OPEN, OPEN)
+    if not pairs or not np.isfinite(seen.polar[:, 2]).any():
+        return Finding("detections a scan", "no scans with range rates to compare", OPEN, OPEN)
     figure = f"{count.sum():.1f} without an explanation, {due.sum():g} false alarms expected, {share:.0%} explained"
-    many = count.sum() > CROWD * max(due.sum(), 1.0) and share < LOST
+    many = count.sum() > CROWD * max(due.sum(), 1.0) and share < LOST  # (PLA.6)
     if not many:
         return Finding("detections a scan", figure, GOOD, GOOD)
     remedy = "thin them out, or take the false alarms as they are with --fix clutter=measured"

@@ -9,10 +9,12 @@ import pyarrow.parquet as pq
 import pytest
 from typer.testing import CliRunner
 
+from scenarios import SCENARIOS
 from testbed.cli import app
+from testbed.environment.perception import radar_of
 from testbed.replay.plausibility import DOUBT, FAULT, faults, judged
 from testbed.replay.reading import read
-from testbed.replay.recording import record
+from testbed.replay.recording import RecordedFrame, record
 from testbed.replay.replaying import ReplayConfig, prepare
 from testbed.replay.writing import write
 from tests.testbed.replay.made_tables import made, save
@@ -286,3 +288,17 @@ def test_the_commands_print_the_report(drive, tmp_path):
     assert "verdict" in checked.output
     assert "--fix range_rate=km/h" in checked.output
     assert run("check", "recording", folder, "--fix", "range_rate=km/h").exit_code == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scenario", SCENARIOS)
+def test_right_recordings_of_every_scenario_have_no_alarm(scenario, tmp_path):
+    """Of three radars, with truth and without."""
+    driven = record(scenario, 61, "ideal", 5.0)
+    for radar in ("front", "nuscenes-like", "lidar-1deg"):
+        rng = np.random.default_rng(61)
+        frames = tuple(RecordedFrame(f.scene, *radar_of(radar).scan(f.scene, rng)) for f in driven.frames)
+        write(driven._replace(radar=radar, frames=frames), tmp_path / radar, "parquet")
+        assert wrong(tmp_path / radar) == []
+        (tmp_path / radar / "truth.parquet").unlink()
+        assert wrong(tmp_path / radar) == []
