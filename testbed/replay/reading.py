@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ from sensors.scene import Scene
 from testbed.log.record import RoadGeometry
 from testbed.replay.columns import DETECTIONS, EGO, SENSORS, TABLES, Table, like
 from testbed.replay.ego import egos
+from testbed.replay.findings import Finding
 from testbed.replay.fixes import GROUND, Fix
 from testbed.replay.lanes import lanes_of
 from testbed.replay.loaded import Loaded
@@ -44,7 +45,7 @@ class Recorded(NamedTuple):
     road: RoadMap
     drawn: RoadGeometry
     unread: tuple[Unread, ...] = ()
-    findings: tuple[Any, ...] = ()  # of `testbed.replay.plausibility`, where they were looked for
+    findings: tuple[Finding, ...] = ()  # of `testbed.replay.plausibility`, where they were looked for
 
 
 def read(folder: Path, start: float | None = None, end: float | None = None, fixes: Sequence[Fix] = ()) -> Recorded:

@@ -12,7 +12,8 @@ from typer.testing import CliRunner
 from scenarios import SCENARIOS
 from testbed.cli import app
 from testbed.environment.perception import radar_of
-from testbed.replay.plausibility import DOUBT, FAULT, faults, judged
+from testbed.replay.findings import DOUBT, FAULT
+from testbed.replay.plausibility import faults, judged
 from testbed.replay.reading import read
 from testbed.replay.recording import RecordedFrame, record
 from testbed.replay.replaying import ReplayConfig, prepare
