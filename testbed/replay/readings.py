@@ -1,4 +1,4 @@
-"""Which reading of range rates, azimuths and ranges the detections speak for. Equations: docs/methods/plausibility.md."""
+"""Which reading of range rates, azimuths and ranges detections speak for. Equations: docs/methods/plausibility.md."""
 
 from collections.abc import Sequence
 from itertools import product

@@ -56,6 +56,7 @@ class Ways(NamedTuple):
 
 
 def ego_speed(frames: Sequence[RecordedFrame]) -> Finding:
+    """Speed and heading of the ego against its places."""
     egos = [f.scene.ego for f in frames]
     pose = np.array([e.pose for e in egos])
     ahead = unit(pose[:, 2])
@@ -72,6 +73,7 @@ def ego_speed(frames: Sequence[RecordedFrame]) -> Finding:
 
 
 def yaw_rate(frames: Sequence[RecordedFrame]) -> Finding:
+    """Yaw rate of the ego against its headings."""
     egos = [f.scene.ego for f in frames]
     heading, rate = np.unwrap([e.pose[2] for e in egos]), np.array([e.yaw_rate for e in egos])
     drives = np.array([np.hypot(*e.velocity) > 1 for e in egos])
@@ -83,7 +85,7 @@ def yaw_rate(frames: Sequence[RecordedFrame]) -> Finding:
 
 
 def truth_speed(frames: Sequence[RecordedFrame]) -> Finding | None:
-    """None without truth."""
+    """Velocities of the truth against its places, None without truth."""
     objects = [f.scene.objects for f in frames]
     number = np.concatenate([np.zeros(0, int), *(o.id for o in objects)])
     if not len(number):
