@@ -57,18 +57,26 @@ class Votes(NamedTuple):
         return sum(c.other - c.right for c in (self.standing, self.moving, self.truth))
 
     @property
+    def stands(self) -> bool:
+        """Whether standing returns speak for it."""
+        one = self.standing
+        return _clear(one.other, one.right) and one.other > SHARE * one.all and one.spread >= SPREAD
+
+    @property
+    def support(self) -> int:
+        """Sources that speak for it."""
+        return self.stands + sum(_clear(c.other, c.right) for c in (self.moving, self.truth))
+
+    @property
     def verdict(self) -> str:
         """FAULT where the reading is right and the usual one is not, DOUBT where that is likely, else GOOD or OPEN."""
-        stand, move, claim, true = self
-        against = [_clear(c.right, c.other) for c in self]
-        if any(against) or (move.right >= LEAST / 2 and move.right > 2 * move.other):
+        move = self.moving
+        if any(_clear(c.right, c.other) for c in self) or (move.right >= LEAST / 2 and move.right > 2 * move.other):
             return GOOD
-        stands = _clear(stand.other, stand.right) and stand.other > SHARE * stand.all and stand.spread >= SPREAD
-        others = _clear(move.other, move.right) or _clear(true.other, true.right)
-        alone = stand.other >= ALONE * stand.right
-        if others or (stands and alone):
+        alone = self.standing.other >= ALONE * self.standing.right
+        if self.support > self.stands or (self.stands and alone):
             return FAULT
-        return DOUBT if stands else OPEN
+        return DOUBT if self.stands else OPEN
 
 
 def _clear(much: int, little: int) -> bool:
@@ -115,8 +123,9 @@ def _votes(seen: Seen, boxes: Boxed, pairs: list[evidence.Step], trusted: bool) 
 
 
 def _best(votes: Sequence[Votes]) -> int | None:
-    """The reading that explains most, the plainest of those that explain about as much; None if none is better."""
+    """The reading that most sources speak for, of these the one that explains most, the plainest of about as much."""
     good = [k for k, v in enumerate(votes) if v.verdict in (FAULT, DOUBT)]
+    good = [k for k in good if votes[k].support == max(votes[k].support for k in good)]
     most = max((votes[k].net for k in good), default=0)
     return next((k for k in good if votes[k].net >= (1 - NEAR) * most), None)
 
