@@ -105,7 +105,7 @@ class Counts(NamedTuple):
 
 
 NONE = Counts(0, 0, 0, 0)
-CELL = 4.0  # [m]
+CELL, SPREAD = 4.0, 10  # [m], and how many that what stands must be in
 
 
 def _count(xy: NDArray, other: NDArray, right: NDArray, tells: NDArray) -> Counts:
@@ -192,12 +192,15 @@ def continuity(pairs: list[Step], how: Reading, base: list[tuple[NDArray, NDArra
         d, u = due - due0, unit(step.first.polar[:, 1])
         apart = (np.abs((d * u).sum(-1)) > 2 * ALONG) | (np.abs(cross(u, d)) > 2 * ACROSS)
         apart &= np.isfinite(due).all(-1) & np.isfinite(due0).all(-1)
-        free = ~tells if how.mirrors else ~still & ~still0
+        free = ~tells & still & still0 if how.mirrors else ~still & ~still0  # a mover may turn either way
         parts.append((step.first.xy, _there(step, due, room), there0, apart & free, apart & still & ~still0 & tells))
     if not parts:
         return NONE, NONE
     xy, other, right, moving, claimed = map(np.concatenate, zip(*parts, strict=True))
-    return _count(xy, other, right, moving), _count(xy, other, right, claimed)
+    found = _count(xy, other, right, moving)
+    if how.mirrors and found.spread < SPREAD:  # a vehicle that crosses seems to stand
+        found = found._replace(other=0)
+    return found, _count(xy, other, right, claimed)
 
 
 def base_of(pairs: list[Step]) -> list[tuple[NDArray, NDArray]]:

@@ -15,7 +15,6 @@ from trackers.geometry import unit
 
 LEAST, CLEAR, ALONE = 10, 4.0, 10.0  # detections that a vote needs, and how many times as many as speak against it
 SHARE = 0.03  # of the detections that tell two readings apart, which standing things must at least be
-SPREAD = 10  # cells that what stands must be in
 
 
 def _names() -> list[Reading]:
@@ -60,7 +59,7 @@ class Votes(NamedTuple):
     def stands(self) -> bool:
         """Whether standing returns speak for it."""
         one = self.standing
-        return _clear(one.other, one.right) and one.other > SHARE * one.all and one.spread >= SPREAD
+        return _clear(one.other, one.right) and one.other > SHARE * one.all and one.spread >= evidence.SPREAD
 
     @property
     def support(self) -> int:
