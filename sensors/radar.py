@@ -1,8 +1,6 @@
-"""The radar: a Scene in, a Scan and its Origin out. Every step is a function of arrays and a generator.
+"""The radar: a Scene in, a Scan and its Origin out; order of a scan and equations in docs/methods/radar.md."""
 
-Order of a scan and equations: docs/methods/radar.md.
-"""
-
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 
@@ -22,12 +20,18 @@ from sensors.scattering import draw_counts
 from sensors.scene import Scene, check_scene
 from trackers.scan import DepthProfile, Scan, SensorModel
 
+MAX_MOUNT = (10.0, 2.5)  # [m] along and across from the centre: half of the longest and widest of vehicles
+
 
 @dataclass(frozen=True)
 class Sensor:
-    """One mounted radar. The defaults are a plausible side radar; angles in the names are in degrees."""
+    """One mounted radar. The defaults are a plausible side radar.
 
-    mount: tuple[float, float, float] = (0.0, 0.0, 0.0)  # x, y [m], heading [rad] in the frame of the vehicle's centre
+    Fields whose names end in `_deg` are in degrees. The heading of the mount is in radians: (-2.35, 0.0, np.pi) looks
+    back, and `sensors.rigs.facing` takes degrees.
+    """
+
+    mount: tuple[float, float, float] = (0.0, 0.0, 0.0)  # x, y [m], heading in RAD, from the vehicle's centre
     max_range: float = 30.0  # [m]
     fov_deg: float = 90.0  # full opening angle
     spacing_deg: float = 0.25  # between rays; what is thinner may be missed
@@ -63,6 +67,8 @@ class Sensor:
             value = np.asarray(getattr(self, name))
             if np.isnan(value).any() or (name != "mount" and (value < 0).any()):
                 raise ValueError(f"sensor.{name} must be a number of at least 0, got {getattr(self, name)}")
+        if fault := fault_of_mount(self.mount):
+            raise ValueError(f"sensor.mount {fault}")
         if not isinstance(self.persistence, Persistence | None):
             raise ValueError(
                 f"sensor.persistence must be a Persistence or None, got {self.persistence}; "
@@ -103,6 +109,17 @@ class Sensor:
             clutter=self.clutter,
             profile=self.profile,
         )
+
+
+def fault_of_mount(mount: tuple[float, float, float]) -> str:
+    """What is wrong with a mount x, y [m], heading [rad], in words; empty where it can be right."""
+    if np.shape(mount) != (3,):
+        return f"must be x, y [m] and heading [rad], got {mount}"
+    if (np.abs(mount[:2]) > MAX_MOUNT).any():
+        return f"is {mount[0]:g} m, {mount[1]:g} m from the vehicle's centre, outside of any vehicle; give metres"
+    if abs(mount[2]) > 2 * np.pi:
+        return f"has the heading {mount[2]:g} rad, more than a turn; it is in rad: for degrees write np.radians(...)"
+    return ""
 
 
 def numeric() -> list[str]:
@@ -176,7 +193,6 @@ class Radar:
 
         Raises:
             ValueError: a scene that is not finite, or whose bodies do not fit together.
-
         """
         check_scene(scene)
         platform = scene.ego.platform
@@ -247,19 +263,13 @@ class Radar:
 
     def expected(self, visible: Visible) -> NDArray:
         """Expected detections (S, N) of every object by every sensor, occlusion included, before cells merge any."""
-        seen = visible.chord > 0
-        nearest = np.where(seen, visible.nearest, 1.0)
-        rate = [m.expected_count(r, c) for m, r, c in zip(self.models, nearest, visible.chord, strict=True)]  # (RAD.9)
-        return np.where(seen, rate, 0.0)
+        return _expected(self.models, visible)
 
     def _expected_by_aspect(self, p: Parameters, visible: Visible, sides: NDArray, kinds: tuple[str, ...]) -> NDArray:
         """Expected detections (S, N) of objects that show the shares (S, N, 3) of their sides."""
-        seen = visible.chord > 0
-        nearest = np.where(seen, visible.nearest, 1.0)
-        unlimited = [replace(m, count_max=np.inf) for m in self.models]
-        rate = [m.expected_count(r, c) for m, r, c in zip(unlimited, nearest, visible.chord, strict=True)]  # (RAD.9)
+        unlimited = _expected([replace(m, count_max=np.inf) for m in self.models], visible)
         limit = self.column("detection_probability")  # (RAD.10)
-        return np.where(seen, mean_counts(p, np.array(rate), visible.share, sides, kinds, limit), 0.0)
+        return np.where(visible.chord > 0, mean_counts(p, unlimited, visible.share, sides, kinds, limit), 0.0)
 
     def _counts(self, expected: NDArray, shape: NDArray, rng: np.random.Generator) -> NDArray:
         """Numbers of detections (S, N) in this scan, of count shapes (S, N) or (S, 1)."""
@@ -267,3 +277,11 @@ class Radar:
         mean = expected / np.where(p > 0, p, 1.0)
         counts = draw_counts(mean, shape, rng)  # (RAD.11)
         return np.where(rng.random(expected.shape) < p, counts, 0)  # (RAD.12)
+
+
+def _expected(models: Sequence[SensorModel], visible: Visible) -> NDArray:
+    """Expected detections (S, N) by the data sheets of S sensors, 0 of what is not visible."""
+    seen = visible.chord > 0
+    nearest = np.where(seen, visible.nearest, 1.0)
+    rate = [m.expected_count(r, c) for m, r, c in zip(models, nearest, visible.chord, strict=True)]  # (RAD.9)
+    return np.where(seen, rate, 0.0)

@@ -120,7 +120,7 @@ class MultiObjectTracker:
             updated, info = tracks._replace(state=state), reported(info, found)
         hidden = tracks.hidden
         if hidden is not None:
-            hidden = np.where(info.detections > 0, 0.0, hidden + dt * view.hidden)
+            hidden = np.where(info.detections > 0, 0.0, hidden + dt * (view.hidden & (out < 0.5).any()))
         updated = updated._replace(
             estimate=self.filter.estimate(updated.state),
             existence=self.existence.update(tracks.existence, info.log_ratio),
