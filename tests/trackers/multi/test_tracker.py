@@ -227,14 +227,15 @@ def test_a_track_that_is_hidden_is_reported_while_its_lane_is_known():
     assert tracks._replace(hidden=np.array([0.2, 0.2])).reported.id.tolist() == [0, 1]
 
 
-@pytest.mark.parametrize(("truck", "hidden"), [(True, 0.3), (False, 0.0)])
-def test_a_track_counts_as_hidden_behind_another_and_not_for_want_of_detections(truck, hidden):
-    """Both are unseen for three scans: one behind a truck, the other in plain view."""
+@pytest.mark.parametrize(("truck", "works", "hidden"), [(True, True, 0.3), (False, True, 0.0), (True, False, 0.0)])
+def test_a_track_counts_as_hidden_behind_another_and_not_in_plain_view_or_without_radar(truck, works, hidden):
+    """Both are without detections for three scans, the second one behind a truck or not."""
     e = prior(np.array([[20.0, 0, np.pi / 2], [50, 0, 0]]), size=[[12.0, 2.5], [4.5, 1.9]], position_std=0.1)
     tracker = MultiObjectTracker(KnownObjects(), (RADAR,), occlude_above=0.1 if truck else 1.0)
-    tracks = tracks_of(e)._replace(hidden=np.zeros(2))
+    tracks = tracks_of(e, 0.9999)._replace(hidden=np.zeros(2))
+    scan = scan_of(np.zeros((0, 2)), (0.1, 0.01, 0.1))._replace(delivered=np.array([works]))
     for _ in range(3):
-        tracks, _ = tracker.step(tracks, scan_of(np.zeros((0, 2)), (0.1, 0.01, 0.1)), 0.1)
+        tracks, _ = tracker.step(tracks, scan, 0.1)
     assert tracks.hidden[tracks.id == 1] == pytest.approx(hidden)
 
 
