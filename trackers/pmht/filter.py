@@ -4,7 +4,8 @@ Equations: docs/methods/spline-pmht.md, symbols after Yao et al. (2021). Detecti
 ellipses by their probabilities; the synthetic detection of each ellipse then corrects pose, motion and size together.
 """
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import ClassVar
 
@@ -28,9 +29,9 @@ from trackers.pmht.motion import Walk, predicted
 from trackers.pmht.spline import chain
 from trackers.pmht.state import LEAST_SIZE, LENGTH, SplineState, estimate_of, moments_of, resized
 from trackers.pmht.symmetric import columns, polar_noise
-from trackers.pmht.visibility import directions, visibility_table, weights
+from trackers.pmht.visibility import View, directions, visibility_table, weights
 from trackers.range_rate import RangeRates
-from trackers.scan import Scan
+from trackers.scan import Scan, SensorModel
 from trackers.validation import guarded_predict, guarded_update
 
 VISIBILITIES = ("rays", "none")
@@ -59,6 +60,7 @@ class SplinePmht:
     inflation: float = 9.0  # factor of the ellipses' covariances in the scan after that, (PMHT.18)
     outward: float = 0.0  # standard deviations of the ellipses that the drawn contour lies outside the curve
     position_std: tuple[float, float] = (0.0, 0.0)  # shares of length and width added to the std of the place
+    sensors: tuple[SensorModel, ...] = ()  # data sheets, in the order of `Scan.sensor`; none: they see everywhere
 
     angles: ClassVar[tuple[int, ...]] = (PHI,)  # of m; unwrapped, but a heading starts anew where a track does
     log_size: ClassVar[bool] = False  # sizes are metres
@@ -132,7 +134,7 @@ class SplinePmht:
             return state, nothing(n)
         xy = scan.xy
         detections = self.relative(state.m, scan, xy)
-        sensor = scan.pose[..., :2] - state.m[..., None, :2]
+        sensor = View.of(scan, state.m[..., :2], self.sensors)
         ellipses = self.ellipses(state.p, state.Sigma)
         m, P, expected = state.m, state.P, predict_ellipses(state.m, state.P, ellipses.mu)
         w, E, share = self._associate(state, ellipses, m, detections, sensor, expected.C)
@@ -166,7 +168,7 @@ class SplinePmht:
         ellipses: UnitEllipses,
         m: NDArray,
         detections: RelativeDetections,
-        sensor: NDArray,
+        sensor: View,
         spare: NDArray | None = None,
         wider: NDArray | float = 1.0,
     ) -> tuple[NDArray, NDArray, NDArray]:
@@ -189,7 +191,7 @@ class SplinePmht:
         return w, E, own / np.maximum(detections.mask.sum(-1), 1)  # (PMHT.17)
 
     def _displacement(
-        self, state: SplineState, ellipses: UnitEllipses, detections: RelativeDetections, sensor: NDArray
+        self, state: SplineState, ellipses: UnitEllipses, detections: RelativeDetections, sensor: View
     ) -> NDArray:
         """Mean of the detections less that of the ellipses which their sensors can see, (..., 2) [m]."""
         placed = place(ellipses, state.m, state.m[..., :2])
@@ -197,11 +199,12 @@ class SplinePmht:
         each = (detections.mask / np.maximum(detections.mask.sum(-1, keepdims=True), 1))[..., None]  # (..., M, 1)
         return (detections.z @ each)[..., 0] - (placed.c @ (pi * each).sum(-2)[..., None])[..., 0]  # (PMHT.18)
 
-    def log_weights(self, visible: NDArray, c: NDArray, phi: NDArray, sensor: NDArray) -> NDArray:
-        """Log prior (..., M or 1, L) of the ellipses at c (..., 2, L) [m] for sensors at (..., M or 1, 2) [m]."""
+    def log_weights(self, visible: NDArray, c: NDArray, phi: NDArray, sensor: View) -> NDArray:
+        """Log prior (..., M or 1, L) of the ellipses at c (..., 2, L) [m] for the sensors of M detections."""
         if self.visibility == "none":
             return np.full((1, c.shape[-1]), -np.log(c.shape[-1]))
-        return np.log(weights(visible, directions(c, phi, sensor), self.unseen))  # (PMHT.22)
+        cover = sensor.cover(c) if self.sensors else 1.0
+        return np.log(weights(visible, directions(c, phi, sensor.place), self.unseen, cover))  # (PMHT.22)
 
     def relative(self, m: NDArray, scan: Scan, xy: NDArray) -> RelativeDetections:
         """Detections relative to the centres of m (..., 7)."""
@@ -215,6 +218,10 @@ class SplinePmht:
         R = polar_noise(along, across, scan.sight)
         R = R if mask.all() else np.where(mask[..., None, :], R, IDENTITY)
         return RelativeDetections(z, R, mask)
+
+    def on_sensors(self, sensors: Sequence[SensorModel]) -> "SplinePmht":
+        """The same with the data sheets of the sensors, which say what they cover."""
+        return replace(self, sensors=tuple(sensors))
 
     def resize(self, state: SplineState, size: NDArray, size_std: NDArray) -> SplineState:
         """State with another size (..., 2) [m] of standard deviation size_std (..., 2) [m]."""
@@ -230,14 +237,14 @@ class SplinePmht:
         pairs = scan._replace(
             polar=scan.polar[detection, None],
             mask=np.ones((len(track), 1), bool),
-            **{name: spread_rows(getattr(scan, name), detection) for name in ("pose", "velocity", "noise")},
+            **{name: spread_rows(getattr(scan, name), detection) for name in ("pose", "velocity", "noise", "sensor")},
         )
         m = rows.m
         detections = self.relative(m, pairs, pairs.xy)
         placed = place(unit_ellipses(self.N, rows.p, rows.Sigma), m, m[..., :2])
         where = columns(rows.P[..., None, :2, :2])
         placed = placed._replace(E=placed.E + where, box=placed.box + where)
-        log_pi = self.log_weights(rows.visible, placed.c, m[..., PHI], pairs.pose[..., :2] - m[..., None, :2])
+        log_pi = self.log_weights(rows.visible, placed.c, m[..., PHI], View.of(pairs, m[..., :2], self.sensors))
         density = np.exp(log_density(detections, placed.c, placed.E) + log_pi).sum(-1)[..., 0]
         density = density + interior_density(placed, detections, self.interior)[..., 0, 0]  # (PMHT.20)
         return np.log(np.maximum((1 - self.interior) * density, LEAST_DENSITY))  # (PMHT.20)
