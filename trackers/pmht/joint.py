@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from trackers.geometry import rotation
 from trackers.linalg import symmetrize
 from trackers.motion.turn import PHI
-from trackers.pmht.association import LEAST_WEIGHT, SyntheticDetections
+from trackers.pmht.association import LEAST_WEIGHT, RelativeDetections, SyntheticDetections
 from trackers.pmht.state import LENGTH, N, rotating_root
 from trackers.pmht.symmetric import determinant, upright
 from trackers.unscented import STANDARD
@@ -66,10 +66,18 @@ def predict_ellipses(m: NDArray, P: NDArray, mu: NDArray) -> PredictedEllipses:
     return PredictedEllipses(T, c, h, C)
 
 
-def update(m: NDArray, expected: PredictedEllipses, E: NDArray, z: SyntheticDetections) -> tuple[NDArray, NDArray]:
-    """Moments (..., 7), (..., 7, 7) after the synthetic detections z, relative to the centre of m.
+def update(
+    m: NDArray,
+    expected: PredictedEllipses,
+    E: NDArray,
+    z: SyntheticDetections,
+    u: NDArray | None = None,
+    missing: NDArray | None = None,
+) -> tuple[NDArray, NDArray, NDArray]:
+    """Moments (..., 7), (..., 7, 7) after the synthetic detections z, relative to the centre of m, and the new u.
 
-    E (..., 3, L) [m^2] are the covariances A Sigma_l A^T of the detections of each ellipse.
+    E (..., 3, L) [m^2] are the covariances A Sigma_l A^T of the detections of each ellipse, u (..., 7) the iterate that
+    the weights are of, None for m itself, and missing (..., 7, 7) the information that is not there, see `missing`.
     """
     h, g = expected.h, np.empty(expected.h.shape)
     hx, hy = h[..., 0, :], h[..., 1, :]
@@ -80,8 +88,40 @@ def update(m: NDArray, expected: PredictedEllipses, E: NDArray, z: SyntheticDete
     xx, xy, yy = W[..., None, 0, :], W[..., None, 1, :], W[..., None, 2, :]
     g[..., 0, :], g[..., 1, :] = yy * hx - xy * hy, xx * hy - xy * hx  # W^-1 h
     flat = (*h.shape[:-2], 2 * h.shape[-1])
+    c = expected.c if u is None else moved(expected, u)
+    r = (z.z - c).reshape(*flat[:-2], flat[-1], 1)
     h, g = h.reshape(flat), g.reshape(flat)
-    r = (z.z - expected.c).reshape(*flat[:-2], flat[-1], 1)
-    inverse = np.linalg.inv(I7 + symmetrize(h @ g.mT))
-    m = m + (expected.T @ (inverse @ (g @ r)))[..., 0]  # (PMHT.15b)
-    return m, symmetrize(expected.T @ inverse @ expected.T.mT)  # (PMHT.15a)
+    information, score = symmetrize(h @ g.mT), (g @ r)[..., 0]
+    if missing is not None:
+        value, U = np.linalg.eigh(information - missing)
+        information = (U * np.maximum(value, 0.0)[..., None, :]) @ U.mT  # (PMHT.15d)
+    inverse = np.linalg.inv(I7 + information)
+    u = (inverse @ score[..., None])[..., 0] if u is None else u + (inverse @ (score - u)[..., None])[..., 0]
+    m = m + (expected.T @ u[..., None])[..., 0]  # (PMHT.15b)
+    return m, symmetrize(expected.T @ inverse @ expected.T.mT), u  # (PMHT.15a)
+
+
+def moved(expected: PredictedEllipses, u: NDArray) -> NDArray:
+    """Centres (..., 2, L) [m] of the ellipses at the iterate u (..., 7)."""
+    return expected.c + (expected.h * u[..., None, None]).sum(-3)
+
+
+def missing(
+    expected: PredictedEllipses, E: NDArray, R: NDArray, w: NDArray, detections: RelativeDetections, u: NDArray
+) -> NDArray:
+    """Information (..., 7, 7) on u that is missing, because the ellipse of each detection is not known, (PMHT.15c).
+
+    Weights w (..., M, L) at the iterate u (..., 7); E, R (..., 3, L) [m^2] covariance and noise of one detection of
+    each ellipse.
+    """
+    hx, hy = expected.h[..., 0, :], expected.h[..., 1, :]  # (..., 7, L)
+    d = detections.z[..., None] - moved(expected, u)[..., None, :]  # (..., 2, M, L)
+    S = E + R
+    S = (S / determinant(S)[..., None, :])[..., None, :]
+    ax = S[..., 2, :, :] * d[..., 0, :, :] - S[..., 1, :, :] * d[..., 1, :, :]
+    ay = S[..., 0, :, :] * d[..., 1, :, :] - S[..., 1, :, :] * d[..., 0, :, :]
+    wx, wy = w * ax, w * ay
+    xx, xy, yy = ((a * b).sum(-2)[..., None, :] for a, b in ((wx, ax), (wx, ay), (wy, ay)))
+    each = (hx * xx + hy * xy) @ hx.mT + (hx * xy + hy * yy) @ hy.mT
+    score = hx @ wx.mT + hy @ wy.mT  # (..., 7, M)
+    return symmetrize(each - score @ score.mT)  # (PMHT.15c)
