@@ -49,7 +49,7 @@ class SplinePmht:
     visibility: str = "rays"  # weights of the ellipses by what each sensor can see, or "none": equal, as in the paper
     form: str | EllipseUpdate = "joint"  # all ellipses at once, or one's own
     iterations: int = 3  # of association and update
-    certain: float = 1.0  # share of the missing information that is taken for there; 1: all, as in the paper
+    doubt: float = 0.0  # share of the information that is missing for unknown ellipses, (PMHT.35); 0: as in the paper
     walk: Walk = field(default_factory=Walk)
     rates: RangeRates = field(default_factory=RangeRates)
     sigma: float = 0.2  # [m] noise where a scan does not state it
@@ -149,16 +149,15 @@ class SplinePmht:
             P[..., :2, :2] += outer(jump)  # (PMHT.18)
             w, E, _ = self._associate(state, ellipses, m, detections, sensor, expected.C, wider)
             expected = predict_ellipses(state.m, P, ellipses.mu)
-        prior, u = P, None if self.certain == 1 else np.zeros(m.shape)
+        prior = P
         for k in range(self.iterations):
             if k > 0:
                 w, E, _ = self._associate(state, ellipses, m, detections, sensor, wider=wider)
             z = synthesise(w, detections)
             if isinstance(self.form, str):
-                lack = None if u is None else joint.missing(expected, E, z.R, w, detections, u)
-                lack = None if lack is None else (1 - self.certain) * lack
-                m, P, moved = joint.update(state.m, expected, E, z, u, lack)
-                u = None if u is None else moved
+                last = k == self.iterations - 1 and self.doubt > 0
+                doubt = joint.Doubt(w, detections, self.doubt) if last else None
+                m, P = joint.update(state.m, expected, E, z, doubt)
             else:
                 m, P = self.form.update(state.m, prior, ellipses.mu, E, z)
             np.maximum(m[..., LENGTH:], LEAST_SIZE, out=m[..., LENGTH:])

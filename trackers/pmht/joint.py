@@ -35,6 +35,14 @@ class PredictedEllipses(NamedTuple):
     C: NDArray  # (..., 3, L) [m^2] covariances C^x_l
 
 
+class Doubt(NamedTuple):
+    """Which ellipse made which detection is known by probabilities only."""
+
+    w: NDArray  # (..., M, L)
+    detections: RelativeDetections
+    share: float  # of the information that is missing for it, which is taken away; the rest counts as there
+
+
 class EllipseUpdate(Protocol):
     """A form of the update that is not built in, such as `studies.papers.yao2021.sequential.OneByOne`."""
 
@@ -67,17 +75,12 @@ def predict_ellipses(m: NDArray, P: NDArray, mu: NDArray) -> PredictedEllipses:
 
 
 def update(
-    m: NDArray,
-    expected: PredictedEllipses,
-    E: NDArray,
-    z: SyntheticDetections,
-    u: NDArray | None = None,
-    missing: NDArray | None = None,
-) -> tuple[NDArray, NDArray, NDArray]:
-    """Moments (..., 7), (..., 7, 7) after the synthetic detections z, relative to the centre of m, and the new u.
+    m: NDArray, expected: PredictedEllipses, E: NDArray, z: SyntheticDetections, doubt: Doubt | None = None
+) -> tuple[NDArray, NDArray]:
+    """Moments (..., 7), (..., 7, 7) after the synthetic detections z, relative to the centre of m.
 
-    E (..., 3, L) [m^2] are the covariances A Sigma_l A^T of the detections of each ellipse, u (..., 7) the iterate that
-    the weights are of, None for m itself, and missing (..., 7, 7) the information that is not there, see `missing`.
+    E (..., 3, L) [m^2] are the covariances A Sigma_l A^T of the detections of each ellipse. Without a doubt detections
+    are taken for those of their ellipses.
     """
     h, g = expected.h, np.empty(expected.h.shape)
     hx, hy = h[..., 0, :], h[..., 1, :]
@@ -88,40 +91,30 @@ def update(
     xx, xy, yy = W[..., None, 0, :], W[..., None, 1, :], W[..., None, 2, :]
     g[..., 0, :], g[..., 1, :] = yy * hx - xy * hy, xx * hy - xy * hx  # W^-1 h
     flat = (*h.shape[:-2], 2 * h.shape[-1])
-    c = expected.c if u is None else moved(expected, u)
-    r = (z.z - c).reshape(*flat[:-2], flat[-1], 1)
     h, g = h.reshape(flat), g.reshape(flat)
-    information, score = symmetrize(h @ g.mT), (g @ r)[..., 0]
-    if missing is not None:
-        value, U = np.linalg.eigh(information - missing)
-        information = (U * np.maximum(value, 0.0)[..., None, :]) @ U.mT  # (PMHT.15d)
+    r = (z.z - expected.c).reshape(*flat[:-2], flat[-1], 1)
+    information = symmetrize(h @ g.mT)
     inverse = np.linalg.inv(I7 + information)
-    u = (inverse @ score[..., None])[..., 0] if u is None else u + (inverse @ (score - u)[..., None])[..., 0]
-    m = m + (expected.T @ u[..., None])[..., 0]  # (PMHT.15b)
-    return m, symmetrize(expected.T @ inverse @ expected.T.mT), u  # (PMHT.15a)
+    u = inverse @ (g @ r)
+    if doubt is not None:
+        value, U = np.linalg.eigh(information - doubt.share * missing(expected, E + z.R, doubt, u[..., 0]))
+        inverse = (U / (1 + np.maximum(value, 0.0))[..., None, :]) @ U.mT  # (PMHT.35)
+    return m + (expected.T @ u)[..., 0], symmetrize(expected.T @ inverse @ expected.T.mT)  # (PMHT.15b), (PMHT.15a)
 
 
-def moved(expected: PredictedEllipses, u: NDArray) -> NDArray:
-    """Centres (..., 2, L) [m] of the ellipses at the iterate u (..., 7)."""
-    return expected.c + (expected.h * u[..., None, None]).sum(-3)
+def missing(expected: PredictedEllipses, S: NDArray, doubt: Doubt, u: NDArray) -> NDArray:
+    """Information (..., 7, 7) about u that is missing where u (..., 7) is true, (PMHT.34).
 
-
-def missing(
-    expected: PredictedEllipses, E: NDArray, R: NDArray, w: NDArray, detections: RelativeDetections, u: NDArray
-) -> NDArray:
-    """Information (..., 7, 7) on u that is missing, because the ellipse of each detection is not known, (PMHT.15c).
-
-    Weights w (..., M, L) at the iterate u (..., 7); E, R (..., 3, L) [m^2] covariance and noise of one detection of
-    each ellipse.
+    S (..., 3, L) [m^2] is the covariance of one detection of each ellipse.
     """
     hx, hy = expected.h[..., 0, :], expected.h[..., 1, :]  # (..., 7, L)
-    d = detections.z[..., None] - moved(expected, u)[..., None, :]  # (..., 2, M, L)
-    S = E + R
+    c = expected.c + (expected.h * u[..., None, None]).sum(-3)
+    d = doubt.detections.z[..., None] - c[..., None, :]  # (..., 2, M, L)
     S = (S / determinant(S)[..., None, :])[..., None, :]
     ax = S[..., 2, :, :] * d[..., 0, :, :] - S[..., 1, :, :] * d[..., 1, :, :]
     ay = S[..., 0, :, :] * d[..., 1, :, :] - S[..., 1, :, :] * d[..., 0, :, :]
-    wx, wy = w * ax, w * ay
+    wx, wy = doubt.w * ax, doubt.w * ay
     xx, xy, yy = ((a * b).sum(-2)[..., None, :] for a, b in ((wx, ax), (wx, ay), (wy, ay)))
     each = (hx * xx + hy * xy) @ hx.mT + (hx * xy + hy * yy) @ hy.mT
     score = hx @ wx.mT + hy @ wy.mT  # (..., 7, M)
-    return symmetrize(each - score @ score.mT)  # (PMHT.15c)
+    return symmetrize(each - score @ score.mT)  # (PMHT.34)
