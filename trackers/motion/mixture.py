@@ -23,7 +23,8 @@ from trackers.scan import Scan
 
 SIZE = OMEGA + 1  # first of the two components that hold the size
 ANGLES = (PHI,)
-AXLE_STD = 0.1  # of lambda, beyond the spread of the modes
+AXLE_STD = 0.15  # of lambda, beyond the spread of the modes
+CREEP = 1.0  # [m/s] below which slip turns the course no further
 LEAST_SIZE = 0.8  # [m] of a mode; where sizes are linear, one may extrapolate below 0
 
 
@@ -129,7 +130,9 @@ class MotionModes:
         more = P[..., PHI, PHI] * P[..., SPEED, SPEED] + (length * m[..., OMEGA]) ** 2 * axle_var  # (MODE.26)
         cov[..., 2:, 2:] += more[..., None, None] * outer(across)  # (MODE.26)
         cov[..., :2, :2] = box.cov[..., :2, :2]  # with what the outline adds
-        return box._replace(velocity=v * along + omega * d * across, cov=cov)  # (MODE.24)
+        slip = (length * m[..., OMEGA]) ** 2 / np.maximum(m[..., SPEED] ** 2, CREEP**2)
+        heading_std = np.sqrt(box.heading_std**2 + AXLE_STD**2 * slip)  # (MODE.31)
+        return box._replace(velocity=v * along + omega * d * across, cov=cov, heading_std=heading_std)  # (MODE.24)
 
 
 def size_of(m: NDArray, log: bool) -> NDArray:

@@ -49,7 +49,7 @@ class SplinePmht:
     visibility: str = "rays"  # weights of the ellipses by what each sensor can see, or "none": equal, as in the paper
     form: str | EllipseUpdate = "joint"  # all ellipses at once, or one's own
     iterations: int = 3  # of association and update
-    doubt: float = 0.0  # share of the information that is missing for unknown ellipses, (PMHT.35); 0: as in the paper
+    doubt: float = 0.0  # share of the information that is missing for unknown ellipses, (PMHT.39); 0: as in the paper
     walk: Walk = field(default_factory=Walk)
     rates: RangeRates = field(default_factory=RangeRates)
     sigma: float = 0.2  # [m] noise where a scan does not state it

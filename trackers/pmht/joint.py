@@ -98,12 +98,12 @@ def update(
     u = inverse @ (g @ r)
     if doubt is not None:
         value, U = np.linalg.eigh(information - doubt.share * missing(expected, E + z.R, doubt, u[..., 0]))
-        inverse = (U / (1 + np.maximum(value, 0.0))[..., None, :]) @ U.mT  # (PMHT.35)
+        inverse = (U / (1 + np.maximum(value, 0.0))[..., None, :]) @ U.mT  # (PMHT.39)
     return m + (expected.T @ u)[..., 0], symmetrize(expected.T @ inverse @ expected.T.mT)  # (PMHT.15b), (PMHT.15a)
 
 
 def missing(expected: PredictedEllipses, S: NDArray, doubt: Doubt, u: NDArray) -> NDArray:
-    """Information (..., 7, 7) about u that is missing where u (..., 7) is true, (PMHT.34).
+    """Information (..., 7, 7) about u that is missing where u (..., 7) is true, (PMHT.38).
 
     S (..., 3, L) [m^2] is the covariance of one detection of each ellipse.
     """
@@ -117,4 +117,4 @@ def missing(expected: PredictedEllipses, S: NDArray, doubt: Doubt, u: NDArray) -
     xx, xy, yy = ((a * b).sum(-2)[..., None, :] for a, b in ((wx, ax), (wx, ay), (wy, ay)))
     each = (hx * xx + hy * xy) @ hx.mT + (hx * xy + hy * yy) @ hy.mT
     score = hx @ wx.mT + hy @ wy.mT  # (..., 7, M)
-    return symmetrize(each - score @ score.mT)  # (PMHT.34)
+    return symmetrize(each - score @ score.mT)  # (PMHT.38)

@@ -42,6 +42,11 @@ class View(NamedTuple):
         if not sensors:
             everywhere = np.full(pose.shape[:-1], np.inf)
             return cls(place, pose[..., 2], everywhere, everywhere)
+        if scan.sensor.max(initial=0) >= len(sensors):
+            raise ValueError(
+                f"scan.sensor must index the {len(sensors)} data sheets of the filter, got up to {scan.sensor.max()}; "
+                "give it those of the radar by on_sensors(radar.models)"
+            )
         half, reach = (np.array(a)[scan.sensor] for a in ([s.fov / 2 for s in sensors], [s.max_range for s in sensors]))
         return cls(place, pose[..., 2], half, reach)
 
@@ -51,7 +56,7 @@ class View(NamedTuple):
         r = np.hypot(d[..., 0, :], d[..., 1, :])
         azimuth = np.abs(wrap_angle(np.arctan2(d[..., 1, :], d[..., 0, :]) - self.heading[..., None]))
         inside = np.minimum(self.max_range[..., None] - r, (self.half[..., None] - azimuth) * r)
-        return np.maximum(ndtr(inside / EDGE), LEAST_COVER)
+        return np.maximum(ndtr(inside / EDGE), LEAST_COVER)  # (PMHT.40)
 
 
 @lru_cache(maxsize=8)
