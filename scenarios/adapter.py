@@ -1,6 +1,6 @@
 """The one place where highway-env becomes a Scene; it reads any highway-env environment, stock or ours."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -17,15 +17,12 @@ ARTICULATED, OBSTACLE = "articulated", "obstacle"
 
 
 class SceneReader:
-    """Reads Scenes, and keeps the id of every object it has read.
+    """Reads Scenes, and keeps the id of every object it has read; call `reset` with every reset of the environment.
 
-    Ids count from 1 in the order in which objects are first read, within one frame in the order of `road.vehicles`,
-    then `road.objects`. `contour_of` names the outline of a single-body object; without it the object's own, or a guess
-    from its length. Call `reset` with every reset of the environment.
+    Ids count from 1 in the order in which objects are first read: `road.vehicles`, then `road.objects`.
     """
 
-    def __init__(self, contour_of: Callable[[RoadObject], str] | None = None) -> None:
-        self._contour_of = contour_of
+    def __init__(self) -> None:
         self.reset()
 
     def reset(self) -> None:
@@ -42,15 +39,14 @@ class SceneReader:
         self.__dict__.update(state, _known=known)
 
     def read(self, env: Any) -> Scene:
-        """The truth in an unwrapped environment now; its time is that of the last frame that highway-env has counted.
+        """The truth in an unwrapped environment now, at the time of the last frame that highway-env has counted.
 
-        highway-env counts a frame after `road.step`, so a scene read at the end of `road.step` needs the next frame's
-        time. `env.time` is not used: it counts policy steps and disagrees where the frequencies do not divide.
+        highway-env counts a frame after `road.step`; its own `env.time` counts policy steps and drifts.
         """
         dt = 1 / env.config["simulation_frequency"]
         seen = [v for v in env.road.vehicles if v is not env.vehicle]
         seen += [o for o in env.road.objects if isinstance(o, Obstacle) and o.solid]
-        bodies = [self._parts(v) for v in seen]
+        bodies = [parts(v) for v in seen]
         return Scene(
             time=env.steps / env.config["simulation_frequency"],
             dt=dt,
@@ -64,14 +60,8 @@ class SceneReader:
         """The id of an object, a new one if it has none yet."""
         return self._known.setdefault(id(vehicle), (vehicle, len(self._known) + 1))[1]
 
-    def _parts(self, vehicle: RoadObject) -> list[RigidPart]:
-        bodies = parts(vehicle)
-        if self._contour_of is not None and len(bodies) == 1:
-            return [bodies[0]._replace(contour=self._contour_of(vehicle))]
-        return bodies
-
     def _ego(self, vehicle: RoadObject) -> Ego:
-        if len(bodies := self._parts(vehicle)) != 1:
+        if len(bodies := parts(vehicle)) != 1:
             raise ValueError(f"the ego vehicle must be one rigid body, got {len(bodies)}; drive a car, bus or truck")
         body = bodies[0]
         pose = _wrapped(body.pose)
@@ -94,9 +84,8 @@ class SceneReader:
 def bounding_box(bodies: Sequence[RigidPart]) -> RigidPart:
     """Bounding box of the outlines of several bodies, in the frame of the longest one, as a part with contour box.
 
-    An articulated truck is seen mostly as its trailer, so the box is aligned with the trailer and shares its yaw
-    rate. Its size grows with the hitch angle, and its centre moves within the trailer as it does: the velocity is
-    that of the midpoint between the extreme vertices, so it is the derivative of the reported position.
+    Its velocity is the derivative of its position as the hitch turns: that of the midpoint between the extreme
+    vertices.
     """
     frame = max(bodies, key=lambda b: b.size[0])
     xy, rate = [], []

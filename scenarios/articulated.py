@@ -1,10 +1,8 @@
 """Articulated trucks: one highway-env vehicle that drives as its tractor unit and pulls a trailer of any length.
 
-highway-env knows the tractor unit (6 x 2.55 m). The trailer hangs on it by one angle, as a kinematic trailer whose
-axle does not slip sideways: D psi_t' = v_k . n_t, with v_k the velocity of the kingpin, n_t the unit vector to the
-left of the trailer, D the distance from kingpin to axle. A trailer in `road.vehicles` would be the follower of its
-own tractor for MOBIL; so the trailer exists only in `parts`, in the collisions and in the gaps of followers.
-Equations: docs/methods/vehicles.md.
+The trailer hangs on it by one angle and its axle does not slip sideways. As a vehicle of its own it would be the
+follower of its tractor for MOBIL, so it exists only in `parts`, in collisions and in the gaps of followers. Equations:
+docs/methods/vehicles.md.
 
             trailer, here 13.6 m
     +-----------------------------+
@@ -22,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from scenarios.bodies import RigidPart, body_part, motion
 from scenarios.contours import CONTOURS
-from scenarios.vehicles import CourseVehicle, SizedIDM, keep_habits
+from scenarios.vehicles import CourseVehicle, SizedIDM, keep_habits, known
 from trackers.geometry import perpendicular, point_velocity, unit, wrap_angle
 
 UNIT, TRAILER = "tractor-unit", "trailer"
@@ -92,10 +90,7 @@ class Articulated:
 
 
 class ArticulatedIDM(Articulated, SizedIDM):
-    """An articulated truck in traffic; it changes lanes only with `enable_lane_change`, because it is long.
-
-    `trailer` (2,) [m] is the size of the trailer, the default of its contour unless given.
-    """
+    """An articulated truck in traffic; `trailer` (2,) [m] is the size of its trailer, else that of the contour."""
 
     def __init__(self, *args: Any, hitch: float = 0.0, trailer: ArrayLike | None = None, **kwargs: Any) -> None:
         reject_size(kwargs)
@@ -105,19 +100,9 @@ class ArticulatedIDM(Articulated, SizedIDM):
     @classmethod
     def create_from(cls, vehicle: Vehicle) -> Self:
         """A truck in the same state with the same trailer."""
-        new = cls(
-            vehicle.road,
-            vehicle.position,
-            vehicle.heading,
-            vehicle.speed,
-            getattr(vehicle, "target_lane_index", None),
-            getattr(vehicle, "target_speed", None),
-            getattr(vehicle, "route", None),
-            timer=getattr(vehicle, "timer", None),
-            enable_lane_change=getattr(vehicle, "enable_lane_change", False),
-            hitch=getattr(vehicle, "hitch", 0.0),
-            trailer=getattr(vehicle, "trailer_size", None),
-        )
+        habits = known(vehicle, "target_lane_index", "target_speed", "route", "timer", "enable_lane_change", "hitch")
+        trailer = getattr(vehicle, "trailer_size", None)
+        new = cls(vehicle.road, vehicle.position, vehicle.heading, vehicle.speed, **habits, trailer=trailer)
         if isinstance(vehicle, cls):
             keep_habits(new, vehicle)
         return new

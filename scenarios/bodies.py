@@ -1,7 +1,6 @@
 """What all our vehicles share: their own size and contour, their true motion, and the rigid parts they consist of.
 
-highway-env keeps sizes on the class, forgets the slip angle in `vehicle.velocity` and collides one rectangle a
-vehicle. The functions here answer for any of its objects; the mixin `Sized` is for our own classes.
+The functions answer for any object of highway-env; the mixin `Sized` is for our own classes.
 """
 
 import math
@@ -31,11 +30,7 @@ class RigidPart(NamedTuple):
 
 
 def resize(vehicle: RoadObject, length: float, width: float) -> RoadObject:
-    """Give one object its own length and width [m] and return it.
-
-    The diagonal goes along: highway-env computes it once from the size of the class, and its fast collision check
-    would miss the ends of anything longer.
-    """
+    """Give one object its own length and width [m], and the diagonal that goes along, and return it."""
     if not (length > 0 and width > 0):
         raise ValueError(f"length and width must be positive, got {length} and {width} m")
     vehicle.LENGTH, vehicle.WIDTH = float(length), float(width)
@@ -56,9 +51,8 @@ def contour_of(vehicle: RoadObject) -> str:
 def motion(vehicle: RoadObject) -> tuple[NDArray, float]:
     """True velocity (2,) [m/s] of the centre and yaw rate [rad/s] under the action the vehicle has now.
 
-    The kinematic bicycle moves along heading + slip; `vehicle.velocity` leaves the slip out, an error of metres per
-    second in a lane change. What steers is the action last stored, so between `act` and `step` this is exactly the
-    motion of the coming frame. Crashed vehicles do not steer; obstacles rest.
+    The kinematic bicycle moves along heading + slip, which `vehicle.velocity` leaves out. Between `act` and `step` this
+    is exactly the motion of the coming frame. Crashed vehicles do not steer; obstacles rest.
     """
     if not isinstance(vehicle, Vehicle):
         return np.zeros(2), 0.0

@@ -9,10 +9,9 @@ from highway_env.vehicle.behavior import IDMVehicle
 class ProtectedConstants:
     """Context manager: what is written to the constants inside stays inside, and is there again at the next entry.
 
-    A stock environment wrapped in one of these at every call runs exactly as it would alone, and the rest of the
-    process never sees its constants:
+    A stock environment runs in it exactly as it would alone:
 
-        fence = protect_idm_constants()
+        fence = ProtectedConstants()
         with fence: env.reset(seed=0)
         with fence: env.step(1)
     """
@@ -44,8 +43,3 @@ class ProtectedConstants:
             delattr(self._cls, name)
         for name, value in constants.items():
             setattr(self._cls, name, value)
-
-
-def protect_idm_constants(cls: type = IDMVehicle) -> ProtectedConstants:
-    """A fence around the class constants of IDMVehicle, or of another class of traffic."""
-    return ProtectedConstants(cls)

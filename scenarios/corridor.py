@@ -1,6 +1,6 @@
-"""Risk in the straight corridor ahead of the ego, from boxes alone: gaps, and what a second of driving is worth.
+"""Risk in the straight corridor ahead of the ego, from boxes alone, for the evaluation and the reward "drive".
 
-The evaluation of a drive and the reward `config["reward"] = "drive"` share it. Equations: docs/methods/metrics.md.
+Equations: docs/methods/metrics.md.
 """
 
 import numpy as np
@@ -48,8 +48,7 @@ def time_to_collision(gap: NDArray, closing: NDArray) -> NDArray:
 def drive_value(speed: NDArray, ttc: NDArray, braking: NDArray) -> NDArray:
     """Rate (...) of the drive score: speed, less the prices of a short time to collision and of braking; all (...).
 
-    `speed` [m/s], `ttc` [s], `braking` [m/s^2], 0 where the ego does not brake. One second at 30 m/s on a free road
-    is worth 1.
+    `speed` [m/s], `ttc` [s], `braking` [m/s^2], 0 where the ego does not brake.
     """
     risk = np.maximum(0.0, 1 - ttc / NEAR) ** 2
     return speed / UNIT_SPEED - 2 * risk - 0.5 * (braking / UNIT_BRAKING) ** 2  # (MET.28)

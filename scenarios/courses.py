@@ -1,10 +1,7 @@
 """Prescribed courses: tables of motion at 100 Hz, made by integration, to be followed exactly.
 
-A table has the columns of `COLUMNS`. The heading is the course (no crab angle), so heading, velocity and yaw rate
-agree as trackers with constant-velocity or coordinated-turn models assume. Onsets are smooth: accelerations and yaw
-rates pass from one value to the next linearly, over `onset` and `ramp` seconds.
-
-In highway-env's frame, y to the driver's right, a positive yaw rate and a positive shift turn to the right.
+The heading is the course (no crab angle). Accelerations and yaw rates pass from one value to the next linearly, over
+`onset` and `ramp` seconds. A positive yaw rate and a positive shift turn to the right: y points there.
 """
 
 from collections.abc import Sequence
@@ -19,6 +16,55 @@ from trackers.geometry import cross, dot, rotation, unit
 COLUMNS = ("t", "x", "y", "heading", "vx", "vy", "yaw_rate")  # [s], [m], [m], [rad] unwrapped, [m/s], [m/s], [rad/s]
 T, X, Y, HEADING, VX, VY, YAW_RATE = range(7)
 RATE = 100  # [Hz]
+
+
+class CourseTable:
+    """A course over time, rows with the columns of `COLUMNS`, read between them.
+
+    Between the rows a cubic through both states and rates (Hermite); past the last row straight on. Immutable.
+    """
+
+    def __init__(self, rows: ArrayLike) -> None:
+        rows = np.array(rows, float)
+        if rows.ndim != 2 or rows.shape[1] != len(COLUMNS) or len(rows) < 2:
+            raise ValueError(
+                f"table must be (K >= 2, 7): {', '.join(COLUMNS)}; got {rows.shape}; add the rates of the trajectory"
+            )
+        if not np.isfinite(rows).all() or (np.diff(rows[:, T]) <= 0).any():
+            raise ValueError(f"table must be finite and increase in t, got {len(rows)} rows that do not; sort them")
+        rows[:, HEADING] = np.unwrap(rows[:, HEADING])
+        rows.flags.writeable = False
+        self.rows = rows
+
+    def __deepcopy__(self, memo: dict) -> "CourseTable":
+        return self
+
+    @property
+    def start(self) -> float:
+        """Time [s] of the first row."""
+        return float(self.rows[0, T])
+
+    @property
+    def peak_acceleration(self) -> float:
+        """Largest acceleration [m/s^2] of the course: how much of a maneuver it is."""
+        rate = np.diff(self.rows[:, VX : VY + 1], axis=0) / np.diff(self.rows[:, T])[:, None]
+        return float(np.hypot(rate[:, 0], rate[:, 1]).max())
+
+    def at(self, t: float) -> tuple[NDArray, NDArray]:
+        """Pose (3,) x, y [m], heading [rad] and its rate (3,) at time t [s]; t before the start is the start."""
+        times = self.rows[:, T]
+        t = max(t, self.start)
+        if t >= times[-1]:
+            pose, rate = self.rows[-1, 1:4], self.rows[-1, 4:] * [1, 1, 0]
+            return pose + (t - times[-1]) * rate, rate
+        k = int(np.searchsorted(times, t, side="right")) - 1
+        h = times[k + 1] - times[k]
+        u = (t - times[k]) / h
+        (p, v), (q, w) = (np.split(self.rows[j, 1:], 2) for j in (k, k + 1))
+        d = (q - p) / h
+        pose = p + h * u * (v + u * (3 * d - 2 * v - w + u * (v + w - 2 * d)))
+        rate = v + u * (2 * (3 * d - 2 * v - w) + 3 * u * (v + w - 2 * d))
+        return pose, rate
 
 
 class Segment(NamedTuple):
@@ -70,8 +116,7 @@ def integrate(
 ) -> NDArray:
     """Course (n, 7) from a pose (3,) x, y [m], heading [rad] at a speed [m/s] through the segments.
 
-    The table is longer than the segments by the larger of `ramp` and `onset`, when the last demand has faded; the total
-    turn is then the sum of duration times yaw rate.
+    It is longer than the segments by the larger of `ramp` and `onset`, when the last demand has faded.
     """
     check_segments(segments)
     x, y, heading = np.asarray(start, float)
@@ -120,8 +165,7 @@ def follow_lane(
 ) -> NDArray:
     """Course (n, 7) along a path from arc length s [m], with a profile of speed and of lateral offset.
 
-    The speed is that along the lane at the vehicle's own offset; the lane gives the yaw rate, so that of the segments
-    must be left at 0. After the segments the speed stays.
+    The speed is that at the vehicle's own offset, and stays after the segments, whose yaw rate must be 0.
     """
     check_segments(segments)
     if any(g.yaw_rate for g in segments):
@@ -149,46 +193,16 @@ def _offsets(t: NDArray, shifts: Sequence[Shift], lateral: float) -> tuple[NDArr
     return d, rate
 
 
-def lane_change(start: ArrayLike, speed: float, distance: float, duration: float = 4.0) -> NDArray:
-    """Quintic lane change (n, 7) on a straight road, `distance` [m] to the right of a pose (3,) in `duration` [s]."""
-    x, y, heading = np.asarray(start, float)
-    t = np.arange(round(duration * RATE) + 1) / RATE
-    d, d_rate = _offsets(t, (Shift(0.0, duration, distance),), 0.0)
-    turn = np.arctan2(d_rate, speed)
-    local = np.column_stack([speed * t, d]) @ rotation(heading).T
-    rate = np.hypot(speed, d_rate)[:, None] * unit(heading + turn)
-    yaw_rate = np.gradient(turn, 1 / RATE, edge_order=2)
-    return np.column_stack([t, np.array([x, y]) + local, heading + turn, rate, yaw_rate])
-
-
-def then(first: NDArray, second: NDArray) -> NDArray:
-    """The second course moved rigidly to where the first one ends, and appended; speeds must agree at the joint."""
-    here, there = np.hypot(*first[-1, VX : VY + 1]), np.hypot(*second[0, VX : VY + 1])
-    if abs(here - there) > 1e-6:
-        raise ValueError(f"second must begin at {here:.3f} m/s where first ends, got {there:.3f} m/s")
-    turn = first[-1, HEADING] - second[0, HEADING]
-    R = rotation(turn)
-    moved = second.copy()
-    moved[:, T] += first[-1, T] - second[0, T]
-    moved[:, X : Y + 1] = first[-1, X : Y + 1] + (second[:, X : Y + 1] - second[0, X : Y + 1]) @ R.T
-    moved[:, HEADING] += turn
-    moved[:, VX : VY + 1] = second[:, VX : VY + 1] @ R.T
-    return np.vstack([first, moved[1:]])
-
-
 def peak_lateral_acceleration(table: NDArray) -> float:
     """Largest speed times yaw rate [m/s^2] of a course."""
     return float(np.abs(np.hypot(table[:, VX], table[:, VY]) * table[:, YAW_RATE]).max())
 
 
-def check(table: NDArray, max_lateral: float) -> NDArray:
-    """The course itself, if it is a table at `RATE` and stays below the lateral acceleration [m/s^2]."""
-    if table.ndim != 2 or table.shape[1] != len(COLUMNS) or len(table) < 2 or not np.isfinite(table).all():
-        raise ValueError(f"a course is a finite table (n, {len(COLUMNS)}) of {', '.join(COLUMNS)}, got {table.shape}")
+def check(table: NDArray, max_lateral: float) -> None:
+    """Refuse a course (n, 7) that does not stay below the lateral acceleration [m/s^2]."""
     peak = peak_lateral_acceleration(table)
     if peak >= max_lateral:
         raise ValueError(f"course peaks at {peak:.2f} m/s^2 across, allowed is {max_lateral}; drive slower or wider")
-    return table
 
 
 def check_segments(segments: Sequence[Segment]) -> None:

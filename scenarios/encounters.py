@@ -1,7 +1,6 @@
 """Builders of the probes: the ego meets one thing for which it must brake, or, in `passing`, must not.
 
-All vehicles follow prescribed courses. L, M, R are the lanes of a straight three-lane road, left to right; the ego
-starts in M at s = `START` where nothing else is said. Parameters vary by 5 % from seed to seed (`about`).
+The ego starts in the middle lane at s = `START` where nothing else is said. Parameters vary by 5 % from seed to seed.
 """
 
 import numpy as np
@@ -122,10 +121,7 @@ def passing(rng: np.random.Generator, weave: float) -> World:
 
 
 def merge(rng: np.random.Generator, gap: float) -> World:
-    """The ego is on the lane of a ramp that ends; beside it is the gap between a truck and a car that lets it in.
-
-    Both are slower than the ego. Two seconds after the ego has been beside the middle of the gap the car slows down.
-    """
+    """The ego is on the lane of a ramp that ends, beside the gap between a truck and a slower car that lets it in."""
     stage = Stage(networks.merge(), rng)
     speed, beside = rng.uniform(19.0, 21.0), 2.5
     slow = speed - rng.uniform(2.5, 3.5)
@@ -141,13 +137,12 @@ def merge(rng: np.random.Generator, gap: float) -> World:
 
 def oncoming(rng: np.random.Generator, room: float) -> World:
     """An oncoming car passes a tractor in the ego's lane and returns late; on its own lane a van follows."""
-    layout = networks.two_way()
-    stage = Stage(layout, rng)
+    stage = Stage(networks.two_way(), rng)
     speed, there, tractor = rng.uniform(18.0, 20.0), rng.uniform(19.0, 20.0), 8.0
     onset, out, back = rng.uniform(0.5, 1.0), 2.6, 2.4
     returns = onset + out + 1.6  # [s] when it begins to
     stage.ego(("a", "b", 0), START, speed)
-    way = of_lanes((layout.network.get_lane(("c", "d", 0)),), smooth=1.0)
+    way = of_lanes((stage.network.get_lane(("c", "d", 0)),), smooth=1.0)
     size = stage.size("car")
     half_out = returns + back / 2
     meets = START + speed * half_out + FRONT + about(rng, room) + size[0] / 2

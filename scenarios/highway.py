@@ -24,6 +24,7 @@ FEATURES = ("presence", "x", "y", "vx", "vy", "cos_h", "sin_h")
 SPEED_RANGE = (0.0, 30.0)  # [m/s] over which the reward rises
 MAX_FREQUENCY = 100  # [Hz] of simulated frames: no automotive radar scans faster, and each frame is a scan
 REWARDS = ("speed", "drive")  # speed as a share of the range; the drive score
+UNUSED = "other_vehicles_type"  # a key of every environment of highway-env
 ACTION_TYPES = ("ContinuousAction", "DiscreteAction", "DiscreteMetaAction")
 
 
@@ -48,13 +49,14 @@ def check_clock(config: Mapping[str, Any]) -> None:
 def build_config(default: dict[str, Any], config: dict[str, Any] | None) -> dict[str, Any]:
     """The default with the given keys replaced; unknown keys and frequencies that do not divide are errors.
 
-    highway-env accepts a misspelt key in silence, and its clock runs wrong when the frequencies do not divide. Nested
-    dicts (observation, action) replace the default as a whole, as everywhere in highway-env.
+    Nested dicts (observation, action) replace the default as a whole, as everywhere in highway-env.
     """
     unknown = sorted(set(config or {}) - set(default))
     if unknown:
         raise ValueError(f"config has no key {', '.join(map(repr, unknown))}; known: {', '.join(sorted(default))}")
     merged = {**default, **(config or {})}
+    if merged[UNUSED] != default[UNUSED]:
+        raise ValueError(f"config[{UNUSED!r}] is not used by scenarios, which choose their vehicles; leave the key out")
     for key in ("observation", "action"):
         if not isinstance(merged[key], dict) or "type" not in merged[key]:
             raise ValueError(f"config[{key!r}] must be a whole dict with its 'type', got {merged[key]!r}")
@@ -148,11 +150,7 @@ class ScenarioEnv(AbstractEnv):
         }
 
     def _reward(self, action: Any) -> float:
-        """What the step was worth: `collision_reward` after a crash, else by `config["reward"]`.
-
-        speed: that along the lane as a share of 30 m/s, in [0, 1]. drive: the rate of the drive score at the end of the
-        step times the length of the step [s]; it has no lower bound.
-        """
+        """What the step was worth: `collision_reward` after a crash, else by `config["reward"]`; docs/contract.md."""
         if self.vehicle.crashed:
             return float(self.config["collision_reward"])
         if self.config["reward"] == "drive":
@@ -190,8 +188,7 @@ class ScenarioEnv(AbstractEnv):
     def to_finite_mdp(self) -> Any:
         """highway-env's finite Markov decision process over times to collision, with the reward of this environment.
 
-        A state is worth its share of the highest target speed. A collision takes so much of it that one at that speed
-        is worth `collision_reward`. The config has no weights for that, because the reward of a step needs none.
+        A state is worth its share of the highest target speed; a collision at that speed `collision_reward`.
 
         Raises:
             ValueError: the actions are not the five meta-actions, whose transitions highway-env knows.

@@ -1,7 +1,6 @@
 """Scenarios in which vehicles brake and accelerate but keep their lane.
 
-Lane coordinates: the ego starts about s = 300 m; offsets below are to its centre. L, M, R are the lanes of a straight
-three-lane road, left to right.
+Offsets are to the ego's centre. L, M, R are the lanes of a straight three-lane road, left to right.
 """
 
 import numpy as np

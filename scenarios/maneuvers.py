@@ -1,7 +1,7 @@
 """Scenarios in which vehicles change lanes on open roads.
 
-The prescribed course is laid out relative to the ego at its initial speed; the ego may do what it likes. Traffic in the
-lanes a course uses is placed ahead of it at no less than its speed, or behind it, where drivers react.
+The course is laid out relative to the ego at its initial speed. Traffic in the lanes that it uses is placed ahead of it
+at no less than its speed, or behind it, where drivers react.
 """
 
 import numpy as np
@@ -213,9 +213,8 @@ def s_curve(rng: np.random.Generator) -> World:
 def six_radar_highway(rng: np.random.Generator) -> World:
     """The published scene, the same for every seed: positions and speeds are given, not drawn.
 
-    Published coordinates have y to the left, here it is to the right: truck (86, -3.6) is at lateral +3.6 m, the
-    overtaking car (0, 1.8) at -1.8 m, astride the line; it completes its move to the left lane before it passes. The
-    car behind the ego keeps its published start, but follows as a driver, because the ego may brake.
+    Published coordinates have y to the left, here it is to the right. The car behind the ego follows as a driver,
+    because the ego may brake.
     """
     stage = Stage(six_radar_bend(), rng)
     path = stage.network.get_lane(M).path

@@ -23,10 +23,14 @@ class Native(NamedTuple):
         """Duration [s] of an episode; infinite where the environment has no limit of its own."""
         return float({**self.default, **self.values}.get("duration", inf))
 
-    def make(self, config: Mapping[str, Any]) -> gym.Env:
-        """The environment with a config on top of its values; ValueError for a key that it does not have."""
+    def check(self, config: Mapping[str, Any]) -> None:
+        """Raise ValueError for a key that its config does not have."""
         if unknown := sorted(set(config) - set(self.default)):
             raise ValueError(f"{self.id} has no config {', '.join(unknown)}; it has {', '.join(sorted(self.default))}")
+
+    def make(self, config: Mapping[str, Any]) -> gym.Env:
+        """The environment with a config on top of its values; ValueError for a key that it does not have."""
+        self.check(config)
         return gym.make(self.id, config={**self.values, **config})
 
 
@@ -51,6 +55,5 @@ def find_native(name: str) -> Native:
         raise LookupError(f"no scenario {entry!r} of the testbed or of highway-env; {hint}")
     kind: Any = gym.envs.registration.load_env_creator(str(gym.registry[entry].entry_point))
     found = Native(name, entry, values, kind.default_config())
-    if unknown := sorted(set(values) - set(found.default)):
-        raise ValueError(f"{entry} has no config {', '.join(unknown)}; it has {', '.join(sorted(found.default))}")
+    found.check(values)
     return found

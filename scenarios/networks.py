@@ -1,8 +1,7 @@
 """Road networks as small functions: each returns the lanes and the guard rails beside them.
 
-Conventions of highway-env: y points to the driver's right on a road along +x, lane 0 is the leftmost, at y = 0, nodes
-are strings. Speed limits of open roads are set above every target speed, because highway-env's drivers clip theirs to
-the limit of the lane; only junctions and bends have a limit that means something.
+y points to the driver's right on a road along +x; lane 0 is the leftmost, at y = 0. highway-env's drivers clip their
+target speeds to the limit of the lane, so only junctions and bends have one that means something.
 """
 
 from typing import NamedTuple
@@ -26,7 +25,7 @@ class Layout(NamedTuple):
     """Lanes and guard rails."""
 
     network: RoadNetwork
-    walls: NDArray  # (W, 2, 2) [m] segments from point to point
+    walls: NDArray = np.zeros((0, 2, 2))  # (W, 2, 2) [m] segments from point to point
 
 
 def rail(
@@ -43,17 +42,8 @@ def lines(lane: int, lanes: int) -> tuple[int, int]:
     return (SOLID if lane == 0 else STRIPED, SOLID if lane == lanes - 1 else NONE)
 
 
-def straight(lanes: int = 3, length: float = 1600.0, width: float = WIDTH) -> Layout:
-    """One-way straight road a -> b along +x, with rails on both sides."""
-    network = RoadNetwork()
-    _straight_lanes(network, ("a", "b"), 0.0, length, lanes, width=width)
-    axis = along((0.0, 0.0, 0.0), ((length, 0.0),))
-    sides = (-width / 2 - RAIL_GAP, (lanes - 0.5) * width + RAIL_GAP)
-    return Layout(network, np.vstack([rail(axis, side, STRAIGHT_RAIL) for side in sides]))
-
-
-def tunnel(lanes: int = 2, length: float = 1600.0, gap: float = 0.5) -> Layout:
-    """One-way straight road a -> b along +x between two walls, so near that each shows the traffic to the other."""
+def straight(lanes: int = 3, length: float = 1600.0, gap: float = RAIL_GAP) -> Layout:
+    """One-way straight road a -> b along +x, with rails on both sides, `gap` [m] from the outer lanes."""
     network = RoadNetwork()
     _straight_lanes(network, ("a", "b"), 0.0, length, lanes)
     axis = along((0.0, 0.0, 0.0), ((length, 0.0),))
@@ -61,18 +51,17 @@ def tunnel(lanes: int = 2, length: float = 1600.0, gap: float = 0.5) -> Layout:
     return Layout(network, np.vstack([rail(axis, side, STRAIGHT_RAIL) for side in sides]))
 
 
+def tunnel() -> Layout:
+    """Two straight lanes a -> b between two walls, so near that each shows the traffic to the other."""
+    return straight(lanes=2, gap=0.5)
+
+
 def _straight_lanes(
-    network: RoadNetwork,
-    edge: tuple[str, str],
-    start: float,
-    end: float,
-    lanes: int,
-    width: float = WIDTH,
-    speed_limit: float = OPEN,
+    network: RoadNetwork, edge: tuple[str, str], start: float, end: float, lanes: int, speed_limit: float = OPEN
 ) -> None:
     for i in range(lanes):
-        y = i * width
-        lane = StraightLane([start, y], [end, y], width, lines(i, lanes), speed_limit=speed_limit)
+        y = i * WIDTH
+        lane = StraightLane([start, y], [end, y], WIDTH, lines(i, lanes), speed_limit=speed_limit)
         network.add_lane(*edge, lane)
 
 
@@ -102,8 +91,7 @@ def s_curve(lanes: int = 3, radius: float = 260.0) -> Layout:
 def six_radar_bend() -> Layout:
     """Three lanes of 3.6 m through (0,0) (50,0) (100,0) (250,20) (400,35) m, y to the LEFT as the scene is published.
 
-    y is mirrored here, so the bend stays a left bend for the driver on highway-env's axes: the centre lane (1) is the
-    published line, a published y = -3.6 m (right lane) is +3.6 m here. Extended by 60 m behind and 400 m ahead.
+    y is mirrored here, so it stays a left bend. Extended by 60 m behind and 400 m ahead.
     """
     points = np.array([(0, 0), (50, 0), (100, 0), (250, -20), (400, -35)], float)
     core = through(points)
@@ -125,15 +113,19 @@ def _ramp(x0: float, y0: float, x1: float, y1: float) -> SmoothPath:
     return from_nodes(np.column_stack([x, y]), np.column_stack([np.ones_like(x), slope]))
 
 
+def _with_room_for_a_lane(lanes: int, begin: float, end: float, length: float) -> RoadNetwork:
+    """A straight road a -> b -> c -> d whose stretch b -> c, from begin to end [m], may have one lane more."""
+    network = RoadNetwork()
+    for edge, start, stop in (("ab", 0.0, begin), ("bc", begin, end), ("cd", end, length)):
+        _straight_lanes(network, (edge[0], edge[1]), start, stop, lanes)
+    network.get_lane(("b", "c", lanes - 1)).line_types = (STRIPED, NONE)
+    return network
+
+
 def merge(lanes: int = 2, before: float = 500.0, parallel: float = 400.0, length: float = 1600.0) -> Layout:
     """Road a -> b -> c -> d; the ramp j -> k -> b joins as lane `lanes` of b -> c and ends at c."""
-    network = RoadNetwork()
-    end = before + parallel
-    _straight_lanes(network, ("a", "b"), 0.0, before, lanes)
-    _straight_lanes(network, ("b", "c"), before, end, lanes)
-    _straight_lanes(network, ("c", "d"), end, length, lanes)
-    y, far = lanes * WIDTH, lanes * WIDTH + 10.0
-    network.get_lane(("b", "c", lanes - 1)).line_types = (STRIPED, NONE)
+    end, y, far = before + parallel, lanes * WIDTH, lanes * WIDTH + 10.0
+    network = _with_room_for_a_lane(lanes, before, end, length)
     ramp = _ramp(before - 150.0, far, before, y)
     network.add_lane("j", "k", StraightLane([0.0, far], [before - 150.0, far], line_types=(SOLID, SOLID)))
     network.add_lane("k", "b", PathLane(ramp, line_types=(SOLID, SOLID), speed_limit=OPEN))
@@ -150,16 +142,10 @@ def merge(lanes: int = 2, before: float = 500.0, parallel: float = 400.0, length
 def exit_road(lanes: int = 3, before: float = 450.0, parallel: float = 200.0, length: float = 1600.0) -> Layout:
     """Road a -> b -> c -> d; lane `lanes` of b -> c is the exit lane and goes on as the ramp x -> e -> f.
 
-    The ramp starts at a node of its own, although the exit lane leads to it: highway-env takes the only lane of a next
-    road for the continuation of every lane, so all drivers would brake for whoever leaves.
+    The ramp has a node of its own: highway-env takes the only lane of a next road for the continuation of every lane.
     """
-    network = RoadNetwork()
-    end = before + parallel
-    _straight_lanes(network, ("a", "b"), 0.0, before, lanes)
-    _straight_lanes(network, ("b", "c"), before, end, lanes)
-    _straight_lanes(network, ("c", "d"), end, length, lanes)
-    y, far = lanes * WIDTH, lanes * WIDTH + 14.0
-    network.get_lane(("b", "c", lanes - 1)).line_types = (STRIPED, NONE)
+    end, y, far = before + parallel, lanes * WIDTH, lanes * WIDTH + 14.0
+    network = _with_room_for_a_lane(lanes, before, end, length)
     extra = StraightLane([before, y], [end, y], line_types=(STRIPED, SOLID), speed_limit=OPEN)
     network.add_lane("b", "c", extra)
     ramp = _ramp(end, y, end + 160.0, far)
@@ -180,25 +166,19 @@ def two_way(length: float = 1600.0) -> Layout:
     theirs = StraightLane([length, 0.0], [0.0, 0.0], line_types=(NONE, SOLID), speed_limit=OPEN)
     network.add_lane("a", "b", ours)
     network.add_lane("c", "d", theirs)
-    return Layout(network, np.zeros((0, 2, 2)))
+    return Layout(network)
 
 
-ARMS = {
-    "s": 90.0,
-    "e": 0.0,
-    "n": -90.0,
-    "w": -180.0,
-}  # [deg] in the order in which traffic passes them
+ARMS = {"s": 90.0, "e": 0.0, "n": -90.0, "w": -180.0}  # [deg] in the order in which traffic passes them
 RING = (28.0, 32.0)  # [m] radii, inner lane first (it is the left one)
 SLOW = 7.5  # [m/s] limit in junctions: 2 m/s^2 on the inner ring
 
 
 def roundabout(arm: float = 180.0, mouth: float = 26.0, approach: float = 75.0) -> Layout:
-    """Two-lane roundabout about the origin with four arms.
+    """Two-lane roundabout about the origin with four arms, driven against the clock on screen.
 
-    Traffic circles against the clock on screen. Arm k has the road `k:far-in` -> `k:near-in` -> `k:enter` and
-    `k:leave` -> `k:near-out` -> `k:far-out`. The outer ring runs `k:leave` -> `k:enter` -> `next:leave`; the inner one
-    has nodes of its own, `inner k:leave` and so on: highway-env would take it for the continuation of every arm.
+    Arm k has the road `k:far-in` -> `k:near-in` -> `k:enter` and `k:leave` -> `k:near-out` -> `k:far-out`. The outer
+    ring runs `k:leave` -> `k:enter` -> `next:leave`; the inner one has nodes of its own, `inner k:leave` and so on.
     `mouth` [deg] is half the angle between leaving and entering, `approach` [m] where the arm begins to bend.
     """
     network = RoadNetwork()
@@ -209,7 +189,7 @@ def roundabout(arm: float = 180.0, mouth: float = 26.0, approach: float = 75.0) 
         _ring(network, (f"{name}:leave", f"{name}:enter"), phi + m, phi - m)
         _ring(network, (f"{name}:enter", f"{following}:leave"), phi - m, phi - np.pi / 2 + m)
         _arm(network, name, phi, m, arm, approach)
-    return Layout(network, np.zeros((0, 2, 2)))
+    return Layout(network)
 
 
 def _ring(network: RoadNetwork, edge: tuple[str, str], start: float, end: float) -> None:
@@ -254,7 +234,7 @@ def u_turn(radius: float = 17.0, approach: float = 200.0) -> Layout:
         network.add_lane("a", "b", StraightLane(a - [approach, 0.0], a, WIDTH, types, speed_limit=SLOW))
         network.add_lane("b", "c", PathLane(turn, WIDTH, types, speed_limit=SLOW))
         network.add_lane("c", "d", StraightLane(b, b - [approach + 200.0, 0.0], WIDTH, types, speed_limit=SLOW))
-    return Layout(network, np.zeros((0, 2, 2)))
+    return Layout(network)
 
 
 TURN_RADIUS = 14.0  # [m] of the right turn at the crossing
@@ -281,4 +261,4 @@ def crossing(before: float = 300.0, length: float = 900.0, radius: float = TURN_
     network.add_lane("u", "v", up)
     opposite = StraightLane([length, -WIDTH], [0.0, -WIDTH], line_types=(SOLID, SOLID), speed_limit=15.0)
     network.add_lane("g", "h", opposite)
-    return Layout(network, np.zeros((0, 2, 2)))
+    return Layout(network)

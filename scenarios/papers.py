@@ -1,10 +1,8 @@
 """Scenarios that put the papers' courses on a road: one vehicle, the ego with the radar, nobody else.
 
 Courses of Xia et al. (2020), Hoher et al. (2022), Xu et al. (2023), Table I, and Yao et al. (2021); docs/studies/papers
-has the experiments themselves. The courses of the first two are mirrored: y is to the driver's right here. The ego
-drives itself, at those of its target speeds that are nearest to the 12 and 8 m/s of the experiments, and turns have
-smooth onsets. The size of the vehicle is drawn: from the range of the experiment where the paper has one, else as in
-traffic.
+has the experiments themselves. The courses of the first two are mirrored: y is to the driver's right here. Turns have
+smooth onsets. The size is drawn: from the range of the experiment where the paper has one, else as in traffic.
 """
 
 import numpy as np
@@ -83,7 +81,7 @@ def hoher_u_turn(rng: np.random.Generator) -> World:
     pieces = ((leg + 20.0, 0.0), (np.pi * radius, -1 / radius), (leg + 40.0, 0.0))
     way = along((45.0, far, np.pi), pieces, ramp=4.0)
     network.add_lane("c", "d", PathLane(way, WIDTH, lines(0, 1), speed_limit=SLOW))
-    stage = Stage(Layout(network, np.zeros((0, 2, 2))), rng)
+    stage = Stage(Layout(network), rng)
     stage.ego(("a", "b", 0), 100.0, 0.0)
     stage.prescribe("car", follow_lane(way, 20.0, speed))
     return stage.world(phases(leg / speed, (leg + np.pi * radius) / speed))

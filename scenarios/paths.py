@@ -1,11 +1,7 @@
 """Smooth planar paths by arc length, and the highway-env lane that lies on one.
 
-highway-env's own polygonal lane has a heading that jumps at every metre and a projection that loops over all of them;
-a vehicle steered along it jerks. A `SmoothPath` interpolates with cubic Hermite pieces, so position and heading agree,
-and projects with a handful of array operations.
-
-Frames are highway-env's: y points to the driver's right when x points forward, so a positive lateral offset is to the
-right and a positive curvature bends to the right.
+highway-env's polygonal lane has a heading that jumps; a `SmoothPath` interpolates with cubic Hermite pieces. y points
+to the driver's right, so a positive lateral offset is to the right and a positive curvature bends to the right.
 """
 
 import math
@@ -45,22 +41,17 @@ class SmoothPath:
         h = self.s[i + 1] - self.s[i]
         return i, ((inside - self.s[i]) / h)[..., None], h[..., None], (s - inside)[..., None]
 
-    def _slope(self, s: ArrayLike) -> NDArray:
-        """Derivative (..., 2) of the position by arc length."""
+    def heading(self, s: ArrayLike) -> NDArray:
+        """Direction (...) [rad] at arc lengths s (...), wrapped."""
         i, u, h, _ = self._piece(s)
         chord = (self.xy[i + 1] - self.xy[i]) / h
         a, b = self.tangent[i], self.tangent[i + 1]
-        return 6 * u * (1 - u) * chord + (1 - u) * (1 - 3 * u) * a + u * (3 * u - 2) * b
-
-    def heading(self, s: ArrayLike) -> NDArray:
-        """Direction (...) [rad] at arc lengths s (...), wrapped."""
-        d = self._slope(s)
+        d = 6 * u * (1 - u) * chord + (1 - u) * (1 - 3 * u) * a + u * (3 * u - 2) * b
         return np.arctan2(d[..., 1], d[..., 0])
 
     def curvature(self, s: ArrayLike) -> NDArray:
         """Curvature (...) [1/m], 0 beyond the ends."""
-        s = np.asarray(s, float)
-        return np.interp(s, self.s, self.bend, left=0.0, right=0.0)
+        return np.interp(np.asarray(s, float), self.s, self.bend, left=0.0, right=0.0)
 
     def position(self, s: ArrayLike, lateral: ArrayLike = 0.0) -> NDArray:
         """Points (..., 2) [m] at arc lengths s (...), `lateral` (...) [m] to the right of the path."""
@@ -148,7 +139,7 @@ def along(start: ArrayLike, pieces: tuple[tuple[float, float], ...], ramp: float
     """Path from pieces of constant curvature.
 
     start (3,): x, y [m], heading [rad]; pieces: (length [m], curvature [1/m]). The curvature passes from piece to piece
-    over `ramp` [m] (a clothoid), centred on the joint, so the total turn is the sum of length times curvature.
+    over `ramp` [m] (a clothoid), centred on the joint.
     """
     x, y, heading = np.asarray(start, float)
     total = sum(length for length, _ in pieces)
@@ -156,9 +147,8 @@ def along(start: ArrayLike, pieces: tuple[tuple[float, float], ...], ramp: float
     fine = np.linspace(0.0, total, 20 * n + 1)
     ends = np.cumsum([length for length, _ in pieces])
     turn_at = np.concatenate([[0.0], np.cumsum([length * k for length, k in pieces])])
-    primitive = (
-        np.interp(fine + e, np.concatenate([[0.0], ends]), turn_at) for e in np.linspace(-ramp / 2, ramp / 2, 41)
-    )
+    knots, shifts = np.concatenate([[0.0], ends]), np.linspace(-ramp / 2, ramp / 2, 41)
+    primitive = (np.interp(fine + e, knots, turn_at) for e in shifts)
     theta = heading + np.mean(list(primitive), axis=0)  # box-filtered heading: box-filtered curvature
     rate = unit(theta)
     step = np.diff(fine)[:, None] * (rate[1:] + rate[:-1]) / 2
@@ -169,8 +159,8 @@ def along(start: ArrayLike, pieces: tuple[tuple[float, float], ...], ramp: float
 def of_lanes(lanes: tuple[AbstractLane, ...], smooth: float = 8.0) -> SmoothPath:
     """Drivable path along consecutive lanes.
 
-    Lanes of different kinds meet with a jump of curvature. The centre lines are averaged over `smooth` [m], which makes
-    the curvature continuous, cuts a bend of radius R by smooth^2 / (24 R), and never drifts.
+    The centre lines are averaged over `smooth` [m]: the curvature is continuous where lanes of different kinds meet,
+    and a bend of radius R is cut by smooth^2 / (24 R).
     """
     points = []
     for lane in lanes:
@@ -194,6 +184,8 @@ def of_lanes(lanes: tuple[AbstractLane, ...], smooth: float = 8.0) -> SmoothPath
 class PathLane(AbstractLane):
     """A lane of constant width on a `SmoothPath`, with highway-env's lane interface."""
 
+    priority = 0
+
     def __init__(
         self,
         path: SmoothPath,
@@ -201,7 +193,6 @@ class PathLane(AbstractLane):
         line_types: tuple[int, int] = (LineType.STRIPED, LineType.STRIPED),
         forbidden: bool = False,
         speed_limit: float = 20.0,
-        priority: int = 0,
     ) -> None:
         self.path = path
         self.length = path.length
@@ -209,7 +200,6 @@ class PathLane(AbstractLane):
         self.line_types = line_types
         self.forbidden = forbidden
         self.speed_limit = speed_limit
-        self.priority = priority
 
     def position(self, longitudinal: float, lateral: float) -> NDArray:
         """World point (2,) [m]."""

@@ -1,7 +1,6 @@
 """The record of a scenario: everything but the seed.
 
-A builder is named as `module:function` and imported when the first world is built, so that listing the catalogue and
-registering environments stay light. Users may pass a `Scenario` of their own with a function in its place.
+A builder named as `module:function` is imported when the first world is built, so that listing stays light.
 """
 
 from collections.abc import Callable, Mapping
@@ -63,9 +62,7 @@ class Scenario:
         return {parameter.name: parameter.default for parameter in self.parameters}
 
     def build(self, rng: np.random.Generator, values: Mapping[str, float] | None = None) -> "World":
-        """Road, vehicles, guard rails and phases of one episode, drawn from the generator.
-
-        `values` of parameters replace their defaults.
+        """Road, vehicles, guard rails and phases of one episode, drawn from the generator; `values` replace defaults.
 
         Raises:
             ValueError: a value is outside the range of its parameter.

@@ -1,27 +1,90 @@
 """The cached road: the states of highway-env's Road, bit by bit, in a fraction of its time.
 
-highway-env asks for neighbours about four times a vehicle and frame, each time projecting every other vehicle on the
-lane, and tests every pair for collision in Python. Positions do not change while vehicles decide, so one projection
-a lane and frame, sorted, serves all questions; most pairs are ruled out by one array of distances, and so are most
-lanes where a vehicle looks for its own (`nearest`). Every number comes from the same scalar call as in the stock road,
-and ties are resolved in its order.
+Positions do not change while vehicles decide, so one projection a lane and frame, sorted, serves all questions for
+neighbours; one array of distances rules out most pairs of a collision, and most lanes where a vehicle looks for its
+own. Every number comes from the same scalar call as in the stock road, and ties are resolved in its order.
 """
 
 from bisect import bisect_left
 from typing import Any, NamedTuple
 
 import numpy as np
-from highway_env.road.lane import AbstractLane
+from highway_env.road.lane import AbstractLane, StraightLane
 from highway_env.road.regulation import RegulatedRoad
-from highway_env.road.road import LaneIndex, Road
+from highway_env.road.road import LaneIndex, Road, RoadNetwork
 from highway_env.vehicle.kinematics import Vehicle
 from highway_env.vehicle.objects import Landmark
 from numpy.typing import NDArray
 
 from scenarios.bodies import reach
-from scenarios.nearest import sifted
 
+SPACING = 2.0  # [m] between samples of a lane that is not straight; its box is widened by as much
+SHARE = 0.8  # distance of a lane, as a share of that of its points: `SineLane` takes a chord for its arc
+MARGIN = 2.0  # [m] that a distance to a lane may fall short: the foot on a `PathLane` is found in a few steps
 SLACK = 1e-6  # [m] far above the rounding of a distance: the stock check has the last word within it
+
+
+class LaneBoxes(NamedTuple):
+    """All L lanes of a network in its own order, and the boxes that hold their centre lines."""
+
+    name: list[LaneIndex]
+    lane: list[AbstractLane]
+    low: NDArray  # (L, 2) [m]
+    high: NDArray  # (L, 2) [m]
+
+
+class SiftedNetwork(RoadNetwork):
+    """A RoadNetwork that asks no lane whose bounding box is farther away than the nearest lane found so far."""
+
+    _boxes: LaneBoxes | None = None
+
+    def add_lane(self, _from: str, _to: str, lane: AbstractLane) -> None:
+        """Add a lane, as `RoadNetwork.add_lane`."""
+        super().add_lane(_from, _to, lane)
+        self._boxes = None
+
+    def get_closest_lane_index(self, position: NDArray, heading: float | None = None) -> LaneIndex:
+        """Index of the lane closest to a position (2,) [m] and heading [rad], of equals the first, as RoadNetwork."""
+        if self._boxes is None:
+            self._boxes = lane_boxes(self)
+        names, lanes, low, high = self._boxes
+        apart = np.maximum(np.maximum(low - position, position - high), 0.0)
+        bound = SHARE * np.hypot(apart[:, 0], apart[:, 1]) - MARGIN
+        least, found = np.inf, 0
+        for k in bound.argsort(kind="stable").tolist():
+            if bound[k] > least:
+                break
+            distance = lanes[k].distance_with_heading(position, heading)
+            if distance < least or (distance == least and k < found):
+                least, found = distance, k
+        return names[found]
+
+
+def lane_boxes(network: RoadNetwork) -> LaneBoxes:
+    """Bounding boxes of all lanes of a network."""
+    found = [
+        ((start, end, k), lane, *_box(lane))
+        for start, ends in network.graph.items()
+        for end, lanes in ends.items()
+        for k, lane in enumerate(lanes)
+    ]
+    names, lanes, low, high = (list(column) for column in zip(*found, strict=True))
+    return LaneBoxes(names, lanes, np.array(low), np.array(high))
+
+
+def _box(lane: AbstractLane) -> tuple[NDArray, NDArray]:
+    straight = type(lane) is StraightLane
+    pieces = 1 if straight else int(np.ceil(lane.length / SPACING))
+    points = np.array([lane.position(s, 0.0) for s in np.linspace(0.0, lane.length, pieces + 1)])
+    widen = 0.0 if straight else SPACING
+    return points.min(0) - widen, points.max(0) + widen
+
+
+def sifted(network: RoadNetwork) -> RoadNetwork:
+    """Turn a stock network into a sifted one in place and return it; all references to it see the change."""
+    if type(network) is RoadNetwork:
+        network.__class__ = SiftedNetwork
+    return network
 
 
 class LaneOrder(NamedTuple):
@@ -51,10 +114,7 @@ class CachedRoad(Road):
             self._orders, self._projections = None, {}
 
     def neighbour_vehicles(self, vehicle: Vehicle, lane_index: LaneIndex | None = None) -> tuple[Any, Any]:
-        """Nearest vehicle or obstacle ahead and behind on a lane, as `Road.neighbour_vehicles`.
-
-        Outside `act` positions may change at any time, and the stock search answers.
-        """
+        """Nearest vehicle or obstacle ahead and behind on a lane, as in `Road`, which answers outside `act`."""
         lane_index = lane_index or vehicle.lane_index
         if self._orders is None or not lane_index:
             return super().neighbour_vehicles(vehicle, lane_index)

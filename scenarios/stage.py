@@ -1,8 +1,7 @@
 """A stage on which a scenario places its vehicles, each with a size drawn for its class, and the world that comes out.
 
-Background drivers follow the intelligent driver model (IDM). Placed at random gaps they would brake hard in the first
-second; here every platoon starts at or beyond the gap at which the model drives at constant speed, so what happens
-later is caused by the maneuver.
+Every platoon starts at or beyond the gap at which the intelligent driver model (IDM) drives at constant speed, so what
+happens later is caused by the maneuver.
 """
 
 from collections.abc import Sequence
@@ -62,10 +61,7 @@ def steady_gap(speed: float, target: float, headway: float, standstill: float = 
 
 
 def balanced_target(speed: float, gap: float, headway: float, standstill: float = 5.0) -> float:
-    """Target speed [m/s] at which an IDM driver keeps `speed` at this gap [m] behind a leader as fast; the inverse.
-
-    Never more than `TARGET_RATIO` times the speed: a driver who starts at a smaller gap than that falls back a little.
-    """
+    """Target speed [m/s], at most `TARGET_RATIO` times `speed`, of an IDM driver who keeps `speed` at this gap [m]."""
     share = min((standstill + headway * speed) / gap, 1.0) ** 2
     return speed * min((1 - share) ** -0.25 if share < 1 else TARGET_RATIO, TARGET_RATIO)
 
@@ -84,10 +80,7 @@ def maneuver_end(parts: Sequence[Phase]) -> float | None:
 
 
 class Stage:
-    """A road being populated; every draw comes from one generator, but sizes come from a stream of their own.
-
-    So another distribution of sizes leaves speeds and gaps as they are.
-    """
+    """A road being populated; every draw comes from one generator, but sizes come from a stream of their own."""
 
     def __init__(self, layout: Layout, rng: np.random.Generator) -> None:
         self.rng = rng
@@ -117,10 +110,7 @@ class Stage:
         route: str | None = None,
         size: ArrayLike | None = None,
     ) -> SizedIDM:
-        """Place an IDM driver who keeps its lane; the size is drawn and the target speed the initial one unless given.
-
-        `size` is that of `Stage.size`.
-        """
+        """Place an IDM driver who keeps its lane, of a drawn `size`, with its initial speed as target, unless given."""
         at = self.network.get_lane(lane)
         pose = (self.road, at.position(s, 0.0), at.heading_at(s), speed, lane, speed if target is None else target)
         length, width = box = self.size(kind) if size is None else np.asarray(size, float)

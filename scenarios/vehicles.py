@@ -1,13 +1,11 @@
 """Vehicles fit to be tracked: sized traffic with bumper-to-bumper gaps, prescribed courses, the ego vehicle.
 
-IDM: Treiber, Hennecke, Helbing (2000), Phys. Rev. E 62, 1805. highway-env's own version measures gaps from centre to
-centre and turns in a lane change at up to 1.35 rad/s; both are cured here.
+IDM: Treiber, Hennecke, Helbing (2000), Phys. Rev. E 62, 1805. highway-env's own measures gaps between centres.
 """
 
 import copy
 import math
 from collections import deque
-from collections.abc import Sequence
 from typing import Any, Self
 
 import numpy as np
@@ -18,21 +16,8 @@ from highway_env.vehicle.controller import MDPVehicle
 from highway_env.vehicle.kinematics import Vehicle
 from numpy.typing import ArrayLike, NDArray
 
-from scenarios.bodies import RigidPart, Sized, contour_of, motion, parts, rear_extent, resize
-from scenarios.constants import protect_idm_constants
-from scenarios.table import CourseTable
-
-__all__ = [
-    "CourseTable",
-    "CourseVehicle",
-    "EgoVehicle",
-    "RigidPart",
-    "SizedIDM",
-    "motion",
-    "parts",
-    "protect_idm_constants",
-    "resize",
-]
+from scenarios.bodies import Sized, contour_of, rear_extent
+from scenarios.courses import CourseTable
 
 
 class SoftSteering:
@@ -47,8 +32,7 @@ class SoftSteering:
     def TAU_PURSUIT(self) -> float:
         """Look-ahead time [s]: the heading lag, less the time from the rear axle to the centre.
 
-        With it the steering has no steady lateral error on a circle, at any speed and length: the lag v tau_heading
-        of the heading loop and the slip of the centre, L / 2 ahead of the rear axle, cancel in first order.
+        With it the steering has no steady lateral error on a circle, at any speed and length, in first order.
         """
         return self.TAU_HEADING - self.LENGTH / 2 / not_zero(self.speed)
 
@@ -95,20 +79,8 @@ class SizedIDM(SoftSteering, Sized, IDMVehicle):
     @classmethod
     def create_from(cls, vehicle: Vehicle) -> Self:
         """A vehicle in the same state, with the same size, contour and habits."""
-        new = cls(
-            vehicle.road,
-            vehicle.position,
-            heading=vehicle.heading,
-            speed=vehicle.speed,
-            target_lane_index=getattr(vehicle, "target_lane_index", None),
-            target_speed=getattr(vehicle, "target_speed", None),
-            route=getattr(vehicle, "route", None),
-            enable_lane_change=getattr(vehicle, "enable_lane_change", True),
-            timer=getattr(vehicle, "timer", None),
-            length=vehicle.LENGTH,
-            width=vehicle.WIDTH,
-            contour=contour_of(vehicle),
-        )
+        habits = known(vehicle, "target_lane_index", "target_speed", "route", "enable_lane_change", "timer")
+        new = cls(vehicle.road, vehicle.position, vehicle.heading, vehicle.speed, **habits, **size_of(vehicle))
         keep_habits(new, vehicle)
         return new
 
@@ -121,10 +93,7 @@ class SizedIDM(SoftSteering, Sized, IDMVehicle):
     def acceleration(
         self, ego_vehicle: Any, front_vehicle: Any | None = None, rear_vehicle: Any | None = None
     ) -> float:
-        """IDM acceleration [m/s^2] of any vehicle behind a leader, gaps from bumper to bumper.
-
-        An overlap counts as no gap, so that MOBIL never chooses a lane beside a long vehicle.
-        """
+        """IDM acceleration [m/s^2] of any vehicle behind a leader, gaps from bumper to bumper; an overlap is none."""
         free = super().acceleration(ego_vehicle)
         if front_vehicle is None or not isinstance(ego_vehicle, Vehicle):
             return free
@@ -145,6 +114,16 @@ class SizedIDM(SoftSteering, Sized, IDMVehicle):
         return float(self.DISTANCE_WANTED + moving + ego_vehicle.LENGTH / 2 + rear_extent(front_vehicle))
 
 
+def known(vehicle: Vehicle, *names: str) -> dict[str, Any]:
+    """Those of the attributes that a vehicle has, as arguments of its class."""
+    return {name: getattr(vehicle, name) for name in names if hasattr(vehicle, name)}
+
+
+def size_of(vehicle: Vehicle) -> dict[str, Any]:
+    """Size [m] and contour of a vehicle, as arguments of a class with `Sized`."""
+    return {"length": vehicle.LENGTH, "width": vehicle.WIDTH, "contour": contour_of(vehicle)}
+
+
 def keep_habits(new: Vehicle, old: Vehicle) -> None:
     """Copy what was set on one vehicle over the constants of its class: DELTA, TIME_WANTED ..."""
     for name, value in vars(old).items():
@@ -158,9 +137,8 @@ PEDALS = {"FASTER": 1, "SLOWER": -1}  # meta-actions that change the target spee
 class EgoVehicle(SoftSteering, Sized, MDPVehicle):
     """The vehicle under test: meta-actions over target speeds, with the limits of a real car.
 
-    FASTER and SLOWER move the target speed by one step, SLOWER from no higher than the present speed. So a single press
-    is gentle, and repeated ones add up to an emergency stop; highway-env's own rule always goes to the neighbour of the
-    present speed, and its hardest braking is that of one step. The target stays where it still makes a difference.
+    FASTER and SLOWER move the target speed by one step, SLOWER from no higher than the present speed: a single press is
+    gentle, repeated ones add up to an emergency stop. The target stays where it still makes a difference.
     """
 
     TAU_ACC = 0.8  # [s]
@@ -168,40 +146,16 @@ class EgoVehicle(SoftSteering, Sized, MDPVehicle):
     ACC_LIMITS = (-8.0, 4.0)  # [m/s^2]
 
     def __init__(
-        self,
-        road: Road,
-        position: ArrayLike,
-        heading: float = 0.0,
-        speed: float = 0.0,
-        target_lane_index: LaneIndex | None = None,
-        target_speed: float | None = None,
-        target_speeds: Sequence[float] | NDArray | None = None,
-        route: Route | None = None,
-        *,
-        length: float | None = None,
-        width: float | None = None,
-        contour: str = "car",
+        self, *args: Any, length: float | None = None, width: float | None = None, contour: str = "car", **kwargs: Any
     ) -> None:
-        super().__init__(road, position, heading, speed, target_lane_index, target_speed, target_speeds, route)
+        super().__init__(*args, **kwargs)
         self._take_size(length, width, contour)
 
     @classmethod
     def create_from(cls, vehicle: Vehicle) -> Self:
         """A vehicle in the same state, with the same size, contour and target speeds."""
-        new = cls(
-            vehicle.road,
-            vehicle.position,
-            heading=vehicle.heading,
-            speed=vehicle.speed,
-            target_lane_index=getattr(vehicle, "target_lane_index", None),
-            target_speed=getattr(vehicle, "target_speed", None),
-            target_speeds=getattr(vehicle, "target_speeds", None),
-            route=getattr(vehicle, "route", None),
-            length=vehicle.LENGTH,
-            width=vehicle.WIDTH,
-            contour=contour_of(vehicle),
-        )
-        return new
+        habits = known(vehicle, "target_lane_index", "target_speed", "target_speeds", "route")
+        return cls(vehicle.road, vehicle.position, vehicle.heading, vehicle.speed, **habits, **size_of(vehicle))
 
     def act(self, action: dict | str | None = None) -> None:
         """Take a meta-action (LANE_LEFT, FASTER ...), then control speed and lane within the limits."""
@@ -238,7 +192,7 @@ class PedalEgo(Sized, Vehicle):
     def create_from(cls, vehicle: Vehicle) -> Self:
         """A vehicle in the same state, with the same size, contour and route."""
         new = cls(vehicle.road, vehicle.position, vehicle.heading, vehicle.speed)
-        new._take_size(vehicle.LENGTH, vehicle.WIDTH, contour_of(vehicle))
+        new._take_size(**size_of(vehicle))
         new.route = getattr(vehicle, "route", None)
         return new
 

@@ -1,7 +1,7 @@
 """What a vehicle returns by the side that it shows: an option of a sensor, off unless it is given.
 
-Sides are front, flank and rear. A direction (c, s) from a body, in its own frame, shows the shares
-(max(c, 0)^2, s^2, max(-c, 0)^2) of them, which sum to one. Equations: docs/methods/radar.md, section 10.
+A direction (c, s) from a body, in its own frame, shows the shares (max(c, 0)^2, s^2, max(-c, 0)^2) of its front, flank
+and rear, which sum to one. Equations: docs/methods/radar.md, section 10.
 """
 
 from collections.abc import Mapping
@@ -33,7 +33,6 @@ class Aspects:
 
     Raises:
         ValueError: a number that is negative, except `specular`; shares above one.
-
     """
 
     count_max: Sides  # of one object of the height of a car, in place of `Sensor.count_max`

@@ -1,7 +1,7 @@
 """Faults of mounted radars: what a healthy rig has measured, turned into what a faulty one delivers.
 
-A fault takes a scan and its origin and returns both changed. It never touches the healthy radar, its generator, or the
-detections of other sensors, so that all else stays as it is without the fault. Equations: docs/methods/radar-faults.md.
+A fault never touches the healthy radar, its generator, or the detections of other sensors. Equations:
+docs/methods/radar-faults.md.
 """
 
 from collections.abc import Sequence
@@ -115,16 +115,14 @@ class Misalignment:
         self, scene: Scene, scan: Scan, origin: Origin, on: NDArray, models: Sequence[SensorModel],
         rng: np.random.Generator,
     ) -> tuple[Scan, Origin]:  # fmt: skip
-        """With azimuths in the frames of the turned sensors; what leaves their fields of view is not seen.
-
-        False alarms stay: they arise in the receiver.
-        """
+        """With azimuths in the frames of the turned sensors, within their fields of view; false alarms stay."""
         turned = on[scan.sensor] & (origin.kind != CLUTTER)
         before = scan.polar[:, 1]
         azimuth = np.where(turned, wrap_angle(before - np.radians(self.yaw_deg)), before)  # (FLT.2)
         half = np.array([model.fov for model in models])[scan.sensor] / 2
         outside = (half < np.pi) & (np.abs(azimuth) > half) & (np.abs(azimuth) > np.abs(before))
-        return keep(scan._replace(polar=with_column(scan.polar, 1, azimuth)), origin, ~outside)
+        polar = np.column_stack([scan.polar[:, 0], azimuth, scan.polar[:, 2]])
+        return keep(scan._replace(polar=polar), origin, ~outside)
 
 
 @dataclass(frozen=True)
@@ -260,13 +258,6 @@ def without_sensors(scan: Scan, origin: Origin, out: NDArray) -> tuple[Scan, Ori
     return keep(scan._replace(delivered=scan.delivered & ~out), origin, ~out[scan.sensor])
 
 
-def with_column(array: NDArray, column: int, values: NDArray) -> NDArray:
-    """A copy of an array (M, K) with other values (M,) in one column."""
-    changed = array.copy()
-    changed[:, column] = values
-    return changed
-
-
 def chosen(sensors: str, models: Sequence[SensorModel]) -> NDArray:
     """Mask (S,) of the sensors of a word: one of `PLACES`, or the number of a sensor in its rig, from 0 on.
 
@@ -301,13 +292,9 @@ def is_active(fault: Fault, time: float) -> bool:
 
 
 def apply_faults(
-    faults: Sequence[Fault],
-    rngs: Sequence[np.random.Generator],
-    models: Sequence[SensorModel],
-    scene: Scene,
-    scan: Scan,
-    origin: Origin,
-) -> tuple[Scan, Origin]:
+    faults: Sequence[Fault], rngs: Sequence[np.random.Generator], models: Sequence[SensorModel], scene: Scene,
+    scan: Scan, origin: Origin,
+) -> tuple[Scan, Origin]:  # fmt: skip
     """The scan (M,) of a healthy rig and its origin with all active faults, one after the other, in their order.
 
     What was visible and expected of the objects stays that of the healthy rig: an object that a fault hides is missed.

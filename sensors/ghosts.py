@@ -1,7 +1,4 @@
-"""Ghosts: detections of things that are there, but not where they seem to be, by the image method.
-
-Equations: docs/methods/ghosts.md.
-"""
+"""Ghosts by the image method: detections of things that are there, but elsewhere; docs/methods/ghosts.md."""
 
 from dataclasses import dataclass
 from typing import NamedTuple

@@ -1,7 +1,7 @@
-"""Numbers that follow from keys: the same key, the same number, and nothing is drawn or kept.
+"""Numbers that follow from keys, arrays of uint64: the same key, the same number, and nothing is drawn or kept.
 
-A key is an array of uint64; `fold` takes one more number into it. Keys are mixed by the finaliser of splitmix64
-(Steele, Lea and Flood (2014), "Fast splittable pseudorandom number generators").
+Keys are mixed by the finaliser of splitmix64 (Steele, Lea and Flood (2014), "Fast splittable pseudorandom number
+generators").
 """
 
 import numpy as np

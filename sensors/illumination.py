@@ -1,7 +1,4 @@
-"""Illumination: which surfaces the rays of mounted radars reach, and how much of each object is visible to each radar.
-
-Equations: docs/methods/radar.md, section 3.
-"""
+"""Which surfaces the rays of mounted radars reach, and how much of each object; docs/methods/radar.md, section 3."""
 
 from typing import NamedTuple
 

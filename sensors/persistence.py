@@ -1,8 +1,7 @@
 """Scattering centres that stay on a body for a while: an option of a sensor, off unless it is given.
 
-A centre is a number of an object: the k-th detection of a scan is that of centre k. All that is random about it follows
-from a hash of the run's seed, the object, k and the number of the centre's lifetime, so nothing is kept between
-scans. Each scan alone has the distribution that it has without. Equations: docs/methods/radar.md, section 11.
+The k-th detection of an object is that of its centre k. All that is random about it follows from a hash of the run's
+seed, the object, k and the number of the centre's lifetime. Equations: docs/methods/radar.md, section 11.
 """
 
 from dataclasses import dataclass
@@ -28,7 +27,6 @@ class Persistence:
 
     Raises:
         ValueError: a lifetime that is not positive and finite.
-
     """
 
     lifetime: float  # [s] of each centre; centres of one body are renewed at different times
@@ -142,9 +140,8 @@ def choose_parts(
 ) -> NDArray:
     """Indices (D,) of the parts (P,) on which the centres lie, with probability proportional to weight (P,).
 
-    cell (P,) is that of the edge, owner (B,) the object of each body, counts (S, N) the detections. A centre lies in
-    the cell that comes first in a race in which each has a time of its own for each centre, so it stays there until
-    that cell is hidden or others gain much weight on it.
+    cell (P,) is that of the edge, owner (B,) the object of each body, counts (S, N) the detections. The cells race,
+    each with a time of its own for each centre, so a centre stays until its cell is hidden or others gain much weight.
     """
     nth_body = np.tril(owner[:, None] == owner, -1).sum(-1)[edges.body[parts.segment]]  # of its object
     name = fold(fold(fold(np.zeros(1, np.uint64), nth_body), edges.edge[parts.segment]), cell)

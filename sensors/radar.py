@@ -1,8 +1,6 @@
-"""The radar: a Scene in, a Scan and its Origin out. Every step is a function of arrays and a generator.
+"""The radar: a Scene in, a Scan and its Origin out; order of a scan and equations in docs/methods/radar.md."""
 
-Order of a scan and equations: docs/methods/radar.md.
-"""
-
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 
@@ -176,7 +174,6 @@ class Radar:
 
         Raises:
             ValueError: a scene that is not finite, or whose bodies do not fit together.
-
         """
         check_scene(scene)
         platform = scene.ego.platform
@@ -247,19 +244,13 @@ class Radar:
 
     def expected(self, visible: Visible) -> NDArray:
         """Expected detections (S, N) of every object by every sensor, occlusion included, before cells merge any."""
-        seen = visible.chord > 0
-        nearest = np.where(seen, visible.nearest, 1.0)
-        rate = [m.expected_count(r, c) for m, r, c in zip(self.models, nearest, visible.chord, strict=True)]  # (RAD.9)
-        return np.where(seen, rate, 0.0)
+        return _expected(self.models, visible)
 
     def _expected_by_aspect(self, p: Parameters, visible: Visible, sides: NDArray, kinds: tuple[str, ...]) -> NDArray:
         """Expected detections (S, N) of objects that show the shares (S, N, 3) of their sides."""
-        seen = visible.chord > 0
-        nearest = np.where(seen, visible.nearest, 1.0)
-        unlimited = [replace(m, count_max=np.inf) for m in self.models]
-        rate = [m.expected_count(r, c) for m, r, c in zip(unlimited, nearest, visible.chord, strict=True)]  # (RAD.9)
+        unlimited = _expected([replace(m, count_max=np.inf) for m in self.models], visible)
         limit = self.column("detection_probability")  # (RAD.10)
-        return np.where(seen, mean_counts(p, np.array(rate), visible.share, sides, kinds, limit), 0.0)
+        return np.where(visible.chord > 0, mean_counts(p, unlimited, visible.share, sides, kinds, limit), 0.0)
 
     def _counts(self, expected: NDArray, shape: NDArray, rng: np.random.Generator) -> NDArray:
         """Numbers of detections (S, N) in this scan, of count shapes (S, N) or (S, 1)."""
@@ -267,3 +258,11 @@ class Radar:
         mean = expected / np.where(p > 0, p, 1.0)
         counts = draw_counts(mean, shape, rng)  # (RAD.11)
         return np.where(rng.random(expected.shape) < p, counts, 0)  # (RAD.12)
+
+
+def _expected(models: Sequence[SensorModel], visible: Visible) -> NDArray:
+    """Expected detections (S, N) by the data sheets of S sensors, 0 of what is not visible."""
+    seen = visible.chord > 0
+    nearest = np.where(seen, visible.nearest, 1.0)
+    rate = [m.expected_count(r, c) for m, r, c in zip(models, nearest, visible.chord, strict=True)]  # (RAD.9)
+    return np.where(seen, rate, 0.0)

@@ -1,14 +1,11 @@
 """Rays against polygon edges: exact first hits, culled to the edges whose angular sector holds the ray.
 
-Rules, so that every implementation finds the same hit:
+Rules, so that every implementation finds the same hit; equations in docs/methods/radar.md, section 2:
 
 - The side of a vertex is the sign of `cross(u, vertex - origin)`, zero counting as left. An edge is crossed when its
-  ends lie on different sides. Neighbouring edges share the sign of their vertex, so no ray slips between them, and an
-  edge seen end-on is never crossed.
+  ends lie on different sides, so no ray slips between neighbours and an edge seen end-on is never crossed.
 - A crossing counts from `NEAREST` on; a sensor on an edge or a vertex does not see that edge.
 - The nearest crossing wins; of equal ranges the lowest segment index.
-
-Equations: docs/methods/radar.md, section 2.
 """
 
 from collections.abc import Sequence

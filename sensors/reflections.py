@@ -1,7 +1,4 @@
-"""What vehicles and walls return: points on the elements that rays have reached, in the frames of the sensors.
-
-Equations: docs/methods/radar.md, sections 5 to 7.
-"""
+"""What vehicles and walls return, in the frames of the sensors; docs/methods/radar.md, sections 5 to 7."""
 
 from typing import NamedTuple
 
@@ -124,8 +121,7 @@ def wall_returns(
     density (S,) [1/m] is that at 15 m, and falloff (S,) the exponent of (15 m / range).
     """
     if not len(lit.sensor):
-        none = np.zeros(0, int)
-        return Returns(np.zeros((0, 3)), none, none, none, none, none)
+        return standing(np.zeros((0, 3)), np.zeros(0, int))
     weaker = (15.0 / np.maximum(lit.range, 1.0)) ** falloff[lit.sensor]
     mean = density[lit.sensor] * weaker * lit.chord / lit.incidence
     pick = np.repeat(np.arange(len(mean)), rng.poisson(mean))  # (RAD.20)

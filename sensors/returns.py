@@ -1,7 +1,4 @@
-"""Radar returns as arrays: resolution cells that merge them, measurement noise, false alarms.
-
-Equations: docs/methods/radar.md, section 8.
-"""
+"""Radar returns as arrays: resolution cells, measurement noise, false alarms; docs/methods/radar.md, section 8."""
 
 from typing import NamedTuple
 
@@ -71,13 +68,7 @@ def false_alarms(
     """Poisson false alarms of S sensors, mean (S,) a scan, uniform over the area in view and the range rates."""
     sensor = np.repeat(np.arange(len(mean)), rng.poisson(mean))
     x = rng.random((3, len(sensor)))
-    polar = np.stack(
-        [
-            max_range[sensor] * np.sqrt(x[0]),  # (RAD.23)
-            fov[sensor] * (x[1] - 0.5),
-            max_rate[sensor] * (2 * x[2] - 1),
-        ],
-        -1,
-    )
+    r = max_range[sensor] * np.sqrt(x[0])  # (RAD.23)
+    polar = np.stack([r, fov[sensor] * (x[1] - 0.5), max_rate[sensor] * (2 * x[2] - 1)], -1)
     none = np.full(len(sensor), -1)
     return Returns(polar, sensor, none, none, none, np.full(len(sensor), CLUTTER))

@@ -35,7 +35,7 @@ OUTLINE = DepthProfile(
     rounding_std=(0.1, 0.05), least_room=(0.5, 0.1), hides_within=0.0105,
 )  # fmt: skip
 
-# Many detections of the inside, few of them deep: learned from the imaging radar, `python -m testbed.learn.profile`.
+# Many detections of the inside, few of them deep: learned from the imaging radar, docs/results/profiles.json.
 # They crowd where a vehicle reflects, at its ends and wheels: a stretch without any is no gap between two vehicles.
 SHALLOW = DepthProfile(
     inside=0.333, inside_depth=1.3, depth=0.153, depth_std=0.17, grazing=0.0, surface_std=0.0795, patchy=True

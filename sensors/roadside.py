@@ -1,10 +1,7 @@
 """What stands beside and on a road but for guard rails: poles, signs, trees, facades, bridges, seams of the surface.
 
-A landscape of scattering points that stay where they are in the world, the same for every radar and every run with
-the same `seed`: place and strength of each follow from the number of its cell, and nothing is kept. Beside the road is
-what lies across a guard rail from the ego; a scene without rails has no roadside.
-
-Equations: docs/methods/radar.md, section 7.
+Scattering points that stay where they are, the same for every radar and every run with the same `seed`. Beside the road
+is what lies across a guard rail from the ego. Equations: docs/methods/radar.md, section 7.
 """
 
 from dataclasses import dataclass, fields

@@ -1,7 +1,4 @@
-"""How many returns a vehicle gives, and where on it they lie: functions of arrays and a generator.
-
-Equations: docs/methods/radar.md, sections 4 and 5.
-"""
+"""How many returns a vehicle gives, and where on it they lie; docs/methods/radar.md, sections 4 and 5."""
 
 from typing import Protocol
 

@@ -1,7 +1,7 @@
 """The truth at one instant, as sensors take it.
 
-An object is what a tracker should report once (a car; a tractor with its trailer). A body is one rigid outline: most
-objects have one, an articulated truck has two. The ego vehicle carries the sensors and is not among the objects.
+An object is what a tracker should report once, a body one rigid outline: an articulated truck has two. The ego vehicle
+carries the sensors and is not among the objects.
 """
 
 from typing import NamedTuple

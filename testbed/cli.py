@@ -11,7 +11,6 @@ import typer
 
 import testbed
 from testbed.command_line import options, tables
-from testbed.command_line.results import show_run
 from testbed.command_line.terminal import (
     busy,
     complain,
@@ -21,6 +20,7 @@ from testbed.command_line.terminal import (
     losses,
     progress_bar,
     reported,
+    show,
     user_input,
 )
 from testbed.files import LostFileWarning
@@ -63,8 +63,7 @@ def list_command(
     """
     with user_input():
         chosen = tables.catalogues(what)
-    for table in chosen:
-        console.print(table)
+    show(*chosen)
 
 
 @app.command()
@@ -106,29 +105,15 @@ def run(
     from testbed.experiments.single import run as run_once
 
     with user_input():
-        trackers, faults = tuple(tracker or (DEFAULT,)), tuple(fault or ())
-        file = None if config is None else str(config)
-        settings = RunConfig(
-            scenario,
-            trackers,
-            radar,
-            planner,
-            seed,
-            duration,
-            str(out),
-            log,
-            not no_metrics,
-            faults,
-            file,
-            focus,
-            after,
-        )
+        driven = scenario, tuple(tracker or (DEFAULT,)), radar, planner, seed, duration
+        file, faults = None if config is None else str(config), tuple(fault or ())
+        settings = RunConfig(*driven, str(out), log, not no_metrics, faults, file, focus, after)
         check(settings)
     with user_input((OSError, Unusable)), progress_bar("{task.completed:.1f} / {task.total:.1f} s") as bar:
         task = bar.add_task(f"{scenario}, seed {seed}", total=length(settings))
         result = run_once(settings, lambda done, total: bar.update(task, completed=done, total=total))
     with losses(result.lost):
-        show_run(result.result, {"results": result.json, "log": result.rrd}, focus, console)
+        tables.show_run(result.result, {"results": result.json, "log": result.rrd}, focus, console)
     raise typer.Exit(result.exit_status)
 
 
@@ -186,14 +171,12 @@ def record(
         command.check(scenario, seed, radar, duration, out, format)
     with user_input((OSError,)), busy(f"driving {scenario}, seed {seed}"):
         written = command.record(scenario, seed, radar, duration, out, format)
-    for path in written:
-        console.print(f"{path.stem:10} {path}", soft_wrap=True)
-    console.print(f"replay it  testbed replay {shlex.quote(str(out))}", soft_wrap=True)
+    show(*(f"{path.stem:10} {path}" for path in written), f"replay it  testbed replay {shlex.quote(str(out))}")
 
 
 @app.command()
 def review(
-    path: Annotated[list[Path] | None, typer.Argument(help="Logs (.rrd) of runs.")] = None,
+    path: Annotated[list[Path] | None, typer.Argument(help="Logs (.rrd) of runs; of a folder the newest.")] = None,
     web: Annotated[bool, typer.Option("--web", help="Serve the viewer to a browser on this machine.")] = False,
     screenshot: Annotated[Path | None, typer.Option(help="Write a picture (.png) instead of opening a window.")] = None,
     at: Annotated[float | None, typer.Option(help="Seconds, of the picture. Without it: the middle one.")] = None,
@@ -206,6 +189,7 @@ def review(
     """Open the logs of runs in the viewer, or make a page, an animation or a picture of one.
 
     Example: [bold]testbed review runs/*.rrd[/bold]
+    Example: [bold]testbed review runs[/bold]
     Example: [bold]testbed review runs/a.rrd --html a.html[/bold]
     Example: [bold]testbed review runs/a.rrd --gif a.gif[/bold]
     Example: [bold]testbed review runs/a.rrd --screenshot a.png --at 9 --view overview[/bold]
@@ -278,9 +262,7 @@ def bench(
         choice = chosen.Choice.of(scenario, tracker, radar, quick)
         choice.check()
     named = scenario or tracker or radar
-    report = reported(partial(chosen.measure, choice) if named else partial(benching.measure, quick), "benchmarks")
-    for table in report:
-        console.print(table)
+    show(*reported(partial(chosen.measure, choice) if named else partial(benching.measure, quick), "benchmarks"))
 
 
 @app.command("learn-htg")
@@ -300,14 +282,12 @@ def learn_htg(
 
     Example: [bold]testbed learn-htg sampler:surround:car --out car.json[/bold]
     """
-    from testbed.learn.htg import LearnConfig, learn, report
+    from testbed.learn.models import TableConfig, learn
 
     with user_input():
-        config = LearnConfig(data, bins, not edges, not no_mirror, mass_min, count, seed)
+        config = TableConfig(data, bins, not edges, not no_mirror, mass_min, count, seed)
         learned = reported(partial(learn, config, out), "learning")
-    for part in report(learned):
-        console.print(part)
-    console.print(f"table    {learned.path}", soft_wrap=True)
+    show(*learned.report(), f"table    {learned.path}")
 
 
 @app.command("learn-spline")
@@ -325,16 +305,14 @@ def learn_spline(
 
     Example: [bold]testbed learn-spline sampler:surround:car --out car.json[/bold]
     """
-    from testbed.learn.spline import SplineConfig, learn, report
+    from testbed.learn.models import SplineConfig, learn
     from trackers.pmht.offline import OfflineLearning
 
     with user_input():
         model = OfflineLearning(ellipses, points, visibility=visibility, mirrored=not no_mirror)
         config = SplineConfig(data, count, seed, model)
         learned = reported(partial(learn, config, out), "learning")
-    for part in report(learned):
-        console.print(part)
-    console.print(f"model    {learned.path}", soft_wrap=True)
+    show(*learned.report(), f"model    {learned.path}")
 
 
 @app.command()
@@ -366,24 +344,17 @@ def compare(
     Example: [bold]testbed compare cut-in --tracker imm-spline --fault drop:0.2 --fault front:outage:3:5[/bold]
     Example: [bold]testbed compare all --seeds 0:5 --after 3 --settle 2 --jobs -1 --reference htg-map[/bold]
     """
-    from testbed.experiments.command import carry_out, check
+    from testbed.experiments.command import run_study
     from testbed.experiments.compare import Comparison, Settings
-    from testbed.experiments.engine import Engine
     from testbed.experiments.run import expand, parse_seeds, with_faults
 
-    with user_input():
-        comparison = Comparison(
-            with_faults(expand(scenario, "scenarios"), fault or ()),
-            expand(tracker or ["all"], "trackers"),
-            parse_seeds(seeds),
-            Settings(radar, loop, planner, duration, after, settle),
-            reference,
-            out=str(out),
-        )
-        engine = Engine(jobs, dask)
-        check(comparison, engine)
-    bar = progress_bar("{task.completed:.0f} / {task.total:.0f}", 600.0)
-    raise typer.Exit(carry_out(comparison, engine, console, bar))
+    def study() -> Comparison:
+        cases = with_faults(expand(scenario, "scenarios"), fault or ())
+        trackers = expand(tracker or ["all"], "trackers")
+        settings = Settings(radar, loop, planner, duration, after, settle)
+        return Comparison(cases, trackers, parse_seeds(seeds), settings, reference, out=str(out))
+
+    run_study(study, jobs, dask)
 
 
 @app.command()
@@ -400,6 +371,9 @@ def regret(
     seeds: options.Seeds = "200:220",
     attribute: Annotated[bool, typer.Option("--attribute", help="Also what each group of errors costs.")] = False,
     inject: Annotated[list[str] | None, typer.Option(help="NAME=VALUE, an error of what is in view; repeat.")] = None,
+    limit: Annotated[
+        list[str] | None, typer.Option(help="NAME=VALUE, how much worse than on the truth a mean may be; repeat.")
+    ] = None,
     radar: options.Radar = "surround",
     duration: options.Duration = None,
     jobs: options.Jobs = 1,
@@ -410,35 +384,27 @@ def regret(
     """What tracking error costs in driving: drives on the truth, on what is in view, and on tracks, paired by seed.
 
     Every finished drive has its file in OUT/rows, so after Ctrl-C the same
-    command does the rest. Exit status 1: some drives failed. docs/methods/regret.md
-    has the definitions.
+    command does the rest. Exit status 1: some drives failed, or a limit is
+    exceeded. docs/methods/regret.md has the definitions.
 
     Example: [bold]testbed regret probe-brake --tracker imm-spline --tracker rm-koch --seeds 200:208 --jobs 2[/bold]
     Example: [bold]testbed regret probe-brake --fault front:outage:2:3[/bold]
     Example: [bold]testbed regret probe-brake --inject velocity_lag=0.25 --inject velocity_lag=0.5[/bold]
+    Example: [bold]testbed regret probe-brake --limit collisions=0 --limit score=0.2 --junit regret.xml[/bold]
     """
     from scenarios.probes import PROBES
-    from testbed.experiments.command import carry_out, check
-    from testbed.experiments.engine import Engine
-    from testbed.experiments.regret import Regret
+    from testbed.experiments.command import run_study
+    from testbed.experiments.regret import Limit, Regret
     from testbed.experiments.run import parse_seeds, with_faults
 
-    with user_input():
-        study = Regret(
-            tuple(scenario or PROBES),
-            tuple(planner or ["idm"]),
-            with_faults(tracker or ([] if inject else [DEFAULT]), fault or ()),
-            parse_seeds(seeds),
-            radar,
-            duration,
-            attribute,
-            tuple(inject or []),
-            out=str(out),
-        )
-        engine = Engine(jobs, dask)
-        check(study, engine, junit)
-    bar = progress_bar("{task.completed:.0f} / {task.total:.0f}", 600.0)
-    raise typer.Exit(carry_out(study, engine, console, bar, junit))
+    def study() -> Regret:
+        scenarios, planners, errors = tuple(scenario or PROBES), tuple(planner or ["idm"]), tuple(inject or [])
+        conditions = with_faults(tracker or ([] if inject else [DEFAULT]), fault or ())
+        drives = scenarios, planners, conditions, parse_seeds(seeds)
+        limits = tuple(map(Limit.parse, limit or []))
+        return Regret(*drives, radar, duration, attribute, errors, limits=limits, out=str(out))
+
+    run_study(study, jobs, dask, junit)
 
 
 @app.command()
@@ -463,16 +429,14 @@ def probe(
 
     Example: [bold]testbed probe probe-brake --search gap --tracker rm-feldmann --jobs 2[/bold]
     """
-    from testbed.experiments.command import carry_out, check
-    from testbed.experiments.engine import Engine
+    from testbed.experiments.command import run_study
     from testbed.experiments.probe import Probe
     from testbed.experiments.run import parse_seeds
 
-    with user_input():
-        study = Probe(name, planner, tracker, parse_seeds(seeds), search, resolution, radar, out=str(out))
-        engine = Engine(jobs, dask)
-        check(study, engine)
-    raise typer.Exit(carry_out(study, engine, console, progress_bar("{task.completed:.0f} / {task.total:.0f}", 600.0)))
+    def study() -> Probe:
+        return Probe(name, planner, tracker, parse_seeds(seeds), search, resolution, radar, out=str(out))
+
+    run_study(study, jobs, dask)
 
 
 @app.command()
@@ -485,33 +449,31 @@ def regress(
     dask: options.Dask = None,
     junit: options.Junit = None,
     baselines: Annotated[Path | None, typer.Option(help="File of baselines. Without it: the committed one.")] = None,
+    strict: Annotated[bool, typer.Option("--strict", help="A result without a baseline fails too.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="Two scenarios and the default tracker: a minute.")] = False,
     out: Annotated[Path, typer.Option(help="Directory of the runs; those of other code go.")] = Path("runs/regress"),
 ) -> None:
     """Compare every tracker in every scenario with the committed baselines; docs/regression.md has the rules.
 
-    Exit status 1: a measure got worse, or a run failed; a table says which, and
-    a log of the worst run is written. After Ctrl-C the same command does the
+    Exit status 1: a measure got worse, a run failed, or nothing has a baseline; a
+    table says which, and a log of the worst run is written. After Ctrl-C the same command does the
     rest. With --update, the changes are printed as a list for a commit message.
 
     Example: [bold]testbed regress[/bold]
     Example: [bold]testbed regress --tracker htg-map --scenario cut-in --scenario merge --junit regress.xml[/bold]
     Example: [bold]testbed regress --update --tracker htg-map[/bold]
+    Example: [bold]testbed regress --quick --tracker my:Tracker --baselines my.json[/bold]
     Example: [bold]testbed regress --scenario cut-in --fault drop:0.2[/bold]
     """
-    from joblib import cpu_count
+    from testbed.experiments.command import run_study
+    from testbed.experiments.regress import COMMITTED, QUICK, Regress
 
-    from testbed.experiments.command import carry_out, check
-    from testbed.experiments.engine import Engine
-    from testbed.experiments.regress import COMMITTED, Regress
+    def study() -> Regress:
+        files = {"baselines": baselines or COMMITTED, "update": update, "strict": strict, "out": str(out)}
+        scenarios, trackers = (scenario or list(QUICK), tracker or [DEFAULT]) if quick else (scenario, tracker)
+        return Regress.of(scenarios, trackers, fault or (), **files)
 
-    with user_input():
-        suite = Regress.of(
-            scenario, tracker, fault or (), baselines=baselines or COMMITTED, update=update, out=str(out)
-        )
-        engine = Engine(min(cpu_count(), len(suite.work())) if jobs is None else jobs, dask)
-        check(suite, engine, junit)
-    bar = progress_bar("{task.completed:.0f} / {task.total:.0f}", 600.0)
-    raise typer.Exit(carry_out(suite, engine, console, bar, junit))
+    run_study(study, jobs, dask, junit)
 
 
 @app.command()
@@ -542,14 +504,12 @@ def reproduce(
         experiment = partial(catalogue.reproduce, paper, runs, seed, out, engine=engine)
         done = reported(experiment, paper, "{task.percentage:.0f} %", 600.0)
     with losses(done.report.lost):
-        for table in done.report.tables():
-            console.print(table)
+        show(*done.report.tables())
         if done.report.interrupted:
-            console.print("[yellow]interrupted: tables and file hold the rows run until then, no verdicts[/yellow]")
+            show("[yellow]interrupted: tables and file hold the rows run until then, no verdicts[/yellow]")
         if done.report.json is not None:
-            console.print(f"results  {done.report.json}", soft_wrap=True)
-        for figure in done.report.figures:
-            console.print(f"figure   {figure}", soft_wrap=True)
+            show(f"results  {done.report.json}")
+        show(*(f"figure   {figure}" for figure in done.report.figures))
     raise typer.Exit(done.exit_status)
 
 
@@ -568,8 +528,7 @@ def calibrate(
 
     with user_input():
         report = study("calibration.report", "testbed calibrate").report(data, radar)
-    for table in report:
-        console.print(table)
+    show(*report)
 
 
 def main() -> None:

@@ -2,11 +2,18 @@
 
 import json
 import os
+import platform
+import shlex
 import stat
+import subprocess
+import sys
 import warnings
 import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from datetime import UTC, datetime
+from functools import cache
+from hashlib import sha256
 from importlib.metadata import version
 from io import BytesIO
 from pathlib import Path
@@ -22,6 +29,7 @@ from numpy.typing import NDArray
 COLOURS = 256  # of a figure
 ROOM = 1 << 20  # [bytes] of the disk that the results of a run take at most
 PACKAGES = ("eot-testbed", "highway-env", "gymnasium", "numpy", "scipy", "rerun-sdk", "shapely")
+OURS = ("scenarios", "sensors", "testbed", "trackers")
 KINDS = {
     stat.S_IFLNK: "a symbolic link",
     stat.S_IFDIR: "a directory",
@@ -55,6 +63,39 @@ def noting_losses(lost: list[str]) -> Iterator[None]:
 def versions() -> dict[str, str]:
     """Installed versions of what decides about results."""
     return {name: version(name) for name in PACKAGES}
+
+
+def provenance() -> dict[str, Any]:
+    """Date, command and class of machine of this process, digest of our files, commit and whether it was changed."""
+    folder, program = Path(__file__).parent.parent, Path(sys.argv[0])
+    name = program.parent.name if program.name == "__main__.py" else program.name
+    state = _git(folder, "status", "--porcelain", "--untracked-files=no", "--", *OURS)
+    return {
+        "date": f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}",
+        "command": shlex.join([name, *sys.argv[1:]]),
+        "code": _digest(folder),
+        "commit": None if state is None else _git(folder, "rev-parse", "HEAD"),
+        "changed": None if state is None else bool(state),
+        "machine": f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores",
+        "python": platform.python_version(),
+    }
+
+
+@cache
+def _digest(folder: Path) -> str:
+    """Short digest of the files of our packages, byte by byte."""
+    files = (path for name in OURS for path in (folder / name).rglob("*") if path.suffix in (".py", ".json"))
+    found = sorted((path.relative_to(folder).as_posix(), path.read_bytes()) for path in files)
+    return sha256(repr([(name, sha256(content).hexdigest()) for name, content in found]).encode()).hexdigest()[:12]
+
+
+def _git(folder: Path, *words: str) -> str | None:
+    """What git says of the checkout in a folder; None where that is none, or there is no git."""
+    with suppress(OSError, subprocess.SubprocessError):
+        if (folder / ".git").exists():
+            call = ["git", "-C", str(folder), *words]
+            return subprocess.run(call, capture_output=True, text=True, check=True, timeout=10).stdout.strip()
+    return None
 
 
 def make_directory(directory: Path) -> None:

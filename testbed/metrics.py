@@ -15,17 +15,7 @@ from testbed.evaluation.metrics import (
     rmse,
 )
 
-__all__ = [
-    "CUTOFF",
-    "Gospa",
-    "box_iou",
-    "contour_iou",
-    "gaussian_wasserstein",
-    "gospa",
-    "gwd",
-    "gwd2",
-    "nees",
-    "nees_bounds",
-    "region_iou",
-    "rmse",
-]
+__all__ = (
+    "CUTOFF", "Gospa", "box_iou", "contour_iou", "gaussian_wasserstein", "gospa", "gwd", "gwd2", "nees", "nees_bounds",
+    "region_iou", "rmse",
+)  # fmt: skip

@@ -37,22 +37,7 @@ _HOME = {
     "prior": "trackers.estimate",
 }
 
-__all__ = [
-    "DEFAULT",
-    "TRACKERS",
-    "Estimate",
-    "Event",
-    "Filter",
-    "MultiObjectTracker",
-    "RandomMatrix",
-    "Scan",
-    "SensorModel",
-    "StepInfo",
-    "Tracks",
-    "build",
-    "find",
-    "prior",
-]
+__all__ = ["DEFAULT", *_HOME]
 
 
 def __getattr__(name: str) -> Any:

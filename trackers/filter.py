@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.estimate import Estimate
+from trackers.linalg import quadratic
 from trackers.scan import Scan
 
 
@@ -30,8 +31,7 @@ class UpdateInfo(NamedTuple):
     @property
     def nis(self) -> NDArray:
         """Normalised innovation squared (...), NaN without a detection."""
-        d = np.linalg.solve(self.S, self.eps[..., None])[..., 0]
-        return np.where(self.n > 0, (self.eps * d).sum(-1), np.nan)  # (MET.13)
+        return np.where(self.n > 0, quadratic(self.eps, self.S), np.nan)  # (MET.13)
 
 
 class Filter(Protocol):

@@ -10,10 +10,7 @@ LARGEST = 100_000_000  # [bytes]
 def read_json(path: Path) -> Any:
     """The value in a JSON file.
 
-    Raises:
-        FileNotFoundError: there is no such file.
-        OSError: it cannot be read, or is a directory or a pipe.
-        ValueError: it holds no JSON, or is nested too deeply or too large to be read.
+    Raises OSError for one that is not there or cannot be read, ValueError for one that holds no JSON or is too large.
     """
     if not path.exists():
         raise FileNotFoundError(f"there is no file {path}")

@@ -4,6 +4,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 I2 = np.eye(2)
+# The cofactors of a 3 x 3 matrix with entries 0 1 2 / 3 4 5 / 6 7 8 are a[i] a[j] - a[k] a[l] for these i, j, k, l.
+COFACTORS = np.array(
+    [[4, 2, 1, 5, 0, 2, 3, 1, 0], [8, 7, 5, 6, 8, 3, 7, 6, 4], [5, 1, 2, 3, 2, 0, 4, 0, 1], [7, 8, 4, 8, 6, 5, 6, 7, 3]]
+)
 ROUNDING = 1e-13  # share of a covariance that rounding may take from the next one
 
 
@@ -79,3 +83,22 @@ def floored(P: NDArray, before: NDArray) -> NDArray:
                 value, vector = np.linalg.eigh(A / std[:, None] / std)
                 A[:] = (vector * np.maximum(value, ROUNDING)) @ vector.T * std[:, None] * std
     return out
+
+
+def inverse_and_log_det(A: NDArray) -> tuple[NDArray, NDArray]:
+    """Inverse (..., 3, 3) and log determinant (...) of positive definite A (..., 3, 3); LAPACK costs several times."""
+    a = A.reshape(*A.shape[:-2], 9)
+    i, j, k, l = COFACTORS
+    cofactors = a[..., i] * a[..., j] - a[..., k] * a[..., l]
+    det = a[..., 0] * cofactors[..., 0] + a[..., 1] * cofactors[..., 3] + a[..., 2] * cofactors[..., 6]
+    return (cofactors / det[..., None]).reshape(A.shape), np.log(det)
+
+
+def inverse_and_det(A: NDArray) -> tuple[NDArray, NDArray]:
+    """The same for entries first, A (9, ...): inverse (9, ...) and determinant (...)."""
+    a = A.take(COFACTORS, axis=0)
+    cofactors = a[0] * a[1]
+    cofactors -= a[2] * a[3]
+    det = np.add.reduce(A[:3] * cofactors[::3])
+    cofactors /= det
+    return cofactors, det

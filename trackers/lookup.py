@@ -24,15 +24,9 @@ GROUP = "eot_testbed."  # of the entry points; then trackers, planners, radars, 
 
 
 def look_up(name: str, catalogue: Mapping[str, T], what: str) -> T:
-    """The entry of that name.
+    """The entry of that name; `what` is one entry in a word, for the error: "tracker".
 
-    Args:
-        name: as the user wrote it.
-        catalogue: entries by name.
-        what: one entry in a word, for the error: "tracker".
-
-    Raises:
-        LookupError: there is none; the nearest name is suggested, or all are listed where none is near.
+    Raises LookupError where there is none; the nearest name is suggested, or all are listed where none is near.
     """
     try:
         return catalogue[name]
@@ -61,8 +55,7 @@ def parse(text: str) -> tuple[str, dict[str, Any]]:
     >>> parse("my_ekf:CentroidEKF:gain=2")
     ('my_ekf:CentroidEKF', {'gain': 2})
 
-    Raises:
-        ValueError: a parameter without a value, or given twice, or a file in place of a module.
+    Raises ValueError for a parameter without a value or given twice, and for a file in place of a module.
     """
     name, colon, rest = text.partition(":")
     item, more, parameters_of_item = rest.partition(":")
@@ -99,15 +92,9 @@ def is_own(name: Any, catalogue: Mapping[str, Any]) -> bool:
 
 
 def find_own(name: str, catalogue: Mapping[str, Any], what: str) -> Any:
-    """What MODULE:OBJECT, or the name that an installed package has registered, stands for.
+    """What MODULE:OBJECT, or the name that an installed package has registered, stands for; name has no parameters.
 
-    Args:
-        name: without parameters; not in the catalogue.
-        catalogue: for the suggestion where there is no such name.
-        what: "tracker", "planner", "radar" or "scenario".
-
-    Raises:
-        LookupError: there is no such name, module or object, or two packages have registered the name.
+    Raises LookupError where there is no such name, module or object, or two packages have registered the name.
     """
     if isinstance(name, str) and ":" in name:
         if (entry := name.partition(":")[0]) in catalogue:
@@ -195,10 +182,8 @@ def parameters_of(made_by: Any) -> tuple[str, ...]:
 def check_types(made_by: Any, name: str, parameters: Mapping[str, Any]) -> None:
     """Raise ValueError for a value that is no number, no whole number or no switch, where the parameter says so.
 
-    Args:
-        made_by: a class, a function, or an instance of a dataclass, which has the parameters.
-        name: what it is called, for the error.
-        parameters: values as given; a parameter says its type by the annotation float, int or bool.
+    A parameter of made_by, a class, a function or an instance of a dataclass, says so by its annotation float, int or
+    bool; name stands in the error.
     """
     if is_dataclass(made_by):
         said: dict[str, Any] = {field.name: field.type for field in fields(made_by)}

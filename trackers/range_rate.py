@@ -29,8 +29,7 @@ def over_ground(u: NDArray, velocity: NDArray, yaw_rate: NDArray, lever: NDArray
 def polar_gradient(u: Pair, e: Pair, v: NDArray, lever: Pair) -> tuple[NDArray, NDArray, NDArray]:
     """Gradient (...) of the range rate over ground in heading, speed and yaw rate, for speed v (...) along the heading.
 
-    Line of sight u, unit vector e of the heading and lever arm [m] come as their x and y (...). The range rate is v
-    times the second entry plus the yaw rate times the third.
+    Line of sight u, unit vector e of the heading and lever arm [m] come as their x and y (...).
     """
     return v * (e[0] * u[1] - e[1] * u[0]), u[0] * e[0] + u[1] * e[1], lever[0] * u[1] - lever[1] * u[0]  # (RR.3)
 

@@ -8,9 +8,8 @@ from typing import Any
 from trackers.composed import Composed, composed, place_of
 from trackers.dra import DataRegion
 from trackers.filter import Filter
-from trackers.htg.learned import HTGLearned
+from trackers.htg.learned import HTGLearned, HTGMoment
 from trackers.htg.map import HTGMap
-from trackers.htg.moment import HTGMoment
 from trackers.htg.online import HTGOnline
 from trackers.lookup import check_types, find_own, is_own, look_up, parameters_of, parse, with_parameters
 from trackers.multi.ground import GroundTest

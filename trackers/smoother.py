@@ -1,14 +1,9 @@
 """Unscented Rauch-Tung-Striebel smoother for every filter whose state holds a Gaussian.
 
-Equations: docs/methods/smoothing.md, after Yao et al. (2021). Of a filter only `predict` and the methods of
-`trackers.filter.SMOOTHED` are used: the values of `predict` at sigma points give the cross covariance D.
-
-Extents of random matrices are smoothed by a rule of ours, (SM.8): their prediction forgets a share of the information,
-so every step of a smoothed extent counts all detections, past and future, with a weight that falls with their distance
-in time.
-
-Sizes that are part of the Gaussian (htg-map, dra, pmht-spline) are smoothed with it. The contour of rm-vmm keeps its
-size and moves with its centre.
+Equations: docs/methods/smoothing.md, after Yao et al. (2021). The values of a filter's `predict` at sigma points give
+the cross covariance D.
+Extents of random matrices are smoothed by a rule of ours, (SM.8); sizes that are part of the Gaussian (htg-map, dra,
+pmht-spline) with it. The contour of rm-vmm keeps its size and moves with its centre.
 """
 
 from collections.abc import Callable, Sequence
@@ -40,17 +35,9 @@ class Predicted(NamedTuple):
 def smooth(filter: Any, states: Sequence[T], dt: ArrayLike) -> list[T]:
     """The states after each update given the detections of all updates; the last one is unchanged.
 
-    Args:
-        filter: the filter that made the states.
-        states: after each update, in the order of time, with the same leading axes. A scan without detections is a
-            predicted state or is left out.
-        dt: [s] between them, one number or one less than there are states.
-
-    Raises:
-        TypeError: the filter cannot be smoothed.
-        ValueError: there is no state, or times and states do not fit together.
-
-    Interacting models come back as the moments of their mixture, the same in every model.
+    The states are in the order of time, dt [s] (one number, or one less than there are states) apart. Interacting
+    models come back as the moments of their mixture. Raises TypeError for a filter that cannot be smoothed, ValueError
+    where there is no state, or times and states do not fit together.
     """
     if len(states) == 0:
         raise ValueError("states must be at least one state, got none; smooth what was updated once or more")
@@ -93,14 +80,9 @@ def smooth_moments(
 ) -> tuple[NDArray, NDArray]:
     """Means (K, ..., n) and covariances (K, ..., n, n) given all K steps, from the last step backwards.
 
-    Args:
-        m: (K, ..., n) means after the update of each step.
-        P: (K, ..., n, n) their covariances.
-        m_pred: (K, ..., n) means predicted for each step from the one before; the first is not used.
-        P_pred: (K, ..., n, n) their covariances, process noise included.
-        D: (K, ..., n, n) cross covariances between the step before (rows) and the step; the first is not used.
-        angles: components [rad] that may be wrapped.
-
+    m and P are those after the update of each step, m_pred and P_pred those predicted for it, process noise included,
+    D (K, ..., n, n) the cross covariances of the step before (rows) and the predicted one; their first is not used.
+    Components `angles` [rad] may be wrapped.
     """
     ms, Ps = m.copy(), P.copy()
     if len(m) > 1:

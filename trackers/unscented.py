@@ -3,7 +3,6 @@
 Equations: docs/methods/smoothing.md, after Yao et al. (2021).
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -87,15 +86,3 @@ def moments(X: NDArray, Y: NDArray, scaling: Scaling = STANDARD, angles: tuple[i
     weighted = Wc[:, None] * d
     D = (X - X[..., :1, :]).mT @ weighted  # (SM.3)
     return Transformed(Y[..., 0, :] + shift, symmetrize(d.mT @ weighted), D)  # (SM.3)
-
-
-def transform(
-    f: Callable[[NDArray], NDArray],
-    m: NDArray,
-    P: NDArray,
-    scaling: Scaling = STANDARD,
-    angles: tuple[int, ...] = (),
-) -> Transformed:
-    """Moments of f(x), x ~ N(m, P) with m (..., n); f maps points (..., 2n + 1, n) to (..., 2n + 1, k)."""
-    X = sigma_points(m, P, scaling)
-    return moments(X, f(X), scaling, angles)

@@ -4,7 +4,15 @@ from collections.abc import Callable, Mapping
 
 import typer
 
-from studies import generated, ghosts_figure, layers_figure, size_by_radar, vehicle_figure
+from studies import (
+    contour_classes,
+    depth_profiles,
+    generated,
+    ghosts_figure,
+    layers_figure,
+    size_by_radar,
+    vehicle_figure,
+)
 from studies.calibration import page as calibration
 from studies.closed_loop import page as closed_loop
 from studies.comparison import committed, publish, refresh
@@ -53,6 +61,9 @@ STUDIES: Mapping[str, Callable[..., None]] = {
     "surround": sensitivity.main,
     "size-by-radar": size_by_radar.main,
     "range-rates": range_rates.main,
+    # models and numbers that trackers and rigs come with
+    "contour-classes": contour_classes.main,
+    "depth-profiles": depth_profiles.main,
     # what the documentation says about the registries
     "generated": generated.main,
 }

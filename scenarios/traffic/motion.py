@@ -1,8 +1,7 @@
 """Courses from recorded places: local quadratics through noisy positions, headings that do not jitter.
 
-Positions of image-based recordings are noisy by centimetres to decimetres, so that differences of them, and headings
-from these, are useless at low speed. A place becomes the value of the quadratic that fits best to its neighbours
-(Savitzky and Golay, 1964), the velocity the derivative of the smoothed places.
+A place becomes the value of the quadratic that fits best to its neighbours (Savitzky and Golay, 1964), the velocity the
+derivative of the smoothed places.
 """
 
 import numpy as np

@@ -39,7 +39,6 @@ class Plan(NamedTuple):
     lanes: Lanes  # of those that drive the ego's way
     opposite: Lanes | None  # of those that come towards it
     reach: tuple[float, float]  # [m] least and greatest x of any vehicle
-    fit_error: float  # [m] distance from the middle of the nearest lane that 9 of 10 recorded places keep below
 
 
 @lru_cache(maxsize=8)
@@ -63,16 +62,16 @@ def plan_of(path: Path, changed: int, ego: str | None, window: float | None) -> 
     for v in local:
         if v.time[-1] > begin and v.time[0] < end and len(v.time) > 1:
             front = v.size[0] / 2 if layout.anchor == "front" else 0.0
-            moved = v._replace(time=v.time - begin, xy=v.xy - origin)
-            parts[v.id] = _part(moved, seconds, front, forward[v.id])
+            rest = 0.0 if forward[v.id] else np.pi  # [rad] the heading of one that never moves
+            table = course(v.time - begin, v.xy - origin, v.heading, seconds, rest, front)
+            parts[v.id] = Part(v.id, table, v.size, v.kind, forward[v.id])
     main = parts.pop(chosen.id)
     near = tuple(p for p in parts.values() if _comes_near(p.table, main.table))
     _check_free(main, near, path.name)
     xs = np.concatenate([p.table[:, 1] for p in (main, *near)])
     here = Lanes(lanes.places - origin[1], lanes.width)
     there = None if opposite is None else Lanes(opposite.places - origin[1], opposite.width)
-    error = _fit_error((main, *near), np.concatenate([here.places, [] if there is None else there.places]))
-    return Plan(main, near, here, there, (float(xs.min()), float(xs.max())), error)
+    return Plan(main, near, here, there, (float(xs.min()), float(xs.max())))
 
 
 def _on_record(ego: Trajectory, file: str) -> tuple[float, float]:
@@ -93,23 +92,10 @@ def _direction(vehicles: Sequence[Trajectory], ego: Trajectory) -> float:
     return direction(steps, ahead if np.hypot(*ahead) > 1.0 else steps[np.hypot(*steps.T).argmax()])
 
 
-def _part(vehicle: Trajectory, window: float, front: float, forward: bool) -> Part:
-    """A vehicle with its smoothed course; window [s] and front [m] as `course` has them."""
-    table = course(vehicle.time, vehicle.xy, vehicle.heading, window, 0.0 if forward else np.pi, front)
-    return Part(vehicle.id, table, vehicle.size, vehicle.kind, forward)
-
-
-def _fit_error(parts: Sequence[Part], places: NDArray) -> float:
-    """Distance [m] from the nearest of the lanes at `places` (L,) [m] that 9 of 10 recorded places keep below."""
-    off = np.concatenate([np.abs(p.table[:, 2, None] - places).min(1) for p in parts])
-    return float(np.quantile(off, 0.9))
-
-
 def default_ego(vehicles: Sequence[Trajectory], file: str) -> Trajectory:
     """The car that is longest on record on a middle lane; of several the one that begins nearest to the middle.
 
-    Middle lanes are all but the outermost, where there are three or more lanes that way. The middle is the median
-    place of all vehicles; the rows of a car count as on the lane that most of them are on.
+    Middle lanes are all but the outermost, where there are three or more that way.
     """
     steps = np.array([v.xy[-1] - v.xy[0] for v in vehicles])
     cars = [v for v in vehicles if v.kind == "car" and v.size[0] < LONG] or list(vehicles)
@@ -134,9 +120,8 @@ def default_ego(vehicles: Sequence[Trajectory], file: str) -> Trajectory:
 
 
 def _asked_for(vehicles: Sequence[Trajectory], ego: str, file: str) -> Trajectory:
-    for vehicle in vehicles:
-        if vehicle.id == ego:
-            return vehicle
+    if found := [vehicle for vehicle in vehicles if vehicle.id == ego]:
+        return found[0]
     some = ", ".join(v.id for v in vehicles[:5])
     raise ValueError(f"ego must be a vehicle of {file}, got {ego!r}; it has {some} and others")
 

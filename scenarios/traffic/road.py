@@ -1,28 +1,33 @@
-"""The road of a recording: vehicles enter and leave it as recorded, and react once the ego has left its record."""
+"""The world of an episode of recorded traffic: straight lanes, and vehicles that enter, leave and react on them."""
 
 from typing import Any
 
 import numpy as np
+from highway_env.road.lane import StraightLane
+from highway_env.road.road import RoadNetwork
 from highway_env.vehicle.kinematics import Vehicle
 from numpy.typing import NDArray
 
+from scenarios.courses import CourseTable
+from scenarios.networks import OPEN, lines
 from scenarios.roads import CachedRoad
-from scenarios.table import CourseTable
-from scenarios.traffic.plan import Part
+from scenarios.stage import TARGET_SPEEDS, Phase, World
+from scenarios.traffic.fitting import Lanes
+from scenarios.traffic.plan import Part, Plan
 from scenarios.vehicles import CourseVehicle, EgoVehicle, SizedIDM
 
 STANDSTILL = 2.0  # [m] gap of a reacting driver at standstill
 HEADWAYS = (0.5, 1.5)  # [s] least and greatest time gap of a reacting driver
 BEHIND = 100.0  # [m] a driver farther than this behind stays on record
+BEFORE, BEYOND = 200.0, 1000.0  # [m] of road before the first and beyond the last recorded place
 CLEAR = 0.3  # [m] between the sides of two vehicles from which one is not in the other's way
 
 
 class RecordedRoad(CachedRoad):
     """Plays a recording; set by `play`.
 
-    From the moment at which the ego is farther than `react` [m] from its recorded place of the same time, who has the
-    ego next ahead, or somebody who reacts, drives by the intelligent driver model from then on. All others stay on
-    record. `events` has what happened, as (time [s], text).
+    Once the ego is farther than `react` [m] from its recorded place of the same time, who has the ego or somebody who
+    reacts next ahead drives by IDM from then on. `events` has what happened, as (time [s], text).
     """
 
     events: list[tuple[float, str]]
@@ -36,7 +41,6 @@ class RecordedRoad(CachedRoad):
         self._playing: list[tuple[Vehicle, Part]] = []
         self._frames, self._dt, self._since = 0, 0.0, 0.0
         self._left_at: float | None = None
-        self.reacting = 0
         self._enter()
 
     @property
@@ -96,7 +100,6 @@ class RecordedRoad(CachedRoad):
             self.events.append((self.time, f"ego is {away:.1f} m from its record: those behind it react"))
         for vehicle, part, gap in self._followers():
             take_over(vehicle, part, gap)
-            self.reacting += 1
             self.events.append((self.time, f"vehicle {part.id} of the recording reacts"))
 
     def _followers(self) -> list[tuple[CourseVehicle, Part, float]]:
@@ -141,7 +144,7 @@ def part_from(table: NDArray, time: float) -> NDArray:
 
 
 def take_over(vehicle: CourseVehicle, part: Part, gap: float) -> None:
-    """Turn a vehicle on record into an IDM driver at the same place: the same object, so it keeps its number.
+    """Turn a vehicle on record into an IDM driver: the same object, so it keeps its number.
 
     It wants the highest speed of its record, keeps the time gap that it has, within limits, and its lane.
     """
@@ -156,13 +159,37 @@ def take_over(vehicle: CourseVehicle, part: Part, gap: float) -> None:
     vehicle.__dict__ = driver.__dict__
 
 
-def place_ego(road: RecordedRoad, part: Part, target_speeds: tuple[float, ...]) -> EgoVehicle:
+def place_ego(road: RecordedRoad, part: Part) -> EgoVehicle:
     """The ego as its record begins, first on the road."""
     _, x, y, heading, vx, vy, _ = part.table[0]
     length, width = part.size
     ego = EgoVehicle(
         road, (x, y), heading, float(np.hypot(vx, vy)),
-        target_speeds=target_speeds, length=length, width=width, contour=part.kind,
+        target_speeds=TARGET_SPEEDS, length=length, width=width, contour=part.kind,
     )  # fmt: skip
     road.vehicles.append(ego)
     return ego
+
+
+def world(plan: Plan, react: float | None, rng: np.random.Generator) -> World:
+    """The episode before its first frame; nothing but the choices of highway-env's vehicles is drawn."""
+    road = RecordedRoad(network(plan), np_random=rng, neighbour_vehicles_connected_lanes=True)
+    ego = place_ego(road, plan.ego)
+    road.play(ego, CourseTable(plan.ego.table), plan.others, react)
+    return World(road, ego, np.zeros((0, 2, 2)), (Phase("during", 0.0, float(plan.ego.table[-1, 0])),))
+
+
+def network(plan: Plan) -> RoadNetwork:
+    """Lanes a -> b the way that the ego drives, and c -> d against it, each leftmost first for its drivers."""
+    found = RoadNetwork()
+    start, end = plan.reach[0] - BEFORE, plan.reach[1] + BEYOND
+    _add(found, ("a", "b"), plan.lanes, plan.lanes.places, start, end)
+    if plan.opposite is not None:
+        _add(found, ("c", "d"), plan.opposite, plan.opposite.places[::-1], end, start)
+    return found
+
+
+def _add(network: RoadNetwork, edge: tuple[str, str], lanes: Lanes, places: NDArray, start: float, end: float) -> None:
+    for k, y in enumerate(places):
+        lane = StraightLane([start, y], [end, y], lanes.width, lines(k, len(places)), speed_limit=OPEN)
+        network.add_lane(*edge, lane)

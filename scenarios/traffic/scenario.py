@@ -50,7 +50,7 @@ class Replay:
 
     def __call__(self, rng: np.random.Generator) -> "World":
         """The episode before its first frame."""
-        built: World = import_module("scenarios.traffic.world").world(self.plan, self.react, rng)
+        built: World = import_module("scenarios.traffic.road").world(self.plan, self.react, rng)
         return built
 
 

@@ -132,8 +132,7 @@ def interleaved(
 ) -> Pairs:
     """Do both in turns, so many times; the first of a pair is the second of the next.
 
-    The default clock counts the CPU time of this process: what other processes do is not in it, and what disturbs a
-    few pairs all the same does not move their median.
+    The default clock counts the CPU time of this process, so what other processes do is not in it.
     """
 
     def timed(function: Callable[[], Any]) -> float:

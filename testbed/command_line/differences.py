@@ -5,13 +5,12 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.markup import escape
 
-from testbed.command_line.tables import light_table
+from testbed.command_line.tables import filled_table
 from testbed.log.difference import Difference, compare_logs
 from trackers.json_file import read_json
 
-APART = ("timing", "run.versions", "interrupted")  # of results: say nothing about what happened
+APART = ("timing", "made", "run.versions", "interrupted")  # of results: say nothing about what happened
 NOTHING = "nothing"  # for what results do not have
 SHOWN = 30  # keys of results in the table
 
@@ -73,12 +72,9 @@ def _leaves(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
             yield from _leaves(inner, f"{key}.{name}" if key else str(name))
     elif isinstance(value, list):
         for n, inner in enumerate(value):
-            named = isinstance(inner, dict) and key in ("objects", "phases", "orphans")
-            about = (
-                [str(inner[k]) for k in ("tracker", "object", "phase", "track") if k in inner]
-                if named
-                else [str(n + 1)]
-            )
+            about = [str(n + 1)]
+            if isinstance(inner, dict) and key in ("objects", "phases", "orphans"):
+                about = [str(inner[k]) for k in ("tracker", "object", "phase", "track") if k in inner]
             yield from _leaves(inner, f"{key}.{'.'.join(about)}")
     else:
         yield key, value
@@ -96,12 +92,8 @@ def _read(path: Path) -> Any:
 
 def _show_logs(found: Difference, console: Console) -> int:
     if found.settings:
-        table = light_table("settings that differ")
-        for name in ("setting", "first", "second"):
-            table.add_column(name, overflow="fold")
-        for row in found.settings:
-            table.add_row(*map(escape, row))
-        console.print(table)
+        settings = ("setting", "first", "second")
+        console.print(filled_table("settings that differ", settings, found.settings, settings, overflow="fold"))
     if not found.partings:
         console.print(f"the runs are equal: {found.steps} steps, {found.time:.2f} s", highlight=False)
         return 0
@@ -109,12 +101,10 @@ def _show_logs(found: Difference, console: Console) -> int:
     console.print(
         f"the runs part at step {start.step}, {start.time:.2f} s: {start.what}", highlight=False, markup=False
     )
-    table = light_table("what parts when, and by how much at that step")
-    for name in ("what", "step", "time [s]", "first / second"):
-        table.add_column(escape(name), justify="right" if name in ("step", "time [s]") else "left", overflow="fold")
-    for p in found.partings:
-        table.add_row(escape(p.what), str(p.step), f"{p.time:.2f}", escape(p.difference))
-    console.print(table)
+    heads, words = ("what", "step", "time [s]", "first / second"), ("what", "first / second")
+    rows = [(p.what, str(p.step), f"{p.time:.2f}", p.difference) for p in found.partings]
+    title = "what parts when, and by how much at that step"
+    console.print(filled_table(title, heads, rows, words, overflow="fold"))
     return 1
 
 
@@ -123,10 +113,8 @@ def _show_results(found: list[tuple[str, Any, Any]], console: Console) -> int:
         console.print("the results are equal, but for what they took")
         return 0
     more = f", the first {SHOWN}" if len(found) > SHOWN else ""
-    table = light_table(f"{len(found)} values differ{more}; the logs say at which step the runs part")
-    for name in ("key", "first", "second"):
-        table.add_column(name, overflow="fold")
-    for key, *values in found[:SHOWN]:
-        table.add_row(escape(key), *(escape(f"{v:.6g}" if isinstance(v, float) else str(v)) for v in values))
-    console.print(table)
+    title = f"{len(found)} values differ{more}; the logs say at which step the runs part"
+    heads = ("key", "first", "second")
+    rows = [[f"{v:.6g}" if isinstance(v, float) else str(v) for v in row] for row in found[:SHOWN]]
+    console.print(filled_table(title, heads, rows, heads, overflow="fold"))
     return 1

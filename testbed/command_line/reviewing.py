@@ -39,6 +39,7 @@ class Options(NamedTuple):
 def show(logs: Sequence[Path], options: Options, console: Console) -> None:
     """Open logs in the viewer, or write what the options ask for; raises ValueError or OSError, in one sentence."""
     options.check(logs)
+    logs = [chosen for path in logs for chosen in _in_folder(path, console)]
     if options.report is not None:
         from testbed.log.review_page.server import serve
 
@@ -59,3 +60,17 @@ def show(logs: Sequence[Path], options: Options, console: Console) -> None:
     review.review(logs, options.web, options.screenshot, options.at, options.view, options.focus)
     if options.screenshot is not None:
         console.print(f"picture  {options.screenshot}", soft_wrap=True)
+
+
+def _in_folder(path: Path, console: Console) -> list[Path]:
+    """The newest log of a folder, in place of the folder; ValueError where it has none."""
+    if not path.is_dir():
+        return [path]
+    logs = sorted(path.glob("*.rrd"), key=lambda log: log.stat().st_mtime)
+    if not logs:
+        below = next(iter(sorted(path.rglob("*.rrd"))), None)
+        remedy = f"try {below.parent}" if below else "`testbed run` with --log full writes one"
+        raise ValueError(f"there is no log (.rrd) in {path}; {remedy}")
+    others = f", the newest of {len(logs)}; name another to open that" if len(logs) > 1 else ""
+    console.print(f"log      {logs[-1]}{others}", soft_wrap=True, highlight=False)
+    return logs[-1:]

@@ -1,11 +1,14 @@
-"""Tables that people read: catalogues and the results of a run."""
+"""What people read on the terminal: catalogues, the results of a run, and where its files are."""
 
-from collections.abc import Mapping, Sequence
+import shlex
+from collections.abc import Iterable, Mapping, Sequence
 from importlib.metadata import EntryPoint
 from math import isfinite
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rich import box
+from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
@@ -26,7 +29,7 @@ SEVERITY = (
 )
 
 BESIDE = {  # what runs without being an entry, by catalogue
-    "scenarios": "Recorded traffic runs too: replay:FILE[:ego=ID,react=METRES,smooth=SECONDS]; docs/real-traffic.md.",
+    "scenarios": "Recorded traffic runs too: replay:FILE[:ego=ID,react=METRES,smooth=SECONDS]; docs/real-traffic.md."
 }
 
 
@@ -41,41 +44,35 @@ def metrics(result: Mapping[str, Any], title: str | None = None) -> Table:
 
     run = result["run"]
     of = title or f"{run['scenario']}, {run['radar']}, seed {run['seed']}"
-    table = light_table(f"{of}: tracks against the truth")
-    table.add_column("metric")
-    for name in result["trackers"]:
-        table.add_column(escape(name), justify="right")
+    rows = []
     for metric in shown(OF_TRACKER):
         ideal = f" ({metric.sense})" if metric.ideal is not None else ""
-        row = (metric.text(row[metric.key], DASH) for row in result["trackers"].values())
-        table.add_row(escape(metric.title + ideal), *row)
-    table.add_row("ms a scan", *(number(cost["ms_per_scan"], 1) for cost in result["timing"]["trackers"].values()))
-    return table
+        values = (metric.text(row[metric.key], DASH) for row in result["trackers"].values())
+        rows.append((metric.title + ideal, *values))
+    costs = (number(cost["ms_per_scan"], 1) for cost in result["timing"]["trackers"].values())
+    heads = ("metric", *result["trackers"])
+    return filled_table(f"{of}: tracks against the truth", heads, [*rows, ("ms a scan", *costs)])
 
 
 def moments(result: Mapping[str, Any]) -> Table:
     """The worst moments of the run, the worst first."""
-    from testbed.log.table_pages import happened, subject
+    from testbed.log.text import happened, subject
 
     several = len(result["trackers"]) > 1
-    table = light_table(f"the {len(result['moments'])} worst moments")
-    for name in ("time [s]", "who", "what and why", "severity"):
-        table.add_column(escape(name), justify="right" if name in ("time [s]", "severity") else "left", overflow="fold")
+    rows = []
     for m in result["moments"]:
         who = subject(m) + (f"\n{m['tracker']}" if several else "")
-        table.add_row(*map(escape, (number(m["time"], 1), who, f"{happened(m)}\n{m['why']}", number(m["severity"], 1))))
-    return table
+        rows.append((number(m["time"], 1), who, f"{happened(m)}\n{m['why']}", number(m["severity"], 1)))
+    heads, words = ("time [s]", "who", "what and why", "severity"), ("who", "what and why")
+    return filled_table(f"the {len(rows)} worst moments", heads, rows, words, overflow="fold")
 
 
 def costs(result: Mapping[str, Any]) -> Table:
     """What each tracker of a run without metrics took."""
     run = result["run"]
-    table = light_table(f"{run['scenario']}, {run['radar']}, seed {run['seed']}: cost of the trackers")
-    table.add_column("tracker")
-    table.add_column("ms a scan", justify="right")
-    for name, cost in result["timing"]["trackers"].items():
-        table.add_row(escape(name), number(cost["ms_per_scan"], 1))
-    return table
+    title = f"{run['scenario']}, {run['radar']}, seed {run['seed']}: cost of the trackers"
+    spent = result["timing"]["trackers"].items()
+    return filled_table(title, ("tracker", "ms a scan"), [(name, number(c["ms_per_scan"], 1)) for name, c in spent])
 
 
 def drive(result: Mapping[str, Any]) -> Table:
@@ -83,14 +80,10 @@ def drive(result: Mapping[str, Any]) -> Table:
     from testbed.log.text import OF_DRIVE, shown
 
     run, row = result["run"], result["drive"]
-    table = light_table(f"the drive: planner {run['planner']} on {run['trackers'][0]}")
-    table.add_column("metric")
-    table.add_column("value", justify="right")
-    for metric in shown(OF_DRIVE):
-        table.add_row(escape(metric.title), metric.text(row[metric.key], DASH))
-    wall = result["timing"]["wall"]
-    table.add_row("simulated seconds a second", number(row["elapsed"] / wall if wall else None, 1))
-    return table
+    rows, wall = [(m.title, m.text(row[m.key], DASH)) for m in shown(OF_DRIVE)], result["timing"]["wall"]
+    speed = "simulated seconds a second", number(row["elapsed"] / wall if wall else None, 1)
+    title = f"the drive: planner {run['planner']} on {run['trackers'][0]}"
+    return filled_table(title, ("metric", "value"), [*rows, speed])
 
 
 def catalogues(what: str = "all") -> list[Table]:
@@ -147,6 +140,22 @@ def _catalogue(title: str, rows: Sequence[tuple[str, str]]) -> Table:
     return table
 
 
+def filled_table(
+    title: str, heads: Sequence[str], rows: Iterable[Sequence[str]], words: Sequence[str] = (), **columns: Any
+) -> Table:
+    """A light table; columns of words stand on the left, which without their heads is the first one alone.
+
+    columns: what else `Table.add_column` takes, for all of them.
+    """
+    table = light_table(title)
+    for k, head in enumerate(heads):
+        left = head in words if words else k == 0
+        table.add_column(escape(head), justify="left" if left else "right", **columns)
+    for row in rows:
+        table.add_row(*map(escape, row))
+    return table
+
+
 def light_table(title: str) -> Table:
     """Light lines: wide rows, and little to delete when a table is pasted into a report."""
     return Table(
@@ -158,3 +167,45 @@ def light_table(title: str) -> Table:
         box=box.SIMPLE_HEAD,
         min_width=len(title) + 2,
     )
+
+
+def show_measures(result: Mapping[str, Any], console: Console, title: str | None = None) -> None:
+    """Errors of the trackers and what they mean, and the worst moments if any; see `metrics` for the title."""
+    console.print(metrics(result, title))
+    for line in EXPLAINED:
+        console.print(line)
+    console.print()
+    if result["moments"]:
+        console.print(moments(result))
+        console.print(escape(SEVERITY))
+        console.print()
+
+
+def show_files(files: Mapping[str, Path | None], console: Console) -> None:
+    """Where each file is that was written, and how to open the one called "log"."""
+    for name, path in files.items():
+        if path is not None:
+            console.print(f"{name:8} {path}", soft_wrap=True)
+    if files["log"] is not None:
+        console.print(f"open it  testbed review {shlex.quote(str(files['log']))}", soft_wrap=True)
+
+
+def show_run(result: Mapping[str, Any], files: Mapping[str, Path | None], focus: int | None, console: Console) -> None:
+    """What a run was: the measures, or where there are none the costs; its events, and where the files are.
+
+    focus: id of the vehicle that the user wants to see first, None for no wish.
+    """
+    if "objects" in result:
+        show_measures(result, console)
+        console.print(drive(result))
+    else:
+        console.print(costs(result))
+    for event in result["run"].get("events", ()):
+        console.print(escape(f"at {event['time']:.1f} s: {event['text']}"))
+    there = sorted({row["object"] for row in result.get("objects", ())})
+    if focus not in (None, *there):
+        known = ", ".join(map(str, there)) or "none"
+        console.print(f"[yellow]--focus: there was no vehicle {focus}; vehicles: {known}[/yellow]", highlight=False)
+    if result["interrupted"]:
+        console.print("[yellow]interrupted: the tables and files hold what was run until then[/yellow]")
+    show_files(files, console)

@@ -5,18 +5,63 @@ import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from io import TextIOWrapper
-from typing import IO, Any, TypeVar, cast
+from typing import IO, Any, NamedTuple, TypeVar, cast
 
 import typer
-from rich.console import Console
+from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
 from rich.markup import escape
-from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.measure import Measurement
+from rich.progress import (
+    BarColumn,
+    Progress,
+    ProgressColumn,
+    TaskID,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 from rich.status import Status
+from rich.table import Table
 
-console = Console()
 Made = TypeVar("Made")
 LONGEST = 600  # characters of a sentence
 INPUT_FAULTS = (LookupError, ValueError, OSError)
+WORD = 8  # characters of a column of words, however narrow the terminal is
+AMOUNT, WHOLE_BAR = 24, 60  # characters of a bar without anything else, and with all
+WIDEST = 10_000  # characters of a cell that is measured
+BORDER = 3  # characters of a table beside the text of a column, at most
+
+
+class Terminal(Console):
+    """A console on which no number of a table is cut: what does not fit goes on in the next line of the terminal."""
+
+    def print(self, *objects: Any, **options: Any) -> None:
+        """As rich does, but for tables that are wider than the terminal."""
+        if any(isinstance(o, Table) for o in objects):
+            options["crop"] = False
+        super().print(*(Uncut(o) if isinstance(o, Table) else o for o in objects), **options)
+
+
+class Uncut(NamedTuple):
+    """A table as wide as its numbers need; its words are folded."""
+
+    table: Table
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        least = 0
+        for column in self.table.columns:
+            cells = [Measurement.get(console, options.update(width=WIDEST), c) for c in (column.header, *column.cells)]
+            longest = max(cell.maximum if column.no_wrap else cell.minimum for cell in cells)
+            if column.justify != "right" and not column.no_wrap:
+                column.overflow, longest = "fold", min(longest, WORD)
+            column.min_width = longest
+            least += longest + BORDER
+        width = max(options.max_width, least)
+        self.table.min_width = min(self.table.min_width or 0, width)
+        yield from console.render(self.table, options.update(width=width))
+
+
+console = Terminal()
 
 
 @contextmanager
@@ -39,6 +84,12 @@ def complain(sentence: object) -> None:
         text = f"{text[: LONGEST // 2]} [...] {text[-LONGEST // 2 :]}"
     with suppress(OSError):  # nothing else can be done where stderr cannot be written
         print(text, file=sys.stderr, flush=True)
+
+
+def show(*parts: RenderableType) -> None:
+    """Print tables, and lines that are not broken: they may hold a path."""
+    for part in parts:
+        console.print(part, soft_wrap=isinstance(part, str))
 
 
 @contextmanager
@@ -76,15 +127,14 @@ def progress_bar(amount: str, window: float = 30.0) -> Progress:
 
     window [s]: the time left follows from the speed in it.
     """
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn(amount),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-    )
     console = Console(file=cast(IO[str], LossyStderr()))
+    columns: list[ProgressColumn] = [TextColumn(amount)]
+    if console.width >= AMOUNT + WORD:
+        columns.insert(0, TextColumn("{task.description}"))
+    if console.width >= WHOLE_BAR:
+        columns.insert(1, BarColumn())
+        columns += [TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn()]
+    console.width = max(console.width, AMOUNT)
     return Progress(*columns, console=console, speed_estimate_period=window)
 
 

@@ -19,11 +19,11 @@ from testbed.evaluation.histories import LOST_AFTER, TIME_ROUNDING
 from testbed.evaluation.moments import WORST, all_moments, moment_row, severity_of
 from testbed.evaluation.snapshots import Snapshots
 from testbed.evaluation.tracking import UNKNOWN, Evaluator, jsonable
-from testbed.files import check_target, make_directory, noting_losses, reserve, write_json
+from testbed.files import check_target, make_directory, noting_losses, provenance, reserve, write_json
 from testbed.frame import Frame, FrameScore
 from testbed.limits import check_choice
 from testbed.log.record import LEVELS, RoadGeometry, RunMeta
-from testbed.log.writer import NullLog, RunLog
+from testbed.log.writer import RunLog
 from trackers.multi.tracker import MultiObjectTracker
 from trackers.scan import SensorModel
 
@@ -76,7 +76,7 @@ class Recorder:
         happened: Sequence[tuple[float, str]] | None = None,
     ) -> None:
         check_level(level, metrics)
-        self.metrics, self._logged, self._known = metrics, level != "off", known
+        self.metrics, self._known = metrics, known
         self.meta, self.phases = meta, tuple(phases)
         self.directory = Path(directory)
         make_directory(self.directory)
@@ -88,7 +88,7 @@ class Recorder:
         self.evaluators = {name: Evaluator(name, self.phases) for name in meta.trackers}
         self.drive = DriveEvaluator()
         self.snapshots = Snapshots()
-        self.log: NullLog = NullLog()
+        self.log: RunLog | None = None
         if level != "off":
             path = self.directory / f"{meta.run_id}.rrd"
             self.log = RunLog(path, meta, level="full" if level == "full" else "metrics", focus=focus)
@@ -126,17 +126,19 @@ class Recorder:
             known = self._known is not None and self._known[0] <= frame.time <= self._known[1]
             if known:
                 self.snapshots(frame)
-            if self._logged:
+            if self.log is not None:
                 unknown = UNKNOWN if self._known else UNKNOWN._replace(mean={})
                 scores = {name: self.evaluators[name].step(*seen) if known else unknown for name, seen in judged}
-                self._write_log(frame, scores, drive, start)
+                self._write_log(self.log, frame, scores, drive, start)
             elif known:
                 for name, seen in judged:
                     self.evaluators[name].keep(*seen)
                 self.seconds["metrics"] += perf_counter() - start
         self._frames += 1
 
-    def _write_log(self, frame: Frame, scores: dict[str, FrameScore], drive: DriveFrame, start: float) -> None:
+    def _write_log(
+        self, log: RunLog, frame: Frame, scores: dict[str, FrameScore], drive: DriveFrame, start: float
+    ) -> None:
         """Add one frame to the log, and its states to what is smoothed at the end; its scores were begun at `start`."""
         events = self._phase_events(frame.scene) + self._fault_events(frame.time)
         events += self._crash_events(frame.scene) + self._risk_events(drive) + self._road_events()
@@ -145,11 +147,11 @@ class Recorder:
         scored = perf_counter()
         with self._writing_log():
             ttc = drive.ttc if drive.ttc < LONGEST else nan
-            self.log.step(frame, scores, events, (ttc, drive.drac, max(0.0, -drive.acceleration)))
+            log.step(frame, scores, events, (ttc, drive.drac, max(0.0, -drive.acceleration)))
             for name, past in self._past.items():
                 past.keep(frame.step, frame.time, frame.outputs[name][0])
                 if past.full:
-                    self._smooth(name)
+                    self._smooth(log, name)
         self.seconds["metrics"] += scored - start
         self.seconds["log"] += perf_counter() - scored
 
@@ -194,13 +196,14 @@ class Recorder:
             timing: wall time [s] by part, and cost of each tracker; None: the wall time of metrics and log alone.
 
         Returns:
-            What `result` gives, with `interrupted` and `timing`.
+            What `result` gives, with `interrupted`, `timing` and what `provenance` says of this process.
 
         Raises:
             OSError: the results cannot be written; those of an older run stay, and the log keeps its unfinished name.
         """
         if self._result is None:
-            self._result = self.result() | {"interrupted": interrupted, "timing": dict(timing or self.seconds)}
+            ended = {"interrupted": interrupted, "timing": dict(timing or self.seconds), "made": provenance()}
+            self._result = self.result() | ended
             self._room.close()
             if self._frames:
                 try:
@@ -211,7 +214,7 @@ class Recorder:
         return self._result
 
     def _close_log(self, interrupted: bool, replace: bool) -> None:
-        if not self._logged:
+        if self.log is None:
             return
         if interrupted:
             self.log.event("WARN", "the run was interrupted")
@@ -219,7 +222,7 @@ class Recorder:
         try:
             with self._writing_log():
                 for name in self._past:
-                    self._smooth(name)
+                    self._smooth(self.log, name)
         finally:  # the log is closed even where smoothing fails
             with self._writing_log():
                 if self._known:
@@ -233,12 +236,12 @@ class Recorder:
         drive = {f"drive_{key}": value for key, value in self.drive.summary().items()}
         return drive | {name: evaluator.summary() for name, evaluator in self.evaluators.items()}
 
-    def _smooth(self, name: str) -> None:
+    def _smooth(self, log: RunLog, name: str) -> None:
         """Add the smoothed tracks of one tracker to the log."""
         smoothed = self._past[name].smoothed()
-        self.log.smoothed(name, smoothed)
+        log.smoothed(name, smoothed)
         for track in smoothed.failed:
-            self.log.event("WARN", f"{name}: track {track} could not be smoothed, a covariance was not definite")
+            log.event("WARN", f"{name}: track {track} could not be smoothed, a covariance was not definite")
 
     @contextmanager
     def _writing_log(self) -> Iterator[None]:

@@ -20,7 +20,7 @@ from highway_env.road.road import Road
 from numpy.typing import ArrayLike, NDArray
 
 from scenarios.adapter import SceneReader
-from scenarios.constants import protect_idm_constants
+from scenarios.constants import ProtectedConstants
 from scenarios.highway import ScenarioEnv, check_clock, is_positive
 from scenarios.lanes import lane_shapes
 from scenarios.record import Scenario
@@ -102,6 +102,8 @@ def check_options(options: Any) -> None:
     if unknown := [key for key in options if key not in OPTIONS]:
         known = ", ".join(map(repr, OPTIONS))
         raise ValueError(f"options has no key {unknown[0]!r}; known: {known}, the configuration of highway-env")
+    if not isinstance(options.get("config", {}), Mapping):
+        raise TypeError(f"options['config'] must be a dict, got {options['config']!r}; leave it out")
 
 
 def planner_name(planner: Any) -> str:
@@ -218,14 +220,14 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
         self.out, self.log, self.planner = out, log, planner_name(planner)
         self.metrics, self._road = metrics, road
         self.title: str | None = None  # of the scenario in the files; None: its own name
-        self.notes: dict[str, str] = {}  # what else the files are to say about the run
+        self.notes: dict[str, Any] = {}  # what else the files are to say about the run
         self.plan: NDArray = np.zeros((0, 2))  # (P, 2) [m] the planner's path; set before `step`, for the observers
         self.cruise_speed = SLOWEST_CRUISE  # [m/s] of a planner on a free road
         self._radar = radar
         self._mounted: Perception | None = Perception.mount(radar, (tracker, *also), faults)
         self._swap: RoadSwap | None = RoadSwap(env.unwrapped)
         self._view = BeliefView(env.unwrapped, self._belief_now)
-        self._fence = protect_idm_constants()  # `intersection-*` writes into IDMVehicle at every reset
+        self._fence = ProtectedConstants()  # `intersection-*` writes into IDMVehicle at every reset
         self._episode = 0
         self._ended = False  # whether the episode is over
         self._belief: tuple[int, Road] | None = None  # frame, road
@@ -404,8 +406,8 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
             radar=radar,
             trackers=names,
             planner=self.planner,
-            config={key: str(core.config[key]) for key in keys if key in core.config}
-            | ({"faults": ", ".join(faults)} if faults else {})
+            config={key: core.config[key] for key in keys if key in core.config}
+            | ({"faults": list(faults)} if faults else {})
             | self.notes,
             versions=versions(),
         )

@@ -239,7 +239,6 @@ def changed_decisions(actions: Sequence[Any], others: Sequence[Any], within: flo
 
 
 def _smallest(values: NDArray) -> float:
-    """Least of the values, inf of none."""
     return float(values.min(initial=np.inf))
 
 

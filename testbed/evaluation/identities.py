@@ -88,6 +88,5 @@ def clear(scans: Sequence[Meeting]) -> dict[str, float]:
 
 
 def _index(ids: Sequence[NDArray]) -> dict[int, int]:
-    """Each id -> its place among all."""
     known = np.unique(np.concatenate([np.zeros(0, int), *ids]))
     return {key: place for place, key in enumerate(known.tolist())}

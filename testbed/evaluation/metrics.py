@@ -138,17 +138,13 @@ def gospa(distance: NDArray, counted: NDArray | None = None, cutoff: float = CUT
 def nees(error: NDArray, cov: NDArray) -> NDArray:
     """Normalised estimation error squared (...), Bar-Shalom, Li and Kirubarajan (2001), section 5.4.2.
 
-    error (..., n), cov (..., n, n): chi-square with n degrees of freedom if the errors have that covariance.
-
-    Raises:
-        ValueError: cov is not positive definite.
-
+    error (..., n), cov (..., n, n): chi-square with n degrees of freedom if the errors have that covariance. Raises
+    ValueError for a cov that is not positive definite.
     """
     try:
         np.linalg.cholesky(cov)
     except np.linalg.LinAlgError:
-        message = "cov must be positive definite; give a small variance to what is known exactly"
-        raise ValueError(message) from None
+        raise ValueError("cov must be positive definite; give a small variance to what is known exactly") from None
     return quadratic(error, cov)  # (MET.11)
 
 

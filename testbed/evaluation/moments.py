@@ -107,7 +107,6 @@ def _runs(where: NDArray) -> list[tuple[int, int]]:
 
 
 def _joined(runs: Sequence[tuple[int, int]], time: NDArray) -> list[tuple[int, int]]:
-    """Runs with at most `JOINED` between them as one."""
     joined: list[tuple[int, int]] = []
     for a, b in runs:
         if joined and time[a] - time[joined[-1][1] - 1] <= JOINED:

@@ -5,8 +5,8 @@ made of it.
 """
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -35,9 +35,32 @@ class Episode(NamedTuple):
     frames: Sequence[Snapshot]
     on: Sequence[Mapping[int, int]]  # track -> object that it was assigned to, at each scan
 
+    @property
+    def key(self) -> int:
+        """The object, which must be there."""
+        assert self.object is not None
+        return self.object
+
+    def column(self, name: str) -> list[Any]:
+        """A column of the snapshots for the object, scan by scan."""
+        return [getattr(frame, name)[frame.row[self.key]] for frame in self.frames]
+
+    def owned(self) -> Iterator[tuple[Mapping[int, int], int, int, int]]:
+        """For each scan and track that got detections: `on`, the track, their source, their number."""
+        for frame, on in zip(self.frames, self.on, strict=True):
+            for track, source, count in frame.outputs[self.tracker].owned.tolist():
+                yield on, track, source, count
+
+    def sources(self, track: int) -> Counter[int]:
+        """Number of detections of a track by source."""
+        found: Counter[int] = Counter()
+        for _, owner, source, count in self.owned():
+            found[source] += count if owner == track else 0
+        return found
+
 
 def vehicle(key: int) -> str:
-    """Name of an object in texts, the same as in the log."""
+    """Name of an object in texts and in the paths of the log."""
     return f"veh_{key:02d}"
 
 
@@ -80,11 +103,8 @@ def why_false(episode: Episode, track: int, new: bool) -> tuple[str, str, int | 
 
     A tracker does not say which detections a track was born of; `new`: the episode begins with its birth.
     """
-    sources: Counter[int] = Counter()
-    for frame in episode.frames:
-        for owner, source, count in frame.outputs[episode.tracker].owned.tolist():
-            sources[source] += count if owner == track else 0
-    total = sum(sources.values())
+    sources = episode.sources(track)
+    total = sources.total()
     if not total and new:
         return "new track", "just born, too far off any vehicle to be its track", None
     if not total:
@@ -102,17 +122,15 @@ def why_false(episode: Episode, track: int, new: bool) -> tuple[str, str, int | 
 
 def _mean(episode: Episode, column: str) -> float:
     """Mean over the scans of a column of the snapshots, for the object of the episode."""
-    assert episode.object is not None
-    return float(np.mean([getattr(f, column)[f.row[episode.object]] for f in episode.frames]))
+    return float(np.mean(episode.column(column)))
 
 
 def _unseen(episode: Episode) -> Reason | None:
     """Hidden by something for most of the time, or in no field of view."""
-    assert episode.object is not None
     visible = _mean(episode, "visible")
     if visible >= HALF:
         return None
-    covers = Counter(hiding(f, episode.object)[0] for f in episode.frames)
+    covers = Counter(hiding(f, episode.key)[0] for f in episode.frames)
     covers.pop(NOTHING, None)
     if covers:
         return "hidden", f"hidden by {vehicle(covers.most_common(1)[0][0])}, {100 * visible:.0f} % visible"
@@ -123,13 +141,10 @@ def _unseen(episode: Episode) -> Reason | None:
 
 def _merged(episode: Episode) -> Reason | None:
     """Most of the object's detections went to the track of another."""
-    total, elsewhere = 0, Counter[int]()
-    for frame, on in zip(episode.frames, episode.on, strict=True):
-        assert episode.object is not None
-        total += int(frame.detections[frame.row[episode.object]])
-        for track, source, count in frame.outputs[episode.tracker].owned.tolist():
-            if source == episode.object and on.get(track, source) != source:
-                elsewhere[on[track]] += count
+    total, elsewhere = sum(map(int, episode.column("detections"))), Counter[int]()
+    for on, track, source, count in episode.owned():
+        if source == episode.object and on.get(track, source) != source:
+            elsewhere[on[track]] += count
     if not elsewhere or elsewhere.total() <= HALF * total:
         return None
     other = elsewhere.most_common(1)[0][0]
@@ -138,10 +153,9 @@ def _merged(episode: Episode) -> Reason | None:
 
 def _covered(episode: Episode) -> Reason | None:
     """A track with its centre on the object, too wrong to be assigned."""
-    assert episode.object is not None
     there: Counter[int] = Counter()
     for frame, on in zip(episode.frames, episode.on, strict=True):
-        row, output = frame.row[episode.object], frame.outputs[episode.tracker]
+        row, output = frame.row[episode.key], frame.outputs[episode.tracker]
         local = to_frame(frame.objects.pose[row], output.pose[:, :2])
         inside = (np.abs(local) <= frame.objects.size[row] / 2).all(-1)
         there.update(track for track in output.id[inside].tolist() if track not in on)
@@ -152,12 +166,9 @@ def _covered(episode: Episode) -> Reason | None:
 
 def _spanned(episode: Episode) -> Reason | None:
     """A track of no object has most of the object's detections, perhaps with those of another."""
-    total, held = 0, Counter[tuple[int, int]]()  # held: track, source
-    for frame, on in zip(episode.frames, episode.on, strict=True):
-        assert episode.object is not None
-        total += int(frame.detections[frame.row[episode.object]])
-        for track, source, count in frame.outputs[episode.tracker].owned.tolist():
-            held[track, source] += count if track not in on else 0
+    total, held = sum(map(int, episode.column("detections"))), Counter[tuple[int, int]]()  # held: track, source
+    for on, track, source, count in episode.owned():
+        held[track, source] += count if track not in on else 0
     track, most = max(((t, n) for (t, i), n in held.items() if i == episode.object), key=lambda p: p[1], default=(0, 0))
     if most <= HALF * total:
         return None
@@ -165,10 +176,8 @@ def _spanned(episode: Episode) -> Reason | None:
     if others and sum(others.values()) > SHARED * (most + sum(others.values())):
         other = vehicle(max(others, key=lambda i: others[i]))
         return "merged", f"merged with {other}: track {track} has detections of both, and is too wrong for either"
-    return (
-        "too wrong",
-        f"track {track} has {most} of its {total} detections, too wrong in size or place to be its track",
-    )
+    words = f"track {track} has {most} of its {total} detections, too wrong in size or place to be its track"
+    return "too wrong", words
 
 
 def _few(episode: Episode) -> Reason | None:
@@ -191,10 +200,7 @@ def _in_view(episode: Episode) -> Reason:
 
 def _shared(episode: Episode, track: int) -> Reason | None:
     """The track has detections of something else."""
-    sources: Counter[int] = Counter()
-    for frame in episode.frames:
-        for owner, source, count in frame.outputs[episode.tracker].owned.tolist():
-            sources[source] += count if owner == track else 0
+    sources = episode.sources(track)
     total = sources.total()
     others = {i: n for i, n in sources.items() if i != episode.object}
     if not others or sum(others.values()) <= SHARED * total:
@@ -208,8 +214,7 @@ def _shared(episode: Episode, track: int) -> Reason | None:
 
 def _one_end(episode: Episode) -> Reason | None:
     """The radar has hit one end only for most of the time, or none."""
-    assert episode.object is not None
-    ends = [int(f.ends[f.row[episode.object]]) for f in episode.frames]
+    ends = episode.column("ends")
     if np.median(ends) >= ENDS_SEEN:
         return None
     return "one end seen", "the radar has hit one end only" if max(ends) else "the radar has hit neither end"
@@ -217,9 +222,8 @@ def _one_end(episode: Episode) -> Reason | None:
 
 def _maneuver(episode: Episode) -> Reason | None:
     """The object itself changes its velocity over the episode faster than tracks follow."""
-    assert episode.object is not None
     time = np.array([f.time for f in episode.frames])
-    velocity = np.array([f.objects.velocity[f.row[episode.object]] for f in episode.frames])
+    velocity = np.array([f.objects.velocity[f.row[episode.key]] for f in episode.frames])
     if len(time) < 2:
         return None
     rate = np.diff(velocity, axis=0) / np.diff(time)[:, None]

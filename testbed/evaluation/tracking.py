@@ -193,10 +193,6 @@ class Evaluator:
             rows.append(row | {"real": real / (real + nothing) if real + nothing else np.nan})
         return rows
 
-    def plain_view_gaps(self) -> dict[int, float]:
-        """Object id -> longest time [s] in plain view without an assigned track."""
-        return {key: histories.plain_view_gap(history) for key, history in self.histories().items()}
-
     def histories(self) -> dict[int, History]:
         """Object id -> its scans."""
         return {key: History(*map(np.array, zip(*rows, strict=True))) for key, rows in self._rows.items()}
@@ -271,7 +267,6 @@ def _countable(objects: Objects) -> NDArray:
 
 
 def _shape(contour: NDArray | None) -> tuple[int, ...] | None:
-    """The shape of one contour of a batch."""
     return None if contour is None else contour.shape[1:]
 
 

@@ -21,6 +21,7 @@ from testbed.files import write_atomic
 from trackers.json_file import read_json
 
 LAYOUT = 1
+REMEDY = "make it anew with `testbed regress --update`"
 DIGITS = 6  # significant ones, a thousandth of any tolerance
 
 Key = tuple[str, str]  # tracker, scenario
@@ -65,13 +66,13 @@ def load(path: Path, conditions: Mapping[str, Any]) -> Baselines:
     except _OtherSuite as error:
         raise ValueError(f"baselines: {path} {error}; {REMEDY}") from None
     except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
-        raise ValueError(_damaged(path, error)) from None
+        raise ValueError(f"baselines: {path} is damaged ({type(error).__name__}: {error}); {REMEDY}") from None
 
 
 def merge(old: Baselines, new: Values, update: Update, keep: Iterable[Key]) -> Baselines:
     """The new values in place of the old; of the other old ones those of `keep` stay."""
     kept = {key for key in keep if key in old.values and key not in new}
-    rounded = {key: {m: _rounded(v) for m, v in measures.items()} for key, measures in new.items()}
+    rounded = {key: {m: np.array(_numbers(v), float) for m, v in measures.items()} for key, measures in new.items()}
     return Baselines(
         {**{key: old.values[key] for key in old.values if key in kept}, **rounded},
         {**{key: old.updates[key] for key in old.updates if key in kept}, **dict.fromkeys(rounded, update)},
@@ -91,15 +92,8 @@ def save(baselines: Baselines, conditions: Mapping[str, Any], path: Path) -> Non
     write_atomic(path, _text(found) + "\n")
 
 
-REMEDY = "make it anew with `testbed regress --update`"
-
-
 class _OtherSuite(ValueError):
     """The file is valid, but of other runs."""
-
-
-def _damaged(path: Path, error: Exception) -> str:
-    return f"baselines: {path} is damaged ({type(error).__name__}: {error}); {REMEDY}"
 
 
 def _parse(found: dict[str, Any], conditions: Mapping[str, Any]) -> Baselines:
@@ -151,10 +145,6 @@ def _estimate(values: NDArray, spread: float, dof: int) -> tuple[float | None, l
 
 def _known(values: NDArray) -> NDArray:
     return values[np.isfinite(values)]
-
-
-def _rounded(values: NDArray) -> NDArray:
-    return np.array([float(f"{value:.{DIGITS}g}") for value in values])
 
 
 def _numbers(values: NDArray) -> list[float | None]:

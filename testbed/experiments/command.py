@@ -8,20 +8,21 @@ from contextlib import closing
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import perf_counter
-from typing import Any
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
+import typer
+from joblib import cpu_count
 from rich.console import Console
 from rich.progress import Progress as Bar
 
 from testbed.command_line.interruption import InterruptRequest, interruptible
-from testbed.command_line.terminal import stages, user_input
+from testbed.command_line.terminal import console, progress_bar, stages, user_input
 from testbed.experiments.engine import Engine, nothing, perform
 from testbed.experiments.engine import check as check_engine
 from testbed.experiments.run import FAILED, Outcome, Run, outcome_of
 from testbed.experiments.store import Results, Store, make, reads, record
-from testbed.experiments.study import Findings, Progress, Study, Tally
-from testbed.files import check_target, make_directory
+from testbed.experiments.study import Findings, Progress, Study, Tally, check_file
 
 GOES_ON = "the same command makes the rest"
 
@@ -31,11 +32,7 @@ def check(study: Study, engine: Engine, junit: Path | None = None) -> None:
     study.check()
     check_engine(engine)
     if junit is not None:
-        try:
-            check_target(junit)
-            make_directory(junit.parent)
-        except OSError as error:
-            raise OSError(f"junit: {str(error).removeprefix('out: ')}") from None
+        check_file("junit", junit)
     Store(study).check()
 
 
@@ -44,9 +41,7 @@ def execute(study: Study, engine: Engine, progress: Progress | None = None) -> T
 
     Ctrl-C or SIGTERM ends it when the runs that have begun are finished; the next call makes the rest.
 
-    Raises:
-        LookupError, ValueError, OSError: in one sentence, for what cannot be run, see `Study.check`, `Store.open` and
-            `engine.perform`.
+    Raises what `Study.check`, `Store.open` and `engine.perform` raise for what cannot be run.
     """
     study.check()
     store, tally, start = Store(study), Tally(), perf_counter()
@@ -120,11 +115,12 @@ def calculated(function: Callable[..., Any], arguments: Sequence[tuple[Any, ...]
                 yield waiting.pop(str(k))
 
 
-class _Calculation:
+class _Calculation(NamedTuple):
     """A call with a name."""
 
-    def __init__(self, name: str, function: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
-        self.name, self.function, self.arguments = name, function, arguments
+    name: str
+    function: Callable[..., Any]
+    arguments: tuple[Any, ...]
 
 
 def _calculate(task: _Calculation, out: Path) -> Outcome:
@@ -195,6 +191,19 @@ def _report(
     return 0
 
 
+def run_study(make: Callable[[], Study], jobs: int | None, dask: str | None, junit: Path | None = None) -> NoReturn:
+    """All of a command: make its study, check it, carry it out; raises typer.Exit with the status.
+
+    jobs: processes, None for one a core, but no more than there are runs.
+    """
+    with user_input():
+        study = make()
+        engine = Engine(min(cpu_count(), len(study.work())) if jobs is None else jobs, dask)
+        check(study, engine, junit)
+    bar = progress_bar("{task.completed:.0f} / {task.total:.0f}", 600.0)
+    raise typer.Exit(carry_out(study, engine, console, bar, junit))
+
+
 def show_tally(tally: Tally, console: Console) -> None:
     """Print how many runs were made and found, and which failed and why."""
     for outcome in tally.redone:
@@ -203,6 +212,5 @@ def show_tally(tally: Tally, console: Console) -> None:
         console.print(f"[red]failed[/red] {outcome.name}", highlight=False)
         console.print(outcome.note, markup=False, highlight=False, soft_wrap=True)
     console.print(
-        f"{tally.done} runs made, {tally.found} found, {len(tally.failed)} failed, {tally.wall:.0f} s",
-        highlight=False,
+        f"{tally.done} runs made, {tally.found} found, {len(tally.failed)} failed, {tally.wall:.0f} s", highlight=False
     )

@@ -9,33 +9,23 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from rich.console import Console, RenderableType
 
-from sensors import find as find_radar
 from sensors.fault_text import split_faults
 from testbed.evaluation.metric import METRICS
 from testbed.experiments import statistics
 from testbed.experiments.engine import Engine
-from testbed.experiments.report import tables
+from testbed.experiments.report import tables, words
 from testbed.experiments.report.comparison import write_report
-from testbed.experiments.report.grid import terminal
+from testbed.experiments.report.grid import terminal, warnings
 from testbed.experiments.report.texts import counted
 from testbed.experiments.rows import SCHEMA, Rows
-from testbed.experiments.run import LOOPS, Run
+from testbed.experiments.run import Run
 from testbed.experiments.statistics import DRIVE, MAIN
 from testbed.experiments.store import RUNS, Results
-from testbed.experiments.study import Findings, Progress, Study, Tally
+from testbed.experiments.study import Findings, Progress, Study, Tally, check_sample
 from testbed.files import atomic_file
-from testbed.limits import (
-    MOST_RUNS,
-    check_choice,
-    check_duration,
-    check_names,
-    check_seeds,
-    check_settle,
-)
-from testbed.planners import find as find_planner
+from testbed.limits import MOST_RUNS, check_names
 
 UNITS = {"seed": "1", "start": "s", "end": "s"}  # of the columns of `RUNS` that are numbers and no metrics
-WARNINGS = 8  # that are spelt out on the terminal
 FEW = 3  # trackers that stand side by side in 80 columns with their intervals
 SHOWN = ("measure", "mean difference", "interquartile mean", "probability of improvement", "verdict")
 
@@ -52,10 +42,7 @@ class Settings:
     settle: float = 0.0  # [s] from the start, of which no scan enters a mean
 
     def __post_init__(self) -> None:
-        check_choice("loop", self.loop, LOOPS)
-        check_duration(self.duration)
-        check_duration(self.after, "after", "a run that ends with its duration")
-        check_settle(self.settle)
+        Run("any", **asdict(self))  # which refuses what no run can have
 
     @property
     def length(self) -> str:
@@ -86,13 +73,7 @@ class Comparison(Study):
     def __post_init__(self) -> None:
         check_names("scenarios", self.scenarios)
         check_names("trackers", self.trackers)
-        if isinstance(self.seeds, str | bytes) or not isinstance(self.seeds, Sequence):
-            raise ValueError(f"seeds must be a tuple of whole numbers, got {self.seeds!r}; put them in a tuple")
-        if not self.seeds:
-            raise ValueError("seeds must name at least one of them, got none; see `testbed compare --help`")
-        check_seeds(*self.seeds, name="seeds")
-        if len(set(self.seeds)) < len(self.seeds):
-            raise ValueError(f"seeds must differ, got {', '.join(map(str, self.seeds))}; drop the repetition")
+        check_sample(self.seeds, "compare")
         if (runs := len(self.scenarios) * len(self.trackers) * len(self.seeds)) > MOST_RUNS:
             raise ValueError(f"a comparison has at most {MOST_RUNS} runs, got {runs}; take fewer seeds or trackers")
         if not isinstance(self.settings, Settings):
@@ -125,14 +106,10 @@ class Comparison(Study):
 
     def check(self) -> None:
         """Raise LookupError or ValueError for what cannot be run, or for a case that is written in another way."""
-        find_radar(self.settings.radar)
-        find_planner(self.settings.planner)
         super().check()
         for case in self.scenarios:
-            if case != (written := "+".join([split_faults(case)[0], *split_faults(case)[1]])):
-                raise ValueError(
-                    f"scenarios: {case!r} is written {written!r}; write it so, as its files are named by it"
-                )
+            if case != (written := self.run(case, self.trackers[0], 0).case):
+                raise ValueError(f"scenarios: {case!r} is written {written!r}; write it so, as its file is named by it")
 
     def watch(self, run: Run) -> Rows:
         """Keeps the rows of the tracker."""
@@ -141,7 +118,7 @@ class Comparison(Study):
     def judge(self, results: Results, tally: Tally) -> Findings:
         """Means, and differences to the reference, of the main measures over all scenarios."""
         main, drives = (list(statistics.cells(results, measures)) for measures in (MAIN, DRIVE))
-        return Findings([*_overview(results, main, drives), *_warnings(statistics.unresolved(main))])
+        return Findings([*_overview(results, main, drives), *warnings(words.unresolved(main))])
 
     def write(self, results: Results, found: Findings, console: Console) -> None:
         """Write what is known of every run as one table, with the units of its columns."""
@@ -149,7 +126,7 @@ class Comparison(Study):
 
     def page(self, results: Results, found: Findings, tally: Tally, engine: Engine, progress: Progress) -> Path | None:
         """The report, with figures and logs."""
-        return write_report(results, tally, engine=engine, progress=progress)
+        return write_report(results, tally, engine, progress)
 
 
 def write_runs(results: Results) -> Path:
@@ -167,23 +144,12 @@ def _overview(
     results: Results, main: Sequence[statistics.Cell], drives: Sequence[statistics.Cell]
 ) -> Iterator[RenderableType]:
     study = results.study
-    where = (
-        f"{counted(len(study.scenarios), 'scenario')}, {counted(len(study.seeds), 'seed')}, {study.settings.loop} loop"
-    )
+    runs = f"{counted(len(study.scenarios), 'scenario')}, {counted(len(study.seeds), 'seed')}"
     for what, group in (("means", main), ("the drives", drives)):
         if group:
-            means, title = tables.overview(group, study.baseline), f"{where}: {what} with 95 % intervals"
-            if len(means.lines) <= FEW:
-                yield terminal(means.transposed("measure"), title, no_wrap=True)
-            else:
-                yield terminal(means, title, narrow=True)
+            means, few = tables.overview(group, study.baseline), len({c.tracker for c in group}) <= FEW
+            title = f"{runs}, {study.settings.loop} loop: {what} with 95 % intervals"
+            yield terminal(means.transposed("measure") if few else means, title, narrow=not few, no_wrap=few)
     if len(study.trackers) > 1:
         found = tables.differences(main, study.baseline).only(*SHOWN)
         yield terminal(found, f"difference to {study.baseline} on the same seeds; negative is better")
-
-
-def _warnings(sentences: Sequence[str]) -> Iterator[str]:
-    for sentence in sentences[:WARNINGS]:
-        yield f"[yellow]![/yellow] {sentence}"
-    if len(sentences) > WARNINGS:
-        yield f"[yellow]![/yellow] and {len(sentences) - WARNINGS} more that the seeds cannot resolve: see above"

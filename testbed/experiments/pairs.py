@@ -20,12 +20,9 @@ from testbed.experiments.store import Results
 from testbed.frame import TRUTH
 
 ALL = "all"  # scenarios together
-BOTH_SIDES = ("tit", "progress")  # the metric of risk and that of loss that tell trackers apart with the fewest seeds
 TRACKING = (  # errors of the tracker in its own drive
     "gospa", "rmse_position", "rmse_velocity", "rmse_length", "birth_delay", "missed_percent",
 )  # fmt: skip
-
-
 HARD = 2.0  # [m/s^2] braking that counts as an event
 AFTER = 3.0  # [s] within which the other drive brakes for the same reason
 MEASURES = (  # of each drive, of which a pair has the difference
@@ -184,6 +181,11 @@ class WorstPair(NamedTuple):
     parted: float  # [s] when it parts from the drive on the reference, NaN for never
     parting: str  # the same in words
 
+    @property
+    def name(self) -> str:
+        """That of the drive."""
+        return self.drive.name
+
 
 def worst_pairs(pairs: pd.DataFrame) -> list[WorstPair]:
     """For each planner and tracker the pair with the largest regret; `pairs` have one reference."""
@@ -194,38 +196,6 @@ def worst_pairs(pairs: pd.DataFrame) -> list[WorstPair]:
             drive = Drive(row["scenario"], row["planner"], row["condition"], int(row["seed"]))
             worst.append(WorstPair(drive, -float(row["drive_score"]), float(row["parted"]), row["parting"]))
     return worst
-
-
-def one_sided(found: Sequence[Cell]) -> list[str]:
-    """Sentences about conditions that look safer than the reference and pay with progress, or the other way round."""
-    by_key = {(c.scenario, c.planner, c.condition, c.measure): c for c in found}
-    risk, loss = BOTH_SIDES
-    sentences = []
-    for (scenario, planner, condition, measure), cell in by_key.items():
-        other = by_key.get((scenario, planner, condition, loss))
-        if measure != risk or other is None or {cell.verdict, other.verdict} != {"better", "worse"}:
-            continue
-        a, b = (
-            f"{METRICS[c.measure].label} {c.change.mean.value:+.3g} {METRICS[c.measure].unit}" for c in (cell, other)
-        )
-        how = "looks safer and pays with progress" if cell.verdict == "better" else "gains progress at a risk"
-        sentences.append(f"{condition}, {planner}, {scenario}: {how} ({a}, {b})")
-    return sentences
-
-
-def unresolved(found: Sequence[Cell]) -> list[str]:
-    """One sentence for each change that the seeds cannot resolve, with how many it would take."""
-    sentences = []
-    for cell in found:
-        d, label = cell.change, METRICS[cell.measure].label
-        where = f"{cell.condition}, {cell.planner}, {cell.scenario}, {label}"
-        if cell.verdict == "too few seeds":
-            few = "1 seed is" if d.pairs == 1 else f"{d.pairs} seeds are"
-            sentences.append(f"{where}: {few} too few for an interval")
-        elif cell.verdict == "unresolved":
-            seeds = f"about {d.needed:.0f} seeds would" if np.isfinite(d.needed) else "no number of seeds will"
-            sentences.append(f"{where}: {d.mean.value:+.3g} is not resolved; {seeds} resolve it")
-    return sentences
 
 
 def compared_with(pairs: pd.DataFrame, reference: str, sensing: bool = False) -> pd.DataFrame:

@@ -17,11 +17,12 @@ from rich.table import Table
 from scenarios import SCENARIOS, Scenario
 from scenarios.probes import PROBES
 from scenarios.record import Parameter
-from testbed.command_line.tables import DASH, light_table
+from testbed.command_line.tables import DASH, filled_table
 from testbed.environment.registration import scenario_of
 from testbed.evaluation.drive_evaluator import DriveEvaluator
 from testbed.evaluation.intervals import Interval, bootstrap_interval
 from testbed.experiments.episode import episode
+from testbed.experiments.report.texts import counted
 from testbed.experiments.run import Run
 from testbed.experiments.store import Results, Store
 from testbed.experiments.study import WHOLE_RUN, Findings, Kept, Study, Tally, check_runs
@@ -177,13 +178,11 @@ class Probe(Study):
 
     def judge(self, results: Results, tally: Tally) -> Findings:
         """The limits on the truth and on tracks, over the seeds of which both are known."""
-        if not results.metas:
-            return Findings([f"0 of {len(self.seeds)} seeds are done; the same command does the rest"], failed=True)
-        table = results.runs.pivot_table(index="source", columns="seed", values="limit", dropna=False)
         known = {(work.run.source, work.run.seed) for work in results.metas}
         seeds = [seed for seed in self.seeds if all((source, seed) in known for source in self.sources)]
         if not seeds:
             return Findings([f"0 of {len(self.seeds)} seeds are done; the same command does the rest"], failed=True)
+        table = results.runs.pivot_table(index="source", columns="seed", values="limit", dropna=False)
         truth, tracks = (table.reindex(index=[source], columns=seeds).to_numpy(float)[0] for source in self.sources)
         found = limits(truth, tracks, self.searched)
         failed = not np.isfinite(found.tracks.value) or len(seeds) < len(self.seeds)
@@ -192,16 +191,17 @@ class Probe(Study):
     def table(self, found: "Limits", seeds: int) -> Table:
         """The limits on the truth and on tracks, and their difference."""
         parameter = self.searched
-        shown = light_table(f"{self.probe}, planner {self.planner}, {seeds} seeds: {parameter.name}, {parameter.note}")
-        shown.add_column("")
-        shown.add_column(f"{parameter.name} [{parameter.unit}]", justify="right")
-        shown.add_column("95 % interval", justify="right")
+        searched = f"{parameter.name} [{parameter.unit}], {parameter.note}"
+        title = f"{self.probe}, planner {self.planner}, {counted(seeds, 'seed')}: {searched}"
         hardest = f"hardest that {SHARE:.0%} of the seeds survive"
-        shown.add_row(f"{hardest}, on the truth", *_cells(found.truth))
-        shown.add_row(f"{hardest}, on {self.tracker}", *_cells(found.tracks))
-        shown.add_row("easier by, because of tracking", *_cells(found.cost))
-        shown.add_row("the same, mean over the seeds", *_cells(found.mean_cost))
-        return shown
+        rows = {
+            f"{hardest}, on the truth": found.truth,
+            f"{hardest}, on {self.tracker}": found.tracks,
+            "easier by, because of tracking": found.cost,
+            "the same, mean over the seeds": found.mean_cost,
+        }
+        heads = ("", parameter.name, "95 % interval")
+        return filled_table(title, heads, [(what, *_cells(interval)) for what, interval in rows.items()])
 
 
 def limit(survives: Callable[[float], bool], easy: float, hard: float, resolution: float) -> float:

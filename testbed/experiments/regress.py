@@ -5,6 +5,7 @@ runs of other code or versions are deleted, those of the same code, of an interr
 """
 
 import shlex
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
@@ -34,7 +35,7 @@ from testbed.experiments.run import with_faults
 from testbed.experiments.store import LOGS, Results
 from testbed.experiments.study import Progress, Tally
 from testbed.experiments.tolerated import BETTER, GONE, OVERALL, TOLERANCES, WORSE, Moved, tolerated
-from testbed.files import check_target, make_directory, versions
+from testbed.files import versions
 from testbed.replay.rescan import write_log
 from trackers import TRACKERS
 
@@ -44,13 +45,9 @@ ROWS = 40  # of a table; there may be thousands of changes
 NAMES = 4  # in a sentence
 
 # The fault matrix: all kinds of faults of the radar, in one scenario with traffic on all sides.
-FAULTS = (
-    "front:outage:2:4",
-    "drop:0.2",
-    "corners:yaw:2+clock:0.05",
-    "blind:rain:0.5+burst:3:100",
-)
+FAULTS = ("front:outage:2:4", "drop:0.2", "corners:yaw:2+clock:0.05", "blind:rain:0.5+burst:3:100")
 CASES = (*SCENARIOS, *(f"cut-in+{fault}" for fault in FAULTS))
+QUICK = ("following", "cut-in")  # under a minute with one tracker on one core
 
 
 @dataclass(frozen=True)
@@ -63,6 +60,7 @@ class Regress(Comparison):
     settings: Settings = RECORD
     baselines: Path = COMMITTED
     update: bool = False  # write the baselines
+    strict: bool = False  # a result without a baseline fails too
 
     name: ClassVar[str] = "regress"
     fresh: ClassVar[bool] = True
@@ -98,11 +96,7 @@ class Regress(Comparison):
         super().check()
         self.known()
         if self.update:
-            try:
-                check_target(self.baselines)
-                make_directory(self.baselines.parent)
-            except OSError as error:
-                raise OSError(f"baselines: {str(error).removeprefix('out: ')}") from None
+            study.check_file("baselines", self.baselines)
 
     def known(self) -> Baselines:
         """The baselines; a complete update may replace a file that is not there or cannot be read."""
@@ -123,8 +117,10 @@ class Regress(Comparison):
         """What moved."""
         known = self.known()
         found = examine(results, tally, known)
-        shown = [] if self.update else list(_shown(found, known))
-        return study.Findings(shown, bool(found.failed) if self.update else not found.passed, found)
+        if self.update:
+            return study.Findings([], bool(found.failed), found)
+        lacking = bool(found.new) if self.strict else not found.compared
+        return study.Findings(list(_shown(found, known, self)), lacking or not found.passed, found)
 
     def write(self, results: Results, found: study.Findings, console: Console) -> None:
         """Write new baselines, or the log of the worst run."""
@@ -134,9 +130,7 @@ class Regress(Comparison):
             _write_log(results, found.data, self.known(), console)
         write_runs(results)
 
-    def page(
-        self, results: Results, found: study.Findings, tally: Tally, engine: Engine, progress: Progress
-    ) -> Path | None:
+    def page(self, results: Results, found: Any, tally: Tally, engine: Engine, progress: Progress) -> Path | None:
         """None: what moved is a table on the terminal."""
         return None
 
@@ -166,6 +160,11 @@ class Findings(NamedTuple):
         return self._sorted(BETTER)
 
     @property
+    def compared(self) -> list[Key]:
+        """What has a baseline, or failed."""
+        return [key for key in self.cells if key not in self.new]
+
+    @property
     def passed(self) -> bool:
         """Whether nothing failed or got worse."""
         return not self.failed and not self.worse
@@ -192,11 +191,7 @@ def _case(found: Findings, key: Key) -> junit.Case:
 
 def sentence(change: Moved) -> str:
     """One change in words."""
-    name = METRICS[change.measure].title
-    if change.verdict == GONE:
-        return f"{name}: nothing measured any more, the baseline has {change.before:.4g}"
-    numbers = f"{change.before:.4g} -> {change.after:.4g}"
-    return f"{name}: {numbers}, {change.verdict} by {abs(change.change):.3g}, allowed {change.limit:.3g}"
+    return say("moved", name=METRICS[change.measure].title, gone=change.verdict == GONE, **change._asdict())
 
 
 def examine(results: Results, tally: Tally, baselines: Baselines) -> Findings:
@@ -259,39 +254,40 @@ def _seconds(frame: pd.DataFrame) -> dict[Key, float]:
     return {(str(t), str(c)): float(s) for (t, c), s in sums.items()}
 
 
-def _shown(findings: Findings, baselines: Baselines) -> Iterator[RenderableType]:
-    if findings.worse:
-        yield moved(findings.worse, "worse than the baselines")
-    if findings.better:
-        yield moved(findings.better, "better than the baselines")
-        yield "keep the improvement with `testbed regress --update`"
-    for what, keys, remedy in (
-        ("new, without a baseline", findings.new, "makes them"),
-        ("gone, with a baseline", findings.orphans, "drops them"),
-    ):
-        if keys:
-            yield escape(f"{what}: {cells(keys)}; `testbed regress --update` {remedy}")
+def _shown(findings: Findings, baselines: Baselines, suite: Regress) -> Iterator[RenderableType]:
+    for changes, title in ((findings.worse, "worse"), (findings.better, "better")):
+        if changes:
+            yield moved(changes, f"{title} than the baselines")
     compared = [key for key in findings.cells if key in baselines.values]
     bad = {(c.tracker, c.scenario) for c in findings.worse} | set(findings.failed)
     overall = sum(scenario == OVERALL for _, scenario in bad)
-    yield (
-        f"{len(compared)} results compared with baselines: {len(compared) - len(bad) + overall} good, "
-        f"{len(bad) - overall} worse or failed, {overall} trackers worse over all scenarios"
-    )
-    if not findings.passed:
-        for note in _other_versions(baselines):
-            yield f"[yellow]![/yellow] {note}"
+    counts: dict[str, Any] = {
+        "compared": len(compared),
+        "bad": len(bad) - overall,
+        "overall": overall,
+        "better": bool(findings.better),
+    }
+    new, gone = escape(cells(findings.new)), escape(cells(findings.orphans))
+    counts |= {"failing": suite.strict or not findings.compared, "command": _makes(findings, suite)}
+    yield say("regress", **counts, new=new, gone=gone, versions=[] if findings.passed else _other_versions(baselines))
 
 
-def _other_versions(baselines: Baselines) -> list[str]:
-    """One sentence for each library that was another one when baselines were made."""
+def _makes(findings: Findings, suite: Regress) -> str:
+    """The command that makes the baselines that are missing."""
+    words = ["testbed", "regress", "--update"]
+    if suite.baselines != COMMITTED:
+        words += ["--baselines", str(suite.baselines)]
+    for option, column in (("--tracker", 0), ("--scenario", 1)):
+        names = list(dict.fromkeys(str(key[column]).partition("+")[0] for key in findings.new))
+        words += [word for name in names[:NAMES] for word in (option, name)] if len(names) <= NAMES else []
+    return escape(shlex.join(words))
+
+
+def _other_versions(baselines: Baselines) -> list[tuple[str, str, str]]:
+    """Each library that was another one when baselines were made, its version then, and here."""
     here = versions()
     then = {(name, v) for update in baselines.updates.values() for name, v in update.versions.items()}
-    return [
-        f"baselines were made with {name} {v}, here is {here.get(name, 'none')}"
-        for name, v in sorted(then)
-        if here.get(name) != v
-    ]
+    return [(name, v, here.get(name, "none")) for name, v in sorted(then) if here.get(name) != v]
 
 
 def _write_log(results: Results, findings: Findings, baselines: Baselines, console: Console) -> None:
@@ -354,18 +350,15 @@ def cells(keys: Sequence[Key]) -> str:
 def update_list(old: Baselines, new: Baselines, dropped: Sequence[Key]) -> str:
     """What an update of baselines changed, as a short markdown list."""
     fresh = [key for key in new.values if key not in old.values]
-    changed = [key for key in new.values if key in old.values and _differ(old.values[key], new.values[key])]
-    lines = []
-    if fresh:
-        lines.append(f"- {len(fresh)} new: {cells(fresh)}")
-    for tracker in dict.fromkeys(tracker for tracker, _ in changed):
-        mine = [key for key in changed if key[0] == tracker]
-        where = f"{len(mine)} of {sum(key[0] == tracker for key in new.values)} scenarios"
-        lines.append(f"- {tracker}, changed in {where}; over these: {_means(old, new, mine)}")
-    if dropped:
-        lines.append(f"- {len(dropped)} dropped, in the catalogues no more: {cells(dropped)}")
-    same = len(new.values) - len(fresh) - len(changed)
-    return "\n".join([*lines, f"- {same} unchanged"] if same or not lines else lines)
+    changed: dict[str, list[Key]] = {}
+    for key, values in new.values.items():
+        if key in old.values and _differ(old.values[key], values):
+            changed.setdefault(key[0], []).append(key)
+    of = Counter(tracker for tracker, _ in new.values)
+    parts = [(tracker, len(keys), of[tracker], _means(old, new, keys)) for tracker, keys in changed.items()]
+    same = len(new.values) - len(fresh) - sum(map(len, changed.values()))
+    lists = {"fresh": len(fresh), "new": cells(fresh), "dropped": len(dropped), "gone": cells(dropped)}
+    return say("baselines updated", changed=parts, same=same, **lists)
 
 
 def _means(old: Baselines, new: Baselines, keys: Sequence[Key]) -> str:

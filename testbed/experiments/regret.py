@@ -1,7 +1,8 @@
 """`testbed regret`: what tracking error costs in driving, by drives on the truth, on what is in view, and on tracks."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from math import isfinite, nan
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
@@ -9,6 +10,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 from rich.console import Console, RenderableType
+from rich.markup import escape
 
 from testbed.environment.sources import conditions
 from testbed.environment.sources.conditions import IN_VIEW
@@ -18,22 +20,51 @@ from testbed.experiments import pairs, study
 from testbed.experiments.drives import SCHEMA, DriveWatch
 from testbed.experiments.engine import Engine
 from testbed.experiments.pairs import Drive, key_of
-from testbed.experiments.report import junit
+from testbed.experiments.report import junit, words
 from testbed.experiments.report import tables_regret as tables
-from testbed.experiments.report.grid import terminal
-from testbed.experiments.report.regret import Findings, find, write_report
+from testbed.experiments.report.grid import terminal, warnings
+from testbed.experiments.report.regret import TABLE, Findings, find, write_report
 from testbed.experiments.report.texts import say
 from testbed.experiments.run import Run
 from testbed.experiments.store import Results
-from testbed.experiments.study import Progress, Study, Tally
+from testbed.experiments.study import Progress, Study, Tally, check_sample
 from testbed.files import atomic_file
 from testbed.frame import TRUTH
-from testbed.limits import MOST_RUNS, check_duration, check_names, check_seeds
+from testbed.limits import MOST_RUNS, check_duration, check_names
 from testbed.planners import find as find_planner
+from trackers.lookup import look_up
 
 DRIVES, PAIRS = "drives.parquet", "pairs.parquet"  # tables in the folder
 SHOWN = ("drive_score", "tit", "progress")  # beside the scenario, in 80 columns
-WARNINGS = 8  # that are spelt out on the terminal
+SHORT = {"score": "drive_score"}  # names of limits beside the keys of metrics
+
+
+class Limit(NamedTuple):
+    """How much worse than the truth the mean over the seeds may be, in each scenario with each planner and tracker."""
+
+    measure: str
+    most: float  # in the unit of the measure
+
+    @classmethod
+    def parse(cls, text: str) -> "Limit":
+        """From `NAME=VALUE`; raises LookupError or ValueError, in one sentence."""
+        name, _, value = text.partition("=")
+        measure = look_up(SHORT.get(name, name), {key: key for key in TABLE if METRICS[key].better}, "limit")
+        try:
+            most = float(value)
+        except ValueError:
+            most = nan
+        if not (isfinite(most) and most >= 0):
+            raise ValueError(f"limit must be NAME=VALUE with a number from 0 on, such as collisions=0, got {text!r}")
+        return cls(measure, most)
+
+    def exceeded(self, cell: pairs.Cell) -> str:
+        """A sentence where the change of a cell is over the limit, else nothing."""
+        worse = -METRICS[cell.measure].better * cell.change.mean.value
+        if cell.measure != self.measure or not worse > self.most:
+            return ""
+        where = f"{cell.condition}, {cell.planner}, {cell.scenario}"
+        return f"{where}: {METRICS[self.measure].title} worse by {worse:.3g} than the truth, allowed {self.most:g}"
 
 
 @dataclass(frozen=True)
@@ -49,13 +80,13 @@ class Regret(Study):
     attribute: bool = False  # also drive with groups of errors
     inject: tuple[str, ...] = ()  # errors put into what is in view, one condition each
     warm_up: float = 1.0  # [s] before the first decision, so that no tracker starts blind; the truth waits as long
+    limits: tuple[Limit, ...] = ()  # that decide whether the answer is no
 
     name: ClassVar[str] = "regret"
     what: ClassVar[str] = "drives"
     schema: ClassVar[pa.Schema] = SCHEMA
     modules: ClassVar[tuple[str, ...]] = (
-        "testbed.planners", "testbed.environment.sources", "testbed.experiments.discrepancy",
-        "testbed.experiments.drives",
+        "testbed.planners", "testbed.environment.sources", "testbed.experiments.drives",
     )  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -63,12 +94,9 @@ class Regret(Study):
         check_names("planners", self.planners)
         if self.trackers or not self.inject:
             check_names("trackers", self.trackers)
-        if not self.seeds:
-            raise ValueError("seeds must name at least one of them, got none; see `testbed regret --help`")
-        check_seeds(*self.seeds, name="seeds")
-        for what in ("seeds", "inject"):
-            if len(set(getattr(self, what))) < len(getattr(self, what)):
-                raise ValueError(f"{what} must differ, got {getattr(self, what)}; drop the repetition")
+        check_sample(self.seeds, "regret")
+        if len(set(self.inject)) < len(self.inject):
+            raise ValueError(f"inject must differ, got {', '.join(self.inject)}; drop the repetition")
         super().__post_init__()
         check_duration(self.duration)
         if (runs := len(self.work())) > MOST_RUNS:
@@ -144,22 +172,30 @@ class Regret(Study):
             for drive, equal in same.items()
             if not equal
         ]
-        return study.Findings(shown, found is None or not all(same.values()), Judged(table, found, same))
+        over = (
+            [text for cell in found.total for limit in self.limits if (text := limit.exceeded(cell))] if found else []
+        )
+        shown += [f"[red]limit[/red] {escape(text)}" for text in over]
+        if self.limits and not over:
+            shown.append(f"within the limits: {', '.join(f'{m}={most:g}' for m, most in self.limits)}")
+        failed = found is None or not all(same.values()) or bool(over)
+        return study.Findings(shown, failed, Judged(table, found, same))
 
     def write(self, results: Results, found: study.Findings, console: Console) -> None:
         """Write the tables of drives and of pairs."""
         for name, table in ((DRIVES, drives(results)), (PAIRS, found.data.pairs)):
             console.print(f"{name:16} {write_table(table, Path(self.out) / name)}", soft_wrap=True)
 
-    def page(
-        self, results: Results, found: study.Findings, tally: Tally, engine: Engine, progress: Progress
-    ) -> Path | None:
+    def page(self, results: Results, found: Any, tally: Tally, engine: Engine, progress: Progress) -> Path | None:
         """The report, with figures and logs of the worst pairs."""
-        return None if found.data.found is None else write_report(results, found.data.found, tally, progress)
+        return None if found.data.found is None else write_report(results, found.data.found, tally, engine, progress)
 
     def junit(self, results: Results, found: study.Findings, tally: Tally, path: Path) -> None:
-        """A suite a planner and tracker, a case a scenario, which fails where tracks collide."""
-        junit.write("regret", list(suites(found.data, tally)), path)
+        """A suite a planner and tracker, a case a scenario, which fails where a limit is exceeded.
+
+        Without limits it fails where tracks collide.
+        """
+        junit.write("regret", list(suites(found.data, tally, self.limits)), path)
 
 
 class Judged(NamedTuple):
@@ -170,7 +206,7 @@ class Judged(NamedTuple):
     same: dict[Drive, bool]  # whether a drive with all groups of errors is that of its tracker
 
 
-def suites(found: Judged, tally: Tally) -> Iterator[junit.Suite]:
+def suites(found: Judged, tally: Tally, limits: Sequence[Limit] = ()) -> Iterator[junit.Suite]:
     """A suite a planner and tracker, a case a scenario with its changes; then the self-test, and what failed."""
     total = found.found.total if found.found else []
     against_truth = pairs.compared_with(found.pairs, TRUTH)
@@ -180,15 +216,13 @@ def suites(found: Judged, tally: Tally) -> Iterator[junit.Suite]:
             own = [c for c in total if (c.scenario, c.planner, c.condition) == (scenario, planner, condition)]
             crashed = rows.loc[rows["collisions"] > 0, "seed"].tolist()
             failure = say("collides", crashed=crashed, seeds=len(rows)) if crashed else ""
-            output = "\n".join(map(sentence, own))
-            case = junit.Case(f"{planner}.{condition}", str(scenario), kind="collision", failure=failure, output=output)
-            cases.append(case)
+            kind, output = "collision", "\n".join(map(sentence, own))
+            if limits:
+                kind, failure = "limit", "\n".join(filter(None, (limit.exceeded(c) for c in own for limit in limits)))
+            cases.append(junit.Case(f"{planner}.{condition}", str(scenario), None, "", kind, failure, output=output))
         yield junit.Suite(f"{planner} {condition}", cases)
-    differs = say("self-test differs")
-    tested = [
-        junit.Case("self-test", drive.name, kind="self-test", failure="" if equal else differs)
-        for drive, equal in found.same.items()
-    ]
+    tested = [junit.Case("self-test", drive.name, kind="self-test") for drive in found.same]
+    tested = [c if ok else c._replace(failure=say("self-test differs")) for c, ok in zip(tested, found.same.values())]
     failed = [junit.Case("drive", outcome.name, error=outcome.note) for outcome in tally.failed]
     yield junit.Suite("drives", [*tested, *failed])
 
@@ -225,7 +259,6 @@ def _overview(found: Findings) -> Iterator[RenderableType]:
         if cells:
             shown = [c for c in cells if c.measure in SHOWN]
             yield terminal(tables.changes(shown, ""), title, narrow=True)
-    sentences = [*found.verdict, *pairs.one_sided(found.total)]
-    sentences += pairs.unresolved([c for c in found.together if c.measure == "drive_score"])
-    for sentence in sentences[:WARNINGS]:
-        yield f"[yellow]![/yellow] {sentence}"
+    sentences = [*found.verdict, *words.one_sided(found.total)]
+    sentences += words.unresolved_pairs([c for c in found.together if c.measure == "drive_score"])
+    yield from warnings(sentences)

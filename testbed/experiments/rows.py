@@ -47,12 +47,7 @@ COLUMNS = (
     Column("kind", TEXT, "", "class of the object"),
     Column("track", pa.int32(), "1", "id of the track, null for a missed object"),
     Column("range", pa.float32(), "m", "from the ego to the object, or to a false track"),
-    Column(
-        "bearing",
-        pa.float32(),
-        "deg",
-        "of the ego from the object's heading: 0 is in front of it, 180 behind",
-    ),
+    Column("bearing", pa.float32(), "deg", "of the ego from the object's heading: 0 is in front of it, 180 behind"),
     Column("age", pa.float32(), "s", "since the object was first counted"),
     Column("ends", pa.int32(), "1", f"ends of the object, 0 to 2, that {HITS} or more detections have hit so far"),
     Column("visible", pa.float32(), "1", "share of the outline facing the sensors that other vehicles do not hide"),

@@ -218,5 +218,5 @@ def run(
             with noting_losses(recorder.lost):
                 recorder.close(interrupted=not done, timing=timing)
     status = (0 if done else interrupt.exit_status) or (2 if recorder.lost else 0)
-    files = recorder.written, recorder.log.file
+    files = recorder.written, recorder.log.file if recorder.log else None
     return RunResult(config, recorder.close(), *files, status, tuple(recorder.lost))

@@ -120,12 +120,13 @@ def cells(results: Results, measures: Sequence[str], by: str | None = None) -> I
 def _cell(group: str, tracker: str, measure: str, found: dict[str, list[NDArray]], baseline: str) -> Cell:
     difference = None
     if tracker != baseline and baseline in found:
-        bad = [[_badness(measure, values) for values in found[name]] for name in (tracker, baseline)]
+        bad = [[badness(measure, values) for values in found[name]] for name in (tracker, baseline)]
         difference = compare(*bad)
     return Cell(group, tracker, measure, crossed_interval(found[tracker]), difference)
 
 
-def _badness(measure: str, values: NDArray) -> NDArray:
+def badness(measure: str, values: NDArray) -> NDArray:
+    """Values (N,) of a measure on a scale on which less is better."""
     return np.array([METRICS[measure].badness(v) for v in values.tolist()])
 
 
@@ -134,7 +135,7 @@ def pairwise(results: Results, measure: str) -> pd.DataFrame:
     comparison = results.study
     found = samples(results.runs, measure, comparison.scenarios, comparison.seeds)
     names = [t for t in comparison.trackers if t in found]
-    bad = {t: np.array([_badness(measure, v) for v in found[t]]) for t in names}
+    bad = {t: np.array([badness(measure, v) for v in found[t]]) for t in names}
     table = pd.DataFrame(np.nan, index=names, columns=names)
     for row in names:
         for column in names:
@@ -143,27 +144,6 @@ def pairwise(results: Results, measure: str) -> pd.DataFrame:
             if row != column and len(d):
                 table.loc[row, column] = np.mean((d < 0) + 0.5 * (d == 0))
     return table
-
-
-def unresolved(cells: Sequence[Cell]) -> list[str]:
-    """One sentence for each difference that the seeds cannot resolve, with how many it would take."""
-    sentences = []
-    for cell in cells:
-        d = cell.difference
-        if d is None or d.verdict not in ("unresolved", "too few seeds"):
-            continue
-        label = METRICS[cell.measure].label
-        if d.verdict == "too few seeds":
-            few = "1 run is" if d.pairs == 1 else f"{d.pairs} runs are"
-            sentences.append(f"{cell.tracker}, {label}: {few} too few for an interval")
-        else:
-            seeds = (
-                f"about {d.needed:.0f} seeds a scenario would" if np.isfinite(d.needed) else "no number of seeds will"
-            )
-            sentences.append(
-                f"{cell.tracker}, {label}: the difference {d.mean.value:+.3g} is not resolved; {seeds} resolve it"
-            )
-    return sentences
 
 
 def pooled_spread(groups: Sequence[NDArray]) -> tuple[float, int]:

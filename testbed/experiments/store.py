@@ -30,6 +30,7 @@ ABOUT, RUNS = "study.json", "runs.parquet"
 ROWS, RECORDINGS, LOGS = "rows", "recordings", "logs"
 FILES, FOLDERS = (ABOUT, RUNS), (ROWS, RECORDINGS, LOGS)  # all that a study leaves, beside its report
 OLDER = ("comparison.json", "regress.json", "drives")  # that older versions left
+NO_TRACKERS = tuple(f"code of {what} " for what in ("the", "scenario", "radar", "planner"))  # keys of other code
 VERSION = 4  # of the layout of a file
 META, CHECKSUM = b"testbed", b"testbed checksum"
 PARTS = ("simulation", "sensing", "loading", "tracking", "metrics", "writing")  # of the wall time, in order
@@ -63,7 +64,9 @@ class Store:
         self.check()
         wanted, found = self.study.identity(), self.about()
         if found and self.study.fresh and self._differs(wanted, found):
-            self._empty()
+            others = {key for key in {*wanted, *found} if found.get(key) != wanted.get(key)}
+            of_trackers = all(key.startswith("code of ") and not key.startswith(NO_TRACKERS) for key in others)
+            self._empty((ROWS, LOGS) if of_trackers else FOLDERS)
             found = {}
         for folder in (ROWS, RECORDINGS):
             make_directory(self.out / folder)
@@ -109,11 +112,11 @@ class Store:
         known = (key for key in wanted if not key.startswith("code of ") or key in found)
         return next((key for key in known if found.get(key) != wanted[key]), None)
 
-    def _empty(self) -> None:
-        """Delete what the study left here."""
+    def _empty(self, folders: Sequence[str]) -> None:
+        """Delete the files of the study, and these of its folders: recordings hold whatever the trackers are."""
         try:
             for path in sorted(self.out.iterdir()):
-                if path.name in FOLDERS:
+                if path.name in folders:
                     shutil.rmtree(path)
                 elif path.name in FILES:
                     path.unlink()

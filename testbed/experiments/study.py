@@ -12,7 +12,6 @@ from typing import Any, ClassVar, NamedTuple, Protocol
 import pyarrow as pa
 from rich.console import Console, RenderableType
 
-from scenarios.stage import Phase
 from sensors import Radar, faults_of
 from sensors.faults import chosen
 from testbed.environment.perception import radar_of
@@ -22,9 +21,9 @@ from testbed.experiments.engine import Engine
 from testbed.experiments.episode import Played, episode
 from testbed.experiments.identity import modules_digest, own_code, own_names, shared_digest, tracker_digest
 from testbed.experiments.run import DONE, FAILED, Outcome, Run
-from testbed.files import versions
+from testbed.files import check_target, make_directory, versions
 from testbed.frame import Frame
-from testbed.limits import MOST_RUNS, check_folder
+from testbed.limits import MOST_RUNS, check_folder, check_seeds
 from testbed.planners import find as find_planner
 from trackers import build
 
@@ -70,28 +69,16 @@ class Tally:
 
 
 class Watch(Protocol):
-    """What watches a run: an observer of its frames."""
+    """What watches a run: an observer of its frames, called with every frame that has a scan.
 
-    def begin(self, phases: tuple[Phase, ...]) -> None:
-        """Called before the first frame."""
+    If it has `begin(phases)`, that is called before the first frame.
+    """
 
     def __call__(self, frame: Frame) -> None:
-        """Called with every frame that has a scan."""
+        """Take one frame."""
 
     def kept(self, played: Played) -> Kept:
         """What is kept, when the run is over."""
-
-
-class Work(Protocol):
-    """A unit for one process: a `Run`, or a search over many."""
-
-    @property
-    def name(self) -> str:
-        """Stem of its file."""
-
-    @property
-    def key(self) -> dict[str, Any]:
-        """All of it as JSON types: what its file says it holds."""
 
 
 class Findings(NamedTuple):
@@ -122,7 +109,7 @@ class Study:
         check_folder(self.out)
 
     def work(self) -> list[Any]:
-        """All units of work."""
+        """All units of work, each for one process: a `Run`, or a search over many that has its `name` and its `key`."""
         raise NotImplementedError
 
     def together(self, work: Any) -> Any:
@@ -197,6 +184,26 @@ class Study:
             **{f"code of {tracker}": tracker_digest(tracker) for tracker in trackers if tracker is not None},
             **own_code(own),
         }
+
+
+def check_sample(seeds: Sequence[int], command: str) -> None:
+    """Raise ValueError, in one sentence, for what is no tuple of different seeds."""
+    if isinstance(seeds, str | bytes) or not isinstance(seeds, Sequence):
+        raise ValueError(f"seeds must be a tuple of whole numbers, got {seeds!r}; put them in a tuple")
+    if not seeds:
+        raise ValueError(f"seeds must name at least one of them, got none; see `testbed {command} --help`")
+    check_seeds(*seeds, name="seeds")
+    if len(set(seeds)) < len(seeds):
+        raise ValueError(f"seeds must differ, got {', '.join(map(str, seeds))}; drop the repetition")
+
+
+def check_file(what: str, path: Path) -> None:
+    """Raise OSError, in one sentence that begins with what the file is, where it cannot be written."""
+    try:
+        check_target(path)
+        make_directory(path.parent)
+    except OSError as error:
+        raise OSError(f"{what}: {str(error).removeprefix('out: ')}") from None
 
 
 def check_runs(runs: Sequence[Run]) -> None:

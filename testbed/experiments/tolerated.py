@@ -21,8 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from testbed.evaluation.intervals import FEWEST, bootstrap_interval, student_limit
-from testbed.evaluation.metric import METRICS
-from testbed.experiments.statistics import spread_of_others
+from testbed.experiments.statistics import badness, spread_of_others
 
 Values = Mapping[tuple[str, str], Mapping[str, NDArray]]  # tracker, scenario -> measure -> (seeds), NaN: not measured
 
@@ -88,7 +87,7 @@ class _Pairs(NamedTuple):
     after: list[NDArray]
 
     def differences(self, measure: str) -> list[NDArray]:
-        return [_bad(measure, new) - _bad(measure, old) for new, old in zip(self.after, self.before, strict=True)]
+        return [badness(measure, new) - badness(measure, old) for new, old in zip(self.after, self.before, strict=True)]
 
 
 def tolerated(new: Values, baselines: Values) -> list[Moved]:
@@ -128,7 +127,7 @@ def _overall(tracker: str, measure: str, pairs: _Pairs, tolerance: Tolerance, sh
     if len(means) < FEWEST:
         return
     change = float(means.mean())
-    allowed = tolerance.overall + tolerance.relative * _mean([_bad(measure, group) for group in pairs.before])
+    allowed = tolerance.overall + tolerance.relative * _mean([badness(measure, group) for group in pairs.before])
     limit = max(allowed, float(student_limit(means.std(ddof=1), len(means) - 1, len(means), share)))
     if abs(change) > limit:  # else the interval, which is slow to compute, changes nothing
         found = bootstrap_interval([means])
@@ -140,7 +139,7 @@ def _overall(tracker: str, measure: str, pairs: _Pairs, tolerance: Tolerance, sh
 def _by_scenario(tracker: str, measure: str, pairs: _Pairs, tolerance: Tolerance, share: float) -> Iterator[Moved]:
     """Rule 2."""
     d = pairs.differences(measure)
-    allowed = np.array([tolerance.scenario + tolerance.relative * _bad(measure, g).mean() for g in pairs.before])
+    allowed = np.array([tolerance.scenario + tolerance.relative * badness(measure, g).mean() for g in pairs.before])
     spread, dof = spread_of_others([group / unit for group, unit in zip(d, allowed, strict=True)])
     chance = student_limit(spread, dof, np.array([len(group) for group in d]), share)
     limits = allowed * np.where(dof >= FEWEST_DOF, np.maximum(chance, 1.0), 1.0)
@@ -156,7 +155,3 @@ def _verdict(change: float, limit: float) -> str:
 def _mean(groups: Sequence[NDArray]) -> float:
     """Mean over scenarios of the means over seeds."""
     return float(np.mean([group.mean() for group in groups]))
-
-
-def _bad(measure: str, values: NDArray) -> NDArray:
-    return np.array([METRICS[measure].badness(value) for value in values.tolist()])

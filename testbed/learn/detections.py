@@ -70,15 +70,6 @@ MAKES: dict[str, tuple[Make, ...]] = {
         Make("articulated", (12.0, 18.0), (2.4, 2.6), 0.4),
     ),
 }
-CLASSES: dict[str, tuple[Make, ...]] = {  # the catalogue of contour classes, see testbed.learn.classes
-    "car": (Make("car", (3.6, 5.3), (1.65, 2.05), 1.0),),
-    "van": (Make("van", (4.8, 6.5), (1.85, 2.1), 1.0),),
-    "truck": (Make("truck", (6.5, 11.0), (2.25, 2.6), 1.0),),
-    "bus": (Make("bus", (9.0, 15.0), (2.4, 2.6), 1.0),),
-    "articulated": (Make("articulated", (12.0, 18.0), (2.4, 2.6), 1.0),),
-    "tractor": (Make("tractor", (4.2, 5.8), (2.2, 2.6), 1.0),),
-    "motorcycle": (Make("motorcycle", (1.9, 2.5), (0.7, 0.9), 1.0),),
-}
 LABELS = {"car": ("Car",), "truck": ("Truck", "Bus")}  # classes of the real extract
 TRUE_KINDS = {"car": ("car", "van"), "truck": ("truck", "bus", "articulated")}  # classes of our scenes
 TRACTOR_SHARE, COUPLED = 6.0 / 16.5, 13.6 / 16.5  # lengths of tractor unit and trailer in an articulated truck
@@ -148,10 +139,7 @@ def sample(
     progress: Progress = lambda done, total, what: None,
     table: dict[str, tuple[Make, ...]] = MAKES,
 ) -> TrainingDetections:
-    """At least `count` detections of lone vehicles, each scan by a radar of the rig drawn at random.
-
-    `table` has the makes of each kind.
-    """
+    """`count` detections or more of lone vehicles of the makes in `table`, each scan by one of the radars at random."""
     parts, got, scans = [], 0, 0
     what = f"{radar.name} on {kind}s"
     for detections in lone_vehicle_scans(radar, kind, rng, table):

@@ -5,6 +5,6 @@ May import rerun, which no other package does, and `testbed.frame`; rerun is loa
 """
 
 from testbed.log.record import RoadGeometry, RunMeta
-from testbed.log.writer import NullLog, RunLog
+from testbed.log.writer import RunLog
 
-__all__ = ["NullLog", "RoadGeometry", "RunLog", "RunMeta"]
+__all__ = ["RoadGeometry", "RunLog", "RunMeta"]

@@ -147,13 +147,11 @@ def _closeups(meta: RunMeta, shape: str) -> rrb.Tabs:
 
 
 def _tracked(meta: RunMeta) -> list[str]:
-    """All layers of the trackers but the estimated centres."""
     layers = [layer for layer in (*paths.TRACKER_LAYERS, *paths.CHANGE_LAYERS) if layer not in ("center", "label")]
     return [paths.tracker(name, layer) for name in meta.trackers for layer in layers]
 
 
 def _by_object() -> dict:
-    """Detections and outlines in the colour of their object."""
     points = rr.Points2D.from_fields(radii=0.17)
     overrides = {
         f"/{paths.detections(kind)}": points.visualizer(mappings=[_source("Points2D:colors", "radar:object_color")])

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from testbed.log import paths
 from testbed.log.layers import NOSE
-from testbed.log.reader import properties, rows
+from testbed.log.reader import Columns, properties
 from trackers.geometry import to_frame
 
 HUGE = 1e7  # [m] that no place of a run reaches
@@ -50,75 +50,47 @@ def read_detections(path: str | Path) -> LoggedDetections:
 
 
 def _read(path: str | Path) -> LoggedDetections | None:
-    kinds, boxes, ego = _kinds(path), _boxes(path), _platforms(path)
+    columns = Columns(path)
+    kinds = {i: name.rpartition(" ")[2] for i, name in columns.names().items()}
+    boxes, ego = _boxes(columns), _platforms(columns)
     parts = []
     for kind in TRUE:
-        for row in rows(path, paths.detections(kind)):
-            step, xy, sensor = row.get(paths.STEP), row.get("Points2D:positions"), row.get("radar:sensor")
-            if step is None or not xy:
+        entity = paths.detections(kind)
+        sensors, owners = columns.numbers(entity, "radar:sensor"), columns.numbers(entity, "radar:object_id")
+        for step, xy in columns.points(entity, "Points2D:positions").items():
+            if not len(xy):
                 continue
-            ids = row["radar:object_id"]
-            own = [boxes[step][i] for i in ids]
-            columns = (
-                np.full(len(ids), step),
-                np.array(xy, float),
-                np.array(sensor),
-                np.tile(ego[step], (len(ids), 1)),
-            )
-            truth = (np.array(ids), np.array([kinds[i] for i in ids]), *(np.array(c) for c in zip(*own, strict=True)))
-            parts.append((*columns, *truth))
+            ids = owners[step].tolist()
+            platform = np.tile(ego[step], (len(ids), 1))
+            pose, size = (np.array(column) for column in zip(*(boxes[step][i] for i in ids), strict=True))
+            names = np.array([kinds[i] for i in ids])
+            parts.append((np.full(len(ids), step), xy, sensors[step], platform, np.array(ids), names, pose, size))
     if not parts:
         return None
     joined = [np.concatenate(column) for column in zip(*parts, strict=True)]
     return LoggedDetections(str(properties(path)["run"]["radar"]), *joined)
 
 
-def _kinds(path: str | Path) -> dict[int, str]:
-    """Class of each object, from the names that the viewer shows."""
-    kinds = {}
-    for row in rows(path, paths.TRUTH_CONTOUR):
-        for entry in _flat(row.get("AnnotationContext:context")):
-            info = entry["class_description"]["info"]
-            kinds[info["id"] - 1] = info["label"].rpartition(" ")[2]
-    return kinds
-
-
-def _boxes(path: str | Path) -> dict[int, dict[int, Box]]:
+def _boxes(columns: Columns) -> dict[int, dict[int, Box]]:
     """Step -> object -> box: centre and length from the arrow of the heading, width from the outlines."""
-    outlines: dict[int, dict[int, list]] = {}
-    for row in rows(path, paths.TRUTH_CONTOUR):
-        if row.get(paths.STEP) is not None and row.get("truth:object_id"):
-            points: dict[int, list] = defaultdict(list)
-            for i, strip in zip(row["truth:object_id"], row["LineStrips2D:strips"], strict=True):
-                points[i] += strip
-            outlines[row[paths.STEP]] = points
+    owners, outlines = columns.numbers(paths.TRUTH_CONTOUR, "truth:object_id"), columns.strips(paths.TRUTH_CONTOUR)
+    arrows = columns.points(paths.TRUTH_HEADING, "Arrows2D:vectors")
     found: dict[int, dict[int, Box]] = defaultdict(dict)
-    for row in rows(path, paths.TRUTH_HEADING):
-        step = row.get(paths.STEP)
-        if step not in outlines:
-            continue
-        arrows = zip(outlines[step].items(), row["Arrows2D:origins"], row["Arrows2D:vectors"], strict=True)
-        for (i, outline), origin, vector in arrows:
-            pose = np.array([*origin, np.arctan2(vector[1], vector[0])])
-            across = to_frame(pose, np.array(outline))[:, 1]
-            size = np.array([2 * (np.hypot(*vector) - NOSE), 2 * np.abs(across).max()])
-            found[step][i] = (pose, size)
+    for step, origins in columns.points(paths.TRUTH_HEADING, "Arrows2D:origins").items():
+        parts: dict[int, list[NDArray]] = defaultdict(list)
+        for i, outline in zip(owners[step].tolist(), outlines[step], strict=True):
+            parts[i].append(outline)
+        for (i, outline_parts), origin, arrow in zip(parts.items(), origins, arrows[step], strict=True):
+            pose = np.array([*origin, np.arctan2(arrow[1], arrow[0])])
+            across = to_frame(pose, np.concatenate(outline_parts))[:, 1]
+            found[step][i] = pose, np.array([2 * (np.hypot(*arrow) - NOSE), 2 * np.abs(across).max()])
     return found
 
 
-def _platforms(path: str | Path) -> dict[int, NDArray]:
+def _platforms(columns: Columns) -> dict[int, NDArray]:
     """Step -> pose (3,) of the ego."""
-    found = {}
-    for row in rows(path, paths.EGO):
-        if row.get(paths.STEP) is not None and row.get("Transform3D:translation"):
-            x, y, _ = row["Transform3D:translation"][0]
-            *_, sine, cosine = row["Transform3D:quaternion"][0]
-            found[row[paths.STEP]] = np.array([x, y, 2 * np.arctan2(sine, cosine)])
-    return found
-
-
-def _flat(values: list | None) -> list:
-    """Entries of a list of lists of any depth."""
-    if values is None:
-        return []
-    return [e for v in values for e in (_flat(v) if isinstance(v, list) else [v])]
+    turn = columns.points(paths.EGO, "Transform3D:quaternion")
+    return {
+        step: np.array([*place[0, :2], 2 * np.arctan2(*turn[step][0, 2:])])
+        for step, place in columns.points(paths.EGO, "Transform3D:translation").items()
+    }

@@ -9,8 +9,7 @@ import numpy as np
 
 from sensors.origin import KINDS
 from testbed.log import paths
-from testbed.log.columns import Columns
-from testbed.log.reader import properties
+from testbed.log.reader import Columns, properties
 from testbed.log.review import readable
 
 
@@ -100,7 +99,6 @@ def _difference(one: Any, other: Any) -> str:
 
 
 def _short(value: Any) -> str:
-    """A value in a few words."""
     if value is None:
         return "nothing"
     if isinstance(value, np.ndarray) and value.ndim == 1:

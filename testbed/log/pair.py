@@ -36,14 +36,10 @@ class LoggedDrive(NamedTuple):
 
 
 def write_pair(path: Path, run_id: str, drives: Sequence[LoggedDrive], road: RoadGeometry, summary: str) -> None:
-    """Write the log; raises OSError, in one sentence, where that cannot be.
+    """Write the log (.rrd) of drives, shown from top to bottom, with a summary in markdown.
 
-    Args:
-        path: of the .rrd.
-        run_id: unique; viewers merge recordings of one id.
-        drives: shown from top to bottom.
-        road: what to draw of the road.
-        summary: markdown.
+    `run_id` must be unique: viewers merge recordings of one id. Raises OSError, in one sentence, where it cannot be
+    written.
     """
     stream = Stream(path, run_id, _layout(drives))
     for place, drive in enumerate(drives):
@@ -66,7 +62,6 @@ def _curve(title: str, drive: LoggedDrive) -> str:
 
 
 def _add(block: Block, drive: LoggedDrive, middle: float | None) -> None:
-    """All rows of a drive."""
 
     def put(entity: str, step: int, ns: int, row: layers.Row) -> None:
         block.setdefault((entity, tuple(row)), []).append((step, ns, row))
@@ -92,7 +87,6 @@ def _add(block: Block, drive: LoggedDrive, middle: float | None) -> None:
 
 
 def _geometry(frame: Frame, middle: float | None) -> layers.Rows:
-    """The scene of a frame, and the tracks that its planner got."""
     tracks, info = next(iter(frame.outputs.values()))
     rows = layers.scene_rows(frame.scene, middle) | layers.plan_rows(frame.plan)
     return rows | layers.tracker_rows(TRACKS, tracks, info)

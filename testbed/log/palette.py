@@ -1,4 +1,4 @@
-"""Colours and sizes of the review log: readable on black and for colour-blind eyes (after Okabe and Ito)."""
+"""Colours of the review log and what they mean: readable on black and for colour-blind eyes (after Okabe and Ito)."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,6 +18,15 @@ GROUND = 0x0E0F13FF  # behind every scene
 DIM = 0.25  # strength of the outline of a vehicle of which nothing is visible
 BEFORE = 0x9A9AA0FF  # a contour before it changed
 DETECTION = dict(zip(KINDS, (0x43E66BFF, 0xFF5CB8FF, 0x85858AFF, 0xA8835AFF, 0x5AA9FFFF, 0xFFE14DFF), strict=True))
+KIND_COLORS = ("green", "pink", "grey", "brown", "blue", "yellow")  # the same in words
+KIND_NOTES = {  # of `sensors.origin.KINDS`
+    "contour": "detection on the outline of a vehicle",
+    "volume": "detection from inside a vehicle, or from beneath it",
+    "clutter": "false alarm: nothing is there",
+    "static": "standing return: guard rail, post, bridge",
+    "mirror": "ghost: a vehicle seen in a mirror, such as a guard rail or the side of a truck",
+    "double": "ghost: reflected twice between a vehicle and the ego",
+}
 
 _TRACKERS = (0xFFA629FF, 0x38CFFFFF, 0xB18CFFFF, 0xF5E663FF, 0xFF7361FF, 0x2FD6A5FF)
 _TRACKER_NAMES = ("orange", "light blue", "violet", "yellow", "red", "turquoise")
@@ -63,6 +72,15 @@ def rgb(color: int) -> tuple[int, int, int]:
     (67, 230, 107)
     """
     return color >> 24, color >> 16 & 255, color >> 8 & 255
+
+
+def css(color: int) -> str:
+    """A colour 0xRRGGBBAA as people write it.
+
+    >>> css(0x43E66BFF)
+    '#43e66b'
+    """
+    return f"#{int(color) >> 8:06x}"
 
 
 def dimmed(color: int, visible: NDArray) -> NDArray:

@@ -7,7 +7,7 @@ layer; numbers are under `metrics`, `objects` and `ego`.
 import re
 from functools import lru_cache
 
-from sensors.origin import KINDS
+from testbed.evaluation.reasons import vehicle
 
 APPLICATION = "eot_testbed"
 STEP, TIME = "step", "sim_time"  # the two timelines: frame number, seconds of simulation
@@ -30,12 +30,8 @@ CONFIG, SUMMARY, MOMENTS, OBJECTS, LEGEND = "run/config", "run/summary", "run/mo
 TRACKER_LAYERS = ("extent", "tentative", "covariance", "heading", "center", "label")
 CHANGE_LAYERS = ("contour_before", "contour_after")  # only of trackers that learn contours
 SMOOTHED = "world/smoothed"  # tracks smoothed over all detections of the run
-SMOOTHED_LAYERS = ("extent", "path")
 SEEN = "radar"  # leaf of an object's entity: detections, expected number and visible share
 
-FIXED = (RADAR_FOV, RINGS, RING_LABELS, ROAD_SURFACE, ROAD_EDGES, ROAD_LANES)  # geometry that never changes
-STATIC = (*FIXED, CONFIG, SUMMARY, MOMENTS, OBJECTS, LEGEND)
-NUMBERS = (EGO_ACTION, EGO_SPEED)
 RISK = (EGO_TTC, EGO_DRAC, EGO_BRAKING)  # where the drive is measured
 
 _ESCAPED = re.compile(r"[^A-Za-z0-9_.\-]")
@@ -71,7 +67,7 @@ def tracker(name: str, layer: str) -> str:
 
 
 def smoothed(name: str, layer: str) -> str:
-    """Layer of one tracker's smoothed tracks, see `SMOOTHED_LAYERS`."""
+    """Layer of one tracker's smoothed tracks, "extent" or "path"."""
     return f"{SMOOTHED}/{plain(name)}/{part(layer)}"
 
 
@@ -80,20 +76,6 @@ def metric(name: str, tracker: str) -> str:
     return f"metrics/{part(name)}/{plain(tracker)}"
 
 
-def vehicle(object_id: int) -> str:
-    """Name of an object in paths and texts."""
-    return f"veh_{object_id:02d}"
-
-
 def of_object(object_id: int, leaf: str) -> str:
     """Numbers of one object: errors of the tracker `leaf`, or of the radar for `SEEN`."""
     return f"objects/{vehicle(object_id)}/{plain(leaf)}"
-
-
-def scene_layers(trackers: tuple[str, ...]) -> tuple[str, ...]:
-    """Every layer of geometry of a run at level full, static ones included."""
-    around = (FOLLOW, OVERVIEW, EGO, *FIXED, WALLS, EGO_PLAN)
-    truth = (TRUTH_CONTOUR, TRUTH_HEADING, TRUTH_EGO, TRUTH_NAMES)
-    tracked = tuple(tracker(name, layer) for name in trackers for layer in TRACKER_LAYERS)
-    after = tuple(smoothed(name, layer) for name in trackers for layer in SMOOTHED_LAYERS)
-    return around + truth + tuple(detections(kind) for kind in KINDS) + tracked + after

@@ -1,14 +1,14 @@
-"""Reads review logs: numbers, events, properties, and a digest of the content.
+"""Reads review logs: numbers, events and properties from the file, or all columns in memory.
 
 Works on logs of finished runs and of runs that were killed; the latter have no footer, see `complete`. Raises
 ValueError for a damaged log; at some damages rerun ends the process, so a log that comes from elsewhere goes through
 `testbed.log.review.readable` before.
 """
 
-import hashlib
 import warnings
 from collections import defaultdict
 from collections.abc import Iterator
+from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from testbed.log import paths
 
 _ROW_ID = "rerun.controls.RowId"
-DESCRIBES = ("/run", "/__properties")  # left out of the digest: versions and settings, nothing that happened
 
 
 class LoggedEvent(NamedTuple):
@@ -68,14 +67,6 @@ def entity_paths(path: str | Path) -> set[str]:
     return {entity.lstrip("/") for entity, _ in batches(path) if not entity.startswith("/__")}
 
 
-def components(path: str | Path) -> dict[str, set[str]]:
-    """Entity -> names of its components."""
-    found: dict[str, set[str]] = defaultdict(set)
-    for entity, batch in batches(path):
-        found[entity.lstrip("/")] |= set(_component_names(batch))
-    return dict(found)
-
-
 def scalars(path: str | Path, content: str, component: str = "Scalars:scalars") -> dict[str, tuple[NDArray, NDArray]]:
     """Steps (n,) and values (n,) of one component by entity, in the order of the steps.
 
@@ -93,42 +84,29 @@ def scalars(path: str | Path, content: str, component: str = "Scalars:scalars") 
             parts[entity.lstrip("/")].append((steps, values))
     if not parts:
         raise LookupError(f"no entity {content!r} with component {component!r} in {path}")
-    return {
-        entity: _sorted(*(np.concatenate(column) for column in zip(*found, strict=True)))
-        for entity, found in parts.items()
-    }
-
-
-def rows(path: str | Path, entity: str) -> Iterator[dict[str, Any]]:
-    """Everything logged at one entity, a row at a time: component -> values, and the timelines."""
-    for _, batch in batches(path, f"/{entity.lstrip('/')}"):
-        yield from batch.to_pylist()
-
-
-def _sorted(steps: NDArray, values: NDArray) -> tuple[NDArray, NDArray]:
-    order = np.argsort(steps, kind="stable")
-    return steps[order], values[order]
+    found = {}
+    for entity, pieces in parts.items():
+        steps, values = (np.concatenate(column) for column in zip(*pieces, strict=True))
+        order = np.argsort(steps, kind="stable")
+        found[entity] = steps[order], values[order]
+    return found
 
 
 def events(path: str | Path) -> list[LoggedEvent]:
     """The event list in the order it was written."""
-    rows = [row for _, batch in batches(path, f"/{paths.EVENTS}") for row in batch.to_pylist()]
-    rows = sorted(rows, key=lambda row: (row[paths.STEP], row[_ROW_ID]))
+    lines = [row for _, batch in batches(path, f"/{paths.EVENTS}") for row in batch.to_pylist()]
     return [
-        LoggedEvent(row[paths.STEP], _seconds(row[paths.TIME]), row["TextLog:level"][0], row["TextLog:text"][0])
-        for row in rows
+        LoggedEvent(row[paths.STEP], row[paths.TIME].total_seconds(), row["TextLog:level"][0], row["TextLog:text"][0])
+        for row in sorted(lines, key=lambda row: (row[paths.STEP], row[_ROW_ID]))
     ]
-
-
-def _seconds(duration: Any) -> float:
-    return duration.total_seconds()
 
 
 def properties(path: str | Path) -> dict[str, dict[str, Any]]:
     """Flat values of the run by group: its settings in "run", its results in "summary"."""
     groups: dict[str, dict[str, Any]] = {}
     for entity, batch in batches(path, "/__properties/**"):
-        row = {name: batch[name][0].as_py() for name in _component_names(batch)}
+        held = [name for name in batch.schema.names if name not in (_ROW_ID, paths.STEP, paths.TIME)]
+        row = {name: batch[name][0].as_py() for name in held}
         groups[entity.rpartition("/")[2]] = {name: value[0] for name, value in row.items() if value}
     return groups
 
@@ -151,65 +129,107 @@ def span(path: str | Path) -> tuple[float, float]:
     return float(ns.min() / 1e9), float(ns.max() / 1e9)
 
 
-def digests(path: str | Path) -> dict[str, str]:
-    """SHA-256 of the content of each column by "entity component"; it does not depend on the blocks in the file."""
-    pieces: dict[str, list[tuple[NDArray, pa.Array]]] = defaultdict(list)
-    for entity, batch in batches(path):
-        if entity.startswith(DESCRIBES):
-            continue
-        order = _order(batch)
-        for name in _component_names(batch):
-            there = batch[name].is_valid()
-            pieces[f"{entity} {name}"].append((order[np.asarray(there)], batch[name].filter(there)))
-    return {key: _sha(pieces[key]) for key in sorted(pieces)}
+class Columns:
+    """All rows of a log in memory."""
+
+    def __init__(self, path: str | Path) -> None:
+        """Read the log; raises OSError or ValueError, in one sentence, where that cannot be."""
+        self._batches: dict[str, list[pa.RecordBatch]] = defaultdict(list)
+        for entity, batch in batches(path):
+            self._batches[entity.lstrip("/")].append(batch)
+
+    def entities(self, start: str) -> list[str]:
+        """Entities whose path begins so, sorted."""
+        return sorted(entity for entity in self._batches if entity.startswith(start))
+
+    def static(self, entity: str, component: str) -> list[Any]:
+        """Values of a component without a time, those that were logged last; empty where there are none."""
+        found: list[Any] = []
+        for batch in self._batches.get(entity, []):
+            if component in batch.schema.names and paths.STEP not in batch.schema.names:
+                found = next((row for row in reversed(batch[component].to_pylist()) if row is not None), found)
+        return found
+
+    def vehicles(self) -> list[int]:
+        """Ids of all vehicles, ascending."""
+        return sorted({int(entity.split("/")[1].rpartition("_")[2]) for entity in self.entities("objects/")})
+
+    def names(self) -> dict[int, str]:
+        """Id of an object -> the name that the viewer shows, which ends with its class."""
+        found = {}
+        for entry in self.static(paths.TRUTH_CONTOUR, "AnnotationContext:context"):
+            for info in entry if isinstance(entry, list) else [entry]:
+                described = info["class_description"]["info"]
+                found[described["id"] - 1] = described["label"]
+        return found
+
+    def _timed(self, entity: str, component: str) -> Iterator[tuple[NDArray, pa.Array]]:
+        """Steps and lists of the rows that have a component."""
+        for batch in self._batches.get(entity, []):
+            if component in batch.schema.names and paths.STEP in batch.schema.names:
+                there = batch[component].is_valid()
+                steps = batch[paths.STEP].filter(there).to_numpy(zero_copy_only=False)
+                yield steps, batch[component].filter(there)
+
+    def numbers(self, entity: str, component: str) -> dict[int, NDArray]:
+        """Step -> numbers (n,)."""
+        found: dict[int, NDArray] = {}
+        for steps, lists in self._timed(entity, component):
+            values = lists.flatten().to_numpy(zero_copy_only=False)
+            found |= zip(steps.tolist(), _split(values, lists), strict=True)
+        return found
+
+    def texts(self, entity: str, component: str) -> dict[int, list[str]]:
+        """Step -> texts."""
+        return {
+            step: texts
+            for steps, lists in self._timed(entity, component)
+            for step, texts in zip(steps.tolist(), lists.to_pylist(), strict=True)
+        }
+
+    def held(self, entity: str, component: str, first: str) -> dict[int, list[str]]:
+        """Step of every scan -> texts of what is logged when it changes; `first` before that."""
+        changes = self.texts(entity, component)
+        found, last = {}, [first]
+        for step in self.times:
+            found[step] = last = changes.get(step, last)
+        return found
+
+    def points(self, entity: str, component: str) -> dict[int, NDArray]:
+        """Step -> points (n, 2), or vectors (n, 3), (n, 4)."""
+        found: dict[int, NDArray] = {}
+        for steps, lists in self._timed(entity, component):
+            found |= zip(steps.tolist(), _split(_points(lists.flatten()), lists), strict=True)
+        return found
+
+    def strips(self, entity: str, component: str = "LineStrips2D:strips") -> dict[int, list[NDArray]]:
+        """Step -> polylines (P, 2)."""
+        found: dict[int, list[NDArray]] = {}
+        for steps, lists in self._timed(entity, component):
+            lines = lists.flatten()
+            each = _split(_points(lines.flatten()), lines)
+            ends = np.cumsum(np.asarray(lists.value_lengths()))
+            for step, end, count in zip(steps.tolist(), ends.tolist(), np.asarray(lists.value_lengths()), strict=True):
+                found[step] = each[end - count : end]
+        return found
+
+    @cached_property
+    def times(self) -> dict[int, float]:
+        """Step -> time [s] of every scan."""
+        found: dict[int, float] = {}
+        for batch in self._batches.get(paths.EGO_SPEED, []):
+            if paths.STEP in batch.schema.names:
+                ns = np.asarray(batch[paths.TIME].cast(pa.int64()))
+                found |= zip(
+                    batch[paths.STEP].to_numpy(zero_copy_only=False).tolist(), (ns / 1e9).tolist(), strict=True
+                )
+        return dict(sorted(found.items()))
 
 
-def digest(path: str | Path) -> str:
-    """One SHA-256 of all columns: equal runs have equal digests, although their files differ."""
-    total = hashlib.sha256()
-    for key, value in digests(path).items():
-        total.update(f"{key} {value}\n".encode())
-    return total.hexdigest()
+def _points(vectors: pa.Array) -> NDArray:
+    """Vectors of fixed length as rows."""
+    return vectors.flatten().to_numpy(zero_copy_only=False).reshape(-1, vectors.type.list_size).astype(float)
 
 
-def _order(batch: pa.RecordBatch) -> NDArray:
-    """Sort keys (n, 4) of rows: step, time, and the row id, which counts up while a log is written."""
-    ids = np.frombuffer(b"".join(value.as_py() for value in batch[_ROW_ID]), ">u8").reshape(-1, 2).astype(np.int64)
-    if paths.STEP not in batch.schema.names:
-        when = np.full((len(ids), 2), -1)
-    else:
-        when = np.stack([np.asarray(batch[name].cast(pa.int64())) for name in (paths.STEP, paths.TIME)], -1)
-    return np.hstack([when, ids])
-
-
-def _sha(pieces: list[tuple[NDArray, pa.Array]]) -> str:
-    """Hash of one column with its times, rows in order; row ids only order."""
-    keys = np.concatenate([order for order, _ in pieces])
-    rows = np.lexsort(keys.T[::-1])
-    column = pa.concat_arrays([values for _, values in pieces]).take(pa.array(rows))
-    total = hashlib.sha256(str(column.type).encode())
-    total.update(keys[rows, :2].tobytes())
-    _feed(total, column)
-    return total.hexdigest()
-
-
-def _feed(total: Any, array: pa.Array) -> None:
-    """Hash an array by value: validity, lengths and plain numbers, independent of its buffers."""
-    total.update(np.asarray(array.is_valid()).tobytes())
-    kind = array.type
-    if pa.types.is_list(kind):
-        total.update(np.asarray(array.value_lengths().fill_null(0)).tobytes())
-        _feed(total, array.flatten())
-    elif pa.types.is_fixed_size_list(kind):
-        _feed(total, array.flatten())
-    elif pa.types.is_struct(kind):
-        for i in range(kind.num_fields):
-            _feed(total, array.field(i))
-    elif pa.types.is_floating(kind) or pa.types.is_integer(kind):
-        total.update(np.asarray(array.fill_null(0)).tobytes())
-    else:
-        total.update(repr(array.to_pylist()).encode())
-
-
-def _component_names(batch: pa.RecordBatch) -> list[str]:
-    return [name for name in batch.schema.names if name not in (_ROW_ID, paths.STEP, paths.TIME)]
+def _split(values: NDArray, lists: pa.Array) -> list[NDArray]:
+    return np.split(values, np.cumsum(np.asarray(lists.value_lengths()))[:-1]) if len(lists) else []

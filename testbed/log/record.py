@@ -1,7 +1,7 @@
 """What a log holds beside its frames: what identifies the run, the road, the smoothed tracks. No rerun."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from numpy.typing import NDArray
 
@@ -35,7 +35,7 @@ class RunMeta(NamedTuple):
     radar: str
     trackers: tuple[str, ...]
     planner: str
-    config: dict[str, str]  # what was varied, as text
+    config: dict[str, Any]  # what was varied, as JSON types
     versions: dict[str, str]  # package -> version
 
 

@@ -37,12 +37,8 @@ def renderer_missing() -> str:
 def render(path: str | Path, png: str | Path, at: float, settle: float = SETTLE, view: str | None = None) -> list[str]:
     """Render the log `path` at `at` [s] of the simulation into the picture `png`, all of it or the view of a name.
 
-    Returns the viewer's error reports, view by view: empty when the layout fits the log.
-
-    Raises:
-        FileNotFoundError: there is no such log.
-        NoRenderer: nothing on this machine can draw, or not in time.
-        ValueError: there is no such view.
+    Returns the viewer's error reports, view by view: empty when the layout fits the log. Raises FileNotFoundError,
+    NoRenderer where nothing can draw, or not in time, and ValueError where there is no such view.
     """
     from rerun.experimental import ViewerClient
 

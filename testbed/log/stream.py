@@ -98,7 +98,6 @@ def column(component: str, values: list) -> ComponentColumn:
 
 @lru_cache(maxsize=256)
 def _ones(rows: int) -> pa.Array:
-    """Offsets of rows with one instance each."""
     return pa.array(np.arange(rows + 1, dtype=np.int32))
 
 

@@ -8,8 +8,8 @@ import rerun as rr
 from sensors.origin import KINDS
 from testbed.log import palette, paths
 from testbed.log.layers import dashes, fields_of_view
-from testbed.log.legend import RINGS
 from testbed.log.record import RoadGeometry
+from testbed.log.text import RINGS
 from trackers.geometry import unit
 from trackers.scan import SensorModel
 
@@ -76,7 +76,6 @@ def change_styles(index: int, name: str) -> Iterator[Static]:
 
 
 def _rings() -> Iterator[Static]:
-    """Distances from the ego."""
     angle = np.linspace(0.0, 2 * np.pi, 97)
     rings = [np.array(r * unit(angle), np.float32) for r in RINGS]
     yield paths.RINGS, rr.LineStrips2D(rings, radii=0.04, colors=palette.RING, draw_order=-16)

@@ -1,10 +1,12 @@
-"""Texts of the review log: the pages beside the scene and the flat properties of a run."""
+"""Texts of the review log: the pages beside the scene, in markdown, and the flat properties of a run."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from importlib.resources import files
 
 import numpy as np
 
 from testbed.evaluation.metric import METRICS, Metric
+from testbed.log import palette, paths
 from testbed.log.record import RunMeta
 
 OF_TRACKER = (  # what a run shows of each tracker
@@ -14,6 +16,18 @@ OF_TRACKER = (  # what a run shows of each tracker
     "gwd", "box_iou", "contour_iou", "nees_position", "nees_velocity",
 )  # fmt: skip
 OF_DRIVE = ("collisions", "ttc_min", "distance_min", "progress", "speed_mean", "deceleration_max", "harsh_braking")
+
+Table = Mapping[str, float | int | str | None]  # a row of it
+
+COUNTS = {  # of a row of `objects` in the results: what are no metrics, and their headings
+    "severity": "severity [m^2 s]", "scans_counted": "scans in view", "scans_missed": "scans without a track",
+}  # fmt: skip
+COLUMNS = (
+    "severity", "scans_counted", "birth_delay", "scans_missed", "lost", "switches", "gwd", "rmse_position",
+    "rmse_velocity", "rmse_heading_deg", "rmse_length", "rmse_width",
+)  # fmt: skip
+NOTHING_WRONG = "Nothing went wrong that counts: every vehicle in view had a track, and no track was wrong."
+RINGS = (25.0, 50.0, 100.0, 150.0)  # [m] around the ego
 
 Value = str | int | float | bool
 
@@ -32,9 +46,14 @@ def flat_properties(meta: RunMeta) -> dict[str, Value]:
         "trackers": " ".join(meta.trackers),
         "planner": meta.planner,
     }
-    varied = {f"config_{_key(name)}": text for name, text in meta.config.items()}
+    varied = {f"config_{_key(name)}": _written(value) for name, value in meta.config.items()}
     versions = {f"version_{_key(name)}": text for name, text in meta.versions.items()}
     return fixed | varied | versions
+
+
+def _written(value: object) -> str:
+    """A setting as text."""
+    return ", ".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
 
 
 def flat_summary(summary: Mapping[str, Value | Mapping[str, Value]]) -> dict[str, Value]:
@@ -53,7 +72,6 @@ def _key(name: str) -> str:
 
 
 def _plain(name: str, value: object) -> Value:
-    """A number or text that a property can hold."""
     if isinstance(value, np.generic):
         value = value.item()
     if not isinstance(value, str | int | float | bool):
@@ -66,7 +84,8 @@ def _plain(name: str, value: object) -> Value:
 def config_text(meta: RunMeta) -> str:
     """Page with everything that identifies the run."""
     rows = {"scenario": meta.scenario, "seed": str(meta.seed), "radar": meta.radar}
-    rows |= {"trackers": ", ".join(meta.trackers), "planner": meta.planner} | meta.config
+    rows |= {"trackers": ", ".join(meta.trackers), "planner": meta.planner}
+    rows |= {name: _written(value) for name, value in meta.config.items()}
     return "\n\n".join(
         [
             markdown_table(("setting", "value"), rows.items()),
@@ -113,6 +132,62 @@ def _short(value: Value) -> str:
     return {True: "yes", False: "no"}[value] if isinstance(value, bool) else str(value)
 
 
+def subject(moment: Table) -> str:
+    """Whom a moment is about: the object with its class, or the track."""
+    if moment["object"] is None:
+        return f"track {moment['track']}"
+    return f"{paths.vehicle(int(moment['object']))} {moment['kind']}"
+
+
+def happened(moment: Table) -> str:
+    """What happened, in words."""
+    return f"{moment['what']}: {moment['text']}"
+
+
+def moments_text(moments: Sequence[Table]) -> str:
+    """Page of the worst moments, the worst first."""
+    if not moments:
+        return NOTHING_WRONG
+    entries = [
+        f"{n}. **{m['time']:.1f} s, {subject(m)}**: {happened(m)}. *{m['why']}* "
+        f"({m['tracker']}, {m['severity']:.1f} m^2 s)"
+        for n, m in enumerate(moments, 1)
+    ]
+    note = "Severity: squared error at GOSPA's prices over the time that it lasted, nearer to the ego weighing more."
+    return "\n".join([*entries, "", note])
+
+
+def objects_text(objects: Sequence[Table]) -> str:
+    """Page of the objects that counted, those of greatest severity first."""
+    rows = sorted((row for row in objects if row["scans_counted"]), key=lambda row: -float(row["severity"] or 0.0))
+    head = ("object", "tracker", *(COUNTS.get(key) or METRICS[key].title for key in COLUMNS))
+    body = [
+        (
+            f"{paths.vehicle(int(row['object'] or 0))} {row['kind']}",
+            str(row["tracker"]),
+            *(_cell(key, row.get(key)) for key in COLUMNS),
+        )
+        for row in rows
+    ]
+    return markdown_table(head, body)
+
+
+def _cell(key: str, value: float | int | str | None) -> str:
+    if key in METRICS:
+        return METRICS[key].text(value, "-")
+    return number(value, 0 if isinstance(value, int) else 1)
+
+
+def legend_text(trackers: Sequence[str]) -> str:
+    """Page that says what every line and dot is."""
+    kinds = zip(palette.KIND_COLORS, palette.KIND_NOTES.values(), strict=True)
+    note = "reported tracks of {} with their ids; the very thin ones are not yet reported"
+    tracks = [(palette.tracker_name(index), note.format(name)) for index, name in enumerate(trackers)]
+    page = files("testbed.log").joinpath("legend.md").read_text(encoding="utf-8").rstrip()
+    rings = ", ".join(f"{r:g}" for r in RINGS)
+    return page.format(kinds=markdown_table(("colour", "what"), kinds), tracks=_lines(tracks), rings=rings)
+
+
 def number(value: object, digits: int) -> str:
     """A figure with so many digits, a dash where nothing was measured."""
     measured = isinstance(value, int | float | np.number) and np.isfinite(value)
@@ -121,5 +196,8 @@ def number(value: object, digits: int) -> str:
 
 def markdown_table(head: Sequence[str], body: Iterable[Sequence[str]]) -> str:
     """A table in markdown; "|" in a cell becomes "/"."""
-    lines: list[Sequence[str]] = [head, ("---",) * len(head), *body]
-    return "\n".join("| " + " | ".join(cell.replace("|", "/") for cell in line) + " |" for line in lines)
+    return _lines([head, ("---",) * len(head), *body])
+
+
+def _lines(rows: Iterable[Sequence[str]]) -> str:
+    return "\n".join("| " + " | ".join(cell.replace("|", "/") for cell in row) + " |" for row in rows)

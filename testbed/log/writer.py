@@ -15,18 +15,26 @@ import numpy as np
 from sensors.scene import Objects
 from testbed.frame import Frame, FrameScore
 from testbed.log import layers, palette, paths, road_shape
-from testbed.log.legend import legend_text
 from testbed.log.modes import class_names, modes_of
 from testbed.log.record import RoadGeometry, RunMeta, SmoothedTracks
-from testbed.log.table_pages import Table, moments_text, objects_text
-from testbed.log.text import config_text, flat_properties, flat_summary, summary_text, unfinished_text
+from testbed.log.text import (
+    Table,
+    Value,
+    config_text,
+    flat_properties,
+    flat_summary,
+    legend_text,
+    moments_text,
+    objects_text,
+    summary_text,
+    unfinished_text,
+)
 from trackers.multi.tracks import NO_TRACK, Event, StepInfo, Tracks
 from trackers.scan import SensorModel
 
 if TYPE_CHECKING:
     from testbed.log.stream import Block, Stream
 
-Value = str | int | float | bool
 Summary = Mapping[str, Value | Mapping[str, Value]]
 Scores = Mapping[str, FrameScore]  # by name of the tracker, in the order of the run
 LogEvents = Iterable[tuple[str, str]]  # severity, text
@@ -36,41 +44,7 @@ PAGES = 3  # objects with a page of their own
 CHANGE_SHOWN = 10**9  # [ns] a contour that has changed is drawn so long, where the track was
 
 
-class NullLog:
-    """A log that keeps nothing, in place of `RunLog`."""
-
-    path: Path | None = None  # the name of the closed file
-    file: Path | None = None  # where the file lies now
-
-    def static(self, road: RoadGeometry, sensors: tuple[SensorModel, ...]) -> None:
-        """Ignore the road and the radars."""
-
-    def step(self, frame: Frame, scores: Scores, events: LogEvents = (), risk: Sequence[float] = ()) -> None:
-        """Ignore a frame."""
-
-    def smoothed(self, name: str, smoothed: SmoothedTracks) -> None:
-        """Ignore smoothed tracks."""
-
-    def focus_on(self, key: int) -> None:
-        """Ignore the object that is to have a page of its own."""
-
-    def event(self, level: str, text: str) -> None:
-        """Ignore an event."""
-
-    def tables(self, moments: Sequence[Table], objects: Sequence[Table]) -> None:
-        """Ignore the worst moments and the objects of a run."""
-
-    def close(self, summary: Summary | None = None, replace: bool = True) -> None:
-        """Do nothing."""
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        self.close()
-
-
-class RunLog(NullLog):
+class RunLog:
     """Log of one run in `path` (.rrd), opened at the first step; use as a context manager.
 
     Args:
@@ -93,7 +67,7 @@ class RunLog(NullLog):
         focus: int | None = None,
     ) -> None:
         if level not in ("full", "metrics"):
-            raise ValueError(f"level must be 'full' or 'metrics', got {level!r}; for no log use NullLog")
+            raise ValueError(f"level must be 'full' or 'metrics', got {level!r}; make none where there is to be no log")
         if every < 1:
             raise ValueError(f"every must be at least 1 step, got {every}")
         if len({paths.plain(name) for name in meta.trackers}) < len(meta.trackers):
@@ -101,7 +75,8 @@ class RunLog(NullLog):
                 f"trackers {', '.join(meta.trackers)} have one name in a log, where only letters, digits, '_', '-' and "
                 "'.' count; run them apart"
             )
-        self.path = self._path = Path(path)
+        self.path = Path(path)
+        self.file: Path | None = None  # where the file lies now
         self.meta = meta
         self._level, self._every, self._focus = level, every, focus
         self._shown: tuple[int, ...] = ()  # objects with a page of their own
@@ -141,9 +116,8 @@ class RunLog(NullLog):
     def step(self, frame: Frame, scores: Scores, events: LogEvents = (), risk: Sequence[float] = ()) -> None:
         """Take one frame with the score of each tracker of the run, and numbers of `paths.RISK`; arrays are copied.
 
-        Raises:
-            ValueError: the log is closed, the step does not grow, or the scores are of other trackers.
-            OSError: the file cannot be written; what follows is ignored.
+        Raises ValueError for a closed log, a step that does not grow, or scores of other trackers, and OSError where
+        the file cannot be written; what follows is then ignored.
         """
         self._check(frame, scores)
         if self._stopped:
@@ -211,29 +185,27 @@ class RunLog(NullLog):
             self._stream.blueprint(self._layout())
 
     def close(self, summary: Summary | None = None, replace: bool = True) -> None:
-        """Write the rest and the summary, once; later calls do nothing.
+        """Write the rest and the summary, facts of the run and metrics by tracker, once; later calls do nothing.
 
-        Args:
-            summary: facts of the run, and by tracker name its metrics.
-            replace: whether the file takes its name; without, it keeps the name of an unfinished one.
-
-        Raises:
-            OSError: the end of the log cannot be written, or it does not read back as complete.
+        Without `replace` the file keeps the name of an unfinished one. Raises OSError where the end cannot be written,
+        or does not read back as complete.
         """
         if self._closed:
             return
         flat = flat_summary(summary or {})
         if self._stream is None:
             self._open()
-        assert self._stream is not None
         try:
             self._send()
             if summary is not None and not self._stopped:
                 self._write_text(paths.SUMMARY, summary_text(self.meta, summary))
                 if flat:
-                    self._stream.property("summary", flat)
+                    self._out.property("summary", flat)
         finally:
             self._finish(replace)
+
+    def __enter__(self) -> Self:
+        return self
 
     def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
         if error is not None and self._stream is None:
@@ -259,7 +231,7 @@ class RunLog(NullLog):
 
         self._metrics = metrics = {name: tuple(score.mean) for name, score in scores.items()}
         self._shown = _focus(self._focus, first) if first else ()
-        self._stream = Stream(self._path, self.meta.run_id, self._layout())
+        self._stream = Stream(self.path, self.meta.run_id, self._layout())
         self.file = self._stream.path
         self._stream.property("run", flat_properties(self.meta))
         self._write_text(paths.CONFIG, config_text(self.meta))
@@ -269,6 +241,11 @@ class RunLog(NullLog):
         for path, data in styles(self.meta.trackers, metrics, self._road, self._sensors, self._level == "full"):
             self._stream.static(path, data)
 
+    @property
+    def _out(self) -> "Stream":
+        assert self._stream is not None
+        return self._stream
+
     def _layout(self) -> Any:
         from testbed.log.blueprint import layout
 
@@ -277,8 +254,7 @@ class RunLog(NullLog):
     def _write_text(self, path: str, markdown: str) -> None:
         import rerun as rr
 
-        assert self._stream is not None
-        self._stream.static(path, rr.TextDocument(markdown, media_type="text/markdown"))
+        self._out.static(path, rr.TextDocument(markdown, media_type="text/markdown"))
 
     def _put(self, path: str, row: layers.Row) -> None:
         entry = (max(self._step, 0), self._time, row)
@@ -292,23 +268,20 @@ class RunLog(NullLog):
 
     def _write(self, block: "Block") -> None:
         """Send a block; the first error of the disk stops the log, which then ends with the block before."""
-        assert self._stream is not None
         try:
-            self._stream.send(block)
+            self._out.send(block)
         except OSError as error:
             self._stopped = True
             raise self._ending(error) from error
 
     def _finish(self, replace: bool) -> None:
-        """Close the file, and check that everything arrived."""
-        assert self._stream is not None
         self._closed = True
         try:
-            self._stream.close(replace)
+            self._out.close(replace)
         except OSError as error:
             raise self._ending(error) from error
         finally:
-            self.file = self._stream.path
+            self.file = self._out.path
         if not self._stopped and not _is_whole(self.file):
             raise OSError(f"the log {self.file} does not read back; delete it and run again")
 
@@ -351,9 +324,8 @@ class RunLog(NullLog):
     def _style_changes(self, name: str) -> None:
         from testbed.log.styles import change_styles
 
-        assert self._stream is not None
         for path, data in change_styles(self.meta.trackers.index(name), name):
-            self._stream.static(path, data)
+            self._out.static(path, data)
 
     def _numbers(self, frame: Frame, scores: Scores) -> None:
         rows = layers.object_rows(frame, scores, self._modes)
@@ -377,9 +349,8 @@ class RunLog(NullLog):
 
         if action not in self._actions:
             self._actions.append(action)
-            assert self._stream is not None
             colors = np.array([palette.action(name) for name in self._actions], np.uint32)
-            self._stream.static(paths.EGO_ACTION, rr.StateConfiguration(values=self._actions, colors=colors))
+            self._out.static(paths.EGO_ACTION, rr.StateConfiguration(values=self._actions, colors=colors))
 
     def _decisions(self, name: str, tracks: Tracks, info: StepInfo) -> None:
         confirmed = self._confirmed[name]
@@ -389,15 +360,13 @@ class RunLog(NullLog):
         confirmed |= set(tracks.id[tracks.confirmed].tolist())
 
     def _name_objects(self, objects: Objects) -> None:
-        """Give newly seen objects a name for hovering."""
         import rerun as rr
 
         new = {int(i): kind for i, kind in zip(objects.id, objects.kind, strict=True) if i not in self._known}
         if new:
             self._known |= new
             names = [rr.AnnotationInfo(i + 1, f"{paths.vehicle(i)} {kind}") for i, kind in self._known.items()]
-            assert self._stream is not None
-            self._stream.static(paths.TRUTH_CONTOUR, rr.AnnotationContext(names))
+            self._out.static(paths.TRUTH_CONTOUR, rr.AnnotationContext(names))
 
 
 def _level(event: Event, confirmed: bool) -> str:
@@ -413,7 +382,6 @@ def _level(event: Event, confirmed: bool) -> str:
 
 
 def _is_whole(log: Path) -> bool:
-    """Whether a log reads back, and has its footer."""
     from testbed.log.reader import complete
 
     try:

@@ -1,20 +1,14 @@
 """Planners: what chooses the ego's actions.
 
 In: a highway-env environment whose road holds ego and tracks. Out: an action, and a planned path for the log. May
-import highway-env and scenarios; no tracker, no truth. What is named here is loaded when it is
-first used, and highway-env with it.
+import highway-env and scenarios; no tracker, no truth. What is named here is loaded when it is first used.
 """
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from testbed.planners.registry import LEARNED as LEARNED
-    from testbed.planners.registry import PLANNERS as PLANNERS
-    from testbed.planners.registry import Planner as Planner
-    from testbed.planners.registry import begin as begin
-    from testbed.planners.registry import find as find
-    from testbed.planners.registry import settings as settings
+    from testbed.planners.registry import LEARNED, PLANNERS, Planner, begin, find, settings
 
 __all__ = ["LEARNED", "PLANNERS", "Planner", "begin", "find", "settings"]
 

@@ -15,10 +15,9 @@ SMALLEST = 0.1  # [m] a shorter gap, or an overlap, counts as this gap
 
 @dataclass(frozen=True)
 class CarFollowing:
-    """IDM with the constant-acceleration heuristic (CAH); the acceleration of the leader is not known, and taken as 0.
+    """IDM with the constant-acceleration heuristic (CAH); the acceleration of the leader is taken as 0.
 
-    Alone, IDM brakes hard for a small gap even behind a leader of the same speed. CAH is the least braking that avoids
-    a collision. Where IDM brakes harder than CAH, the two are mixed.
+    CAH is the least braking that avoids a collision. Where IDM brakes harder than CAH, the two are mixed.
     """
 
     gap: float = 3.0  # [m] s_0, between bumpers at standstill

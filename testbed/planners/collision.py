@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from testbed.planners.prediction import LanePath, Others, along_path, forecast, overlap
+from testbed.planners.prediction import LanePath, Others, along_path, forecast
+from trackers.geometry import unit
 
 STEP = 0.2  # [s] between the instants of a forecast
 
@@ -33,3 +34,21 @@ def first_contact(path: LanePath, arc: NDArray, offset: float, size: NDArray, ot
     near = close.any(axis=tuple(i for i in range(close.ndim) if i != close.ndim - 2))
     hit = overlap(p[..., None, :, :], h[..., None, :], size, q[near], g[near], others.size[near, None]).any(-2)
     return np.where(hit.any(-1), times[hit.argmax(-1)], np.inf)
+
+
+def overlap(p: NDArray, h: NDArray, size: NDArray, q: NDArray, g: NDArray, other: NDArray) -> NDArray:
+    """Which boxes overlap, (...) bool, by the separating axis theorem.
+
+    Centres p, q (..., 2) [m], headings h, g (...) [rad], sizes size, other (..., 2) length, width [m]; all broadcast.
+    """
+    d = q - p
+    apart = np.zeros(np.broadcast_shapes(h.shape, g.shape), bool)
+    for axis in (h, h + np.pi / 2, g, g + np.pi / 2):
+        reach = _half_extent(axis - h, size) + _half_extent(axis - g, other)
+        apart |= np.abs((d * unit(axis)).sum(-1)) > reach
+    return ~apart
+
+
+def _half_extent(angle: NDArray, size: NDArray) -> NDArray:
+    """Half length (...) [m] of the projection of boxes on an axis at an angle (...) from their heading."""
+    return 0.5 * (np.abs(unit(angle)) * size).sum(-1)

@@ -1,7 +1,7 @@
 """The default planner: speed by the Intelligent Driver Model, lane changes by MOBIL, on the belief road.
 
-IDM is in `car_following`; MOBIL is by Kesting, Treiber, Helbing (2007), "General lane-changing model MOBIL for
-car-following models". Actions for which `collision` forecasts a contact are not chosen.
+MOBIL: Kesting, Treiber, Helbing (2007), "General lane-changing model MOBIL for car-following models". Actions for which
+`collision` forecasts a contact are not chosen.
 """
 
 from collections.abc import Sequence
@@ -14,6 +14,7 @@ import numpy as np
 from highway_env.envs.common.action import DiscreteMetaAction
 from highway_env.road.road import RoadNetwork
 from highway_env.vehicle.controller import ControlledVehicle, MDPVehicle
+from highway_env.vehicle.kinematics import Vehicle
 from numpy.typing import NDArray
 
 from scenarios.vehicles import EgoVehicle
@@ -24,12 +25,15 @@ from testbed.planners.prediction import (
     LanePath,
     Others,
     Relation,
+    allowed_speed,
     along_path,
     is_oncoming,
+    offset_from,
     on_path,
     others_on,
     path_ahead,
     relate,
+    without_followers,
 )
 
 SPEED_ACTIONS = ("IDLE", "SLOWER", "FASTER")  # the first of equals is taken
@@ -86,13 +90,10 @@ class IdmPlanner:
         """The meta-action for the next period."""
         return self.choose(env).action
 
-    def plan(self, env: gym.Env) -> NDArray:
-        """The path of the chosen lane, reached within about two seconds."""
-        return self.choose(env).plan
-
     def choose(self, env: gym.Env) -> Choice:
         """The meta-action for the next period, and the path that goes with it."""
-        decision, speed = self.decide(env), _world(env).vehicle.speed
+        core: Any = env.unwrapped
+        decision, speed = self.decide(env), core.vehicle.speed
         path = decision.path
         arc = path.arc[path.arc <= max(20.0, 3.0 * speed)]
         offset = decision.offset * np.exp(-arc / max(5.0, speed))
@@ -101,25 +102,26 @@ class IdmPlanner:
 
     def decide(self, env: gym.Env) -> Decision:
         """Lane first, then speed."""
-        action_type, world = meta_actions(env), _world(env)
-        ego, network = world.vehicle, world.road.network
-        others = others_on(world.road, ego, self.reach)
+        action_type = meta_actions(env)
+        core: Any = env.unwrapped
+        ego, network = core.vehicle, core.road.network
+        others = others_on(core.road, ego, self.reach)
         here = self._option(network, ego, ego.target_lane_index, others)
         options = [here]
         if ego.lane_index[:2] == ego.target_lane_index[:2] and ego.lane_index != ego.target_lane_index:
             # During a lane change both lanes count, unless the target lane lies on the next road
             options.append(self._option(network, ego, ego.lane_index, others))
-        cruise = cruise_speed(env, ego)
+        cruise = cruise_speed(env, np.max(ego.target_speeds))
         acceleration = min(self.acceleration(ego, option, min(cruise, option.top)) for option in options)
         offset = network.get_lane(ego.target_lane_index).local_coordinates(ego.position)[1]
-        settled = world.steps >= self.change_after * world.config["simulation_frequency"]
+        settled = core.steps >= self.change_after * core.config["simulation_frequency"]
         change = None
         if action_type.lateral and settled:
             change = self._lane_change(network, ego, here, acceleration, cruise, others)
         if change is not None:
             action, option, there = change
-            return Decision(action, option.path, relate_ego(option.path, ego), there, np.inf)
-        period = 1 / world.config["policy_frequency"]
+            return Decision(action, option.path, offset_from(option.path, ego), there, np.inf)
+        period = 1 / core.config["policy_frequency"]
         targets = np.array([_target_speed(ego, action) for action in SPEED_ACTIONS])
         contact = self._contacts(ego, here, targets, period, offset, others)
         best = self._nearest(targets, self._target(ego, options, cruise), contact)
@@ -142,25 +144,14 @@ class IdmPlanner:
         accelerations = np.where(now, follow, yielding)[front & (now | soon)]
         return float(np.clip(accelerations.min(initial=free), -self.hard_brake, self.model.accel))
 
-    def _allowed_speed(self, path: LanePath) -> float:
-        """Highest speed [m/s] that the limits and curves of a path allow, comfortable braking towards them included."""
-        bend = np.maximum(np.abs(path.bend), 1e-6)
-        allowed = np.minimum(path.limit**2, self.lateral_accel / bend)
-        return float(np.sqrt((allowed + 2 * self.model.brake * path.arc).min()))
-
     def _option(self, network: RoadNetwork, ego: ControlledVehicle, lane: LaneIndex, others: Others) -> LaneOption:
         path = path_ahead(network, lane, ego.route, ego.position, self.reach)
-        return LaneOption(path, relate(path, others), self._allowed_speed(path))
+        return LaneOption(path, relate(path, others), allowed_speed(path, self.lateral_accel, self.model.brake))
 
     def _lane_change(
-        self,
-        network: RoadNetwork,
-        ego: ControlledVehicle,
-        here: LaneOption,
-        acceleration: float,
-        cruise: float,
+        self, network: RoadNetwork, ego: ControlledVehicle, here: LaneOption, acceleration: float, cruise: float,
         others: Others,
-    ) -> tuple[str, LaneOption, float] | None:
+    ) -> tuple[str, LaneOption, float] | None:  # fmt: skip
         """The best worthwhile and safe lane change: meta-action, the new lane, acceleration there."""
         if ego.lane_index != ego.target_lane_index or ego.speed < self.change_speed:
             return None
@@ -217,9 +208,7 @@ class IdmPlanner:
         Of two continuations the later contact counts: the target is kept, or it is held for one period and followed by
         comfortable braking.
         """
-        r = option.relation
-        follows = (r.along < 0) & on_path(r, ego.WIDTH) & (r.speed > 0)  # keeps its distance from the ego by itself
-        checked = Others(*(field[~follows] for field in others))
+        checked = without_followers(others, option.relation, ego.WIDTH)
         times = instants(self.horizon)
         held = targets[:, None] + (ego.speed - targets[:, None]) * np.exp(-ego.KP_A * times)
         braked = np.where(times > period, held - self.model.brake * (times - period), held)
@@ -228,31 +217,24 @@ class IdmPlanner:
         return first_contact(option.path, arc, offset, own, checked).max(0)
 
 
-def relate_ego(path: LanePath, ego: ControlledVehicle) -> float:
-    """Offset [m] of a vehicle across a path that begins beside it."""
-    d = ego.position - path.points[0]
-    return float(np.cos(path.heading[0]) * d[1] - np.sin(path.heading[0]) * d[0])
+def straight_on(ego: Vehicle) -> NDArray:
+    """Points (7, 2) [m] of the next three seconds of a vehicle that keeps its velocity: the plan of who has none."""
+    return ego.position + np.linspace(0, 3, 7)[:, None] * ego.velocity
 
 
-def _world(env: gym.Env) -> Any:
-    """The highway-env environment: its road holds the belief."""
-    return env.unwrapped
-
-
-def cruise_speed(env: gym.Env, ego: MDPVehicle) -> float:
-    """`TrackedEnv.cruise_speed`, or the highest target speed [m/s] in an environment that has none."""
-    if env.has_wrapper_attr("cruise_speed"):
-        return env.get_wrapper_attr("cruise_speed")
-    return float(np.max(ego.target_speeds))
+def cruise_speed(env: gym.Env, otherwise: float) -> float:
+    """`TrackedEnv.cruise_speed` [m/s], or another one in an environment that has none."""
+    return float(env.get_wrapper_attr("cruise_speed") if env.has_wrapper_attr("cruise_speed") else otherwise)
 
 
 def meta_actions(env: gym.Env) -> DiscreteMetaAction:
     """The meta-actions of an environment; TypeError where its actions are others, or lateral only."""
-    action_type = _world(env).action_type
+    core: Any = env.unwrapped
+    action_type = core.action_type
     if not (isinstance(action_type, DiscreteMetaAction) and action_type.longitudinal):
         raise TypeError(
             f"the planner needs config['action'] of type DiscreteMetaAction with longitudinal actions, got "
-            f"{_world(env).config['action']}; use planner 'idle' or another action type"
+            f"{core.config['action']}; use planner 'idle' or another action type"
         )
     return action_type
 

@@ -1,7 +1,6 @@
 """A learned policy: a neural network from the observation of the environment to the action of the greatest value.
 
-The network is kept as arrays in an `.npz` file, so that driving needs neither the library nor the pickles of the
-training: `save_policy` writes the q-network of a DQN of stable-baselines3. How to train one: docs/learning-to-drive.md.
+`save_policy` writes the q-network of a DQN of stable-baselines3 as an `.npz` file. Training: docs/learning-to-drive.md.
 """
 
 from collections.abc import Sequence
@@ -15,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from testbed.files import read_arrays
-from testbed.planners.idm import Choice
+from testbed.planners.idm import Choice, straight_on
 
 
 @dataclass(frozen=True)
@@ -67,14 +66,10 @@ class Learned:
             )
         return int(network(observation).argmax())
 
-    def plan(self, env: gym.Env) -> NDArray:
-        """Straight on for three seconds: the network has no path."""
-        ego = env.unwrapped.vehicle  # type: ignore[attr-defined]
-        return ego.position + np.linspace(0, 3, 7)[:, None] * ego.velocity
-
     def choose(self, env: gym.Env) -> Choice:
         """The action, and the path straight on."""
-        return Choice(self.act(env), self.plan(env))
+        core: Any = env.unwrapped
+        return Choice(self.act(env), straight_on(core.vehicle))  # the network has no path
 
 
 def save_policy(file: str | Path, layers: Sequence[tuple[ArrayLike, ArrayLike]]) -> None:

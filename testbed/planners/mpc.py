@@ -1,8 +1,7 @@
 """Model predictive control of the acceleration: the cheapest of 156 speed profiles over 4 s in the ego's lane.
 
-A profile holds one acceleration, then another. Each is scored against the predicted tracks, and the first acceleration
-of the cheapest is applied until the next decision. The planner keeps its lane and its route, and steers along it; it
-needs continuous actions. Equations: docs/methods/planners.md.
+A profile holds one acceleration, then another; the first of the cheapest is applied until the next decision. The
+planner keeps its lane and route, and needs continuous actions. Equations: docs/methods/planners.md.
 """
 
 from dataclasses import dataclass
@@ -14,16 +13,52 @@ from highway_env.envs.common.action import ContinuousAction, DiscreteAction
 from highway_env.vehicle.kinematics import Vehicle
 from numpy.typing import NDArray
 
-from testbed.planners.idm import Choice
-from testbed.planners.obstacles import Obstacles, among_tracks, on_belief_road
-from testbed.planners.prediction import LanePath, along_path, on_path, path_ahead, relate, relate_at
-from testbed.planners.steering import offset_from, steering_angle
+from scenarios.vehicles import SoftSteering
+from testbed.planners.idm import Choice, cruise_speed
+from testbed.planners.prediction import (
+    LanePath,
+    Others,
+    allowed_speed,
+    along_path,
+    offset_from,
+    on_path,
+    others_of,
+    path_ahead,
+    relate,
+    relate_at,
+    things_on,
+)
+from testbed.planners.track_vehicle import TrackVehicle, track_vehicles
+from trackers.geometry import unit, wrap_angle
 
 STEP = 0.2  # [s] between the instants of a prediction
 FIRST = np.array([-8.0, -7, -6, -5, -4, -3, -2, -1, -0.5, 0, 0.5, 1, 2])  # [m/s^2] before the switch
 THEN = np.array([-8.0, -5, -2.5, -1, 0, 1])  # [m/s^2] after it
 SWITCH = np.array([0.6, 1.4])  # [s]
 COLLIDES = 0.5  # [m] gaps below this count as a collision
+SLOWEST = 1.0  # [m/s] at lower speeds it steers with the gains of this one: a standing vehicle cannot turn
+MOST = np.pi / 4  # [rad] of the angle towards the path
+
+
+class Obstacles(NamedTuple):
+    """N vehicles and obstacles besides the ego."""
+
+    others: Others
+    existence: NDArray  # (N,) probability
+    cov: NDArray  # (N, 4, 4) of x, y, vx, vy [m, m/s]
+    length_std: NDArray  # (N,) [m]
+
+    def rows(self, index: NDArray) -> "Obstacles":
+        """Those at index, (N,) bool or rows."""
+        return Obstacles(self.others.rows(index), *(part[index] for part in self[1:]))
+
+    def edge_std(self, times: NDArray) -> NDArray:
+        """Standard deviations (N, H) [m] of the near bumper along its course, predicted to times (H,) [s]."""
+        along = unit(self.others.course)[:, None]  # (N, 1, 2)
+        P = self.cov
+        xx, xv, vv = ((along @ block @ along.mT)[..., 0] for block in (P[:, :2, :2], P[:, :2, 2:], P[:, 2:, 2:]))
+        place = np.maximum(xx + 2 * times * xv + times**2 * vv, 0.0)
+        return np.sqrt(place + (self.length_std[:, None] / 2) ** 2)  # (PLAN.3)
 
 
 class Ahead(NamedTuple):
@@ -83,14 +118,10 @@ class Mpc:
         """The action for the next period."""
         return self.choose(env).action
 
-    def plan(self, env: gym.Env) -> NDArray:
-        """Where the ego will be until the end of the horizon."""
-        return self.choose(env).plan
-
     def choose(self, env: gym.Env) -> Choice:
         """The action for the next period, and the predicted places of the ego."""
-        decision, core = self.decide(env), _core(env)
-        action_type = _action_type(env)
+        decision, action_type = self.decide(env), _action_type(env)
+        core: Any = env.unwrapped
         wanted = [(decision.acceleration, action_type.acceleration_range)] if action_type.longitudinal else []
         if action_type.lateral:
             wanted.append((steering_angle(decision.path, core.vehicle), action_type.steering_range))
@@ -101,14 +132,14 @@ class Mpc:
 
     def decide(self, env: gym.Env) -> Decision:
         """The cheapest profile."""
-        core = _core(env)
+        core: Any = env.unwrapped
         ego, network = core.vehicle, core.road.network
         path = path_ahead(network, ego.lane_index, getattr(ego, "route", None), ego.position, self.reach)
         ahead = self.ahead(ego, path, self.obstacles(env))
         lowest, highest = _action_type(env).acceleration_range
         profiles = np.clip(_profiles(self._times), lowest, highest)
         speed, arc = _drive(float(ego.speed), profiles)
-        target = min(_cruise_speed(env, ego), self.allowed_speed(path))
+        target = min(cruise_speed(env, ego.speed), allowed_speed(path, self.lateral_accel, self.brake))
         comfort = self.speed_cost * huber(speed - target, self.speed_error) + self.accel_cost * profiles**2
         cost = STEP * (comfort + self.risk(ego, ahead, speed, arc)).sum(-1)  # (PLAN.6)
         cost += self.change_cost * (profiles[:, 0] - ego.action["acceleration"]) ** 2
@@ -145,15 +176,42 @@ class Mpc:
         cost += np.where(gap < COLLIDES, self.collision_cost, 0.0) + np.where(gap < 0, self.closing_cost * closing, 0.0)
         return (ahead.existence[:, None] * cost).max(-2, initial=0.0)
 
-    def allowed_speed(self, path: LanePath) -> float:
-        """Highest speed [m/s] that the limits and curves of a path allow, with comfortable braking towards them."""
-        allowed = np.minimum(path.limit**2, self.lateral_accel / np.maximum(np.abs(path.bend), 1e-6))
-        return float(np.sqrt((allowed + 2 * self.brake * path.arc).min()))
-
     @property
     def _times(self) -> NDArray:
         """The instants (H,) [s] of a prediction, the present left out."""
         return STEP * np.arange(1, round(self.horizon / STEP) + 1)
+
+
+def on_belief_road(env: gym.Env, within: float) -> Obstacles:
+    """What is on the belief road within [m], taken for certain; motion across a lane counts from 0.5 m/s on."""
+    core: Any = env.unwrapped
+    return _certain(things_on(core.road, core.vehicle, within))
+
+
+def among_tracks(env: gym.Env, within: float, above: float) -> Obstacles:
+    """The tracks within [m] whose existence is above a probability, with their uncertainty; the rest from the road.
+
+    Among them are tentative ones, which are not reported yet. Without a tracker, as in a deep copy: what is on the
+    road.
+    """
+    if not env.has_wrapper_attr("current_tracks"):
+        return on_belief_road(env, within)
+    core: Any = env.unwrapped
+    tracks = env.get_wrapper_attr("current_tracks")
+    tracks = tracks.rows(tracks.existence > above)
+    twins = track_vehicles(core.road, np.arange(len(tracks.id)), tracks.estimate, core.controlled_vehicles)
+    twins = [v for v in twins if np.hypot(*(v.position - core.vehicle.position)) < within]
+    row = np.array([v.track_id for v in twins], int)
+    estimate = tracks.estimate
+    certain = _certain([v for v in things_on(core.road, core.vehicle, within) if not isinstance(v, TrackVehicle)])
+    parts = certain, Obstacles(others_of(twins), tracks.existence[row], estimate.cov[row], estimate.size_std[row, 0])
+    others = Others(*map(np.concatenate, zip(*(part.others for part in parts))))
+    return Obstacles(others, *map(np.concatenate, zip(*(part[1:] for part in parts))))
+
+
+def _certain(things: list[Any]) -> Obstacles:
+    n = len(things)
+    return Obstacles(others_of(things, significant=0.0), np.ones(n), np.zeros((n, 4, 4)), np.zeros(n))
 
 
 def huber(error: NDArray, bound: float) -> NDArray:
@@ -179,21 +237,26 @@ def _drive(speed: float, profiles: NDArray) -> tuple[NDArray, NDArray]:
     return after, np.cumsum(STEP * (before + after) / 2, -1)
 
 
-def _core(env: gym.Env) -> Any:
-    """The highway-env environment: its road holds the belief."""
-    return env.unwrapped
+def steering_angle(path: LanePath, ego: Vehicle) -> float:
+    """Angle of the front wheels [rad] that leads a kinematic bicycle back to a path that begins beside it.
 
-
-def _cruise_speed(env: gym.Env, ego: Vehicle) -> float:
-    """`TrackedEnv.cruise_speed`, or the present speed [m/s] in an environment that has none."""
-    return env.get_wrapper_attr("cruise_speed") if env.has_wrapper_attr("cruise_speed") else float(ego.speed)
+    The gains are those of `SoftSteering`, so that the ego turns alike under every action type.
+    """
+    speed, half = max(float(ego.speed), SLOWEST), ego.LENGTH / 2
+    lead = speed * SoftSteering.TAU_HEADING - half  # [m] cancels the lag of the heading and the slip of the centre
+    towards = np.arcsin(np.clip(-SoftSteering.KP_LATERAL * offset_from(path, ego) / speed, -1, 1))
+    wanted = np.interp(max(lead, 0.0), path.arc, path.heading) + np.clip(towards, -MOST, MOST)
+    turn = SoftSteering.KP_HEADING * float(wrap_angle(wanted - ego.heading))  # [rad/s]
+    slip = np.arcsin(np.clip(turn * half / speed, -1, 1))
+    return float(np.arctan(2 * np.tan(slip)))
 
 
 def _action_type(env: gym.Env) -> ContinuousAction:
-    action_type = _core(env).action_type
+    core: Any = env.unwrapped
+    action_type = core.action_type
     if not isinstance(action_type, ContinuousAction) or isinstance(action_type, DiscreteAction):
         raise TypeError(
-            f"the planner needs config['action'] of type ContinuousAction, got {_core(env).config['action']}; "
+            f"the planner needs config['action'] of type ContinuousAction, got {core.config['action']}; "
             "`testbed.planners.settings(planner)` is the config that it needs"
         )
     return action_type

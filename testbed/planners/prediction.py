@@ -1,7 +1,6 @@
 """Prediction on a highway-env road, of vehicles or of tracks: the ego's path, and who is or will be on it.
 
-A path is the centre line along the route, sampled evenly from the vehicle on. Other vehicles and obstacles are given
-by their place and motion along and across it.
+A path is the centre line along the route, sampled evenly from the vehicle on.
 """
 
 from collections.abc import Sequence
@@ -47,6 +46,10 @@ class Others(NamedTuple):
     size: NDArray  # (N, 2) [m]
     course: NDArray  # (N,) [rad] heading of the lane that they follow, direction of motion of those that cross it
     bend: NDArray  # (N,) [1/m] curvature of that lane, 0 for those that cross it
+
+    def rows(self, index: NDArray) -> "Others":
+        """Those at index, (N,) bool or rows."""
+        return Others(*(column[index] for column in self))
 
 
 class Relation(NamedTuple):
@@ -186,6 +189,22 @@ def on_path(relation: Relation, width: float, later: float = 0.0) -> NDArray:
     return np.abs(relation.across + later * relation.drift) < relation.half[..., 1] + width / 2 + LANE_MARGIN
 
 
+def without_followers(others: Others, relation: Relation, width: float) -> Others:
+    """The others but those behind on the path of a vehicle of width [m]: these keep their distance by themselves."""
+    return others.rows(~((relation.along < 0) & on_path(relation, width) & (relation.speed > 0)))
+
+
+def allowed_speed(path: LanePath, lateral_accel: float, brake: float) -> float:
+    """Highest speed [m/s] that the limits and curves of a path allow, braking [m/s^2] towards them included."""
+    allowed = np.minimum(path.limit**2, lateral_accel / np.maximum(np.abs(path.bend), 1e-6))
+    return float(np.sqrt((allowed + 2 * brake * path.arc).min()))
+
+
+def offset_from(path: LanePath, ego: Vehicle) -> float:
+    """Offset [m] of a vehicle across a path that begins beside it."""
+    return float(cross(unit(path.heading[0]), ego.position - path.points[0]))
+
+
 def forecast(others: Others, times: NDArray) -> tuple[NDArray, NDArray]:
     """Positions (N, H, 2) [m] and headings (N, H) [rad] at times (H,) [s].
 
@@ -217,24 +236,6 @@ def along_path(path: LanePath, arc: NDArray, offset: NDArray) -> tuple[NDArray, 
     centre = np.stack([np.interp(arc, path.arc, path.points[:, k]) for k in (0, 1)], -1)
     side = unit(heading + np.pi / 2)
     return centre + beyond[..., None] * unit(heading) + offset[..., None] * side, heading
-
-
-def overlap(p: NDArray, h: NDArray, size: NDArray, q: NDArray, g: NDArray, other: NDArray) -> NDArray:
-    """Which boxes overlap, (...) bool, by the separating axis theorem.
-
-    Centres p, q (..., 2) [m], headings h, g (...) [rad], sizes size, other (..., 2) length, width [m]; all broadcast.
-    """
-    d = q - p
-    apart = np.zeros(np.broadcast_shapes(h.shape, g.shape), bool)
-    for axis in (h, h + np.pi / 2, g, g + np.pi / 2):
-        reach = _half_extent(axis - h, size) + _half_extent(axis - g, other)
-        apart |= np.abs((d * unit(axis)).sum(-1)) > reach
-    return ~apart
-
-
-def _half_extent(angle: NDArray, size: NDArray) -> NDArray:
-    """Half length (...) [m] of the projection of boxes on an axis at an angle (...) from their heading."""
-    return 0.5 * (np.abs(unit(angle)) * size).sum(-1)
 
 
 def is_oncoming(network: RoadNetwork, lane: LaneIndex, at: NDArray) -> bool:

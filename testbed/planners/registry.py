@@ -1,25 +1,22 @@
 """The planners: each chooses the ego's next action from the belief road, or from the tracks themselves.
 
-A planner may offer two things besides those of `Planner`. `action`, a dict, is the `config["action"]` that it needs:
-`settings` finds it. `begin(env)` is called after every reset, for planners with a state; those of this table have none,
-so that one object may serve many environments.
+A planner may offer two things besides those of `Planner`: `action`, the `config["action"]` that it needs (`settings`
+finds it), and `begin(env)`, called after every reset. Those of this table keep no state.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from inspect import isfunction
+from inspect import isfunction, isroutine
 from types import MappingProxyType
 from typing import Any, Protocol
 
 import gymnasium as gym
 import numpy as np
 from highway_env.envs.common.action import DiscreteAction, DiscreteMetaAction
-from numpy.typing import NDArray
 
-from testbed.planners.idm import Choice, IdmPlanner
+from testbed.planners.idm import Choice, IdmPlanner, straight_on
 from testbed.planners.learned import Learned
 from testbed.planners.mpc import Caution, Mpc
-from testbed.planners.own import OwnPlanner
 from testbed.planners.tree import TreeSearch
 from trackers.lookup import find_own, look_up, parse, with_parameters
 
@@ -42,11 +39,8 @@ class Planner(Protocol):
     def act(self, env: gym.Env) -> Any:
         """The next action."""
 
-    def plan(self, env: gym.Env) -> NDArray:
-        """Points (P, 2) [m] of the path that it means to take, in the world frame."""
-
     def choose(self, env: gym.Env) -> Choice:
-        """Action and plan at once."""
+        """The next action, and points (P, 2) [m] of the path that goes with it, in the world frame."""
 
 
 @dataclass(frozen=True)
@@ -71,14 +65,9 @@ class Idle:
             return int(env.action_space.n) // 2  # type: ignore[attr-defined]  # the middle of every axis
         return np.zeros(env.action_space.shape, env.action_space.dtype)
 
-    def plan(self, env: gym.Env) -> NDArray:
-        """Straight on for three seconds."""
-        ego = env.unwrapped.vehicle  # type: ignore[attr-defined]
-        return ego.position + np.linspace(0, 3, 7)[:, None] * ego.velocity
-
     def choose(self, env: gym.Env) -> Choice:
         """The action that changes nothing, and the path straight on."""
-        return Choice(self.act(env), self.plan(env))
+        return Choice(self.act(env), straight_on(env.unwrapped.vehicle))  # type: ignore[attr-defined]
 
 
 PLANNERS: Mapping[str, Planner] = MappingProxyType(
@@ -97,6 +86,54 @@ PLANNERS: Mapping[str, Planner] = MappingProxyType(
 )
 
 
+@dataclass(frozen=True)
+class OwnPlanner:
+    """A user's object under the name by which it was found; what it does not have is left out."""
+
+    name: str
+    planner: Any  # with `act` or `choose`, and perhaps `plan`, `begin`, `action`, `knows_truth`; or a function
+
+    def __post_init__(self) -> None:
+        if not (isroutine(self.planner) or hasattr(self.planner, "act") or hasattr(self.planner, "choose")):
+            raise ValueError(
+                f"planner {self.name!r} is {self.planner!r}; it must be a function of the environment, or an object "
+                "with `act(env)`"
+            )
+
+    @property
+    def note(self) -> str:
+        """The first line of its docstring."""
+        return str(getattr(self.planner, "note", None) or (self.planner.__doc__ or "").strip().partition("\n")[0])
+
+    @property
+    def knows_truth(self) -> bool:
+        """Whether it is to be run on the truth."""
+        return bool(getattr(self.planner, "knows_truth", False))
+
+    @property
+    def action(self) -> Mapping[str, Any] | None:
+        """The actions that it needs, as the config of the environment has them; None: whatever there are."""
+        return getattr(self.planner, "action", None)
+
+    def begin(self, env: gym.Env) -> None:
+        """Call its `begin`, if it has one, at the begin of an episode."""
+        if hasattr(self.planner, "begin"):
+            self.planner.begin(env)
+
+    def act(self, env: gym.Env) -> Any:
+        """The next action."""
+        if isroutine(self.planner):
+            return self.planner(env)
+        return self.planner.act(env) if hasattr(self.planner, "act") else self.planner.choose(env).action
+
+    def choose(self, env: gym.Env) -> Choice:
+        """Action and plan at once; no points where it has no plan."""
+        if hasattr(self.planner, "choose"):
+            return self.planner.choose(env)
+        plan = self.planner.plan(env) if hasattr(self.planner, "plan") else np.zeros((0, 2))
+        return Choice(self.act(env), plan)
+
+
 LEARNED = "learned:"  # before the file of a policy
 
 
@@ -108,7 +145,6 @@ def find(name: str) -> Planner:
     Raises:
         LookupError: no such planner; the nearest name is suggested.
         ValueError: a parameter or value that it cannot have, an OBJECT that is no planner, or a file without a policy.
-
     """
     if isinstance(name, str) and name.startswith(LEARNED):
         return Learned(name.removeprefix(LEARNED))

@@ -33,24 +33,14 @@ class TrackVehicle(IDMVehicle):
 
     def __init__(
         self,
-        road: Road,
-        position: Any,
-        heading: float = 0.0,
-        speed: float = 0.0,
-        target_lane_index: Any = None,
-        target_speed: float | None = None,
-        route: Any = None,
-        enable_lane_change: bool = True,
-        timer: float | None = None,
-        *,
+        *args: Any,
         size: Sequence[float] | NDArray = (5.0, 2.0),
         velocity: NDArray | None = None,
         drift_std: float = 0.0,
         track_id: int = -1,
+        **kwargs: Any,
     ) -> None:
-        super().__init__(
-            road, position, heading, speed, target_lane_index, target_speed, route, enable_lane_change, timer
-        )
+        super().__init__(*args, **kwargs)
         self.LENGTH, self.WIDTH = float(size[0]), float(size[1])
         self.diagonal = float(np.hypot(self.LENGTH, self.WIDTH))
         self.track_id = track_id

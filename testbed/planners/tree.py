@@ -1,9 +1,7 @@
 """Tree search over meta-actions: optimistic planning of deterministic systems with a budget of expansions.
 
 Hren, Munos (2008), "Optimistic planning of deterministic systems", EWRL: of all leaves the one that may still be worth
-most is expanded next. The tracks are not simulated: their forecast at constant velocity is made once a decision, and
-the ego is a few numbers, so that an expansion takes array operations instead of copies of the environment. Equations:
-docs/methods/planners.md.
+most is expanded next. The forecast of the tracks is made once a decision. Equations: docs/methods/planners.md.
 """
 
 from dataclasses import dataclass
@@ -22,15 +20,16 @@ from testbed.planners.prediction import (
     LANE_MARGIN,
     LanePath,
     Relation,
+    allowed_speed,
     along_path,
     is_oncoming,
-    on_path,
+    offset_from,
     others_on,
     path_ahead,
     relate,
     relate_at,
+    without_followers,
 )
-from testbed.planners.steering import offset_from
 
 STEP = 0.2  # [s] between the instants of a prediction
 SIDES = {"IDLE": 0, "FASTER": 0, "SLOWER": 0, "LANE_LEFT": -1, "LANE_RIGHT": 1}  # by the lane index
@@ -100,17 +99,14 @@ class TreeSearch:
         """The meta-action for the next period."""
         return self.choose(env).action
 
-    def plan(self, env: gym.Env) -> NDArray:
-        """The path of the best sequence of actions."""
-        return self.choose(env).plan
-
     def choose(self, env: gym.Env) -> Choice:
         """The first action of the best sequence, and its path."""
         action_type = meta_actions(env)
         core: Any = env.unwrapped
         ego = core.vehicle
         path = path_ahead(core.road.network, ego.target_lane_index, ego.route, ego.position, self.reach)
-        scene, root = self._scene(env, path), self._root(ego, path)
+        scene = self._scene(env, path)
+        root = EgoState(0, 0.0, float(ego.speed), float(ego.target_speed), offset_from(path, ego), 0)
         best = self.search(scene, root)
         return Choice(action_type.actions_indexes[best[0]], self._places(scene, root, best, path))
 
@@ -191,9 +187,7 @@ class TreeSearch:
         core: Any = env.unwrapped
         ego, network = core.vehicle, core.road.network
         others = others_on(core.road, ego, self.reach)
-        now = relate(path, others)
-        follows = (now.along < 0) & on_path(now, ego.WIDTH) & (now.speed > 0)  # keeps its distance by itself
-        others = type(others)(*(part[~follows] for part in others))
+        others = without_followers(others, relate(path, others), ego.WIDTH)
         held = round(self.hold / STEP)
         times = STEP * np.arange(1, self.depth * held + round(self.braking / STEP) + 1)
         speeds = np.asarray(ego.target_speeds, float)
@@ -202,21 +196,13 @@ class TreeSearch:
             size=np.array([ego.LENGTH, ego.WIDTH]),
             lanes=_lanes(network, ego) if action_type.lateral else range(1),
             width=float(network.get_lane(ego.target_lane_index).width_at(0.0)),
-            cruise=min(cruise_speed(env, ego), self._curve_speed(path)),
+            cruise=min(cruise_speed(env, speeds.max()), max(allowed_speed(path, self.comfort, self.comfort), 1.0)),
             gain=float(ego.KP_A),
             step=float(speeds[-1] - speeds[0]) / max(len(speeds) - 1, 1),
             top=float(speeds[-1]),
             presses=max(round(self.hold * core.config["policy_frequency"]), 1),
             actions=tuple(a for a in SIDES if a in action_type.actions_indexes),
         )
-
-    def _curve_speed(self, path: LanePath) -> float:
-        """Speed [m/s] that the limits and curves ahead allow."""
-        allowed = np.minimum(path.limit**2, self.comfort / np.maximum(np.abs(path.bend), 1e-6))
-        return max(float(np.sqrt((allowed + 2 * self.comfort * path.arc).min())), 1.0)
-
-    def _root(self, ego: MDPVehicle, path: LanePath) -> EgoState:
-        return EgoState(0, 0.0, float(ego.speed), float(ego.target_speed), offset_from(path, ego), 0)
 
     def _places(self, scene: Scene, root: EgoState, actions: tuple[str, ...], path: LanePath) -> NDArray:
         """The path (P, 2) [m] of a sequence of actions, in the world."""

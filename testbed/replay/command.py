@@ -7,7 +7,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from testbed.command_line import tables
-from testbed.command_line.results import show_files, show_measures
+from testbed.command_line.tables import show_files, show_measures
 from testbed.environment.perception import radar_of
 from testbed.environment.registration import scenario_of
 from testbed.limits import check_duration, check_seeds

@@ -115,19 +115,17 @@ def replay(
             timing["trackers"] = {name: jsonable(cost.row()) for name, cost in perception.costs.items()}
             with noting_losses(recorder.lost):
                 recorder.close(interrupted=done < total, timing=timing)
-    lost = tuple(recorder.lost)
+    lost, log = tuple(recorder.lost), recorder.log.file if recorder.log else None
     status = (interrupt.exit_status if done < total else 0) or (2 if lost else 0)
-    return ReplayResult(
-        recorder.close(), lives.rows(), recorder.written, recorder.log.file, tracks.written, status, lost
-    )
+    return ReplayResult(recorder.close(), lives.rows(), recorder.written, log, tracks.written, status, lost)
 
 
 def _meta(config: ReplayConfig, recorded: Recorded) -> RunMeta:
     window = {"from": config.start, "to": config.end}
     varied = {
-        "sensors": ", ".join(recorded.sensors.names),
-        "scans": str(len(recorded.frames)),
-        **{name: f"{value:g} s" for name, value in window.items() if value is not None},
+        "sensors": list(recorded.sensors.names),
+        "scans": len(recorded.frames),
+        **{f"{name} [s]": value for name, value in window.items() if value is not None},
     }
     name = replay_id(config, recorded)
     return RunMeta(name, recorded.name, 0, RECORDED, config.trackers, REPLAY, varied, versions())

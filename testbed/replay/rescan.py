@@ -96,7 +96,7 @@ def write_log(recording: Recording, trackers: Sequence[str], out: Path, faults: 
     meta = RunMeta(
         run_id(recording.scenario, trackers, recording.radar, REPLAY, recording.seed, None, faults),
         recording.scenario, recording.seed, recording.radar, tuple(trackers), REPLAY,
-        {"faults": ", ".join(faults)} if faults else {}, versions(),
+        {"faults": list(faults)} if faults else {}, versions(),
     )  # fmt: skip
     sensors = radar_of(recording.radar).models
     recorder = Recorder(meta, out, "full", recording.phases, recording.drawn, sensors, faults=faults_of(faults))

@@ -10,8 +10,7 @@ from testbed.experiments import compare as comparing
 from testbed.experiments import single as running
 from testbed.experiments.command import check
 from testbed.experiments.engine import Engine
-from testbed.learn.htg import LearnConfig
-from testbed.learn.spline import SplineConfig
+from testbed.learn.models import SplineConfig, TableConfig
 
 OBJECTS = (
     None, True, 0, -1, 1.5, 1e308, float("nan"), float("inf"), 10**30, "", "x", "a\0b", "\ud800", "a" * 5000, b"x", [],
@@ -21,7 +20,7 @@ GIVEN = {
     running.RunConfig: {"scenario": "cut-in"},
     comparing.Settings: {},
     comparing.Comparison: {"scenarios": ("cut-in",), "trackers": ("rm-koch",), "seeds": (0,)},
-    LearnConfig: {"data": "sampler:front"},
+    TableConfig: {"data": "sampler:front"},
     SplineConfig: {"data": "sampler:front"},
 }
 CHECKS = {running.RunConfig: running.check, comparing.Comparison: lambda comparison: check(comparison, Engine())}

@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from studies.papers.xia2020.generators import COURSES, PUBLISHED
+from studies.papers.xia2020.generators import COURSES, PUBLISHED, sample
 from studies.papers.xia2020.methods import (
     BEST,
     LEARNED,
@@ -22,7 +22,7 @@ from studies.papers.xia2020.trials import SIZE, EllipseErrors, errors, full_view
 from trackers import Scan
 from trackers.geometry import extent_matrix, rotation
 from trackers.htg.bins import single
-from trackers.htg.density import HTG, moments, sample
+from trackers.htg.density import HTG, moments
 from trackers.htg.learned import HTGLearned
 from trackers.random_matrix.feldmann import RMState
 

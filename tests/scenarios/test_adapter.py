@@ -178,10 +178,8 @@ def test_solid_obstacles_are_objects_at_rest_and_landmarks_are_not():
     assert len(scene.bodies.outline[1]) == 4
 
 
-def test_contours_can_be_chosen_by_the_caller():
+def test_stock_vehicles_are_cars():
     env = make("highway-v0", vehicles_count=4)
-    scene = SceneReader(lambda v: "van").read(env)
-    assert scene.objects.kind == ("van",) * 4
     assert SceneReader().read(env).objects.kind == ("car",) * 4
 
 

@@ -8,9 +8,9 @@ from highway_env.road.road import Road, RoadNetwork
 from highway_env.vehicle.kinematics import Vehicle
 
 from scenarios.articulated import KINGPIN, OVERHANG, ArticulatedCourse, ArticulatedIDM
-from scenarios.bodies import reach, rear_extent
+from scenarios.bodies import parts, reach, rear_extent
 from scenarios.contours import find
-from scenarios.vehicles import SizedIDM, parts
+from scenarios.vehicles import SizedIDM
 from trackers.geometry import to_world, unit
 
 DT = 0.05

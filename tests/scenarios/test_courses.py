@@ -18,20 +18,18 @@ from scenarios.courses import (
     check,
     follow_lane,
     integrate,
-    lane_change,
     peak_lateral_acceleration,
     pushed,
-    then,
 )
 from scenarios.papers import TABLE_1
 from scenarios.paths import along, through
 
 BEND = along((0.0, 0.0, 0.3), ((80.0, 0.0), (200.0, 1 / 150), (200.0, -1 / 120)), ramp=40.0)
+STRAIGHT = along((0.0, 0.0, 0.0), ((200.0, 0.0),))
 COURSES = {
     "integrated": integrate((3.0, -2.0, 2.9), 20.0, [Segment(2), Segment(3, -4, 0.1), Segment(4, 1, -0.12)]),
-    "lane change": lane_change((0.0, 0.0, 1.0), 25.0, -4.0),
+    "lane change": follow_lane(STRAIGHT, 0.0, 25.0, shifts=[Shift(0.0, 4.0, -4.0)], duration=4.0),
     "along a bend": follow_lane(BEND, 20.0, 16.0, [Segment(3), Segment(4, -1.5)], [Shift(2, 4, 4)], duration=20.0),
-    "composed": then(integrate((0, 0, 0), 15.0, [Segment(2, 1)]), lane_change((5, 5, 2), 17.0, 3.5)),
 }
 courses = pytest.mark.parametrize("table", COURSES.values(), ids=COURSES)
 
@@ -97,7 +95,7 @@ def test_braking_ends_at_standstill_and_a_later_start_is_from_rest():
 
 def test_a_lane_change_arrives_in_the_next_lane_with_the_textbook_peak():
     # quintic: the largest second derivative of 10 u^3 - 15 u^4 + 6 u^5 is 10 / sqrt(3) = 5.774
-    table = lane_change((0.0, 0.0, 0.0), 25.0, 4.0, duration=4.0)
+    table = follow_lane(STRAIGHT, 0.0, 25.0, shifts=[Shift(0.0, 4.0, 4.0)], duration=4.0)
     assert table[-1, [Y, HEADING]] == pytest.approx([4.0, 0.0], abs=1e-9)
     assert peak_lateral_acceleration(table) == pytest.approx(4.0 / 16.0 * 5.774, rel=0.01)
 
@@ -109,23 +107,9 @@ def test_a_course_along_a_bend_keeps_its_lateral_offset():
     np.testing.assert_allclose(np.hypot(table[:, VX], table[:, VY]), 15.0, atol=1e-9)
 
 
-def test_composition_continues_pose_and_heading():
-    first, second = COURSES["integrated"], lane_change((100.0, 7.0, -2.0), 0.0, 0.0)
-    second[:, [VX, VY]] = first[-1, [VX, VY]]
-    joined = then(first, second)
-    assert len(joined) == len(first) + len(second) - 1
-    assert joined[len(first) - 1, HEADING] == first[-1, HEADING]
-    np.testing.assert_array_equal(joined[len(first) - 1, [X, Y]], first[-1, [X, Y]])
-
-
-def test_composition_refuses_a_jump_of_speed():
-    with pytest.raises(ValueError, match="must begin at 25"):
-        then(lane_change((0, 0, 0), 25.0, 4.0), lane_change((0, 0, 0), 20.0, 4.0))
-
-
 def test_a_course_beyond_the_lateral_limit_is_refused():
-    hard = lane_change((0, 0, 0), 25.0, 4.0, duration=2.0)
-    assert check(hard, 6.0) is hard
+    hard = follow_lane(STRAIGHT, 0.0, 25.0, shifts=[Shift(0.0, 2.0, 4.0)], duration=2.0)
+    check(hard, 6.0)
     with pytest.raises(ValueError, match=r"peaks at 5\.7"):
         check(hard, 4.0)
 

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarios.highway import ScenarioEnv
-from scenarios.nearest import SiftedNetwork, lane_boxes, sifted
 from scenarios.registry import SCENARIOS
+from scenarios.roads import SiftedNetwork, lane_boxes, sifted
 
 PLACE, HEADING = st.floats(-150.0, 250.0), st.floats(-10.0, 10.0)
 

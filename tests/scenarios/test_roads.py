@@ -13,8 +13,9 @@ from highway_env.vehicle.kinematics import Vehicle
 from highway_env.vehicle.objects import Landmark, Obstacle
 
 from scenarios.articulated import ArticulatedCourse, ArticulatedIDM
+from scenarios.constants import ProtectedConstants
 from scenarios.roads import CachedRegulatedRoad, CachedRoad, cached, near_pairs
-from scenarios.vehicles import CourseVehicle, SizedIDM, protect_idm_constants
+from scenarios.vehicles import CourseVehicle, SizedIDM
 
 
 def digest(road):
@@ -104,7 +105,7 @@ def test_states_equal_the_stock_road_over_200_frames(build, connected, seed):
 def test_stock_environments_run_equally_on_the_cached_road(name, config, seed):
     hashes = []
     for convert in (lambda road: road, cached):
-        with protect_idm_constants(), warnings.catch_warnings():
+        with ProtectedConstants(), warnings.catch_warnings():
             warnings.simplefilter("ignore")
             env = gym.make(name, config=config).unwrapped
             env.reset(seed=seed)
@@ -191,7 +192,7 @@ def test_a_stock_vehicle_hits_a_trailer_too():
 
 
 def test_conversion_keeps_the_rules_of_a_regulated_road():
-    with protect_idm_constants(), warnings.catch_warnings():
+    with ProtectedConstants(), warnings.catch_warnings():
         warnings.simplefilter("ignore")
         env = gym.make("intersection-v2").unwrapped
     assert type(cached(env.road)) is CachedRegulatedRoad

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import truncnorm
 
-from scenarios.contours import CONTOURS
-from scenarios.sizes import Sizes, Spread
+from scenarios.contours import CONTOURS, Sizes, Spread
 
 DRAWN = {name: contour.sizes for name, contour in CONTOURS.items() if contour.sizes is not None}
 every_class = pytest.mark.parametrize("sizes", DRAWN.values(), ids=DRAWN.keys())

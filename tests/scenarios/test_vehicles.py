@@ -15,18 +15,11 @@ from highway_env.vehicle.dynamics import BicycleVehicle
 from highway_env.vehicle.kinematics import Vehicle
 from highway_env.vehicle.objects import Obstacle
 
-from scenarios.bodies import contour_of, rear_extent
+from scenarios.bodies import contour_of, motion, parts, rear_extent, resize
+from scenarios.constants import ProtectedConstants
+from scenarios.courses import CourseTable
 from scenarios.roads import CachedRoad
-from scenarios.vehicles import (
-    CourseTable,
-    CourseVehicle,
-    EgoVehicle,
-    SizedIDM,
-    motion,
-    parts,
-    protect_idm_constants,
-    resize,
-)
+from scenarios.vehicles import CourseVehicle, EgoVehicle, SizedIDM
 
 DT = 0.05
 
@@ -488,7 +481,7 @@ def trajectory(cls):
 
 def test_an_intersection_does_not_change_our_traffic():
     before = trajectory(SizedIDM)
-    with protect_idm_constants():
+    with ProtectedConstants():
         make_intersection()
         during = trajectory(SizedIDM)
         assert IDMVehicle.DISTANCE_WANTED == 7
@@ -497,7 +490,7 @@ def test_an_intersection_does_not_change_our_traffic():
 
 def test_an_intersection_would_change_the_stock_traffic():
     before = trajectory(IDMVehicle)
-    with protect_idm_constants():
+    with ProtectedConstants():
         make_intersection()
         during = trajectory(IDMVehicle)
     assert np.abs(before - during).max() > 0.1
@@ -508,7 +501,7 @@ def test_constants_are_restored_after_an_error():
     outside = IDMVehicle.DISTANCE_WANTED
 
     def spoil():
-        with protect_idm_constants():
+        with ProtectedConstants():
             IDMVehicle.DISTANCE_WANTED, IDMVehicle.NOVEL = 1.0, 2.0
             raise RuntimeError
 
@@ -520,7 +513,7 @@ def test_constants_are_restored_after_an_error():
 
 def test_a_fence_gives_its_environment_its_own_constants_back():
     outside = IDMVehicle.DISTANCE_WANTED
-    fence = protect_idm_constants()
+    fence = ProtectedConstants()
     with fence:
         make_intersection()
     assert outside == IDMVehicle.DISTANCE_WANTED

@@ -20,7 +20,8 @@ import testbed
 from scenarios import SCENARIOS
 from scenarios.traffic.scenario import KEYS
 from testbed.command_line import tables
-from testbed.command_line.terminal import busy
+from testbed.command_line.tables import light_table
+from testbed.command_line.terminal import Terminal, busy
 from testbed.log import reader
 from testbed.log.text import OF_DRIVE, OF_TRACKER, shown
 from trackers import DEFAULT
@@ -207,6 +208,43 @@ def test_catalogues_name_every_entry_within_80_columns(command, what):
         listed = {entry for entry, _ in entries} <= first_words
         assert listed == (what in (None, name))
     assert ("replay:FILE[:ego=ID,react=METRES,smooth=SECONDS]" in done.out) == (what in (None, "scenarios"))
+
+
+@pytest.mark.parametrize("columns", [1, 5, 10, 20, 45])
+def test_no_number_of_a_table_is_cut_on_a_narrow_terminal(monkeypatch, capsys, columns):
+    table = light_table("a title that is longer than the terminal is wide")
+    for name, justify in (("measure", "left"), ("tracker-with-a-long-name", "right"), ("other", "right")):
+        table.add_column(name, justify=justify)
+    table.add_row("localisation part of what is measured", "123456.789", "0.25")
+    monkeypatch.setenv("COLUMNS", str(columns))
+    Terminal().print(table)
+    said = capsys.readouterr().out
+    assert {"123456.789", "0.25"} <= set(said.split())
+    assert "…" not in said
+
+
+def test_a_table_is_as_before_where_it_has_room(monkeypatch, capsys):
+    table = light_table("title")
+    table.add_column("some words")
+    table.add_column("number", justify="right")
+    table.add_row("some words", "1.0")
+    monkeypatch.setenv("COLUMNS", "80")
+    for console in (Terminal(), Console()):
+        console.print(table)
+    said = capsys.readouterr().out
+    assert said[: len(said) // 2] == said[len(said) // 2 :]
+
+
+def test_a_folder_is_its_newest_log(tmp_path, command):
+    done = command("review", tmp_path)
+    assert (done.status, done.err.count("\n")) == (2, 1)
+    assert f"there is no log (.rrd) in {tmp_path}" in done.err
+    for age, name in ((9, "old.rrd"), (1, "new.rrd"), (5, "older.rrd")):
+        (tmp_path / name).touch()
+        os.utime(tmp_path / name, (1e9 - age, 1e9 - age))
+    done = command("review", tmp_path, "--html", tmp_path / "a.html")
+    assert f"log      {tmp_path / 'new.rrd'}, the newest of 3" in done.out
+    assert f"{tmp_path / 'new.rrd'} is not a review log" in done.err
 
 
 def test_the_list_of_scenarios_names_the_parameters_of_recorded_traffic():

@@ -10,7 +10,7 @@ from trackers.batch import concatenate, select, take
 from trackers.geometry import box_corners, compose, extent_matrix, point_velocity, to_frame, to_world, unit, wrap_angle
 from trackers.linalg import sqrtm
 from trackers.motion.turn import coordinated_turn
-from trackers.random_matrix.surface import visible_offset
+from trackers.random_matrix.feldmann import visible_offset
 
 angles = st.floats(-20, 20)
 coordinate = st.floats(-100, 100)

@@ -6,9 +6,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from trackers.geometry import wrap_angle
-from trackers.unscented import STANDARD, Scaling, moments, root, sigma_points, transform
+from trackers.unscented import STANDARD, Scaling, moments, root, sigma_points
 
 SCALINGS = (STANDARD, Scaling(alpha=0.5, beta=0.0), Scaling(alpha=1e-3, kappa=-1.0))
+
+
+def transform(f, m, P, scaling=STANDARD):
+    X = sigma_points(m, P, scaling)
+    return moments(X, f(X), scaling)
 
 
 def gaussian(seed, lead=(), n=4):

@@ -12,16 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers import linalg
-from trackers.dra import motion, parameters, region_prior
-from trackers.dra.constraints import heading, rectangle
-from trackers.dra.flat_scan import FlatScan, flatten
-from trackers.dra.measurement import LinearisedRegions, RegionResiduals, linearise_regions, residuals
+from trackers.dra import motion, parameters
+from trackers.dra.forms import RegionPosterior, RegionUpdate, sequential, soft, softmax
+from trackers.dra.measurement import FlatScan, LinearisedRegions, RegionResiduals, flatten, linearise_regions, residuals
 from trackers.dra.parameters import MODELS, Parameters
-from trackers.dra.posterior import RegionPosterior, RegionUpdate, softmax
-from trackers.dra.regions import gates, region_moments
-from trackers.dra.sequential import sequential
-from trackers.dra.soft import soft
-from trackers.dra.spatial import log_spatial
+from trackers.dra.regions import gates, log_spatial, ray_prior, region_moments, uniform_prior
 from trackers.dra.state import (
     OBSERVED,
     ORDER,
@@ -31,8 +26,10 @@ from trackers.dra.state import (
     DataRegionState,
     N,
     W,
+    along_velocity,
     axes,
     from_estimate,
+    rectangle,
     resized,
     swung,
     to_estimate,
@@ -178,11 +175,11 @@ class DataRegion:
         box = to_estimate(state)
         p = self.numbers
         if self.prior == "uniform":
-            prior = region_prior.uniform(track.shape)
+            prior = uniform_prior(track.shape)
         else:
             body = from_estimate(box, 0.0, 0.0)[0]
             sensor = np.broadcast_to(scan.pose[:, :2], (scan.mask.shape[-1], 2))
-            prior = region_prior.rays(body[track], sensor[detection], p.near, p.far)
+            prior = ray_prior(body[track], sensor[detection], p.near, p.far)
         return log_spatial(box, prior, scan, track, detection, self.sigma_range, self.surface_std)
 
     def _mix(self, state: DataRegionState, dt: float) -> tuple[NDArray, NDArray, NDArray]:
@@ -194,9 +191,9 @@ class DataRegion:
     def _region_prior(self, mu: NDArray, m: NDArray, flat: FlatScan) -> NDArray:
         """Probabilities (B, S, 5) of the regions for each group, from the most likely model."""
         if self.prior == "uniform":
-            return region_prior.uniform(flat.pose.shape[:2])
+            return uniform_prior(flat.pose.shape[:2])
         best = most_likely(mu, m)
-        return region_prior.rays(best[:, None], flat.pose[..., :2], self.numbers.near, self.numbers.far)
+        return ray_prior(best[:, None], flat.pose[..., :2], self.numbers.near, self.numbers.far)
 
     def _correct(self, m: NDArray, P: NDArray, flat: FlatScan, prior: NDArray) -> tuple[NDArray, NDArray, NDArray]:
         """Moments of all models (B, K, ...) after the detections, and log c1 (B, K)."""
@@ -211,7 +208,7 @@ class DataRegion:
         if np.isfinite(p.rectangle_std):
             m, P = rectangle(m, P, p.rectangle_std)  # (DRA.30)
         if np.isfinite(p.heading_std):
-            m, P = heading(m, P, p.heading_std, p.heading_speed)  # (DRA.31)
+            m, P = along_velocity(m, P, p.heading_std, p.heading_speed)  # (DRA.31)
         return m, symmetrize(P), posterior.log_c1
 
     def _posterior(self, regions: LinearisedRegions, nu: RegionResiduals, flat: FlatScan) -> RegionPosterior:

@@ -13,9 +13,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trackers.geometry import unit, wrap_angle
-from trackers.htg.density import HTG, log_mass
+from trackers.estimate import Estimate
+from trackers.geometry import rotation, unit, wrap_angle
+from trackers.htg.density import HTG, log_density, log_mass
 from trackers.json_file import read_json
+from trackers.scan import Scan
 
 FORMAT = "htg-table-1"
 SHIPPED = Path(__file__).parent / "tables"
@@ -49,7 +51,7 @@ class HTGTable:
     name: str = "unnamed"
     anchor: NDArray = field(default_factory=lambda: np.zeros((1, 2)))  # (B or 1, 2) see `warp`; 0 in the paper
     size: ArrayLike = TYPICAL  # (2,) or (B, 2) [m] typical of the data; at this size every anchor gives the same u
-    scale: NDArray = field(default_factory=lambda: np.ones((1, 2)))  # (B or 1, 2) see `calibration.py`; 1 in the paper
+    scale: NDArray = field(default_factory=lambda: np.ones((1, 2)))  # (B or 1, 2) of u, (HTG.14); 1 in the paper
     shift: NDArray = field(default_factory=lambda: np.zeros((1, 2)))  # (B or 1, 2); 0 in the paper
     above: float = np.inf  # [m] length above which a body is of the second class
 
@@ -130,6 +132,7 @@ def log_masses(table: HTGTable) -> NDArray:
     return log_mass(table.p)
 
 
+@lru_cache(maxsize=64)  # the same object at each call, so that the caches of tables hold
 def metric_ends(table: HTGTable) -> HTGTable:
     """The table with the end that faces the sensor as anchor, in the bins centred on an axis of the body.
 
@@ -172,11 +175,6 @@ def aspect_angle(centre: NDArray, heading: NDArray, sensor: NDArray) -> NDArray:
     return wrap_angle(heading - np.arctan2(d[..., 1], d[..., 0]))  # (HTG.12)
 
 
-def single(p: HTG, mean: NDArray, cov: NDArray) -> HTGTable:
-    """A table of one bin: the same density p () from every side."""
-    return HTGTable(HTG(*(np.asarray(leaf, float)[None] for leaf in p)), mean[None], cov[None])
-
-
 def as_json(table: HTGTable, provenance: dict[str, Any] | None = None) -> dict[str, Any]:
     """What the JSON file of a table holds.
 
@@ -202,10 +200,7 @@ def as_json(table: HTGTable, provenance: dict[str, Any] | None = None) -> dict[s
 def load(name_or_path: str) -> HTGTable:
     """A shipped table by name, or one of your own by the path of its JSON file; see `as_json` for the keys.
 
-    Raises:
-        LookupError: neither a shipped table nor a file.
-        ValueError: the file is not such a table.
-
+    Raises LookupError where there is neither, ValueError for a file that is not such a table.
     """
     path = Path(name_or_path)
     if path.suffix != ".json":
@@ -273,3 +268,24 @@ def _numbers(name: str, key: str, value: Any) -> NDArray:
     except (ValueError, TypeError, OverflowError):
         raise ValueError(f"{name} needs {key} as numbers, in rows of equal lengths") from None
     return np.where(np.isnan(found), np.inf, found)
+
+
+def log_spatial(
+    table: HTGTable, estimate: Estimate, scan: Scan, track: NDArray, detection: NDArray, sigma: float
+) -> NDArray:
+    """Log density (G,) [1/m^2] of pairs of track (G,) and detection (G,) under the bin of that detection's aspect.
+
+    The noise of the detection and the uncertainty of the centre blur the density; unknown noise is sigma [m].
+    """
+    M = scan.mask.shape[-1]
+    sensor = np.broadcast_to(scan.pose[:, :2], (M, 2))[detection]
+    pose, half = estimate.pose[track], estimate.size[track] / 2
+    index = table.bin_at(pose[:, :2], pose[:, 2], estimate.size[track, 0], sensor)
+    p = table.of(index)
+    h, shift = table.warp(half, index)
+    C = scan.position_noise(sigma)[detection] + estimate.cov[track, :2, :2]
+    body = rotation(pose[:, 2])
+    e = (body.mT @ (scan.xy[detection] - pose[:, :2])[..., None])[..., 0]
+    axes = body @ (rotation(p.theta) / h[:, :, None])  # columns: turned axes of unit coordinates, pulled back
+    noise = (axes * (C @ axes)).sum(-2)  # (HTG.40)
+    return log_density((e - shift) / h, p, noise, log_masses(table)[index]) - np.log(h[:, 0] * h[:, 1])  # (HTG.40)

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import erfcx, log_ndtr, ndtr, ndtri, ndtri_exp
+from scipy.special import erfcx, log_ndtr, ndtr
 
 from trackers.geometry import rotation
 
@@ -106,11 +106,6 @@ def log_density(u: NDArray, p: HTG, noise: NDArray | None = None, log_c: NDArray
     return evaluate(np.moveaxis(u, -1, 0), prepare(lift(p, u.ndim - 1), noise, log_c))[0]
 
 
-def score(u: NDArray, p: HTG, noise: NDArray | None = None) -> NDArray:
-    """Gradient (..., 2) of the log density with respect to u (..., 2), (HTG.7)."""
-    return np.moveaxis(evaluate(np.moveaxis(u, -1, 0), prepare(lift(p, u.ndim - 1), noise))[1], 0, -1)
-
-
 def log_mass(p: HTG) -> NDArray:
     """Log of c_D (...), the probability of the source Gaussian outside the hole, (HTG.6)."""
     t = np.moveaxis(p.bounds / np.sqrt(p.rho)[..., None], -1, 0)
@@ -170,29 +165,3 @@ def moments(p: HTG) -> tuple[NDArray, NDArray]:
     M = rotation(p.theta)
     cov = M @ (second - mean[..., :, None] * mean[..., None, :]) @ M.mT  # (HTG.11)
     return (M @ mean[..., None])[..., 0], cov + noise_matrix(p)
-
-
-def sample(p: HTG, n: int, rng: np.random.Generator) -> NDArray:
-    """Draw n points (..., n, 2) from each of the densities p (...).
-
-    The outside of the hole is two half planes, left and right of it, and two strips; every piece is drawn by tail-safe
-    inversion, so that a hole with nearly all the mass costs no more than any other.
-    """
-    s = np.sqrt(p.rho)[..., None, None]
-    t = np.moveaxis(p.bounds, -1, 0)[..., None] / s[..., 0]  # (4, ..., 1)
-    with np.errstate(divide="ignore"):
-        inside_x = np.log(ndtr(t[2]) - ndtr(-t[0]))
-    log_piece = np.stack([log_ndtr(-t[0]), log_ndtr(-t[2]), inside_x + log_ndtr(-t[1]), inside_x + log_ndtr(-t[3])])
-    piece = np.exp(log_piece - np.logaddexp.reduce(log_piece, 0))
-    shape = (*p.rho.shape, n)
-    k = (rng.random(shape) > np.cumsum(piece, 0)[:3]).sum(0)
-    log_u, v = np.log1p(-rng.random(shape)), rng.random(shape)
-    low, high = ndtr(-t[0]), ndtr(t[2])
-    x = np.select(
-        [k == 0, k == 1],
-        [ndtri_exp(log_piece[0] + log_u), -ndtri_exp(log_piece[1] + log_u)],
-        ndtri(low + v * (high - low)),
-    )
-    y = np.select([k == 2, k == 3], [ndtri_exp(log_ndtr(-t[1]) + log_u), -ndtri_exp(log_ndtr(-t[3]) + log_u)], ndtri(v))
-    z = s * np.stack([x, y], -1) + rng.standard_normal((*shape, 2)) * np.sqrt(p.r)[..., None, :]
-    return z @ rotation(p.theta).mT

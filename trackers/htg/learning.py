@@ -1,17 +1,8 @@
-"""Offline learning of the hierarchical truncated Gaussian: maximum likelihood in unit coordinates.
+"""Offline learning of the hierarchical truncated Gaussian of `trackers.htg.density`: maximum likelihood.
 
-Equations: docs/methods/hierarchical-truncated-gaussians.md; source: Xia et al. (2020), eq. (6)-(9), corrected. A
-scattering source is N(0, rho I) outside the box [-a1, b1] x [-a2, b2] turned by theta; a detection adds noise
-diag(r1, r2) along the axes of the box.
-
-        y'  b2
-     +---------+
-    a1    o    b1 x'    x' is turned by theta from the heading
-     +---------+
-         a2
-
-Noise that a data sheet explains can be given for each detection; r is then what remains, and a tracker adds the noise
-of its own radar. Of such noise only the variances along x' and y' count, as in the filters.
+Equations: docs/methods/hierarchical-truncated-gaussians.md; source: Xia et al. (2020), eq. (6)-(9), corrected. Noise
+that a data sheet explains can be given for each detection; r is then what remains, and a tracker adds the noise of its
+own radar. Of such noise only the variances along the axes of the hole count, as in the filters.
 """
 
 from collections.abc import Callable
@@ -24,8 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from trackers.geometry import wrap_angle
 from trackers.htg.bins import PARAMETERS, HTGTable
 from trackers.htg.density import HTG, log_mass
-from trackers.htg.descent import Found, Objective, descend
-from trackers.htg.likelihood import mean_log_density
+from trackers.htg.likelihood import Found, Objective, descend, mean_log_density
 
 SIDES = ("a1", "a2", "b1", "b2")
 LEAST = 20  # detections that a fit needs
@@ -75,13 +65,9 @@ def objective(x: NDArray, u: NDArray, noise: NDArray, options: FitOptions) -> tu
 
 
 def fit(u: ArrayLike, noise: ArrayLike | None = None, options: FitOptions | None = None) -> HTGFit:
-    """Maximum-likelihood HTG of detections.
+    """Maximum-likelihood HTG of detections at u (N, 2) in unit coordinates.
 
-    Args:
-        u: (N, 2) unit coordinates.
-        noise: (N, 2, 2) covariance of each in unit coordinates, known from a data sheet; None: all noise goes into r.
-        options: limits and what is held fixed.
-
+    noise (N, 2, 2) is the covariance of each there, known from a data sheet; None: all noise goes into r.
     """
     options = FitOptions() if options is None else options
     u, noise = _check(u, noise)
@@ -208,19 +194,10 @@ def fit_table(
     name: str = "unnamed",
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> TableFit:
-    """One fit for each bin of the aspect angle, with the mean and covariance of the detections there.
+    """One fit for each bin of the aspect angle, with the mean and covariance of the detections there, noise included.
 
-    Args:
-        u: (N, 2) unit coordinates.
-        aspect: (N,) [rad] of the vehicle for the sensor, (HTG.12).
-        noise: (N, 2, 2) as in `fit`; the moments keep it.
-        bins: of equal width.
-        centred: 0 and pi lie in the middle of a bin.
-        mirrored: vehicles are symmetric: each bin also learns from the mirror image of its opposite.
-        options: of each fit.
-        name: of the table.
-        progress: called with bins done and bins to do.
-
+    u and noise are those of `fit`, aspect (N,) [rad] is that of (HTG.12). In a `centred` table 0 and pi lie in the
+    middle of a bin; `mirrored`: each bin also learns from the mirror image of its opposite, as vehicles are symmetric.
     """
     options = FitOptions() if options is None else options
     aspect = np.asarray(aspect, float)

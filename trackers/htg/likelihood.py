@@ -1,17 +1,22 @@
-"""Likelihood of the hierarchical truncated Gaussian with the gradient in its parameters, for learning.
+"""Likelihood of the hierarchical truncated Gaussian with the gradient in its parameters, and its maximum, for learning.
 
 `trackers.htg.density` has the gradient in the detection instead. The parameter vector is
 x (8,) = log rho, a1, a2, b1, b2, theta, log r1, log r2.
 Equations: docs/methods/hierarchical-truncated-gaussians.md; source: Xia et al. (2020), eq. (6)-(9), corrected.
 """
 
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize
 from scipy.special import log_ndtr, ndtr
 
 LOG_2PI = float(np.log(2 * np.pi))
+Objective = Callable[[NDArray], tuple[float, NDArray]]
+Limits = Sequence[tuple[float, float]]
+Found = tuple[NDArray, float]
 
 
 class Outside(NamedTuple):
@@ -91,3 +96,19 @@ def log_mass_gradient(rho: float, a: NDArray, b: NDArray) -> tuple[float, NDArra
     out = outside(A, C)
     turn = (out.upper * finite(A) + out.lower * finite(C)).sum() / 2
     return float(out.log_Q), np.array([-turn, *(-out.lower / s), *(-out.upper / s), 0.0, 0.0, 0.0])
+
+
+def descend(f: Objective, x: NDArray, box: Limits, flat: float, runs: int = 10, steps: int = 500) -> Found:
+    """Minimum of f, which gives value and gradient (n,), that is reached from x (n,) within the box, and its value.
+
+    The line search of L-BFGS-B sometimes gives up in a bent valley far from its bottom; a fresh start at the same place
+    forgets the curvature that led astray. A run that gains less than `flat` is the last.
+    """
+    settings = {"maxiter": steps, "ftol": flat / 100}
+    value = np.inf
+    for _ in range(runs):
+        found = minimize(f, x, jac=True, method="L-BFGS-B", bounds=box, options=settings)
+        x, gain, value = found.x, value - found.fun, float(found.fun)
+        if gain < flat:
+            break
+    return x, value

@@ -1,7 +1,6 @@
 """htg-map: maximum a posteriori update of centre, heading and size under the hierarchical truncated Gaussian.
 
-Ours: the density of the papers as a likelihood, maximised by Fisher scoring, instead of pseudo-measurements in a
-random-matrix update. xi = [px, py, phi, v, omega, log l, log w].
+Ours: Fisher scoring of the density of the papers, no pseudo-measurements. xi = [px, py, phi, v, omega, log l, log w].
 Equations: docs/methods/hierarchical-truncated-gaussians.md.
 """
 
@@ -15,14 +14,13 @@ from numpy.typing import NDArray
 from trackers import held_gaussian
 from trackers.estimate import Estimate, check_estimate
 from trackers.filter import UpdateInfo
-from trackers.geometry import rotation, unit, wrap_angle
-from trackers.htg.bins import HTGTable, metric_ends, resolve
+from trackers.geometry import rotation
+from trackers.held_gaussian import box_estimate, prior_moments, resized
+from trackers.htg.bins import HTGTable, log_spatial, metric_ends, resolve
 from trackers.htg.density import moments
-from trackers.htg.information import information
-from trackers.htg.objective import LOG_L, LOG_W, OMEGA, PHI, SPEED, Objective, Points, flatten, shape_of
-from trackers.htg.spatial import log_spatial
+from trackers.htg.objective import LOG_L, LOG_W, PHI, Objective, Points, flatten, information, shape_of
 from trackers.linalg import symmetrize
-from trackers.motion.turn import cartesian_covariance, coordinated_turn, polar_moments, turn_noise
+from trackers.motion.turn import coordinated_turn, turn_noise
 from trackers.parameters import check_numbers
 from trackers.scan import Scan
 from trackers.validation import guarded_predict, guarded_update
@@ -69,19 +67,12 @@ class HTGMap:
     def model(self) -> HTGTable:
         """The table, with its near ends as anchors unless it has anchors of its own."""
         table = resolve(self.table)
-        return anchored(table) if self.metric and not table.anchor.any() else table
+        return metric_ends(table) if self.metric and not table.anchor.any() else table
 
     def init(self, estimate: Estimate) -> MotionSizeState:
         """State from a prior; raises ValueError for a prior that is not finite, positive, definite."""
         check_estimate(estimate)
-        heading = estimate.pose[..., 2]
-        v, P4 = polar_moments(estimate.velocity, estimate.cov, heading, estimate.heading_std)
-        m = np.concatenate([estimate.pose, v[..., None], estimate.yaw_rate[..., None], np.log(estimate.size)], -1)
-        P = np.zeros((*m.shape, 7))
-        P[..., :4, :4] = P4
-        P[..., OMEGA, OMEGA] = estimate.yaw_rate_std**2
-        variance = (estimate.size_std / estimate.size) ** 2
-        P[..., LOG_L, LOG_L], P[..., LOG_W, LOG_W] = variance[..., 0], variance[..., 1]
+        m, P = prior_moments(estimate, np.log(estimate.size), estimate.size_std / estimate.size)
         return MotionSizeState(m, P)
 
     @guarded_predict
@@ -156,18 +147,8 @@ class HTGMap:
         return xi[value.argmax(0), np.arange(xi.shape[1])]
 
     def resize(self, state: MotionSizeState, size: NDArray, size_std: NDArray) -> MotionSizeState:
-        """State with another size (..., 2) [m] of standard deviation size_std (..., 2) [m].
-
-        Correlations of the size shrink with its standard deviation, as in a mean reversion, and never grow.
-        """
-        m, P = state.m.copy(), state.P.copy()
-        m[..., LOG_L:] = np.log(size)
-        std = np.sqrt(np.stack([P[..., LOG_L, LOG_L], P[..., LOG_W, LOG_W]], -1))
-        scale = np.ones(m.shape)
-        scale[..., LOG_L:] = np.minimum(size_std / size / std, 1.0)
-        P *= scale[..., :, None] * scale[..., None, :]
-        P[..., LOG_L, LOG_L], P[..., LOG_W, LOG_W] = ((size_std / size)[..., i] ** 2 for i in range(2))
-        return MotionSizeState(m, P)
+        """State with another size (..., 2) [m] of standard deviation size_std (..., 2) [m]."""
+        return MotionSizeState(*resized(state.m, state.P, np.log(size), size_std / size))
 
     def log_spatial(self, state: MotionSizeState, scan: Scan, track: NDArray, detection: NDArray) -> NDArray:
         """Log density (G,) [1/m^2] of the detections with indices detection (G,) under the tracks track (G,)."""
@@ -177,26 +158,11 @@ class HTGMap:
     def estimate(self, state: MotionSizeState) -> Estimate:
         """Box along the heading."""
         m, P = state
-        phi, size = m[..., PHI], np.exp(m[..., LOG_L:])
-        cov = cartesian_covariance(m[..., :5], P[..., :5, :5])
-        body = rotation(phi) * (size * self.shape_std)[..., None, :]
-        cov[..., :2, :2] += body @ body.mT  # (HTG.39)
-        return Estimate(
-            pose=np.concatenate([m[..., :2], wrap_angle(phi[..., None])], -1),
-            velocity=m[..., SPEED, None] * unit(phi),
-            yaw_rate=m[..., OMEGA].copy(),
-            size=size,
-            cov=cov,
-            size_std=size * np.sqrt(P.diagonal(axis1=-2, axis2=-1)[..., LOG_L:]),
-            heading_std=np.sqrt(P[..., PHI, PHI]),
-            yaw_rate_std=np.sqrt(P[..., OMEGA, OMEGA]),
-        )
-
-
-@lru_cache(maxsize=64)
-def anchored(table: HTGTable) -> HTGTable:
-    """`metric_ends` of a table, the same object at each call, so that the caches of tables hold."""
-    return metric_ends(table)
+        size = np.exp(m[..., LOG_L:])
+        found = box_estimate(m, P, size, size * np.sqrt(P.diagonal(axis1=-2, axis2=-1)[..., LOG_L:]))
+        body = rotation(m[..., PHI]) * (size * self.shape_std)[..., None, :]
+        found.cov[..., :2, :2] += body @ body.mT  # (HTG.39)
+        return found
 
 
 def centroid(table: HTGTable, objective: Objective, P: NDArray) -> tuple[NDArray, NDArray, NDArray]:

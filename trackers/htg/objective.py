@@ -1,25 +1,28 @@
 """The log posterior of htg-map for many objects at once, over one flat list of detections.
 
-Objects have different numbers of detections, and half of a padded array would be evaluated for nothing. So the valid
-ones form one list of G, sorted by object, and sums over an object are sums over a segment of it.
+The valid detections form one list of G, sorted by object: half of a padded array would be evaluated for nothing.
 Equations: docs/methods/hierarchical-truncated-gaussians.md.
 
 xi = [px, py, phi, v, omega, log l, log w]: centre [m], heading [rad], speed [m/s], yaw rate [rad/s], size [m].
 """
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from trackers.htg.bins import HTGTable, UnitFrame, growth, log_masses, warp
-from trackers.htg.density import Prepared, evaluate, lift, prepare, turned
+from trackers.htg.density import HTG, Prepared, evaluate, lift, prepare, turned
 from trackers.range_rate import polar_gradient
 from trackers.scan import Scan
 
 PX, PY, PHI, SPEED, OMEGA, LOG_L, LOG_W = range(7)
 RATE_ROWS = [0, 1 + PHI, 1 + SPEED, 1 + OMEGA]  # of a value and its gradient
 SPATIAL = np.array([PX, PY, PHI, LOG_L, LOG_W])  # components that the position of a detection depends on
+LEVELS = np.array([0.0, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0])  # noise variances in unit coordinates, along one axis
+SWITCH = np.sqrt(np.maximum(LEVELS[:-1], 1e-3) * LEVELS[1:])  # between neighbours; the geometric mean
+SPAN, STEP, MOST = 4.5, 0.7, 160  # grid: half width and spacing in standard deviations, points along an axis
 
 
 class Points(NamedTuple):
@@ -211,3 +214,34 @@ def jacobian(xi: NDArray, frame: UnitFrame) -> NDArray:
     L[..., 3, 4], L[..., 3, 0] = -grows[..., 0], -moves[..., 0]  # (HTG.35)
     L[..., 4, 5], L[..., 4, 1] = -grows[..., 1], -moves[..., 1]  # (HTG.35)
     return L
+
+
+def score_moments(p: HTG) -> NDArray:
+    """F (6, 6) of one density p (), by a rectangle rule fine enough for its sharpest edge."""
+    half = SPAN * np.sqrt(p.rho + p.r)
+    edge = STEP * np.sqrt(p.rho * p.r / (p.rho + p.r))
+    count = np.minimum(np.ceil(2 * half / edge), MOST).astype(int)
+    zx, zy = (np.linspace(-h, h, n) for h, n in zip(half, count, strict=True))
+    zx, zy = (a.ravel() for a in np.meshgrid(zx, zy, indexing="ij"))
+    x, y = np.cos(p.theta) * zx - np.sin(p.theta) * zy, np.sin(p.theta) * zx + np.cos(p.theta) * zy
+    log_p, (gx, gy) = evaluate(np.stack([x, y]), prepare(lift(p, 1)))
+    f = np.stack([gx, gy, gx * y, gy * x, gx * x + 1, gy * y + 1])  # (HTG.34)
+    weight = np.exp(log_p)
+    return (f * (weight / weight.sum())) @ f.T  # (HTG.34)
+
+
+@lru_cache(maxsize=64)
+def information_table(table: HTGTable) -> NDArray:
+    """F (B, levels, levels, 6, 6) of every bin with additional noise along the two turned axes."""
+    B, K = len(table), len(LEVELS)
+    F = np.empty((B, K, K, 6, 6))
+    for b, i, j in np.ndindex(B, K, K):
+        p = table.of(np.array(b))
+        F[b, i, j] = score_moments(p._replace(r=p.r + LEVELS[[i, j]]))
+    return F
+
+
+def information(table: HTGTable, index: NDArray, noise: NDArray) -> NDArray:
+    """F (..., 6, 6) for bins index (...) and additional noise variances (..., 2), at the nearest tabulated level."""
+    level = np.searchsorted(SWITCH, noise)
+    return information_table(table)[index, level[..., 0], level[..., 1]]

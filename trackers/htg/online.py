@@ -14,20 +14,9 @@ from numpy.typing import NDArray
 from trackers.batch import put, select, take
 from trackers.estimate import Estimate
 from trackers.filter import Extent, Gaussian, UpdateInfo
+from trackers.htg import pseudo
 from trackers.htg.density import HTG, log_density, truncated
 from trackers.htg.learned import LEAST_SHARE
-from trackers.htg.pseudo import (
-    Hole,
-    Sample,
-    body_axes,
-    correct,
-    fill,
-    inverse_axes,
-    mean_extent,
-    posterior,
-    sample_of,
-    scale_of,
-)
 from trackers.htg.sides import BoundProblem, fit
 from trackers.linalg import I2, sqrtm
 from trackers.motion.turn import PHI
@@ -85,7 +74,7 @@ class HTGOnline:
     @guarded_update
     def update(self, state: OnlineState, scan: Scan) -> tuple[OnlineState, UpdateInfo]:
         """Measurement update; without a detection the state is returned as it came."""
-        every = sample_of(scan, self.rm.sigma)
+        every = pseudo.sample_of(scan, self.rm.sigma)
         some = every.n > 0
         s, (old, bounds) = take(every, some), take(state, some)
         detections = FlatDetections(
@@ -93,23 +82,23 @@ class HTGOnline:
             owner=np.repeat(np.arange(len(s.n)), s.n),
             first=np.cumsum(s.n) - s.n,
         )
-        X_hat, cap, b = mean_extent(old), self.cap * np.sqrt(self.rm.rho), bounds.T
-        scale, m, X = scale_of(sqrtm(X_hat), self.rm.rho * X_hat + s.noise), old.m, X_hat  # (HTG.18)
+        X_hat, cap, b = pseudo.mean_extent(old), self.cap * np.sqrt(self.rm.rho), bounds.T
+        scale, m, X = pseudo.scale_of(sqrtm(X_hat), self.rm.rho * X_hat + s.noise), old.m, X_hat  # (HTG.18)
         for _ in range(self.iterations):
-            A = body_axes(X, m[:, PHI])  # (HTG.16)
-            problem = self._problem(m, inverse_axes(A), s, detections)
+            A = pseudo.body_axes(X, m[:, PHI])  # (HTG.16)
+            problem = self._problem(m, pseudo.inverse_axes(A), s, detections)
             b = fit(problem, b, cap, self.rounds, self.least_weight)  # (HTG.22), (HTG.23)
-            count, mean, spread = fill(s, self._hole(b, problem.facing), m[:, :2], A, s.noise)  # (HTG.17)
-            last = correct(old, scale, count, mean, spread)  # (HTG.19)
+            count, mean, spread = pseudo.fill(s, self._hole(b, problem.facing), m[:, :2], A, s.noise)  # (HTG.17)
+            last = pseudo.correct(old, scale, count, mean, spread)  # (HTG.19)
             m, X = last.m, last.X
-        new = posterior(old, last, scale, s.n if self.n_count else count)
+        new = pseudo.posterior(old, last, scale, s.n if self.n_count else count)
         found: OnlineState = put(state, some, OnlineState(new, b.T))
         m, P = self.rm.rates.correct(found.rm.m, found.rm.P, scan, scan.xy)  # (RR.4)
         found = found._replace(rm=found.rm._replace(m=m, P=P))
         blank = UpdateInfo(every.n, np.zeros_like(every.mean), np.broadcast_to(np.eye(2), every.noise.shape))
         return select(some, found, state), put(blank, some, UpdateInfo(s.n, last.eps, last.S))
 
-    def _problem(self, m: NDArray, into: NDArray, s: Sample, detections: FlatDetections) -> BoundProblem:
+    def _problem(self, m: NDArray, into: NDArray, s: pseudo.Sample, detections: FlatDetections) -> BoundProblem:
         """The likelihood of the bounds of T objects, at the iterates m (T, 5); `into` (T, 2, 2) is A^-1."""
         rho, owner, (D, T) = self.rm.rho, detections.owner, (len(detections.owner), len(m))
         r = ((into @ s.noise) * into).sum(-1)  # (T, 2)
@@ -124,13 +113,13 @@ class HTGOnline:
         facing = self._facing(into, m[:, :2], s.sensor)
         return BoundProblem(reach, scale, facing.T, np.concatenate([owner, np.arange(T)]), detections.first)
 
-    def _hole(self, bounds: NDArray, facing: NDArray) -> Hole:
+    def _hole(self, bounds: NDArray, facing: NDArray) -> pseudo.Hole:
         """The part of the source that the bounds (4, T) cut out, without sensor noise."""
         s = np.sqrt(self.rm.rho)
         t = np.where(facing, bounds, np.inf) / s
         mass, mean, var = truncated(-t[:2], t[2:])
         share = np.maximum(1 - mass[0] * mass[1], LEAST_SHARE)  # (HTG.6)
-        return Hole(share, s * mean.T, (s**2 * var.T)[..., None] * I2)  # (HTG.10) with R = 0
+        return pseudo.Hole(share, s * mean.T, (s**2 * var.T)[..., None] * I2)  # (HTG.10) with R = 0
 
     def _facing(self, into: NDArray, centre: NDArray, sensor: NDArray) -> NDArray:
         """Sides (..., 4) that face the sensor; all of them in full view, or for a sensor inside the body."""
@@ -169,7 +158,7 @@ class HTGOnline:
     def log_spatial(self, state: OnlineState, scan: Scan, track: NDArray, detection: NDArray) -> NDArray:
         """Log density (G,) [1/m^2] of the detections with indices detection (G,) under the tracks track (G,)."""
         rm, e = state.rm, self.estimate(state)
-        into = inverse_axes(body_axes(mean_extent(rm), rm.m[..., PHI]))[track]
+        into = pseudo.inverse_axes(pseudo.body_axes(pseudo.mean_extent(rm), rm.m[..., PHI]))[track]
         sensor = np.broadcast_to(scan.pose[:, :2], (scan.mask.shape[-1], 2))[detection]
         facing = self._facing(into, rm.m[track, :2], sensor)
         C = scan.position_noise(self.rm.sigma)[detection] + e.cov[track, :2, :2]

@@ -127,8 +127,7 @@ def correct(state: RMState, scale: Scale, count: NDArray, mean: NDArray, spread:
 def posterior(state: RMState, last: Iterate, scale: Scale, count: NDArray) -> RMState:
     """The predicted state moved to the iterate `last`, with the information of `count` (...) detections.
 
-    The papers count the N of (HTG.17a), which makes them four to ten times over-confident: pseudo-measurements carry no
-    information. With the n detections alone it is the repair (HTG.20).
+    The papers count the N of (HTG.17a), but pseudo-measurements carry no information; n alone is the repair (HTG.20).
     """
     _, P, nu, _ = state
     S = P[..., :2, :2] + scale.Y / count[..., None, None]

@@ -21,7 +21,7 @@ from trackers.multi.road import RoadMap
 from trackers.multi.sizes import BirthSize
 from trackers.multi.window import EMPTY, Unexplained, Window, join
 from trackers.parameters import check_numbers
-from trackers.random_matrix.surface import visible_offset
+from trackers.random_matrix.feldmann import visible_offset
 
 EMPTY_ESTIMATE = prior(np.zeros((0, 3)))
 

@@ -4,7 +4,6 @@ from trackers.pmht.adaptive import AdaptiveSpline
 from trackers.pmht.filter import SplineInfo, SplinePmht
 from trackers.pmht.learner import Learner
 from trackers.pmht.model import SplineModel
-from trackers.pmht.motion import Walk
-from trackers.pmht.state import SplineState
+from trackers.pmht.state import SplineState, Walk
 
 __all__ = ["AdaptiveSpline", "Learner", "SplineInfo", "SplineModel", "SplinePmht", "SplineState", "Walk"]

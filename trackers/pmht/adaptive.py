@@ -1,16 +1,10 @@
 """pmht-spline-adaptive: pmht-spline that learns class and contour of each object from its detections, on the way.
 
 Equations: docs/methods/spline-pmht.md and docs/methods/smoothing.md, after Yao et al. (2021), whose adaptation is one
-batch with a view from all sides. Ours goes on while the filter runs and sees one to three sides.
-
-Each object keeps its last scans. When they span `span` seconds and hold `least` detections, or the window is full, its
-turn may come: smoothed states take the motion out of the detections, which join a pool of the newest ones for each
-direction that the object was seen from. In the next update the pool is compared with the catalogue of classes. Once
-`Learner.enough` of its detections are new, updates with a few steps of expectation maximisation follow, and in the last
-one the filter takes the new contour. Detections of a scan that shows a part of an object, cut off by the edge of a
-field of view or hidden by others, are not kept: half a car looks like a motorcycle. At most `at_once` objects have a
-turn in one update, first those that have begun, then those that have waited longest, so the cost of an update is
-bounded for any number of objects.
+batch with a view from all sides. Each object keeps its last scans. When they span `span` seconds and hold `least`
+detections, or the window is full, its turn may come, in the stages of `Learner`. At most `at_once` objects have a turn
+in one update, first those that have begun, then those that have waited longest: so its cost is bounded. Of a scan that
+shows a part of an object nothing is kept: half a car looks like a motorcycle.
 """
 
 from dataclasses import dataclass
@@ -24,18 +18,16 @@ from trackers.batch import put, select, take
 from trackers.estimate import Estimate, check_estimate
 from trackers.filter import Gaussian, Note
 from trackers.geometry import rotation, to_frame, to_world
+from trackers.held_gaussian import LENGTH, prior_moments, resized
 from trackers.motion.turn import PHI
 from trackers.parameters import check_numbers
 from trackers.pmht import pool as pools
 from trackers.pmht import window as windows
-from trackers.pmht.adaptation import moved
-from trackers.pmht.adaptive_state import AdaptiveState, forgotten, index, plain
 from trackers.pmht.filter import TRUCK_ABOVE, SplinePmht
-from trackers.pmht.info import SplineInfo
-from trackers.pmht.learner import Learner
+from trackers.pmht.joint import SplineInfo
+from trackers.pmht.learner import AdaptiveState, Learner, forgotten, index, moved, plain
 from trackers.pmht.learning import SplineContour
-from trackers.pmht.motion import predicted
-from trackers.pmht.state import LENGTH, moments_of, resized
+from trackers.pmht.state import predicted
 from trackers.scan import Scan
 from trackers.validation import definite, guarded_predict, guarded_update, unguarded
 
@@ -84,8 +76,8 @@ class AdaptiveSpline:
     def init(self, estimate: Estimate) -> AdaptiveState:
         """State from a prior; raises ValueError for a prior that is not finite, positive, definite."""
         check_estimate(estimate)
-        m, P = moments_of(estimate)
-        kind = self.learner.by_length(m[..., LENGTH])
+        m, P = prior_moments(estimate, estimate.size, estimate.size_std)
+        kind = self.spline.by_length(m[..., LENGTH])
         p, Sigma, visible = (a[kind] for a in self.learner.offline)
         lead, zero = m.shape[:-1], np.zeros(m.shape[:-1], int)
         return AdaptiveState(
@@ -144,10 +136,7 @@ class AdaptiveSpline:
         return self.spline.estimate(plain(state))._replace(class_probability=state.probability.copy())
 
     def resize(self, state: AdaptiveState, size: NDArray, size_std: NDArray) -> AdaptiveState:
-        """State with another size (..., 2) [m] and std, now and in the window and the pool.
-
-        An object of unknown class may change its contour by length.
-        """
+        """State with another size and std (..., 2) [m], also in window and pool; the contour may change with length."""
         m, P = resized(state.m, state.P, size, size_std)
         shrunk = np.ones(m.shape)
         before = state.P.diagonal(axis1=-2, axis2=-1)[..., LENGTH:]
@@ -176,10 +165,7 @@ class AdaptiveSpline:
         return state._replace(m=m, window=window._replace(**past), pool=pools.moved(state.pool, body, size, size))
 
     def restart(self, state: AdaptiveState, estimate: Estimate) -> AdaptiveState:
-        """State that starts again from an estimate and forgets its detections.
-
-        Class and contour stay, unless the new length does not fit the class.
-        """
+        """State that starts again without detections; class and contour stay where the new length fits the class."""
         fresh = self.init(estimate)
         new = forgotten(state._replace(m=fresh.m, P=fresh.P, cross=fresh.P), np.ones(state.stage.shape, bool))
         size, std = self.class_size(state)
@@ -207,7 +193,7 @@ class AdaptiveSpline:
             return state
         edge = TRUCK_ABOVE + np.where(state.kind == 0, self.hysteresis, -self.hysteresis)
         unknown = state.kind < len(self.spline.models)
-        kind = np.where(unknown, self.learner.by_length(state.m[..., LENGTH] - edge + TRUCK_ABOVE), state.kind)
+        kind = np.where(unknown, self.spline.by_length(state.m[..., LENGTH] - edge + TRUCK_ABOVE), state.kind)
         changed = kind != state.kind
         return forgotten(self.learner.of_kind(state, kind), changed) if changed.any() else state
 

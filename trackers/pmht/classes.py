@@ -1,13 +1,9 @@
 """Which class of contour an object has: the likelihood of its detections under a catalogue of learned contours.
 
-Equations: docs/methods/spline-pmht.md. Each class is a hypothesis about the complete body. Its contour is placed at the
-mean size of the class, so that the end which was seen lies where the track has it, and then fitted to the pooled
-detections: position along and across, length and width, each with a prior of the class. The fit is the PMHT of the
-filter itself, in the frame of the body and without motion. The probability of a class is the likelihood of its fit
-times the share of the class in traffic.
-
-Detections of one body are not independent: they share the error of the pose, and those of the next scan come from the
-same points. So each counts for less than one detection.
+Equations: docs/methods/spline-pmht.md. Each class is a hypothesis about the complete body. Its contour, placed so that
+the end which was seen lies where the track has it, is fitted to the pooled detections by the PMHT of the filter itself,
+without motion: position, length and width, each with a prior of the class. The probability of a class is the likelihood
+of its fit times its share in traffic. Each detection counts for less than one: those of one body are not independent.
 """
 
 from dataclasses import dataclass
@@ -19,11 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.parameters import check_numbers
-from trackers.pmht.association import RelativeDetections, log_density, responsibilities, synthesise
-from trackers.pmht.ellipses import BOX_COLUMN
+from trackers.pmht.association import (
+    BOX_COLUMN,
+    RelativeDetections,
+    columns,
+    determinant,
+    log_density,
+    responsibilities,
+    squares,
+    synthesise,
+)
 from trackers.pmht.filter import typical_visibility
 from trackers.pmht.model import SHIPPED, SplineModel, load
-from trackers.pmht.symmetric import columns, determinant, squares
 from trackers.pmht.visibility import directions, weights
 
 FOLDER = SHIPPED / "classes"
@@ -69,9 +72,7 @@ class Catalogue:
         """One contour a class."""
         folder = FOLDER if self.folder is None else Path(self.folder)
         if missing := [name for name in self.names if not (folder / f"{name}.json").is_file()]:
-            raise ValueError(
-                f"folder {folder} has no model {missing[0]}.json; python -m testbed.learn.classes makes them"
-            )
+            raise ValueError(f"folder {folder} has no model {missing[0]}.json; `testbed learn-spline` makes one")
         return tuple(load(folder / f"{name}.json") for name in self.names)
 
     @cached_property
@@ -100,14 +101,10 @@ class Catalogue:
         return np.array([self.length_std, self.width_std])
 
     def fit(self, detections: RelativeDetections, sensor: NDArray, size: NDArray, ends: NDArray) -> ClassFits:
-        """The classes fitted to the detections of T objects.
+        """The classes fitted to the detections (T, 2, D) [m] of T objects in the frame of the body.
 
-        Args:
-            detections: (T, 2, D) [m] in the frame of the body.
-            sensor: (T, D, 2) [m] places of their sensors in that frame.
-            size: (T, 2) [m] of the tracks.
-            ends: (T, 2, 2) bool, which ends were seen: rear and front, right and left.
-
+        sensor (T, D, 2) [m] are the places of their sensors in that frame, size (T, 2) [m] is that of the tracks, ends
+        (T, 2, 2) bool are the ends that were seen: rear and front, right and left.
         """
         noise = detections.R[:, None] + self.blur**2 * np.array([[1.0], [0.0], [1.0]])
         z = RelativeDetections(detections.z[:, None], noise, detections.mask[:, None])

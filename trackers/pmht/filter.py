@@ -6,7 +6,7 @@ ellipses by their probabilities; the synthetic detection of each ellipse then co
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from typing import ClassVar
 
 import numpy as np
@@ -16,19 +16,26 @@ from trackers import held_gaussian
 from trackers.batch import Memoised, select
 from trackers.estimate import Estimate, check_estimate
 from trackers.geometry import rotation
+from trackers.held_gaussian import LENGTH, prior_moments, resized
 from trackers.linalg import outer
 from trackers.motion.turn import PHI
 from trackers.parameters import check_numbers
 from trackers.pmht import joint
-from trackers.pmht.association import RelativeDetections, log_density, responsibilities, synthesise
-from trackers.pmht.ellipses import UnitEllipses, interior_density, place, unit_ellipses
-from trackers.pmht.info import SplineInfo, innovation, nothing
-from trackers.pmht.joint import EllipseUpdate, predict_ellipses
-from trackers.pmht.model import DEGREE, SplineModel, outlines, resolve
-from trackers.pmht.motion import Walk, predicted
-from trackers.pmht.spline import chain
-from trackers.pmht.state import LEAST_SIZE, LENGTH, SplineState, estimate_of, moments_of, resized
-from trackers.pmht.symmetric import columns, polar_noise
+from trackers.pmht.association import (
+    RelativeDetections,
+    UnitEllipses,
+    columns,
+    interior_density,
+    log_density,
+    place,
+    polar_noise,
+    responsibilities,
+    synthesise,
+    unit_ellipses,
+)
+from trackers.pmht.joint import EllipseUpdate, SplineInfo, innovation, nothing, predict_ellipses
+from trackers.pmht.model import DEGREE, SplineModel, chain, outlines, resolve
+from trackers.pmht.state import LEAST_SIZE, SplineState, Walk, estimate_of, predicted
 from trackers.pmht.visibility import View, directions, visibility_table, weights
 from trackers.range_rate import RangeRates
 from trackers.scan import Scan, SensorModel
@@ -54,7 +61,7 @@ class SplinePmht:
     rates: RangeRates = field(default_factory=RangeRates)
     sigma: float = 0.2  # [m] noise where a scan does not state it
     widened: float = 1.0  # factor of Sigma_l in the association, (PMHT.8); the paper prints 4, which is less accurate
-    eps: float = 1e-8  # [1/m^2] density of what is not of the object, see `association.outlier_density`
+    eps: float = 1e-8  # [1/m^2] density of false alarms over the expected detections of an object
     unseen: float = 0.02  # share of detections from ellipses out of sight, because no contour is exact, (PMHT.22)
     grazing: float = 0.5  # (PMHT.21)
     lost_below: float = 0.5  # explained share of a scan below which the association is lost, (PMHT.17)
@@ -98,12 +105,12 @@ class SplinePmht:
     @cached_property
     def outline(self) -> Memoised[[NDArray, NDArray], NDArray]:
         """Drawn contours (..., C, 2) in the unit frame of control points and covariances."""
-        return Memoised(self._outlined)
+        return Memoised(partial(outlines, outward=self.outward))
 
     @cached_property
     def ellipses(self) -> Memoised[[NDArray, NDArray], UnitEllipses]:
         """The ellipses of control points and covariances in the unit frame."""
-        return Memoised(self._chained)
+        return Memoised(partial(unit_ellipses, self.N))
 
     @cached_property
     def interior(self) -> float:
@@ -118,7 +125,7 @@ class SplinePmht:
     def init(self, estimate: Estimate) -> SplineState:
         """State from a prior; raises ValueError for a prior that is not finite, positive, definite."""
         check_estimate(estimate)
-        m, P = moments_of(estimate)
+        m, P = prior_moments(estimate, estimate.size, estimate.size_std)
         return SplineState(m, P, *self._contours(m[..., LENGTH]))
 
     @guarded_predict
@@ -262,18 +269,12 @@ class SplinePmht:
 
     def _contours(self, length: NDArray) -> tuple[NDArray, NDArray, NDArray]:
         """Control points, covariances and visibility of objects of length (...) [m]."""
-        p, Sigma, visible = (a[self._which(length)] for a in self.contours)
+        p, Sigma, visible = (a[self.by_length(length)] for a in self.contours)
         return p, Sigma, visible
 
-    def _which(self, length: NDArray) -> NDArray:
-        """Rows (...) of the models of objects of length (...) [m]."""
+    def by_length(self, length: NDArray) -> NDArray:
+        """Rows (...) int of the models of objects of length (...) [m]."""
         return (length > TRUCK_ABOVE).astype(int) if len(self.models) > 1 else np.zeros(length.shape, int)
-
-    def _chained(self, p: NDArray, Sigma: NDArray) -> UnitEllipses:
-        return unit_ellipses(self.N, p, Sigma)
-
-    def _outlined(self, p: NDArray, Sigma: NDArray) -> NDArray:
-        return outlines(p, Sigma, self.outward)
 
 
 @lru_cache(maxsize=64)

@@ -10,12 +10,20 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.filter import Note
 from trackers.geometry import rotation
-from trackers.linalg import symmetrize
+from trackers.held_gaussian import LENGTH
+from trackers.linalg import I2, quadratic, symmetrize
 from trackers.motion.turn import PHI
-from trackers.pmht.association import LEAST_WEIGHT, RelativeDetections, SyntheticDetections
-from trackers.pmht.state import LENGTH, N, rotating_root
-from trackers.pmht.symmetric import determinant, upright
+from trackers.pmht.association import (
+    LEAST_WEIGHT,
+    RelativeDetections,
+    SyntheticDetections,
+    determinant,
+    matrices,
+    upright,
+)
+from trackers.pmht.state import N, rotating_root
 from trackers.unscented import STANDARD
 
 AUGMENTED = N + 2
@@ -118,3 +126,45 @@ def missing(expected: PredictedEllipses, S: NDArray, doubt: Doubt, u: NDArray) -
     each = (hx * xx + hy * xy) @ hx.mT + (hx * xy + hy * yy) @ hy.mT
     score = hx @ wx.mT + hy @ wy.mT  # (..., 7, M)
     return symmetrize(each - score @ score.mT)  # (PMHT.38)
+
+
+class SplineInfo(NamedTuple):
+    """Innovation of the centroid, and how well the ellipses explained the detections."""
+
+    n: NDArray  # (...) detections used
+    eps: NDArray  # (..., 2) [m] innovation
+    S: NDArray  # (..., 2, 2) [m^2] its covariance
+    share: NDArray  # (...) of the detections that the predicted ellipses explain, NaN without a detection
+    lost: NDArray  # (...) bool, the share was so small that the object was searched in the neighbourhood
+    notes: tuple[Note, ...] = ()
+
+    @property
+    def nis(self) -> NDArray:
+        """Normalised innovation squared (...), NaN without a detection."""
+        return np.where(self.n > 0, quadratic(self.eps, self.S), np.nan)
+
+
+def innovation(
+    expected: PredictedEllipses, w: NDArray, E: NDArray, detections: RelativeDetections, share: NDArray, lost: NDArray
+) -> SplineInfo:
+    """Innovation of the mean detection under the ellipses that the detections were shared out to, (PMHT.19)."""
+    n = detections.mask.sum(-1)
+    part = w.sum(-2)
+    part = (part / np.maximum(part.sum(-1, keepdims=True), 1e-12))[..., None]  # (..., L, 1)
+    count = np.maximum(n, 1)[..., None]
+    each = (detections.mask / count)[..., None]
+    eps = (detections.z @ each - expected.c @ part)[..., 0]  # (PMHT.19)
+    h = (expected.h @ part[..., None, :, :])[..., 0]  # (..., 7, 2)
+    R = detections.R @ each if detections.R.shape[-1] == each.shape[-2] else detections.R
+    noise = (E @ part + R) / count[..., None]
+    S = h.mT @ h + matrices(noise)[..., 0, :, :]  # (PMHT.19)
+    some = n > 0
+    S = np.where(some[..., None, None], S, I2)
+    notes = (Note("lost", "contour explained too little of the scan, searched around", lost),) if lost.any() else ()
+    return SplineInfo(n, np.where(some[..., None], eps, 0.0), S, np.where(some, share, np.nan), lost, notes)
+
+
+def nothing(n: NDArray) -> SplineInfo:
+    """Information of an update without a detection."""
+    zero = np.zeros(n.shape)
+    return SplineInfo(n, zero[..., None] * np.ones(2), zero[..., None, None] + I2, zero * np.nan, n > 0)

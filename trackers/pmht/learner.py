@@ -5,38 +5,84 @@ each update of the filter: an object waits (0) until its window is decoupled int
 classes (1); where enough detections in the pool are new, updates with a few steps of expectation maximisation follow
 (2 ... turns), and after the last one the filter takes the new contour (turns + 1).
 
-Vehicles are taken for symmetric, so what is seen of one side is known of the other. Sides that were not seen stay: the
-ellipses weigh by what the sensor of each detection could see, and the stiffness holds the others where the catalogue
-has them. The frame of the contour moves only along axes on which its place is known, see `adaptation.partial_shift`. A
-contour that crosses itself is discarded.
+Sides that were not seen stay: the ellipses weigh by what the sensor of each detection could see, and the stiffness
+holds the others where the catalogue has them. A contour that crosses itself is discarded. Moving the model by o (unit
+frame) and the centre by -A o predicts the same detections, (PMHT.30), so o is not observable. A convention settles it:
+the position is the centre of the box. Along each axis of the body, by the ends that were seen,
+
+- both: the box of the curve is centred;
+- one: that end stays where the catalogue's contour has it, because there the filter measures, and the place of the
+  other follows from size and catalogue;
+- none: the control points do not move on average.
 """
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from trackers.batch import select
 from trackers.geometry import rotation
+from trackers.held_gaussian import LENGTH, resized
 from trackers.motion.turn import PHI
 from trackers.parameters import check_numbers
 from trackers.pmht import pool as pools
 from trackers.pmht import window as windows
-from trackers.pmht.adaptation import partial_shift, shifted
-from trackers.pmht.adaptive_state import AdaptiveState
-from trackers.pmht.association import RelativeDetections
+from trackers.pmht.association import RelativeDetections, squares
 from trackers.pmht.classes import Catalogue
-from trackers.pmht.filter import TRUCK_ABOVE, SplinePmht, typical_visibility
-from trackers.pmht.learning import SplineContour
-from trackers.pmht.model import DEGREE, outlines
-from trackers.pmht.refine import Refine, is_simple
-from trackers.pmht.state import LENGTH, resized
-from trackers.pmht.symmetric import squares
+from trackers.pmht.filter import SplinePmht, typical_visibility
+from trackers.pmht.learning import Refine, SplineContour, is_simple
+from trackers.pmht.model import DEGREE, curve, outlines
+from trackers.pmht.pool import Pool
+from trackers.pmht.state import SplineState
 from trackers.pmht.visibility import visibility_table
+from trackers.pmht.window import Window, cleared
 
 COARSE = 2  # points on the arc of an ellipse for the visibility of a contour that is learned on the way
 NO_NOISE = np.array([1.0, 0.0, 1.0])  # of padding: the identity as columns
+FINE = 400  # points of the curve whose box is taken
+
+
+class AdaptiveState(NamedTuple):
+    """The state of `SplinePmht`, and what class and contour are learned from."""
+
+    m: NDArray  # (..., 7) px, py [m], phi [rad] unwrapped, v [m/s], omega [rad/s], l, w [m]
+    P: NDArray  # (..., 7, 7)
+    p: NDArray  # (..., n_c, 2) control points
+    Sigma: NDArray  # (..., L, 2, 2)
+    visible: NDArray  # (..., A, L)
+    kind: NDArray  # (...) int, row of the contour in `Learner.offline` that the object started from
+    cross: NDArray  # (..., 7, 7) cross covariance of the last scan in the window and now, (SM.9)
+    window: Window
+    pool: Pool
+    draft: SplineContour  # the contour that is being learned
+    stage: NDArray  # (...) int, of learning, see `Learner`
+    fresh: NDArray  # (...) int, detections that came into the pool since a contour was learned
+    probability: NDArray  # (..., C) of the classes
+    complete: NDArray  # (...) bool, the next scan shows the complete object; from parts nothing is learned
+
+
+def plain(state: AdaptiveState) -> SplineState:
+    """The state of `SplinePmht` in it."""
+    return SplineState(*state[:5])
+
+
+def forgotten(state: AdaptiveState, where: NDArray) -> AdaptiveState:
+    """The state with nothing to learn from where (...) is true."""
+    keep = ~where
+    return state._replace(
+        window=cleared(state.window, where),
+        pool=state.pool._replace(came=state.pool.came * keep[..., None]),
+        stage=state.stage * keep,
+        fresh=state.fresh * keep,
+    )
+
+
+def index(rows: NDArray, lead: tuple[int, ...]) -> Any:
+    """Index of flat rows (A,) into arrays with leading axes; without leading axes the one object gets an axis."""
+    return np.unravel_index(rows, lead) if lead else (None,)
 
 
 @dataclass(frozen=True)
@@ -130,17 +176,13 @@ class Learner:
         first = len(self.spline.models)
         own = np.take_along_axis(p, np.maximum(state.kind - first, 0)[:, None], -1)[:, 0]
         doubtful = (state.kind >= first) & (own < 1 - self.sure)
-        kind = np.where(doubtful, self.by_length(state.m[:, LENGTH]), state.kind)
+        kind = np.where(doubtful, self.spline.by_length(state.m[:, LENGTH]), state.kind)
         return self.of_kind(state, np.where(p.max(-1) > self.sure, first + p.argmax(-1), kind))
 
     def of_kind(self, state: AdaptiveState, kind: NDArray) -> AdaptiveState:
         """Objects whose kind (...) has changed start again from the contour of the new one."""
         p, Sigma, visible = (a[kind] for a in self.offline)
         return select(kind != state.kind, state._replace(p=p, Sigma=Sigma, visible=visible, kind=kind), state)
-
-    def by_length(self, length: NDArray) -> NDArray:
-        """Kind (...) int of objects of length (...) [m] whose class is not known."""
-        return (length > TRUCK_ABOVE).astype(int) * (len(self.spline.models) > 1)
 
     # -- contours ---------------------------------------------------------------------------------------------------
 
@@ -183,3 +225,33 @@ class Learner:
     def outlines_of(self, state: AdaptiveState) -> NDArray:
         """Contours (A, C, 2) [m] on the body's axes."""
         return outlines(state.p, state.Sigma, self.spline.outward) * state.m[..., None, LENGTH:]
+
+
+def frame_shift(p: NDArray) -> NDArray:
+    """Centre (..., 2) of the box around the curve of control points p (..., n_c, 2), in the unit frame."""
+    ring = curve(p, FINE)
+    return (ring.max(-2) + ring.min(-2)) / 2  # (PMHT.31)
+
+
+def partial_shift(p: NDArray, off: NDArray, ends: NDArray) -> NDArray:
+    """Shift (..., 2) of the frame of the contour p where not all sides were seen, (PMHT.37).
+
+    off (..., n_c, 2) are the control points of the catalogue; ends (..., 2, 2) bool: rear and front, right and left.
+    """
+    ring, was = curve(p, FINE), curve(off, FINE)
+    low, high = ring.min(-2) - was.min(-2), ring.max(-2) - was.max(-2)
+    both, rear, front = ends.all(-1), ends[..., 0], ends[..., 1]
+    one = np.where(rear, low, np.where(front, high, (p - off).mean(-2)))  # (PMHT.37)
+    return np.where(both, frame_shift(p), one)
+
+
+def shifted(m: NDArray, o: NDArray) -> NDArray:
+    """States m (..., 7) whose model has been moved by -o (..., 2) in the unit frame."""
+    return moved(m, m[..., LENGTH:] * o)  # (PMHT.31)
+
+
+def moved(m: NDArray, body: NDArray) -> NDArray:
+    """States m (..., 7) with body (..., 2) [m], in the axes of each, added to the centre."""
+    m = m.copy()
+    m[..., :2] += (rotation(m[..., PHI]) @ body[..., None])[..., 0]
+    return m

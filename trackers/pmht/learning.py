@@ -1,7 +1,8 @@
-"""Regularised expectation maximisation of a contour from decoupled detections, as in the paper.
+"""Regularised expectation maximisation of a contour from decoupled detections of one to four sides.
 
-Equations: docs/methods/spline-pmht.md. Everything is in the unit frame. The E-step has Sigma_l, not the 4 Sigma_l that
-the paper prints in (15): with that the likelihood falls and all ellipses merge at the centre.
+Equations: docs/methods/spline-pmht.md. Everything is in the unit frame. Beyond the paper, ellipses weigh by what the
+sensor of each detection sees, the known noise of each detection is taken out, detections from inside the body belong to
+none of the ellipses, and an ellipse with few detections keeps the spread that it had in the catalogue.
 """
 
 from dataclasses import dataclass
@@ -10,10 +11,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.geometry import cross
 from trackers.linalg import inverse, outer, symmetrize
-from trackers.pmht.association import LOG_2PI, responsibilities
-from trackers.pmht.model import DEGREE
-from trackers.pmht.spline import chain
+from trackers.parameters import check_numbers
+from trackers.pmht.association import BOX_COLUMN, RelativeDetections, columns, log_density, matrices, responsibilities
+from trackers.pmht.model import DEGREE, chain, curve
+from trackers.pmht.visibility import directions, weights
+from trackers.pmht.window import Decoupled
 
 
 class SplineContour(NamedTuple):
@@ -31,79 +35,9 @@ class EllipseStatistics(NamedTuple):
     Zb: NDArray  # (..., L, 2, 2) spreads, sums
 
 
-@dataclass(frozen=True)
-class ContourEM:
-    """Expectation maximisation with outliers of even density."""
-
-    iterations: int = 60
-    tolerance: float = 1e-4  # relative change of the control points at which it stops
-    eps: float = 1e-3  # density of outliers per unit area
-    floor: float = 1e-6  # least eigenvalue of Sigma_l
-    keep_below: float = 2.0  # detections; with fewer an ellipse keeps its Sigma_l
-
-    def run(
-        self, start: SplineContour, z: NDArray, mask: NDArray, log_pi: NDArray, stiffness: NDArray | float, off: NDArray
-    ) -> SplineContour:
-        """The contour of detections z (..., N, 2) under the mask (..., N).
-
-        log_pi (..., N or 1, L) are the log weights of the ellipses; stiffness (...) is lambda, which ties the control
-        points to off (..., n_c, 2).
-        """
-        F = features(np.where(mask[..., None], z, 0.0))
-        now = start
-        going = np.ones(mask.shape[:-1], bool)
-        for _ in range(self.iterations):
-            w = responsibilities(log_densities(F, now) + log_pi, mask, self.eps)  # (PMHT.23), R = 0, eps for the inside
-            new = self.maximise(now, statistics(F, w), stiffness, off)
-            change = np.sqrt(((new.p - now.p) ** 2).sum((-1, -2)) / (now.p**2).sum((-1, -2)))
-            keep = going[..., None, None]
-            now = SplineContour(np.where(keep, new.p, now.p), np.where(keep[..., None], new.Sigma, now.Sigma))
-            going = going & (change >= self.tolerance)
-            if not going.any():
-                break
-        return now
-
-    def maximise(
-        self, now: SplineContour, s: EllipseStatistics, stiffness: NDArray | float, off: NDArray
-    ) -> SplineContour:
-        """First the control points with the old Sigma_l, then Sigma_l with the new points."""
-        p = control_points(now, s, stiffness, off)
-        d = s.zb - centres(p, now.Sigma.shape[-3])
-        M = np.maximum(s.M, 1e-9)[..., None, None]
-        Sigma = symmetrize(outer(d) + s.Zb / M)  # (PMHT.28), divisor M_l where the paper prints M_l + 1
-        value, vector = np.linalg.eigh(Sigma)
-        Sigma = (vector * np.maximum(value, self.floor)[..., None, :]) @ vector.mT
-        return SplineContour(p, np.where(s.M[..., None, None] >= self.keep_below, Sigma, now.Sigma))
-
-
 def centres(p: NDArray, L: int) -> NDArray:
     """Centres (..., L, 2) of the ellipses."""
     return chain(L, p.shape[-2], DEGREE) @ p
-
-
-def features(z: NDArray) -> NDArray:
-    """1, x, y, x^2, xy, y^2 (..., N, 6), in which log densities and statistics are linear: both are matrix products."""
-    x, y = z[..., 0], z[..., 1]
-    return np.stack([np.ones(x.shape), x, y, x * x, x * y, y * y], -1)
-
-
-def log_densities(F: NDArray, now: SplineContour) -> NDArray:
-    """Log N(z_n; mu_l, Sigma_l) (..., N, L) from features F (..., N, 6)."""
-    information, mu = inverse(now.Sigma), centres(now.p, now.Sigma.shape[-3])
-    pull = (information @ mu[..., None])[..., 0]
-    constant = 0.5 * np.linalg.slogdet(information)[1] - 0.5 * (mu * pull).sum(-1) - LOG_2PI
-    xx, xy, yy = information[..., 0, 0], information[..., 0, 1], information[..., 1, 1]
-    return F @ np.stack([constant, pull[..., 0], pull[..., 1], -xx / 2, -xy, -yy / 2], -2)
-
-
-def statistics(F: NDArray, w: NDArray) -> EllipseStatistics:
-    """Weight sums, means and spreads from features F (..., N, 6) and weights w (..., N, L), (PMHT.25)."""
-    total = w.mT @ F  # (..., L, 6)
-    M = total[..., 0]
-    safe = np.maximum(M, 1e-9)
-    zb = total[..., 1:3] / safe[..., None]  # (PMHT.25)
-    second = total[..., [3, 4, 4, 5]].reshape(*M.shape, 2, 2)
-    return EllipseStatistics(M, zb, second - M[..., None, None] * outer(zb))
 
 
 def control_points(now: SplineContour, s: EllipseStatistics, stiffness: NDArray | float, off: NDArray) -> NDArray:
@@ -129,15 +63,106 @@ def control_points(now: SplineContour, s: EllipseStatistics, stiffness: NDArray 
     return np.stack([x[..., :n_c], x[..., n_c:]], -1)
 
 
-def rectangle_start(L: int = 24, n_c: int = 12) -> SplineContour:
-    """A spline through points at equal arc length on a rectangle, counter-clockwise from ahead: a start for learning.
+@dataclass(frozen=True)
+class Refine:
+    """How closely a contour follows the detections of its own object."""
 
-    Made for a body of 5 m by 2 m; in the unit frame it serves bodies of every size.
-    """
-    half = np.array([2.3, 0.8])
-    corners = np.array([[1, 0], [1, 1], [-1, 1], [-1, -1], [1, -1], [1, 0]]) * half
-    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(corners, axis=0), axis=1))])
-    at = np.arange(L) * (length[-1] / L)
-    points = np.stack([np.interp(at, length, corners[:, i]) for i in range(2)], -1) / [5.0, 2.0]
-    p = np.linalg.lstsq(chain(L, n_c, DEGREE), points, rcond=None)[0]
-    return SplineContour(p, np.tile(np.diag([(0.3 / 5) ** 2, (0.15 / 2) ** 2]), (L, 1, 1)))
+    stiffness: float = 2.0  # lambda of (PMHT.27) for each detection; 0.5 in the reproduction of the paper
+    symmetric: bool = True  # left and right sides are alike, so what is seen of one is known of the other
+    prior: float = 20.0  # detections that the spread of the catalogue counts for, at each ellipse, (PMHT.33)
+    eps: float = 1e-3  # density of outliers per unit area
+    floor: float = 1e-5  # least eigenvalue of Sigma_l
+    unseen: float = 0.002  # share of the detections from ellipses out of sight, (PMHT.22)
+    iterations: int = 1  # in one update of the filter
+
+    def __post_init__(self) -> None:
+        check_numbers(self, positive=("stiffness", "floor", "iterations"))  # without stiffness unseen sides run away
+
+    def run(
+        self, start: SplineContour, off: SplineContour, data: Decoupled, log_pi: NDArray | float, interior: float
+    ) -> SplineContour:
+        """The contour after some iterations; off is that of the catalogue.
+
+        log_pi (..., D or 1, L) are the log weights of the ellipses, interior is the share of detections from inside.
+        """
+        detections = RelativeDetections(
+            data.z.mT, np.where(data.mask[..., None], data.R, [1.0, 0.0, 1.0]).mT, data.mask
+        )
+        share = interior / (1 - interior)
+        rest = self.eps + share * np.exp(log_density(detections, np.zeros((2, 1)), BOX_COLUMN))  # (PMHT.32)
+        stiffness = self.stiffness * data.mask.sum(-1)
+        now = start
+        for _ in range(self.iterations):
+            s = self.expect(now, detections, log_pi, rest)
+            now = self.maximise(now, off, with_mirror(s) if self.symmetric else s, stiffness)
+        return now
+
+    def expect(
+        self, now: SplineContour, detections: RelativeDetections, log_pi: NDArray | float, rest: NDArray
+    ) -> EllipseStatistics:
+        """Weight sums, means and spreads of the points that the detections came from, without their noise."""
+        mu, Sigma = centres(now.p, now.Sigma.shape[-3]).mT, columns(now.Sigma)
+        w = responsibilities(
+            log_density(detections, mu, Sigma) + log_pi, detections.mask, rest
+        )  # (..., D, L), (PMHT.32)
+        S = Sigma[..., None, :] + detections.R[..., None]  # (..., 3, D, L)
+        det = S[..., 0, :, :] * S[..., 2, :, :] - S[..., 1, :, :] ** 2
+        S = S / det[..., None, :, :]
+        dx, dy = (detections.z[..., i, :, None] - mu[..., i, None, :] for i in (0, 1))
+        ux, uy = S[..., 2, :, :] * dx - S[..., 1, :, :] * dy, S[..., 0, :, :] * dy - S[..., 1, :, :] * dx  # S^-1 d
+        M = w.sum(-2)  # (PMHT.25)
+        safe = np.maximum(M, 1e-9)[..., None]
+        # x = mu + Sigma S^-1 d is linear in u, so the sums over detections come before the products with Sigma.
+        u = np.stack([(w * ux).sum(-2), (w * uy).sum(-2)], -1) / safe
+        uu = np.stack([(w * ux * ux).sum(-2), (w * ux * uy).sum(-2), (w * uy * uy).sum(-2)], -2)
+        inv = np.stack(
+            [(w * S[..., 2, :, :]).sum(-2), -(w * S[..., 1, :, :]).sum(-2), (w * S[..., 0, :, :]).sum(-2)], -2
+        )
+        second = now.Sigma @ (matrices(uu) - matrices(inv)) @ now.Sigma + M[..., None, None] * now.Sigma  # (PMHT.24)
+        shift = (now.Sigma @ u[..., None])[..., 0]  # (PMHT.24)
+        return EllipseStatistics(M, mu.mT + shift, second - M[..., None, None] * outer(shift))
+
+    def maximise(
+        self, now: SplineContour, off: SplineContour, s: EllipseStatistics, stiffness: NDArray
+    ) -> SplineContour:
+        """Control points, then covariances, which are drawn towards those of the catalogue."""
+        p = control_points(now, s, stiffness, off.p)  # (PMHT.27)
+        d = s.zb - centres(p, now.Sigma.shape[-3])
+        M = s.M[..., None, None]
+        total = symmetrize(M * outer(d) + s.Zb + self.prior * off.Sigma)
+        Sigma = total / np.maximum(M + self.prior, 1e-9)  # (PMHT.33)
+        value, vector = np.linalg.eigh(Sigma)
+        return SplineContour(p, (vector * np.maximum(value, self.floor)[..., None, :]) @ vector.mT)
+
+    def log_weights(self, table: NDArray, p: NDArray, L: int, size: NDArray, sensor: NDArray) -> NDArray:
+        """Log weights (..., D, L) of the ellipses for sensors (..., D, 2) [m] in the body frame; table (..., A, L)."""
+        c = (centres(p, L) * size[..., None, :]).mT
+        return np.log(weights(table, directions(c, np.zeros(size.shape[:-1]), sensor), self.unseen))
+
+
+def with_mirror(s: EllipseStatistics) -> EllipseStatistics:
+    """Statistics of the detections and their mirror images; ellipse l mirrors ellipse -l, as 0 is at the front."""
+    L = s.M.shape[-1]
+    image, flip = -np.arange(L) % L, np.array([1.0, -1.0])
+    M, zb, Zb = s.M[..., image], s.zb[..., image, :] * flip, s.Zb[..., image, :, :] * outer(flip)
+    both = s.M + M
+    mean = (s.M[..., None] * s.zb + M[..., None] * zb) / np.maximum(both, 1e-9)[..., None]
+    between = s.M[..., None, None] * outer(s.zb - mean) + M[..., None, None] * outer(zb - mean)
+    return EllipseStatistics(both, mean, s.Zb + Zb + between)
+
+
+def is_simple(p: NDArray) -> NDArray:
+    """Whether contours (...) of control points p (..., n_c, 2) run counter-clockwise and do not cross themselves."""
+    a = curve(p)
+    b = np.roll(a, -1, -2)
+    area = cross(a, b).sum(-1)
+    n = a.shape[-2]
+    i, j = np.triu_indices(n, 2)
+    apart = (i > 0) | (j < n - 1)  # the first and the last edge are neighbours
+    i, j = i[apart], j[apart]
+
+    def side(of: NDArray, k: NDArray, edge: NDArray) -> NDArray:
+        return cross(b[..., edge, :] - a[..., edge, :], of[..., k, :] - a[..., edge, :])
+
+    meet = (side(a, i, j) * side(b, i, j) < 0) & (side(a, j, i) * side(b, j, i) < 0)
+    return np.asarray((area > 0) & ~meet.any(-1))

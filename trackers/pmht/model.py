@@ -1,7 +1,7 @@
 """A contour as ellipses on a closed B-spline, learned once and stored as JSON.
 
 Equations: docs/methods/spline-pmht.md. In the unit frame, in which a vehicle is a box [-1/2, 1/2]^2 with x ahead and y
-to the left.
+to the left. The spline has integer knots, period n_c and a parameter r in [0, n_c), counter-clockwise.
 """
 
 from collections.abc import Mapping
@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from trackers.geometry import dot
 from trackers.json_file import read_json
-from trackers.pmht.spline import basis, chain
 
 FORMAT = "spline-model-1"
 SHIPPED = Path(__file__).parent / "models"
@@ -23,6 +22,7 @@ DEGREE = 3
 OUTLINE = 48  # points of a drawn contour
 Pairs = tuple[tuple[float, float], ...]
 Triples = tuple[tuple[float, float, float], ...]
+MOST_ELLIPSES = 1000  # of a chain; a body has some dozens
 
 
 @dataclass(frozen=True)
@@ -121,23 +121,16 @@ def load(path: Path) -> SplineModel:
         raise ValueError(f"{path} holds no spline model ({error}); `testbed learn-spline` writes one") from None
 
 
-def names() -> tuple[str, ...]:
-    """Models that come with the package."""
-    return tuple(sorted(path.stem for path in SHIPPED.glob("*.json")))
-
-
 @lru_cache(maxsize=32)
 def find(name: str) -> SplineModel:
     """The model of that name, or in the .json file of that path.
 
-    Raises:
-        LookupError: no such model; the known ones are named.
-        ValueError: the file holds none.
-
+    Raises LookupError where there is none, ValueError for a file that holds none.
     """
     path = Path(name) if name.endswith(".json") else SHIPPED / f"{name}.json"
     if not path.is_file():
-        raise LookupError(f"no spline model {name!r}; known: {', '.join(names()) or 'none'}, or the path of a .json")
+        known = ", ".join(sorted(file.stem for file in SHIPPED.glob("*.json"))) or "none"
+        raise LookupError(f"no spline model {name!r}; known: {known}, or the path of a .json")
     return load(path)
 
 
@@ -152,3 +145,36 @@ def resolve(model: "str | SplineModel | tuple[SplineModel, ...]") -> tuple[Splin
     if len({(len(m.points), len(m.spread)) for m in found}) != 1:
         raise ValueError(f"model must be of models with equal numbers of points and ellipses, got {model!r}")
     return found
+
+
+def cardinal(t: NDArray, degree: int) -> NDArray:
+    """The B-spline B_d(t) (...) with knots 0, 1, ..., d + 1, at t (...)."""
+    if degree == 0:
+        return np.where((t >= 0) & (t < 1), 1.0, 0.0)
+    rise, fall = t / degree, (degree + 1 - t) / degree
+    return rise * cardinal(t, degree - 1) + fall * cardinal(t - 1, degree - 1)  # (PMHT.2)
+
+
+def basis(r: NDArray, n_c: int, degree: int) -> NDArray:
+    """Weights (R, n_c) of the control points at the parameters r (R,); rows sum to 1."""
+    if n_c < degree + 1:
+        raise ValueError(f"n_c must be at least degree + 1 = {degree + 1}, got {n_c}; take more control points")
+    return cardinal((r[:, None] - np.arange(n_c)) % n_c, degree)  # (PMHT.1)
+
+
+def slope_basis(r: NDArray, n_c: int, degree: int) -> NDArray:
+    """Weights (R, n_c) of the control points in the derivative c'(r) at r (R,)."""
+    t = (r[:, None] - np.arange(n_c)) % n_c
+    return cardinal(t, degree - 1) - cardinal(t - 1, degree - 1)
+
+
+@lru_cache(maxsize=64)
+def chain(L: int, n_c: int, degree: int = 3) -> NDArray:
+    """N (L, n_c), read-only: mu = N p are the centres of L ellipses, (PMHT.3)."""
+    if L > MOST_ELLIPSES:
+        raise ValueError(f"L must be at most {MOST_ELLIPSES} ellipses, got {L}")
+    if n_c > L:
+        raise ValueError(f"L must be at least n_c = {n_c} for every control point to count, got {L}")
+    N = basis(np.arange(L) * (n_c / L), n_c, degree)  # (PMHT.3)
+    N.flags.writeable = False
+    return N

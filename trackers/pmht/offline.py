@@ -12,12 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.linalg import inverse, outer
-from trackers.pmht.association import LOG_2PI
-from trackers.pmht.ellipses import BOX
-from trackers.pmht.learning import ContourEM, EllipseStatistics, SplineContour, centres, rectangle_start
-from trackers.pmht.model import DEGREE
-from trackers.pmht.spline import MOST_ELLIPSES
+from trackers.linalg import inverse, outer, symmetrize
+from trackers.pmht.association import BOX, LOG_2PI
+from trackers.pmht.learning import EllipseStatistics, SplineContour, centres, control_points
+from trackers.pmht.model import DEGREE, MOST_ELLIPSES, chain
 from trackers.pmht.visibility import visibility_table, weights
 
 PART = 4000  # detections worked on together
@@ -75,11 +73,11 @@ class OfflineLearning:
         if self.mirrored:
             data = with_mirror(data)
         start = now = rectangle_start(self.ellipses, self.points)
-        interior, history, fit = self.interior, [-np.inf], ContourEM(eps=0.0)
+        interior, history = self.interior, [-np.inf]
         stiffness = np.asarray(self.stiffness * len(data.z))
         for k in range(self.iterations):
             s, inside, value = self.expect(data, now, interior, size)
-            now = fit.maximise(now, s, stiffness, start.p)
+            now = maximise(now, s, stiffness, start.p)
             interior = inside / len(data.z)  # (PMHT.28)
             history.append(value)
             progress(k + 1, self.iterations)
@@ -144,3 +142,35 @@ def with_mirror(data: LabelledDetections) -> LabelledDetections:
     flip = np.array([1.0, -1.0])
     mirror = LabelledDetections(data.z * flip, data.noise * flip[:, None] * flip, -data.direction)
     return LabelledDetections(*(np.concatenate([a, b]) for a, b in zip(data, mirror, strict=True)))
+
+
+def maximise(
+    now: SplineContour,
+    s: EllipseStatistics,
+    stiffness: NDArray | float,
+    off: NDArray,
+    floor: float = 1e-6,
+    keep_below: float = 2.0,
+) -> SplineContour:
+    """First the control points with the old Sigma_l, then Sigma_l with the new points.
+
+    floor is the least eigenvalue of Sigma_l; an ellipse with fewer than keep_below detections keeps its Sigma_l.
+    """
+    p = control_points(now, s, stiffness, off)
+    d = s.zb - centres(p, now.Sigma.shape[-3])
+    M = np.maximum(s.M, 1e-9)[..., None, None]
+    Sigma = symmetrize(outer(d) + s.Zb / M)  # (PMHT.28), divisor M_l where the paper prints M_l + 1
+    value, vector = np.linalg.eigh(Sigma)
+    Sigma = (vector * np.maximum(value, floor)[..., None, :]) @ vector.mT
+    return SplineContour(p, np.where(s.M[..., None, None] >= keep_below, Sigma, now.Sigma))
+
+
+def rectangle_start(L: int = 24, n_c: int = 12) -> SplineContour:
+    """A spline through points spread evenly over a rectangle, counter-clockwise from ahead: a start for learning."""
+    half = np.array([2.3, 0.8])
+    corners = np.array([[1, 0], [1, 1], [-1, 1], [-1, -1], [1, -1], [1, 0]]) * half
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(corners, axis=0), axis=1))])
+    at = np.arange(L) * (length[-1] / L)
+    points = np.stack([np.interp(at, length, corners[:, i]) for i in range(2)], -1) / [5.0, 2.0]
+    p = np.linalg.lstsq(chain(L, n_c, DEGREE), points, rcond=None)[0]
+    return SplineContour(p, np.tile(np.diag([(0.3 / 5) ** 2, (0.15 / 2) ** 2]), (L, 1, 1)))

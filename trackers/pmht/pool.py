@@ -1,7 +1,6 @@
 """The newest decoupled detections of an object, so many for each direction that it was seen from.
 
-The number is bounded, and detections of one side never displace those of another: a side that is out of view now keeps
-what was seen of it.
+So a side that is out of view now keeps what was seen of it.
 """
 
 from typing import NamedTuple
@@ -9,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.pmht.state import LENGTH
-from trackers.pmht.symmetric import squares
+from trackers.held_gaussian import LENGTH
+from trackers.pmht.association import squares
 from trackers.pmht.window import Decoupled
 
 REACH = 0.8  # largest coordinate in the unit frame, where the box ends at 0.5; beyond, it is another object's

@@ -1,20 +1,22 @@
-"""State of the filters on a spline: x = [px, py, phi, v, omega, l, w] and the contour of each object.
+"""State of the filters on a spline, x = [px, py, phi, v, omega, l, w] and the contour of each object, and its motion.
 
 Equations: docs/methods/spline-pmht.md. Components in the order of `trackers.motion`; the paper has the speed before the
 heading.
 """
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from trackers.estimate import Estimate
-from trackers.geometry import to_world, unit, wrap_angle
-from trackers.motion.turn import OMEGA, PHI, SPEED, cartesian_covariance, polar_moments
-from trackers.unscented import root
+from trackers.geometry import to_world
+from trackers.held_gaussian import LENGTH, WIDTH, box_estimate
+from trackers.motion.turn import OMEGA, PHI, PX, PY, SPEED
+from trackers.parameters import check_numbers
+from trackers.unscented import STANDARD, Transformed, moments, root
 
-LENGTH, WIDTH = 5, 6
 N = 7
 LEAST_SIZE = 0.3  # [m]
 
@@ -37,45 +39,51 @@ def rotating_root(P: NDArray) -> NDArray:
     return root(P[..., ::-1, ::-1])[..., ::-1, :]  # (PMHT.7)
 
 
-def moments_of(estimate: Estimate) -> tuple[NDArray, NDArray]:
-    """Mean (..., 7) and covariance (..., 7, 7) of a prior."""
-    heading = estimate.pose[..., 2]
-    v, P4 = polar_moments(estimate.velocity, estimate.cov, heading, estimate.heading_std)
-    m = np.concatenate([estimate.pose, v[..., None], estimate.yaw_rate[..., None], estimate.size], -1)
-    P = np.zeros((*m.shape, N))
-    P[..., :4, :4] = P4
-    P[..., OMEGA, OMEGA] = estimate.yaw_rate_std**2
-    P[..., LENGTH, LENGTH], P[..., WIDTH, WIDTH] = estimate.size_std[..., 0] ** 2, estimate.size_std[..., 1] ** 2
-    return m, P
-
-
 def estimate_of(m: NDArray, P: NDArray, outline: NDArray) -> Estimate:
     """Box along the heading from m (..., 7), P (..., 7, 7), with an outline (..., C, 2) in the unit frame."""
-    pose = np.concatenate([m[..., :2], wrap_angle(m[..., PHI, None])], -1)
     size = m[..., LENGTH:].copy()
-    variance = P.diagonal(axis1=-2, axis2=-1)
-    return Estimate(
-        pose=pose,
-        velocity=m[..., SPEED, None] * unit(m[..., PHI]),
-        yaw_rate=m[..., OMEGA].copy(),
-        size=size,
-        cov=cartesian_covariance(m[..., :LENGTH], P[..., :LENGTH, :LENGTH]),
-        size_std=np.sqrt(variance[..., LENGTH:]),
-        heading_std=np.sqrt(variance[..., PHI]),
-        yaw_rate_std=np.sqrt(variance[..., OMEGA]),
-        contour=to_world(pose, outline * size[..., None, :]),
-    )
+    size_std = np.sqrt(P.diagonal(axis1=-2, axis2=-1)[..., LENGTH:])
+    found = box_estimate(m, P, size, size_std)
+    return found._replace(contour=to_world(found.pose, outline * size[..., None, :]))
 
 
-def resized(m: NDArray, P: NDArray, size: NDArray, size_std: NDArray) -> tuple[NDArray, NDArray]:
-    """Moments with another size (..., 2) [m] of standard deviation size_std (..., 2) [m].
+@dataclass(frozen=True)
+class Walk:
+    """Process noise: random walks of speed, yaw rate and size, as densities, so that two half steps are one step.
 
-    Correlations of the size shrink with its standard deviation and never grow.
+    The defaults are the paper's numbers, which it gives for steps of 1 s.
     """
-    m, P = m.copy(), P.copy()
-    m[..., LENGTH:] = size
-    scale = np.ones(m.shape)
-    scale[..., LENGTH:] = np.minimum(size_std / np.sqrt(P.diagonal(axis1=-2, axis2=-1)[..., LENGTH:]), 1.0)
-    P *= scale[..., :, None] * scale[..., None, :]
-    P[..., LENGTH, LENGTH], P[..., WIDTH, WIDTH] = size_std[..., 0] ** 2, size_std[..., 1] ** 2
-    return m, P
+
+    speed: float = 0.1  # [m/s / sqrt(s)]
+    yaw_rate: float = 0.035  # [rad/s / sqrt(s)]
+    size: float = 1e-5  # [m / sqrt(s)] of length and width
+
+    def __post_init__(self) -> None:
+        check_numbers(self)  # 0 keeps the quantity
+
+    def covariance(self, dt: float) -> NDArray:
+        """Q (7, 7) over dt [s]."""
+        Q = np.zeros((N, N))
+        Q[SPEED, SPEED], Q[OMEGA, OMEGA] = self.speed**2 * dt, self.yaw_rate**2 * dt  # (PMHT.6)
+        Q[LENGTH, LENGTH] = Q[WIDTH, WIDTH] = self.size**2 * dt  # (PMHT.6)
+        return Q
+
+
+def turned(X: NDArray, dt: float) -> NDArray:
+    """States X (..., 7) after dt [s] at constant speed and yaw rate."""
+    h = X[..., OMEGA] * (dt / 2)
+    s = X[..., SPEED] * dt * np.sinc(h / np.pi)  # (PMHT.5)
+    Y = X.copy()
+    Y[..., PX] += s * np.cos(X[..., PHI] + h)  # (PMHT.5)
+    Y[..., PY] += s * np.sin(X[..., PHI] + h)  # (PMHT.5)
+    Y[..., PHI] += 2 * h  # (PMHT.5)
+    return Y
+
+
+def predicted(m: NDArray, P: NDArray, walk: Walk, dt: float) -> Transformed:
+    """Moments after dt [s] with process noise, and the cross covariance of the states before and after, (SM.3)."""
+    reach = np.sqrt(STANDARD.reach(N)) * rotating_root(P).mT
+    centre = m[..., None, :]
+    X = np.concatenate([centre, centre + reach, centre - reach], -2)
+    moved = moments(X, turned(X, dt))
+    return moved._replace(cov=moved.cov + walk.covariance(dt))  # (PMHT.6), with the noise that the paper leaves out

@@ -1,11 +1,9 @@
 """Which part of a contour a sensor sees: prior weights of the ellipses, for each detection from its own sensor.
 
-Equations: docs/methods/spline-pmht.md. The paper's weights are all equal, because its sensor sees every side at once.
-Ours sees one to three sides; with equal weights the filter would explain a one-sided scan by ellipses of all sides, and
-learning would move ellipses that nobody saw onto the sides that were seen. Here rays from far away, in each of A
-directions, say which share of the outline's lit arc lies at each ellipse. Shares are interpolated between the
-directions, so that nothing jumps when a side comes into view, and each ellipse has its own direction: seen from beside
-a long vehicle, its front and its rear lie at different angles.
+Equations: docs/methods/spline-pmht.md. The paper's sensor sees every side at once; ours sees one to three, and equal
+weights would explain a one-sided scan by ellipses of all sides. Rays from far away, in each of A directions, say which
+share of the outline's lit arc lies at each ellipse. Shares are interpolated between the directions, and each ellipse
+has its own direction: seen from beside a long vehicle, its front and its rear lie at different angles.
 """
 
 from functools import lru_cache
@@ -16,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from trackers.geometry import cross, dot, unit, wrap_angle
-from trackers.pmht.spline import basis, slope_basis
+from trackers.pmht.model import basis, slope_basis
 from trackers.scan import Scan, SensorModel
 
 DIRECTIONS = 36

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.geometry import rotation, wrap_angle
+from trackers.held_gaussian import LENGTH
 from trackers.motion.turn import PHI
-from trackers.pmht.association import RelativeDetections
-from trackers.pmht.state import LENGTH, N
-from trackers.pmht.symmetric import congruence
+from trackers.pmht.association import RelativeDetections, congruence
+from trackers.pmht.state import N
 
 
 class Window(NamedTuple):

@@ -13,11 +13,11 @@ from trackers import held_gaussian
 from trackers.batch import select
 from trackers.estimate import Estimate, check_estimate
 from trackers.filter import Extent, UpdateInfo
-from trackers.geometry import extent_matrix, rotation, unit, wrap_angle
+from trackers.geometry import extent_matrix, rotation
+from trackers.held_gaussian import box_estimate, prior_moments
 from trackers.linalg import I2, inverse, inverse_sqrtm, outer, sqrtm, symmetrize
-from trackers.motion.turn import OMEGA, PHI, SPEED, cartesian_covariance, coordinated_turn, polar_moments, turn_noise
+from trackers.motion.turn import OMEGA, PHI, coordinated_turn, turn_noise
 from trackers.parameters import check_numbers
-from trackers.random_matrix.surface import visible_offset
 from trackers.range_rate import RangeRates
 from trackers.scan import Scan
 from trackers.validation import guarded_predict, guarded_update
@@ -84,14 +84,9 @@ class RandomMatrix:
     def init(self, estimate: Estimate) -> RMState:
         """State from a prior; raises ValueError for a prior that is not finite, positive, definite."""
         check_estimate(estimate)
-        heading = estimate.pose[..., 2]
-        v, P4 = polar_moments(estimate.velocity, estimate.cov, heading, estimate.heading_std)  # (RM.5)
-        m = np.concatenate([estimate.pose, v[..., None], estimate.yaw_rate[..., None]], -1)
-        P = np.zeros((*m.shape, 5))
-        P[..., :4, :4] = P4
-        P[..., 4, 4] = estimate.yaw_rate_std**2
+        m, P = prior_moments(estimate)  # (RM.5)
         nu = degrees_of_freedom(estimate.size, estimate.size_std)
-        return RMState(m, P, nu, (nu - 6)[..., None, None] * extent_matrix(heading, estimate.size))  # (RM.4)
+        return RMState(m, P, nu, (nu - 6)[..., None, None] * extent_matrix(m[..., PHI], estimate.size))  # (RM.4)
 
     @guarded_predict
     def predict(self, state: RMState, dt: float) -> RMState:
@@ -140,21 +135,9 @@ class RandomMatrix:
 
     def estimate(self, state: RMState) -> Estimate:
         """Box along the heading; half length and width are the roots of the extent's diagonal there."""
-        m, P, nu, _ = state
-        pose = m[..., :3].copy()
-        pose[..., PHI] = wrap_angle(m[..., PHI])
         size = self._size(state)
-        log_std = np.sqrt(1 / (2 * (np.maximum(nu, NU_MIN) - 8)))  # (RM.14)
-        return Estimate(
-            pose=pose,
-            velocity=m[..., SPEED, None] * unit(m[..., PHI]),
-            yaw_rate=m[..., OMEGA].copy(),
-            size=size,
-            cov=cartesian_covariance(m, P),  # (RM.15)
-            size_std=size * log_std[..., None],
-            heading_std=np.sqrt(P[..., PHI, PHI]),
-            yaw_rate_std=np.sqrt(P[..., OMEGA, OMEGA]),
-        )
+        log_std = np.sqrt(1 / (2 * (np.maximum(state.nu, NU_MIN) - 8)))  # (RM.14)
+        return box_estimate(state.m, state.P, size, size * log_std[..., None])  # (RM.15)
 
     def resize(self, state: RMState, size: NDArray, size_std: NDArray) -> RMState:
         """State with another size (..., 2) [m] of standard deviation size_std (..., 2) [m]."""
@@ -186,3 +169,22 @@ def degrees_of_freedom(size: NDArray, size_std: NDArray) -> NDArray:
     """Nu (...) for the mean relative size variance of boxes with size and size_std (..., 2) [m]."""
     relative = ((size_std / size) ** 2).mean(-1)
     return 8 + 1 / (2 * np.maximum(relative, 1e-6))  # (RM.4)
+
+
+def visible_offset(pose: NDArray, size: NDArray, sensor: NDArray) -> NDArray:
+    """Mean of the visible outline relative to the box centre, (..., 2) [m], world axes.
+
+    pose (..., 3), size (..., 2) [m], sensor (..., 2) [m] position. Each visible side weighs with its projected length;
+    for a sensor inside the box the offset is zero.
+    """
+    M = rotation(pose[..., 2])
+    s = (M.mT @ (sensor - pose[..., :2])[..., None])[..., 0]
+    half = size / 2
+    depth = np.abs(s) - half  # > 0: the side of this axis faces the sensor
+    visible = depth > 0
+    side = np.sign(s) * half  # the side's distance along its own axis
+    reach = np.hypot(np.maximum(depth, 1e-9), s[..., ::-1])  # from the side's midpoint to the sensor
+    weight = np.where(visible, size[..., ::-1] * depth / reach, 0.0)  # (RM.16)
+    total = weight.sum(-1, keepdims=True)
+    body = weight * side / np.where(total > 0, total, 1.0)
+    return (M @ body[..., None])[..., 0]  # (RM.16)

@@ -172,7 +172,7 @@ class Koch:
         self, state: KochState, centre: NDArray, heading: NDArray, size: NDArray, size_std: NDArray
     ) -> Estimate:
         """The record of a box whose motion is that of the state: velocity, yaw rate and their covariances."""
-        C = self.covariance(state)
+        C = self.covariance(state.P, state.extent)
         v, a = state.x[..., 2:4], state.x[..., 4:6]
         across = perpendicular(unit(course(state.x)))
         sideways = np.sqrt((across[..., None, :] @ C[..., 2:4, 2:4] @ across[..., None])[..., 0, 0])
@@ -189,10 +189,6 @@ class Koch:
             yaw_rate_std=wobble / np.maximum(speed, self.turn_speed),  # (RM.24)
         )
 
-    def covariance(self, state: KochState) -> NDArray:
-        """Covariance (..., 6, 6) of the kinematic state."""
-        return self._covariance(state.P, state.extent)
-
     def _yaw_rate(self, v: NDArray, a: NDArray) -> NDArray:
         speed2 = (v * v).sum(-1)
         turn = (perpendicular(v) * a).sum(-1) / np.maximum(speed2, self.turn_speed**2)  # (RM.24)
@@ -201,7 +197,7 @@ class Koch:
     def _speed(self, x: NDArray) -> NDArray:
         return np.hypot(x[..., 2], x[..., 3])
 
-    def _covariance(self, P: NDArray, X_hat: NDArray) -> NDArray:
+    def covariance(self, P: NDArray, X_hat: NDArray) -> NDArray:
         """Covariance (..., 6, 6) of the kinematic state, P (x) X^."""
         B = self.shape(X_hat)
         return (P[..., :, None, :, None] * B[..., None, :, None, :]).reshape(*P.shape[:-2], 6, 6)  # (RM.17)
@@ -230,7 +226,7 @@ class Koch:
         expected = over_ground(u, v[..., None, :], yaw_rate, xy - centre[..., None, :])  # (RR.5)
         residual = np.where(use, np.clip(g - expected, -self.rate_clip, self.rate_clip), 0.0)
         information = self.rate_weight / self.rate_std**2
-        C = self._covariance(P, X_hat)
+        C = self.covariance(P, X_hat)
         J, score = np.zeros_like(C), np.zeros_like(x)
         J[..., 2:4, 2:4] = information * (u.mT @ u)
         score[..., 2:4] = information * (u * residual[..., None]).sum(-2)

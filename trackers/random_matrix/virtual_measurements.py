@@ -18,10 +18,18 @@ from trackers.filter import Gaussian, UpdateInfo
 from trackers.geometry import rotation, to_frame, unit, wrap_angle
 from trackers.parameters import check_numbers
 from trackers.random_matrix.adaptation import Descent, Difference, GaussNewton, Rule, Variances, descend
-from trackers.random_matrix.box import box_hits, box_outline, box_sector
-from trackers.random_matrix.ellipse import near_hits, outline, root_of, sector_fan, tangent_sector
 from trackers.random_matrix.feldmann import masked_mean, moments
 from trackers.random_matrix.koch import Koch, KochState
+from trackers.random_matrix.rays import (
+    box_hits,
+    box_outline,
+    box_sector,
+    near_hits,
+    outline,
+    root_of,
+    sector_fan,
+    tangent_sector,
+)
 from trackers.scan import Scan
 from trackers.validation import definite, guarded_update, unguarded
 
@@ -99,11 +107,7 @@ class VirtualMeasurements:
         return select(info.n > 0, self.adapt(updated, scan), state), info
 
     def correct(self, state: ContourState, scan: Scan) -> tuple[KochState, UpdateInfo]:
-        """Koch's update. The position of the filter is that of the mean of the detections.
-
-        At the first update of an object it is therefore moved from the centre of the prior to the mean that the contour
-        predicts.
-        """
+        """Koch's update of the mean of the detections; the first one begins at the mean that the contour predicts."""
         first, koch = state.steps == 0, state.koch
         if first.any():
             x = koch.x.copy()
@@ -233,7 +237,7 @@ class VirtualMeasurements:
         spread = np.stack([z.C[..., 0, 0], z.C[..., 1, 1]], -1)
         mean_var = spread / np.maximum(z.n, 1)[..., None]  # (VM.15)
         shape_var = 2 * spread / np.maximum(z.n - 1, 1)[..., None]  # (VM.15): y^2 / (2 (n - 1)) with y = 2 s
-        P = self.koch.covariance(state.koch)
+        P = self.koch.covariance(state.koch.P, state.koch.extent)
         M = rotation(state.tilt)
         centre = M.mT @ P[..., :2, :2] @ M
         centre_var = np.stack([centre[..., 0, 0], centre[..., 1, 1]], -1) + self.centre_std**2

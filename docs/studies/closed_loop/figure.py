@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from studies.closed_loop.length_errors import LengthSamples, profile
-from testbed.experiments.bands import LABELS
+from testbed.experiments.series import LABELS
 from testbed.files import write_figure
 from trackers.htg.bins import TRUCK_ABOVE
 

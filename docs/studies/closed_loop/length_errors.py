@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from testbed.evaluation.metrics import rmse
 from testbed.evaluation.tracking import Evaluator
-from testbed.experiments.bands import EDGES, LABELS
+from testbed.experiments.series import EDGES, LABELS
 from testbed.frame import Frame
 
 FEWEST = 30  # frames with a track that an average needs

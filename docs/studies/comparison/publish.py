@@ -1,7 +1,7 @@
 """The results of a complete comparison, made small enough to be committed: `make comparison`.
 
 `RESULTS/comparison.json` says what was run, `runs.parquet` has the measures of every run and phase, `range.csv`,
-`visible.csv` and `consistency.csv` are the tables of `testbed.experiments.bands` that need all rows. Two
+`visible.csv` and `consistency.csv` are the tables of `testbed.experiments.series` that need all rows. Two
 smaller comparisons stand beside it, `NAME.json` and `NAME.parquet` each: `closed`, trackers in closed loop, and
 `layers`, the default tracker without each of its layers.
 `studies.comparison.page` makes the page from them.
@@ -22,11 +22,11 @@ import typer
 from scenarios import SCENARIOS
 from testbed.command_line.terminal import console, user_input
 from testbed.evaluation.metric import COSTS, METRICS, old_names
-from testbed.experiments.bands import by_band, consistency
 from testbed.experiments.compare import Comparison, Settings
 from testbed.experiments.report.comparison import page_of
 from testbed.experiments.report.figures import draw
 from testbed.experiments.rows import SCHEMA
+from testbed.experiments.series import by_band, consistency
 from testbed.experiments.statistics import DRIVE, MAIN
 from testbed.experiments.store import ROWS, Results, Store, read_meta
 from testbed.files import atomic_file, write_atomic, write_json

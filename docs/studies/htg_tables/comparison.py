@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from studies.htg_tables.models import HTG_MODEL, RIVALS, VARIANTS, DensityModel, LogDensity
-from testbed.evaluation.intervals import PlusMinus, student_limit
+from studies.plus_minus import PlusMinus
+from testbed.evaluation.intervals import student_limit
 from testbed.learn.detections import GROWN, Progress, TrainingDetections, read
 from testbed.log.text import markdown_table
 from trackers.htg.learning import FLIP, LEAST, bin_index

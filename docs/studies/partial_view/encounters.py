@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from scenarios.contours import CONTOURS
 from sensors.radar import Radar
 from sensors.scene import Ego, Scene, boxes_scene
+from studies.plus_minus import PlusMinus
 from studies.runs import every_sensor
-from testbed.evaluation.intervals import PlusMinus, student_interval
+from testbed.evaluation.intervals import student_interval
 from testbed.evaluation.metrics import contour_iou
 from trackers.estimate import Estimate, prior
 from trackers.geometry import box_corners, rotation, to_world, unit

@@ -13,13 +13,13 @@ from scenarios.contours import CONTOURS
 from studies.page import DOCS, Docs, Page, fill, steps
 from studies.partial_view.encounters import STEP, encounters, follow, measure, simulate
 from studies.partial_view.figure import ContourPanel, draw_learned, draw_tracked
+from studies.plus_minus import PlusMinus
 from testbed.command_line.terminal import user_input
-from testbed.evaluation.intervals import PlusMinus
 from testbed.evaluation.metric import METRICS
 from testbed.evaluation.metrics import contour_iou
 from testbed.evaluation.tracking import Evaluator, Row
 from testbed.learn.detections import TrainingDetections, read
-from testbed.learn.spline import fit
+from testbed.learn.models import fit_spline
 from testbed.log.text import markdown_table
 from testbed.replay.recording import Recording, record
 from trackers import MultiObjectTracker, find
@@ -79,7 +79,9 @@ def learned_models(visibility: str, next_step: NextStep) -> tuple[SplineModel, .
     for kind in ("car", "truck"):
         next_step(f"learn {kind}, {visibility}")
         detections = read(f"sampler:{RADAR}:{kind}", DETECTIONS, 1)
-        found.append(fit(detections, OfflineLearning(visibility=visibility, iterations=40), f"{kind}-{visibility}")[0])
+        found.append(
+            fit_spline(detections, OfflineLearning(visibility=visibility, iterations=40), f"{kind}-{visibility}")[0]
+        )
     return tuple(found)
 
 
@@ -123,7 +125,7 @@ def from_sides(next_step: NextStep) -> list[Sided]:
         for visibility in ("rays", "none"):
             next_step(f"learn from {name}, {visibility}")
             options = OfflineLearning(visibility=visibility, mirrored=False, iterations=40)
-            found.append(Sided(name, visibility, *fit(part, options, name), part.u / 2))
+            found.append(Sided(name, visibility, *fit_spline(part, options, name), part.u / 2))
     return found
 
 

@@ -11,7 +11,7 @@ from studies.page import DOCS, Docs, Page, fill
 from studies.regret.caution import differences
 from testbed.command_line.terminal import console, user_input
 from testbed.evaluation.metric import old_names
-from testbed.experiments.pairs import KEY, Attribution, Cell, one_sided, unresolved
+from testbed.experiments.pairs import KEY, Attribution, Cell
 from testbed.experiments.regret import DRIVES, PAIRS, write_table
 from testbed.experiments.report import figures_regret
 from testbed.experiments.report import tables_regret as tables
@@ -19,6 +19,7 @@ from testbed.experiments.report.figures import draw
 from testbed.experiments.report.grid import markdown
 from testbed.experiments.report.regret import TABLE, drawable, find
 from testbed.experiments.report.texts import seeds_text
+from testbed.experiments.report.words import one_sided, unresolved_pairs
 from testbed.files import make_directory
 
 OLD = old_names("drives")
@@ -149,7 +150,7 @@ def _doses(drives: pd.DataFrame, pairs: pd.DataFrame, page: Page | None) -> str:
 
 def _caution(drives: pd.DataFrame) -> str:
     cells = list(differences(drives))
-    open_questions = _items(unresolved([c for c in cells if c.measure == "drive_score"]))
+    open_questions = _items(unresolved_pairs([c for c in cells if c.measure == "drive_score"]))
     return fill(
         "regret/caution.md.j2", facts=_facts(drives), table=markdown(tables.changes(cells, "")), open=open_questions
     )

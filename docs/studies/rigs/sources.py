@@ -12,7 +12,7 @@ LEGEND: Mapping[str, str] = MappingProxyType({
     "S": "compared with the scans of Ding et al. (2022), [standing-returns.md](standing-returns.md)",
     "R": "measured on whole scans of Meyer and Kuschk (2019), `PYTHONPATH=docs python -m studies range-rates`",
     "A": "near scan of the Continental ARS 408-21, the radar of Caesar et al. (2020), as published by the maker",
-    "L": "learned from simulated detections of this radar, `python -m testbed.learn.profile`",
+    "L": "learned from simulated detections of this radar, `python -m studies depth-profiles`",
     "P": "a choice: plausible, no source",
     "I": "by definition: what the rig is for",
     "-": "the default of `Sensor`, a choice",

@@ -1,20 +1,20 @@
 """The page of a comparison: the verdict in words, all tables, the figures and links to the logs."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import pandas as pd
 
-from testbed.experiments.bands import BANDS, by_band, consistency
 from testbed.experiments.engine import Engine
 from testbed.experiments.report import figures, logs, tables, words
-from testbed.experiments.report.grid import Grid
 from testbed.experiments.report.page import Page, Step, stage, write_page
 from testbed.experiments.report.texts import numbered, say, seeds_fact
 from testbed.experiments.run import FAILED, Outcome
-from testbed.experiments.statistics import DRIVE, MAIN, cells, unresolved
+from testbed.experiments.series import BANDS, by_band, consistency
+from testbed.experiments.statistics import DRIVE, MAIN, cells
 from testbed.experiments.store import Results
 from testbed.experiments.study import Progress, Tally
 
@@ -32,36 +32,26 @@ class LogLink(NamedTuple):
 
 def write_report(
     results: Results,
-    tally: Tally | None = None,
-    out: Path | None = None,
-    with_logs: bool = True,
+    tally: Tally,
     engine: Engine = Engine(),  # noqa: B008 - frozen
     progress: Progress | None = None,
 ) -> Path:
-    """Write OUT/report.html with its figures and, where asked for, its logs; returns the path of the page.
+    """Write OUT/report.html with its figures and the logs of the picked runs; returns the path of the page.
 
-    Args:
-        results: of a folder.
-        tally: how the runs ended; without it the page shows which are missing, but not why.
-        out: where page and figures go; None: the folder of the results.
-        with_logs: whether to replay, or to drive again, the best, the median and the worst run of each tracker. Their
-            logs go into the folder of the results, and only a page there has links to them.
-        engine: on which the logs are made.
-        progress: progress(done, total, what) with what is being made: tables, figures, then logs.
-
-    Raises OSError, in one sentence, where the disk is full or must not be written.
+    progress: progress(done, total, what) with what is being made: tables, figures, then logs. Raises OSError, in one
+    sentence, where the disk is full or must not be written.
     """
-    folder = Path(out or results.study.out)
+    folder = Path(results.study.out)
     page = page_of(results, tally, stage(progress, "tables"))
 
     def links(step: Step | None) -> list[LogLink]:
-        return links_of(results, folder, logs.write(results, engine, step) if with_logs else [])
+        return links_of(results, folder, logs.write(results, engine, step))
 
     return write_page(page._replace(links=links), folder, progress)
 
 
 def page_of(results: Results, tally: Tally | None, step: Step | None = None) -> Page:
-    """The page without its logs."""
+    """The page without its logs; without a tally it shows which runs are missing, but not why."""
     show = step or (lambda done, total: None)
     show(0, 2)
     bands = {band: pd.DataFrame() if results.runs.empty else by_band(results, band) for band in BANDS}
@@ -92,7 +82,7 @@ def _tables(results: Results, bands: dict[str, pd.DataFrame]) -> dict[str, Any]:
     return {
         "verdict": words.verdict(results, main),
         "caveats": words.caveats(results, main),
-        "open_questions": unresolved(main),
+        "open_questions": words.unresolved(main),
         "differences_known": sum(c.difference is not None for c in main),
         "ranking": tables.ranking(results, main),
         "reach": words.reach(results),
@@ -101,14 +91,9 @@ def _tables(results: Results, bands: dict[str, pd.DataFrame]) -> dict[str, Any]:
         "differences": tables.differences(main, baseline) if several else None,
         "by_scenario": tables.by_scenario(scenarios, baseline) if scenarios else None,
         "by_phase": tables.by_phase(phases, baseline) if phases else None,
-        "by_range": _band(bands, "range", baseline),
-        "by_visible": _band(bands, "visible", baseline),
+        **{f"by_{band}": None if t.empty else tables.by_band(t, band, baseline) for band, t in bands.items()},
         "consistency": None if known.empty else tables.consistency(known, baseline),
     }
-
-
-def _band(bands: dict[str, pd.DataFrame], band: str, baseline: str) -> Grid | None:
-    return None if bands[band].empty else tables.by_band(bands[band], band, baseline)
 
 
 def _about(results: Results, tally: Tally | None) -> dict[str, Any]:
@@ -119,10 +104,10 @@ def _about(results: Results, tally: Tally | None) -> dict[str, Any]:
     shares = results.shares
     total = sum(shares.values())
     facts = [
-        ("tracker" if len(comparison.trackers) == 1 else "trackers", numbered(comparison.trackers)),
+        numbered("tracker", comparison.trackers),
         *([("reference", comparison.baseline)] if len(comparison.trackers) > 1 else []),
-        ("scenario" if len(comparison.scenarios) == 1 else "scenarios", numbered(comparison.scenarios)),
-        ("seed" if len(comparison.seeds) == 1 else "seeds", seeds_fact(comparison.seeds)),
+        numbered("scenario", comparison.scenarios),
+        seeds_fact(comparison.seeds),
         ("length of a run", settings.length),
         ("not in the means", f"the first {settings.settle:g} s of each run" if settings.settle else "nothing"),
         ("radar", settings.radar),
@@ -147,10 +132,9 @@ def _about(results: Results, tally: Tally | None) -> dict[str, Any]:
 
 def _identity(results: Results) -> list[tuple[str, str]]:
     """Versions, and the digest of the code, of the folder with the runs; nothing where it does not say."""
-    try:
+    known = dict[str, Any]()
+    with suppress(ValueError):  # it is damaged
         known = results.store.about()
-    except ValueError:
-        known = {}
     if not known:
         return []
     prefix = "version of "

@@ -9,7 +9,9 @@ from collections.abc import Sequence
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
+from matplotlib.axes import Axes
 from matplotlib.axis import Axis
+from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#000000", "#E69F00", "#56B4E9")
@@ -82,11 +84,17 @@ def label(tracker: str, study: Any) -> str:
     return f"{tracker} (reference)" if tracker == study.baseline and len(study.trackers) > 1 else tracker
 
 
-def grid(panels: int) -> tuple[int, int, tuple[float, float]]:
-    """Rows and columns of small multiples, and the size of one of them [in]."""
-    columns = min(panels, 4 if panels > 6 else 3)
-    rows = -(-panels // columns)
-    return rows, columns, {1: (8.0, 4.0), 2: (5.5, 3.2), 3: (4.2, 2.9)}.get(columns, (3.5, 2.2))
+def panels(
+    count: int, size: tuple[float, float], margin: tuple[float, float] = (0.0, 0.0), columns: int = 4, **shared: Any
+) -> tuple[Figure, list[Axes]]:
+    """A figure of small multiples of a size [in] each, and the axes of those that are used, row by row."""
+    columns = min(count, columns)
+    rows = -(-count // columns)
+    figure = Figure(figsize=(columns * size[0] + margin[0], rows * size[1] + margin[1]), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False, **shared).ravel()
+    for axis in axes[count:]:
+        axis.set_axis_off()
+    return figure, list(axes[:count])
 
 
 def plain_log(axis: Axis) -> None:

@@ -1,6 +1,7 @@
 """The figures of a report: what is drawn of a comparison, and how figures become files."""
 
 from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,11 +12,10 @@ from matplotlib.figure import Figure
 
 from testbed.evaluation.intervals import FEWEST
 from testbed.evaluation.metric import COSTS, METRICS
-from testbed.experiments.bands import BANDS
-from testbed.experiments.report import figures_band, figures_runs, figures_time
+from testbed.experiments.report import figures_runs, figures_time
 from testbed.experiments.report.figure_style import RC, line_styles
 from testbed.experiments.report.texts import say
-from testbed.experiments.series import STEP, chosen, over_time, ranked
+from testbed.experiments.series import BANDS, STEP, chosen, over_time, ranked
 from testbed.experiments.statistics import MAIN, pairwise
 from testbed.experiments.store import Results
 from testbed.files import make_directory, write_figure
@@ -79,7 +79,7 @@ def fit(figure: Figure) -> None:
 def plots(results: Results, bands: dict[str, pd.DataFrame]) -> Iterator[Plot]:
     """Those of a comparison for which there are data.
 
-    bands: the tables of `bands.by_band` for "range" and "visible", which the report shows as well.
+    bands: the tables of `series.by_band` for "range" and "visible", which the report shows as well.
     """
     if not results.runs.empty:
         yield from _of_runs(results)
@@ -88,22 +88,17 @@ def plots(results: Results, bands: dict[str, pd.DataFrame]) -> Iterator[Plot]:
 
 
 def _of_runs(results: Results) -> Iterator[Plot]:
-    order = ranked(results)
+    order, study = ranked(results), results.study
     styles = line_styles(order)
-    study = results.study
     counts: dict[str, Any] = {"runs": len(results.runs), "scenarios": len(study.scenarios), "seeds": len(study.seeds)}
     counts["trackers"] = len(order)
-    yield plot("distributions", lambda: figures_runs.strips(results, MAIN, order, styles), **counts)
+    yield plot("distributions", partial(figures_runs.strips, results, MAIN, order, styles), **counts)
     for key in ("gospa", "rmse_position"):
-        table = pairwise(results, key)
+        table, label = pairwise(results, key), METRICS[key].label
         if len(table) > 1 and table.notna().any(axis=None):
-            label = METRICS[key].label
-
-            def matrix(table: pd.DataFrame = table, label: str = label) -> Figure:
-                return figures_runs.matrix(table, label, study.baseline)
-
+            matrix = partial(figures_runs.matrix, table, label, study.baseline)
             yield plot(f"pairwise_{key}", matrix, "pairwise", label=label)
-    yield plot("cost", lambda: figures_runs.strips(results, COSTS, order, styles), **counts)
+    yield plot("cost", partial(figures_runs.strips, results, COSTS, order, styles), **counts)
 
 
 def _over_time(results: Results) -> Iterator[Plot]:
@@ -113,35 +108,21 @@ def _over_time(results: Results) -> Iterator[Plot]:
     count, seeds = len(results.study.trackers), len(results.study.seeds)
     left = f" {say('chosen', trackers=count)}" if count > len(shown) else ""
     shared = {"step": f"{STEP:g}", "chosen": left}
-    for quantity, label, unit in (("gospa", "GOSPA", "m"), ("position", "position RMSE", "m")):
-
-        def errors(quantity: str = quantity, label: str = f"{label} [{unit}]") -> Figure:
-            return figures_time.errors(data, quantity, label)
-
-        yield plot(f"time_{quantity}", errors, "errors", label=label, band=seeds >= FEWEST, seeds=seeds, **shared)
+    for quantity, metric in (("gospa", METRICS["gospa"]), ("position", METRICS["rmse_position"])):
+        errors, band = partial(figures_time.errors, data, quantity, metric.title), seeds >= FEWEST
+        yield plot(f"time_{quantity}", errors, "errors", label=metric.label, band=band, seeds=seeds, **shared)
     for quantity, label in (("nees_position", "NEES of the position"), ("nis", "NIS of the centroid")):
-        if not any(s.quantity == quantity and (s.mean > 0).any() for s in series):
-            continue
-
-        def consistency(quantity: str = quantity, label: str = f"{label} [1]") -> Figure:
-            return figures_time.consistency(data, quantity, label)
-
-        yield plot(f"time_{quantity}", consistency, "consistency", label=label, **shared)
+        if any(s.quantity == quantity and (s.mean > 0).any() for s in series):
+            consistency = partial(figures_time.consistency, data, quantity, f"{label} [1]")
+            yield plot(f"time_{quantity}", consistency, "consistency", label=label, **shared)
 
 
 def _by_band(results: Results, bands: dict[str, pd.DataFrame]) -> Iterator[Plot]:
-    shown = chosen(results)
     styles = line_styles(ranked(results))
     axes = {"range": ("range", "range from the ego"), "visible": ("visibility", "visible share of the outline")}
     for band, (name, label) in axes.items():
         table = bands[band]
-        if table.empty:
-            continue
-        present = [n for n in shown if n in set(table["tracker"])]
-
-        def errors(
-            table: pd.DataFrame = table, band: str = band, label: str = label, names: list[str] = present
-        ) -> Figure:
-            return figures_band.bands(table, BANDS[band][1], label, names, styles, results.study)
-
-        yield plot(f"error_by_{name}", errors, "bands", label=label, several=len(present) > 1)
+        if not table.empty:
+            present = [n for n in chosen(results) if n in set(table["tracker"])]
+            errors = partial(figures_runs.bands, table, BANDS[band][1], label, present, styles, results.study)
+            yield plot(f"error_by_{name}", errors, "bands", label=label, several=len(present) > 1)

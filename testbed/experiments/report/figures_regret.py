@@ -10,9 +10,10 @@ from matplotlib.figure import Figure
 from testbed.environment.sources.substitution import GROUP_NAMES, GROUPS
 from testbed.evaluation.metric import METRICS
 from testbed.experiments.pairs import Attribution, Cell, correlations
-from testbed.experiments.report.figure_style import COLOURS, line_styles
+from testbed.experiments.report.figure_style import COLOURS, line_styles, panels
 from testbed.experiments.report.figures import Plot, plot
 
+MARGIN = (1.0, 0.6)  # [in] around the panels
 GROUP_COLOURS = dict(zip(GROUPS, COLOURS, strict=False))
 DOSE_UNITS = {
     "velocity_lag": "s", "velocity_noise": "m/s", "lateral_velocity": "m/s", "lateral_position": "m", "heading": "rad",
@@ -34,25 +35,34 @@ def plots(
         yield plot("doses", lambda: dose_response(doses))
 
 
-def _panels(count: int, width: float, height: float, sharex: bool = False) -> tuple[Figure, list[Axes]]:
-    columns = min(count, 4)
-    rows = -(-count // columns)
-    figure = Figure(figsize=(columns * width + 1.0, rows * height + 0.6), layout="constrained")
-    axes = figure.subplots(rows, columns, squeeze=False, sharex=sharex).ravel()
-    for axis in axes[count:]:
-        axis.set_axis_off()
-    return figure, list(axes[:count])
+def _names_down(axis: Axes, names: Sequence[str], title: str, xlabel: str) -> None:
+    """Names down the side, regret across, and a line where there is none."""
+    axis.axvline(0.0, color="0.35", linewidth=0.8)
+    axis.set_yticks(range(len(names)), names)
+    axis.set_ylim(len(names) - 0.4, -0.6)
+    axis.set(title=title, xlabel=xlabel)
+
+
+def _regret_up(axis: Axes, title: str, xlabel: str) -> None:
+    """Regret up the side, and a line where there is none."""
+    axis.axhline(0.0, color="0.35", linewidth=0.8)
+    axis.set(title=title, xlabel=xlabel, ylabel="regret [s]")
+
+
+def _legend(figure: Figure, axis: Axes, columns: int) -> None:
+    """What is drawn in one panel, each label once."""
+    handles = dict(zip(*reversed(axis.get_legend_handles_labels()), strict=False))
+    figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=columns)
 
 
 def by_scenario(cells: Sequence[Cell]) -> Figure:
     """A panel a scenario: trackers down, the regret across, a colour and marker a planner."""
-    scenarios, trackers = (
-        list(dict.fromkeys(c.scenario for c in cells)),
-        list(dict.fromkeys(c.condition for c in cells)),
+    scenarios, trackers, planners = (
+        list(dict.fromkeys(getattr(cell, name) for cell in cells)) for name in ("scenario", "condition", "planner")
     )
-    planners = list(dict.fromkeys(c.planner for c in cells))
     styles = line_styles(planners)
-    figure, axes = _panels(len(scenarios), 2.8, 0.9 + 0.12 * len(trackers) * (1 + len(planners)), sharex=True)
+    height = 0.9 + 0.12 * len(trackers) * (1 + len(planners))
+    figure, axes = panels(len(scenarios), (2.8, height), MARGIN, sharex=True)
     for scenario, axis in zip(scenarios, axes, strict=True):
         for cell in (c for c in cells if c.scenario == scenario):
             offset = (planners.index(cell.planner) + 1) / (len(planners) + 1) - 0.5
@@ -60,38 +70,27 @@ def by_scenario(cells: Sequence[Cell]) -> Figure:
             y = trackers.index(cell.condition) + 0.8 * offset
             axis.plot([-mean.high, -mean.low], [y, y], color=style.color)
             axis.plot(-mean.value, y, style.marker, color=style.color, label=cell.planner)
-        axis.axvline(0.0, color="0.35", linewidth=0.8)
-        axis.set_yticks(range(len(trackers)), trackers)
-        axis.set_ylim(len(trackers) - 0.4, -0.6)
-        axis.set_title(scenario)
-        axis.set_xlabel("regret [s]")
-    handles = dict(zip(*reversed(axes[0].get_legend_handles_labels()), strict=False))
-    figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=len(planners))
+        _names_down(axis, trackers, scenario, "regret [s]")
+    _legend(figure, axes[0], len(planners))
     return figure
 
 
 def attribution_bars(found: Sequence[Attribution]) -> Figure:
     """A bar a tracker in each scenario and planner, made of the shares of the groups; positive is a cost."""
-    panels = list(dict.fromkeys((a.scenario, a.planner) for a in found))
-    figure, axes = _panels(len(panels), 2.8, 0.9 + 0.35 * len({a.tracker for a in found}), sharex=True)
-    for panel, axis in zip(panels, axes, strict=True):
-        rows = [a for a in found if (a.scenario, a.planner) == panel]
+    drives = list(dict.fromkeys((a.scenario, a.planner) for a in found))
+    height = 0.9 + 0.35 * len({a.tracker for a in found})
+    figure, axes = panels(len(drives), (2.8, height), MARGIN, sharex=True)
+    for driven, axis in zip(drives, axes, strict=True):
+        rows = [a for a in found if (a.scenario, a.planner) == driven]
         for y, a in enumerate(rows):
             ends = {True: 0.0, False: 0.0}  # of the bars to the right, and to the left
             for group in GROUPS:
-                cost = -a.share[group].value
-                axis.barh(
-                    y, cost, left=ends[cost > 0], color=GROUP_COLOURS[group], label=GROUP_NAMES[group], height=0.6
-                )
+                cost, colour = -a.share[group].value, GROUP_COLOURS[group]
+                axis.barh(y, cost, left=ends[cost > 0], color=colour, label=GROUP_NAMES[group], height=0.6)
                 ends[cost > 0] += cost
             axis.plot(-a.total.value, y, "o", color="black", markerfacecolor="white")
-        axis.axvline(0.0, color="0.35", linewidth=0.8)
-        axis.set_yticks(range(len(rows)), [a.tracker for a in rows])
-        axis.set_ylim(len(rows) - 0.4, -0.6)
-        axis.set_title(", ".join(panel))
-        axis.set_xlabel("regret against in-view [s]")
-    handles = dict(zip(*reversed(axes[0].get_legend_handles_labels()), strict=False))
-    figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=len(GROUPS))
+        _names_down(axis, [a.tracker for a in rows], ", ".join(driven), "regret against in-view [s]")
+    _legend(figure, axes[0], len(GROUPS))
     return figure
 
 
@@ -100,17 +99,14 @@ def against_errors(table: pd.DataFrame) -> Figure:
     known = {c.error: c for c in correlations(table)}
     trackers = list(dict.fromkeys(table["condition"]))
     styles = line_styles(trackers)
-    figure, axes = _panels(len(known), 2.7, 2.2)
+    figure, axes = panels(len(known), (2.7, 2.2), MARGIN)
     for key, axis in zip(known, axes, strict=True):
         metric = METRICS[key]
         for name in trackers:
             part = table[table["condition"] == name]
             axis.plot(part[key], part["regret"], styles[name].marker, color=styles[name].color, label=name, alpha=0.8)
-        axis.axhline(0.0, color="0.35", linewidth=0.8)
-        axis.set_title(f"{metric.label}: rho {known[key].rho:+.2f}")
-        axis.set_xlabel(metric.title)
-        axis.set_ylabel("regret [s]")
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=min(6, len(trackers)))
+        _regret_up(axis, f"{metric.label}: rho {known[key].rho:+.2f}", metric.title)
+    _legend(figure, axes[0], min(6, len(trackers)))
     return figure
 
 
@@ -120,7 +116,7 @@ def dose_response(cells: Sequence[Cell]) -> Figure:
     names = list(dict.fromkeys(name for _, name, size in doses if "+" not in size))
     lines = list(dict.fromkeys(f"{c.scenario}, {c.planner}" for c in cells))
     styles = line_styles(lines)
-    figure, axes = _panels(max(1, len(names)), 2.7, 2.2)
+    figure, axes = panels(max(1, len(names)), (2.7, 2.2), MARGIN)
     for name, axis in zip(names, axes, strict=False):
         for line in lines:
             found = [
@@ -131,9 +127,6 @@ def dose_response(cells: Sequence[Cell]) -> Figure:
             x, *y = np.array(sorted([(0.0, 0.0, 0.0, 0.0), *found])).T  # without the error nothing changes
             axis.plot(x, y[0], label=line, marker=styles[line].marker, **styles[line].line)
             axis.fill_between(x, y[1], y[2], color=styles[line].color, alpha=0.15, linewidth=0)
-        axis.axhline(0.0, color="0.35", linewidth=0.8)
-        axis.set_title(name)
-        axis.set_xlabel(f"{name} [{DOSE_UNITS[name]}]")
-        axis.set_ylabel("regret [s]")
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=min(4, len(lines)))
+        _regret_up(axis, name, f"{name} [{DOSE_UNITS[name]}]")
+    _legend(figure, axes[0], min(4, len(lines)))
     return figure

@@ -1,6 +1,7 @@
-"""Figures of runs: the distribution of the measures, the cost, and which tracker is better how often."""
+"""Figures of runs: distributions, cost, which tracker is better how often, errors by range and visible share."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -9,28 +10,24 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from testbed.evaluation.metric import METRICS
-from testbed.experiments.report.figure_style import DIVERGING, SIZE, LineStyle, label, plain_log
+from testbed.experiments.report.figure_style import DIVERGING, OTHERS, SIZE, LineStyle, label, panels, plain_log
+from testbed.experiments.series import BAND_MEASURES
 from testbed.experiments.store import Results
 
 LOGARITHMIC = ("nees_position", "nees_velocity", "ms_per_scan", "us_per_update")
 SPREAD = 0.32  # half the height of the strip of a tracker
+DODGE = 0.56  # share of a band over which the trackers stand side by side
 SEED = 20261121  # of the places of the dots
 
 
 def strips(results: Results, measures: Sequence[str], order: Sequence[str], styles: dict[str, LineStyle]) -> Figure:
     """Every run a dot; bar: the middle half, thin line: 5 to 95 %, white tick: median, black tick: mean."""
-    runs = results.runs
-    columns = min(len(measures), 4)
-    rows = -(-len(measures) // columns)
-    height = rows * (0.27 * len(order) + 0.9) + 0.7
-    figure = Figure(figsize=(2.0 + columns * (4.2 if columns < 3 else 2.9), height), layout="constrained")
-    axes = figure.subplots(rows, columns, squeeze=False, sharey=True)
-    for axis, key in zip(axes.ravel(), measures):
-        _panel(axis, runs, key, order, styles)
-    for axis in axes.ravel()[len(measures) :]:
-        axis.set_axis_off()
+    size = 4.2 if len(measures) < 3 else 2.9, 0.27 * len(order) + 0.9
+    figure, axes = panels(len(measures), size, (2.0, 0.7), sharey=True)
+    for axis, key in zip(axes, measures, strict=True):
+        _panel(axis, results.runs, key, order, styles)
     labels = [label(n, results.study) for n in order]
-    for axis in axes[:, 0]:
+    for axis in axes[::4]:  # the first of each row
         axis.set_yticks(range(len(order)), labels)
         axis.set_ylim(len(order) - 0.4, -0.6)
         for tick, name in zip(axis.get_yticklabels(), order, strict=True):
@@ -103,3 +100,46 @@ def matrix(table: pd.DataFrame, label: str, baseline: str) -> Figure:
     axis.set_xlabel(f"... is better in {label} than this one (bold: the reference)")
     figure.colorbar(image, ax=axis, label="probability of being better in a run", shrink=0.8)
     return figure
+
+
+def bands(
+    table: pd.DataFrame,
+    labels: Sequence[str],
+    xlabel: str,
+    shown: Sequence[str],
+    styles: dict[str, LineStyle],
+    study: Any,
+) -> Figure:
+    """Errors by band with 95 % intervals; trackers that are not in `shown` are grey lines behind."""
+    figure, axes = panels(len(BAND_MEASURES), (6.0, 3.8), columns=2)
+    used = [label for label in labels if label in set(table["band"])]
+    for axis, (key, title, scale, _) in zip(axes, BAND_MEASURES, strict=True):
+        for name in dict.fromkeys(table["tracker"]):
+            if name not in shown:
+                _draw_band(axis, table[table["tracker"] == name], key, scale, used, 0.0, None)
+        for k, name in enumerate(shown):
+            shift = DODGE * ((k + 0.5) / len(shown) - 0.5)
+            _draw_band(axis, table[table["tracker"] == name], key, scale, used, shift, styles[name])
+        axis.set_xticks(range(len(used)), used)
+        axis.set(xlim=(-0.5, len(used) - 0.5), xlabel=xlabel, ylabel=title)
+        axis.set_title(title.rpartition(" [")[0])
+        axis.set_ylim(0, 103 if key == "held" else None)
+        axis.grid(axis="x", visible=False)
+    handles = [Line2D([], [], label=label(n, study), marker=styles[n].marker, **styles[n].line) for n in shown]
+    if set(table["tracker"]) - set(shown):
+        handles.append(Line2D([], [], color=OTHERS, linewidth=0.9, label="other trackers"))
+    figure.legend(handles=handles, loc="outside lower center", ncols=min(len(handles), 4))
+    return figure
+
+
+def _draw_band(
+    axis: Axes, part: pd.DataFrame, key: str, scale: float, used: Sequence[str], shift: float, style: LineStyle | None
+) -> None:
+    part = part.set_index("band").reindex(used)
+    value, low, high = (scale * part[c].to_numpy(float) for c in (key, f"{key}_low", f"{key}_high"))
+    x = np.arange(len(used)) + shift
+    if style is None:
+        axis.plot(x, value, color=OTHERS, linewidth=0.9, zorder=1)
+        return
+    axis.plot(x, value, marker=style.marker, zorder=3, **(style.line | {"linewidth": 1.0}))
+    axis.vlines(x, low, high, color=style.color, linewidth=1.3, zorder=2)

@@ -10,14 +10,14 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from testbed.evaluation.intervals import FEWEST, chi2_limits
-from testbed.experiments.bands import DOF
-from testbed.experiments.report.figure_style import DURING, LIMITS, ONSET, LineStyle, grid, label, plain_log
-from testbed.experiments.series import PhaseTimes, Series
+from testbed.experiments.report.figure_style import DURING, LIMITS, ONSET, LineStyle, label, panels, plain_log
+from testbed.experiments.series import DOF, PhaseTimes, Series
 from testbed.experiments.store import Results
 
 SHADES = {"onset": ONSET, "during": DURING}
 LABELS = {"onset": "onset", "during": "maneuver"}
 BAND = 0.13  # opacity
+SIZES = {1: (8.0, 4.0), 2: (5.5, 3.2), 3: (4.2, 2.9), 4: (3.5, 2.2)}  # [in] of a panel, by the number of columns
 LEAST, MOST = 1e-2, 1e4  # of NEES and NIS that are drawn
 
 
@@ -32,8 +32,8 @@ class TimeData(NamedTuple):
 
 def errors(data: TimeData, quantity: str, label: str) -> Figure:
     """Means over seeds with their 95 % bands; phases are shaded."""
-    figure, panels = _panels(data, quantity, label)
-    for scenario, axis in panels.items():
+    figure, axes = _panels(data, quantity, label)
+    for scenario, axis in axes.items():
         shown = [s for s in data.series if (s.scenario, s.quantity) == (scenario, quantity)]
         for s in shown:
             axis.fill_between(s.time, s.low, s.high, color=data.styles[s.tracker].color, alpha=BAND, linewidth=0)
@@ -46,8 +46,8 @@ def errors(data: TimeData, quantity: str, label: str) -> Figure:
 
 def consistency(data: TimeData, quantity: str, label: str) -> Figure:
     """Means over runs and objects, on a log axis, with the limits of a consistent filter."""
-    figure, panels = _panels(data, quantity, label)
-    for scenario, axis in panels.items():
+    figure, axes = _panels(data, quantity, label)
+    for scenario, axis in axes.items():
         shown = [s for s in data.series if (s.scenario, s.quantity) == (scenario, quantity)]
         _limits(axis, shown)
         for s in shown:
@@ -64,22 +64,18 @@ def consistency(data: TimeData, quantity: str, label: str) -> Figure:
 def _panels(data: TimeData, quantity: str, label: str) -> tuple[Figure, dict[str, Axes]]:
     found = {s.scenario for s in data.series if s.quantity == quantity}
     scenarios = [c for c in data.results.study.scenarios if c in found]
-    rows, columns, (width, height) = grid(max(len(scenarios), 1))
-    figure = Figure(figsize=(columns * width, rows * height + 1.0), layout="constrained")
-    axes = figure.subplots(rows, columns, squeeze=False).ravel()
-    for axis in axes[len(scenarios) :]:
-        axis.set_axis_off()
-    panels = dict(zip(scenarios, axes))
-    for scenario, axis in panels.items():
+    columns = min(len(scenarios), 4 if len(scenarios) > 6 else 3)
+    figure, axes = panels(len(scenarios), SIZES[columns], (0.0, 1.0), columns)
+    for scenario, axis in zip(scenarios, axes, strict=True):
         end = max(s.time[-1] for s in data.series if s.scenario == scenario)
         axis.set(title=scenario, xlim=(0, end))
         for phase in data.times:
             if phase.scenario == scenario:
                 axis.axvspan(phase.start, phase.end, color=SHADES[phase.phase], linewidth=0, zorder=0)
-    for axis in axes[max(len(scenarios) - columns, 0) : len(scenarios)]:
+    for axis in axes[-columns:]:
         axis.set_xlabel("time [s]")
     figure.supylabel(label)
-    return figure, panels
+    return figure, dict(zip(scenarios, axes, strict=True))
 
 
 def _limits(axis: Axes, shown: Sequence[Series]) -> None:

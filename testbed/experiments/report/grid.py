@@ -3,7 +3,7 @@
 A table is made once. The terminal, the page of the documentation and the report page show it, or some of its columns.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +14,8 @@ from testbed.command_line.tables import light_table, number
 from testbed.evaluation.intervals import Interval
 from testbed.experiments.statistics import Change
 from testbed.log.text import markdown_table
+
+WARNINGS = 8  # that are spelt out on the terminal
 
 
 class Field(NamedTuple):
@@ -102,6 +104,14 @@ def terminal(grid: Grid, title: str, narrow: bool = False, no_wrap: bool = False
     for name, fields in grid.lines:
         table.add_row(escape(name), *(escape((_narrow if narrow else _wide)(field)) for field in fields))
     return table
+
+
+def warnings(sentences: Sequence[str]) -> Iterator[str]:
+    """What a terminal says below the tables: the first sentences, and how many more there are."""
+    for sentence in sentences[:WARNINGS]:
+        yield f"[yellow]![/yellow] {sentence}"
+    if len(sentences) > WARNINGS:
+        yield f"[yellow]![/yellow] and {len(sentences) - WARNINGS} more that the seeds cannot resolve: see above"
 
 
 def _wide(field: Field) -> str:

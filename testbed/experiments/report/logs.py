@@ -1,24 +1,32 @@
-"""Review logs of the best, the median and the worst run of every tracker, and what a page says of a log."""
+"""Review logs of picked runs and of the worst pairs of drives, and what a page says of a log."""
 
 import os
 import shlex
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from urllib.parse import quote
 
 import numpy as np
+from numpy.typing import NDArray
 
-from testbed.experiments.engine import Engine, perform
-from testbed.experiments.run import DONE, FAILED, FOUND, Outcome, Run
+from testbed.evaluation.driving import LONGEST
+from testbed.experiments.drives import DriveWatch
+from testbed.experiments.engine import Engine, nothing, perform
+from testbed.experiments.episode import episode
+from testbed.experiments.pairs import Drive, WorstPair, events
+from testbed.experiments.report.texts import say
+from testbed.experiments.run import DONE, FAILED, FOUND, Outcome, Run, outcome_of
 from testbed.experiments.single import RunConfig
 from testbed.experiments.single import run as run_live
 from testbed.experiments.store import Results, Store
 from testbed.experiments.study import Study
 from testbed.files import make_directory
-from testbed.log.record import run_id
+from testbed.frame import TRUTH, Frame
+from testbed.log.pair import TRACKS, LoggedDrive, write_pair
+from testbed.log.record import RoadGeometry, run_id
 from testbed.replay.rescan import REPLAY, write_log
 
 FOLDER = "logs"
@@ -69,12 +77,10 @@ class Pick(NamedTuple):
 
 
 def picks(results: Results) -> list[Pick]:
-    """Best, median and worst run of every tracker, in its order.
+    """Best, median and worst run of every tracker; of an even number the median is the better one in the middle.
 
     What counts is the GOSPA of a run divided by the mean over all trackers and seeds of its scenario. Without that the
-    worst run of every tracker would come from the one scenario that is hard for all. Of an even number of runs the
-    median is the better one of the two in the middle; ties go to the scenario and seed that come first. A tracker with
-    one or two runs has as many logs.
+    worst run of every tracker would come from the one scenario that is hard for all.
     """
     runs = results.runs
     if "gospa" not in runs:
@@ -112,23 +118,36 @@ def write(
     engine: Engine = Engine(),  # noqa: B008 - frozen
     progress: Callable[[int, int], None] | None = None,
 ) -> list[Outcome]:
-    """Write the logs of all `picks` into the folder of the results; those that are there already are kept.
+    """Write the logs of all `picks`; see `write_missing`."""
+    runs = {pick.run: pick for pick in picks(results)}.values()
+    paths = {pick: log_path(pick, Path(results.study.out)) for pick in runs}
+    return write_missing(paths, write_one, results.study, engine, progress, _reads)
 
-    progress(done, total) after each. Raises OSError, in one sentence, where the folder cannot be written or a cluster
-    cannot be used.
+
+def write_missing(
+    paths: Mapping[Any, Path],
+    write_one: Callable[[Any, Any, Path], Outcome],
+    study: Any,
+    engine: Engine,
+    progress: Callable[[int, int], None] | None = None,
+    reads: Callable[..., Sequence[Path]] = nothing,
+) -> list[Outcome]:
+    """Write logs into the folder of a study; those that are there already are kept.
+
+    paths: by what write_one(what, study, out) makes a log of. progress(done, total) after each. Raises OSError, in one
+    sentence, where the folder cannot be written or a cluster cannot be used.
     """
-    study, out = results.study, Path(results.study.out)
+    out = Path(study.out)
     make_directory(out / FOLDER)
-    runs = list({pick.run: pick for pick in picks(results)}.values())
-    outcomes = [Outcome(pick.name, FOUND) for pick in runs if log_path(pick, out).exists()]
-    work = [(pick, study, out) for pick in runs if not log_path(pick, out).exists()]
-    with closing(perform(write_one, work, engine, _reads)) as finished:
+    outcomes = [Outcome(what.name, FOUND) for what, path in paths.items() if path.exists()]
+    work = [(what, study, out) for what, path in paths.items() if not path.exists()]
+    with closing(perform(write_one, work, engine, reads)) as finished:
         if progress:
-            progress(len(outcomes), len(runs))
+            progress(len(outcomes), len(paths))
         for outcome in finished:
             outcomes.append(outcome)
             if progress:
-                progress(len(outcomes), len(runs))
+                progress(len(outcomes), len(paths))
     return outcomes
 
 
@@ -145,17 +164,8 @@ def write_one(pick: Pick, study: Study, out: Path) -> Outcome:
             if run.loop == "open":
                 made = write_log(Store(study, out).recording(run), pick.trackers, Path(part), run.faults)
             else:
-                config = RunConfig(
-                    run.scenario,
-                    pick.trackers,
-                    str(run.radar),
-                    run.planner,
-                    run.seed,
-                    run.duration,
-                    part,
-                    faults=run.faults,
-                    after=run.settings.get("after"),
-                )
+                driven = run.scenario, pick.trackers, str(run.radar), run.planner, run.seed, run.duration
+                config = RunConfig(*driven, part, faults=run.faults, after=run.settings.get("after"))
                 done = run_live(config)
                 if done.interrupted:
                     raise KeyboardInterrupt  # a signal that ended this run ends all of them
@@ -168,3 +178,54 @@ def write_one(pick: Pick, study: Study, out: Path) -> Outcome:
     except (OSError, ValueError) as error:
         return Outcome(run.name, FAILED, str(error))
     return Outcome(run.name, DONE)
+
+
+# Pairs of drives, on one timeline
+
+
+def pair_path(drive: Drive, out: Path) -> Path:
+    """Where the log of a drive beside that on the truth lies."""
+    return out / FOLDER / f"{drive.name}_beside_{TRUTH}.rrd"
+
+
+def write_pair_log(pair: WorstPair, study: Any, out: Path) -> Outcome:
+    """Make both drives of a pair again, and their log."""
+
+    def work() -> str:
+        path = pair_path(pair.drive, out)
+        reference = Replayed.of(study.run(pair.drive._replace(condition=TRUTH)))
+        tracked = Replayed.of(study.run(pair.drive))
+        beside = events(tracked.watch.curves, reference.watch.curves)
+        if np.isfinite(pair.parted):
+            beside = sorted([(pair.parted, f"parts from the truth: {pair.parting}"), *beside])
+        drives = [
+            LoggedDrive(TRUTH, "on the truth", reference.frames, reference.curves, []),
+            LoggedDrive(TRACKS, f"on {pair.drive.condition}", tracked.frames, tracked.curves, beside),
+        ]
+        summary = say("pair log", regret=f"{pair.regret:.2f}", parting=pair.parting, **pair.drive._asdict())
+        write_pair(path, path.stem, drives, reference.road, summary + "\n")
+        return ""
+
+    return outcome_of(pair.name, work)
+
+
+class Replayed(NamedTuple):
+    """A drive made again, with its frames, which are those of the study bit for bit."""
+
+    watch: DriveWatch
+    frames: list[Frame]
+    road: RoadGeometry
+
+    @classmethod
+    def of(cls, run: Run) -> "Replayed":
+        """Make it."""
+        frames: list[Frame] = []
+        watch = DriveWatch(run)
+        return cls(watch, frames, episode(run, [frames.append, watch]).drawn)
+
+    @property
+    def curves(self) -> dict[str, NDArray]:
+        """Those that the log shows."""
+        drive = self.watch.curves.drive
+        motion = {"speed [m/s]": drive.speed, "braking [m/s^2]": drive.braking}
+        return motion | {"TTC [s]": drive.ttc.clip(max=LONGEST), "DRAC [m/s^2]": drive.drac}

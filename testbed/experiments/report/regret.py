@@ -9,12 +9,13 @@ import pandas as pd
 
 from testbed.environment.sources.conditions import IN_VIEW
 from testbed.experiments import pairs as analysis
+from testbed.experiments.engine import Engine
 from testbed.experiments.pairs import Cell
-from testbed.experiments.report import figures_regret, logs, logs_of_pairs, words
+from testbed.experiments.report import figures_regret, logs, words
 from testbed.experiments.report import tables_regret as tables
 from testbed.experiments.report.page import Page, Step, write_page
 from testbed.experiments.report.texts import numbered, say, seeds_fact
-from testbed.experiments.run import FAILED, Outcome
+from testbed.experiments.run import FAILED
 from testbed.experiments.store import Results
 from testbed.experiments.study import Progress, Tally
 from testbed.frame import TRUTH
@@ -33,7 +34,6 @@ class Findings(NamedTuple):
     total: list[Cell]  # by scenario, against the truth
     tracking: list[Cell]  # by scenario, against what is in view
     sensing: list[Cell]  # by scenario, what is in view against the truth
-    sensing_together: list[Cell]
     doses: list[Cell]  # by scenario, injected errors against what is in view
     shares: list[analysis.Attribution]
     errors: pd.DataFrame
@@ -48,34 +48,32 @@ def find(drives: pd.DataFrame, pairs: pd.DataFrame) -> Findings:
     tracked, doses = pairs[~injected], analysis.compared_with(pairs[injected], IN_VIEW)
     total = analysis.compared_with(tracked, TRUTH)
     sensing = analysis.compared_with(tracked, TRUTH, sensing=True)
+    tracking = analysis.compared_with(tracked, IN_VIEW)
     together = list(analysis.cells(total, TABLE, together=True))
-    apart = list(analysis.cells(sensing, ("drive_score",), together=True))
     shares = list(analysis.attributions(drives, ATTRIBUTED))
     errors = analysis.error_and_regret(drives, total)
     ranks = analysis.correlations(errors)
+    in_view = list(analysis.cells(sensing, ("drive_score",), together=True))
     of_score = [a for a in shares if a.measure == "drive_score"]
-    return Findings(
-        together=together,
-        total=list(analysis.cells(total, TABLE)),
-        tracking=list(analysis.cells(analysis.compared_with(tracked, IN_VIEW), TABLE)),
-        sensing=list(analysis.cells(sensing, TABLE)),
-        sensing_together=apart,
-        doses=list(analysis.cells(doses, TABLE)),
-        shares=shares,
-        errors=errors,
-        ranks=ranks,
-        worst=analysis.worst_pairs(total),
-        verdict=words.regret([c for c in together if c.measure == "drive_score"], apart, of_score, ranks, total),
+    verdict = words.regret(_only_score(together), in_view, of_score, ranks, total)
+    on_truth, on_view, of_view, of_doses = (
+        list(analysis.cells(part, TABLE)) for part in (total, tracking, sensing, doses)
     )
+    worst = analysis.worst_pairs(total)
+    return Findings(together, on_truth, on_view, of_view, of_doses, shares, errors, ranks, worst, verdict)
 
 
-def write_report(results: Results, found: Findings, tally: Tally, progress: Progress | None = None) -> Path:
+def write_report(
+    results: Results, found: Findings, tally: Tally, engine: Engine, progress: Progress | None = None
+) -> Path:
     """Write the page, its figures and the logs of the worst pairs; returns its path. OSError as in `write_page`."""
     folder = Path(results.study.out)
 
     def links(step: Step | None) -> list[tuple[str, logs.LogFiles]]:
-        outcomes = logs_of_pairs.write(found.worst, results.study, step)
-        return [_log(pair, o, folder) for pair, o in zip(found.worst, outcomes, strict=True)]
+        paths = {pair: logs.pair_path(pair.drive, folder) for pair in found.worst}
+        outcomes = logs.write_missing(paths, logs.write_pair_log, results.study, engine, step)
+        notes = {outcome.name: outcome.note for outcome in outcomes if outcome.status == FAILED}
+        return [(pair.name, logs.found(path, folder, notes.get(pair.name, "not here"))) for pair, path in paths.items()]
 
     return write_page(page_of(results, found, tally)._replace(links=links), folder, progress)
 
@@ -84,10 +82,10 @@ def page_of(results: Results, found: Findings, tally: Tally) -> Page:
     """The page without its logs."""
     study = results.study
     facts = [
-        ("scenario" if len(study.scenarios) == 1 else "scenarios", numbered(study.scenarios)),
-        ("planner" if len(study.planners) == 1 else "planners", numbered(study.planners)),
-        ("tracker" if len(study.trackers) == 1 else "trackers", numbered(study.trackers) or "none"),
-        ("seed" if len(study.seeds) == 1 else "seeds", seeds_fact(study.seeds)),
+        numbered("scenario", study.scenarios),
+        numbered("planner", study.planners),
+        numbered("tracker", study.trackers),
+        seeds_fact(study.seeds),
         ("radar", study.radar),
         ("drives", f"{len(results.metas)} of {len(study.work())}"),
         ("CPU time of the drives", f"{results.runs['cpu'].sum():.0f} s"),
@@ -97,8 +95,8 @@ def page_of(results: Results, found: Findings, tally: Tally) -> Page:
         "verdict": found.verdict,
         "caveats": words.few_seeds(results.runs, ["scenario", "planner", "condition"], len(study.seeds)),
         "facts": facts,
-        "open_questions": analysis.unresolved(found.total),
-        "one_sided": analysis.one_sided(found.total),
+        "open_questions": words.unresolved_pairs(found.total),
+        "one_sided": words.one_sided(found.total),
         "planners": len(study.planners),
         "pairs": len(found.worst),
         **grids(found),
@@ -129,24 +127,11 @@ def ranked(cells: Sequence[Cell]) -> list[Cell]:
     return sorted(cells, key=lambda c: float(np.mean(cost.get(c.condition, [np.inf]))))
 
 
-def drawable(
-    found: Findings,
-) -> tuple[list[Cell], list[analysis.Attribution], pd.DataFrame, list[Cell]]:
+def drawable(found: Findings) -> tuple[list[Cell], list[analysis.Attribution], pd.DataFrame, list[Cell]]:
     """What `figures_regret.plots` takes: all of it in the drive score."""
-    return (
-        _only_score(found.total),
-        [a for a in found.shares if a.measure == "drive_score"],
-        found.errors,
-        _only_score(found.doses),
-    )
+    shares = [share for share in found.shares if share.measure == "drive_score"]
+    return _only_score(found.total), shares, found.errors, _only_score(found.doses)
 
 
 def _only_score(cells: Sequence[Cell]) -> list[Cell]:
     return [c for c in cells if c.measure == "drive_score"]
-
-
-def _log(pair: analysis.WorstPair, outcome: Outcome, folder: Path) -> tuple[str, logs.LogFiles]:
-    """Name of a pair, and its log."""
-    if outcome.status == FAILED:
-        return pair.drive.name, logs.LogFiles(note=outcome.note)
-    return pair.drive.name, logs.found(logs_of_pairs.log_path(pair.drive, folder), folder, "not here")

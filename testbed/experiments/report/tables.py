@@ -10,9 +10,9 @@ import pandas as pd
 from testbed.command_line.tables import DASH, number
 from testbed.evaluation.intervals import LEVEL, Interval
 from testbed.evaluation.metric import METRICS
-from testbed.experiments.bands import BAND_MEASURES, BANDS, DOF, QUANTITIES
 from testbed.experiments.report.grid import Field, Grid, Line, estimate, mark_of, needed
 from testbed.experiments.report.texts import say
+from testbed.experiments.series import BAND_MEASURES, BANDS, DOF, QUANTITIES
 from testbed.experiments.statistics import PHASES, Cell, Change, compare, samples
 from testbed.experiments.store import Results
 
@@ -135,14 +135,7 @@ def consistency(table: pd.DataFrame, baseline: str) -> Grid:
     heads = ["phase"]
     for key, text in CONSISTENCY.items():
         heads += [text, "inside [%]"] if key in QUANTITIES else [text]
-    return Grid(
-        say("consistency"),
-        "tracker",
-        heads,
-        lines,
-        baseline,
-        words=("phase",),
-    )
+    return Grid(say("consistency"), "tracker", heads, lines, baseline, words=("phase",))
 
 
 def _several(names: Iterable[str]) -> bool:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from testbed.command_line.tables import number
-from testbed.environment.sources.substitution import GROUPS
+from testbed.environment.sources.substitution import GROUP_NAMES, GROUPS
 from testbed.evaluation.intervals import Interval
 from testbed.evaluation.metric import METRICS
 from testbed.experiments.pairs import Attribution, Cell, Correlation, WorstPair
@@ -49,35 +49,15 @@ def attribution(found: Sequence[Attribution]) -> Grid:
         fields += [signed(x, digits) for x in (a.total, *(a.share[g] for g in GROUPS))]
         repaired = " / ".join(f"{a.repaired[g].value:+.{digits}f}" for g in GROUPS)
         lines.append(Line(a.tracker, [*fields, Field(repaired)]))
-    heads = [
-        "scenario",
-        "planner",
-        "measure",
-        "seeds",
-        "total",
-        "existence",
-        "geometry",
-        "motion",
-        "repaired E / G / V",
-    ]
-    return Grid(
-        say("attribution"),
-        "tracker",
-        heads,
-        lines,
-        words=("scenario", "planner", "measure"),
-    )
+    words = ("scenario", "planner", "measure")
+    heads = [*words, "seeds", "total", *GROUP_NAMES.values(), "repaired E / G / V"]
+    return Grid(say("attribution"), "tracker", heads, lines, words=words)
 
 
 def correlation(found: Sequence[Correlation]) -> Grid:
     """Tracking errors down: how well each ranks the regret."""
     lines = [Line(METRICS[c.error].label, [Field(f"{c.rho:+.2f}"), Field(str(c.means))]) for c in found]
-    return Grid(
-        say("correlation"),
-        "error",
-        ["rank correlation", "means"],
-        lines,
-    )
+    return Grid(say("correlation"), "error", ["rank correlation", "means"], lines)
 
 
 def worst(found: Sequence[WorstPair]) -> Grid:
@@ -93,17 +73,13 @@ def worst(found: Sequence[WorstPair]) -> Grid:
 
 def _regret(cell: Cell) -> Field:
     v = cell.change.mean
-    return signed(
-        Interval(-v.value, -v.high, -v.low),
-        METRICS[cell.measure].digits,
-        needed(cell.change, cell.verdict),
-        mark_of(cell.verdict),
-    )
+    return _signed(cell, Interval(-v.value, -v.high, -v.low))
 
 
 def _change(cell: Cell) -> Field:
-    if cell.verdict == "the same":
-        return Field("0")
-    return signed(
-        cell.change.mean, METRICS[cell.measure].digits, needed(cell.change, cell.verdict), mark_of(cell.verdict)
-    )
+    return Field("0") if cell.verdict == "the same" else _signed(cell, cell.change.mean)
+
+
+def _signed(cell: Cell, found: Interval) -> Field:
+    digits = METRICS[cell.measure].digits
+    return signed(found, digits, needed(cell.change, cell.verdict), mark_of(cell.verdict))

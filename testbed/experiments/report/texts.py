@@ -13,7 +13,7 @@ HEADING = re.compile(r"^## (.+)$", re.MULTILINE)
 
 def say(key: str, **values: Any) -> str:
     """The text under a heading of `TEXTS`; KeyError for a heading that is not there."""
-    return _texts()[key].render(values)
+    return _texts()[key].render(values).strip()
 
 
 def page(name: str) -> Template:
@@ -58,13 +58,15 @@ def listed(names: Sequence[str], most: int = 4) -> str:
     return " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
 
 
-def numbered(names: Sequence[str]) -> str:
-    """Names of a fact, behind their number where there are several.
+def numbered(what: str, names: Sequence[str]) -> tuple[str, str]:
+    """Names as a fact: their term, and all of them, behind their number where there are several.
 
-    >>> numbered(["a"]), numbered(["a", "b"])
-    ('a', '2: a, b')
+    >>> numbered("tracker", ["a"]), numbered("tracker", ["a", "b"])
+    (('tracker', 'a'), ('trackers', '2: a, b'))
     """
-    return ", ".join(names) if len(names) < 2 else f"{len(names)}: {', '.join(names)}"
+    if len(names) == 1:
+        return what, names[0]
+    return f"{what}s", f"{len(names)}: {', '.join(names)}" if names else "none"
 
 
 def seeds_text(seeds: Sequence[int]) -> str:
@@ -78,6 +80,6 @@ def seeds_text(seeds: Sequence[int]) -> str:
     return f"{first} to {last}" if gapless else ", ".join(map(str, seeds))
 
 
-def seeds_fact(seeds: Sequence[int]) -> str:
-    """Seeds, behind their number where there are several."""
-    return str(seeds[0]) if len(seeds) == 1 else f"{len(seeds)}: {seeds_text(seeds)}"
+def seeds_fact(seeds: Sequence[int]) -> tuple[str, str]:
+    """Seeds as a fact, as in `numbered`."""
+    return ("seed", str(seeds[0])) if len(seeds) == 1 else ("seeds", f"{len(seeds)}: {seeds_text(seeds)}")

@@ -15,10 +15,11 @@ from testbed.experiments.pairs import Cell as PairCell
 from testbed.experiments.report.grid import bounds
 from testbed.experiments.report.tables import order
 from testbed.experiments.report.texts import say
-from testbed.experiments.statistics import MAIN, PHASES, Cell, compare, samples
+from testbed.experiments.statistics import MAIN, PHASES, Cell, Change, compare, samples
 from testbed.experiments.store import Results
 
 BESIDES = tuple(key for key in MAIN if key != "gospa")
+RISK, LOSS = "tit", "progress"  # the metrics of either side that tell trackers apart with the fewest seeds
 MANY = 20  # intervals, of which one leaves out zero by chance
 AGAINST = {"better": "better", "worse": "worse", "unresolved": "not resolved", "the same": "the same",
            "too few seeds": "too few seeds to judge"}  # fmt: skip
@@ -67,7 +68,7 @@ def verdict(results: Results, cells: Sequence[Cell]) -> list[str]:
 def caveats(results: Results, cells: Sequence[Cell]) -> list[str]:
     """What a reader should know before using the tables."""
     found = few_seeds(results.runs, ["tracker", "scenario"], len(results.study.seeds))
-    found += [*_lacking(results), *_blind(results, cells)]
+    found += _lacking(results, cells)
     if empty := [phase.text for phase in reach(results) if not phase.reached]:
         found.append(say("unreached", phases=empty))
     count = sum(c.difference is not None and np.isfinite(c.difference.mean.low) for c in cells)
@@ -76,35 +77,60 @@ def caveats(results: Results, cells: Sequence[Cell]) -> list[str]:
     return found
 
 
-def _missing(results: Results) -> dict[str, int]:
-    """Number of missing runs of each tracker."""
-    return {t: sum(run.source == t for run in results.missing) for t in results.study.trackers}
+def unresolved(cells: Sequence[Cell]) -> list[str]:
+    """One sentence for each difference to the reference that the seeds cannot resolve, with how many it would take."""
+    known = [(cell, cell.difference) for cell in cells if cell.difference is not None]
+    found = [_open(f"{c.tracker}, {METRICS[c.measure].label}", d, d.verdict, "run") for c, d in known]
+    return [sentence for sentence in found if sentence]
 
 
-def _each(results: Results) -> int:
-    """Number of runs that each tracker should have."""
-    return len(results.study.scenarios) * len(results.study.seeds)
+def unresolved_pairs(cells: Sequence[PairCell]) -> list[str]:
+    """The same for changes of drives."""
+    where = [f"{c.condition}, {c.planner}, {c.scenario}, {METRICS[c.measure].label}" for c in cells]
+    found = [_open(text, c.change, c.verdict, "seed") for text, c in zip(where, cells, strict=True)]
+    return [sentence for sentence in found if sentence]
 
 
-def _lacking(results: Results) -> list[str]:
-    """A sentence for all trackers that lack the same number of runs."""
-    alike: dict[int, list[str]] = {}
-    for tracker, count in _missing(results).items():
-        alike.setdefault(count, []).append(tracker)
-    alike.pop(0, None)
-    each = _each(results)
-    return [
+def _open(where: str, change: Change, verdict: str, unit: str) -> str:
+    """What is not known of a change; nothing where it is resolved."""
+    if verdict not in ("unresolved", "too few seeds"):
+        return ""
+    seeds = f"{change.needed:.0f}" if np.isfinite(change.needed) else ""
+    values = {"where": where, "unit": unit, "pairs": change.pairs, "needed": seeds}
+    return say(verdict, change=f"{change.mean.value:+.3g}", **values)
+
+
+def one_sided(found: Sequence[PairCell]) -> list[str]:
+    """Sentences about conditions that look safer than the reference and pay with progress, or the other way round."""
+    by_key = {(c.scenario, c.planner, c.condition, c.measure): c for c in found}
+    sentences = []
+    for (scenario, planner, condition, measure), cell in by_key.items():
+        other = by_key.get((scenario, planner, condition, LOSS))
+        if measure == RISK and other is not None and {cell.verdict, other.verdict} == {"better", "worse"}:
+            where, sides = f"{condition}, {planner}, {scenario}", [_moved(cell), _moved(other)]
+            sentences.append(say("one-sided", where=where, safer=cell.verdict == "better", sides=sides))
+    return sentences
+
+
+def _moved(cell: PairCell) -> str:
+    metric = METRICS[cell.measure]
+    return f"{metric.label} {cell.change.mean.value:+.3g} {metric.unit}"
+
+
+def _lacking(results: Results, cells: Sequence[Cell]) -> list[str]:
+    """Sentences for the trackers that lack the same number of runs, and for those that have runs, but no tracks."""
+    study = results.study
+    each, alike = len(study.scenarios) * len(study.seeds), dict[int, list[str]]()
+    for tracker in study.trackers:
+        alike.setdefault(sum(run.source == tracker for run in results.missing), []).append(tracker)
+    said = [
         say("no run" if count == each else "some runs", trackers=names, count=count, each=each)
         for count, names in alike.items()
+        if count
     ]
-
-
-def _blind(results: Results, cells: Sequence[Cell]) -> list[str]:
-    """A sentence for all trackers that have runs, but no track on any object."""
-    missing, each = _missing(results), _each(results)
     seeing = {c.tracker for c in cells if c.measure == "rmse_position" and np.isfinite(c.mean.value)}
-    names = [t for t in results.study.trackers if missing[t] < each and t not in seeing]
-    return [say("blind", trackers=names)] if names else []
+    blind = [t for t in study.trackers if t not in seeing and t not in alike.get(each, [])]
+    return [*said, say("blind", trackers=blind)] if blind else said
 
 
 def _best(results: Results, ranked: Sequence[Cell]) -> str:
@@ -118,15 +144,9 @@ def _lead(results: Results, ranked: Sequence[Cell]) -> str:
     study, best, second = results.study, ranked[0].tracker, ranked[1].tracker
     found = samples(results.runs, "gospa", study.scenarios, study.seeds)
     d = compare(found[second], found[best])  # as the ranking has it: an interval is not that of the opposite, turned
-    values = {"second": second, "lead": f"{d.mean.value:.2f} m"}
-    if d.verdict == "worse":
-        share = f"{100 * (1 - d.improvement.value):.0f}"
-        return say("lead resolved", low=f"{d.mean.low:.2f}", high=f"{d.mean.high:.2f}", share=share, **values)
-    if d.verdict == "too few seeds":
-        return say("lead of few seeds", **values)
-    if not np.isfinite(d.needed):
-        return say("no lead", **values)
-    return say("lead unresolved", needed=f"{d.needed:.0f}", **values)
+    share, needed = 100 * (1 - d.improvement.value), d.needed if np.isfinite(d.needed) else None
+    values = {"lead": d.mean.value, "low": d.mean.low, "high": d.mean.high, "share": share, "needed": needed}
+    return say("lead", second=second, verdict=d.verdict, **values)
 
 
 def _wins(results: Results, best: str) -> str:

@@ -9,10 +9,9 @@ from PIL import Image, ImageDraw
 
 from testbed.files import atomic_file, check_target
 from testbed.log import palette
-from testbed.log.legend import css
+from testbed.log.palette import css
 from testbed.log.review import readable
-from testbed.log.review_page.contents import contents
-from testbed.log.review_page.shapes import CM, ring_at
+from testbed.log.review_page.contents import CM, contents, ring_at
 
 RATE = 5.0  # [1/s] pictures of the animation
 WIDE, HIGH = 800, 260  # pixels

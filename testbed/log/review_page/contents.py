@@ -1,7 +1,10 @@
-"""What the page of a run holds, read from its log: plain lists and texts, lengths in cm, angles in mrad."""
+"""What the page of a run holds, read from its log: plain lists and texts, lengths in cm, angles in mrad.
+
+A rigid outline is kept once, and after that only where it is and how it is turned.
+"""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Hashable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -10,14 +13,15 @@ from numpy.typing import NDArray
 
 from sensors.origin import KINDS
 from testbed.evaluation.metric import METRICS
-from testbed.log import legend, palette, paths
-from testbed.log.columns import Columns
-from testbed.log.focus import vehicles
-from testbed.log.reader import events, properties
-from testbed.log.review_page.shapes import Shapes, centimetres
-from testbed.log.table_pages import NOTHING_WRONG
+from testbed.log import palette, paths
+from testbed.log.reader import Columns, events, properties
+from testbed.log.text import NOTHING_WRONG, RINGS
+from trackers.geometry import to_world
 
 CURVES = ("gospa", "gwd", "position", "velocity", "heading_deg", "length", "width", "unassigned", "ghosts")
+SAME = 0.015  # [m] every point of a known shape lies as near as this, else the shape is a new one
+CM = 100.0
+MILLIRAD = 1000.0
 PLAIN_LEVELS = ("INFO", "WARN", "ERROR")
 NO_TRUTH = "This log has no truth: nothing is measured against it."
 INTERRUPTED = "The run was interrupted: worst moments and objects are found when a run ends."
@@ -40,14 +44,14 @@ def contents(path: str | Path) -> dict[str, Any]:
         "run": {key: run.get(key) for key in ("scenario", "seed", "radar", "planner")} | {"log": Path(path).name},
         "time": [round(t, 3) for t in times.values()],
         "trackers": [
-            {"name": name, "color": legend.css(palette.tracker(i))} | _tracks(columns, shapes, name, steps)
+            {"name": name, "color": palette.css(palette.tracker(i))} | _tracks(columns, shapes, name, steps)
             for i, name in enumerate(trackers)
         ],
         "kinds": [
-            {"name": kind, "color": legend.css(palette.DETECTION[kind]), "note": legend.KIND_NOTES[kind]}
+            {"name": kind, "color": palette.css(palette.DETECTION[kind]), "note": palette.KIND_NOTES[kind]}
             for kind in KINDS
         ],
-        "rings": legend.RINGS,
+        "rings": RINGS,
         "names": _names(columns, tables.get("objects", [])),
         "truth": _truth(columns, shapes, steps),
         "ego": _ego(columns, shapes, steps),
@@ -63,15 +67,54 @@ def contents(path: str | Path) -> dict[str, Any]:
     }
 
 
+def centimetres(xy: NDArray) -> list[int]:
+    """Points (P, 2) [m] as one list x, y, x, y, ... of whole centimetres."""
+    return np.rint(CM * np.asarray(xy, float)).astype(int).ravel().tolist()
+
+
+class Shapes:
+    """The shapes of all outlines of a run, in the order in which they were first met."""
+
+    def __init__(self) -> None:
+        self.found: list[list[int]] = []  # [cm] about the middle of the points, as x, y, x, y, ...
+        self._known: dict[Hashable, tuple[int, NDArray]] = {}
+
+    def place(self, whose: Hashable, ring: NDArray) -> list[int]:
+        """Number of the shape, x, y [cm] and turn [mrad] of an outline (P, 2) [m]; `whose` had the shape before."""
+        middle = ring.mean(0)
+        around = ring - middle
+        number, shape = self._known.get(whose, (-1, around[:0]))
+        turn = 0.0
+        if len(shape) == len(around):
+            turn = _turn(shape, around)
+            if np.abs(to_world(np.array([0.0, 0.0, turn]), shape) - around).max(initial=0.0) > SAME:
+                number, turn = -1, 0.0
+        else:
+            number = -1
+        if number < 0:
+            number = len(self.found)
+            self.found.append(centimetres(around))
+            self._known[whose] = number, around
+        return [number, *centimetres(middle), round(MILLIRAD * turn)]
+
+
+def _turn(shape: NDArray, around: NDArray) -> float:
+    """Angle [rad] that turns one set of points (P, 2) best into another."""
+    a, b = shape[:, 0] + 1j * shape[:, 1], around[:, 0] + 1j * around[:, 1]
+    return float(np.angle((a.conj() * b).sum()))
+
+
+def ring_at(shape: list[int], x: int, y: int, turn: int) -> NDArray:
+    """The outline (P, 2) [m] that `Shapes.place` has described."""
+    points = np.reshape(shape, (-1, 2)) / CM
+    return to_world(np.array([x / CM, y / CM, turn / MILLIRAD]), points)
+
+
 def _names(columns: Columns, objects: list[dict[str, Any]]) -> dict[str, str]:
     """Id of an object -> its name and class, as far as the log knows it."""
-    found = {str(key): paths.vehicle(key) for key in vehicles(columns)}
-    found |= {str(row["object"]): f"{paths.vehicle(row['object'])} {row['kind']}" for row in objects}
-    for entry in columns.static(paths.TRUTH_CONTOUR, "AnnotationContext:context"):
-        for info in entry if isinstance(entry, list) else [entry]:
-            described = info["class_description"]["info"]
-            found[str(described["id"] - 1)] = described["label"]
-    return found
+    found = {key: paths.vehicle(key) for key in columns.vehicles()}
+    found |= {row["object"]: f"{paths.vehicle(row['object'])} {row['kind']}" for row in objects}
+    return {str(key): name for key, name in (found | columns.names()).items()}
 
 
 def _truth(columns: Columns, shapes: Shapes, steps: list[int]) -> list[list[list[int]]]:

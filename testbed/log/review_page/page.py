@@ -11,12 +11,7 @@ from testbed.log.review_page.contents import contents
 
 
 def write(log: str | Path, page: str | Path) -> Path:
-    """Write the page of a log; raises OSError or ValueError, in one sentence, where that cannot be.
-
-    Args:
-        log: the .rrd of a run; with the level metrics the page has no scene.
-        page: the .html; its directory is made.
-    """
+    """Write the page (.html) of the log (.rrd) of a run; raises OSError or ValueError where that cannot be."""
     page = Path(page)
     if page.suffix.lower() not in (".html", ".htm"):
         raise ValueError(f"a page is an .html file, got {page}")
@@ -24,11 +19,11 @@ def write(log: str | Path, page: str | Path) -> Path:
     readable(log)
     data = contents(log)
     title = f"{data['run']['scenario']}, seed {data['run']['seed']}"
-    text = _part("page.html")
+    text = asset("page.html")
     for mark, part in (
         ("{{title}}", html.escape(title)),
-        ("{{style}}", _part("page.css")),
-        ("{{program}}", _part("scene.js") + _part("page.js")),
+        ("{{style}}", asset("page.css")),
+        ("{{program}}", asset("scene.js") + asset("page.js")),
         ("{{data}}", json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")),
     ):
         text = text.replace(mark, part)
@@ -37,5 +32,6 @@ def write(log: str | Path, page: str | Path) -> Path:
     return page
 
 
-def _part(name: str) -> str:
+def asset(name: str) -> str:
+    """Text of a file of the page."""
     return files("testbed.log.review_page").joinpath(name).read_text(encoding="utf-8")

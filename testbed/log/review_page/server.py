@@ -17,7 +17,7 @@ from threading import Lock
 from typing import Any
 from urllib.parse import quote, unquote, urlsplit
 
-from testbed.log.review_page.page import write
+from testbed.log.review_page.page import asset, write
 
 LOOPBACK = "127.0.0.1"
 REPORT = "report.html"
@@ -138,7 +138,6 @@ def linked(report: str) -> str:
 
 
 def _listed(root: Path) -> str:
-    """The logs of a folder without a report."""
     logs = sorted(path.relative_to(root) for path in root.rglob(f"*{LOG}") if not path.stem.endswith(PAIR))
     items = [
         f'<li>{html.escape(log.stem)}: <a href="{quote(log.with_suffix(HTML).as_posix())}">page</a> '
@@ -150,13 +149,4 @@ def _listed(root: Path) -> str:
 
 
 def _document(title: str, body: str) -> str:
-    title = html.escape(title)
-    style = (
-        "body{font:15px/1.6 system-ui,sans-serif;margin:2rem auto;max-width:60rem;padding:0 1rem;"
-        "overflow-wrap:anywhere}"
-    )
-    return (
-        '<!DOCTYPE html><html lang="en"><meta charset="utf-8"><meta name="viewport" content="width=device-width">'
-        f'<meta name="color-scheme" content="light dark"><title>{title}</title><style>{style}</style>'
-        f"<h1>{title}</h1>{body}</html>\n"
-    )
+    return asset("plain.html").replace("{{title}}", html.escape(title)).replace("{{body}}", body)

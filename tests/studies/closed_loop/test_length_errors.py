@@ -7,7 +7,7 @@ from sensors.origin import Origin
 from sensors.scene import boxes_scene
 from studies.closed_loop.figure import draw
 from studies.closed_loop.length_errors import FEWEST, LengthErrors, LengthSamples, profile
-from testbed.experiments.bands import LABELS
+from testbed.experiments.series import LABELS
 from testbed.frame import Frame
 from trackers.estimate import prior
 from trackers.multi.tracks import Tracks

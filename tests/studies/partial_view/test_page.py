@@ -38,7 +38,7 @@ from studies.partial_view.page import (
     render,
     rows,
 )
-from testbed.evaluation.intervals import PlusMinus
+from studies.plus_minus import PlusMinus
 from testbed.learn.detections import TrainingDetections
 from trackers import find
 from trackers.estimate import prior

@@ -148,6 +148,8 @@ def test_wrong_calls_are_refused_and_simulate_nothing():
         (7, TypeError, r"^options must be a dict or None, got 7; write options=\{'config': \{\.\.\.\}\}$"),
         ({"seed": 3}, ValueError, r"^options has no key 'seed'; known: 'config'"),
         ({"config": {}, "configs": {}}, ValueError, r"^options has no key 'configs'; known: 'config'"),
+        ({"config": 7}, TypeError, r"^options\['config'\] must be a dict, got 7; leave it out$"),
+        ({"config": {"other_vehicles_type": "Mine"}}, ValueError, "^config\\['other_vehicles_type'\\] is not used"),
     ],
 )
 def test_options_that_no_reset_takes_are_refused_in_one_sentence(options, error, words):

@@ -290,7 +290,7 @@ def test_faults_are_events_of_the_log_and_part_of_names_and_results(tmp_path):
     path = env.recorder.json_path
     env.close()
     assert path.name == "cut-in_rm-koch_front_idm_seed0_1s_front~outage~0.3~0.6+drop~0.2~0.5~9.json"
-    assert json.loads(path.read_text())["run"]["config"]["faults"] == "front:outage:0.3:0.6, drop:0.2:0.5:9"
+    assert json.loads(path.read_text())["run"]["config"]["faults"] == faults
     found = [(round(e.time, 1), e.level, e.text) for e in reader.events(path.with_suffix(".rrd")) if "fault" in e.text]
     assert found == [
         (0.3, "WARN", "fault front:outage:0.3:0.6 begins"),

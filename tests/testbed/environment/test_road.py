@@ -6,7 +6,7 @@ import pytest
 from highway_env.road.regulation import RegulatedRoad
 from highway_env.road.road import Road
 
-from scenarios.constants import protect_idm_constants
+from scenarios.constants import ProtectedConstants
 from scenarios.roads import CachedRegulatedRoad, CachedRoad
 from testbed.environment.wrapper import TrackedEnv
 
@@ -40,7 +40,7 @@ def state(env):
 def episodes(env, steps, seed):
     """State, observation, reward and flags of so many steps with the same actions, new episodes included."""
     rng, found = np.random.default_rng(seed), []
-    with protect_idm_constants():
+    with ProtectedConstants():
         env.reset(seed=seed)
         for _ in range(steps):
             env.action_space.seed(int(rng.integers(2**31)))  # a reset makes a new space

@@ -8,6 +8,7 @@ import testbed  # noqa: F401  (registers the ids)
 from testbed.environment import smoothing
 from testbed.environment.smoothing import StateHistory
 from testbed.log import paths, reader
+from tests.testbed.log import log_content
 from trackers import MultiObjectTracker, RandomMatrix, Scan, SensorModel, build, prior
 from trackers.batch import stack, take
 from trackers.geometry import wrap_angle
@@ -109,7 +110,7 @@ def run_log(tmp_path, interrupted=False, **settings):
 
 def boxes(log, name):
     """Step -> ids, centres (n, 2) and headings of the smoothed tracks."""
-    rows = [row for row in reader.rows(log, paths.smoothed(name, "extent")) if row.get(paths.STEP) is not None]
+    rows = [row for row in log_content.rows(log, paths.smoothed(name, "extent")) if row.get(paths.STEP) is not None]
     return {
         row[paths.STEP]: (
             np.array(row["track:id"] or [], int),
@@ -138,7 +139,7 @@ def test_the_log_of_a_run_has_a_smoothed_box_for_every_reported_track_at_every_f
         there, estimate = seen[max(found)][name]
         own = estimate.pose[[np.flatnonzero(there == i)[0] for i in last[0]], :2]
         np.testing.assert_allclose(last[1], own, atol=1e-3)  # single precision; at the last frame nothing is smoothed
-        (way,) = [row for row in reader.rows(log, paths.smoothed(name, "path")) if row.get(paths.STEP) is not None]
+        (way,) = [row for row in log_content.rows(log, paths.smoothed(name, "path")) if row.get(paths.STEP) is not None]
         assert sorted(way["track:id"]) == sorted({i for ids, _, _ in found.values() for i in ids})
 
 

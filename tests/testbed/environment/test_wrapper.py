@@ -16,7 +16,7 @@ from highway_env.vehicle.controller import MDPVehicle
 from highway_env.vehicle.kinematics import Vehicle
 
 import sensors
-from scenarios.constants import protect_idm_constants
+from scenarios.constants import ProtectedConstants
 from testbed.environment import perception
 from testbed.environment.perception import label, on_road
 from testbed.environment.wrapper import TrackedEnv
@@ -91,7 +91,7 @@ def assert_equal_episodes(name: str, observation: dict | None, steps: int = 3) -
 @pytest.mark.parametrize("kind", OBSERVATIONS)
 @pytest.mark.parametrize("name", ENVS)
 def test_perfect_tracks_give_the_native_episode_bit_by_bit(name, kind):
-    with protect_idm_constants():
+    with ProtectedConstants():
         assert_equal_episodes(name, OBSERVATIONS[kind])
 
 
@@ -410,7 +410,7 @@ def test_rendering_shows_the_true_world_and_hides_it_again():
 
 def test_intersections_leave_the_constants_of_other_traffic_alone():
     before = {k: v for k, v in vars(IDMVehicle).items() if k.isupper()}
-    with protect_idm_constants():
+    with ProtectedConstants():
         inner = make("intersection-v2")
     env = TrackedEnv(inner, tracker="truth")
     env.reset(seed=0)
@@ -419,7 +419,7 @@ def test_intersections_leave_the_constants_of_other_traffic_alone():
 
 
 def test_two_controlled_vehicles_are_both_known():
-    with protect_idm_constants():
+    with ProtectedConstants():
         env = TrackedEnv(make("intersection-multi-agent-v0"), tracker="rm-feldmann")
         observation, _ = env.reset(seed=0)
         env.step((1, 1))
@@ -509,7 +509,7 @@ def test_continuous_actions_may_be_any_numbers_within_the_box():
 
 
 def test_actions_of_several_vehicles_are_checked_one_by_one():
-    with protect_idm_constants():
+    with ProtectedConstants():
         env = TrackedEnv(make("intersection-multi-agent-v0"), tracker="truth")
         env.reset(seed=0)
         for action in ((1, 9), (1,), [1, 1]):

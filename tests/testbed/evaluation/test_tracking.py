@@ -248,7 +248,7 @@ def test_a_track_that_drifts_to_a_hidden_object_has_not_jumped():
 @pytest.mark.parametrize(("expected", "visible", "gap"), [(9.0, 1.0, 2.5), (3.0, 1.0, 0.0), (9.0, 0.5, 0.0)])
 def test_plain_view_needs_more_than_three_detections_and_half_the_outline(expected, visible, gap):
     evaluator = run("......", expected=[expected] * 6, visible=visible)
-    assert evaluator.plain_view_gaps() == {1: gap}
+    assert {row["object"]: row["plain_view_gap"] for row in evaluator.object_rows()} == {1: gap}
     assert evaluator.summary()["plain_view_gap"] == gap
 
 

@@ -12,8 +12,10 @@ import pytest
 
 from testbed.evaluation.intervals import crossed_interval
 from testbed.evaluation.metric import METRICS
-from testbed.experiments import bands, statistics
+from testbed.experiments import series as bands
+from testbed.experiments import statistics
 from testbed.experiments.compare import Comparison, write_runs
+from testbed.experiments.report import words
 from testbed.experiments.rows import COLUMNS, NAMES, SCHEMA
 from testbed.experiments.store import ROWS, Results, Store
 from testbed.experiments.study import Kept
@@ -277,7 +279,7 @@ def test_the_share_inside_its_limits_by_hand():
 def test_an_unresolved_difference_is_named_with_the_seeds_it_takes(results):
     cells = list(statistics.cells(results, ["gospa"]))
     unresolved = [c for c in cells if c.difference and c.difference.verdict == "unresolved"]
-    sentences = statistics.unresolved(cells)
+    sentences = words.unresolved(cells)
     assert len(sentences) == len(unresolved) > 0
     assert f"about {unresolved[0].difference.needed:.0f} seeds a scenario would resolve it" in sentences[0]
 

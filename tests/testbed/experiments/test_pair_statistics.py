@@ -16,11 +16,10 @@ from testbed.experiments.pairs import (
     compared_with,
     correlations,
     error_and_regret,
-    one_sided,
-    unresolved,
     worst_pairs,
 )
 from testbed.experiments.report.figures_regret import DOSE_UNITS, dose_response
+from testbed.experiments.report.words import one_sided, unresolved_pairs
 
 SEEDS = range(8)
 
@@ -57,7 +56,7 @@ def test_a_change_of_either_sign_is_unresolved_and_says_how_many_seeds_it_needs(
     mixed = np.array([1.0, -0.8, 0.9, -1.0, 1.1, -0.7, 0.8, -0.9])
     found = list(cells(pd.DataFrame(pair_rows(mixed)), ("drive_score",)))
     assert found[0].verdict == "unresolved"
-    (sentence,) = unresolved(found)
+    (sentence,) = unresolved_pairs(found)
     assert "seeds would resolve it" in sentence
     assert found[0].change.needed > 8
 

@@ -4,16 +4,19 @@ import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
 
 from sensors.fault_text import KINDS, faults_of
 from testbed.experiments.baselines import NONE
-from testbed.experiments.command import check
+from testbed.experiments.command import check, execute
+from testbed.experiments.compare import Settings
 from testbed.experiments.engine import Engine
 from testbed.experiments.regress import CASES, COMMITTED, FAULTS, Regress, orphans
 
+ROOT = Path(__file__).parents[3]
 TESTBED = [sys.executable, "-m", "testbed", "regress"]
 PLAIN = {**os.environ, "COLUMNS": "160", "NO_COLOR": "1", "TERM": "dumb"}
 TRACKERS = ("rm-feldmann", "htg-mm")
@@ -110,6 +113,39 @@ def test_what_has_no_baseline_and_what_has_nothing_else_is_told_and_passes(told,
     assert status == 0, said
     assert "new, without a baseline: rm-feldmann (following)" in said
     assert "gone, with a baseline: old-filter" in said
+
+
+def test_results_without_any_baseline_are_no_pass_and_say_what_makes_them(told, runs, tmp_path):
+    def change(found):
+        for tracker in found["trackers"].values():
+            for scenario in SCENARIOS:
+                tracker["scenarios"].pop(scenario, None)
+
+    bare = edited(tmp_path / "bare.json", change)
+    status, said, _ = told(*PART, "--out", runs[0], "--baselines", bare)
+    assert status == 1, said
+    assert f"`testbed regress --update --baselines {bare} --tracker rm-feldmann" in said
+
+
+def test_strict_fails_where_one_result_has_no_baseline(told, runs, tmp_path):
+    known = edited(tmp_path / "b.json", lambda f: f["trackers"]["rm-feldmann"]["scenarios"].pop("following"))
+    status, said, _ = told(*PART, "--out", runs[0], "--baselines", known, "--strict")
+    assert status == 1, said
+    assert "without a baseline: rm-feldmann (following)" in said
+
+
+def test_the_filter_of_a_user_is_run_again_after_a_change_and_its_recordings_stay(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    source = (ROOT / "docs" / "examples" / "own_filter.py").read_text()
+    part = {"baselines": tmp_path / "b.json", "update": True, "settings": Settings(duration=1.0)}
+    made = []
+    for changed in ("", "EXTRA = 1\n"):
+        (tmp_path / "changing_filter.py").write_text(source + changed)
+        study = Regress(("following",), ("changing_filter:Kalman",), (0,), out=str(tmp_path / "out"), **part)
+        tally = execute(study, Engine(1))
+        made.append((tally.done, [path.stat().st_mtime_ns for path in (tmp_path / "out" / "recordings").iterdir()]))
+    assert made[0] == made[1] == (1, made[0][1])
+    assert execute(study, Engine(1)).found == 1
 
 
 def test_an_update_of_a_part_makes_it_pass_and_leaves_the_rest(told, runs, easier):

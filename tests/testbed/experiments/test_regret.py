@@ -9,12 +9,14 @@ import pytest
 from typer.testing import CliRunner
 
 from testbed.cli import app
+from testbed.evaluation.intervals import NO_INTERVAL, Interval
 from testbed.experiments.command import execute
 from testbed.experiments.drives import Curves, DriveWatch
 from testbed.experiments.engine import Engine
 from testbed.experiments.episode import episode
-from testbed.experiments.pairs import Drive, curves
-from testbed.experiments.regret import Regret, drives
+from testbed.experiments.pairs import Cell, Drive, curves
+from testbed.experiments.regret import Limit, Regret, drives
+from testbed.experiments.statistics import Change
 from testbed.experiments.store import Results, Store, content
 from testbed.log import reader
 from tests.testbed.command_line.refused import refused
@@ -108,6 +110,9 @@ def refused_here(out, *args):
         (["--radar", "frnt"], "did you mean 'front'?"),
         (["--jobs", "0"], "jobs must be 1 or more"),
         (["probe-brake"], "scenarios must differ"),
+        (["--limit", "colisions=0"], "no limit 'colisions'; did you mean 'collisions'?"),
+        (["--limit", "collisions=-1"], "limit must be NAME=VALUE with a number from 0 on"),
+        (["--limit", "score"], "limit must be NAME=VALUE with a number from 0 on"),
     ],
 )
 def test_wrong_input_is_one_sentence(tmp_path, args, sentence):
@@ -131,6 +136,28 @@ def test_the_drives_are_in_one_table_and_the_same_command_finds_them(first):
     assert table["drive_score"].notna().all()
     again = CliRunner().invoke(app, [*WHOLE, "--out", str(out)])
     assert "0 runs made, 31 found, 0 failed" in again.output
+
+
+def test_a_limit_decides_about_the_exit_status_and_the_case(tmp_path):
+    out, xml = str(tmp_path / "out"), tmp_path / "limits.xml"
+    asked = ["regret", "probe-brake", "--tracker", "rm-koch", "--seeds", "200", "--duration", "5", "--out", out]
+    for limit, status in (("progress=100", 0), ("progress=0", 1)):
+        done = CliRunner().invoke(app, [*asked, "--limit", limit, "--junit", str(xml)])
+        assert done.exit_code == status, done.output
+        assert ("than the truth, allowed 0" in done.output) == (status == 1)
+        assert (f"within the limits: {limit}" in done.output) == (status == 0)
+        cases = list(parse(xml).getroot().iter("testcase"))
+        assert any(case.find("failure[@type='limit']") is not None for case in cases) == (status == 1)
+
+
+@pytest.mark.parametrize(
+    ("measure", "change", "exceeded"),
+    [("collisions", 0.1, True), ("collisions", -0.1, False), ("drive_score", 0.3, False), ("drive_score", -0.3, True)],
+)
+def test_a_limit_counts_what_is_worse_than_on_the_truth(measure, change, exceeded):
+    cell = Cell("probe", "idm", "t", measure, Change(Interval(change, -1, 1), NO_INTERVAL, NO_INTERVAL, 9, 0))
+    assert bool(Limit(measure, 0.05).exceeded(cell)) == exceeded
+    assert not Limit("tit", 0.0).exceeded(cell)
 
 
 def test_drives_of_other_settings_are_refused(first):

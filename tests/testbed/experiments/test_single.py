@@ -1,7 +1,11 @@
 """One run from start to files: what is written, what repeats, what does not depend on what."""
 
 import json
+import shlex
+import sys
 from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
@@ -13,6 +17,7 @@ from testbed.experiments.single import RunConfig, Unusable, check, make_env, run
 from testbed.files import LostFileWarning
 from testbed.log import reader
 from testbed.log.record import run_id
+from tests.testbed.log import log_content
 from trackers import DEFAULT
 from trackers.multi.tracks import StepInfo
 
@@ -67,14 +72,31 @@ def test_the_log_has_the_errors_of_the_results(twice):
 
 def test_one_seed_gives_one_result(twice):
     a, b = twice
-    assert reader.digests(a.rrd) == reader.digests(b.rrd)
-    assert {**a.result, "timing": 0} == {**b.result, "timing": 0}
+    assert log_content.digests(a.rrd) == log_content.digests(b.rrd)
+    assert {**a.result, "timing": 0, "made": 0} == {**b.result, "timing": 0, "made": 0}
+
+
+def test_results_say_where_they_come_from(twice):
+    done = twice[0]
+    made = json.loads(done.json.read_text())["made"]
+    assert made == done.result["made"]
+    assert datetime.strptime(made["date"], "%Y-%m-%dT%H:%M:%S%z") <= datetime.now(UTC)
+    assert made["command"].endswith(shlex.join(sys.argv[1:]))
+    assert len(made["code"]) == 12
+    root = Path(__file__).parents[3]
+    if (root / ".git").exists():
+        assert len(made["commit"]) == 40
+        assert isinstance(made["changed"], bool)
+    else:
+        assert made["commit"] is None is made["changed"]
+    assert str(root) not in json.dumps(made)
+    assert done.result["run"]["config"] == {"simulation_frequency": 15, "policy_frequency": 5, "duration": 2.0}
 
 
 def test_another_seed_gives_another(twice, tmp_path):
     other = run(short(tmp_path, radar="front", seed=1))
     assert other.result["drive"] != twice[0].result["drive"]
-    assert reader.digest(other.rrd) != reader.digest(twice[0].rrd)
+    assert log_content.digest(other.rrd) != log_content.digest(twice[0].rrd)
 
 
 def test_neither_radar_nor_tracker_changes_the_traffic(tmp_path):
@@ -205,7 +227,7 @@ def test_a_run_without_metrics_drives_the_same_and_measures_nothing(tmp_path):
         for on in truth
     }
     assert equal(truth[True], truth[False])
-    assert set(done[False].result) == {"run", "interrupted", "timing"}
+    assert set(done[False].result) == {"run", "interrupted", "timing", "made"}
     assert done[False].result["run"] == done[True].result["run"]
     assert "metrics" not in done[False].result["timing"]
     assert json.loads(done[False].json.read_text()) == done[False].result
@@ -222,7 +244,7 @@ def test_a_config_in_a_file_is_in_the_name_and_in_the_results(tmp_path):
     assert not done.interrupted
     assert done.result["run"]["scenario"].startswith("highway-v0+cfg-")
     assert config.settings == json.loads(held)
-    assert done.result["run"]["config"]["duration"] == "1"
+    assert done.result["run"]["config"]["duration"] == 1
     assert reader.complete(done.rrd)
     file.write_text('{"vehicles_count": 7, "duration": 1}')
     assert run(replace(config)).json != done.json

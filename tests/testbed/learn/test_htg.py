@@ -25,8 +25,7 @@ from testbed.learn.detections import (
     unit_coordinates,
     unit_noise,
 )
-from testbed.learn.htg import LearnConfig, LearnedTable, learn, report
-from testbed.learn.spline import SplineConfig
+from testbed.learn.models import LearnedTable, SplineConfig, TableConfig, learn
 from testbed.log.detections import read_detections
 from trackers.geometry import box_corners, rotation, to_frame
 from trackers.htg.bins import SHIPPED, load
@@ -78,7 +77,7 @@ def test_a_data_source_may_end_in_a_class(data, name, kind):
     ],
 )
 def test_a_command_in_the_provenance_names_no_folder(data, name):
-    for config in (LearnConfig(data), SplineConfig(data)):
+    for config in (TableConfig(data), SplineConfig(data)):
         assert config.command("out/mine.json").split()[2:] == [name, "--out", "mine.json"]
 
 
@@ -227,7 +226,7 @@ def test_the_real_extract_has_the_published_number_of_points_in_grown_boxes():
 
 @pytest.fixture(scope="module")
 def learned(tmp_path_factory):
-    config = LearnConfig("sampler:surround:car", bins=2, count=1500)
+    config = TableConfig("sampler:surround:car", bins=2, count=1500)
     calls = []
     got = learn(config, tmp_path_factory.mktemp("out") / "mine.json", lambda *call: calls.append(call))
     return got, calls
@@ -251,7 +250,7 @@ def test_a_learned_table_has_the_typical_size_of_its_vehicles(learned, tmp_path)
     u, aspect = rng.normal(0, 0.5, (60, 2)), rng.uniform(-3, 3, 60)
     for size, words in (({"size": np.tile([12.0, 2.5], (60, 1))}, "12.00 x 2.50 m"), ({}, "1.86 m, taken for granted")):
         file = write(tmp_path / "a.npz", u=u, aspect=aspect, **size)
-        assert words in " ".join(printed(learn(LearnConfig(str(file), bins=1), tmp_path / "a.json")).split())
+        assert words in " ".join(printed(learn(TableConfig(str(file), bins=1), tmp_path / "a.json")).split())
 
 
 def test_a_learned_table_tells_where_it_comes_from(learned):
@@ -270,13 +269,13 @@ def test_learning_tells_its_progress_and_reports_every_bin(learned):
     got, calls = learned
     assert {what for _, _, what in calls} == {"surround on cars", "fitting mine"}
     assert calls[-1][:2] == (2, 2)
-    table, *_ = report(got)
+    table, *_ = got.report()
     assert table.row_count == 2
 
 
 def printed(learned):
     console = Console(width=80, record=True, file=io.StringIO())
-    for part in report(learned):
+    for part in learned.report():
         console.print(part)
     return console.export_text()
 
@@ -307,30 +306,30 @@ def test_bins_with_the_same_caution_share_a_line(learned):
 
 def test_what_cannot_be_written_or_learned_is_refused(tmp_path):
     with pytest.raises(ValueError, match=r"out must be a \.json file"):
-        learn(LearnConfig("sampler:surround"), tmp_path / "table.npz")
+        learn(TableConfig("sampler:surround"), tmp_path / "table.npz")
     (tmp_path / "folder.json").mkdir()
     with pytest.raises(OSError, match="it is a directory"):
-        learn(LearnConfig("sampler:surround"), tmp_path / "folder.json")
+        learn(TableConfig("sampler:surround"), tmp_path / "folder.json")
     file = write(tmp_path / "a.npz", u=np.zeros((0, 2)), aspect=np.zeros(0))
     with pytest.raises(ValueError, match="has no detection of that class"):
-        learn(LearnConfig(str(file)), tmp_path / "a.json")
+        learn(TableConfig(str(file)), tmp_path / "a.json")
     file = write(tmp_path / "a.npz", u=np.tile(U, (30, 1)), aspect=np.zeros(90))
     with pytest.raises(ValueError, match="bin 0 of 8, at an aspect of -180 deg, has 0 detections, needs 20"):
-        learn(LearnConfig(str(file)), tmp_path / "a.json")
+        learn(TableConfig(str(file)), tmp_path / "a.json")
     assert not (tmp_path / "a.json").exists()
 
 
 @pytest.mark.parametrize("wrong", [{"bins": 0}, {"count": 0}, {"seed": -1}, {"mass_min": 2.0}])
 def test_a_wrong_setting_is_refused_by_name(wrong):
     with pytest.raises(ValueError, match=next(iter(wrong))):
-        LearnConfig("sampler:surround", **wrong)
+        TableConfig("sampler:surround", **wrong)
 
 
 def test_the_command_in_the_provenance_is_one_that_the_command_line_takes(tmp_path, monkeypatch, capsys):
     rng = np.random.default_rng(18)
     file = write(tmp_path / "a b.npz", u=rng.normal(0, 0.5, (60, 2)), aspect=rng.uniform(-3, 3, 60))
     monkeypatch.chdir(tmp_path)
-    config = LearnConfig(file.name, bins=2, centred=False, mirrored=False, mass_min=0.1, count=5, seed=2)
+    config = TableConfig(file.name, bins=2, centred=False, mirrored=False, mass_min=0.1, count=5, seed=2)
     monkeypatch.setattr(sys, "argv", shlex.split(config.command("o.json")))
     with pytest.raises(SystemExit) as done:
         main()

@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from testbed.cli import app
-from testbed.learn.spline import SplineConfig, learn, report
+from testbed.learn.models import SplineConfig, learn
 from trackers import find
 from trackers.pmht.model import curve, load
 from trackers.pmht.offline import OfflineLearning
@@ -27,7 +27,7 @@ def test_our_radar_on_lone_cars_gives_a_car(tmp_path):
     provenance = json.loads(out.read_text())["provenance"]
     assert provenance["command"] == "testbed learn-spline sampler:surround:car --out car.json --count 3000"
     assert provenance["detections"] >= 3000
-    text = "\n".join(str(part) for part in report(learned)[1:])
+    text = "\n".join(str(part) for part in learned.report()[1:])
     assert "sampler" in text
     assert find("pmht-spline", model=str(out)).models == (model,)
 
@@ -50,12 +50,12 @@ def test_a_file_of_one_s_own_is_learned_and_unseen_ellipses_are_named(tmp_path):
     config = SplineConfig(str(tmp_path / "own.npz"), options=OfflineLearning(iterations=15, mirrored=False))
     learned = learn(config, tmp_path / "own.json")
     assert learned.model.size == (4.5, 1.8)
-    assert any("caution" in str(line) for line in report(learned))
+    assert any("caution" in str(line) for line in learned.report())
     whole = tmp_path / "whole.npz"
     own_file(whole, np.random.default_rng(1), np.linspace(-np.pi, np.pi, 40))
     better = learn(SplineConfig(str(whole), options=QUICK), tmp_path / "whole.json")
     np.testing.assert_allclose(np.ptp(curve(better.model.p), axis=0), 0.96, atol=0.05)
-    assert not any("caution" in str(line) for line in report(better))
+    assert not any("caution" in str(line) for line in better.report())
 
 
 def test_the_command_line_writes_the_same_file(tmp_path):

@@ -5,7 +5,7 @@ import numpy as np
 from testbed.log import RunLog, paths, reader
 from testbed.log.layers import change_rows, tracker_rows
 from testbed.log.modes import class_names, mode_names
-from tests.testbed.log import log_runs
+from tests.testbed.log import log_content, log_runs
 from trackers.geometry import to_frame
 from trackers.multi.tracks import Event
 
@@ -23,7 +23,7 @@ def with_change(record, track):
 
 
 def rows(path, entity):
-    return [row for row in reader.rows(path, entity) if row.get(paths.STEP) is not None]
+    return [row for row in log_content.rows(path, entity) if row.get(paths.STEP) is not None]
 
 
 def write(path, at, steps=45, track=101, level="full"):

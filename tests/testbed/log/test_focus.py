@@ -2,9 +2,9 @@
 
 import pytest
 
-from testbed.log import RunLog, focus, paths, reader
+from testbed.log import RunLog, paths, reader, review
 from testbed.log.review import check
-from tests.testbed.log import log_runs
+from tests.testbed.log import log_content, log_runs
 from tests.testbed.log.test_screenshot import views
 
 
@@ -15,15 +15,15 @@ def log(tmp_path_factory):
 
 def plots(path, key):
     """The pages of plots in the layout, and the number of the open one."""
-    *_, closer, _ = focus.focused(path, key).root_container.contents
+    *_, closer, _ = review.focused(path, key).root_container.contents
     return closer.contents[1]
 
 
 def test_the_copy_holds_the_same_and_its_only_layout_shows_the_vehicle_first(log, tmp_path):
     from rerun.chunk import RrdReader
 
-    copy = focus.write_focused(log, 3, tmp_path / "copy.rrd")
-    assert reader.digest(copy) == reader.digest(log)
+    copy = review.write_focused(log, 3, tmp_path / "copy.rrd")
+    assert log_content.digest(copy) == log_content.digest(log)
     assert reader.properties(copy) == reader.properties(log)
     assert reader.complete(copy)
     (layout,) = RrdReader(copy).blueprints()
@@ -38,7 +38,7 @@ def test_the_page_of_the_vehicle_is_open_and_the_rest_of_the_layout_is_that_of_t
     tabs = plots(log, 3)
     assert [page.name for page in tabs.contents][2:] == ["More", "Focus", "Objects"]
     assert tabs.active_tab == 3
-    names = {str(view.name) for view in views(focus.focused(log, 3).root_container)}
+    names = {str(view.name) for view in views(review.focused(log, 3).root_container)}
     assert {"Overview (follows the ego, 2 s trails)", "GWD [m]", "GOSPA [m]"} <= names
     known = reader.entity_paths(log)
     for view in views(tabs):
@@ -58,7 +58,7 @@ def test_the_vehicles_of_the_worst_moments_follow(tmp_path):
 
 def test_a_vehicle_that_is_not_there_is_refused_with_those_that_are(log, tmp_path):
     with pytest.raises(ValueError, match=r"--focus: the log .*run.rrd has no vehicle 77; it has 0, 1, 2, 3, 4$"):
-        focus.write_focused(log, 77, tmp_path / "copy.rrd")
+        review.write_focused(log, 77, tmp_path / "copy.rrd")
     assert not list(tmp_path.iterdir())
 
 
@@ -69,6 +69,6 @@ def test_a_focus_is_of_one_log(log):
 
 def test_a_log_of_level_metrics_has_a_focus_too(tmp_path):
     path = log_runs.write(tmp_path / "run.rrd", steps=8, level="metrics")
-    shown = views(focus.focused(path, 3).root_container)
+    shown = views(review.focused(path, 3).root_container)
     assert "veh_03: GWD [m]" in [str(view.name) for view in shown]
     assert not [view for view in shown if view.origin == f"/{paths.FOLLOW}"]

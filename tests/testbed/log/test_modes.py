@@ -5,7 +5,7 @@ import pytest
 
 from testbed.log import blueprint, layers, paths, reader
 from testbed.log.modes import mode_names, modes_of, probabilities
-from tests.testbed.log import log_runs
+from tests.testbed.log import log_content, log_runs
 from trackers.motion.modes import Modes
 
 MIXING = log_runs.MIXING
@@ -65,11 +65,11 @@ def test_the_most_likely_model_stands_behind_the_id_of_a_track(log):
 
 
 def label_rows(path, name):
-    return [row for row in reader.rows(path, paths.tracker(name, "center")) if row.get("step") is not None]
+    return [row for row in log_content.rows(path, paths.tracker(name, "center")) if row.get("step") is not None]
 
 
 def test_a_tracker_with_one_model_leaves_the_log_as_it_was(log):
-    components = reader.components(log)
+    components = log_content.components(log)
     assert not [c for c in components[paths.of_object(0, "rm-feldmann")] if c.startswith("mode:")]
     plain = next(log_runs.records(1))
     modes = modes_of(log_runs.META.trackers)
@@ -97,7 +97,7 @@ def test_the_layout_has_a_page_of_motion_models_for_trackers_that_mix_some_only(
 
 def test_every_line_of_the_motion_page_is_in_the_log(log):
     _, layout = pages(MIXING, modes_of(MIXING.trackers))
-    known = reader.components(log)
+    known = log_content.components(log)
     plot = next(v for v in views(layout.root_container) if "motion model" in str(v.name))
     ((path, lines),) = plot.visualizer_overrides.items()
     sources = {mapping.source_component for line in lines for mapping in line.mappings}

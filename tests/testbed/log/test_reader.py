@@ -5,7 +5,7 @@ import pytest
 
 from testbed.log import RunLog, paths, reader
 from testbed.log.screenshot import viewer_command
-from tests.testbed.log import log_runs
+from tests.testbed.log import log_content, log_runs
 
 
 @pytest.fixture(scope="module")
@@ -21,17 +21,17 @@ def rerun(*arguments):
 @pytest.mark.parametrize("every", [1, 7, 100])
 def test_digest_does_not_know_the_blocks(log, tmp_path, every):
     again = log_runs.write(tmp_path / "again.rrd", steps=32, every=every, meta=log_runs.META._replace(run_id="other"))
-    assert reader.digest(again) == reader.digest(log)
+    assert log_content.digest(again) == log_content.digest(log)
 
 
 def test_digest_survives_the_optimizer_of_rerun(log, tmp_path):
     assert rerun("rrd", "optimize", log, "-o", tmp_path / "small.rrd").returncode == 0
-    assert reader.digests(tmp_path / "small.rrd") == reader.digests(log)
+    assert log_content.digests(tmp_path / "small.rrd") == log_content.digests(log)
 
 
 def test_digest_tells_seeds_apart(log, tmp_path):
     other = log_runs.write(tmp_path / "other.rrd", steps=32, seed=1)
-    assert reader.digest(other) != reader.digest(log)
+    assert log_content.digest(other) != log_content.digest(log)
 
 
 def test_a_single_changed_value_is_found_and_located(log, tmp_path):
@@ -42,7 +42,7 @@ def test_a_single_changed_value_is_found_and_located(log, tmp_path):
                 record.frame.scene.objects.pose[3, 1] += 1e-3
             changed.step(*record)
         changed.close(log_runs.SUMMARY)
-    before, after = reader.digests(log), reader.digests(tmp_path / "a.rrd")
+    before, after = log_content.digests(log), log_content.digests(tmp_path / "a.rrd")
     assert {key for key in before if before[key] != after[key]} == {
         f"/{paths.TRUTH_HEADING} Arrows2D:origins", f"/{paths.TRUTH_NAMES} Points2D:positions"
     }  # fmt: skip
@@ -64,7 +64,7 @@ def test_span_and_steps(log):
 
 def test_what_is_not_there_is_said():
     with pytest.raises(FileNotFoundError, match=r"there is no log nowhere\.rrd"):
-        reader.digest("nowhere.rrd")
+        log_content.digest("nowhere.rrd")
 
 
 def test_unknown_entities_are_said(log):

@@ -5,7 +5,7 @@ import numpy as np
 from testbed.log import RunLog, blueprint, paths, reader
 from testbed.log.layers import smoothed_extents, smoothed_paths
 from testbed.log.record import SmoothedTrack, SmoothedTracks
-from tests.testbed.log import log_runs
+from tests.testbed.log import log_content, log_runs
 
 META = log_runs.META
 
@@ -49,13 +49,15 @@ def test_rows_of_the_past_are_written_beside_those_of_the_run(tmp_path):
     assert reader.complete(tmp_path / "run.rrd")
     rows = [
         r
-        for r in reader.rows(tmp_path / "run.rrd", paths.smoothed("htg-map", "extent"))
+        for r in log_content.rows(tmp_path / "run.rrd", paths.smoothed("htg-map", "extent"))
         if r.get(paths.STEP) is not None
     ]
     assert [row[paths.STEP] for row in rows] == list(range(6))
     assert [row["track:id"] or [] for row in rows] == [[1], [1, 2], [2], [], [1], []]
     (way,) = (
-        r for r in reader.rows(tmp_path / "run.rrd", paths.smoothed("htg-map", "path")) if r.get(paths.STEP) is not None
+        r
+        for r in log_content.rows(tmp_path / "run.rrd", paths.smoothed("htg-map", "path"))
+        if r.get(paths.STEP) is not None
     )
     assert (way[paths.STEP], way["track:id"]) == (0, [1, 2])
 

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from sensors.origin import KINDS
-from testbed.log import NullLog, RunLog, paths, reader
+from testbed.log import RunLog, paths, reader
 from testbed.log.writer import in_focus
-from tests.testbed.log import log_runs
+from tests.testbed.log import log_content, log_runs
 
 TRACKERS = log_runs.META.trackers
 
@@ -26,7 +26,7 @@ def log(tmp_path_factory):
 
 
 def expected_paths(objects, metrics):
-    numbers = {*paths.NUMBERS, *paths.RISK, paths.EVENTS, paths.CONFIG, paths.SUMMARY, paths.LEGEND}
+    numbers = {paths.EGO_ACTION, paths.EGO_SPEED, *paths.RISK, paths.EVENTS, paths.CONFIG, paths.SUMMARY, paths.LEGEND}
     numbers |= {paths.MOMENTS, paths.OBJECTS}
     numbers |= {paths.metric(metric, name) for metric in metrics for name in TRACKERS}
     return numbers | {paths.of_object(i, leaf) for i in range(objects) for leaf in (*TRACKERS, paths.SEEN)}
@@ -38,7 +38,7 @@ def metric_names():
 
 
 def test_every_path_is_written_and_nothing_else(log):
-    expected = expected_paths(5, metric_names()) | set(paths.scene_layers(TRACKERS))
+    expected = expected_paths(5, metric_names()) | set(log_content.scene_layers(TRACKERS))
     assert reader.entity_paths(log) == expected
 
 
@@ -67,7 +67,7 @@ def test_errors_of_an_object_end_with_a_gap_when_its_track_is_lost(log):
 
 
 def test_detections_of_all_kinds_carry_their_columns_and_padding_is_left_out(log):
-    components = reader.components(log)
+    components = log_content.components(log)
     wanted = {"Points2D:positions", "radar:doppler", "radar:object_color", "radar:object_id", "radar:sensor"}
     wanted |= {f"radar:{word}_{name}" for word in ("owner", "owner_color") for name in TRACKERS}
     drawn = 0
@@ -120,7 +120,7 @@ def test_arrays_may_change_after_the_step(tmp_path):
             for score in record.scores.values():
                 score.mean["gwd"] = -1.0
         log.close(log_runs.SUMMARY)
-    assert reader.digests(tmp_path / "spoilt.rrd") == reader.digests(kept)
+    assert log_content.digests(tmp_path / "spoilt.rrd") == log_content.digests(kept)
 
 
 @pytest.mark.filterwarnings("error")
@@ -358,15 +358,7 @@ def test_empty_frames_are_logged(tmp_path):
     assert len(reader.steps(path)) == 5
     assert instances(path, paths.TRUTH_CONTOUR, "LineStrips2D:strips") == 0
     each = log_runs.write(tmp_path / "each.rrd", steps=5, objects=0, clutter=0, every=1)
-    assert reader.digests(each) == reader.digests(path)
-
-
-def test_the_null_log_takes_everything(tmp_path):
-    with NullLog() as log:
-        log.static(log_runs.road(), log_runs.SENSORS)
-        log.step(*next(log_runs.records(1)))
-        log.event("INFO", "unheard")
-        log.close(log_runs.SUMMARY)
+    assert log_content.digests(each) == log_content.digests(path)
 
 
 def test_the_log_module_does_not_import_rerun():
@@ -422,7 +414,7 @@ def test_the_object_asked_for_comes_first_then_the_worst_each_once():
 def test_pages_of_moments_objects_and_colours_are_in_the_log(tmp_path):
     path = ended(tmp_path / "a.rrd")
     pages = {
-        page: [row["TextDocument:text"][0] for row in reader.rows(path, page) if row.get("TextDocument:text")][-1]
+        page: [row["TextDocument:text"][0] for row in log_content.rows(path, page) if row.get("TextDocument:text")][-1]
         for page in (paths.MOMENTS, paths.LEGEND, paths.SUMMARY)
     }
     assert "**1.0 s, veh_04 car**: lost: without a track. *hidden by veh_01*" in pages[paths.MOMENTS]

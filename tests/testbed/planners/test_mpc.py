@@ -5,10 +5,9 @@ import numpy as np
 import pytest
 from highway_env.vehicle.kinematics import Vehicle
 
-from testbed.planners.obstacles import Obstacles, on_belief_road
+from testbed.planners.mpc import Obstacles, on_belief_road, steering_angle
 from testbed.planners.prediction import Others, path_ahead
 from testbed.planners.registry import find, settings
-from testbed.planners.steering import steering_angle
 from tests.testbed.planners.roads import world
 
 MPC = find("mpc")

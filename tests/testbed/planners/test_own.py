@@ -7,7 +7,7 @@ import pytest
 
 from testbed.planners import begin, find, settings
 from testbed.planners.idm import Choice
-from testbed.planners.own import OwnPlanner
+from testbed.planners.registry import OwnPlanner
 
 MODULE = """
 class Counting:

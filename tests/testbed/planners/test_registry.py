@@ -9,6 +9,7 @@ from highway_env.road.lane import CircularLane
 from highway_env.vehicle.controller import MDPVehicle
 
 from scenarios.vehicles import EgoVehicle
+from testbed.planners.collision import overlap
 from testbed.planners.prediction import (
     Others,
     along_path,
@@ -16,7 +17,6 @@ from testbed.planners.prediction import (
     is_oncoming,
     lane_table,
     on_path,
-    overlap,
     path_ahead,
     relate,
 )
@@ -170,7 +170,7 @@ def test_deciding_changes_nothing_and_repeats():
     before = deepcopy({k: v for k, v in vars(core.vehicle).items() if k not in ("road", "lane")})
     random = core.np_random.bit_generator.state
     first, second = PLANNER.act(env), PLANNER.act(env)
-    np.testing.assert_array_equal(PLANNER.plan(env), PLANNER.plan(env))
+    np.testing.assert_array_equal(PLANNER.choose(env).plan, PLANNER.choose(env).plan)
     assert first == second
     np.testing.assert_equal({k: v for k, v in vars(core.vehicle).items() if k not in ("road", "lane")}, before)
     assert core.np_random.bit_generator.state == random
@@ -179,7 +179,7 @@ def test_deciding_changes_nothing_and_repeats():
 @pytest.mark.parametrize("name", PLANNERS)
 def test_a_plan_begins_at_the_vehicle_and_goes_forward(name):
     env = world({"x": 240.0, "y": 4.0, "vx": 10.0}, blocked(8.0), **settings(find(name)))
-    plan = find(name).plan(env)
+    plan = find(name).choose(env).plan
     assert plan.ndim == 2
     assert plan.shape[1] == 2
     np.testing.assert_allclose(plan[0], [200.0, 4.0], atol=0.3)
@@ -189,11 +189,9 @@ def test_a_plan_begins_at_the_vehicle_and_goes_forward(name):
 
 
 @pytest.mark.parametrize("name", PLANNERS)
-def test_driving_is_acting_and_planning_at_once(name):
+def test_a_choice_has_the_action_of_acting(name):
     env = world({"x": 240.0, "y": 4.0, "vx": 10.0}, blocked(8.0), **settings(find(name)))
-    action, plan = find(name).choose(env)
-    np.testing.assert_array_equal(action, find(name).act(env))
-    np.testing.assert_array_equal(plan, find(name).plan(env))
+    np.testing.assert_array_equal(find(name).choose(env).action, find(name).act(env))
 
 
 def following(v: float, target: float, gap: float, lead: float) -> gym.Env:

@@ -12,8 +12,7 @@ from trackers import Scan, find, prior
 from trackers.batch import take
 from trackers.dra import DataRegion, DataRegionState, Parameters, ProcessNoise
 from trackers.dra.filter import root
-from trackers.dra.flat_scan import flatten
-from trackers.dra.measurement import linearise_regions
+from trackers.dra.measurement import flatten, linearise_regions
 from trackers.dra.regions import ALPHA, BETA, gates
 from trackers.geometry import rotation
 

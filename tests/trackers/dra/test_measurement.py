@@ -8,14 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from trackers import Scan
-from trackers.dra import Parameters, ProcessNoise, motion, region_prior
-from trackers.dra.constraints import heading, rectangle
+from trackers.dra import Parameters, ProcessNoise, motion
 from trackers.dra.filter import root
-from trackers.dra.flat_scan import flatten
-from trackers.dra.matrix3 import inverse_and_det, inverse_and_log_det
-from trackers.dra.measurement import linearise_regions, observe
-from trackers.dra.regions import ALPHA, BETA, gates, region_moments, side_distance
-from trackers.dra.state import OBSERVED, ORDER, P1, P2, PLACE, VELOCITY, W, vertices
+from trackers.dra.measurement import flatten, linearise_regions, observe
+from trackers.dra.regions import ALPHA, BETA, gates, ray_prior, region_moments, side_distance
+from trackers.dra.state import OBSERVED, ORDER, P1, P2, PLACE, VELOCITY, W, along_velocity, rectangle, vertices
+from trackers.linalg import inverse_and_det, inverse_and_log_det
 
 X = np.array([20, 30, 0, 3, 1, 0, 0.1, 2.4, 0.9, 2.4, -0.9])
 P = np.diag([0.25, 0.25, 0.01, 0.25, 0.25, 0.01, 0.01, 0.04, 0.04, 0.04, 0.04])
@@ -124,20 +122,20 @@ def test_region_moments_are_those_of_points_drawn():
 def test_the_prior_of_rays_is_that_of_an_independent_implementation(place, want):
     m = X.copy()
     m[PLACE] = place
-    np.testing.assert_allclose(region_prior.rays(m, np.zeros(2), 0.6, 0.1), want, atol=1e-6)
+    np.testing.assert_allclose(ray_prior(m, np.zeros(2), 0.6, 0.1), want, atol=1e-6)
 
 
 @given(seed=st.integers(0, 2**32 - 1))
 def test_the_prior_of_rays_sums_to_one_and_is_even_inside_and_the_same_in_a_mirror(seed):
     m, sensor = random_state(seed), np.random.default_rng(seed).normal(0, 20, 2)
-    got = region_prior.rays(m, sensor, 0.6, 0.1)
+    got = ray_prior(m, sensor, 0.6, 0.1)
     np.testing.assert_allclose(got.sum(), 1, rtol=1e-12)
-    np.testing.assert_allclose(region_prior.rays(m, m[PLACE], 0.6, 0.1), 0.2)
+    np.testing.assert_allclose(ray_prior(m, m[PLACE], 0.6, 0.1), 0.2)
     flip = np.tile([1.0, -1.0], 2)
     mirrored = m.copy()
     mirrored[[3, 8, 10]] *= -1
     mirrored[7:] = mirrored[[9, 10, 7, 8]]
-    other = region_prior.rays(mirrored, sensor * flip[:2], 0.6, 0.1)
+    other = ray_prior(mirrored, sensor * flip[:2], 0.6, 0.1)
     np.testing.assert_allclose(other, got[[0, 3, 2, 1, 4]], rtol=1e-9)
 
 
@@ -227,11 +225,13 @@ def test_a_rectangle_stays_and_a_sheared_body_becomes_one():
 def test_the_heading_follows_the_velocity_when_it_moves_and_not_at_standstill():
     m = X.copy()
     m[VELOCITY] = 30 * np.array([np.cos(0.1), np.sin(0.1)])
-    fast, _ = heading(m, P, 0.03, 0.0)
+    fast, _ = along_velocity(m, P, 0.03, 0.0)
     turned = np.arctan2(*(fast[P1] + fast[P2])[::-1])
     assert 0.02 < turned < 0.1
     m[VELOCITY] = [0.0, 0.01]  # across the body, by noise
-    slow, cov = heading(m, np.diag([0.25, 1e-2, 0.01, 0.25, 1e-2, 0.01, 0.01, 1e-3, 1e-3, 1e-3, 1e-3]), 0.03, 0.0)
+    slow, cov = along_velocity(
+        m, np.diag([0.25, 1e-2, 0.01, 0.25, 1e-2, 0.01, 0.01, 1e-3, 1e-3, 1e-3, 1e-3]), 0.03, 0.0
+    )
     assert abs(np.arctan2(*(slow[P1] + slow[P2])[::-1])) < 0.01
     np.linalg.cholesky(cov)
 

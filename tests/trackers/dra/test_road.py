@@ -9,7 +9,7 @@ from trackers import Scan, find, prior
 from trackers.dra import Parameters
 from trackers.dra.state import vertices
 from trackers.geometry import rotation, unit, wrap_angle
-from trackers.random_matrix.surface import visible_offset
+from trackers.random_matrix.feldmann import visible_offset
 
 SIZE = np.array([4.6, 1.86])
 PAPER = Parameters()  # no floor of the length's std, a heading along any velocity

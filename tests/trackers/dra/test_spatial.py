@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from trackers import MultiObjectTracker, Scan, SensorModel, find, prior
-from trackers.dra.spatial import log_density
+from trackers.dra.regions import log_density
 from trackers.dra.state import swung, vertices
 from trackers.filter import Abilities
 from trackers.geometry import cross, rotation, unit

@@ -8,6 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.special import log_ndtr
 
+from studies.papers.xia2020.calibration import score, single
+from studies.papers.xia2020.generators import sample
 from trackers.geometry import rotation
 from trackers.htg.bins import (
     HTGTable,
@@ -18,11 +20,10 @@ from trackers.htg.bins import (
     load,
     metric_ends,
     resolve,
-    single,
     warp,
 )
-from trackers.htg.density import HTG, complement, log_density, log_mass, moments, sample, score
-from trackers.htg.information import information, score_moments
+from trackers.htg.density import HTG, complement, log_density, log_mass, moments
+from trackers.htg.objective import information, score_moments
 
 PUBLISHED = HTG(np.array(0.183), np.array([0.675, 0.670, 0.611, 0.648]), np.array(0.763), np.array([0.037, 0.035]))
 OPEN = HTG(np.array(0.25), np.array([0.8, np.inf, np.inf, 0.7]), np.array(0.0), np.array([0.02, 0.03]))

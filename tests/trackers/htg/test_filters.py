@@ -5,14 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from studies.papers.xia2020.calibration import single
+from studies.papers.xia2020.generators import sample
 from tests.trackers.rear_sides import RADAR, Road, drive
 from trackers import MultiObjectTracker, RandomMatrix, Scan, prior
 from trackers.geometry import extent_matrix, to_world
-from trackers.htg.bins import HTGTable, by_length, metric_ends, single
-from trackers.htg.density import HTG, log_density, moments, sample
-from trackers.htg.learned import HTGLearned
+from trackers.htg.bins import HTGTable, by_length, metric_ends
+from trackers.htg.density import HTG, log_density, moments
+from trackers.htg.learned import HTGLearned, HTGMoment
 from trackers.htg.map import HTGMap, MotionSizeState
-from trackers.htg.moment import HTGMoment
 from trackers.htg.objective import Objective, flatten, shape_of
 from trackers.htg.online import HTGOnline, OnlineState
 from trackers.random_matrix.feldmann import RMState
@@ -165,7 +166,7 @@ def test_information_is_the_mean_square_of_the_scores(table):
     many, precision = np.tile(m, (n, 1)), np.tile(np.eye(7), (n, 1, 1))
     objective = Objective(points, shape_of(table, many, points), many, precision, 0.5, 1.5)
     s = points.total(objective.places(objective.spread(many[None])))[1:, 0].T
-    from trackers.htg.information import score_moments
+    from trackers.htg.objective import score_moments
 
     J = objective.spatial_information(table, np.tile(score_moments(table.of(index)), (n, 1, 1)))[0]
     square = s[:, :, None] * s[:, None]

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize, minimize_scalar
 
-from trackers.htg.density import HTG, log_density, sample
-from trackers.htg.descent import descend
+from studies.papers.xia2020.generators import sample
+from trackers.htg.density import HTG, log_density
 from trackers.htg.learning import (
     FLAT,
     FitOptions,
@@ -21,7 +21,7 @@ from trackers.htg.learning import (
     starts,
     unpack,
 )
-from trackers.htg.likelihood import log_mass_gradient, mean_log_density
+from trackers.htg.likelihood import descend, log_mass_gradient, mean_log_density
 
 PUBLISHED = HTG(np.array(0.183), np.array([0.675, 0.670, 0.611, 0.648]), np.array(0.763), np.array([0.037, 0.035]))
 NONE = np.zeros((2, 2))

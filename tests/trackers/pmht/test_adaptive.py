@@ -15,11 +15,10 @@ from trackers.multi.tracker import events_of
 from trackers.pmht import AdaptiveSpline, Learner, SplinePmht, Walk
 from trackers.pmht.association import RelativeDetections
 from trackers.pmht.classes import Catalogue
-from trackers.pmht.learning import SplineContour, centres
+from trackers.pmht.learning import Refine, SplineContour, centres, is_simple
 from trackers.pmht.model import curve
 from trackers.pmht.model import find as find_model
 from trackers.pmht.pool import added, empty
-from trackers.pmht.refine import Refine, is_simple
 from trackers.pmht.visibility import visibility_table
 from trackers.pmht.window import Decoupled, decouple, smoothed, thinned
 from trackers.range_rate import RangeRates

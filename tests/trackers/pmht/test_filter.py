@@ -10,13 +10,11 @@ from hypothesis import strategies as st
 from trackers import Scan, SensorModel, prior
 from trackers.geometry import rotation, to_world, unit
 from trackers.pmht import SplinePmht, SplineState, Walk
-from trackers.pmht.association import RelativeDetections, SyntheticDetections, outlier_density, synthesise
+from trackers.pmht.association import RelativeDetections, SyntheticDetections, columns, congruence, matrices, synthesise
 from trackers.pmht.joint import Doubt, missing, predict_ellipses
 from trackers.pmht.joint import update as joint_update
 from trackers.pmht.model import find
-from trackers.pmht.motion import predicted, turned
-from trackers.pmht.state import rotating_root
-from trackers.pmht.symmetric import columns, congruence, matrices
+from trackers.pmht.state import predicted, rotating_root, turned
 from trackers.range_rate import RangeRates
 from trackers.unscented import STANDARD, sigma_points
 
@@ -276,12 +274,10 @@ def test_clutter_is_left_out_when_its_density_is_known():
         clutter = pose[:2] + rng.uniform(-5, 5, (5, 2))
         scan = Scan.from_xy(np.concatenate([body, clutter]))
         for density in wrong:
-            f = replace(PAPER, eps=outlier_density(density, 12.0) + 1e-8)
+            f = replace(PAPER, eps=density / 12.0 + 1e-8)
             got, _ = f.update(f.init(prior(pose, size=SIZE, position_std=0.5)), scan)
             wrong[density].append(((got.m[:2] - pose[:2]) ** 2).sum())
     assert np.mean(wrong[0.05]) < 0.8 * np.mean(wrong[0.0])
-    with pytest.raises(ValueError, match="expected > 0"):
-        outlier_density(0.05, 0.0)
 
 
 def test_range_rates_correct_the_speed():

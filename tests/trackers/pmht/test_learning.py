@@ -1,27 +1,16 @@
 """Learning contours: the equations at their maximum, and the sides that nobody saw."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
+from studies.papers.yao2021.contour_em import ContourEM, decoupled, features, log_densities, statistics
 from trackers.geometry import to_world
 from trackers.linalg import inverse
-from trackers.pmht.adaptation import decoupled, frame_shift, partial_shift, shifted
 from trackers.pmht.association import responsibilities
-from trackers.pmht.learning import (
-    ContourEM,
-    EllipseStatistics,
-    SplineContour,
-    centres,
-    control_points,
-    features,
-    log_densities,
-    rectangle_start,
-    statistics,
-)  # fmt: skip
+from trackers.pmht.learner import frame_shift, partial_shift, shifted
+from trackers.pmht.learning import EllipseStatistics, SplineContour, centres, control_points
 from trackers.pmht.model import curve, find
-from trackers.pmht.offline import LabelledDetections, OfflineLearning
+from trackers.pmht.offline import LabelledDetections, OfflineLearning, maximise, rectangle_start
 from trackers.pmht.visibility import visibility_table, weights
 
 START = rectangle_start()
@@ -72,7 +61,7 @@ def test_the_control_points_are_where_the_objective_is_flat(stiffness):
 def test_the_covariances_are_where_the_objective_is_flat():
     """(21) with the divisor M_l; the printed M_l + 1 belongs to another model [C8]."""
     s = made_statistics()
-    new = replace(ContourEM(), floor=0.0, keep_below=0.0).maximise(START, s, 10.0, START.p)
+    new = maximise(START, s, 10.0, START.p, floor=0.0, keep_below=0.0)
 
     def slope(Sigma, E):
         ends = (objective(new.p, Sigma + side * 1e-7 * E, s, 10.0, START.p) for side in (1, -1))
@@ -113,7 +102,7 @@ def test_with_four_times_the_covariance_as_printed_the_likelihood_falls():
     before = log_likelihood(z, now)
     for _ in range(25):
         w = responsibilities(log_densities(F, now._replace(Sigma=4 * now.Sigma)) + EQUAL, np.ones(800, bool), 1e-3)
-        now = ContourEM().maximise(now, statistics(F, w), 0.0, START.p)
+        now = maximise(now, statistics(F, w), 0.0, START.p)
     assert log_likelihood(z, now) < before - 0.1
 
 
@@ -205,7 +194,7 @@ def test_mirror_images_make_the_contour_symmetric():
 
 def test_few_detections_leave_an_ellipse_its_spread():
     s = EllipseStatistics(np.zeros(24), np.zeros((24, 2)), np.zeros((24, 2, 2)))
-    new = ContourEM().maximise(START, s, 1.0, START.p)
+    new = maximise(START, s, 1.0, START.p)
     np.testing.assert_allclose(new.Sigma, START.Sigma)
     np.testing.assert_allclose(new.p, START.p, atol=1e-12)
     assert isinstance(new, SplineContour)

@@ -12,9 +12,8 @@ from scipy.interpolate import BSpline
 from trackers.geometry import unit
 from trackers.pmht import SplineModel
 from trackers.pmht import model as models
-from trackers.pmht.learning import rectangle_start
-from trackers.pmht.model import as_json, curve, find, outlines, resolve
-from trackers.pmht.spline import basis, chain, slope_basis
+from trackers.pmht.model import as_json, basis, chain, curve, find, outlines, resolve, slope_basis
+from trackers.pmht.offline import rectangle_start
 from trackers.pmht.visibility import DIRECTIONS, directions, visibility_table, weights
 
 BOX = rectangle_start()

@@ -3,7 +3,7 @@
 import numpy as np
 
 from trackers import Scan, prior
-from trackers.random_matrix.ellipse import root_of
+from trackers.random_matrix.rays import root_of
 
 CAR = np.array([4.7, 1.8])
 ORIGIN = np.zeros(2)

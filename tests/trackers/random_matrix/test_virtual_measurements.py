@@ -6,12 +6,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
+from studies.papers.hoher2022.rules import Bayes, Lms
 from tests.trackers.random_matrix.contour_cases import CAR, ORIGIN, adapted, box_case, follow, static_case
 from trackers import Scan, prior
 from trackers.geometry import box_corners, unit, wrap_angle
-from trackers.random_matrix.adaptation import Bayes, GaussNewton, Lms, Variances, descend
-from trackers.random_matrix.box import box_hits, box_sector
-from trackers.random_matrix.ellipse import near_hits, outline, root_of, sector_fan, tangent_sector
+from trackers.random_matrix.adaptation import GaussNewton, Variances, descend
+from trackers.random_matrix.rays import box_hits, box_sector, near_hits, outline, root_of, sector_fan, tangent_sector
 from trackers.random_matrix.virtual_measurements import VirtualMeasurements, main_sensor
 
 TRUE, KNOWN = np.array(True), Variances(np.ones(4), np.ones(4))

@@ -9,7 +9,7 @@ from studies.papers.answer import Answer, Claim, judge
 from studies.papers.hoher2022.runs import SETTLED, ContourErrors, measure
 from studies.papers.hoher2022.uturn import CAR, FIRST, SHAPES, lidar_hits, truth
 from trackers.geometry import unit
-from trackers.random_matrix.ellipse import root_of
+from trackers.random_matrix.rays import root_of
 from trackers.random_matrix.virtual_measurements import VirtualMeasurements
 
 AllErrors = Mapping[tuple[str, str], ContourErrors]  # case and method

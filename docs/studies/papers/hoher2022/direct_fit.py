@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from trackers.geometry import perpendicular, unit, wrap_angle
 from trackers.random_matrix.adaptation import Descent
-from trackers.random_matrix.ellipse import near_hits, tangent_sector
+from trackers.random_matrix.rays import near_hits, tangent_sector
 
 
 @dataclass(frozen=True)

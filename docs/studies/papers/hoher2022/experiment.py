@@ -17,6 +17,7 @@ from sensors import RADARS, Radar
 from studies.papers.hoher2022.claims import answers
 from studies.papers.hoher2022.direct_fit import DirectFit
 from studies.papers.hoher2022.printed import PrintedKoch
+from studies.papers.hoher2022.rules import Bayes, Lms
 from studies.papers.hoher2022.runs import (
     LEGEND,
     MEASURES,
@@ -35,7 +36,6 @@ from studies.papers.report import HERE, MethodRow, PaperReport, Progress, carry_
 from testbed.experiments.command import calculated
 from testbed.experiments.engine import Engine
 from trackers import Scan
-from trackers.random_matrix.adaptation import Bayes, Lms
 from trackers.random_matrix.koch import Koch
 from trackers.random_matrix.virtual_measurements import VirtualMeasurements
 

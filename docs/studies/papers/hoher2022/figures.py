@@ -12,8 +12,7 @@ from studies.papers.hoher2022.runs import SETTLED, ContourErrors, ContourTrack
 from studies.papers.hoher2022.uturn import DT, Truth
 from testbed.files import write_figure
 from trackers import Scan
-from trackers.random_matrix.box import box_outline
-from trackers.random_matrix.ellipse import outline, root_of
+from trackers.random_matrix.rays import box_outline, outline, root_of
 
 METHODS = (
     ("RM corrected, 1 sigma", "tab:gray"),

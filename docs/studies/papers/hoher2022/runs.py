@@ -11,8 +11,8 @@ from studies.papers.hoher2022.uturn import DT, Truth
 from testbed.evaluation.metrics import areas, gaussian_wasserstein, region_iou, rmse
 from trackers import Scan
 from trackers.geometry import extent_matrix
-from trackers.random_matrix.ellipse import outline, root_of
 from trackers.random_matrix.koch import Koch, KochState
+from trackers.random_matrix.rays import outline, root_of
 from trackers.random_matrix.virtual_measurements import ContourState, VirtualMeasurements
 
 SETTLED = 20  # steps before the errors count

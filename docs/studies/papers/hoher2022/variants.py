@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from studies.papers.hoher2022.direct_fit import DirectFit
+from studies.papers.hoher2022.rules import Lms
 from trackers.filter import UpdateInfo
 from trackers.linalg import sqrtm
-from trackers.random_matrix.adaptation import Descent, Difference, Lms, Variances
+from trackers.random_matrix.adaptation import Descent, Difference, Variances
 from trackers.random_matrix.koch import KochState
 from trackers.random_matrix.virtual_measurements import (
     ContourScan,

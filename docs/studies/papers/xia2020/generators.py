@@ -10,10 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.special import log_ndtr, ndtr, ndtri, ndtri_exp
 
 from trackers.geometry import rotation, unit
 from trackers.htg.bins import aspect_angle
-from trackers.htg.density import HTG, sample
+from trackers.htg.density import HTG
 from trackers.motion.turn import coordinated_turn
 
 # -- courses ----------------------------------------------------------------------------------------------------------
@@ -175,3 +176,29 @@ def seen_from(pose: NDArray, sensor: NDArray) -> tuple[NDArray, NDArray]:
     """Sensor position (..., 2) [m] in the frame of bodies with pose (..., 3), and their aspect angle (...) [rad]."""
     d = (rotation(pose[..., 2]).mT @ (sensor - pose[..., :2])[..., None])[..., 0]
     return d, aspect_angle(pose[..., :2], pose[..., 2], sensor)
+
+
+def sample(p: HTG, n: int, rng: np.random.Generator) -> NDArray:
+    """Draw n points (..., n, 2) from each of the densities p (...).
+
+    The outside of the hole is two half planes, left and right of it, and two strips; every piece is drawn by tail-safe
+    inversion, so that a hole with nearly all the mass costs no more than any other.
+    """
+    s = np.sqrt(p.rho)[..., None, None]
+    t = np.moveaxis(p.bounds, -1, 0)[..., None] / s[..., 0]  # (4, ..., 1)
+    with np.errstate(divide="ignore"):
+        inside_x = np.log(ndtr(t[2]) - ndtr(-t[0]))
+    log_piece = np.stack([log_ndtr(-t[0]), log_ndtr(-t[2]), inside_x + log_ndtr(-t[1]), inside_x + log_ndtr(-t[3])])
+    piece = np.exp(log_piece - np.logaddexp.reduce(log_piece, 0))
+    shape = (*p.rho.shape, n)
+    k = (rng.random(shape) > np.cumsum(piece, 0)[:3]).sum(0)
+    log_u, v = np.log1p(-rng.random(shape)), rng.random(shape)
+    low, high = ndtr(-t[0]), ndtr(t[2])
+    x = np.select(
+        [k == 0, k == 1],
+        [ndtri_exp(log_piece[0] + log_u), -ndtri_exp(log_piece[1] + log_u)],
+        ndtri(low + v * (high - low)),
+    )
+    y = np.select([k == 2, k == 3], [ndtri_exp(log_ndtr(-t[1]) + log_u), -ndtri_exp(log_ndtr(-t[3]) + log_u)], ndtri(v))
+    z = s * np.stack([x, y], -1) + rng.standard_normal((*shape, 2)) * np.sqrt(p.r)[..., None, :]
+    return z @ rotation(p.theta).mT

@@ -9,14 +9,13 @@ from functools import lru_cache
 
 import numpy as np
 
+from studies.papers.xia2020.calibration import calibrate, single
 from studies.papers.xia2020.generators import GENERATORS, NOISE, Training, draw_training
 from studies.papers.xia2020.trials import SIZE, NamedFilter
-from trackers.htg.bins import HTGTable, metric_ends, single
-from trackers.htg.calibration import calibrate
-from trackers.htg.learned import HTGLearned
+from trackers.htg.bins import HTGTable, metric_ends
+from trackers.htg.learned import HTGLearned, HTGMoment
 from trackers.htg.learning import FitOptions, fit, fit_table
 from trackers.htg.map import HTGMap
-from trackers.htg.moment import HTGMoment
 from trackers.htg.online import HTGOnline
 from trackers.random_matrix.feldmann import RandomMatrix
 

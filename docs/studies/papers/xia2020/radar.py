@@ -28,9 +28,8 @@ from studies.papers.xia2020.methods import (
 )
 from studies.papers.xia2020.trials import MEAN_SIZE, START_STD, NamedFilter, Trial, start
 from trackers.geometry import unit
-from trackers.htg.learned import HTGLearned
+from trackers.htg.learned import HTGLearned, HTGMoment
 from trackers.htg.map import HTGMap
-from trackers.htg.moment import HTGMoment
 from trackers.htg.online import HTGOnline
 from trackers.random_matrix.feldmann import RandomMatrix
 from trackers.scan import Scan

@@ -6,7 +6,7 @@ from studies.papers.answer import Answer, Claim, every, judge
 from studies.papers.xu2023.cases import VARIED
 from studies.papers.xu2023.measures import COLUMNS, READINGS, TABLE_2, UNITS, reductions
 from studies.papers.xu2023.simulation import RunErrors
-from testbed.evaluation.intervals import PlusMinus
+from studies.plus_minus import PlusMinus
 
 Rows = Mapping[tuple[str, str], Mapping[str, float]]  # case and method -> measure -> figure
 Runs = Mapping[tuple[str, str], RunErrors]  # case and method

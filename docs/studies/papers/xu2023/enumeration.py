@@ -14,11 +14,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.dra.flat_scan import FlatScan
-from trackers.dra.measurement import LinearisedRegions, RegionResiduals, marginal
-from trackers.dra.posterior import RegionPosterior
+from trackers.dra.forms import InformationTerms, RegionPosterior, information_terms
+from trackers.dra.measurement import FlatScan, LinearisedRegions, RegionResiduals, marginal
 from trackers.dra.regions import REGIONS
-from trackers.dra.soft import InformationTerms, information_terms
 from trackers.dra.state import OBSERVED
 
 TOO_UNLIKELY = 15.0  # below the best hypothesis, in logarithms

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from studies.papers.xu2023.simulation import IOU_EVERY, STAGES, STEP, STEPS, RunErrors, maneuver
-from testbed.evaluation.intervals import PlusMinus, student_interval
+from studies.plus_minus import PlusMinus
+from testbed.evaluation.intervals import student_interval
 
 UNITS = ("m", "m/s")
 COLUMNS = tuple(f"{stage} {unit}" for stage in STAGES for unit in UNITS)

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from testbed.evaluation.metrics import contour_iou
 from trackers.dra import DataRegion, DataRegionState
 from trackers.dra.motion import turn
-from trackers.dra.region_prior import rays
-from trackers.dra.regions import ALPHA, BETA, REGIONS, corners
+from trackers.dra.regions import ALPHA, BETA, REGIONS, corners, ray_prior
 from trackers.dra.state import AX, AY, P1, P2, PLACE, VELOCITY, VERTICES, VX, VY, N, W, X, Y, vertices
 from trackers.geometry import dot, perpendicular, rotation, wrap_angle
 from trackers.scan import Scan
@@ -93,7 +92,7 @@ def detect(x: NDArray, radar: NDArray, rng: np.random.Generator) -> Scan:
     """Detections of targets x (R, 11) by radars (R, 11) that point along their velocity."""
     count = rng.poisson(MORE_DETECTIONS, len(x)) + 1
     R, M = len(x), int(count.max())
-    P = rays(x, radar[:, PLACE], 0.6, 0.1)
+    P = ray_prior(x, radar[:, PLACE], 0.6, 0.1)
     region = (rng.random((R, M, 1)) > P.cumsum(-1)[:, None]).sum(-1).clip(0, REGIONS - 1)
     s = np.concatenate([np.ones((R, M, 1)), rng.random((R, M, 2))], -1)
     q = (ALPHA[region] * s).sum(-1)[..., None] * x[:, None, P1] + (BETA[region] * s).sum(-1)[..., None] * x[:, None, P2]

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.linalg import symmetrize
-from trackers.pmht.association import LEAST_WEIGHT, SyntheticDetections
+from trackers.pmht.association import LEAST_WEIGHT, SyntheticDetections, matrices
 from trackers.pmht.joint import predict_ellipses
-from trackers.pmht.symmetric import matrices
 
 
 @dataclass(frozen=True)

@@ -11,18 +11,19 @@ import shapely
 from numpy.typing import NDArray
 
 from scenarios.contours import mirrored
+from studies.papers.yao2021.contour_em import ContourEM, decoupled
 from studies.papers.yao2021.sequential import OneByOne
 from testbed.evaluation.metrics import areas, region_iou
 from trackers.geometry import rotation, to_world, wrap_angle
+from trackers.held_gaussian import LENGTH, WIDTH
 from trackers.linalg import quadratic
 from trackers.motion.turn import OMEGA, PHI, SPEED
-from trackers.pmht.adaptation import decoupled, frame_shift, shifted
 from trackers.pmht.filter import SplinePmht
 from trackers.pmht.joint import EllipseUpdate
-from trackers.pmht.learning import ContourEM, SplineContour
+from trackers.pmht.learner import frame_shift, shifted
+from trackers.pmht.learning import SplineContour
 from trackers.pmht.model import SplineModel, curve
-from trackers.pmht.motion import predicted, turned
-from trackers.pmht.state import LENGTH, WIDTH, SplineState
+from trackers.pmht.state import SplineState, predicted, turned
 from trackers.range_rate import RangeRates
 from trackers.scan import Scan
 from trackers.smoother import smooth_moments

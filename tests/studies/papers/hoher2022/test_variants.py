@@ -5,12 +5,12 @@ import pytest
 from numpy.testing import assert_allclose
 
 from studies.papers.hoher2022.direct_fit import DirectFit
+from studies.papers.hoher2022.rules import Lms
 from studies.papers.hoher2022.variants import ReportVariant, ShapeLms, grid_fan
 from tests.trackers.random_matrix.contour_cases import CAR, ORIGIN, adapted, follow, static_case
 from tests.trackers.rear_sides import RADAR, Road, drive
 from trackers import MultiObjectTracker, Scan, prior
-from trackers.random_matrix.adaptation import Lms
-from trackers.random_matrix.ellipse import near_hits, root_of, tangent_sector
+from trackers.random_matrix.rays import near_hits, root_of, tangent_sector
 from trackers.random_matrix.virtual_measurements import VirtualMeasurements
 
 

@@ -24,8 +24,7 @@ from trackers import Scan, find, prior
 from trackers.batch import take
 from trackers.dra import DataRegion, DataRegionState
 from trackers.dra.filter import root
-from trackers.dra.flat_scan import flatten
-from trackers.dra.measurement import linearise_regions
+from trackers.dra.measurement import flatten, linearise_regions
 from trackers.dra.regions import REGIONS
 from trackers.dra.state import OBSERVED, PLACE
 

@@ -34,7 +34,7 @@ from studies.papers.xu2023.simulation import (
     start,
     track,
 )  # fmt: skip
-from testbed.evaluation.intervals import PlusMinus
+from studies.plus_minus import PlusMinus
 from testbed.experiments.engine import Engine
 from tests.reproduction.test_xu2023_bars import BARS
 from trackers.dra import ProcessNoise

@@ -11,10 +11,9 @@ from trackers import Scan, prior
 from trackers.batch import take
 from trackers.geometry import rotation, to_world
 from trackers.pmht import SplinePmht
-from trackers.pmht.association import SyntheticDetections
+from trackers.pmht.association import SyntheticDetections, columns, congruence, matrices
 from trackers.pmht.joint import predict_ellipses
 from trackers.pmht.model import find
-from trackers.pmht.symmetric import columns, congruence, matrices
 from trackers.range_rate import RangeRates
 
 MODEL = find("yao2021")

@@ -8,7 +8,8 @@ import pytest
 
 from testbed.evaluation import intervals
 from testbed.experiments.compare import Comparison, Settings
-from testbed.experiments.report.comparison import write_report
+from testbed.experiments.report.comparison import links_of, page_of
+from testbed.experiments.report.page import write_page
 from testbed.experiments.store import ABOUT
 from testbed.experiments.study import Tally
 from testbed.frame import TRUTH
@@ -38,6 +39,7 @@ def report(results):
     before = dict(matplotlib.rcParams)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(intervals, "RESAMPLES", DRAWS)
-        path = write_report(results, Tally(done=18, wall=12.5), with_logs=False)
+        page, folder = page_of(results, Tally(done=18, wall=12.5)), Path(results.study.out)
+        path = write_page(page._replace(links=lambda step: links_of(results, folder)), folder)
     assert dict(matplotlib.rcParams) == before, "the settings of matplotlib are those of the caller"
     return path

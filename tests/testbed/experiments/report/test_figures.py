@@ -10,10 +10,9 @@ from matplotlib.lines import Line2D
 from PIL import Image
 from scipy.stats import t as student
 
-from testbed.experiments.bands import BANDS, by_band
 from testbed.experiments.compare import Comparison
 from testbed.experiments.report import figure_style, figures
-from testbed.experiments.series import STEP, chosen, mean_over_seeds, over_time, ranked
+from testbed.experiments.series import BANDS, STEP, by_band, chosen, mean_over_seeds, over_time, ranked
 from tests.testbed.experiments.made_results import make
 
 ALL = {
@@ -117,6 +116,9 @@ def test_trackers_differ_in_more_than_their_colour():
 
 
 def test_a_grid_has_a_panel_for_each():
-    for panels in range(1, 40):
-        rows, columns, _ = figure_style.grid(panels)
-        assert rows * columns >= panels > (rows - 1) * columns
+    for count in (1, 2, 4, 5, 13):
+        figure, axes = figure_style.panels(count, (2.0, 1.0))
+        rows, columns = axes[0].get_gridspec().get_geometry()
+        assert rows * columns >= count > (rows - 1) * columns
+        assert [axis.axison for axis in figure.axes] == [axis in axes for axis in figure.axes]
+        assert len(axes) == count

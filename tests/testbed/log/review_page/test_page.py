@@ -12,9 +12,8 @@ import pytest
 from sensors.origin import KINDS
 from testbed.frame import FrameScore
 from testbed.log import RunLog
-from testbed.log.review_page.contents import contents
+from testbed.log.review_page.contents import Shapes, contents, ring_at
 from testbed.log.review_page.page import write
-from testbed.log.review_page.shapes import Shapes, ring_at
 from tests.testbed.log import log_runs
 
 STEPS = 25

@@ -7,9 +7,9 @@ from functools import cache
 import numpy as np
 import pytest
 
+from studies.papers.xia2020.calibration import calibrate, negative, score
 from trackers.htg.bins import HTGTable, as_json, load
-from trackers.htg.calibration import calibrate, negative
-from trackers.htg.density import HTG, moments, score
+from trackers.htg.density import HTG, moments
 from trackers.htg.learned import HTGLearned
 from trackers.htg.learning import FitOptions, fit
 

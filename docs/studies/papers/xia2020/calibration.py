@@ -17,9 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.htg.bins import HTGTable
-from trackers.htg.density import HTG, score
-from trackers.htg.descent import descend
-from trackers.htg.likelihood import mean_log_density
+from trackers.htg.density import HTG, evaluate, lift, prepare
+from trackers.htg.likelihood import descend, mean_log_density
 
 TURN = 0.3  # [rad] largest theta: a hole on its corner is likelier, but four blobs are no side of a vehicle
 STEP = 1e-5  # of log k, for its derivative
@@ -85,3 +84,13 @@ def polish(p: HTG, u: NDArray, variance: NDArray) -> NDArray:
     start = np.array([np.log(p.rho), *p.bounds, p.theta, *np.log(p.r), 0, 0, 0, 0])
     box = list(zip(LOW, HIGH, strict=True))
     return descend(lambda x: negative(x, u, variance), np.clip(start, LOW, HIGH), box, FLAT)[0]
+
+
+def score(u: NDArray, p: HTG, noise: NDArray | None = None) -> NDArray:
+    """Gradient (..., 2) of the log density with respect to u (..., 2), (HTG.7)."""
+    return np.moveaxis(evaluate(np.moveaxis(u, -1, 0), prepare(lift(p, u.ndim - 1), noise))[1], 0, -1)
+
+
+def single(p: HTG, mean: NDArray, cov: NDArray) -> HTGTable:
+    """A table of one bin: the same density p () from every side."""
+    return HTGTable(HTG(*(np.asarray(leaf, float)[None] for leaf in p)), mean[None], cov[None])

@@ -1,7 +1,7 @@
-"""Rays against ellipses: nearest hits, tangent sectors and fans of rays.
+"""Rays against ellipses and boxes: nearest hits, sectors and fans of rays.
 
-An ellipse is a centre c (..., 2) [m] and a root L (..., 2, 2) [m] of its matrix, A = L L^T with det L > 0; its outline
-is c + L u over all unit vectors u. In the coordinates q = L^-1 (z - c) every ellipse is the unit circle.
+Either is a centre c (..., 2) [m] and a root L (..., 2, 2) [m]. An ellipse is c + L u over all unit vectors u, with the
+matrix A = L L^T and det L > 0: in the coordinates q = L^-1 (z - c) it is the unit circle. A box is c + L [-1, 1]^2.
 Equations: docs/methods/virtual-measurements.md.
 """
 
@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.geometry import rotation, unit, wrap_angle
+
+CORNERS = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
 
 
 def root_of(size: NDArray, tilt: NDArray) -> NDArray:
@@ -67,3 +69,31 @@ def sector_fan(middle: NDArray, right: NDArray, left: NDArray, rays: int) -> NDA
     """Bearings (..., rays) [rad] at the midpoints of equal parts of the sector: smooth in the ellipse."""
     share = (np.arange(rays) + 0.5) / rays
     return middle[..., None] + right[..., None] + (left - right)[..., None] * share  # (VM.4)
+
+
+def box_hits(sensor: NDArray, bearing: NDArray, centre: NDArray, L: NDArray) -> NDArray:
+    """Range (..., B) [m] at which each ray first meets the box, inf for no hit; from inside, at which it leaves."""
+    o = solve_root(L, sensor - centre)[..., None, :]
+    b = solve_root(L[..., None, :, :], unit(bearing))
+    b = np.where(np.abs(b) < 1e-12, 1e-12, b)  # parallel to a side: enters that slab far away, on one side or the other
+    first, last = (-1 - o) / b, (1 - o) / b
+    enter, leave = np.minimum(first, last).max(-1), np.maximum(first, last).min(-1)  # (VM.5)
+    t = np.where(enter > 0, enter, leave)  # (VM.5)
+    return np.where((enter <= leave) & (leave > 0), t, np.inf)
+
+
+def box_sector(sensor: NDArray, centre: NDArray, L: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+    """Bearing of the centre (...), and the outermost corners relative to it, right (...) <= 0 <= left (...) [rad]."""
+    middle = np.arctan2(centre[..., 1] - sensor[..., 1], centre[..., 0] - sensor[..., 0])
+    inside = (np.abs(solve_root(L, sensor - centre)) <= 1).all(-1)
+    d = (centre - sensor)[..., None, :] + CORNERS @ L.mT
+    turn = wrap_angle(np.arctan2(d[..., 1], d[..., 0]) - middle[..., None])
+    return middle, np.where(inside, -np.pi, turn.min(-1)), np.where(inside, np.pi, turn.max(-1))  # (VM.6)
+
+
+def box_outline(centre: NDArray, L: NDArray, count: int = 25) -> NDArray:
+    """Closed outlines (..., count, 2) [m], evenly spaced over the four sides; count - 1 must be divisible by 4."""
+    ring = np.concatenate([CORNERS, CORNERS[:1]])
+    at = np.linspace(0, 4, count)
+    points = np.stack([np.interp(at, np.arange(5), ring[:, i]) for i in range(2)], -1)
+    return centre[..., None, :] + points @ L.mT

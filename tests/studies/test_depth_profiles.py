@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from studies.depth_profiles import Known, fit, log_density
 from trackers.geometry import unit
 from trackers.scan import DepthProfile
-from trackers.size.learning import Known, fit, log_density
 
 
 def drawn(profile, rng, G=6000, noise=0.08):
