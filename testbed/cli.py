@@ -101,7 +101,7 @@ def run(
 
     Recorded traffic: [bold]testbed run replay:i80.csv:ego=12,react=5[/bold]; docs/real-traffic.md
     """
-    from testbed.environment.door import WrongTracks
+    from testbed.environment.validation import WrongTracks
     from testbed.experiments.single import RunConfig, Unusable, check, length
     from testbed.experiments.single import run as run_once
 
