@@ -102,6 +102,14 @@ def symmetrize(A: NDArray) -> None:
 
 
 @compiled
+def transpose(A: NDArray, out: NDArray) -> None:
+    """The transpose of A (n, n) into out."""
+    for i in range(len(A)):
+        for j in range(len(A)):
+            out[i, j] = A[j, i]
+
+
+@compiled
 def product(A: NDArray, B: NDArray, out: NDArray) -> None:
     """The product A B into out, of square matrices (n, n)."""
     n = len(A)

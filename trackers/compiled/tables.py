@@ -1,0 +1,150 @@
+"""What the compiled functions of a step take: rows of tracks, detections, and parameters as arrays."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.pmht.association import columns
+from trackers.pmht.filter import TRUCK_ABOVE
+from trackers.size.grid import Grid
+from trackers.size.hidden import CELLS, DEEPER
+from trackers.size.visible import shares_of_cells
+
+
+class Rows(NamedTuple):
+    """The states of T tracks; the fields of `Mixture` and `SizeState`."""
+
+    mu: NDArray  # (T, K)
+    m: NDArray  # (T, K, 7)
+    P: NDArray  # (T, K, 7, 7)
+    anchor: NDArray  # (T, 2)
+    length: NDArray  # (T, K, N)
+    width: NDArray  # (T, K', N')
+    side: NDArray  # (T,)
+    belief: NDArray  # (T, 5, 2) size, its variance, offset, its variance, variance of the centre
+    of_length: NDArray  # (T, K)
+    of_width: NDArray  # (T, K')
+    kind: NDArray  # (T, C)
+
+
+class Seen(NamedTuple):
+    """Detections of T tracks; where the mask is false they may hold anything."""
+
+    mask: NDArray  # (T, M) bool
+    range: NDArray  # (T, M) [m]
+    sight: NDArray  # (T, M, 2)
+    rate: NDArray  # (T, M) [m/s] over ground, NaN for none
+    pose: NDArray  # (T, M, 3) of the sensor
+    sensor: NDArray  # (T, M) int
+    along: NDArray  # (T, M) [m] noise along and across the line of sight, as the place takes it
+    across: NDArray
+    rate_across: NDArray  # (T, M) [m], [m/s] as range rates take it
+    rate_std: NDArray
+    size_along: NDArray  # (T, M) [m] as the size takes it
+    size_across: NDArray
+
+
+class Found(NamedTuple):
+    """What is found beside the states; first axes of 2 are the box of place and motion, and that with the size."""
+
+    m: NDArray  # (T, 7) moments of the modes
+    P: NDArray  # (T, 7, 7)
+    pose: NDArray  # (2, T, 3)
+    cov: NDArray  # (2, T, 4, 4)
+    contour: NDArray  # (2, T, C, 2)
+    velocity: NDArray  # (T, 2)
+    std: NDArray  # (T, 4) of heading, yaw rate, length, width
+    eps: NDArray  # (T, 2) innovation
+    S: NDArray  # (T, 2, 2)
+
+    @classmethod
+    def of(cls, T: int, C: int) -> "Found":
+        """Space for T tracks with contours of C points."""
+        shapes = (T, 7), (T, 7, 7), (2, T, 3), (2, T, 4, 4), (2, T, C, 2), (T, 2), (T, 4)
+        return cls(*(np.empty(shape) for shape in shapes), np.zeros((T, 2)), np.zeros((T, 2, 2)) + np.eye(2))
+
+
+class Tables(NamedTuple):
+    """Parameters of a filter of the place, motion modes and a size posterior."""
+
+    modes: NDArray  # (K, 4) speed_walk, yaw_walk, axle, lateral
+    common: NDArray  # (4,) curvature, slow_yaw, fast, bound_time
+    axle: NDArray  # (K,)
+    rates: NDArray  # (3,) std, common_std, clip
+    size_walk: float
+    course: float
+    backwards: float
+    mu: NDArray  # (Q, 2, L) of Q models
+    Sigma: NDArray  # (Q, 3, L)
+    visible: NDArray  # (Q, A, L)
+    outline: NDArray  # (Q, C, 2)
+    place_std: NDArray  # (2,)
+    spline: NDArray  # (6,) widened, unseen, interior, eps, lost_below, inflation
+    iterations: int
+    truck_above: float
+    lengths: NDArray  # (K,)
+    length_offsets: NDArray  # (N,)
+    length_near: NDArray  # (C, N) of each cell before each end
+    length_far: NDArray  # (C, K + N - 1)
+    length_cells: NDArray  # (3,)
+    widths: NDArray
+    width_offsets: NDArray
+    width_near: NDArray
+    width_far: NDArray
+    width_cells: NDArray
+    shares: NDArray  # (C,) of the classes
+    of_length: NDArray  # (C, K)
+    of_width: NDArray  # (C, K')
+    load_class: NDArray  # (D,) int
+    load_share: NDArray  # (D,)
+    load_at: NDArray  # (D, K) int
+    load_part: NDArray  # (D, K)
+    enough_side: float
+    pin: NDArray  # (2,) share, least
+    sheet: NDArray  # (S, 14) see `size.read`
+    size: NDArray  # (7,) see `size.read`
+
+    @classmethod
+    def of(cls, place: Any, motion: Any, size: Any) -> "Tables":
+        """Those of `SplinePmht`, `MotionModes` and `SizePosterior`."""
+        M, r, q = motion.modes, motion.rates, size.profiles
+        p, Sigma, visible = place.contours
+        mu = np.stack([(place.N @ one).T for one in p])
+        loads = size.prior.loads
+        at = [np.array([np.flatnonzero(row)[0] for row in X]) for _, _, X in loads]
+        part = [1 - X[np.arange(len(X)), i] for (_, _, X), i in zip(loads, at, strict=True)]
+        K = len(size.length.sizes)
+        spline = place.widened, place.unseen, place.interior, place.eps, place.lost_below, place.inflation
+        spans = size.length.span, size.width.span
+        sheet = np.column_stack([
+            q.max_range, q.fov, q.inside, q.grazing, q.weight, q.depth, q.rounding[:, 0], q.rounding[:, 1],
+            q.least_room, q.surface_std,
+        ])  # fmt: skip
+        values = (
+            [[m.speed_walk, m.yaw_walk, m.axle, m.lateral] for m in M.table],
+            [M.curvature, M.slow_yaw, M.fast, M.bound_time], M.axle, [r.std, r.common_std, r.clip],
+            place.size_walk, motion.course, motion.backwards,
+            mu, np.stack([columns(one) for one in Sigma]), visible, place.outline(p, Sigma), place.position_std, spline,
+            place.iterations, TRUCK_ABOVE, *_axis(size.length, 0), *_axis(size.width, 1),
+            *size.prior[:3], np.array([c for c, *_ in loads], int), [share for _, share, _ in loads],
+            np.array(at, int).reshape(-1, K), np.array(part).reshape(-1, K),
+            size.enough_side, [size.pin, size.least_pin], sheet,
+            [*spans, size.outliers, size.independent, size.part_weight, *DEEPER],
+        )  # fmt: skip
+        return cls(*map(_plain, cls._fields, values))
+
+
+WHOLE = ("iterations", "load_class", "load_at")  # of `Tables`, numbers that are whole
+
+
+def _plain(name: str, value: Any) -> Any:
+    """A value as numba is to see it: one type for each field, whatever the parameters are."""
+    if np.ndim(value) == 0:
+        return int(value) if name in WHOLE else float(value)
+    return np.array(value, int if name in WHOLE else float, order="C")
+
+
+def _axis(grid: Grid, axis: int) -> tuple[Any, ...]:
+    cells = CELLS[axis]
+    return grid.sizes, grid.offsets, *shares_of_cells(grid, cells), [cells.first, cells.step, cells.number]
