@@ -13,6 +13,7 @@ from pathlib import Path
 
 REFUSED = "EOT_COMPILED"  # environment variable; off goes without
 HERE = Path(__file__).parent
+CALLERS = ("__init__.py", "core.py")  # files that only call what is compiled
 
 
 def available() -> bool:
@@ -36,12 +37,12 @@ def numba_version() -> str | None:
 
 @cache
 def cache_folder(*folders: Path) -> Path:
-    """Folder that keeps what was compiled from the files of these folders and of this one.
+    """Folder that keeps what was compiled from the files of these folders and of this one, but for `CALLERS`.
 
     Its name carries one digest of all these files: numba looks at the file of a function only, and would go on with
     old code of the functions that this one calls.
     """
-    files = sorted(path for folder in {HERE, *folders} for path in folder.glob("*.py"))
+    files = sorted(path for folder in {HERE, *folders} for path in folder.glob("*.py") if path.name not in CALLERS)
     digest = sha256(b"".join(path.read_bytes() for path in files)).hexdigest()[:12]
     base = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     return Path(base) / "eot-testbed" / f"compiled-{numba_version()}-{digest}"

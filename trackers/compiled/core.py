@@ -7,9 +7,24 @@ from numpy.typing import NDArray
 
 from trackers.batch import Memoised
 from trackers.compiled import available
-from trackers.compiled.tables import Found, Rows, Seen, Tables
+from trackers.compiled.tables import (
+    ACROSS,
+    ALONG,
+    POSE,
+    RANGE,
+    RATE,
+    RATE_ACROSS,
+    RATE_STD,
+    SENSOR,
+    SIZE_ALONG,
+    UNUSABLE,
+    Found,
+    Rows,
+    Tables,
+)
 from trackers.estimate import Estimate
 from trackers.filter import Gaussian
+from trackers.geometry import dot, unit
 from trackers.motion.mixture import Mixture, MotionModes
 from trackers.motion.modes import Mode, Modes
 from trackers.motion.rates import ScanRates
@@ -22,8 +37,6 @@ from trackers.size.grid import Grid
 from trackers.size.hits import widened
 from trackers.size.likelihood import TOGETHER
 from trackers.size.posterior import SizePosterior, SizeState
-
-UNUSABLE = 2  # of a track, in the last array of the compiled update
 
 
 class Step(NamedTuple):
@@ -93,7 +106,9 @@ class Core:
 
         T, which = len(before), before.copy()
         x, found, state = Rows(*(a.copy() for a in rows_of(motion, size, T))), self._found(T), np.zeros(T, int)
-        update_all(x, which, plain(size.fully_visible, (T,), bool), self._seen(scan, T), self.tables, found, state)
+        whole, start = plain(size.fully_visible, (T,), bool), np.zeros(T + 1, int)
+        np.cumsum(scan.mask.sum(-1).reshape(T), out=start[1:])
+        update_all(x, which, whole, self._detections(scan), start, self.tables, found, state)
         if (state == UNUSABLE).any():
             return None
         if (which != before).any():
@@ -119,31 +134,29 @@ class Core:
     def _found(self, T: int) -> Found:
         return Found.of(T, self.tables.outline.shape[1])
 
-    def _seen(self, scan: Scan, T: int) -> Seen:
-        """The detections of T tracks, with the noise that each part takes for what is not stated."""
-        shape, sight = scan.mask.shape, scan.sight
-        r, noise = scan.polar[..., 0], widened(scan.noise, (*scan.mask.shape, 3))
-        stated = noise[..., 0], r * noise[..., 1], noise[..., 2]
-        place, (across, rate), size = self.place.sigma, self.motion.rates.sensor_std, self.size.sigma
-        assumed = (place, place), (None, across, rate), (size, size)
-        if np.isnan(noise).any():
-            each = [[np.where(np.isnan(a), b, a) for a, b in zip(stated, own) if b is not None] for own in assumed]
-        else:
-            each = [[*stated[:2]], [*stated[1:]], [*stated[:2]]]
-        flat = (r, sight, scan.rates(sight), scan.pose, scan.sensor, *(a for some in each for a in some))
-        tails = (), (2,), (), (3,), (), (), (), (), (), (), ()
-        kinds = [int if a is scan.sensor else float for a in flat]
-        arrays = (
-            plain(widened(a, (*shape, *tail)), (T, shape[-1], *tail), kind) for a, tail, kind in zip(flat, tails, kinds)
+    def _detections(self, scan: Scan) -> NDArray:
+        """The detections (G, 14) under the mask; columns as in `tables`, with the noise that each part assumes."""
+        mask, z = scan.mask, np.empty((int(scan.mask.sum()), 14))
+        polar, pose, velocity, noise = (
+            widened(a, (*mask.shape, a.shape[-1]))[mask] for a in (scan.polar, scan.pose, scan.velocity, scan.noise)
         )
-        return Seen(plain(scan.mask, (T, shape[-1]), bool), *arrays)
+        sight = unit(polar[:, 1] + pose[:, 2])
+        z[:, :2], z[:, RANGE], z[:, RATE] = sight, polar[:, 0], polar[:, 2] + dot(sight, velocity)
+        z[:, POSE:SENSOR], z[:, SENSOR] = pose, widened(scan.sensor, mask.shape)[mask]
+        z[:, ALONG], z[:, ACROSS], z[:, RATE_STD] = noise[:, 0], polar[:, 0] * noise[:, 1], noise[:, 2]
+        z[:, RATE_ACROSS], z[:, SIZE_ALONG:] = z[:, ACROSS], z[:, ALONG:RATE_ACROSS]
+        unknown = np.isnan(z[:, ALONG:])
+        if unknown.any():
+            place, rates, size = self.place.sigma, self.motion.rates.sensor_std, self.size.sigma
+            z[:, ALONG:] = np.where(unknown, [place, place, *rates, size, size], z[:, ALONG:])
+        return z
 
     def _step(self, motion: Mixture, place: SplineState, size: SizeState, x: Rows, f: Found, state: NDArray) -> Step:
         """The new state and its estimates, with the leading axes of the old one."""
         lead, b = motion.mu.shape[:-1], x.belief
 
         def shaped(a: NDArray) -> NDArray:
-            return a if len(lead) == 1 else a.reshape(*lead, *a.shape[1:])
+            return a if len(lead) == 1 else a.reshape((*lead, *a.shape[1:]))
 
         belief = Belief(*(shaped(b[:, i]) for i in range(5)), *map(shaped, x[8:]))
         side, length, width = shaped(x.side), shaped(x.length), shaped(x.width)

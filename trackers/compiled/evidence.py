@@ -17,7 +17,10 @@ from trackers.compiled.linear import (
     transpose,
     wrap,
 )
-from trackers.compiled.modes import OMEGA, PHI, SPEED
+from trackers.compiled.modes import LENGTH, OMEGA, PHI, SPEED, forward, reweight
+from trackers.compiled.tables import POSE, RANGE, RATE, RATE_ACROSS, RATE_STD, UX, UY
+
+LOST, LEAST_SIZE = -0.1, 0.8  # as in `trackers.motion.places` and `.mixture`
 
 
 @compiled
@@ -72,7 +75,7 @@ def inform(m: NDArray, P: NDArray, J: NDArray, y: NDArray) -> float:
 
 @compiled
 def correct(m: NDArray, P: NDArray, about: NDArray, s: NDArray, Lam: NDArray) -> float:
-    """(MODE.12), (MODE.13): m (7,), P (7, 7) of one mode in place by the likelihood about a mean (7,); its logarithm."""
+    """(MODE.12), (MODE.13): m (7,), P (7, 7) of one mode in place by a likelihood about a mean (7,); its log."""
     n, log_l = len(m), 0.0
     delta, rest = m - about, s.copy()
     delta[PHI] = wrap(delta[PHI])
@@ -86,37 +89,35 @@ def correct(m: NDArray, P: NDArray, about: NDArray, s: NDArray, Lam: NDArray) ->
 
 
 @compiled
-def rates(
-    mu: NDArray, m: NDArray, P: NDArray, axle: NDArray, xy: NDArray, sight: NDArray, g: NDArray, across: NDArray,
-    std: NDArray, own_std: float, common_std: float, clip: float, log_l: NDArray,
-) -> None:  # fmt: skip
-    """(MODE.14) to (MODE.21): all modes in place by range rates g (M,) over ground, NaN for none; adds to log_l (K,).
+def rates(mu: NDArray, m: NDArray, P: NDArray, axle: NDArray, z: NDArray, settings: NDArray, log_l: NDArray) -> None:
+    """(MODE.14) to (MODE.21): all modes in place by the range rates of detections z; adds to log_l (K,).
 
-    xy, sight (M, 2), across (M,) [m] and std (M,) [m/s]: noise across the line of sight and of the range rate.
+    settings (3,): std, common_std, clip.
     """
-    K, M = len(mu), len(xy)
+    K, M, own_std, common_std, clip = len(mu), len(z), settings[0], settings[1], settings[2]
     r, h, w, yaw, t = np.zeros((K, M)), np.zeros((K, M, 5)), np.zeros(M), 0.0, 1 / common_std**2
     unknown = np.zeros(M)
     for k in range(K):
         ex, ey, v, omega, d = math.cos(m[k, PHI]), math.sin(m[k, PHI]), m[k, SPEED], m[k, OMEGA], axle[k] * m[k, 5]
         yaw += mu[k] * (omega**2 + P[k, OMEGA, OMEGA])
         for i in range(M):
-            if not math.isfinite(g[i]):
+            if not math.isfinite(z[i, RATE]):
                 continue
-            ux, uy = sight[i, 0], sight[i, 1]
+            ux, uy = z[i, UX], z[i, UY]
+            lx, ly = z[i, POSE] + z[i, RANGE] * ux - m[k, 0], z[i, POSE + 1] + z[i, RANGE] * uy - m[k, 1]
             along, aside = ux * ex + uy * ey, uy * ex - ux * ey
             half = 0.5 * (abs(aside) * m[k, 5] + abs(along) * m[k, 6])
             spread = half**2 / 3  # (MODE.16)
-            gain = spread / max(spread + across[i] ** 2, 1e-9)  # (MODE.16)
+            gain = spread / max(spread + z[i, RATE_ACROSS] ** 2, 1e-9)  # (MODE.16)
             h[k, i, 0], h[k, i, 1], h[k, i, SPEED] = -gain * omega * uy, gain * omega * ux, along  # (MODE.15)
             h[k, i, PHI] = v * aside - omega * d * along
-            h[k, i, OMEGA] = gain * ((xy[i, 0] - m[k, 0]) * uy - (xy[i, 1] - m[k, 1]) * ux) + d * aside
-            r[k, i] = g[i] - v * along - omega * h[k, i, OMEGA]  # (MODE.14)
+            h[k, i, OMEGA] = gain * (lx * uy - ly * ux) + d * aside
+            r[k, i] = z[i, RATE] - v * along - omega * h[k, i, OMEGA]  # (MODE.14)
             unknown[i] += mu[k] * (1 - gain) * spread
     for i in range(M):
-        if not math.isfinite(g[i]):
+        if not math.isfinite(z[i, RATE]):
             continue
-        variance, least = std[i] ** 2 + own_std**2 + yaw * unknown[i], np.inf  # (MODE.17)
+        variance, least = z[i, RATE_STD] ** 2 + own_std**2 + yaw * unknown[i], np.inf  # (MODE.17)
         for k in range(K):
             S = variance + common_std**2
             for a in range(5):
@@ -142,3 +143,31 @@ def rates(
             for b in range(5):
                 J[c, b] -= wh[c] * wh[b] / t
         log_l[k] += inform(m[k], P[k], J, y) - 0.5 * (q - rr**2 / t)  # (MODE.20), (MODE.21)
+
+
+@compiled
+def move(
+    mu: NDArray, m: NDArray, P: NDArray, mean: NDArray, cov: NDArray, m_new: NDArray, P_new: NDArray,
+    axle: NDArray, z: NDArray, settings: NDArray, backwards: float,
+) -> bool:  # fmt: skip
+    """(MODE.10) to (MODE.23): modes in place, after the contour filter took their moments to m_new (7,), P_new (7, 7).
+
+    mean (7,) and cov (7, 7) are the moments, before and after; false where something is not definite.
+    """
+    s, Lam, log_l, measured = np.empty(7), np.empty((7, 7)), np.zeros(len(mu)), False
+    least = likelihood(mean, cov, m_new, P_new, s, Lam)
+    if least == np.inf:
+        return False
+    for k in range(len(mu)):
+        if least < LOST:
+            m[k], P[k] = m_new, P_new
+        else:
+            log_l[k] = correct(m[k], P[k], mean, s, Lam)
+        m[k, LENGTH], m[k, LENGTH + 1] = max(m[k, LENGTH], LEAST_SIZE), max(m[k, LENGTH + 1], LEAST_SIZE)
+    for i in range(len(z)):
+        measured |= math.isfinite(z[i, RATE])
+    if measured:
+        rates(mu, m, P, axle, z, settings, log_l)
+    reweight(mu, log_l)
+    forward(m, P, mu, backwards, mean, cov)
+    return True

@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 from trackers.compiled.grids import flip, multiply, roll
 from trackers.compiled.jit import compiled
 from trackers.compiled.linear import wrap
+from trackers.compiled.tables import POSE, RANGE, SENSOR, SIZE_ACROSS, SIZE_ALONG, UX, UY
 from trackers.compiled.vector import logarithms
 
 WIDER = 1.0  # [m] as in `trackers.size.hidden`
 ROLLED_ABOVE = 0.75  # as in `trackers.size.posterior`
+SIDE = math.sin(math.radians(10.0))
 
 
 @compiled
@@ -39,13 +41,13 @@ def cut_off(box: NDArray, size: NDArray, pose: NDArray, max_range: float, fov: f
 @compiled
 def room(
     axis: int, anchor: NDArray, size: NDArray, place: NDArray, box: NDArray, pose: NDArray, max_range: float,
-    fov: float, cells: NDArray, deeper: int, near: NDArray, far: NDArray, near_room: NDArray, far_room: NDArray,
+    fov: float, grid: NDArray, near: NDArray, far: NDArray, near_room: NDArray, far_room: NDArray,
 ) -> float:  # fmt: skip
     """(ENDS.7), (ENDS.8): what the sensor sees up to each end, near_room (N,) and far_room (K + N - 1,), and its share.
 
-    cells (3,): where they begin, their length, their number; near, far: the length of each before each end.
+    near (C, N) and far (C, K + N - 1) are the length of each cell before each end.
     """
-    first, step, C = cells[0], cells[1], int(cells[2])
+    first, step, C, deeper = grid[4], grid[5], int(grid[6]), int(grid[7])
     seen, share, other = np.empty(C, np.bool_), 0.0, 1 - axis
     aside = min(max(place[other], -size[other] / 2), size[other] / 2)
     for c in range(C):
@@ -68,9 +70,8 @@ def room(
 
 @compiled
 def face_anchor(
-    A_l: NDArray, A_w: NDArray, sizes_l: NDArray, offsets_l: NDArray, sizes_w: NDArray, offsets_w: NDArray,
-    size: NDArray, place: NDArray, anchor: NDArray,
-) -> None:  # fmt: skip
+    A_l: NDArray, A_w: NDArray, grid_l: NDArray, grid_w: NDArray, size: NDArray, place: NDArray, anchor: NDArray
+) -> None:
     """(ENDS.11), (ENDS.23): anchor (2,) of a body that sensors at the mean place (2,) face, and its grids, in place."""
     for a in range(2):
         before = anchor[a]
@@ -78,9 +79,9 @@ def face_anchor(
             anchor[a] = -1.0 if place[a] < 0 else 1.0
         if anchor[a] * before < 0:
             if a == 0:
-                flip(A_l, sizes_l, offsets_l, size[0])
+                flip(A_l, grid_l, size[0])
             else:
-                flip(A_w, sizes_w, offsets_w, size[1])
+                flip(A_w, grid_w, size[1])
 
 
 @compiled
@@ -101,43 +102,61 @@ def add(A: NDArray, p: NDArray, weight: float, part: float, cut: bool) -> None:
 
 
 @compiled
-def read(
-    A_l: NDArray, A_w: NDArray, anchor: NDArray, box: NDArray, size: NDArray, whole: bool,
-    xy: NDArray, sight: NDArray, place: NDArray, std: NDArray, pose: NDArray, which: NDArray,
-    sizes_l: NDArray, offsets_l: NDArray, near_l: NDArray, far_l: NDArray, cells_l: NDArray,
-    sizes_w: NDArray, offsets_w: NDArray, near_w: NDArray, far_w: NDArray, cells_w: NDArray,
-    sheet: NDArray, settings: NDArray,
-) -> None:  # fmt: skip
-    """(ENDS.2) to (ENDS.11): grids A_l, A_w and anchor (2,) of a box (3,) in place, by M detections of the sensors which.
+def in_box(box: NDArray, z: NDArray, sheet: NDArray, xy: NDArray, sight: NDArray, place: NDArray, std: NDArray) -> int:
+    """(ENDS.6): places, lines of sight, places of the sensor and noise (M, 2) in the axes of a box (3,).
 
-    xy, sight, std and place of the sensor (M, 2) in the axes of the box, pose (M, 3) in the world. sheet (S, 14):
-    max_range, fov, inside, grazing, weight, depth (2), rounding (2, 2), least_room (2), surface. settings: span of
-    both grids, outliers, independent, part_weight, cells deeper of both.
+    Returns the number of detections that lie off the axis.
     """
-    M = len(xy)
+    cos, sin, aside = math.cos(box[2]), math.sin(box[2]), 0
+    for i in range(len(z)):
+        ux, uy, dx, dy = z[i, UX], z[i, UY], z[i, POSE] - box[0], z[i, POSE + 1] - box[1]
+        sight[i, 0], sight[i, 1] = cos * ux + sin * uy, cos * uy - sin * ux
+        place[i, 0], place[i, 1] = cos * dx + sin * dy, cos * dy - sin * dx
+        aside += 1 if abs(sight[i, 1]) > SIDE else 0
+        for a in range(2):
+            xy[i, a] = place[i, a] + z[i, RANGE] * sight[i, a]
+            var = (z[i, SIZE_ALONG] * sight[i, a]) ** 2 + (z[i, SIZE_ACROSS] * sight[i, 1 - a]) ** 2
+            std[i, a] = math.sqrt(var + sheet[int(z[i, SENSOR]), 13] ** 2)
+    return aside
+
+
+@compiled
+def read(
+    A_l: NDArray, A_w: NDArray, anchor: NDArray, box: NDArray, size: NDArray, whole: bool, z: NDArray,
+    grid_l: NDArray, near_l: NDArray, far_l: NDArray, grid_w: NDArray, near_w: NDArray, far_w: NDArray,
+    sheet: NDArray, settings: NDArray,
+) -> int:  # fmt: skip
+    """(ENDS.2) to (ENDS.11): grids A_l, A_w and anchor (2,) of a box (3,) in place, by the detections z.
+
+    sheet (S, 14): max_range, fov, inside, grazing, weight, depth (2), rounding (2, 2), least_room (2), surface.
+    settings (3,): outliers, independent, part_weight. Returns the number of detections from beside the body.
+    """
+    M = len(z)
+    xy, sight, place, std = np.empty((M, 2)), np.empty((M, 2)), np.empty((M, 2)), np.empty((M, 2))
+    aside = in_box(box, z, sheet, xy, sight, place, std)
     middle = np.zeros(2)
     for i in range(M):
         for a in range(2):
             middle[a] += place[i, a] / M
-    face_anchor(A_l, A_w, sizes_l, offsets_l, sizes_w, offsets_w, size, middle, anchor)
+    face_anchor(A_l, A_w, grid_l, grid_w, size, middle, anchor)
     end, shown, cut = np.zeros((M, 2), np.int64), np.zeros((M, 2)), np.zeros(M, np.bool_)
-    N, W, D, V = len(offsets_l), len(offsets_w), far_l.shape[1], far_w.shape[1]
+    N, W, D, V = near_l.shape[1], near_w.shape[1], far_l.shape[1], far_w.shape[1]
     rooms_l, rooms_fl, rooms_w, rooms_fw = np.empty((M, N)), np.empty((M, D)), np.empty((M, W)), np.empty((M, V))
     seen, ends, sides, weight = np.ones((M, 2)), 0.0, 0.0, 0.0
     for i in range(M):
-        s, first = sheet[which[i]], i
+        s, first, pose = sheet[int(z[i, SENSOR])], i, z[i, POSE : POSE + 3]
         for j in range(i - 1, -1, -1):
-            first = j if which[j] == which[i] else first
+            first = j if z[j, SENSOR] == z[i, SENSOR] else first
         if first < i:  # of the same sensor
             cut[i], rooms_l[i], rooms_fl[i], rooms_w[i] = cut[first], rooms_l[first], rooms_fl[first], rooms_w[first]
             rooms_fw[i], seen[i] = rooms_fw[first], seen[first]
         else:
-            cut[i] = cut_off(box, size, pose[i], s[0], s[1])
+            cut[i] = cut_off(box, size, pose, s[0], s[1])
             if cut[i]:
-                seen[i, 1] = room(0, anchor, size, place[i], box, pose[i], s[0], s[1], cells_l, int(settings[5]),
-                                  near_l, far_l, rooms_l[i], rooms_fl[i])  # fmt: skip
-                seen[i, 0] = room(1, anchor, size, place[i], box, pose[i], s[0], s[1], cells_w, int(settings[6]),
-                                  near_w, far_w, rooms_w[i], rooms_fw[i])  # fmt: skip
+                seen[i, 1] = room(0, anchor, size, place[i], box, pose, s[0], s[1], grid_l, near_l, far_l, rooms_l[i],
+                                  rooms_fl[i])  # fmt: skip
+                seen[i, 0] = room(1, anchor, size, place[i], box, pose, s[0], s[1], grid_w, near_w, far_w, rooms_w[i],
+                                  rooms_fw[i])  # fmt: skip
         for a in range(2):
             beyond = anchor[a] * place[i, a]
             end[i, a] = 1 if beyond > size[a] / 2 else (-1 if beyond < -size[a] / 2 else 0)
@@ -145,18 +164,19 @@ def read(
                 shown[i, a] = abs(sight[i, a]) ** (1 - s[3]) * size[1 - a] * seen[i, a]  # (ENDS.4)
         ends += abs(sight[i, 0]) * size[1] if end[i, 0] != 0 else 0.0
         sides += abs(sight[i, 1]) * size[0] if end[i, 1] != 0 else 0.0
-        weight += s[4] / M * min(1.0, settings[3] / M)  # (ENDS.9)
+        weight += s[4] / M * min(1.0, settings[1] / M)  # (ENDS.9)
     p, q = np.ones(A_l.shape), np.ones(A_w.shape)
     for i in range(M):
-        s = sheet[which[i]]
+        s = sheet[int(z[i, SENSOR])]
         total = shown[i, 0] + shown[i, 1]
         f = (1 - s[2]) / total if total > 0 else 0.0
-        multiply(sizes_l, offsets_l, settings[0], settings[2], p, size[0] / 2 - anchor[0] * xy[i, 0], std[i, 0],
+        multiply(grid_l, settings[0], p, size[0] / 2 - anchor[0] * xy[i, 0], std[i, 0],
                  f * shown[i, 0], end[i, 0] < 0, s[11], s[5:7], s[7:9], rooms_l[i], rooms_fl[i], cut[i])  # fmt: skip
-        multiply(sizes_w, offsets_w, settings[1], settings[2], q, size[1] / 2 - anchor[1] * xy[i, 1], std[i, 1],
+        multiply(grid_w, settings[0], q, size[1] / 2 - anchor[1] * xy[i, 1], std[i, 1],
                  f * shown[i, 1], end[i, 1] < 0, s[12], s[5:7], s[9:11], rooms_w[i], rooms_fw[i], cut[i])  # fmt: skip
     add(A_l, p, weight, 1.0, False)
-    add(A_w, q, weight, settings[4], not whole and sides < ends)
+    add(A_w, q, weight, settings[2], not whole and sides < ends)
+    return aside
 
 
 @compiled

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from trackers.compiled.jit import compiled
 from trackers.compiled.linear import cholesky, congruence, inverse
+from trackers.compiled.tables import ACROSS, ALONG, POSE, RANGE, UX, UY
 
 PHI, LENGTH, WIDTH = 2, 5, 6
 REACH, MEAN, FIRST = 3.0, 0.5 / 9.0, 2.0 + 4 * 0.5 / 9.0  # as in `trackers.pmht.joint`
@@ -34,7 +35,7 @@ def rotating_root(P: NDArray, T: NDArray) -> bool:
 
 @compiled
 def predict_ellipses(m: NDArray, T: NDArray, mu: NDArray, c: NDArray, h: NDArray, C: NDArray) -> None:
-    """(PMHT.12), (PMHT.13): expected centres c (2, L), slopes h (7, 2, L), covariances C (3, L) of ellipses mu (2, L)."""
+    """(PMHT.12), (PMHT.13): expected centres c (2, L), slopes h (7, 2, L), covariances C (3, L) of ellipses mu."""
     L = mu.shape[1]
     y = np.empty((15, 2, L))
     for k in range(15):
@@ -231,16 +232,29 @@ def innovation(
 
 
 @compiled
+def relative(m: NDArray, detections: NDArray, z: NDArray, R: NDArray, sensor: NDArray) -> None:
+    """Places z (M, 2), noises R (M, 3) and places of the sensor (M, 2) of detections, from the centre of m (7,)."""
+    for i in range(len(z)):
+        d = detections[i]
+        along, across, c, s = d[ALONG] ** 2, d[ACROSS] ** 2, d[UX], d[UY]
+        R[i, 0], R[i, 1] = across + (along - across) * c * c, (along - across) * c * s
+        R[i, 2] = across + (along - across) * s * s
+        sensor[i, 0], sensor[i, 1] = d[POSE] - m[0], d[POSE + 1] - m[1]
+        z[i, 0], z[i, 1] = sensor[i, 0] + d[RANGE] * c, sensor[i, 1] + d[RANGE] * s
+
+
+@compiled
 def update(
-    m: NDArray, P: NDArray, mu: NDArray, Sigma: NDArray, table: NDArray, z: NDArray, R: NDArray, sensor: NDArray,
-    settings: NDArray, iterations: int, m_new: NDArray, P_new: NDArray, eps: NDArray, S: NDArray,
+    m: NDArray, P: NDArray, mu: NDArray, Sigma: NDArray, table: NDArray, detections: NDArray, settings: NDArray,
+    iterations: int, m_new: NDArray, P_new: NDArray, eps: NDArray, S: NDArray,
 ) -> int:  # fmt: skip
     """The moments after M detections, and the innovation: 0, 1 where the object was lost, 2 where nothing is definite.
 
-    z, sensor (M, 2) and R (M, 3) relative to the centre of m. settings (7,): widened, unseen, interior, eps,
-    lost_below, inflation.
+    settings (6,): widened, unseen, interior, eps, lost_below, inflation.
     """
-    M, L = len(z), mu.shape[1]
+    M, L = len(detections), mu.shape[1]
+    z, R, sensor = np.empty((M, 2)), np.empty((M, 3)), np.empty((M, 2))
+    relative(m, detections, z, R, sensor)
     widened, unseen, interior, alarms = settings[0], settings[1], settings[2], settings[3]
     T, c, h, C = np.empty((7, 7)), np.empty((2, L)), np.empty((7, 2, L)), np.empty((3, L))
     at, E, box, w, none = np.empty((2, L)), np.empty((3, L)), np.empty(3), np.empty((M, L)), np.empty((3, 0))

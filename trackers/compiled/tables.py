@@ -11,6 +11,12 @@ from trackers.size.grid import Grid
 from trackers.size.hidden import CELLS, DEEPER
 from trackers.size.visible import shares_of_cells
 
+# Columns of detections (G, 14): line of sight, range, range rate over ground, pose (3) and number of the sensor, noise
+# along and across the line of sight as the place takes it, as range rates do, and as the size does.
+UX, UY, RANGE, RATE, POSE, SENSOR = 0, 1, 2, 3, 4, 7
+ALONG, ACROSS, RATE_ACROSS, RATE_STD, SIZE_ALONG, SIZE_ACROSS = range(8, 14)
+UNUSABLE = 2  # of a track after the compiled update
+
 
 class Rows(NamedTuple):
     """The states of T tracks; the fields of `Mixture` and `SizeState`."""
@@ -26,23 +32,6 @@ class Rows(NamedTuple):
     of_length: NDArray  # (T, K)
     of_width: NDArray  # (T, K')
     kind: NDArray  # (T, C)
-
-
-class Seen(NamedTuple):
-    """Detections of T tracks; where the mask is false they may hold anything."""
-
-    mask: NDArray  # (T, M) bool
-    range: NDArray  # (T, M) [m]
-    sight: NDArray  # (T, M, 2)
-    rate: NDArray  # (T, M) [m/s] over ground, NaN for none
-    pose: NDArray  # (T, M, 3) of the sensor
-    sensor: NDArray  # (T, M) int
-    along: NDArray  # (T, M) [m] noise along and across the line of sight, as the place takes it
-    across: NDArray
-    rate_across: NDArray  # (T, M) [m], [m/s] as range rates take it
-    rate_std: NDArray
-    size_along: NDArray  # (T, M) [m] as the size takes it
-    size_across: NDArray
 
 
 class Found(NamedTuple):
@@ -61,8 +50,9 @@ class Found(NamedTuple):
     @classmethod
     def of(cls, T: int, C: int) -> "Found":
         """Space for T tracks with contours of C points."""
-        shapes = (T, 7), (T, 7, 7), (2, T, 3), (2, T, 4, 4), (2, T, C, 2), (T, 2), (T, 4)
-        return cls(*(np.empty(shape) for shape in shapes), np.zeros((T, 2)), np.zeros((T, 2, 2)) + np.eye(2))
+        shapes = (T, 7), (T, 7, 7), (2, T, 3), (2, T, 4, 4), (2, T, C, 2), (T, 2), (T, 4), (T, 2), (T, 2, 2)
+        none = cls(*map(np.zeros, shapes))
+        return none._replace(S=none.S + np.eye(2))
 
 
 class Tables(NamedTuple):
@@ -83,27 +73,21 @@ class Tables(NamedTuple):
     spline: NDArray  # (6,) widened, unseen, interior, eps, lost_below, inflation
     iterations: int
     truck_above: float
-    lengths: NDArray  # (K,)
-    length_offsets: NDArray  # (N,)
-    length_near: NDArray  # (C, N) of each cell before each end
-    length_far: NDArray  # (C, K + N - 1)
-    length_cells: NDArray  # (3,)
-    widths: NDArray
-    width_offsets: NDArray
-    width_near: NDArray
-    width_far: NDArray
-    width_cells: NDArray
+    grid_l: NDArray  # (8,) see `grids`, of the length and of the width
+    near_l: NDArray  # (C, N) length of each cell before each end
+    far_l: NDArray  # (C, K + N - 1)
+    grid_w: NDArray
+    near_w: NDArray
+    far_w: NDArray
     shares: NDArray  # (C,) of the classes
     of_length: NDArray  # (C, K)
     of_width: NDArray  # (C, K')
-    load_class: NDArray  # (D,) int
-    load_share: NDArray  # (D,)
-    load_at: NDArray  # (D, K) int
-    load_part: NDArray  # (D, K)
+    loads: NDArray  # (D, 2) class and share of those with loads
+    load_at: NDArray  # (D, K) where on the grid a load ends
     enough_side: float
     pin: NDArray  # (2,) share, least
     sheet: NDArray  # (S, 14) see `size.read`
-    size: NDArray  # (7,) see `size.read`
+    size: NDArray  # (3,) see `size.read`
 
     @classmethod
     def of(cls, place: Any, motion: Any, size: Any) -> "Tables":
@@ -112,11 +96,8 @@ class Tables(NamedTuple):
         p, Sigma, visible = place.contours
         mu = np.stack([(place.N @ one).T for one in p])
         loads = size.prior.loads
-        at = [np.array([np.flatnonzero(row)[0] for row in X]) for _, _, X in loads]
-        part = [1 - X[np.arange(len(X)), i] for (_, _, X), i in zip(loads, at, strict=True)]
-        K = len(size.length.sizes)
+        at = [X @ np.arange(len(X)) for _, _, X in loads]
         spline = place.widened, place.unseen, place.interior, place.eps, place.lost_below, place.inflation
-        spans = size.length.span, size.width.span
         sheet = np.column_stack([
             q.max_range, q.fov, q.inside, q.grazing, q.weight, q.depth, q.rounding[:, 0], q.rounding[:, 1],
             q.least_room, q.surface_std,
@@ -127,24 +108,21 @@ class Tables(NamedTuple):
             place.size_walk, motion.course, motion.backwards,
             mu, np.stack([columns(one) for one in Sigma]), visible, place.outline(p, Sigma), place.position_std, spline,
             place.iterations, TRUCK_ABOVE, *_axis(size.length, 0), *_axis(size.width, 1),
-            *size.prior[:3], np.array([c for c, *_ in loads], int), [share for _, share, _ in loads],
-            np.array(at, int).reshape(-1, K), np.array(part).reshape(-1, K),
-            size.enough_side, [size.pin, size.least_pin], sheet,
-            [*spans, size.outliers, size.independent, size.part_weight, *DEEPER],
+            *size.prior[:3], np.reshape([one[:2] for one in loads], (-1, 2)),
+            np.reshape(at, (-1, len(size.length.sizes))), size.enough_side, [size.pin, size.least_pin], sheet,
+            [size.outliers, size.independent, size.part_weight],
         )  # fmt: skip
         return cls(*map(_plain, cls._fields, values))
-
-
-WHOLE = ("iterations", "load_class", "load_at")  # of `Tables`, numbers that are whole
 
 
 def _plain(name: str, value: Any) -> Any:
     """A value as numba is to see it: one type for each field, whatever the parameters are."""
     if np.ndim(value) == 0:
-        return int(value) if name in WHOLE else float(value)
-    return np.array(value, int if name in WHOLE else float, order="C")
+        return int(value) if name == "iterations" else float(value)
+    return np.array(value, float, order="C")
 
 
 def _axis(grid: Grid, axis: int) -> tuple[Any, ...]:
     cells = CELLS[axis]
-    return grid.sizes, grid.offsets, *shares_of_cells(grid, cells), [cells.first, cells.step, cells.number]
+    row = [grid.first, grid.step, -grid.reach, grid.span, cells.first, cells.step, cells.number, DEEPER[axis]]
+    return row, *shares_of_cells(grid, cells)
