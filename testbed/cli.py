@@ -277,6 +277,17 @@ def bench(
     show(*reported(partial(chosen.measure, choice) if named else partial(benching.measure, quick), "benchmarks"))
 
 
+@app.command()
+def info() -> None:
+    """Show versions, extras, and whether tracker and radar are compiled.
+
+    Example: [bold]testbed info[/bold]
+    """
+    from testbed.command_line.info import info as found
+
+    show(found())
+
+
 @app.command("learn-htg")
 def learn_htg(
     data: options.Detections,
