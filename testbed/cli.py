@@ -278,14 +278,18 @@ def bench(
 
 
 @app.command()
-def info() -> None:
+def info(
+    compile: Annotated[bool, typer.Option("--compile", help="Compile now, once for many processes.")] = False,
+) -> None:
     """Show versions, extras, and whether tracker and radar are compiled.
 
     Example: [bold]testbed info[/bold]
     """
-    from testbed.command_line.info import info as found
+    from testbed.command_line import info as found
 
-    show(found())
+    if compile:
+        found.compile_now()
+    show(found.info())
 
 
 @app.command("learn-htg")

@@ -95,7 +95,7 @@ def test_a_free_run_gives_the_same_tracks_and_events():
             return self.inner.step(tracks, scan, dt)
 
     with closing(
-        gym.make("testbed/cut-in-v0", config={"duration": 25.0}, tracker=Listening(), radar="surround")
+        gym.make("testbed/following-v0", config={"duration": 25.0}, tracker=Listening(), radar="surround")
     ) as env:
         env.reset(seed=1)
         while len(scans) < 300 and not any(env.step(1)[2:4]):
