@@ -3,6 +3,7 @@
 import shlex
 import sys
 import warnings
+from contextlib import closing
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -285,11 +286,13 @@ def info(
 
     Example: [bold]testbed info[/bold]
     """
-    from testbed.command_line import info as found
+    from testbed.command_line.info import info as found
+    from testbed.environment.registration import make
 
-    if compile:
-        found.compile_now()
-    show(found.info())
+    if compile:  # a few steps do it
+        with closing(make("cut-in", tracker=DEFAULT, radar="surround", warm_up=0.5)) as env:
+            env.reset(seed=0)
+    show(found())
 
 
 @app.command("learn-htg")

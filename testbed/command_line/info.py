@@ -2,7 +2,6 @@
 
 import platform
 import re
-from contextlib import closing
 from importlib.metadata import PackageNotFoundError, metadata, requires, version
 from pathlib import Path
 
@@ -11,7 +10,6 @@ from rich.table import Table
 import sensors.compiled
 from testbed.command_line.tables import filled_table
 from testbed.files import versions
-from trackers import DEFAULT
 from trackers.compiled import REFUSED, available, cache_folder, form
 
 HOW = f"{REFUSED}=off, or compiled=off of a tracker or radar, goes without it"
@@ -28,14 +26,6 @@ def info() -> Table:
             (f"cache of the {what}", kept(folder)) for what, folder in (("tracker", cache_folder()), ("radar", radar))
         ]
     return filled_table("testbed", heads := ("what", "found"), rows, heads)
-
-
-def compile_now() -> None:
-    """Take a few steps of the default tracker, which compile what is not compiled yet."""
-    from testbed.environment.registration import make
-
-    with closing(make("cut-in", tracker=DEFAULT, radar="surround", warm_up=0.5)) as env:
-        env.reset(seed=0)
 
 
 def extras() -> dict[str, str]:

@@ -99,7 +99,8 @@ class Core:
     def update(self, motion: Mixture, place: SplineState, size: SizeState, scan: Scan) -> Step | None:
         """The state after a scan, some of whose detections are under the mask."""
         before = self._which(motion, place)
-        beyond = scan.sensor.max(initial=0) >= len(self.size.sensors) or scan.sensor.min(initial=0) < 0
+        sheets = min(len(self.size.sensors), len(self.place.sensors) or len(self.size.sensors))
+        beyond = scan.sensor.max(initial=0) >= sheets or scan.sensor.min(initial=0) < 0
         if before is None or beyond or scan.mask.sum(-1).max() > TOGETHER:
             return None
         from trackers.compiled.steps import update_all
@@ -158,7 +159,7 @@ class Core:
         def shaped(a: NDArray) -> NDArray:
             return a if len(lead) == 1 else a.reshape((*lead, *a.shape[1:]))
 
-        belief = Belief(*(shaped(b[:, i]) for i in range(5)), *map(shaped, x[8:]))
+        belief = Belief(*(shaped(b[:, i]) for i in range(5)), *map(shaped, x[9:]))
         side, length, width = shaped(x.side), shaped(x.length), shaped(x.width)
         new = SizeState(shaped(x.anchor), length, width, belief, size.fully_visible, side)
         yaw_rate, l, std = shaped(f.m[:, 4].copy()), shaped(f.m[:, 5:].copy()), shaped(f.std)
@@ -168,7 +169,7 @@ class Core:
             pose=shaped(f.pose[1]), size=belief.size.copy(), cov=shaped(f.cov[1]), size_std=np.sqrt(belief.size_var),
             contour=shaped(f.contour[1]), class_probability=belief.kind.copy(),
         )  # fmt: skip
-        mixture = Mixture(shaped(x.mu), shaped(x.m), shaped(x.P))
+        mixture = Mixture(*map(shaped, x[:4]))
         innovation = shaped(f.eps), shaped(f.S), shaped(state == 1)
         return Step((mixture, place, new), Gaussian(shaped(f.m), shaped(f.P)), box, sized, innovation)
 

@@ -92,7 +92,7 @@ def correct(m: NDArray, P: NDArray, about: NDArray, s: NDArray, Lam: NDArray) ->
 def rates(mu: NDArray, m: NDArray, P: NDArray, axle: NDArray, z: NDArray, settings: NDArray, log_l: NDArray) -> None:
     """(MODE.14) to (MODE.21): all modes in place by the range rates of detections z; adds to log_l (K,).
 
-    settings (3,): std, common_std, clip.
+    settings: std, common_std, clip.
     """
     K, M, own_std, common_std, clip = len(mu), len(z), settings[0], settings[1], settings[2]
     r, h, w, yaw, t = np.zeros((K, M)), np.zeros((K, M, 5)), np.zeros(M), 0.0, 1 / common_std**2
@@ -148,11 +148,12 @@ def rates(mu: NDArray, m: NDArray, P: NDArray, axle: NDArray, z: NDArray, settin
 @compiled
 def move(
     mu: NDArray, m: NDArray, P: NDArray, mean: NDArray, cov: NDArray, m_new: NDArray, P_new: NDArray,
-    axle: NDArray, z: NDArray, settings: NDArray, backwards: float,
+    axle: NDArray, z: NDArray, settings: NDArray, ahead: NDArray,
 ) -> bool:  # fmt: skip
     """(MODE.10) to (MODE.23): modes in place, after the contour filter took their moments to m_new (7,), P_new (7, 7).
 
-    mean (7,) and cov (7, 7) are the moments, before and after; false where something is not definite.
+    mean (7,) and cov (7, 7) are the moments, before and after; ahead (1,) [m] driven forward. settings (5,): std,
+    common_std, clip, backwards, settled. False where something is not definite.
     """
     s, Lam, log_l, measured = np.empty(7), np.empty((7, 7)), np.zeros(len(mu)), False
     least = likelihood(mean, cov, m_new, P_new, s, Lam)
@@ -169,5 +170,5 @@ def move(
     if measured:
         rates(mu, m, P, axle, z, settings, log_l)
     reweight(mu, log_l)
-    forward(m, P, mu, backwards, mean, cov)
+    ahead[0] = forward(m, P, mu, ahead[0], settings[3], settings[4], mean, cov)
     return True

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.compiled.jit import compiled
+from trackers.compiled.linear import ndtr
 from trackers.compiled.vector import exponentials, logarithms
 
 VACATED, LEAST = -300.0, 1e-300  # as in `trackers.size.grid`
@@ -137,12 +138,6 @@ def believe(
     grid_moments(grid_w, joint_w, of_axis[1], width)
     for i in range(5):
         b[i, 0], b[i, 1] = of_axis[0, i], of_axis[1, i]
-
-
-@compiled
-def ndtr(x: float) -> float:
-    """The standard normal distribution."""
-    return 0.5 * math.erfc(-x * 0.7071067811865476)
 
 
 @compiled

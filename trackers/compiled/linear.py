@@ -15,6 +15,12 @@ def wrap(angle: float) -> float:
 
 
 @compiled
+def ndtr(x: float) -> float:
+    """The standard normal distribution."""
+    return 0.5 * math.erfc(-x * 0.7071067811865476)
+
+
+@compiled
 def cholesky(A: NDArray, L: NDArray) -> bool:
     """L (n, n), lower triangular, of A = L L^T; false where A (n, n) is not positive definite."""
     n = len(A)

@@ -43,14 +43,33 @@ def moments(m: NDArray, P: NDArray, mu: NDArray, mean: NDArray, cov: NDArray) ->
 
 
 @compiled
-def mix(m: NDArray, P: NDArray, mu: NDArray, kept: float, m_new: NDArray, P_new: NDArray, c: NDArray) -> None:
-    """(IMM.9), (IMM.10): the start of each mode and its predicted probability c (K,)."""
+def begun(m: NDArray, mu: NDArray, onset: NDArray, dt: float, share: NDArray) -> float:
+    """(MODE.29): probabilities share (K,) that the modes begin from the first one within dt, and their sum."""
+    speed = total = 0.0
+    for k in range(len(mu)):
+        speed += mu[k] * m[k, SPEED]
+        total += onset[k]
+    slow = min(1.0, abs(speed) / SLOW)
+    some = 1 - math.exp(-total * slow * dt)
+    for k in range(len(mu)):
+        share[k] = some * onset[k] * slow / max(total * slow, 1e-9)
+    return share.sum()
+
+
+@compiled
+def mix(
+    m: NDArray, P: NDArray, mu: NDArray, kept: float, onset: NDArray, dt: float, m_new: NDArray, P_new: NDArray,
+    c: NDArray,
+) -> None:  # fmt: skip
+    """(IMM.9), (IMM.10), (MODE.29): the start of each mode and its predicted probability c (K,)."""
     K = len(mu)
-    w = np.empty(K)
+    w, share = np.empty(K), np.empty(K)
+    total = begun(m, mu, onset, dt, share)
     for j in range(K):
         c[j] = 0.0
         for i in range(K):
-            w[i] = ((1 - kept) / K + (kept if i == j else 0.0)) * mu[i]
+            w[i] = (1 - kept) / K + (kept if i == j else 0.0) + (share[j] if i == 0 else 0.0)
+            w[i] = (w[i] - (total if i == j == 0 else 0.0)) * mu[i]
             c[j] += w[i]
         for i in range(K):
             w[i] /= max(c[j], 2.2250738585072014e-308)
@@ -133,10 +152,26 @@ def reweight(mu: NDArray, log_l: NDArray) -> None:
 
 
 @compiled
-def forward(m: NDArray, P: NDArray, mu: NDArray, backwards: float, mean: NDArray, cov: NDArray) -> None:
-    """(MODE.9), (MODE.23): moments mean (7,), cov (7, 7) of the modes, turned round where the body would reverse."""
+def driven(m: NDArray, P: NDArray, mu: NDArray, dt: float) -> float:
+    """(MODE.30): how far the body has driven forward for certain."""
+    ahead = 0.0
+    for k in range(len(mu)):
+        ahead += mu[k] * max(m[k, SPEED] - 2 * math.sqrt(P[k, SPEED, SPEED]), 0.0)
+    return ahead * dt
+
+
+@compiled
+def forward(
+    m: NDArray, P: NDArray, mu: NDArray, ahead: float, backwards: float, settled: float, mean: NDArray, cov: NDArray
+) -> float:
+    """(MODE.9), (MODE.23): moments mean (7,), cov (7, 7) of the modes, turned round where the body would reverse.
+
+    ahead is how far it has driven forward; returns that afterwards.
+    """
     moments(m, P, mu, mean, cov)
-    if mean[SPEED] < -backwards and -mean[SPEED] > 3 * math.sqrt(cov[SPEED, SPEED]):
+    wrong = mean[SPEED] < -backwards and ahead < settled
+    if wrong and -mean[SPEED] > 3 * math.sqrt(cov[SPEED, SPEED]):
+        ahead = 0.0
         for k in range(len(mu)):
             m[k, SPEED] *= -1
             m[k, PHI] += math.pi
@@ -145,6 +180,7 @@ def forward(m: NDArray, P: NDArray, mu: NDArray, backwards: float, mean: NDArray
             for i in range(7):
                 P[k, i, SPEED] *= -1
         moments(m, P, mu, mean, cov)
+    return ahead
 
 
 @compiled

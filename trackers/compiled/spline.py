@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.compiled.jit import compiled
-from trackers.compiled.linear import cholesky, congruence, inverse
-from trackers.compiled.tables import ACROSS, ALONG, POSE, RANGE, UX, UY
+from trackers.compiled.linear import cholesky, congruence, inverse, ndtr, symmetrize, wrap
+from trackers.compiled.tables import ACROSS, ALONG, POSE, RANGE, SENSOR, UX, UY
 
 PHI, LENGTH, WIDTH = 2, 5, 6
 REACH, MEAN, FIRST = 3.0, 0.5 / 9.0, 2.0 + 4 * 0.5 / 9.0  # as in `trackers.pmht.joint`
 LEAST_WEIGHT, LEAST_SIZE, LEAST_DENSITY = 1e-9, 0.3, 1e-300
+EDGE, LEAST_COVER = 0.3, 1e-3  # as in `trackers.pmht.visibility`
 
 
 @compiled
@@ -82,17 +83,34 @@ def place(
 
 
 @compiled
-def see(table: NDArray, c: NDArray, phi: float, x: float, y: float, unseen: float, pi: NDArray) -> None:
-    """(PMHT.22): weights pi (L,) of the ellipses for a sensor at x, y; table (A, L) of their visibility."""
+def see(table: NDArray, c: NDArray, phi: float, sensor: NDArray, unseen: float, pi: NDArray) -> None:
+    """(PMHT.22), (PMHT.40): weights pi (L,) of the ellipses for a sensor; table (A, L) of their visibility.
+
+    sensor (5,): x, y, heading, half the opening angle and range, inf where it sees everywhere.
+    """
     A, L = table.shape
     total = 0.0
     for l in range(L):
-        at = ((math.atan2(y - c[1, l], x - c[0, l]) - phi) % (2 * math.pi)) * (A / (2 * math.pi))
+        dx, dy = c[0, l] - sensor[0], c[1, l] - sensor[1]
+        at = ((math.atan2(-dy, -dx) - phi) % (2 * math.pi)) * (A / (2 * math.pi))
         low = int(at)
         pi[l] = (1 - at + low) * table[low % A, l] + (at - low) * table[(low + 1) % A, l]
+        if sensor[3] < np.inf:
+            r, azimuth = math.hypot(dx, dy), abs(wrap(math.atan2(dy, dx) - sensor[2]))
+            inside = min(sensor[4] - r, (sensor[3] - azimuth) * r)
+            pi[l] *= max(ndtr(inside / EDGE), LEAST_COVER)  # (PMHT.40)
         total += pi[l]
     for l in range(L):
         pi[l] = (1 - unseen) * pi[l] / max(total, 1e-12) + unseen / L
+
+
+@compiled
+def same(a: NDArray, b: NDArray) -> bool:
+    """Whether all numbers of a and b (n,) are the same."""
+    for i in range(len(a)):  # noqa: SIM110 - numba has no generators here
+        if a[i] != b[i]:
+            return False
+    return True
 
 
 @compiled
@@ -108,13 +126,13 @@ def associate(
 ) -> float:  # fmt: skip
     """(PMHT.9), (PMHT.10), (PMHT.17): weights w (M, L) of the ellipses, and the explained share of the scan.
 
-    z (M, 2), R (M, 3), sensor (M, 2); spare (3, L or 0) is what the uncertainty of the state adds.
+    z (M, 2), R (M, 3), sensor (M, 5); spare (3, L or 0) is what the uncertainty of the state adds.
     """
     M, L = w.shape
     q, pi, own = np.empty(L), np.empty(L), 0.0
     for i in range(M):
-        if i == 0 or sensor[i, 0] != sensor[i - 1, 0] or sensor[i, 1] != sensor[i - 1, 1]:
-            see(table, c, phi, sensor[i, 0], sensor[i, 1], unseen, pi)
+        if i == 0 or not same(sensor[i], sensor[i - 1]):
+            see(table, c, phi, sensor[i], unseen, pi)
         xx, xy, yy = box[0] + R[i, 0], box[1] + R[i, 1], box[2] + R[i, 2]
         within = interior / (1 - interior) * math.exp(exponent(z[i, 0] - x, z[i, 1] - y, xx, xy, yy))
         within /= 2 * math.pi * math.sqrt(xx * yy - xy * xy)  # (PMHT.9)
@@ -157,13 +175,46 @@ def synthesise(w: NDArray, z: NDArray, R: NDArray, n: NDArray, zs: NDArray, Rs: 
 
 
 @compiled
+def missing(c: NDArray, h: NDArray, S: NDArray, w: NDArray, z: NDArray, u: NDArray, out: NDArray) -> None:
+    """(PMHT.38): information (7, 7) that is missing, where u (7,) is true, as which ellipse is whose is not known.
+
+    S (3, L) is the covariance of one detection of each ellipse.
+    """
+    M, L = w.shape
+    second, score = np.zeros((3, L)), np.zeros((7, M))
+    for l in range(L):
+        x, y, det = c[0, l], c[1, l], S[0, l] * S[2, l] - S[1, l] * S[1, l]
+        for k in range(7):
+            x += h[k, 0, l] * u[k]
+            y += h[k, 1, l] * u[k]
+        for i in range(M):
+            ax = (S[2, l] * (z[i, 0] - x) - S[1, l] * (z[i, 1] - y)) / det
+            ay = (S[0, l] * (z[i, 1] - y) - S[1, l] * (z[i, 0] - x)) / det
+            second[0, l] += w[i, l] * ax * ax
+            second[1, l] += w[i, l] * ax * ay
+            second[2, l] += w[i, l] * ay * ay
+            for k in range(7):
+                score[k, i] += w[i, l] * (h[k, 0, l] * ax + h[k, 1, l] * ay)
+    for i in range(7):
+        for j in range(7):
+            s = 0.0
+            for l in range(L):
+                s += (h[i, 0, l] * second[0, l] + h[i, 1, l] * second[1, l]) * h[j, 0, l]
+                s += (h[i, 0, l] * second[1, l] + h[i, 1, l] * second[2, l]) * h[j, 1, l]
+            for k in range(M):
+                s -= score[i, k] * score[j, k]
+            out[i, j] = s
+    symmetrize(out)
+
+
+@compiled
 def joint_update(
     m: NDArray, T: NDArray, c: NDArray, h: NDArray, C: NDArray, E: NDArray, n: NDArray, zs: NDArray, Rs: NDArray,
-    m_new: NDArray, P_new: NDArray,
+    w: NDArray, z: NDArray, doubt: float, m_new: NDArray, P_new: NDArray,
 ) -> bool:  # fmt: skip
-    """(PMHT.14), (PMHT.15): moments after the detections of all ellipses; false where they are not definite."""
+    """(PMHT.14), (PMHT.15), (PMHT.39): moments after the detections of all ellipses; false where none are definite."""
     L = c.shape[1]
-    g, A, inner, pull = np.zeros((7, 2, L)), np.empty((7, 7)), np.empty((7, 7)), np.zeros(7)
+    g, A, inner, pull, u = np.zeros((7, 2, L)), np.empty((7, 7)), np.empty((7, 7)), np.zeros(7), np.zeros(7)
     for l in range(L):
         if not n[l] > LEAST_WEIGHT:
             continue
@@ -189,10 +240,23 @@ def joint_update(
     if not inverse(A, inner):
         return False
     for i in range(7):
+        for j in range(7):
+            u[i] += inner[i, j] * pull[j]
+    for i in range(7):
         m_new[i] = m[i]
         for j in range(7):
-            for k in range(7):
-                m_new[i] += T[i, j] * inner[j, k] * pull[k]  # (PMHT.15b)
+            m_new[i] += T[i, j] * u[j]  # (PMHT.15b)
+    if doubt > 0:
+        lost = np.empty((7, 7))
+        missing(c, h, E + Rs, w, z, u, lost)
+        for i in range(7):
+            A[i, i] -= 1.0
+        value, U = np.linalg.eigh(A - doubt * lost)
+        for i in range(7):
+            for j in range(7):
+                inner[i, j] = 0.0
+                for k in range(7):
+                    inner[i, j] += U[i, k] / (1 + max(value[k], 0.0)) * U[j, k]  # (PMHT.39)
     congruence(T, inner, P_new)  # (PMHT.15a)
     return True
 
@@ -232,29 +296,36 @@ def innovation(
 
 
 @compiled
-def relative(m: NDArray, detections: NDArray, z: NDArray, R: NDArray, sensor: NDArray) -> None:
-    """Places z (M, 2), noises R (M, 3) and places of the sensor (M, 2) of detections, from the centre of m (7,)."""
+def relative(m: NDArray, detections: NDArray, view: NDArray, z: NDArray, R: NDArray, sensor: NDArray) -> None:
+    """Places z (M, 2), noises R (M, 3) and sensors (M, 5) of detections, from the centre of m (7,).
+
+    view (S, 2): half the opening angle and the range of each sensor; without rows they see everywhere.
+    """
+    sensor[:, 3:] = np.inf
     for i in range(len(z)):
         d = detections[i]
         along, across, c, s = d[ALONG] ** 2, d[ACROSS] ** 2, d[UX], d[UY]
         R[i, 0], R[i, 1] = across + (along - across) * c * c, (along - across) * c * s
         R[i, 2] = across + (along - across) * s * s
         sensor[i, 0], sensor[i, 1] = d[POSE] - m[0], d[POSE + 1] - m[1]
+        sensor[i, 2] = d[POSE + 2]
+        if len(view):
+            sensor[i, 3], sensor[i, 4] = view[int(d[SENSOR]), 0], view[int(d[SENSOR]), 1]
         z[i, 0], z[i, 1] = sensor[i, 0] + d[RANGE] * c, sensor[i, 1] + d[RANGE] * s
 
 
 @compiled
 def update(
-    m: NDArray, P: NDArray, mu: NDArray, Sigma: NDArray, table: NDArray, detections: NDArray, settings: NDArray,
-    iterations: int, m_new: NDArray, P_new: NDArray, eps: NDArray, S: NDArray,
+    m: NDArray, P: NDArray, mu: NDArray, Sigma: NDArray, table: NDArray, detections: NDArray, view: NDArray,
+    settings: NDArray, iterations: int, m_new: NDArray, P_new: NDArray, eps: NDArray, S: NDArray,
 ) -> int:  # fmt: skip
     """The moments after M detections, and the innovation: 0, 1 where the object was lost, 2 where nothing is definite.
 
-    settings (6,): widened, unseen, interior, eps, lost_below, inflation.
+    settings (7,): widened, unseen, interior, eps, lost_below, inflation, doubt.
     """
     M, L = len(detections), mu.shape[1]
-    z, R, sensor = np.empty((M, 2)), np.empty((M, 3)), np.empty((M, 2))
-    relative(m, detections, z, R, sensor)
+    z, R, sensor = np.empty((M, 2)), np.empty((M, 3)), np.empty((M, 5))
+    relative(m, detections, view, z, R, sensor)
     widened, unseen, interior, alarms = settings[0], settings[1], settings[2], settings[3]
     T, c, h, C = np.empty((7, 7)), np.empty((2, L)), np.empty((7, 2, L)), np.empty((3, L))
     at, E, box, w, none = np.empty((2, L)), np.empty((3, L)), np.empty(3), np.empty((M, L)), np.empty((3, 0))
@@ -268,7 +339,7 @@ def update(
     if lost:  # (PMHT.18)
         wider, x, y, pi = settings[5], 0.0, 0.0, np.empty(L)
         for i in range(M):
-            see(table, at, m[PHI], sensor[i, 0], sensor[i, 1], unseen, pi)
+            see(table, at, m[PHI], sensor[i], unseen, pi)
             x += z[i, 0] / M
             y += z[i, 1] / M
             for l in range(L):
@@ -291,7 +362,8 @@ def update(
             place(m_new, x, y, mu, Sigma, wider, at, E, box)
             associate(z, R, sensor, at, E, box, x, y, m_new[PHI], none, table, widened, unseen, interior, alarms, w)
         synthesise(w, z, R, n, zs, Rs)
-        if not joint_update(m, T, c, h, C, E, n, zs, Rs, m_new, P_new):
+        doubt = settings[6] if k == iterations - 1 else 0.0
+        if not joint_update(m, T, c, h, C, E, n, zs, Rs, w, z, doubt, m_new, P_new):
             return 2
         m_new[LENGTH], m_new[WIDTH] = max(m_new[LENGTH], LEAST_SIZE), max(m_new[WIDTH], LEAST_SIZE)
     return 1 if lost else 0

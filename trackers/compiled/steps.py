@@ -11,7 +11,7 @@ from trackers.compiled.linear import cholesky, wrap
 from trackers.compiled.modes import LENGTH, OMEGA, PHI, SPEED
 from trackers.compiled.tables import UNUSABLE, Found, Rows, Tables
 
-AXLE_STD, ROUNDING = 0.1, 1e-9  # as in `trackers.motion.mixture` and `.turn`
+AXLE_STD, CREEP, ROUNDING = 0.15, 1.0, 1e-9  # as in `trackers.motion.mixture` and `.turn`
 
 
 @compiled
@@ -55,7 +55,7 @@ def estimate(
     outline: NDArray, pose: NDArray, placed: NDArray, cov: NDArray, sized: NDArray, velocity: NDArray, std: NDArray,
     contour: NDArray, drawn: NDArray,
 ) -> None:  # fmt: skip
-    """(MODE.24) to (MODE.26), (ENDS.20), (ENDS.21): from moments m (7,), P (7, 7) of modes and a belief b (5, 2).
+    """(MODE.24) to (MODE.26), (MODE.31), (ENDS.20), (ENDS.21): of moments m (7,), P (7, 7) and a belief b (5, 2).
 
     Of the box of place and motion: pose (3,), cov (4, 4), contour (C, 2), velocity, std (4,) of heading, yaw rate,
     length and width. Of the box with the size: placed (3,), sized (4, 4), drawn (C, 2).
@@ -77,7 +77,8 @@ def estimate(
     placed[0], placed[1] = m[0] + cos * x - sin * y, m[1] + sin * x + cos * y
     outlined(outline, pose, l, w, contour)
     outlined(outline, placed, b[0, 0], b[0, 1], drawn)
-    std[0], std[1] = math.sqrt(P[PHI, PHI]), math.sqrt(P[OMEGA, OMEGA])
+    slip = (l * m[OMEGA]) ** 2 / max(m[SPEED] ** 2, CREEP**2)
+    std[0], std[1] = math.sqrt(P[PHI, PHI] + AXLE_STD**2 * slip), math.sqrt(P[OMEGA, OMEGA])  # (MODE.31)
     std[2], std[3] = math.sqrt(P[LENGTH, LENGTH]), math.sqrt(P[LENGTH + 1, LENGTH + 1])
 
 
@@ -89,7 +90,8 @@ def predict(
     """Motion and size of all rows after dt, from `old` into x; kept and keep: of the mode, and of what was detected."""
     length, width = np.empty(old.length.shape[1:]), np.empty(old.width.shape[1:])
     for t in range(len(which)):
-        modes.mix(old.m[t], old.P[t], old.mu[t], kept, x.m[t], x.P[t], x.mu[t])
+        x.ahead[t] = old.ahead[t] + modes.driven(old.m[t], old.P[t], old.mu[t], dt)
+        modes.mix(old.m[t], old.P[t], old.mu[t], kept, p.onset, dt, x.m[t], x.P[t], x.mu[t])
         for k in range(len(p.modes)):
             modes.move(x.m[t, k], x.P[t, k], dt, p.modes[k], p.common, p.size_walk)
         modes.moments(x.m[t], x.P[t], x.mu[t], f.m[t], f.P[t])
@@ -130,10 +132,10 @@ def update(
         mine, q = z[start[t] : start[t + 1]], which[t]
         if len(mine):
             heading = f.m[t, PHI]
-            state[t] = spline.update(f.m[t], f.P[t], p.mu[q], p.Sigma[q], p.visible[q], mine, p.spline, p.iterations,
-                                     m, P, f.eps[t], f.S[t])  # fmt: skip
+            state[t] = spline.update(f.m[t], f.P[t], p.mu[q], p.Sigma[q], p.visible[q], mine, p.view, p.spline,
+                                     p.iterations, m, P, f.eps[t], f.S[t])  # fmt: skip
             good = state[t] < UNUSABLE and evidence.move(
-                x.mu[t], x.m[t], x.P[t], f.m[t], f.P[t], m, P, p.axle, mine, p.rates, p.backwards
+                x.mu[t], x.m[t], x.P[t], f.m[t], f.P[t], m, P, p.axle, mine, p.rates, x.ahead[t : t + 1]
             )
             if not good or not sound(x.P[t]):
                 state[t] = UNUSABLE

@@ -24,6 +24,7 @@ class Rows(NamedTuple):
     mu: NDArray  # (T, K)
     m: NDArray  # (T, K, 7)
     P: NDArray  # (T, K, 7, 7)
+    ahead: NDArray  # (T,)
     anchor: NDArray  # (T, 2)
     length: NDArray  # (T, K, N)
     width: NDArray  # (T, K', N')
@@ -61,16 +62,17 @@ class Tables(NamedTuple):
     modes: NDArray  # (K, 4) speed_walk, yaw_walk, axle, lateral
     common: NDArray  # (4,) curvature, slow_yaw, fast, bound_time
     axle: NDArray  # (K,)
-    rates: NDArray  # (3,) std, common_std, clip
+    onset: NDArray  # (K,)
+    rates: NDArray  # (5,) see `evidence.move`
     size_walk: float
     course: float
-    backwards: float
     mu: NDArray  # (Q, 2, L) of Q models
     Sigma: NDArray  # (Q, 3, L)
     visible: NDArray  # (Q, A, L)
     outline: NDArray  # (Q, C, 2)
     place_std: NDArray  # (2,)
-    spline: NDArray  # (6,) widened, unseen, interior, eps, lost_below, inflation
+    view: NDArray  # (S, 2) half the opening angle and the range of each sensor; none: they see everywhere
+    spline: NDArray  # (7,) see `spline.update`
     iterations: int
     truck_above: float
     grid_l: NDArray  # (8,) see `grids`, of the length and of the width
@@ -97,16 +99,26 @@ class Tables(NamedTuple):
         mu = np.stack([(place.N @ one).T for one in p])
         loads = size.prior.loads
         at = [X @ np.arange(len(X)) for _, _, X in loads]
-        spline = place.widened, place.unseen, place.interior, place.eps, place.lost_below, place.inflation
+        spline = [
+            place.widened,
+            place.unseen,
+            place.interior,
+            place.eps,
+            place.lost_below,
+            place.inflation,
+            place.doubt,
+        ]
         sheet = np.column_stack([
             q.max_range, q.fov, q.inside, q.grazing, q.weight, q.depth, q.rounding[:, 0], q.rounding[:, 1],
             q.least_room, q.surface_std,
         ])  # fmt: skip
         values = (
             [[m.speed_walk, m.yaw_walk, m.axle, m.lateral] for m in M.table],
-            [M.curvature, M.slow_yaw, M.fast, M.bound_time], M.axle, [r.std, r.common_std, r.clip],
-            place.size_walk, motion.course, motion.backwards,
-            mu, np.stack([columns(one) for one in Sigma]), visible, place.outline(p, Sigma), place.position_std, spline,
+            [M.curvature, M.slow_yaw, M.fast, M.bound_time], M.axle,
+            [m.onset for m in M.table], [r.std, r.common_std, r.clip, motion.backwards, motion.settled],
+            place.size_walk, motion.course,
+            mu, np.stack([columns(one) for one in Sigma]), visible, place.outline(p, Sigma), place.position_std,
+            np.reshape([(s.fov / 2, s.max_range) for s in place.sensors], (-1, 2)), spline,
             place.iterations, TRUCK_ABOVE, *_axis(size.length, 0), *_axis(size.width, 1),
             *size.prior[:3], np.reshape([one[:2] for one in loads], (-1, 2)),
             np.reshape(at, (-1, len(size.length.sizes))), size.enough_side, [size.pin, size.least_pin], sheet,
