@@ -132,7 +132,7 @@ def update(
         mine, q = z[start[t] : start[t + 1]], which[t]
         if len(mine):
             heading = f.m[t, PHI]
-            state[t] = spline.update(f.m[t], f.P[t], p.mu[q], p.Sigma[q], p.visible[q], mine, p.view, p.spline,
+            state[t] = spline.update(f.m[t], f.P[t], p.mu[q], p.Sigma[q], p.visible[q], mine, p.cover, p.spline,
                                      p.iterations, m, P, f.eps[t], f.S[t])  # fmt: skip
             good = state[t] < UNUSABLE and evidence.move(
                 x.mu[t], x.m[t], x.P[t], f.m[t], f.P[t], m, P, p.axle, mine, p.rates, x.ahead[t : t + 1]

@@ -71,7 +71,7 @@ class Tables(NamedTuple):
     visible: NDArray  # (Q, A, L)
     outline: NDArray  # (Q, C, 2)
     place_std: NDArray  # (2,)
-    view: NDArray  # (S, 2) half the opening angle and the range of each sensor; none: they see everywhere
+    cover: NDArray  # (S, 2) half the opening angle and the range of each sensor; none: they see everywhere
     spline: NDArray  # (7,) see `spline.update`
     iterations: int
     truck_above: float

@@ -54,13 +54,14 @@ def drawn(rng, T, M):
     m = x.m + rng.normal(0, 1, x.m.shape) * [0.3, 0.3, 0.1, 3.0, 0.1, 0.1, 0.03]
     A = rng.normal(0, 0.3, x.P.shape) * np.sqrt(np.einsum("...ii->...i", x.P))[..., None]
     mu = rng.dirichlet(np.ones(x.mu.shape[-1]) * rng.choice([0.1, 3.0]), T)
+    ahead = rng.choice([0.0, 2.9, 3.1], T)
     length, width = (A + np.cumsum(rng.normal(0, 0.4, A.shape), -2) - rng.exponential(2, A.shape) for A in grids[1:3])
     anchor, side = rng.choice([-1.0, 0.0, 1.0], (T, 2)), rng.exponential(3.0, T)
     belief = NUMPY.size.belief(*(np.exp(A - A.max((1, 2), keepdims=True)) for A in (length, width)), anchor, side)
     size = grids._replace(
         anchor=anchor, length=length, width=width, belief=belief, side=side, fully_visible=rng.random(T) < 0.5
     )
-    state = state._replace(motion=x._replace(mu=mu, m=m, P=x.P + A @ A.mT), size=size)
+    state = state._replace(motion=x._replace(mu=mu, m=m, P=x.P + A @ A.mT, ahead=ahead), size=size)
     return state, detections(rng, NUMPY.estimate(state), M)
 
 
