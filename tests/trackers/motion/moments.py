@@ -1,9 +1,4 @@
-"""Scenes of one moment each, in which averages do not count: a vehicle that is passed, and the onset of a turn.
-
-They ask nothing of a planner, which need not brake, so they are no probes (docs/probes.md), and are scored over a
-second or two, so they are no scenarios of the baselines either: what counts is the motion across of one vehicle.
-`testbed run tests.trackers.motion.moments:PASSED` shows one.
-"""
+"""Moments in which averages do not count, on recorded drives: the motion across of one vehicle, scan by scan."""
 
 from dataclasses import fields, replace
 from functools import lru_cache
@@ -13,12 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sensors
-from scenarios import networks
-from scenarios.courses import Segment, follow_lane, integrate
-from scenarios.encounters import FRONT, SIDE, Y
-from scenarios.longitudinal import AXIS, START, L, M, R
-from scenarios.record import Scenario
-from scenarios.stage import Stage, World, phases
 from testbed.replay.recording import Recording, record
 from trackers import build
 from trackers.geometry import wrap_angle
@@ -27,36 +16,6 @@ from trackers.multi.tracker import MultiObjectTracker
 from trackers.pmht import SplinePmht
 
 SIGHT = 16.0  # [m] ahead of the ego, from which on it is passed
-
-
-def passed(rng: np.random.Generator) -> World:
-    """The ego passes a car or a truck, on either side, that keeps its lane and is 6 m/s slower."""
-    stage = Stage(networks.straight(), rng)
-    speed, kind, lane = rng.uniform(24.0, 26.0), ("car", "truck")[rng.integers(2)], (L, R)[rng.integers(2)]
-    stage.ego(M, START, speed)
-    size = stage.size(kind)
-    place = START + FRONT + rng.uniform(14.0, 22.0) + size[0] / 2
-    slow = speed - rng.uniform(5.7, 6.3)
-    stage.prescribe(kind, follow_lane(AXIS, place, slow, lateral=Y + SIDE[lane]), size)
-    return stage.world(phases(0.5, 7.0, 8.0))
-
-
-def onset(rng: np.random.Generator) -> World:
-    """A car 12 to 18 m ahead, as fast as the ego, begins to turn with 0.2 rad/s, to either side."""
-    stage = Stage(networks.straight(), rng)
-    speed, side = 7.5, rng.choice([-1.0, 1.0])
-    stage.ego(M, START, speed)
-    turn = (Segment(3.0), Segment(2.5, 0.0, side * 0.2))
-    stage.prescribe("car", integrate((START + rng.uniform(12.0, 18.0), Y, 0.0), speed, turn, ramp=0.5))
-    return stage.world(phases(3.0, 5.0, 5.5))
-
-
-PASSED = Scenario(
-    "passed", "A vehicle that keeps its lane while it is passed stays in it.", passed, 1, duration=8.0, lateral=False
-)
-ONSET = Scenario(
-    "onset", "A car ahead begins to turn: its heading has to follow.", onset, 1, duration=5.5, lateral=False
-)
 
 
 class Moment(NamedTuple):
@@ -72,9 +31,9 @@ class Moment(NamedTuple):
 
 
 @lru_cache(maxsize=64)
-def recorded(module: str, name: str, seed: int, duration: float) -> Recording:
+def recorded(name: str, seed: int, duration: float) -> Recording:
     """A drive on the truth."""
-    return record(f"{module}:{name}" if module else name, seed, "surround", duration)
+    return record(name, seed, "surround", duration)
 
 
 def watch(tracker: MultiObjectTracker, recording: Recording, kind: int = 0) -> Moment:

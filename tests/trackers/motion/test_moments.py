@@ -6,7 +6,6 @@ import pytest
 from tests.trackers.motion import moments
 from tests.trackers.motion.moments import inward, recorded, watch
 
-HERE = "tests.trackers.motion.moments"
 NOW, BEFORE = moments.tracker(), moments.tracker(blind=True, sure=True, lazy=True)
 
 
@@ -17,7 +16,7 @@ def seeds(*quick, slow=()):
 
 def beside(tracker, seed):
     """Mean velocity across [m/s], drift and greatest offset [m] of a vehicle that keeps its lane while it is passed."""
-    moment = watch(tracker, recorded(HERE, "PASSED", seed, 8.0))
+    moment = watch(tracker, recorded("passed", seed, 8.0))
     w = (moment.time > 1.5) & (moment.ahead < 14.0) & (moment.ahead > 3.0)
     return np.mean(moment.across[w, 1]), np.ptp(moment.offset[w]), np.abs(moment.offset[w]).max()
 
@@ -36,7 +35,7 @@ def test_what_lies_out_of_view_was_taken_for_a_drift():
 
 def turning(tracker, seed):
     """Greatest error [deg] and mean NEES of the heading of a car that begins to turn ahead, and its track ids."""
-    moment = watch(tracker, recorded(HERE, "ONSET", seed, 5.5))
+    moment = watch(tracker, recorded("onset", seed, 5.5))
     w = moment.time > 3.0
     turn, std = moment.turn[w].T
     return np.degrees(np.abs(turn).max()), np.mean((turn / std) ** 2), set(moment.track[w])
@@ -59,7 +58,7 @@ def cutting_in(tracker, seeds):
     """Mean velocity inwards [m/s] 0.4, 0.6 and 0.8 s after the onset, and mean NEES of it, over cars that cut in."""
     found = []
     for seed in seeds:
-        moment = watch(tracker, recorded("", "probe-cutin", seed, 5.6))
+        moment = watch(tracker, recorded("probe-cutin", seed, 5.6))
         v, start = inward(moment)
         w = (moment.time > start) & (moment.time < start + 1.4)
         nees = np.mean(((v[w, 1] - v[w, 0]) / moment.across_std[w]) ** 2)
