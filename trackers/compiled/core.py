@@ -89,7 +89,8 @@ class Core:
             return None
         from trackers.compiled.steps import predict_all
 
-        old, x = rows_of(motion, size, len(which)), Rows(*map(np.empty_like, rows_of(motion, size, len(which))))
+        old = rows_of(motion, size, len(which))
+        x = Rows(*map(np.empty_like, old))
         K, s, found = len(self.motion.modes.table), self.size, self._found(len(which))
         kept = ((K * self.motion.stay - 1) / (K - 1)) ** (dt / self.motion.step)  # (IMM.9)
         over = (grid.transition(dt, s.offset_tau, s.lost_rate) for grid in s.grids)

@@ -52,6 +52,7 @@ def drawn(rng, T, M):
     state = NUMPY.init(prior(pose, rng.normal(0, 8, (T, 2)), rng.normal(0, 0.1, T), size))
     x, grids = state.motion, state.size
     m = x.m + rng.normal(0, 1, x.m.shape) * [0.3, 0.3, 0.1, 3.0, 0.1, 0.1, 0.03]
+    m[rng.random(T) < 0.3, :, 3] -= 9.0  # backwards
     A = rng.normal(0, 0.3, x.P.shape) * np.sqrt(np.einsum("...ii->...i", x.P))[..., None]
     mu = rng.dirichlet(np.ones(x.mu.shape[-1]) * rng.choice([0.1, 3.0]), T)
     ahead = rng.choice([0.0, 2.9, 3.1], T)
@@ -83,7 +84,7 @@ def detections(rng, box, M):
     ]
     d = point - pose[..., :2]
     rate = rng.normal(0, 8, (T, M))
-    rate[rng.random((T, M)) < 0.2] = np.nan
+    rate[rng.random((T, M)) < 0.2] = rate[rng.random(T) < 0.4] = np.nan
     polar = np.stack([np.hypot(d[..., 0], d[..., 1]), np.arctan2(d[..., 1], d[..., 0]) - pose[..., 2], rate], -1)
     noise = RADAR.sigma[which]
     noise[rng.random(T) < 0.2] = np.nan

@@ -50,7 +50,7 @@ def test_a_step_from_any_state_is_the_same(seed, T, M, dt):
 
 
 def test_what_is_drawn_has_all_that_is_rare():
-    seen = {"lost": 0, "turned": 0, "flipped": 0, "longer": 0, "cut": 0}
+    seen = {"lost": 0, "turned": 0, "driven": 0, "flipped": 0, "longer": 0, "cut": 0}
     for seed in range(40):
         state, scan = drawn(np.random.default_rng(seed), 4, 8)
         some = scan.mask.any(-1)
@@ -58,6 +58,8 @@ def test_what_is_drawn_has_all_that_is_rare():
         seen["lost"] += bool(info.notes)
         turn = np.cos(NUMPY.estimate(new).pose[:, 2] - NUMPY.estimate(state).pose[:, 2]) < 0
         seen["turned"] += (turn & some).any()
+        backwards = NUMPY.gaussian(new).m[:, 3] < -NUMPY.motion.backwards
+        seen["driven"] += (backwards & (new.motion.ahead > NUMPY.motion.settled) & some).any()
         seen["flipped"] += (new.size.anchor * state.size.anchor < 0).any()
         seen["longer"] += (new.place.p != state.place.p).any()
         seen["cut"] += (
