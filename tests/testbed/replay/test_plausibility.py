@@ -106,6 +106,10 @@ FOUND = {  # what was done to the drive, the line of the report, what fits, and 
     ),
     "yaw rate": ({"ego__yaw_rate": lambda w: w + 5}, "yaw rate of the ego", "does not fit", "ego.yaw_rate=heading"),
     "truth": ({"truth__vx": times(3.6), "truth__vy": times(3.6)}, "speed of the truth", "km/h", "truth.speed=km/h"),
+    "sizes": (
+        {"truth__length": lambda v: v * 0.3, "truth__width": lambda v: v * 3}, "boxes of the truth",
+        "length and width may be swapped", "truth.size=swapped",
+    ),
 }  # fmt: skip
 
 
@@ -199,6 +203,18 @@ def test_one_sensor_of_two_is_named(drive, tmp_path):
     check_cured(folder, right, "range rate of second", "reversed", "range_rate@second=reversed")
 
 
+def test_a_truth_that_lies_across_its_way_is_found(drive, tmp_path):
+    folder = changed(drive, tmp_path / "wrong", truth__heading=lambda angle: angle + np.pi / 2)
+    assert faults(judged(folder)[1])[0].startswith("boxes of the truth: headings are not those of the ways")
+
+
+def test_a_radar_without_noise_is_recorded_so_that_it_can_be_replayed(tmp_path):
+    write(record("cut-in", 3, "ideal", 1.0), tmp_path, "parquet")
+    recorded, found = judged(tmp_path)
+    assert recorded.sensors.sigma.min() > 0
+    assert faults(found) == []
+
+
 def test_azimuths_of_radars_that_look_aside_are_found_without_truth(turn, tmp_path):
     right = changed(turn, tmp_path / "right")
     (right / "truth.parquet").unlink()
@@ -281,7 +297,7 @@ def test_the_commands_print_the_report(drive, tmp_path):
     short = ("--tracker", "rm-koch", "--to", 0.3, "--log", "off", "--out", tmp_path / "runs")
     good = run("replay", drive, *short)
     assert good.exit_code == 0
-    assert good.output.count("plausible  11 tests; nothing can be said of") == 1
+    assert good.output.count("plausible  12 tests; nothing can be said of") == 1
     bad = run("replay", folder, *short[:2], "--out", tmp_path / "runs")
     assert bad.exit_code == 2
     assert "testbed: range rate: km/h" in bad.output
