@@ -58,7 +58,7 @@ class Seen(NamedTuple):
             np.concatenate([np.broadcast_to(getattr(f.scan, n), (len(f.scan.mask), w)) for f in frames])
             for n, w in (("polar", 3), ("pose", 3), ("velocity", 2), ("noise", 3))
         )
-        return cls(scan, time, sensor, polar, _turned(speed, -pose[:, 2]), pose, sigma)
+        return cls(scan, time, sensor, polar, turned(speed, -pose[:, 2]), pose, sigma)
 
     def take(self, rows: NDArray) -> Self:
         """Some of them."""
@@ -78,6 +78,10 @@ class Seen(NamedTuple):
         a = how.side * self.polar[:, 1]
         rate = how.rate * self.polar[:, 2] - dot(unit(a), self.velocity) * how.ground
         return np.stack([how.range * self.polar[:, 0], a, rate], -1)  # (PLA.1)
+
+    def places(self, how: Reading) -> NDArray:
+        """Places (N, 2) [m] in the world in a reading."""
+        return self.pose[:, :2] + how.range * self.polar[:, :1] * unit(self.pose[:, 2] + how.side * self.polar[:, 1])
 
     def over_ground(self, how: Reading) -> tuple[NDArray, NDArray]:
         """Range rates over ground (N,) [m/s] in a reading, and up to which (N,) [m/s] a thing stands."""
@@ -99,7 +103,8 @@ class Seen(NamedTuple):
         return np.stack([np.bincount(np.unique(of) % sensors, minlength=sensors) for of in rows], -1)
 
 
-def _turned(v: NDArray, angle: NDArray) -> NDArray:
+def turned(v: NDArray, angle: NDArray) -> NDArray:
+    """Vectors (N, 2) turned by angles (N,) [rad]."""
     return (rotation(angle) @ v[..., None])[..., 0]
 
 
@@ -153,7 +158,7 @@ class Pairs(NamedTuple):
         order = np.argsort(low, kind="stable")
         a, b = seen.take(rows), seen.take(np.array([b[0] for _, b in found], int)[pair])
         turn = wrap_angle(b.pose[:, 2] - a.pose[:, 2])
-        v = (a.velocity + _turned(b.velocity, turn)) / 2
+        v = (a.velocity + turned(b.velocity, turn)) / 2
         return cls(a, pair, seen.take(later[order]), low[order], b.time - a.time, turn, v, fov[a.sensor] / 2, size)
 
     def again(self, how: Reading) -> tuple[NDArray, NDArray, NDArray]:
@@ -165,12 +170,12 @@ class Pairs(NamedTuple):
         u, (g, t) = unit(azimuth), self.first.over_ground(how)
         still = ~(np.abs(g) >= t * abs(how.rate))  # also what has no range rate
         xy = r[:, None] * u + self.tau[:, None] * np.where(still[:, None], -self.velocity, rate[:, None] * u)
-        due = _turned(xy, -self.turn) / how.range * [1, how.side]  # (PLA.3)
+        due = turned(xy, -self.turn) / how.range * [1, how.side]  # (PLA.3)
         far, towards = np.hypot(*due.T), np.arctan2(due[:, 1], due[:, 0])
         i, j = _joined(*(np.searchsorted(self.low, FAR * self.pair + far + d) for d in (-ALONG, ALONG)))
         across = far[i] * np.abs(wrap_angle(self.second.polar[j, 1] - towards[i]))
         room = ACROSS + np.where(still, 0.0, self.first.polar[:, 0] * np.abs(self.turn))
-        later = dot(unit(how.side * towards), _turned(self.velocity, -self.turn))
+        later = dot(unit(how.side * towards), turned(self.velocity, -self.turn))
         change = np.where(still & (not how.ground), (dot(u, self.velocity) - later) / how.rate, 0.0)
         off = np.abs(self.first.polar[i, 2] + change[i] - self.second.polar[j, 2])
         near = (across < room[i]) & ~(off > RATE_NEXT)  # a rate that is not given is like all
@@ -212,19 +217,25 @@ class Boxed(NamedTuple):
         scan = np.repeat(np.arange(len(frames)), [len(o.id) for o in objects])
         return cls(scan, *(np.concatenate([getattr(o, n) for o in objects]) for n in cls._fields[1:]))
 
-    def due(self, seen: Seen, how: Reading) -> NDArray:
-        """Range rates (N,) [m/s] of the boxes in which the detections lie in a reading, NaN outside of all."""
-        r, a, _ = seen.read(how).T
-        u, due = unit(seen.pose[:, 2] + a), np.full(len(r), np.nan)
-        xy = seen.pose[:, :2] + r[:, None] * u
-        i, b = _joined(*(np.searchsorted(self.scan, seen.scan + k) for k in (0, 1)))
+    def at(self, scan: NDArray) -> tuple[NDArray, NDArray]:
+        """All pairs of scans (N,) and boxes at them, as rows of both."""
+        return _joined(*(np.searchsorted(self.scan, scan + k) for k in (0, 1)))
+
+    def hits(self, seen: Seen, how: Reading) -> tuple[NDArray, NDArray]:
+        """All pairs of detections and boxes in which these lie in a reading, as rows of both."""
+        xy = seen.places(how)
+        i, b = self.at(seen.scan)
         off, reach = xy[i] - self.pose[b, :2], np.hypot(*self.size.T) / 2 + 2 * BOX
         near = dot(off, off) <= reach[b] ** 2
         i, b = i[near], b[near]
         inside = (np.abs(to_frame(self.pose[b], xy[i, None])[:, 0]) <= self.size[b] / 2 + BOX).all(-1)
-        i, b = i[inside], b[inside]
-        v = point_velocity(self.velocity[b], self.yaw_rate[b], xy[i] - self.pose[b, :2])
-        due[i] = dot(v, u[i]) - dot(unit(a), seen.velocity)[i]
+        return i[inside], b[inside]
+
+    def due(self, seen: Seen, how: Reading) -> NDArray:
+        """Range rates (N,) [m/s] of the boxes in which the detections lie in a reading, NaN outside of all."""
+        (i, b), due, a = self.hits(seen, how), np.full(len(seen.scan), np.nan), how.side * seen.polar[:, 1]
+        v = point_velocity(self.velocity[b], self.yaw_rate[b], seen.places(how)[i] - self.pose[b, :2])
+        due[i] = dot(v, unit(seen.pose[:, 2] + a)[i]) - dot(unit(a), seen.velocity)[i]
         return due
 
 

@@ -17,11 +17,13 @@ from testbed.replay.reading import Recorded, read
 from testbed.replay.readings import columns, shares
 from testbed.replay.recording import RecordedFrame
 from testbed.replay.sensor_sheets import SensorSheets
+from testbed.replay.together import together
 from testbed.replay.ways import ego_speed, truth, yaw_rate
 from trackers.scan import SensorModel
 
 FAR, BEYOND = 1.25, 0.05  # times `max_range`, and the share of detections that may lie further away
 TWICE, SOME = 0.25, 0.02  # share of detections with an equal, of a fault and of a doubt
+EGO = ("speed of the ego", "yaw rate of the ego", "reach")  # tests before those of the columns
 CROWD, LOST = 10.0, 0.4  # unexplained detections in expected false alarms; share explained below which that counts
 
 
@@ -55,13 +57,17 @@ def _names_of(recorded: Recorded) -> Finding:
 def examine(frames: Sequence[RecordedFrame], sensors: SensorSheets) -> list[Finding]:
     """All findings on the frames of a recording."""
     seen, boxes = Seen.of(frames), Boxed.of(frames)
-    said = truth(frames)
-    ways = [ego_speed(frames), yaw_rate(frames), *said]
+    said, speed = truth(frames), ego_speed(frames)
+    ways = [speed, *([] if faults([speed]) else [yaw_rate(frames)]), *said]
     if not len(seen.scan):
         return [*ways, Finding("detections", "none", OPEN, OPEN)]
-    read = columns(seen, boxes, sensors, bool(said) and not faults(said))
-    found = [*read, shares(seen), _reach(seen, sensors), *ways, _equals(seen)]
-    return found if faults(found) else [*found, _crowd(seen, sensors)]  # wrong rates explain nothing
+    found = [*ways, _reach(seen, sensors), _equals(seen)]
+    if any(one.test in EGO and one.verdict == FAULT for one in found):
+        return found  # all else follows from these
+    found = [*columns(seen, boxes, sensors, bool(said) and not faults(said)), shares(seen), *found]
+    if faults(found):
+        return found
+    return [*found, *[together(seen.thinned(), boxes, frames, sensors)] * len(said[:1]), _crowd(seen, sensors)]
 
 
 def faults(found: Sequence[Finding]) -> list[str]:

@@ -62,7 +62,9 @@ class Judged(NamedTuple):
         stands = speaks[..., STANDING] & (much > SHARE * tells[..., STANDING]) & (cells[..., STANDING] >= SPREAD)
         stands &= tells[..., CLAIMED] >= 2 * LEAST  # else the next scan could not speak against it
         more = speaks[..., [MOVING, TRUTH]].sum(-1)
-        against = _clear(right, other).any(-1) | ((move[1] >= LEAST / 2) & (move[1] > 2 * move[0]))
+        veto = _clear(right, other)
+        veto[..., CLAIMED] &= ~speaks[..., TRUTH]  # rails may hide it
+        against = veto.any(-1) | ((move[1] >= LEAST / 2) & (move[1] > 2 * move[0]))
         fault = (more > 0) | (stands & (much >= ALONE * little))
         net = (other - right)[..., [STANDING, MOVING, TRUTH]].sum(-1)
         return cls(np.where(against, 1, np.where(fault, 3, np.where(stands, 2, 0))), stands + more, net)
@@ -88,7 +90,7 @@ def columns(seen: Seen, boxes: Boxed, sensors: SensorSheets, trusted: bool) -> l
     pairs, names = Pairs.of(seen, np.array([model.fov for model in sensors.models])), sensors.names
     votes = votes_of(seen.thinned(), boxes if trusted else None, pairs, len(names))
     total, best, each = votes.sum(0), Judged.of(votes.sum(0)).best, Judged.of(votes)
-    if best is not None and not (each.level[:, best] == 1).any():
+    if best is not None and not ((each.level[:, best] == 1) & (each.support[:, best] == 0)).any():
         return _told(seen, boxes, total, best, "")
     found = _told(seen, boxes, total, None, "")
     for s in np.unique(seen.sensor).tolist() if len(names) > 1 else ():

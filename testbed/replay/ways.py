@@ -43,14 +43,14 @@ class Ways(NamedTuple):
         use = most > least
         if not use.any() or use.mean() < OFTEN:
             return Finding(test, "no motion to compare", OPEN, OPEN)
-        off = float(np.median(np.linalg.norm(self.said - self.went, axis=-1)[use] / most[use]))
-        a, b = self.said[use], self.went[use]
+        a, b, most = self.said[use], self.went[use], most[use]
+        off = float(np.median(np.linalg.norm(a - b, axis=-1) / most))
         factor = float((a * b).sum() / max((a * a).sum(), 1e-12))  # (PLA.5)
         moved, claimed = float(np.median(went[use])), float(np.median(said[use]))
         figure = f"{claimed:.3g} {unit_} against {moved:.3g} {unit_} by places or headings, {off:.0%} off"
         if off <= APART and abs(factor - 1) <= SCALE:
             return Finding(test, figure, GOOD, GOOD)
-        left = float(np.median(np.linalg.norm(factor * a - b, axis=-1) / most[use]))
+        left = float(np.median(np.linalg.norm(factor * a - b, axis=-1) / most))
         close = [n for n in names if abs(factor - FACTORS[n]) <= NEAR * abs(FACTORS[n]) and left < NEAR]
         remedy = f"read it with --fix {fix}={close[0] if close else rest}"
         return Finding(test, figure, close[0] if close else "does not fit", FAULT if off > APART else DOUBT, remedy)
@@ -60,10 +60,11 @@ def ego_speed(frames: Sequence[RecordedFrame]) -> Finding:
     """Speed and heading of the ego against its places."""
     egos = [f.scene.ego for f in frames]
     pose, ahead = np.array([e.pose for e in egos]), unit([e.pose[2] for e in egos])
-    along = dot(np.array([e.velocity for e in egos]), ahead)[:, None]  # none across the heading
-    ways = Ways.of(_times(frames), pose[:, :2], along * ahead)
+    velocity = np.array([e.velocity for e in egos])
+    ways = Ways.of(_times(frames), pose[:, :2], dot(velocity, ahead)[:, None] * ahead)  # none across the heading
     found = ways.judge("speed of the ego", "m/s", 2 * DRIVE, SPEEDS, "ego.speed", "places")
-    went, said = (float(np.linalg.norm(way, axis=-1).mean()) if len(way) else 0.0 for way in ways)
+    went = float(np.linalg.norm(ways.went, axis=-1).mean()) if len(ways.went) else 0.0
+    said = float(np.hypot(*velocity.T).mean())
     if went < NEAR * said:
         return found._replace(remedy="read it with --fix ego.places=speed")
     if found.fits not in SPEEDS and abs(said - went) < NEAR * went:
