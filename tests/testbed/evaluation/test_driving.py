@@ -198,7 +198,7 @@ def test_the_row_of_an_empty_road_are_those_of_no_risk():
     row = driven([20.0] * 11).summary()
     assert [row["ttc_min"], row["ttc_5"], row["headway_min"]] == [10.0] * 3
     assert [row["drac_max"], row["tit"], row["deceleration_max"], row["jerk"]] == [0.0] * 4
-    np.testing.assert_allclose(row["drive_score"], 20.0 / 30.0)
+    np.testing.assert_allclose(row["drive_value"], 20.0 / 30.0)
 
 
 def test_the_jerk_is_the_slope_of_the_acceleration():
@@ -214,7 +214,7 @@ def test_a_second_is_worth_its_speed_less_risk_and_braking():
     values = drive_value(np.array([30.0, 30.0, 15.0]), np.array([np.inf, 1.5, 3.0]), np.array([0.0, 0.0, 4.0]))
     np.testing.assert_allclose(values, [1.0, 1.0 - 2 * 0.25, 0.5 - 0.5 * 0.25])
     # 30 m/s, then one frame of braking with 8 m/s^2: 0.1 s (30 / 30) + 0.1 s (29.2 / 30 - 0.5)
-    np.testing.assert_allclose(driven([30.0, 30.0, 29.2]).summary()["drive_score"], 0.1 + 0.1 * (29.2 / 30 - 0.5))
+    np.testing.assert_allclose(driven([30.0, 30.0, 29.2]).summary()["drive_value"], 0.1 + 0.1 * (29.2 / 30 - 0.5))
 
 
 def test_a_crash_ends_the_braking_but_not_the_risk():

@@ -24,7 +24,7 @@ def made(study, crashed=()):
         drives.append({"phase": "all", **key, **dict.fromkeys(MEASURES, 0.0), **ERRORS, "cpu": 1.0})
         for reference in ("truth", "in-view"):
             if run.condition not in ("truth", reference):
-                row = dict.fromkeys([*MEASURES, *TABLE], 0.0) | {"drive_score": -cost, "parted": 1.0, "parting": "then"}
+                row = dict.fromkeys([*MEASURES, *TABLE], 0.0) | {"drive_value": -cost, "parted": 1.0, "parting": "then"}
                 row["collisions"] = float(run.seed in crashed)
                 pairs.append({"reference": reference, **key, **row})
     return Results(study, pd.DataFrame(drives)), pd.DataFrame(pairs)
