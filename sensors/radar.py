@@ -20,12 +20,18 @@ from sensors.scattering import draw_counts
 from sensors.scene import Scene, check_scene
 from trackers.scan import DepthProfile, Scan, SensorModel
 
+MAX_MOUNT = (10.0, 2.5)  # [m] along and across from the centre: half of the longest and widest of vehicles
+
 
 @dataclass(frozen=True)
 class Sensor:
-    """One mounted radar. The defaults are a plausible side radar; angles in the names are in degrees."""
+    """One mounted radar. The defaults are a plausible side radar.
 
-    mount: tuple[float, float, float] = (0.0, 0.0, 0.0)  # x, y [m], heading [rad] in the frame of the vehicle's centre
+    Fields whose names end in `_deg` are in degrees. The heading of the mount is in radians: (-2.35, 0.0, np.pi) looks
+    back, and `sensors.rigs.facing` takes degrees.
+    """
+
+    mount: tuple[float, float, float] = (0.0, 0.0, 0.0)  # x, y [m], heading in RAD, from the vehicle's centre
     max_range: float = 30.0  # [m]
     fov_deg: float = 90.0  # full opening angle
     spacing_deg: float = 0.25  # between rays; what is thinner may be missed
@@ -61,6 +67,8 @@ class Sensor:
             value = np.asarray(getattr(self, name))
             if np.isnan(value).any() or (name != "mount" and (value < 0).any()):
                 raise ValueError(f"sensor.{name} must be a number of at least 0, got {getattr(self, name)}")
+        if fault := fault_of_mount(self.mount):
+            raise ValueError(f"sensor.mount {fault}")
         if not isinstance(self.persistence, Persistence | None):
             raise ValueError(
                 f"sensor.persistence must be a Persistence or None, got {self.persistence}; "
@@ -101,6 +109,17 @@ class Sensor:
             clutter=self.clutter,
             profile=self.profile,
         )
+
+
+def fault_of_mount(mount: tuple[float, float, float]) -> str:
+    """What is wrong with a mount x, y [m], heading [rad], in words; empty where it can be right."""
+    if np.shape(mount) != (3,):
+        return f"must be x, y [m] and heading [rad], got {mount}"
+    if (np.abs(mount[:2]) > MAX_MOUNT).any():
+        return f"is {mount[0]:g} m, {mount[1]:g} m from the vehicle's centre, outside of any vehicle; give metres"
+    if abs(mount[2]) > 2 * np.pi:
+        return f"has the heading {mount[2]:g} rad, more than a turn; it is in rad: for degrees write np.radians(...)"
+    return ""
 
 
 def numeric() -> list[str]:

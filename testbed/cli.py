@@ -101,6 +101,7 @@ def run(
 
     Recorded traffic: [bold]testbed run replay:i80.csv:ego=12,react=5[/bold]; docs/real-traffic.md
     """
+    from testbed.environment.door import WrongTracks
     from testbed.experiments.single import RunConfig, Unusable, check, length
     from testbed.experiments.single import run as run_once
 
@@ -109,7 +110,7 @@ def run(
         file, faults = None if config is None else str(config), tuple(fault or ())
         settings = RunConfig(*driven, str(out), log, not no_metrics, faults, file, focus, after)
         check(settings)
-    with user_input((OSError, Unusable)), progress_bar("{task.completed:.1f} / {task.total:.1f} s") as bar:
+    with user_input((OSError, Unusable, WrongTracks)), progress_bar("{task.completed:.1f} / {task.total:.1f} s") as bar:
         task = bar.add_task(f"{scenario}, seed {seed}", total=length(settings))
         result = run_once(settings, lambda done, total: bar.update(task, completed=done, total=total))
     with losses(result.lost):
@@ -125,6 +126,8 @@ def replay(
     end: Annotated[float | None, typer.Option("--to", help="Seconds after the first scan. Without it: all.")] = None,
     out: Annotated[Path, typer.Option(help="Directory for the log, the results and the tracks.")] = Path("runs"),
     log: options.Log = "full",
+    fix: options.Fixes = None,
+    accept: Annotated[bool, typer.Option("--accept-implausible", help="Replay what cannot be right too.")] = False,
 ) -> None:
     """Give a recording of your own to trackers: its tables in, tracks out.
 
@@ -139,8 +142,10 @@ def replay(
     from testbed.replay.replaying import replay as replay_once
 
     with user_input(), busy(f"reading {folder}"):
-        settings = ReplayConfig(str(folder), tuple(tracker or (DEFAULT,)), start, end, str(out), log)
+        trackers, fixes = tuple(tracker or (DEFAULT,)), tuple(fix or ())
+        settings = ReplayConfig(str(folder), trackers, start, end, str(out), log, fixes, accept)
         recorded = prepare(settings)
+    command.brief(list(recorded.findings), console)
     with user_input((OSError,)), progress_bar("{task.completed:.0f} / {task.total:.0f} scans") as bar:
         task = bar.add_task(recorded.name, total=len(recorded.frames))
         done = replay_once(settings, recorded, lambda scans, total: bar.update(task, completed=scans, total=total))
@@ -223,19 +228,26 @@ def diff(
 
 @app.command()
 def check(
-    what: Annotated[str, typer.Argument(help="tracker, planner, radar or scenario.")],
-    name: Annotated[str, typer.Argument(help="MODULE:OBJECT or a name, also with :KEY=VALUE,KEY=VALUE.")],
+    what: Annotated[str, typer.Argument(help="tracker, planner, radar, scenario or recording.")],
+    name: Annotated[str, typer.Argument(help="MODULE:OBJECT or a name, also with :KEY=VALUE,KEY=VALUE; or a folder.")],
+    fix: options.Fixes = None,
 ) -> None:
     """Check your own code against the laws that every entry of the catalogue keeps, and say which it breaks.
 
-    Exit status 1: a law is broken. The bracket behind a fault repeats it in
-    Python.
+    Of a recording: what its numbers say about each other, and what cannot be
+    right. Exit status 1: a law is broken. The bracket behind a fault repeats
+    it in Python.
 
     Example: [bold]testbed check tracker my_ekf:CentroidEKF[/bold]
+    Example: [bold]testbed check recording drive --fix range_rate=km/h[/bold]
     """
     from testbed.check import command
 
     with user_input():
+        if what == "recording":
+            from testbed.replay.command import report
+
+            raise typer.Exit(report(Path(name), tuple(fix or ()), console))
         found = command.results(what, name)
     raise typer.Exit(command.show(name, found, console))
 

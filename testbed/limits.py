@@ -17,6 +17,10 @@ MOST_DETECTIONS = 2_000_000  # of a sampler
 PROCESSES = 4  # on a core
 
 
+class UnfitPolicy(ValueError):
+    """A learned policy does not fit the environment that it is to drive in; one sentence says how."""
+
+
 def check_whole(name: str, value: Any, least: int, most: int) -> None:
     """A whole number from `least` to `most`."""
     if not isinstance(value, Integral) or isinstance(value, bool):

@@ -14,7 +14,7 @@ from sensors import RADARS, Radar, Sensor
 
 # A sensor is a row of figures; what is not given keeps its default, see sensors/radar.py.
 long_range = Sensor(
-    mount=(2.35, 0.0, 0.0),  # x, y [m] and heading [rad] in the frame of the vehicle's centre: the front bumper
+    mount=(2.35, 0.0, np.radians(0.0)),  # x, y [m], heading in rad, from the vehicle's centre: the front bumper
     max_range=150.0,  # [m]
     fov_deg=18.0,
     spacing_deg=0.05,  # between rays

@@ -63,7 +63,9 @@ if __name__ == "__main__":
     parser.add_argument("--out", default="policy.npz")
     given = parser.parse_args()
     q = train(given.tracker, given.steps, given.seed, given.envs).policy.q_net.q_net
-    save_policy(given.out, [(part.weight.detach(), part.bias.detach()) for part in q if hasattr(part, "weight")])
+    env = make_env(given.tracker)
+    env.reset(seed=given.seed)
+    save_policy(given.out, list(q), env)  # of PPO: [*policy.mlp_extractor.policy_net, policy.action_net]
     for tracker in ("truth", given.tracker):
         seeds = range(1000, 1000 + given.episodes)
         length, total, crashes = evaluate(Learned(given.out), tracker, seeds)

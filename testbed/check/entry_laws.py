@@ -14,6 +14,7 @@ from shapely.geometry import Polygon
 
 from scenarios import Scenario
 from scenarios.bodies import parts
+from sensors.radar import fault_of_mount
 from sensors.scene import Scene, boxes_scene
 from testbed.check.draws import Broken, check_equal
 from testbed.environment.registration import env_id
@@ -54,6 +55,13 @@ def a_scan_fits_the_data_sheets(radar: Any) -> None:
             raise Broken(f"a detection at {polar[far, 0].max():.1f} m is beyond max_range of its sensor's model")
         if not ((origin.object >= -1) & (origin.object < 6)).all():
             raise Broken("origin.object must be a row of the scene's objects, or -1")
+
+
+def mounts_lie_on_a_vehicle(radar: Any) -> None:
+    """Places are in metres and headings in rad, from the vehicle's centre."""
+    for number, model in enumerate(radar.models):
+        if fault := fault_of_mount(model.mount):
+            raise Broken(f"the mount of sensor {number} {fault}")
 
 
 def the_same_generator_gives_the_same_scan(radar: Any) -> None:

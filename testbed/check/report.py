@@ -10,6 +10,7 @@ import numpy as np
 
 from testbed.check import entry_laws, laws, tracker_laws
 from testbed.check.draws import Broken
+from testbed.environment.door import WrongTracks
 from trackers.filter import Abilities
 from trackers.multi.tracker import MultiObjectTracker
 
@@ -46,14 +47,18 @@ OPTIONAL: tuple[tuple[str, Law], ...] = (
     ("resize", laws.a_resize_changes_the_size_and_nothing_else),
 )
 TRACKER_LAWS: tuple[Law, ...] = (
+    tracker_laws.every_step_returns_what_can_be_tracks,
     tracker_laws.nothing_seen_is_nothing_tracked,
     tracker_laws.a_car_in_plain_view_becomes_one_track,
     tracker_laws.a_car_that_is_gone_loses_its_track,
-    tracker_laws.a_tracker_remembers_nothing,
+    tracker_laws.a_car_keeps_its_id,
+    tracker_laws.padding_does_not_matter,
+    tracker_laws.a_start_begins_anew,
 )
 
 
 RADAR_LAWS: tuple[tuple[Law, Cases], ...] = (
+    (entry_laws.mounts_lie_on_a_vehicle, ONCE),
     (entry_laws.a_scan_fits_the_data_sheets, ONCE),
     (entry_laws.the_same_generator_gives_the_same_scan, ONCE),
     (entry_laws.a_car_in_view_is_detected_and_an_empty_road_has_none, ONCE),
@@ -109,7 +114,7 @@ def law_result(law: Law, subject: Any, cases: Cases = ONCE) -> LawResult:
         try:
             with np.errstate(all="ignore"):  # what comes of it is looked at instead
                 law(subject, **case)
-        except Broken as broken:
+        except (Broken, WrongTracks) as broken:
             return LawResult(name, f"{broken}{_told(law, case)}")
         except Exception as error:
             return LawResult(name, f"{type(error).__name__}: {error} ({_place(error)}){_told(law, case)}")

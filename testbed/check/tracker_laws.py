@@ -1,13 +1,16 @@
 """The laws of a multi-object tracker, `start` and `step`; a filter is tried in the tracker of `trackers.multi`.
 
-The scene is a road with one car or none, seen from behind by a radar at rest at the origin.
+The scene is a road with one car or none, seen from behind by a radar at rest at the origin. A whole tracker may keep
+what it likes in itself, such as filters of another library: `start` clears it.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from testbed.check.draws import Broken, arrays, check_equal, check_finite, leaves
+from testbed.environment.door import check_output, check_tracks
 from trackers.scan import Scan, SensorModel
 
 RADAR = SensorModel(max_range=150.0, fov=2.0, clutter=1.0)
@@ -24,12 +27,38 @@ def rear_scan(rng: np.random.Generator, x: float, n: int = 8) -> Scan:
     return scan._replace(polar=np.concatenate([scan.polar[..., :2], rate[..., None]], -1))
 
 
-def drive(tracker: Any, scans: int = 15, seed: int = 1) -> Any:
+def scans_of(scans: int, seed: int = 1) -> list[Scan]:
+    """Scans of a car that starts 20 m ahead."""
+    rng = np.random.default_rng(seed)
+    return [rear_scan(rng, 20.0 + SPEED * DT * k) for k in range(scans)]
+
+
+def histories(tracker: Any, scans: Sequence[Scan]) -> list[Any]:
+    """Tracks after each of the scans, from a start on."""
+    tracks, found = tracker.start(), []
+    for k, scan in enumerate(scans):
+        tracks, _ = tracker.step(tracks, scan, DT if k else 0.0)
+        found.append(tracks)
+    return found
+
+
+def drive(tracker: Any, scans: int = 15) -> Any:
     """Tracks after so many scans of a car that starts 20 m ahead."""
-    rng, tracks = np.random.default_rng(seed), tracker.start()
-    for k in range(scans):
-        tracks, _ = tracker.step(tracks, rear_scan(rng, 20.0 + SPEED * DT * k), DT if k else 0.0)
-    return tracks
+    return histories(tracker, scans_of(scans))[-1]
+
+
+def every_step_returns_what_can_be_tracks(tracker: Any) -> None:
+    """Shapes fit, numbers are finite and plausible, ids differ: before a car comes, with it, and after it is gone.
+
+    Each run has the same check at every step: `testbed.environment.door`.
+    """
+    nothing, name = Scan.from_xy(np.zeros((0, 2))), type(tracker).__name__
+    tracks = tracker.start()
+    check_tracks(tracks, name, "start")
+    for k, scan in enumerate([nothing, *scans_of(15), *[nothing] * 20]):
+        output = tracker.step(tracks, scan, DT if k else 0.0)
+        check_output(output, scan.mask.shape[-1], name, f"step {k}")
+        tracks = output[0]
 
 
 def a_car_in_plain_view_becomes_one_track(tracker: Any) -> None:
@@ -62,12 +91,33 @@ def nothing_seen_is_nothing_tracked(tracker: Any) -> None:
         raise Broken(f"empty scans have made {count} tracks")
 
 
-def a_tracker_remembers_nothing(tracker: Any) -> None:
-    """The same scans give the same tracks a second time, and `step` leaves the tracks that it is given as they were."""
-    law = "the same scans gave other tracks the second time; all state of a tracker must be in its Tracks"
-    tracks = drive(tracker)
-    check_equal(drive(tracker), tracks, 0, 0, law)
-    copies = [np.array(a) for a in arrays(tracks)]
-    tracker.step(tracks, rear_scan(np.random.default_rng(2), 35.0), DT)
-    for (name, now), then in zip(leaves(tracks), copies, strict=True):
-        check_equal(now, then, 0, 0, f"step writes into the tracks that it is given ({name}); work on a copy")
+def a_car_keeps_its_id(tracker: Any) -> None:
+    """From the first report of a car on, over 15 scans, its id stays."""
+    ids = [int(i) for tracks in histories(tracker, scans_of(15)) for i in tracks.reported.id]
+    if len({*ids}) > 1:
+        raise Broken(f"a car in plain view has the ids {sorted({*ids})} within 15 scans; a track keeps its id for life")
+
+
+def padding_does_not_matter(tracker: Any) -> None:
+    """Rows behind the mask, here NaN, are no detections."""
+    plain = scans_of(15)
+    gap = np.full((2, 3), np.nan)
+    padded = [s._replace(polar=np.vstack([s.polar, gap]), mask=np.append(s.mask, [False, False])) for s in plain]
+    law = "rows of a scan whose mask is false change the tracks; use scan.polar[scan.mask] or scan.xy[scan.mask]"
+    check_equal(_shown(histories(tracker, padded)[-1]), _shown(histories(tracker, plain)[-1]), law=law)
+
+
+def a_start_begins_anew(tracker: Any) -> None:
+    """The same scans after `start` give the same tracks a second time, and tracks once returned stay as they were."""
+    law = "the same scans after start gave other tracks the second time; start must clear what the tracker keeps"
+    first = histories(tracker, scans_of(15))
+    copies = [np.array(a) for a in arrays(_shown(first[-1]))]
+    check_equal(_shown(histories(tracker, scans_of(15))[-1]), _shown(first[-1]), 0, 0, law)
+    tracker.step(first[-1], rear_scan(np.random.default_rng(2), 35.0), DT)
+    for (name, now), then in zip(leaves(_shown(first[-1])), copies, strict=True):
+        check_equal(now, then, 0, 0, f"step writes into tracks that others still use ({name}); return new arrays")
+
+
+def _shown(tracks: Any) -> Any:
+    """Tracks without what only the tracker itself reads, which may be of any kind."""
+    return tracks._replace(state=None)

@@ -21,6 +21,10 @@ Seed = Annotated[int, typer.Option(help="Of all that is drawn at random; the sam
 Seeds = Annotated[str, typer.Option(help="0:20 for 0 to 19, a list 0,3,7, or one number.")]
 Duration = Annotated[float | None, typer.Option(help="Seconds. Without it: the scenario's own.")]
 After = Annotated[float | None, typer.Option(help="End a run so many seconds after the maneuver, or at its duration.")]
+Fixes = Annotated[
+    list[str] | None,
+    typer.Option(help="Of a recording: COLUMN=HOW as it is to be read, such as range_rate=km/h. Repeat for several."),
+]
 Log = Annotated[str, typer.Option(help="What goes into the log: off, metrics or full.")]
 Focus = Annotated[int | None, typer.Option(help="Vehicle whose page comes first in the log, such as 3 for veh_03.")]
 Jobs = Annotated[int, typer.Option(help="Number of processes; -1 for one a core.")]

@@ -12,10 +12,12 @@ highway-env does and why this follows: docs/methods/environment.md.
 
 from collections.abc import Callable, Sequence
 from copy import deepcopy
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
+from gymnasium.error import ResetNeeded
 from highway_env.envs.common.abstract import AbstractEnv
+from highway_env.envs.common.graphics import EnvViewer
 from highway_env.envs.common.observation import ObservationType
 from highway_env.road.regulation import RegulatedRoad
 from highway_env.road.road import Road
@@ -117,6 +119,31 @@ def attach_view(observation_type: ObservationType, view: BeliefView) -> None:
             part.viewer.env = view
 
 
+class NoReset:
+    """Takes the place of `reset` of the inner environment, which would show the truth; copies of it have it too."""
+
+    def __call__(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> NoReturn:
+        """Raise ResetNeeded."""
+        raise ResetNeeded(
+            "reset goes around radar and tracker here, and would show the truth; "
+            "call it on the tracked environment, or on a deep copy of that"
+        )
+
+
+class BeliefPictures:
+    """Takes the place of `render` of the inner environment: pictures for programs are of the belief road."""
+
+    def __init__(self, env: AbstractEnv, view: BeliefView) -> None:
+        self._env, self._view = env, view
+
+    def __call__(self) -> NDArray:
+        """Picture (height, width, 3)."""
+        if self._env.viewer is None:
+            self._env.viewer = EnvViewer(self._view)
+        self._env.viewer.env = self._view  # a wrapper below may have rendered before
+        return type(self._env).render(self._env)
+
+
 class CopyOf:
     """What a deep copy of one road makes instead: a copy of another; a class, because functions cannot be pickled."""
 
@@ -131,17 +158,14 @@ class CopyOf:
 class RoadSwap:
     """Switches an environment between its true road, while it simulates, and the belief road, between calls.
 
-    A deep copy of the environment holds None in its place. While the true road is hidden, a deep copy of it is one of
-    the belief road, so that nothing that still refers to the true road copies the truth.
+    While the true road is hidden, a deep copy of it is one of the belief road, so that nothing that still refers to the
+    true road copies the truth.
     """
 
     def __init__(self, env: AbstractEnv) -> None:
         self._env = env
         self._truth: Road | None = None
         self._belief: Road | None = None
-
-    def __deepcopy__(self, memo: dict) -> None:
-        return None
 
     @property
     def hidden(self) -> bool:

@@ -23,6 +23,7 @@ from sensors.fault_text import faults_of
 from sensors.faults import Fault, apply_faults, chosen
 from sensors.origin import Origin
 from sensors.scene import Scene
+from testbed.environment.door import check_output, check_tracks
 from testbed.evaluation.metric import COST, values
 from testbed.frame import TRUTH, Frame, Observer
 from trackers.estimate import Estimate, prior
@@ -213,7 +214,7 @@ def advance(estimate: Estimate, lag: float) -> Estimate:
 
 
 class Perception:
-    """Radar, trackers and their last frame; a deep copy of the environment holds None in its place."""
+    """Radar, trackers and their last frame."""
 
     scene: Scene  # of the last scan
 
@@ -230,9 +231,6 @@ class Perception:
         self.costs = {name: Cost() for name in self.trackers}
         self.only_truth = set(self.trackers.values()) == {None}
         self.steps = 0  # simulated frames since the start
-
-    def __deepcopy__(self, memo: dict) -> None:
-        return None
 
     def without(self, observer: Observer) -> "Perception":
         """The same with one observer less; all else is shared."""
@@ -283,6 +281,7 @@ class Perception:
                 self._mapped[name] = mapped = on_road(tracker, road)
                 if mapped is not None:
                     self._tracks[name] = mapped.start()
+                    check_tracks(self._tracks[name], name, "start")
         self.step(action, np.zeros((0, 2)), first=True)
 
     def step(self, action: str, plan: NDArray, first: bool = False) -> None:
@@ -314,6 +313,7 @@ class Perception:
                 outputs[name] = truth_tracks(scene), truth_info(scene, origin)
             else:
                 outputs[name] = tracker.step(self._tracks[name], scan, scene.dt)
+                check_output(outputs[name], scan.mask.shape[-1], name, f"step {self.steps} ({scene.time:.2f} s)")
                 self._tracks[name] = outputs[name][0]
             self._count(name, perf_counter() - start, outputs[name][1])
         self._frame = Frame(self.steps, scene, scan, origin, outputs, action, plan)

@@ -9,6 +9,7 @@ Three hooks, none of which changes the simulation (docs/methods/environment.md):
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from copy import deepcopy
 from os import PathLike
 from typing import Any
 
@@ -30,7 +31,15 @@ from sensors.fault_text import faults_of
 from sensors.faults import streams
 from sensors.origin import Origin
 from sensors.scene import Scene
-from testbed.environment.belief import BeliefView, RoadSwap, attach_view, belief_road, mirror_road
+from testbed.environment.belief import (
+    BeliefPictures,
+    BeliefView,
+    NoReset,
+    RoadSwap,
+    attach_view,
+    belief_road,
+    mirror_road,
+)
 from testbed.environment.observation import without_frames
 from testbed.environment.perception import Cost, Perception, advance, radar_label
 from testbed.environment.recorder import Recorder, check_level
@@ -134,11 +143,11 @@ def frame_tap(road: Road, perception: Perception, action: str, plan: NDArray) ->
 class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
     """A highway-env environment whose observation, and whose road between calls, are built from tracks.
 
-    Reward, termination, truncation and rendering are those of the true world. Traffic draws from the environment's own
-    generator, the radar from another: the same seed and actions give the same traffic whatever is mounted.
+    Reward, termination and truncation are those of the true world. Traffic draws from the environment's own generator,
+    the radar from another: the same seed and actions give the same traffic whatever is mounted.
 
-    A deep copy has no radar and no tracker. Its road is a copy of the belief road, and stepping it predicts the tracks
-    as traffic, for planners that search with copies of the environment.
+    A deep copy has no radar and no tracker until it is reset. Its road is a copy of the belief road, and stepping it
+    predicts the tracks as traffic, for planners that search with copies of the environment.
     """
 
     def __init__(
@@ -224,9 +233,8 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
         self.plan: NDArray = np.zeros((0, 2))  # (P, 2) [m] the planner's path; set before `step`, for the observers
         self.cruise_speed = SLOWEST_CRUISE  # [m/s] of a planner on a free road
         self._radar = radar
-        self._mounted: Perception | None = Perception.mount(radar, (tracker, *also), faults)
-        self._swap: RoadSwap | None = RoadSwap(env.unwrapped)
-        self._view = BeliefView(env.unwrapped, self._belief_now)
+        self._mount(Perception.mount(radar, (tracker, *also), faults))
+        self._clear()
         self._fence = ProtectedConstants()  # `intersection-*` writes into IDMVehicle at every reset
         self._episode = 0
         self._ended = False  # whether the episode is over
@@ -304,8 +312,8 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
             TypeError, ValueError: `options` is no dict, or has another key than "config".
         """
         check_options(options)
-        if self._mounted is None or self._swap is None:
-            return self.env.reset(seed=seed, options=options)
+        if self._mounted is None:
+            self._mount(Perception(*deepcopy(self._parts)))
         self._swap.show()
         self._episode = 0 if seed is not None else self._episode + 1
         self._belief, self.plan = None, np.zeros((0, 2))
@@ -324,9 +332,8 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
             gymnasium.error.ResetNeeded: `reset` was not called before, or the episode is over.
             gymnasium.error.InvalidAction: the action is not in the action space; nothing was simulated.
         """
-        if self._mounted is None or self._swap is None:
-            return self.env.step(action)
-        if not self._swap.hidden:
+        core = self._core
+        if core.road is None:
             raise gym.error.ResetNeeded("step was called before reset; call env.reset(seed=...) first")
         if self._ended:
             raise gym.error.ResetNeeded("step was called after the end of the episode; call env.reset() first")
@@ -335,21 +342,30 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
                 f"action {action!r} is not in the action space {self.action_space}; "
                 "check it with env.action_space.contains(action); env.action_space.sample() is one"
             )
+        if self._mounted is None:
+            return self.env.step(action)
+        belief = self._belief_now()  # until there is a new one, which a step that fails does not have
         self._swap.show()
-        core = self._core
         words = describe_action(core.action_type, action)
         attach_view(core.observation_type, self._view)
         try:
-            with frame_tap(core.road, self._perception, words, self.plan), self._fence:
+            with frame_tap(core.road, self._mounted, words, self.plan), self._fence:
                 observation, reward, terminated, truncated, info = self.env.step(action)
+            belief = self._belief_now()
         finally:
-            self._swap.hide(self._belief_now())
+            self._swap.hide(belief)
         self._ended = bool(terminated or truncated)
         return observation, reward, terminated, truncated, self._report(info)
 
     def render(self) -> Any:
-        """Picture of the true world."""
-        if self._swap is None or not self._swap.hidden:
+        """Picture of what the planner knows, or in the mode "human" of the true world, in a window.
+
+        Raises:
+            gymnasium.error.ResetNeeded: `reset` was not called before.
+        """
+        if self._core.road is None:
+            raise gym.error.ResetNeeded("render was called before reset; call env.reset(seed=...) first")
+        if self.render_mode != "human" or self._mounted is None or not self._swap.hidden:
             return self.env.render()
         self._swap.show()
         try:
@@ -368,7 +384,29 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
             return self.__dict__.copy()
         return {**self.__dict__, "recorder": None, "_mounted": self._perception.without(self.recorder)}
 
+    def __deepcopy__(self, memo: dict) -> "TrackedEnv":
+        """A copy that knows nothing of the truth and writes no files; a reset mounts copies of radar and trackers."""
+        other = memo[id(self)] = type(self).__new__(type(self))
+        unmounted = dict.fromkeys(("_mounted", "_swap", "_view", "_reader", "_belief", "_decided", "recorder", "out"))
+        kept = {key: deepcopy(value, memo) for key, value in self.__dict__.items() if key not in {*unmounted, "_parts"}}
+        other.__dict__ |= {**kept, **unmounted, "_parts": self._parts}
+        return other
+
     # Inner workings
+
+    def _mount(self, perception: Perception) -> None:
+        """Put a radar and trackers between the environment and whoever looks at it."""
+        core = self._core
+        self._mounted: Perception | None = perception
+        self._parts = perception.radar, perception.trackers, perception.faults  # for the reset of a copy
+        self._swap, self._view = RoadSwap(core), BeliefView(core, self._belief_now)
+        core.reset = NoReset()
+        if self.render_mode == "rgb_array":
+            core.render = BeliefPictures(core, self._view)
+
+    def _clear(self) -> None:
+        """Leave no road, where no episode has begun."""
+        self._core.road, self._core.controlled_vehicles = None, []
 
     def _begin(self) -> None:
         """The first scan, and the warm-up: traffic without an action of the ego."""
@@ -497,10 +535,16 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
                 self._begin()
 
         core.define_spaces = define_and_attach
+        del core.reset
+        begun = False
         try:
             yield
+            begun = True
         finally:
+            core.reset = NoReset()
             del core.define_spaces
+            if not begun:
+                self._clear()
 
     def _report(self, info: dict[str, Any]) -> dict[str, Any]:
         """The environment's info, the numbers of reported tracks of the first tracker and of detections, and the drive.

@@ -42,6 +42,8 @@ class Settings:
     settle: float = 0.0  # [s] from the start, of which no scan enters a mean
 
     def __post_init__(self) -> None:
+        for name in ("radar", "planner"):
+            check_names(name, (getattr(self, name),))
         Run("any", **asdict(self))  # which refuses what no run can have
 
     @property

@@ -13,6 +13,7 @@ from scenarios import SCENARIOS
 from scenarios.record import Scenario
 from sensors import Radar, faults_of
 from testbed import planners
+from testbed.environment.door import OF_USERS
 from testbed.environment.registration import make, scenario_of
 from testbed.environment.sources import conditions
 from testbed.frame import TRUTH
@@ -130,11 +131,11 @@ class Outcome(NamedTuple):
 def outcome_of(name: str, work: Callable[[], str]) -> Outcome:
     """A run that fails must not stop the others: any error is caught here, and reported with its traceback.
 
-    Of a file that cannot be written or read the sentence is enough.
+    Of a file that cannot be written or read, and of `OF_USERS`, the sentence is enough.
     """
     try:
         note = work()
-    except OSError as error:
+    except (OSError, *OF_USERS) as error:
         return Outcome(name, FAILED, str(error))
     except Exception:
         return Outcome(name, FAILED, traceback.format_exc())

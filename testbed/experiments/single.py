@@ -20,6 +20,7 @@ from sensors import find as find_radar
 from sensors.faults import chosen
 from testbed import planners
 from testbed.command_line.interruption import interruptible
+from testbed.environment.door import OF_USERS
 from testbed.environment.episode import decisions
 from testbed.environment.episode import start as start_episode
 from testbed.environment.perception import tracker_of
@@ -29,7 +30,7 @@ from testbed.evaluation.tracking import jsonable
 from testbed.experiments.identity import own_code, own_module, own_names, tracker_digest
 from testbed.files import make_directory, noting_losses
 from testbed.frame import Observer
-from testbed.limits import LONGEST, check_duration, check_folder, check_names, check_seeds
+from testbed.limits import LONGEST, UnfitPolicy, check_duration, check_folder, check_names, check_seeds
 from trackers import DEFAULT
 from trackers.json_file import read_json
 
@@ -97,8 +98,8 @@ class RunResult:
     result: dict[str, Any]  # see `Recorder.result`
     json: Path | None  # None where it could not be written
     rrd: Path | None  # None where there is no log
-    exit_status: int  # 0, 128 + signal where one ended the run early, 2 where something could not be written
-    lost: tuple[str, ...] = ()  # what could not be written, in sentences
+    exit_status: int  # 0, 128 + signal where one ended the run early, 2 where `lost` says something
+    lost: tuple[str, ...] = ()  # in sentences, what could not be written, or why a tracker or planner ended the run
 
     @property
     def interrupted(self) -> bool:
@@ -158,6 +159,8 @@ def _configured(config: RunConfig) -> Iterator[None]:
     """Around what depends on a config or an environment of highway-env: an error there is one of the user's choice."""
     try:
         yield
+    except UnfitPolicy:
+        raise
     except OF_CONFIGS as error:
         if not config.settings and isinstance(scenario_of(config.scenario), Scenario):
             raise
@@ -181,10 +184,13 @@ def run(
 
     Ctrl-C or SIGTERM ends the run after the decision at hand: what was measured until then is written and returned.
     A disk that becomes full on the way does not end it: a `LostFileWarning` and `RunResult.lost` say what is missing.
+    Tracks that cannot be right, an action that the environment does not have and a policy of another observation end it
+    with what was measured until then, and a sentence in `RunResult.lost`.
 
     Raises:
         LookupError: an unknown scenario, tracker, radar or planner; the nearest name is suggested.
         Unusable: the environment does not take the config, or the planner of the catalogue not the environment.
+        WrongTracks: a tracker returns no tracks at the first scan.
         OSError: log or results cannot be written where they belong; raised before the run begins.
     """
     planner = planners.find(config.planner)
@@ -211,6 +217,8 @@ def run(
                 done = step.terminated or step.truncated or tracked.truth.time >= until
                 if progress:
                     progress(tracked.truth.time, total)
+        except OF_USERS as error:
+            recorder.lost.append(f"{error}; the run ends at {tracked.truth.time:.2f} s")
         finally:
             timing = {**tracked.seconds, **recorder.seconds, "wall": perf_counter() - start}
             timing["cpu"] = process_time() - cpu

@@ -3,6 +3,7 @@
 One frame holds for all tables: angles turn from x towards y. What is not given is an empty cell, or no column at all.
 """
 
+import re
 from dataclasses import fields
 from math import inf, pi
 from types import MappingProxyType
@@ -137,7 +138,7 @@ SENSORS = Table(
         Column("count_at_15m", "", "expected detections of an object 3 m wide at 15 m", False, 1e-3, 1e6),
         Column("count_falloff", "", "exponent with which they become fewer with range", False, 0.0, 10.0),
         Column("count_max", "", "the most of one object", False, 1e-3, 1e6),
-        Column("clutter", "", "expected false alarms a scan", False, 1e-6, 1e6),
+        Column("clutter", "", "expected false alarms a scan", False, 0.0, 1e6),
         *(Column(name, "", "where detections lie on a body, see `DepthProfile`") for name in profile_columns()),
     ),
     needed=True,
@@ -174,4 +175,33 @@ LANES = Table(
         Column("width", "m", "of the lane; that of its first point counts", True, 0.5, 100.0, METRES),
     ),
 )
+LIKE = MappingProxyType(  # column -> other names for it, in small letters and without underscores and units
+    {
+        "range_rate": (
+            "doppler", "dopplervelocity", "dopplerspeed", "vr", "vrad", "vradial", "radialvelocity", "radialspeed",
+            "rangevelocity", "rangerate", "rdot", "rr", "velocity", "vel", "speed", "v", "vrcomp", "vcomp",
+        ),
+        "range": ("r", "rng", "rho", "dist", "distance", "radius"),
+        "azimuth": ("az", "azi", "theta", "phi", "alpha", "angle", "bearing"),
+        "heading": ("yaw", "psi", "theta", "phi", "course", "orientation"),
+        "yaw_rate": ("yawrate", "omega", "psidot", "gyroz", "turnrate", "wz"),
+        "speed": ("v", "vel", "velocity", "vego"),
+        "time": ("t", "ts", "timestamp", "stamp"),
+        "sensor": ("radar", "sensorid", "sensorname"),
+        "object": ("objectid", "trackid", "target", "label"),
+        "id": ("objectid", "trackid", "vehicle", "vehicleid"),
+        "length": ("l", "len"),
+        "width": ("w", "wid"),
+    }
+)  # fmt: skip
+UNITS = ("mps", "ms", "kmh", "kph", "mph", "rad", "deg", "m")  # behind names
+
+
+def like(name: str, table: Table) -> str | None:
+    """The column of a table that goes by another name, None where there is none."""
+    words = [word for word in re.split(r"[^a-z0-9]+", name.lower()) if word]
+    plain = {"".join(words), "".join(words[:-1]) if words[-1:] and words[-1] in UNITS else ""}
+    return next((column for column in table.names if plain & {*LIKE.get(column, ())}), None)
+
+
 TABLES = MappingProxyType({table.name: table for table in (DETECTIONS, SCANS, EGO, SENSORS, TRUTH, LANES)})

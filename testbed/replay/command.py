@@ -1,5 +1,6 @@
 """`testbed replay` and `testbed record` as people see them."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
@@ -11,6 +12,8 @@ from testbed.command_line.tables import show_files, show_measures
 from testbed.environment.perception import radar_of
 from testbed.environment.registration import scenario_of
 from testbed.limits import check_duration, check_seeds
+from testbed.replay.findings import DOUBT, FAULT, OPEN, Finding
+from testbed.replay.plausibility import faults, judged
 from testbed.replay.replaying import ReplayResult
 from testbed.replay.writing import check_folder, write
 
@@ -30,6 +33,31 @@ def show(done: ReplayResult, console: Console) -> None:
     if done.result["interrupted"]:
         console.print("[yellow]interrupted: the tables and files hold what was replayed until then[/yellow]")
     show_files({"results": done.json, "tracks": done.tracks, "log": done.rrd}, console)
+
+
+def brief(found: list[Finding], console: Console) -> None:
+    """One line where all is well, else one for each doubt, and for each fault that is accepted."""
+    open_ = [finding.test for finding in found if finding.verdict == OPEN]
+    bad = [finding for finding in found if finding.verdict in (DOUBT, FAULT)]
+    if not bad:
+        said = f"; nothing can be said of {', '.join(open_)}" if open_ else ""
+        console.print(f"plausible  {len(found)} tests{escape(said)}", highlight=False, soft_wrap=True)
+    for finding in bad:
+        line = f"[yellow]{finding.verdict}[/yellow]  {escape(finding.sentence)}"
+        console.print(line, highlight=False, soft_wrap=True)
+
+
+def report(folder: Path, fixes: Sequence[str], console: Console) -> int:
+    """What was tested, at length; the exit status is 1 where something cannot be right. Errors as in `judged`."""
+    recorded, found = judged(folder, None, None, fixes)
+    table = tables.light_table(f"{recorded.name}: {len(recorded.frames)} scans")
+    for heading in ("test", "figure", "fits", "verdict"):
+        table.add_column(heading)
+    for one in found:
+        table.add_row(*map(escape, (one.test, one.figure, one.fits, one.verdict)))
+    console.print(table)
+    brief(found, console)
+    return 1 if faults(found) else 0
 
 
 def lives(done: ReplayResult) -> Table:

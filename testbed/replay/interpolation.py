@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from testbed.replay.tables import Loaded
+from testbed.replay.loaded import Loaded
 from trackers.geometry import unit, wrap_angle
 
 HELD = 0.01  # [s] for which the first and the last state stand for times before and after

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from testbed.log.record import RoadGeometry
-from testbed.replay.tables import Loaded
+from testbed.replay.loaded import Loaded
 from trackers.geometry import perpendicular
 from trackers.multi.road import RoadMap
 

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from sensors.origin import CLUTTER, CONTOUR, Origin
 from sensors.scene import Objects
-from testbed.replay.tables import Loaded
+from testbed.replay.loaded import Loaded
 from testbed.replay.truth import There, Truth
 from trackers.geometry import to_frame
 from trackers.scan import Scan

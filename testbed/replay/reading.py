@@ -1,5 +1,6 @@
 """A folder of tables as a recording: scans with the truth beside them, ready to be replayed."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -8,16 +9,29 @@ from numpy.typing import NDArray
 
 from sensors.scene import Scene
 from testbed.log.record import RoadGeometry
-from testbed.replay.columns import DETECTIONS, EGO, LANES, SCANS, SENSORS, TRUTH, Table
+from testbed.replay.columns import DETECTIONS, EGO, SENSORS, TABLES, Table, like
 from testbed.replay.ego import egos
+from testbed.replay.findings import Finding
+from testbed.replay.fixes import GROUND, Fix
 from testbed.replay.lanes import lanes_of
+from testbed.replay.loaded import Loaded
 from testbed.replay.origins import origin_of, said_objects
 from testbed.replay.recording import RecordedFrame
 from testbed.replay.scans import scans_of
 from testbed.replay.sensor_sheets import SensorSheets, sensor_sheets
-from testbed.replay.tables import Loaded, read_table
+from testbed.replay.tables import read_table
 from testbed.replay.truth import truth_at
 from trackers.multi.road import RoadMap
+
+STAND_IN = ((("range", "azimuth"), ("x", "y")), (("speed",), ("vx", "vy")))  # columns, and others in their place
+
+
+class Unread(NamedTuple):
+    """A column of a file that is not read."""
+
+    file: str
+    name: str
+    like: str | None  # the column that it seems to be, where that is not there
 
 
 class Recorded(NamedTuple):
@@ -30,24 +44,27 @@ class Recorded(NamedTuple):
     known: tuple[float, float] | None  # [s] first and last time of truth, as in scenes; None: there is no truth
     road: RoadMap
     drawn: RoadGeometry
+    unread: tuple[Unread, ...] = ()
+    findings: tuple[Finding, ...] = ()  # of `testbed.replay.plausibility`, where they were looked for
 
 
-def read(folder: Path, start: float | None = None, end: float | None = None) -> Recorded:
-    """The recording of a folder, or its part from `start` to `end` [s] after the first scan.
+def read(folder: Path, start: float | None = None, end: float | None = None, fixes: Sequence[Fix] = ()) -> Recorded:
+    """The recording of a folder, repaired, or its part from `start` to `end` [s] after the first scan.
 
     Raises:
         ValueError: a table is missing or wrong; one sentence names file, column and row, and what to do.
     """
     if not folder.is_dir():
         raise ValueError(f"{folder} is not a folder; give that of the tables, docs/own-recordings.md describes them")
-    sensors = sensor_sheets(_needed(folder, SENSORS))
-    detections = _needed(folder, DETECTIONS)
-    scans = scans_of(detections, read_table(folder, SCANS), sensors)
+    tables = {table.name: read_table(folder, table, fixes) for table in TABLES.values()}
+    detections, vehicle, sheets = (_there(tables[table.name]) for table in (DETECTIONS, EGO, SENSORS))
+    sensors = sensor_sheets(sheets)
+    scans = scans_of(detections, tables["scans"], sensors, [f.sensor for f in fixes if f.how == GROUND])
     first = float(scans.times[0])
     chosen = np.flatnonzero(_window(scans.times - first, start, end))
-    road, drawn = lanes_of(read_table(folder, LANES))
-    vehicles = egos(_needed(folder, EGO), scans.times[chosen])
-    truth = truth_at(read_table(folder, TRUTH), scans.times)
+    road, drawn = lanes_of(tables["lanes"])
+    vehicles = egos(vehicle, scans.times[chosen])
+    truth = truth_at(tables["truth"], scans.times)
     objects = said_objects(detections, scans.object, truth)
     frames = []
     for ego, f in zip(vehicles, chosen.tolist(), strict=True):
@@ -57,13 +74,20 @@ def read(folder: Path, start: float | None = None, end: float | None = None) -> 
         scene = Scene(float(scans.times[f] - first), 0.0, ego, there.objects, there.bodies)
         frames.append(RecordedFrame(scene, scan, origin))
     known = None if truth.span is None else (truth.span[0] - first, truth.span[1] - first)
-    return Recorded(folder.resolve().name, sensors, tuple(frames), scans.times[chosen], known, road, drawn)
+    unread = tuple(one for name, table in tables.items() if table is not None for one in _unread(table, TABLES[name]))
+    return Recorded(folder.resolve().name, sensors, tuple(frames), scans.times[chosen], known, road, drawn, unread)
 
 
-def _needed(folder: Path, table: Table) -> Loaded:
-    found = read_table(folder, table)
-    assert found is not None  # else it has raised
-    return found
+def _there(table: Loaded | None) -> Loaded:
+    assert table is not None  # else reading has raised
+    return table
+
+
+def _unread(table: Loaded, known: Table) -> list[Unread]:
+    """Columns that are not read; one seems to be another where that is absent, and what can stand in its place too."""
+    given = {*table.columns} | {name for a, b in STAND_IN for name in a if {*b} <= {*table.columns}}
+    of = {name: like(name, known) for name in table.unread}
+    return [Unread(table.file, name, None if column in given else column) for name, column in of.items()]
 
 
 def _window(time: NDArray, start: float | None, end: float | None) -> NDArray:

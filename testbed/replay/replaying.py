@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from testbed.command_line.interruption import interruptible
+from testbed.environment.door import WrongTracks
 from testbed.environment.perception import Perception, tracker_of
 from testbed.environment.recorder import Recorder, check_level
 from testbed.evaluation.tracking import jsonable
@@ -17,12 +18,14 @@ from testbed.frame import TRUTH
 from testbed.limits import check_folder, check_names
 from testbed.log.record import RunMeta
 from testbed.replay.lives import Lives
-from testbed.replay.reading import Recorded, read
+from testbed.replay.plausibility import faults, judged
+from testbed.replay.reading import Recorded
 from testbed.replay.rescan import REPLAY, RecordedRadar, through
 from testbed.replay.tracks_file import TracksFile
 from trackers import DEFAULT
 
 RECORDED = "recorded"  # in place of the name of a radar
+ACCEPT = "--accept-implausible"
 
 
 @dataclass(frozen=True)
@@ -35,6 +38,8 @@ class ReplayConfig:
     end: float | None = None  # [s], None: to the last
     out: str = "runs"
     log: str = "full"
+    fixes: tuple[str, ...] = ()  # what is put right, see `testbed.replay.fixes`
+    accept: bool = False  # replay what cannot be right too
 
     def __post_init__(self) -> None:
         check_names("trackers", self.trackers)
@@ -51,8 +56,8 @@ class ReplayResult:
     json: Path | None
     rrd: Path | None
     tracks: Path | None
-    exit_status: int  # 0, 128 + signal where one ended the replay early, 2 where something could not be written
-    lost: tuple[str, ...] = ()  # what could not be written, in sentences
+    exit_status: int  # 0, 128 + signal where one ended the replay early, 2 where `lost` says something
+    lost: tuple[str, ...] = ()  # in sentences, what could not be written, or why a tracker ended the replay
 
 
 def prepare(config: ReplayConfig) -> Recorded:
@@ -60,9 +65,12 @@ def prepare(config: ReplayConfig) -> Recorded:
 
     Raises:
         LookupError: an unknown tracker; the nearest name is suggested.
-        ValueError, OSError: in one sentence, a fault of the tables or of the folder for the results.
+        ValueError, OSError: in one sentence, a fault of the tables, what cannot be right, or a folder for the
+            results that cannot be.
     """
-    recorded = read(Path(config.folder), config.start, config.end)
+    recorded, found = judged(Path(config.folder), config.start, config.end, config.fixes)
+    if (wrong := faults(found)) and not config.accept:
+        raise ValueError(f"{' '.join(f'{sentence}.' for sentence in wrong)} Or go on with {ACCEPT}")
     radar = RecordedRadar(recorded.sensors.models, None, recorded.frames)
     for name in config.trackers:
         if name == TRUTH and recorded.known is None:
@@ -70,7 +78,7 @@ def prepare(config: ReplayConfig) -> Recorded:
         tracker_of(name, radar)
     make_directory(Path(config.out))
     check_target(tracks_path(config, recorded))
-    return recorded
+    return recorded._replace(findings=tuple(found))
 
 
 def replay_id(config: ReplayConfig, recorded: Recorded) -> str:
@@ -109,6 +117,8 @@ def replay(
                 progress(done, total)
                 if interrupt.signal is not None:
                     break
+        except WrongTracks as error:
+            recorder.lost.append(f"{error}; the replay ends after {done} of {total} scans")
         finally:
             timing: dict[str, Any] = {**perception.seconds, **recorder.seconds, "wall": perf_counter() - start}
             timing["cpu"] = process_time() - cpu

@@ -4,6 +4,7 @@ A sensor without a detection at a time has delivered nothing then, unless the ta
 was empty.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -11,8 +12,9 @@ from numpy.typing import NDArray
 
 from sensors.origin import KINDS
 from sensors.reflections import Mounted
+from testbed.replay.loaded import Loaded
 from testbed.replay.sensor_sheets import SensorSheets
-from testbed.replay.tables import Loaded
+from trackers.geometry import unit
 from trackers.scan import Scan
 from trackers.validation import MAX_STEP
 
@@ -30,20 +32,29 @@ class Scans(NamedTuple):
     polar: NDArray  # (N, 3) range [m], azimuth [rad], range rate [m/s]
     object: NDArray  # (N,) text, id of an object of truth; empty: not said
     kind: NDArray  # (N,) int, index into KINDS, -1: not said
+    over_ground: NDArray  # (S,) bool: range rates have the motion of the sensor taken out
 
     def scan(self, f: int, sensors: SensorSheets, platform: NDArray) -> Scan:
         """The scan at time f, of sensors on a platform (6,)."""
         rows = slice(self.bounds[f], self.bounds[f + 1])
         s = self.sensor[rows]
         pose, velocity = Mounted.on(platform, sensors.mount)
+        polar = self.polar[rows]
+        if self.over_ground.any():
+            own = (unit(polar[:, 1] + pose[s, 2]) * velocity[s]).sum(-1)
+            polar = polar - np.stack([0 * own, 0 * own, np.where(self.over_ground[s], own, 0.0)], -1)
         return Scan(
-            self.polar[rows], np.ones(len(s), bool), pose[s], velocity[s], sensors.sigma[s], s, platform,
+            polar, np.ones(len(s), bool), pose[s], velocity[s], sensors.sigma[s], s, platform,
             self.delivered[f],
         )  # fmt: skip
 
 
-def scans_of(detections: Loaded, listed: Loaded | None, sensors: SensorSheets) -> Scans:
+def scans_of(
+    detections: Loaded, listed: Loaded | None, sensors: SensorSheets, over_ground: Sequence[str] = ()
+) -> Scans:
     """The scans in the table of detections and, if there is one, in that of scans.
+
+    `over_ground` names the sensors whose range rates have their motion taken out; an empty name is all of them.
 
     Raises ValueError, in one sentence, where times are not sorted, too far apart, or do not fit the rates.
     """
@@ -64,7 +75,8 @@ def scans_of(detections: Loaded, listed: Loaded | None, sensors: SensorSheets) -
     _check_steps(detections, listed, times)
     _check_rates(detections, sensors, times, delivered)
     of = detections.texts("object")
-    return Scans(times, bounds, delivered, sensor, _polar(detections), of, _kinds(detections))
+    ground = np.array(["" in over_ground or name in over_ground for name in sensors.names], bool)
+    return Scans(times, bounds, delivered, sensor, _polar(detections), of, _kinds(detections), ground)
 
 
 def _check_crowd(table: Loaded, times: NDArray, bounds: NDArray) -> None:

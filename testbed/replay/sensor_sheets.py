@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from testbed.replay.columns import TWO_SIDED
-from testbed.replay.tables import Loaded
+from testbed.replay.loaded import Loaded
 from trackers.scan import DepthProfile, SensorModel
 
 OPTIONAL = ("sigma_rate", "max_rate", "count_at_15m", "count_falloff", "count_max", "clutter")

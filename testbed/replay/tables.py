@@ -4,8 +4,7 @@ Numbers of a CSV are read to the last digit, so that both formats hold the same.
 """
 
 import csv
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Sequence
 from difflib import get_close_matches
 from pathlib import Path
 
@@ -17,55 +16,14 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from scenarios.traffic.layouts import other_separator
-from testbed.replay.columns import TABLES, Column, Table
+from testbed.replay.columns import TABLES, Column, Table, like
+from testbed.replay.fixes import Fix, repair
+from testbed.replay.loaded import Loaded
 
 PARQUET, CSV = ".parquet", ".csv"
 SUFFIXES = (PARQUET, CSV)
 ALIKE = 0.8  # similarity from which a column that is not known counts as misspelt
 UNLIMITED = ("profile_inside_depth",)  # columns that may be infinite
-
-
-@dataclass(frozen=True)
-class Loaded:
-    """The columns of a table that are in its file; numbers that are not given are NaN, texts empty."""
-
-    file: str  # its name
-    columns: Mapping[str, NDArray]  # (N,) each
-    rows: int  # N
-
-    def __contains__(self, name: object) -> bool:
-        return name in self.columns
-
-    def __getitem__(self, name: str) -> NDArray:
-        return self.columns[name]
-
-    def texts(self, name: str) -> NDArray:
-        """A column of texts (N,), empty where nothing is given."""
-        return self.columns[name] if name in self.columns else np.full(self.rows, "", np.str_)
-
-    def numbers(self, name: str, default: float) -> NDArray:
-        """A column of numbers (N,), with the default where nothing is given."""
-        if name not in self.columns:
-            return np.full(self.rows, default)
-        return np.where(np.isnan(self.columns[name]), default, self.columns[name])
-
-    def fault(self, name: str, row: int, what: str, remedy: str) -> ValueError:
-        """The error about a row, counted from 0 here and from 1 below the header for people."""
-        return ValueError(f"{self.file}, column {name}, row {row + 1}: {what}; {remedy}")
-
-    def check(self, name: str, wrong: NDArray, what: Callable[[int], str], remedy: str) -> None:
-        """Raise the error about the first row of the mask (N,), if any."""
-        if wrong.any():
-            row = int(wrong.argmax())
-            raise self.fault(name, row, what(row), remedy)
-
-    def check_sorted(self, once: bool = False) -> None:
-        """Raise the error about the first row whose time is before that of the row above, or, if `once`, the same."""
-        time = self["time"]
-        step = np.diff(time, prepend=-np.inf)
-        remedy = "sort the rows by time, and keep one of each" if once else "sort the rows by time"
-        wrong = step <= 0 if once else step < 0
-        self.check("time", wrong, lambda row: f"{time[row]} s comes after {time[row - 1]} s", remedy)
 
 
 def path_of(folder: Path, name: str) -> Path | None:
@@ -76,8 +34,8 @@ def path_of(folder: Path, name: str) -> Path | None:
     return found[0] if found else None
 
 
-def read_table(folder: Path, table: Table) -> Loaded | None:
-    """A table of a folder, checked; None where one that is not needed has no file.
+def read_table(folder: Path, table: Table, fixes: Sequence[Fix] = ()) -> Loaded | None:
+    """A table of a folder, repaired and checked; None where one that is not needed has no file.
 
     Raises:
         ValueError: there is no such file, it cannot be read, or a column or value is missing or wrong.
@@ -94,12 +52,15 @@ def read_table(folder: Path, table: Table) -> Loaded | None:
         content = _read_csv(path) if path.suffix == CSV else pq.read_table(path)
     except (pa.ArrowException, OSError, UnicodeDecodeError, csv.Error) as error:
         raise ValueError(f"{path.name} cannot be read: {_first_line(error)}; write it again") from None
+    fixes = [fix for fix in fixes if fix.table == table.name]
+    names = {fix.what: fix.how for fix in fixes if fix.renames}
+    content = content.rename_columns([names.get(name, name) for name in content.column_names])
     _check_names(path.name, content.column_names, table)
-    rows = content.num_rows
     found = {
         c.name: _values(path.name, c, content.column(c.name)) for c in table.columns if c.name in content.schema.names
     }
-    loaded = Loaded(path.name, found, rows)
+    unread = tuple(name for name in content.column_names if name not in table.names)
+    loaded = repair(Loaded(path.name, found, content.num_rows, unread), [fix for fix in fixes if not fix.renames])
     for column in table.columns:
         if column.name in loaded and not column.text:
             _check_numbers(loaded, column)
@@ -138,9 +99,10 @@ def _check_names(file: str, names: list[str], table: Table) -> None:
             raise ValueError(f"{file} has a column {name}; did you mean {close[0]}? Rename it")
     for column in table.columns:
         if column.needed and column.name not in names:
+            other = [name for name in names if name not in table.names and like(name, table) == column.name]
             raise ValueError(
                 f"{file} has no column {column.name}, {column.note}{f' [{column.unit}]' * bool(column.unit)}; "
-                f"it has {', '.join(names)}"
+                f"{f'rename {other[0]}, or ' if other else ''}it has {', '.join(names)}"
             )
 
 

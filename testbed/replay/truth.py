@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from sensors.scene import Bodies, Objects
 from testbed.replay.interpolation import Between, between, check_motion, velocities
-from testbed.replay.tables import Loaded
+from testbed.replay.loaded import Loaded
 from trackers.geometry import box_corners
 
 GAP = 1.0  # [s] between two rows of a vehicle that are interpolated

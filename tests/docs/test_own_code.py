@@ -19,7 +19,7 @@ SLOW = {"bench", "compare", "regret"}
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    for file in (DOCS / "examples").glob("own_*.py"):
+    for file in [*(DOCS / "examples").glob("own_*.py"), DOCS / "examples" / "whole_tracker.py"]:
         shutil.copy(file, tmp_path)
     (tmp_path / "cfg.json").write_text(CONFIG)
     monkeypatch.chdir(tmp_path)
@@ -27,7 +27,13 @@ def folder(tmp_path, monkeypatch):
 
 
 def test_the_page_has_a_command_for_each_kind_of_entry():
-    for example in ("own_filter:Kalman", "own_planner:act", "own_radar:double", "own_scenario:scenario"):
+    for example in (
+        "own_filter:Kalman",
+        "whole_tracker:Nearest",
+        "own_planner:act",
+        "own_radar:double",
+        "own_scenario:scenario",
+    ):
         assert any("check" in c and example in c for c in COMMANDS)
         assert any(" run " in c and example in c for c in COMMANDS)
 
@@ -43,4 +49,11 @@ def test_the_command_works(command, folder):
     if arguments[0] == "run":
         results = [path.name for path in folder.glob("runs/*.json")]
         assert len(results) == 1
-        assert all(name.replace(":", "~") in results[0] for name in arguments if name.startswith("own_"))
+        own = [name for name in arguments if name.startswith(("own_", "whole_"))]
+        assert all(name.replace(":", "~") in results[0] for name in own)
+
+
+def test_a_filter_of_stone_soup_in_a_whole_tracker_keeps_all_laws(folder):
+    pytest.importorskip("stonesoup", reason="Stone Soup is no dependency; docs/own-code.md says what was measured")
+    done = CliRunner().invoke(app, ["check", "tracker", "whole_tracker:Nearest:filter=StoneSoup"])
+    assert done.exit_code == 0, done.output

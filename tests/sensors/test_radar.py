@@ -286,3 +286,24 @@ def test_rates_and_phases_that_mean_nothing_are_refused(parameters, message):
 def test_a_rig_is_a_tuple_of_sensors(sensors):
     with pytest.raises(ValueError, match="sensors must be a tuple of Sensor, got"):
         replace(find("front"), sensors=sensors)
+
+
+@pytest.mark.parametrize(
+    ("mount", "words"),
+    [
+        ((2.35, 0.0, 180.0), r"has the heading 180 rad, more than a turn; it is in rad: for degrees write np\.radians"),
+        ((2.35, 0.0, -60.0), "has the heading -60 rad, more than a turn"),
+        ((2350.0, 0.0, 0.0), "is 2350 m, 0 m from the vehicle's centre, outside of any vehicle; give metres"),
+        ((2.35, 850.0, 0.0), "is 2.35 m, 850 m from"),
+        ((2.35, 4.0, 0.0), "is 2.35 m, 4 m from"),
+        ((2.35, 0.0), r"must be x, y \[m\] and heading \[rad\]"),
+    ],
+)
+def test_a_mount_off_the_vehicle_or_in_degrees_is_refused(mount, words):
+    with pytest.raises(ValueError, match=rf"^sensor\.mount {words}"):
+        Sensor(mount=mount)
+
+
+def test_mounts_of_long_vehicles_and_headings_of_a_turn_are_taken():
+    for mount in ((8.3, 1.3, np.pi), (-9.0, -1.3, -np.pi), (0.0, 0.0, 2 * np.pi)):
+        assert Sensor(mount=mount).model.mount == mount

@@ -12,7 +12,7 @@ testbed comes in.
 
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from math import isnan, nan
+from math import isclose, isnan, nan
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Annotated, Any, NamedTuple
@@ -62,6 +62,7 @@ EXACT = (  # scenario, planner, condition, seed
 )
 OLD = old_names("drives")  # of metrics of drives
 SHOWN = 40  # rows of the table
+SEARCHED = 1e-5  # relative: a paper's descent ends elsewhere on another processor, once 1.3e-7 apart
 DIGITS = 9  # significant; that tell a float32 from its neighbours
 Numbers = dict[str, float]
 
@@ -272,7 +273,8 @@ def mismatches(piece: Piece, committed: Numbers, now: Numbers) -> Iterator[Misma
         a, b = float(committed.get(key, nan)), float(now.get(key, nan))
         if piece.part != "exact":
             a, b = _float32(a), _float32(b)
-        if a != b and not (isnan(a) and isnan(b)):
+        near = piece.part == "papers" and isclose(a, b, rel_tol=SEARCHED)
+        if a != b and not near and not (isnan(a) and isnan(b)):
             yield Mismatch(piece.part, piece.name, key, a, b)
 
 

@@ -20,7 +20,7 @@ FASTER = 3
 def folder(tmp_path):
     """Two policies of one layer for 5 vehicles by 5 features: one always wants to be faster, the other to stay."""
     for name, favoured in (("truth-0", FASTER), ("rm-koch-0", 1)):
-        save_policy(tmp_path / f"{name}.npz", [(np.zeros((5, 25)), np.eye(5)[favoured])])
+        save_policy(tmp_path / f"{name}.npz", [(np.zeros((5, 25)), np.eye(5)[favoured])], activation="relu")
     return tmp_path
 
 

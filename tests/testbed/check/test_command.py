@@ -29,7 +29,7 @@ def test_a_filter_that_keeps_all_laws_is_exit_status_0(user):
     done = call("check", "tracker", "my_filters:Centroid:accel_std=3")
     assert done.exit_code == 0
     *laws, last = done.output.splitlines()
-    assert len(laws) == 22
+    assert len(laws) == 25
     assert all(line.startswith("holds   ") for line in laws)
     assert last == "my_filters:Centroid:accel_std=3 keeps all laws"
 
@@ -40,7 +40,7 @@ def test_a_broken_filter_is_told_why_and_exit_status_1(user):
     assert (
         "broken  covariances stay symmetric and positive\n        cov of the estimate is not symmetric" in done.output
     )
-    assert done.output.endswith("my_filters:Unsymmetric breaks 1 of 22 laws\n")
+    assert done.output.endswith("my_filters:Unsymmetric breaks 1 of 25 laws\n")
 
 
 def test_one_fault_does_not_hide_the_others(user):

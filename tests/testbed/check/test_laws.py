@@ -1,6 +1,7 @@
 """The laws over every registered filter, and for each law a filter that breaks it."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ from testbed.check.report import (
     SCENARIO_LAWS,
     TRACKER_LAWS,
     examine,
+    examine_tracker,
     law_result,
 )
 from testbed.check.tracker_laws import RADAR
@@ -29,7 +31,7 @@ from testbed.planners import find as find_planner
 from testbed.planners.idm import Choice
 from tests.parameters import PROBE, rest_slow
 from tests.testbed.check import broken
-from trackers import TRACKERS, build, find, prior
+from trackers import TRACKERS, Tracks, build, find, prior
 from trackers.composed import place_of
 from trackers.filter import Abilities
 
@@ -180,7 +182,7 @@ class Restless:
 
 
 class Forgetful:
-    """A tracker that numbers its tracks beside them, and does not let them die."""
+    """A tracker that numbers its tracks beside them, also over a start, and does not let them die."""
 
     def __init__(self):
         self.inner, self.last = build("rm-feldmann", (RADAR,)), 0
@@ -192,13 +194,121 @@ class Forgetful:
         return new._replace(next_id=self.last), info
 
 
+class Spoilt:
+    """A whole tracker around one of ours that spoils what it returns; a function of (tracks, scan) says how."""
+
+    def __init__(self, spoil):
+        self.inner, self.spoil = build("rm-feldmann", (RADAR,)), spoil
+        self.start = self.inner.start
+
+    def step(self, tracks, scan, dt):
+        new, info = self.inner.step(tracks, scan, dt)
+        return self.spoil(new, scan), info
+
+
+def spoilt(**change):
+    """Fields of the estimate, or of the tracks, changed by functions of their values."""
+
+    def spoil(tracks, scan):
+        e = tracks.estimate
+        of = {name: work(getattr(e, name)) for name, work in change.items() if hasattr(e, name)}
+        rest = {name: work(getattr(tracks, name)) for name, work in change.items() if not hasattr(e, name)}
+        return tracks._replace(estimate=e._replace(**of), **rest)
+
+    return lambda: Spoilt(spoil)
+
+
+def renumbered():
+    return Spoilt(lambda tracks, scan: tracks._replace(id=tracks.id + 7 * int(tracks.age.max(initial=0) * 10)))
+
+
+def leaky():
+    """A tracker that counts rows of the scan, whether they are detections or not."""
+    return Spoilt(lambda tracks, scan: tracks._replace(hits=tracks.hits + len(scan.mask)))
+
+
+class InPlace:
+    """A tracker that hands out its own arrays, and goes on in them."""
+
+    def __init__(self):
+        self.inner = build("rm-feldmann", (RADAR,))
+        self.start = self.inner.start
+
+    def step(self, tracks, scan, dt):
+        new, info = self.inner.step(tracks, scan, dt)
+        tracks.estimate.pose[...] += 1.0
+        return new, info
+
+
+class KeepsObjects:
+    """A whole tracker that keeps its state in itself, and a mere object in the tracks; it keeps all laws."""
+
+    def start(self):
+        self.inner = build("rm-feldmann", (RADAR,))
+        self.mine = self.inner.start()
+        return self.mine._replace(state=object())
+
+    def step(self, tracks, scan, dt):
+        self.mine, info = self.inner.step(self.mine, scan, dt)
+        own = Tracks(*self.mine[:5], [object()] * len(self.mine.id), self.mine.estimate)
+        return own, info
+
+
+def test_a_whole_tracker_may_keep_its_state_in_itself():
+    assert [v for v in examine_tracker(KeepsObjects()) if not v.holds] == []
+
+
+def jagged(tracks, scan):
+    contour = np.full((len(tracks.id), 5, 2), np.nan)
+    return tracks._replace(estimate=tracks.estimate._replace(contour=contour))
+
+
+SOUND = tracker_laws.every_step_returns_what_can_be_tracks
+
+
+def nan_of(value):
+    return value * np.nan
+
+
 @pytest.mark.parametrize(
     ("law", "twin", "sentence"),
     [
+        (SOUND, Restless, "step must return a tuple of Tracks and StepInfo, got .*NoneType"),
+        (
+            SOUND,
+            spoilt(size=np.negative),
+            r"^tracker Spoilt, step 1: length of track 0 is -.*positive",
+        ),
+        (
+            SOUND,
+            spoilt(pose=lambda p: p + np.array([0, 0, 90])),
+            "heading of track 0 is .*np.radians",
+        ),
+        (SOUND, spoilt(pose=nan_of), "x of track 0 is nan; it must be finite"),
+        (SOUND, spoilt(existence=lambda p: 100 * p), "existence of track 0 is .*a probability within 0 and 1"),
+        (SOUND, spoilt(existence=np.negative), "existence of track 0 is -.*a probability within 0 and 1"),
+        (SOUND, spoilt(age=nan_of), "age of track 0 is nan"),
+        (SOUND, spoilt(yaw_rate=lambda w: w + np.inf), "yaw_rate of track 0 is inf"),
+        (SOUND, spoilt(heading_std=lambda s: -1 - s), "heading_std of track 0 is -.*not negative"),
+        (SOUND, spoilt(cov=np.negative), "cov of track 0 has the eigenvalue -"),
+        (SOUND, spoilt(cov=nan_of), "cov of track 0 is not finite"),
+        (SOUND, spoilt(cov=lambda P: P + np.eye(4, k=1)), r"cov of track 0 is not symmetric, by 1; return \(P"),
+        (
+            SOUND,
+            spoilt(size=lambda s: s[:, :1]),
+            r"size must be an array .* \(\d, 2\), got .* \(\d, 1\)",
+        ),
+        (SOUND, spoilt(velocity=lambda v: v.tolist()), "velocity must be an array .*, got list"),
+        (SOUND, spoilt(contour=lambda c: np.zeros((1, 5))), r"contour must have the shape \(T, C, 2\)"),
+        (SOUND, lambda: Spoilt(jagged), "contour has a point that is not finite"),
+        (SOUND, spoilt(id=lambda i: i[:, None]), r"id has the shape \(\d, 1\)"),
+        (tracker_laws.a_car_keeps_its_id, renumbered, "a car in plain view has the ids"),
+        (tracker_laws.padding_does_not_matter, leaky, r"mask is false change the tracks.*hits\[0\]"),
+        (tracker_laws.a_start_begins_anew, InPlace, r"step writes into tracks .*pose"),
         (tracker_laws.nothing_seen_is_nothing_tracked, Restless, "empty scans have made 1 tracks"),
         (tracker_laws.a_car_in_plain_view_becomes_one_track, Restless, r"is 34.0 m and 10.0 m/s off"),
         (tracker_laws.a_car_that_is_gone_loses_its_track, Forgetful, "1 tracks are still reported 2 s after"),
-        (tracker_laws.a_tracker_remembers_nothing, Forgetful, "next_id is 30, which should be 15"),
+        (tracker_laws.a_start_begins_anew, Forgetful, "next_id is 30, which should be 15"),
     ],
     ids=lambda x: getattr(x, "__name__", ""),
 )
@@ -242,6 +352,12 @@ class Backwards(Noisy):
     def __init__(self):
         super().__init__()
         self.rate = -1.0
+
+
+def mounted_at(*mount):
+    radar = Noisy()
+    radar.models = (replace(radar.models[0], mount=mount),)
+    return radar
 
 
 class Restive:
@@ -301,6 +417,12 @@ def begins_late(world, count):
 @pytest.mark.parametrize(
     ("law", "twin", "sentence"),
     [
+        (
+            entry_laws.mounts_lie_on_a_vehicle,
+            mounted_at(2.35, 0.0, 180.0),
+            "sensor 0 has the heading 180 rad, more than",
+        ),
+        (entry_laws.mounts_lie_on_a_vehicle, mounted_at(2350.0, 0.0, 0.0), "mount of sensor 0 is 2350 m, 0 m from"),
         (entry_laws.a_scan_fits_the_data_sheets, SecondSensor(), "sensor must index the 1 models"),
         (entry_laws.a_scan_fits_the_data_sheets, TooFar(), "a detection at 500.0 m is beyond max_range"),
         (entry_laws.a_scan_fits_the_data_sheets, Backwards(), "rate must be positive, in scans a second"),

@@ -4,6 +4,8 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+import testbed
+from testbed.limits import UnfitPolicy
 from testbed.planners.learned import Learned, read_policy, save_policy
 from testbed.planners.registry import find
 
@@ -15,13 +17,13 @@ def policy(folder, inputs, outputs, seed=0):
         (rng.normal(size=(8, inputs)), rng.normal(size=8)),
         (rng.normal(size=(outputs, 8)), rng.normal(size=outputs)),
     ]
-    save_policy(folder / "mine.npz", layers)
+    save_policy(folder / "mine.npz", layers, activation="relu")
     return folder / "mine.npz", layers
 
 
 def test_the_network_by_hand(tmp_path):
     """relu(x1 - x2), relu(x2 - x1 + 1), then their difference and their sum, of (3, 1): 2, 0 -> 2 - 0.5 and 2."""
-    save_policy(tmp_path / "p.npz", [([[1, -1], [-1, 1]], [0, 1]), ([[1, -1], [1, 1]], [-0.5, 0])])
+    save_policy(tmp_path / "p.npz", [([[1, -1], [-1, 1]], [0, 1]), ([[1, -1], [1, 1]], [-0.5, 0])], activation="relu")
     np.testing.assert_allclose(read_policy(tmp_path / "p.npz")(np.array([[3.0], [1.0]])), [1.5, 2.0])
     np.testing.assert_allclose(read_policy(tmp_path / "p.npz")(np.array([1.0, 1.0])), [-1.5, 1.0])
 
@@ -51,16 +53,103 @@ def test_it_says_what_does_not_fit(tmp_path):
     np.savez(tmp_path / "other.npz", a=np.zeros(3))
     with pytest.raises(ValueError, match="holds no policy"):
         find(f"learned:{tmp_path / 'other.npz'}")
-    save_policy(tmp_path / "unchained.npz", [(np.zeros((4, 3)), np.zeros(4)), (np.zeros((2, 5)), np.zeros(2))])
+    save_policy(
+        tmp_path / "unchained.npz",
+        [(np.zeros((4, 3)), np.zeros(4)), (np.zeros((2, 5)), np.zeros(2))],
+        activation="relu",
+    )
     with pytest.raises(ValueError, match="its layers do not fit each other"):
         find(f"learned:{tmp_path / 'unchained.npz'}")
 
 
-def test_a_network_of_stable_baselines_is_the_same_in_arrays(tmp_path):
-    sb3 = pytest.importorskip("stable_baselines3", reason="the extra rl is not installed: it brings gigabytes of torch")
-    model = sb3.DQN("MlpPolicy", "CartPole-v1", policy_kwargs={"net_arch": [16, 16]}, seed=1, device="cpu")
-    parts = [part for part in model.policy.q_net.q_net if hasattr(part, "weight")]
-    save_policy(tmp_path / "p.npz", [(part.weight.detach(), part.bias.detach()) for part in parts])
+class Linear:
+    """A layer as torch has it, as far as `save_policy` looks; so are the others by their names alone."""
+
+    def __init__(self, rng, outputs, inputs):
+        self.weight, self.bias = rng.normal(size=(outputs, inputs)), rng.normal(size=outputs)
+
+
+Flatten, ReLU, Tanh, GELU, LayerNorm = (type(name, (), {}) for name in ("Flatten", "ReLU", "Tanh", "GELU", "LayerNorm"))
+
+
+def modules(*activations, inputs=4):
+    """Linear layers of 8 with some modules between each two."""
+    rng = np.random.default_rng(3)
+    hidden = [part for kind in activations for part in (kind(), Linear(rng, 8, 8))]
+    return [Flatten(), Linear(rng, 8, inputs), *hidden, Tanh(), Linear(rng, 3, 8)]
+
+
+def test_modules_keep_their_activations(tmp_path):
+    layers = modules(ReLU)
+    save_policy(tmp_path / "p.npz", layers)
     network = read_policy(tmp_path / "p.npz")
-    for x in np.random.default_rng(0).normal(size=(5, 4)).astype(np.float32):
+    assert network.activations == ("relu", "tanh")
+    (W, a), (V, b), (U, c) = ((part.weight, part.bias) for part in layers if isinstance(part, Linear))
+    x = np.array([0.3, -1.0, 2.0, 0.1])
+    np.testing.assert_allclose(network(x), U @ np.tanh(V @ np.maximum(W @ x + a, 0) + b) + c, rtol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("layers", "words"),
+    [
+        (modules(GELU), "got Linear, GELU, Linear, Tanh, Linear"),
+        (modules(LayerNorm), "got Linear, LayerNorm, Linear"),
+        (modules(ReLU)[:-1], "with ReLU or Tanh between each two"),
+        ([modules()[1], *modules()[1:]], "got Linear, Linear, Tanh"),
+        ([(np.zeros((2, 3)), np.zeros(2))], "activation must be 'relu' or 'tanh' between pairs.*got None"),
+    ],
+)
+def test_what_the_planner_does_not_have_is_refused_by_name(tmp_path, layers, words):
+    with pytest.raises(ValueError, match=words):
+        save_policy(tmp_path / "p.npz", layers)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_file_of_an_older_version_is_read_as_relu(tmp_path):
+    arrays = {"weight0": -np.ones((2, 2)), "bias0": np.zeros(2), "weight1": np.ones((2, 2)), "bias1": np.zeros(2)}
+    np.savez(tmp_path / "old.npz", **arrays)
+    assert read_policy(tmp_path / "old.npz")(np.ones(2)).tolist() == [0.0, 0.0]
+    np.savez(tmp_path / "new.npz", **arrays, activations=np.array(["gelu"]))
+    with pytest.raises(ValueError, match="its activation 'gelu' is none of relu, tanh"):
+        read_policy(tmp_path / "new.npz")
+
+
+def test_an_observation_of_another_kind_or_scale_is_refused_in_one_sentence(tmp_path):
+    def made(**observation):
+        inner = gym.make("highway-fast-v0", config={"observation": {"type": "Kinematics", **observation}})
+        env = testbed.TrackedEnv(inner, tracker="truth")
+        env.reset(seed=0)
+        return env
+
+    save_policy(tmp_path / "p.npz", modules(inputs=25), made())
+    planner = Learned(str(tmp_path / "p.npz"))
+    with pytest.raises(UnfitPolicy, match="3 discrete actions"):
+        planner.act(made(vehicles_count=5))  # the default, written out
+    for key, value in (("normalize", False), ("absolute", True), ("features_range", {"x": [-50.0, 50.0]})):
+        with pytest.raises(UnfitPolicy, match=f"trained on an observation with {key} = .*, got .*; give the env"):
+            planner.act(made(**{key: value}))
+    with pytest.raises(UnfitPolicy, match="type = 'Kinematics', got 'Lidar"):
+        Learned(str(tmp_path / "p.npz")).act(
+            testbed.TrackedEnv(gym.make("highway-fast-v0", config={"observation": {"type": "LidarObservation"}}))
+        )
+    with pytest.raises(UnfitPolicy, match=r"the network takes 25 numbers, got an input of shape \(5, 7\)"):
+        read_policy(tmp_path / "p.npz")(np.zeros((5, 7)))
+
+
+@pytest.mark.parametrize("wrap", [gym.wrappers.NormalizeObservation, testbed.TrackObservation])
+def test_observations_that_a_wrapper_changes_are_not_those_of_the_planner(tmp_path, wrap):
+    env = wrap(gym.make("testbed/cut-in-v0", tracker="truth"))
+    with pytest.raises(ValueError, match=f"env has the wrapper {wrap.__name__}, which changes the observation"):
+        save_policy(tmp_path / "p.npz", modules(), env)
+
+
+@pytest.mark.parametrize("kind", ["DQN", "PPO"])
+def test_a_network_of_stable_baselines_is_the_same_in_arrays(tmp_path, kind):
+    sb3 = pytest.importorskip("stable_baselines3", reason="the extra rl is not installed: it brings gigabytes of torch")
+    model = getattr(sb3, kind)("MlpPolicy", "CartPole-v1", seed=1, device="cpu")
+    policy = model.policy
+    parts = policy.q_net.q_net if kind == "DQN" else [*policy.mlp_extractor.policy_net, policy.action_net]
+    save_policy(tmp_path / "p.npz", list(parts))
+    network = read_policy(tmp_path / "p.npz")
+    for x in np.random.default_rng(0).normal(size=(100, 4)).astype(np.float32):
         assert network(x).argmax() == model.predict(x, deterministic=True)[0]

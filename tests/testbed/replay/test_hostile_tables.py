@@ -142,14 +142,6 @@ CASES = {
         r"truth\.csv, column time, row 1: the truth is from",
     ),
     "a lane of one place": (scaled("lanes", "x", 0.0), r"lanes\.csv, column lane, row 1: lane '0' is not one line"),
-    "speed in km/h": (scaled("ego", "speed", 3.6), r"column x, row 1: in 0\.5 s .* go 10\.0 m, .* 36\.0 m, .*in m/s"),
-    "an ego whose places are not known": (scaled("ego", "x", 0.0), r"x and y go 0\.0 m, .* a frame that stands"),
-    "small heading in degrees": (column("ego", "heading", 5.0), r"column x, row 1: .*headings in radians"),
-    "heading turned round": (column("ego", "heading", np.pi), r"heading 10\.0 m, 20\.0 m apart"),
-    "a velocity across the heading": (
-        lambda t: t["ego"].update(vx=t["ego"].pop("speed"), vy=t["ego"]["y"], heading=[5.0] * len(t["ego"]["y"])),
-        r"column x, row 1: .*headings in radians",
-    ),
     "a lane of one point": (only("lanes", 3), r"lanes\.csv, column lane, row 3: lane '1' is not one line"),
     "bad profile": (column("sensors", "profile_inside", 2), r"sensors\.csv, row 1: inside, .*profile_"),
 }

@@ -129,7 +129,7 @@ def test_without_truth_there_are_tracks_and_a_log_but_no_measures(tmp_path):
     tables = made(0.5)
     del tables["truth"]
     done = run(tables, tmp_path, (TRACKER, "rm-surface"), log="full")
-    assert set(json.loads(done.json.read_text())) == {"run", "interrupted", "timing"}
+    assert set(json.loads(done.json.read_text())) == {"run", "interrupted", "timing", "made"}
     assert done.lives["rm-surface"]["tracks_reported"] == 2
     assert reader.complete(done.rrd)
     with pytest.raises(ValueError, match=r"tracker truth needs a table truth"):

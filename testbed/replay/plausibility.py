@@ -1,0 +1,127 @@
+"""Whether a recording can be right: what was tested, the figure, the reading that fits, and a verdict with a remedy.
+
+Method and equations: docs/methods/plausibility.md.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from testbed.replay import evidence
+from testbed.replay.evidence import RIGHT, Boxed, Seen
+from testbed.replay.findings import DOUBT, FAULT, GOOD, OPEN, Finding
+from testbed.replay.fixes import FACTORS, MEASURED, parse
+from testbed.replay.reading import Recorded, read
+from testbed.replay.readings import columns, shares
+from testbed.replay.recording import RecordedFrame
+from testbed.replay.sensor_sheets import SensorSheets
+from testbed.replay.ways import ego_speed, truth_speed, yaw_rate
+
+FAR, BEYOND = 1.25, 0.05  # times `max_range`, and the share of detections that may lie further away
+TWICE, SOME = 0.25, 0.02  # share of detections with an equal, of a fault and of a doubt
+CROWD, LOST = 10.0, 0.4  # unexplained detections in expected false alarms; share explained below which that counts
+
+
+def judged(
+    folder: Path, start: float | None = None, end: float | None = None, fixes: Sequence[str] = ()
+) -> tuple[Recorded, list[Finding]]:
+    """The recording of a folder with its fixes, and all findings on it; errors as in `read` and `parse`."""
+    chosen = parse(fixes)
+    recorded = read(folder, start, end, chosen)
+    if any(fix.how == MEASURED for fix in chosen):
+        seen = Seen.of(recorded.frames)
+        count, _ = unexplained(seen, evidence.steps(seen), len(recorded.sensors.models))
+        models = [
+            replace(m, clutter=max(float(n), m.clutter)) for m, n in zip(recorded.sensors.models, count, strict=True)
+        ]
+        recorded = recorded._replace(sensors=recorded.sensors._replace(models=tuple(models)))
+    found = [_names_of(recorded), *examine(recorded.frames, recorded.sensors)]
+    return recorded, [f if f.verdict in (DOUBT, FAULT) else f._replace(remedy="") for f in found]
+
+
+def _names_of(recorded: Recorded) -> Finding:
+    """Columns that are not read; a fault where the range rates seem to be one of them."""
+    other = [one for one in recorded.unread if one.like]
+    said = ", ".join(f"{one.name} of {one.file}" for one in recorded.unread)
+    if not other:
+        return Finding("columns", f"not read: {said}" if said else "all are read", GOOD, GOOD)
+    one = min(other, key=lambda one: one.like != "range_rate")
+    rates = one.like == "range_rate"
+    remedy = f"rename it{f', or read it with --fix {one.name}=range_rate' * rates}"
+    figure = f"{one.name} of {one.file} is not read"
+    return Finding("columns", figure, f"it seems to be {one.like}", FAULT if rates else DOUBT, remedy)
+
+
+def examine(frames: Sequence[RecordedFrame], sensors: SensorSheets) -> list[Finding]:
+    """All findings on the frames of a recording."""
+    seen, boxes = Seen.of(frames), Boxed.of(frames)
+    said = truth_speed(frames)
+    ways = [ego_speed(frames), yaw_rate(frames), *([] if said is None else [said])]
+    if not len(seen.scan):
+        return [*ways, Finding("detections", "none", OPEN, OPEN)]
+    pairs = evidence.steps(seen)
+    read = columns(seen, boxes, pairs, sensors, said is not None and said.verdict != FAULT)
+    found = [*read, shares(seen), _reach(seen, sensors), *ways, _equals(seen)]
+    return found if faults(found) else [*found, _crowd(seen, pairs, sensors)]  # wrong rates explain nothing
+
+
+def faults(found: Sequence[Finding]) -> list[str]:
+    """Sentences of the definite faults."""
+    return [f.sentence for f in found if f.verdict == FAULT]
+
+
+def _reach(seen: Seen, sensors: SensorSheets) -> Finding:
+    """Ranges against the data sheet."""
+    limit = np.array([model.max_range for model in sensors.models])[seen.sensor]
+    share = float((seen.polar[:, 0] > FAR * limit).mean())
+    figure = f"{share:.1%} are beyond {FAR:g} times max_range"
+    if share <= BEYOND:
+        return Finding("reach", figure, GOOD, GOOD)
+    fits = next(
+        (u for u in ("ft", "cm", "mm") if (FACTORS[u] * seen.polar[:, 0] > FAR * limit).mean() < BEYOND), "too far"
+    )
+    remedy = f"read them with --fix range={fits}, or correct" if fits in FACTORS else "correct"
+    return Finding(
+        "reach", figure, f"ranges may be in {fits}" if fits in FACTORS else fits, FAULT, f"{remedy} max_range"
+    )
+
+
+def _equals(seen: Seen) -> Finding:
+    """Detections that are there more than once."""
+    rows = np.column_stack([seen.time, seen.polar])
+    share = 1 - len(np.unique(rows, axis=0, equal_nan=True)) / len(rows)
+    verdict = FAULT if share > TWICE else DOUBT if share > SOME else GOOD
+    fits = GOOD if verdict == GOOD else "there more than once"
+    return Finding(
+        "equal detections", f"{share:.1%} of them", fits, verdict, "keep one of each with --fix detections=once"
+    )
+
+
+def unexplained(seen: Seen, pairs: list[evidence.Step], count: int) -> tuple[NDArray, float]:
+    """Detections a scan of each sensor (S,) that neither stand nor are found again, and the share of the others."""
+    lost, scans, share = np.zeros(count), np.zeros(count), []
+    for step, (_, there) in zip(pairs, evidence.base_of(pairs), strict=True):
+        s, (g, t) = step.first.sensor[0], step.first.over_ground(RIGHT)
+        free = ~there & ~(np.abs(g) < t)
+        low, high = np.searchsorted(seen.scan, [step.first.scan[0], step.first.scan[0] + 1])
+        lost[s] += free.mean() * (seen.sensor[low:high] == s).sum()  # of some detections to all of the scan
+        scans[s] += 1
+        share.append(~free)
+    return lost / np.maximum(scans, 1), float(np.concatenate(share).mean()) if share else 1.0
+
+
+def _crowd(seen: Seen, pairs: list[evidence.Step], sensors: SensorSheets) -> Finding:
+    """Detections that nothing explains, against the false alarms that the sensors are said to have."""
+    due = np.array([model.clutter for model in sensors.models])
+    count, share = unexplained(seen, pairs, len(due))
+    if not pairs or not np.isfinite(seen.polar[:, 2]).any():
+        return Finding("detections a scan", "no scans with range rates to compare", OPEN, OPEN)
+    figure = f"{count.sum():.1f} without an explanation, {due.sum():g} false alarms expected, {share:.0%} explained"
+    many = count.sum() > CROWD * max(due.sum(), 1.0) and share < LOST  # (PLA.6)
+    if not many:
+        return Finding("detections a scan", figure, GOOD, GOOD)
+    remedy = "thin them out, or take the false alarms as they are with --fix clutter=measured"
+    return Finding("detections a scan", figure, "far more than the sensors are said to have", FAULT, remedy)
