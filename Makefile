@@ -20,7 +20,7 @@ export PYTHONDONTWRITEBYTECODE :=
 demo: $(STAMP)
 	@echo
 	@echo "Twenty seconds of \`cut-in\` in closed loop: traffic, six radars, the default tracker, the planner idm."
-	@echo "In numpy, which starts at once; \`testbed run\` compiles tracker and radar at its first use (extra fast), for half the time of each run."
+	@echo "In numpy; with numba (pip install --constraint constraints.txt -e \".[fast]\") tracker and radar are compiled at their first use."
 	EOT_COMPILED=off $(BIN)/testbed run cut-in --radar surround --seed 0 --out runs
 
 test: $(STAMP)  # side by side; the tests end last
@@ -48,7 +48,6 @@ types: $(STAMP)
 	$(BIN)/mypy
 
 unit: $(STAMP)
-	@$(BIN)/testbed info --compile  # once, not in each process
 	$(PYTEST)
 
 generated: $(STAMP)  # what the documentation says about the registries; after adding a scenario, tracker, radar, ...
