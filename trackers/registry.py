@@ -39,6 +39,7 @@ SPLINE = SplinePmht(
     walk=Walk(speed=0.4, yaw_rate=0.026, size=1e-3),  # motorway at 15 Hz
     position_std=(0.05, 0.1),
     outward=1.0,
+    doubt=0.9,
 )
 DRA = DataRegion(models=("cv",), prior="uniform", parameters="alone", centre_std=0.4)  # as in rm-vmm
 DRA_IMM = replace(DRA, models=("cv", "ca", "ct"), parameters="road", form="soft")  # as good here, and cheaper
@@ -111,7 +112,7 @@ TRACKERS: Mapping[str, Entry] = MappingProxyType(
 )
 
 LAYERS = frozenset(f.name for f in fields(MultiObjectTracker)) - {"filter", "sensors", "road"}
-WORDS = frozenset({"size", "motion"})  # parameters of `composed`
+WORDS = frozenset({"size", "motion", "compiled"})  # parameters of `composed`
 
 
 def find(name: str, **parameters: Any) -> Filter:
@@ -198,7 +199,8 @@ def _changed(filter: Any, name: str, parameters: Mapping[str, Any]) -> Any:
     check_types(place_of(filter), name, mine)
     check_types(composed, name, words)
     if isinstance(filter, Composed):
-        words = {"size": "ends" if filter.size else "off", "motion": filter.motion is not None} | words
+        has = {"size": "ends" if filter.size else "off", "motion": filter.motion is not None}
+        words = has | {"compiled": filter.compiled} | words
     return composed(replace(place_of(filter), **mine), **words)
 
 
