@@ -66,7 +66,7 @@ class SceneReader:
         body = bodies[0]
         pose = _wrapped(body.pose)
         outline = find(body.contour).place(pose, body.size)
-        return Ego(pose, body.velocity, body.yaw_rate, body.size, outline, bool(vehicle.crashed))
+        return Ego(pose, body.velocity, body.yaw_rate, body.size, outline, bool(vehicle.crashed), bool(vehicle.on_road))
 
     def _objects(self, seen: Sequence[RoadObject], bodies: Sequence[list[RigidPart]]) -> Objects:
         boxes = [_box(b) for b in bodies]

@@ -11,7 +11,7 @@ from trackers.geometry import to_frame
 NEAR = 3.0  # [s] below this, a time to collision is a risk
 ROUNDING = 1e-6  # [m/s] of a closing speed; a gap of a kilometre lasts thirty years
 NEXT = [1, 2, 3, 0]  # corner after each of a box
-UNIT_SPEED, UNIT_BRAKING = 30.0, 8.0  # [m/s], [m/s^2] that are worth 1 s, and cost 0.5 s, of the drive score a second
+UNIT_SPEED, UNIT_BRAKING = 30.0, 8.0  # [m/s], [m/s^2] that are worth 1 s, and cost 0.5 s, of the drive value a second
 
 
 def gap_ahead(pose: NDArray, size: NDArray, corners: NDArray) -> NDArray:
@@ -46,7 +46,7 @@ def time_to_collision(gap: NDArray, closing: NDArray) -> NDArray:
 
 
 def drive_value(speed: NDArray, ttc: NDArray, braking: NDArray) -> NDArray:
-    """Rate (...) of the drive score: speed, less the prices of a short time to collision and of braking; all (...).
+    """Rate (...) of the drive value: speed, less the prices of a short time to collision and of braking; all (...).
 
     `speed` [m/s], `ttc` [s], `braking` [m/s^2], 0 where the ego does not brake.
     """

@@ -23,7 +23,7 @@ from trackers.geometry import box_corners, unit
 FEATURES = ("presence", "x", "y", "vx", "vy", "cos_h", "sin_h")
 SPEED_RANGE = (0.0, 30.0)  # [m/s] over which the reward rises
 MAX_FREQUENCY = 100  # [Hz] of simulated frames: no automotive radar scans faster, and each frame is a scan
-REWARDS = ("speed", "drive")  # speed as a share of the range; the drive score
+REWARDS = ("speed", "drive")  # speed as a share of the range; the drive value
 UNUSED = "other_vehicles_type"  # a key of every environment of highway-env
 ACTION_TYPES = ("ContinuousAction", "DiscreteAction", "DiscreteMetaAction")
 
@@ -158,7 +158,7 @@ class ScenarioEnv(AbstractEnv):
         return self._rewards(action)["speed"]
 
     def _drive_value(self) -> float:
-        """Rate of the drive score now (MET.28)."""
+        """Rate of the drive value now (MET.28)."""
         ego, direction = self.vehicle, unit(self.vehicle.heading)
         others = [v for v in self.road.vehicles if v is not ego]
         others += [o for o in self.road.objects if isinstance(o, Obstacle) and o.solid]

@@ -43,6 +43,7 @@ class Ego(NamedTuple):
     size: NDArray  # (2,) [m]
     outline: NDArray  # (C, 2) [m] world frame
     crashed: bool = False
+    on_road: bool = True  # whether the centre is on a lane
 
     @property
     def platform(self) -> NDArray:

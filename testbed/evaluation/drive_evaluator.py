@@ -20,6 +20,7 @@ class DriveEvaluator:
     _time: list[float] = field(default_factory=list, init=False, repr=False)
     _last: Scene | None = field(default=None, init=False, repr=False)
     _progress: float = field(default=0.0, init=False, repr=False)
+    _off_road: float = field(default=0.0, init=False, repr=False)
     _collisions: int = field(default=0, init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -37,6 +38,7 @@ class DriveEvaluator:
         if last is not None:
             step = scene.ego.pose[:2] - last.ego.pose[:2]
             self._progress += float(step @ unit(last.ego.pose[2]))  # (MET.23)
+            self._off_road += 0.0 if scene.ego.on_road else scene.time - last.time
         self._collisions += bool(scene.ego.crashed and (last is None or not last.ego.crashed))
         frame = drive_frame(scene, last)
         self._frames.append(frame)
@@ -54,5 +56,5 @@ class DriveEvaluator:
         """The drive in one flat row; inf where no body was ever near, NaN where nothing was measured."""
         if not self._frames:
             return dict.fromkeys(metric.keys(metric.DRIVE), np.nan)
-        record = DriveRecord(self.curves, self._progress, self._collisions, self.harsh, self.released)
+        record = DriveRecord(self.curves, self._progress, self._collisions, self.harsh, self.released, self._off_road)
         return metric.values(metric.DRIVE, record)

@@ -4,7 +4,7 @@ Every rigid body counts for itself: a bent articulated truck is two boxes, not t
 docs/methods/metrics.md, "The drive".
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,6 +19,9 @@ from trackers.geometry import box_corners, compose, point_velocity, rotation, un
 
 LONGEST = 10.0  # [s] a longer time to collision or headway counts as this, and so does none
 SAME = 0.05  # two actions within this are one decision: continuous ones span -1 to 1, others are whole numbers
+NEAR_CRASH, FAR = 0.95, 3.0  # [s] least times to collision that are worth nothing, and all, of their part of a score
+COMFORTABLE, HARD = 4.05, 8.0  # [m/s^2] hardest brakings that are worth all, and nothing, of theirs
+LEAST_AIM = 1.0  # [m] a shorter way on the truth is as good as none
 HARDEST = 20.0  # [m/s^2] DRAC is cut at this: one near miss would else rule every mean
 
 
@@ -161,7 +164,7 @@ class DriveCurves(NamedTuple):
 
     @property
     def value(self) -> NDArray:
-        """Rate (F,) of the drive score."""
+        """Rate (F,) of the drive value."""
         return drive_value(self.speed, self.ttc, self.braking)
 
 
@@ -173,6 +176,7 @@ class DriveRecord(NamedTuple):
     collisions: int
     harsh: float  # [m/s^2] braking below this is harsh
     released: float  # [m/s^2] it ends above this
+    off_road: float = 0.0  # [s] with the centre on no lane
 
     @property
     def closest(self) -> float:
@@ -192,6 +196,21 @@ class Driven(NamedTuple):
 
     curves: DriveCurves
     decisions: Sequence[Any]
+
+
+def drive_score(drive: Mapping[str, Any], aim: NDArray | float) -> NDArray:
+    """Score (...) in [0, 1] of drives, from their metrics by key; `aim` (...) [m] is the progress on the truth.
+
+    The form of nuPlan's and NAVSIM's scores: what must not happen multiplies, what is good is weighed and added, and
+    going farther than on the truth earns nothing. Time to collision and comfort are graded. NaN where `aim` is.
+    """
+    p, ttc, braking = (np.asarray(drive[key], float) for key in ("progress", "ttc_min", "deceleration_max"))
+    progress = np.clip(p / np.maximum(aim, LEAST_AIM), 0.0, 1.0)  # (MET.40)
+    time = np.clip((ttc - NEAR_CRASH) / (FAR - NEAR_CRASH), 0.0, 1.0)  # (MET.41)
+    comfort = np.clip((HARD - braking) / (HARD - COMFORTABLE), 0.0, 1.0)  # (MET.42)
+    allowed = (np.asarray(drive["collisions"]) == 0) & (np.asarray(drive.get("off_road", 0.0)) == 0)
+    score = (5 * progress + 5 * time + 2 * comfort) / 12
+    return np.where(np.isnan(aim), np.nan, np.where(allowed, score, 0.0))  # (MET.43)
 
 
 def time_integrated(curves: DriveCurves) -> float:

@@ -5,7 +5,7 @@ regret and the log show, and docs/results.md are made from it. A quantity has on
 hold under older keys is read through `ALIASES`. Equations: docs/methods/metrics.md.
 
 `compute` takes what the level says: `Pairs` (its values are (K,)), the errors of many pairs by key, a `Judged` scan, a
-`Span` of a run, a `DriveRecord`, two `Driven`, or a tracker's cost.
+`Span` of a run, a `DriveRecord`, metrics of drives with the progress on the truth, two `Driven`, or a tracker's cost.
 """
 
 from collections.abc import Callable, Mapping
@@ -30,8 +30,9 @@ SPAN = "run or phase"
 RUN = "run"
 COST = "tracker"  # wall time: all that differs from one execution to the next
 DRIVE = "drive"
+SCORED = "drive beside the truth"  # beside the drive of the same planner and seed on the truth
 DRIVES = "two drives"  # of one seed, one beside the other
-LEVELS = (PAIR, PAIRS, SCAN, SPAN, RUN, COST, DRIVE, DRIVES)
+LEVELS = (PAIR, PAIRS, SCAN, SPAN, RUN, COST, DRIVE, SCORED, DRIVES)
 
 
 @dataclass(frozen=True)
@@ -252,9 +253,14 @@ _TABLE = (
            lambda d: float(np.minimum(d.curves.headway, LONGEST).min())),
     Metric("jerk", DRIVE, "m/s^3", -1, "jerk", "root mean square of the change of the acceleration",
            lambda d: driving.rms_jerk(d.curves.acceleration, d.curves.dt)),
-    Metric("drive_score", DRIVE, "s", 1, "drive score",
+    Metric("off_road", DRIVE, "s", -1, "time off the road", "time with the centre of the ego on no lane",
+           lambda d: d.off_road),
+    Metric("drive_value", DRIVE, "s", 1, "drive value",
            "speed less the prices of a short time to collision and of braking, over time",
            lambda d: float((d.curves.value * d.curves.dt).sum())),
+    Metric("score", SCORED, "1", 1, "drive score",
+           "0 after a crash or off the road, else progress, time to collision and comfort, at most 1",
+           driving.drive_score, 3),
     # A drive beside another one.
     Metric("extra_braking", DRIVES, "m/s", -1, "extra braking",
            "braking beyond that of the other drive, at equal times",
@@ -268,8 +274,10 @@ METRICS: Mapping[str, Metric] = MappingProxyType({metric.key: metric for metric 
 
 ALIASES: Mapping[tuple[str, str], str] = MappingProxyType(
     {  # kind of file, key in files that were made before -> key
-        ("comparison", "J"): "drive_score",
-        ("drives", "J"): "drive_score",
+        ("comparison", "J"): "drive_value",
+        ("comparison", "drive_score"): "drive_value",
+        ("drives", "J"): "drive_value",
+        ("drives", "drive_score"): "drive_value",
         ("drives", "collided"): "collisions",  # a crash ends an episode, so there is one or none
         ("drives", "brake_max"): "deceleration_max",
     }

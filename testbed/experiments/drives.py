@@ -29,7 +29,7 @@ MISSING = 4.0  # a missing object, or a false track, weighs as much as an error 
 
 DRIVEN = (  # metrics of the drive
     "elapsed", "collisions", "ttc_min", "ttc_plane_min", "ttc_5", "drac_max", "tit", "headway_min",
-    "deceleration_max", "jerk", "progress", "drive_score",
+    "deceleration_max", "jerk", "progress", "off_road", "drive_value",
 )  # fmt: skip
 TRACKING = (  # measures of the tracker in its own drive
     "gospa", "missed_percent", "false_per_scan", "switches", "lost", "birth_delay",

@@ -25,8 +25,9 @@ TRACKING = (  # errors of the tracker in its own drive
 )  # fmt: skip
 HARD = 2.0  # [m/s^2] braking that counts as an event
 AFTER = 3.0  # [s] within which the other drive brakes for the same reason
+SCORE = "score"  # the measure that leads
 MEASURES = (  # of each drive, of which a pair has the difference
-    "drive_score", "collisions", "drac_max", "tit", "ttc_min", "headway_min", "progress", "deceleration_max", "jerk",
+    "drive_value", "collisions", "drac_max", "tit", "ttc_min", "headway_min", "progress", "deceleration_max", "jerk",
 )  # fmt: skip
 Meta = Mapping[str, Any]  # what the file of a drive says beside its curves
 
@@ -91,6 +92,28 @@ def change(values: Sequence[NDArray]) -> Change:
     return Change(mean, NO_INTERVAL, NO_INTERVAL, sum(map(len, d)), needed(d, mean))
 
 
+def scored(drives: pd.DataFrame, pairs: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Tables of drives and of pairs with the score; of a pair its difference. NaN without a drive on the truth."""
+    key = ["scenario", "planner", "seed"]
+    aims = drives[drives["condition"] == TRUTH].set_index(key)["progress"].rename("aim")
+    aim = drives.join(aims, on=key)["aim"].to_numpy(float)
+    drives = drives.assign(**{SCORE: METRICS[SCORE].compute(drives, aim)})
+    scores = drives.set_index([*KEY])[SCORE]
+    own, beside = (
+        pd.MultiIndex.from_frame(pairs[[*KEY]].assign(condition=pairs[name])) for name in ("condition", "reference")
+    )
+    difference = scores.reindex(own).to_numpy() - scores.reindex(beside).to_numpy()
+    return drives, pairs.assign(**{SCORE: difference})
+
+
+def against(drives: pd.DataFrame, tracker: str) -> pd.DataFrame:
+    """Drives on other trackers minus those on one of them, of the same scenario, planner and seed, in the score."""
+    key = ["scenario", "planner", "seed"]
+    base = drives[drives["condition"] == tracker].set_index(key)[SCORE].rename("base")
+    others = drives[~drives["condition"].isin((TRUTH, IN_VIEW, tracker))].join(base, on=key)
+    return others[[*KEY]].assign(**{SCORE: others[SCORE] - others["base"]})
+
+
 class Attribution(NamedTuple):
     """What the groups of errors of a tracker change in one measure against what is in view."""
 
@@ -145,9 +168,9 @@ class Correlation(NamedTuple):
 
 
 def error_and_regret(drives: pd.DataFrame, pairs: pd.DataFrame) -> pd.DataFrame:
-    """One row a scenario, planner and tracker: mean regret [s] and mean tracking errors, over the seeds."""
+    """One row a scenario, planner and tracker: mean regret and mean tracking errors, over the seeds."""
     keys = ["scenario", "planner", "condition"]
-    regret = (-pairs.set_index([*keys, "seed"])["drive_score"]).rename("regret")
+    regret = (-pairs.set_index([*keys, "seed"])[SCORE]).rename("regret")
     errors = drives.set_index([*keys, "seed"])
     errors = errors[[key for key in TRACKING if key in errors]].astype(float)
     joined = regret.to_frame().join(errors, how="inner").dropna(how="all", subset=list(errors.columns))
@@ -177,7 +200,7 @@ class WorstPair(NamedTuple):
     """The drive of a tracker that lost most against the reference."""
 
     drive: Drive
-    regret: float  # [s]
+    regret: float  # of the score
     parted: float  # [s] when it parts from the drive on the reference, NaN for never
     parting: str  # the same in words
 
@@ -191,10 +214,10 @@ def worst_pairs(pairs: pd.DataFrame) -> list[WorstPair]:
     """For each planner and tracker the pair with the largest regret; `pairs` have one reference."""
     worst = []
     for _, part in pairs.groupby(["planner", "condition"], sort=False):
-        if part["drive_score"].notna().any():
-            row = part.loc[part["drive_score"].idxmin()]
+        if part[SCORE].notna().any():
+            row = part.loc[part[SCORE].idxmin()]
             drive = Drive(row["scenario"], row["planner"], row["condition"], int(row["seed"]))
-            worst.append(WorstPair(drive, -float(row["drive_score"]), float(row["parted"]), row["parting"]))
+            worst.append(WorstPair(drive, -float(row[SCORE]), float(row["parted"]), row["parting"]))
     return worst
 
 

@@ -35,8 +35,7 @@ from testbed.planners import find as find_planner
 from trackers.lookup import look_up
 
 DRIVES, PAIRS = "drives.parquet", "pairs.parquet"  # tables in the folder
-SHOWN = ("drive_score", "tit", "progress")  # beside the scenario, in 80 columns
-SHORT = {"score": "drive_score"}  # names of limits beside the keys of metrics
+SHOWN = ("score", "tit", "progress")  # beside the scenario, in 80 columns
 
 
 class Limit(NamedTuple):
@@ -49,7 +48,7 @@ class Limit(NamedTuple):
     def parse(cls, text: str) -> "Limit":
         """From `NAME=VALUE`; raises LookupError or ValueError, in one sentence."""
         name, _, value = text.partition("=")
-        measure = look_up(SHORT.get(name, name), {key: key for key in TABLE if METRICS[key].better}, "limit")
+        measure = look_up(name, {key: key for key in TABLE if METRICS[key].better}, "limit")
         try:
             most = float(value)
         except ValueError:
@@ -164,8 +163,9 @@ class Regret(Study):
 
     def judge(self, results: Results, tally: Tally) -> study.Findings:
         """The regret by tracker and planner, the changes by scenario, and the self-test of the attribution."""
-        table, same = pairs.table(results), pairs.self_test(results)
-        found = None if table.empty else find(drives(results), table)
+        same = pairs.self_test(results)
+        driven, table = pairs.scored(drives(results), pairs.table(results))
+        found = None if table.empty else find(driven, table)
         shown = [] if found is None else list(_overview(found))
         shown += [
             f"[red]self-test[/red] {drive.name} differs from the drive of the tracker itself"
@@ -179,11 +179,11 @@ class Regret(Study):
         if self.limits and not over:
             shown.append(f"within the limits: {', '.join(f'{m}={most:g}' for m, most in self.limits)}")
         failed = found is None or not all(same.values()) or bool(over)
-        return study.Findings(shown, failed, Judged(table, found, same))
+        return study.Findings(shown, failed, Judged(driven, table, found, same))
 
     def write(self, results: Results, found: study.Findings, console: Console) -> None:
         """Write the tables of drives and of pairs."""
-        for name, table in ((DRIVES, drives(results)), (PAIRS, found.data.pairs)):
+        for name, table in ((DRIVES, found.data.drives), (PAIRS, found.data.pairs)):
             console.print(f"{name:16} {write_table(table, Path(self.out) / name)}", soft_wrap=True)
 
     def page(self, results: Results, found: Any, tally: Tally, engine: Engine, progress: Progress) -> Path | None:
@@ -201,6 +201,7 @@ class Regret(Study):
 class Judged(NamedTuple):
     """What the drives say."""
 
+    drives: pd.DataFrame
     pairs: pd.DataFrame
     found: Findings | None  # None without any pair
     same: dict[Drive, bool]  # whether a drive with all groups of errors is that of its tracker
@@ -254,11 +255,11 @@ def write_table(table: pd.DataFrame, path: Path) -> Path:
 def _overview(found: Findings) -> Iterator[RenderableType]:
     """The regret by tracker and planner, the changes by scenario, and what the seeds cannot resolve."""
     if found.together:
-        yield terminal(tables.overview(found.together, ""), "regret [s] against the truth, all scenarios")
+        yield terminal(tables.overview(found.together, ""), "regret against the truth, all scenarios")
     for cells, title in ((found.total, "change against the truth"), (found.doses, "change against what is in view")):
         if cells:
             shown = [c for c in cells if c.measure in SHOWN]
             yield terminal(tables.changes(shown, ""), title, narrow=True)
     sentences = [*found.verdict, *words.one_sided(found.total)]
-    sentences += words.unresolved_pairs([c for c in found.together if c.measure == "drive_score"])
+    sentences += words.unresolved_pairs([c for c in found.together if c.measure == pairs.SCORE])
     yield from warnings(sentences)

@@ -19,7 +19,7 @@ from testbed.experiments.study import WHOLE_RUN
 
 MAIN = ("gospa", "missed_percent", "false_per_scan", "rmse_position", "rmse_velocity", "rmse_length", "nees_position")
 DRIVE = (  # of the ego, in closed loop
-    "collisions", "drive_score", "progress", "drac_max", "tit", "deceleration_max", "jerk",
+    "collisions", "drive_value", "progress", "drac_max", "tit", "deceleration_max", "jerk",
 )  # fmt: skip
 PHASES = ("before", "onset", "during", "after")
 

@@ -6,7 +6,7 @@ import pandas as pd
 
 from testbed.experiments.pairs import ALL, Cell, change
 
-MEASURES = ("drive_score", "collisions", "drac_max", "tit", "progress", "deceleration_max")
+MEASURES = ("score", "collisions", "drive_value", "drac_max", "tit", "progress", "deceleration_max")
 CAUTIOUS, PLAIN = "mpc-cautious", "mpc"
 
 

@@ -11,7 +11,7 @@ from studies.page import DOCS, Docs, Page, fill
 from studies.regret.caution import differences
 from testbed.command_line.terminal import console, user_input
 from testbed.evaluation.metric import old_names
-from testbed.experiments.pairs import KEY, Attribution, Cell
+from testbed.experiments.pairs import KEY, SCORE, Attribution, Cell, scored
 from testbed.experiments.regret import DRIVES, PAIRS, write_table
 from testbed.experiments.report import figures_regret
 from testbed.experiments.report import tables_regret as tables
@@ -97,7 +97,7 @@ def joined(tables: Sequence[pd.DataFrame], keys: list[str]) -> pd.DataFrame:
 def load(place: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
     """The tables of drives and of pairs."""
     drives, pairs = (pd.read_parquet(place / name).rename(columns=OLD) for name in (DRIVES, PAIRS))
-    return drives, pairs
+    return scored(drives, pairs)
 
 
 def text(found: dict[str, tuple[pd.DataFrame, pd.DataFrame]], page: Page | None = None) -> str:
@@ -128,9 +128,15 @@ def _main(drives: pd.DataFrame, pairs: pd.DataFrame, page: Page | None) -> str:
         "regret/page.md.j2",
         facts=_facts(drives),
         verdict="\n\n".join(found.verdict),
-        sides="Risk and loss on different sides:\n\n" + _items(sides) if sides else "",
+        sides=say_sides(sides),
         **{name: markdown(grid) for name, grid in grids.items()},
     )
+
+
+def say_sides(sides: Sequence[str]) -> str:
+    """In how many cells risk and loss are on different sides, and some of them."""
+    some = _items(sides[:4])
+    return f"Risk and loss are on different sides in {len(sides)} cells, such as:\n\n{some}" if sides else ""
 
 
 def _attribution(drives: pd.DataFrame, pairs: pd.DataFrame, page: Page | None) -> str:
@@ -150,7 +156,7 @@ def _doses(drives: pd.DataFrame, pairs: pd.DataFrame, page: Page | None) -> str:
 
 def _caution(drives: pd.DataFrame) -> str:
     cells = list(differences(drives))
-    open_questions = _items(unresolved_pairs([c for c in cells if c.measure == "drive_score"]))
+    open_questions = _items(unresolved_pairs([c for c in cells if c.measure == SCORE]))
     return fill(
         "regret/caution.md.j2", facts=_facts(drives), table=markdown(tables.changes(cells, "")), open=open_questions
     )

@@ -46,7 +46,7 @@ def _names_down(axis: Axes, names: Sequence[str], title: str, xlabel: str) -> No
 def _regret_up(axis: Axes, title: str, xlabel: str) -> None:
     """Regret up the side, and a line where there is none."""
     axis.axhline(0.0, color="0.35", linewidth=0.8)
-    axis.set(title=title, xlabel=xlabel, ylabel="regret [s]")
+    axis.set(title=title, xlabel=xlabel, ylabel="regret (score)")
 
 
 def _legend(figure: Figure, axis: Axes, columns: int) -> None:
@@ -70,7 +70,7 @@ def by_scenario(cells: Sequence[Cell]) -> Figure:
             y = trackers.index(cell.condition) + 0.8 * offset
             axis.plot([-mean.high, -mean.low], [y, y], color=style.color)
             axis.plot(-mean.value, y, style.marker, color=style.color, label=cell.planner)
-        _names_down(axis, trackers, scenario, "regret [s]")
+        _names_down(axis, trackers, scenario, "regret (score)")
     _legend(figure, axes[0], len(planners))
     return figure
 
@@ -89,7 +89,7 @@ def attribution_bars(found: Sequence[Attribution]) -> Figure:
                 axis.barh(y, cost, left=ends[cost > 0], color=colour, label=GROUP_NAMES[group], height=0.6)
                 ends[cost > 0] += cost
             axis.plot(-a.total.value, y, "o", color="black", markerfacecolor="white")
-        _names_down(axis, [a.tracker for a in rows], ", ".join(driven), "regret against in-view [s]")
+        _names_down(axis, [a.tracker for a in rows], ", ".join(driven), "regret against in-view (score)")
     _legend(figure, axes[0], len(GROUPS))
     return figure
 

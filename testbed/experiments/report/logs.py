@@ -202,7 +202,7 @@ def write_pair_log(pair: WorstPair, study: Any, out: Path) -> Outcome:
             LoggedDrive(TRUTH, "on the truth", reference.frames, reference.curves, []),
             LoggedDrive(TRACKS, f"on {pair.drive.condition}", tracked.frames, tracked.curves, beside),
         ]
-        summary = say("pair log", regret=f"{pair.regret:.2f}", parting=pair.parting, **pair.drive._asdict())
+        summary = say("pair log", regret=f"{pair.regret:.3f}", parting=pair.parting, **pair.drive._asdict())
         write_pair(path, path.stem, drives, reference.road, summary + "\n")
         return ""
 

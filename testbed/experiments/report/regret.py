@@ -19,18 +19,20 @@ from testbed.experiments.run import FAILED
 from testbed.experiments.store import Results
 from testbed.experiments.study import Progress, Tally
 from testbed.frame import TRUTH
+from trackers import DEFAULT
 
 TEMPLATE = "regret.html.j2"
 TABLE = (
-    "drive_score", "collisions", "drac_max", "tit", "progress", "deceleration_max", "extra_braking", "changed",
+    "score", "collisions", "drive_value", "drac_max", "tit", "progress", "deceleration_max", "extra_braking", "changed",
 )  # fmt: skip
-ATTRIBUTED = ("drive_score", "drac_max", "progress")  # measures that are taken apart
+ATTRIBUTED = ("score", "drive_value", "drac_max", "progress")  # measures that are taken apart
 
 
 class Findings(NamedTuple):
     """Everything that a page shows, from the tables of drives and of pairs alone."""
 
     together: list[Cell]  # over all scenarios, against the truth
+    orders: list[Cell]  # score by scenario, other trackers against the first
     total: list[Cell]  # by scenario, against the truth
     tracking: list[Cell]  # by scenario, against what is in view
     sensing: list[Cell]  # by scenario, what is in view against the truth
@@ -53,14 +55,20 @@ def find(drives: pd.DataFrame, pairs: pd.DataFrame) -> Findings:
     shares = list(analysis.attributions(drives, ATTRIBUTED))
     errors = analysis.error_and_regret(drives, total)
     ranks = analysis.correlations(errors)
-    in_view = list(analysis.cells(sensing, ("drive_score",), together=True))
-    of_score = [a for a in shares if a.measure == "drive_score"]
-    verdict = words.regret(_only_score(together), in_view, of_score, ranks, total)
+    of_score = [a for a in shares if a.measure == analysis.SCORE]
+    trackers = [name for name in total["condition"].unique() if IN_VIEW not in name]
+    first = DEFAULT if DEFAULT in trackers else next(iter(trackers), "")
+    orders = [
+        cell._replace(condition=f"{cell.condition}{words.MINUS}{first}")
+        for cell in analysis.cells(analysis.against(drives, first), (analysis.SCORE,))
+    ]
     on_truth, on_view, of_view, of_doses = (
         list(analysis.cells(part, TABLE)) for part in (total, tracking, sensing, doses)
     )
     worst = analysis.worst_pairs(total)
-    return Findings(together, on_truth, on_view, of_view, of_doses, shares, errors, ranks, worst, verdict)
+    scores, in_view = _only_score(on_truth), _only_score(of_view)
+    verdict = words.regret(scores, orders, in_view, of_score, ranks, total)
+    return Findings(together, orders, on_truth, on_view, of_view, of_doses, shares, errors, ranks, worst, verdict)
 
 
 def write_report(
@@ -129,9 +137,9 @@ def ranked(cells: Sequence[Cell]) -> list[Cell]:
 
 def drawable(found: Findings) -> tuple[list[Cell], list[analysis.Attribution], pd.DataFrame, list[Cell]]:
     """What `figures_regret.plots` takes: all of it in the drive score."""
-    shares = [share for share in found.shares if share.measure == "drive_score"]
+    shares = [share for share in found.shares if share.measure == analysis.SCORE]
     return _only_score(found.total), shares, found.errors, _only_score(found.doses)
 
 
 def _only_score(cells: Sequence[Cell]) -> list[Cell]:
-    return [c for c in cells if c.measure == "drive_score"]
+    return [c for c in cells if c.measure == analysis.SCORE]

@@ -6,7 +6,7 @@ from testbed.command_line.tables import number
 from testbed.environment.sources.substitution import GROUP_NAMES, GROUPS
 from testbed.evaluation.intervals import Interval
 from testbed.evaluation.metric import METRICS
-from testbed.experiments.pairs import Attribution, Cell, Correlation, WorstPair
+from testbed.experiments.pairs import SCORE, Attribution, Cell, Correlation, WorstPair
 from testbed.experiments.report.grid import Field, Grid, Line, mark_of, needed, signed
 from testbed.experiments.report.texts import say
 
@@ -14,7 +14,7 @@ from testbed.experiments.report.texts import say
 def overview(cells: Sequence[Cell], title: str) -> Grid:
     """Conditions down, planners across: the regret, which is positive where the reference drives better."""
     planners = list(dict.fromkeys(c.planner for c in cells))
-    found = {(c.condition, c.planner): _regret(c) for c in cells if c.measure == "drive_score"}
+    found = {(c.condition, c.planner): _regret(c) for c in cells if c.measure == SCORE}
     lines = [
         Line(name, [found.get((name, p), Field("")) for p in planners])
         for name in dict.fromkeys(c.condition for c in cells)
@@ -62,10 +62,10 @@ def correlation(found: Sequence[Correlation]) -> Grid:
 
 def worst(found: Sequence[WorstPair]) -> Grid:
     """The worst pair of every planner and tracker, and where it parts from the truth."""
-    heads = ["planner", "scenario", "seed", "regret [s]", "parts from the drive on the truth"]
+    heads = ["planner", "scenario", "seed", "regret", "parts from the drive on the truth"]
     lines = []
     for w in found:
-        fields = map(Field, (w.drive.planner, w.drive.scenario, str(w.drive.seed), number(w.regret, 2), w.parting))
+        fields = map(Field, (w.drive.planner, w.drive.scenario, str(w.drive.seed), number(w.regret, 3), w.parting))
         lines.append(Line(w.drive.condition, list(fields)))
     words = ("planner", "scenario", "parts from the drive on the truth")
     return Grid(say("worst pairs"), "tracker", heads, lines, words=words)

@@ -23,6 +23,8 @@ RISK, LOSS = "tit", "progress"  # the metrics of either side that tell trackers 
 MANY = 20  # intervals, of which one leaves out zero by chance
 AGAINST = {"better": "better", "worse": "worse", "unresolved": "not resolved", "the same": "the same",
            "too few seeds": "too few seeds to judge"}  # fmt: skip
+SMALL = 0.001  # differences of scores that are none
+MINUS = " minus "  # between two trackers that are compared
 
 
 class Reach(NamedTuple):
@@ -200,36 +202,47 @@ def _cost(results: Results, best: str) -> str:
 
 
 def regret(
-    together: Sequence[PairCell],
+    total: Sequence[PairCell],
+    orders: Sequence[PairCell],
     sensing: Sequence[PairCell],
     shares: Sequence[Attribution],
     ranks: Sequence[Correlation],
     pairs: pd.DataFrame,
 ) -> list[str]:
-    """Sentences: least and largest regret, collisions, sensing, the group that costs most, the error that matters.
+    """Sentences: where tracks cost score, which tracker is better where, collisions, sensing, groups, the error.
 
-    `together` and `sensing` are the cells of the drive score over all scenarios; pairs are those against the truth.
+    `total`, `orders` and `sensing` are cells of the score by scenario: against the truth, against the first tracker,
+    of what is in view; pairs are those against the truth.
     """
-    said = []
-    for planner in dict.fromkeys(c.planner for c in together):
-        ranked = sorted((c for c in together if c.planner == planner), key=lambda c: -c.change.mean.value)
-        texts = [f"{c.condition} ({0.0 - c.change.mean.value:+.2f} s{_turned(c)})" for c in ranked]
-        said.append(say("least regret", planner=planner, texts=[texts[0], texts[-1]] if len(texts) > 1 else texts))
+    said = [say("costs", **_where(cells)) for cells in _by_planner(total)]
+    said += [say("order", base=orders[0].condition.partition(MINUS)[2], **_where(c)) for c in _by_planner(orders)]
     if len(pairs):
         said.append(say("crashes", crashed=int((pairs["collisions"] > 0).sum()), pairs=len(pairs)))
-    for cell in sensing:
-        cost = f"{0.0 - cell.change.mean.value:+.2f} s of the drive score{_turned(cell)}"
-        said.append(say("sensing", planner=cell.planner, regret=cost))
+    said += [say("sensing", **_where(cells)) for cells in _by_planner(sensing)]
     if shares:
         costs = {g: float(np.mean([-a.share[g].value for a in shares])) for g in GROUPS}
-        parts = [f"{GROUP_NAMES[g]} {costs[g]:+.2f} s" for g in sorted(costs, key=lambda g: -costs[g])]
+        parts = [f"{GROUP_NAMES[g]} {costs[g]:+.3f}" for g in sorted(costs, key=lambda g: -costs[g])]
         said.append(say("groups", parts=parts))
     if ranks:
         said.append(say("error that ranks", label=METRICS[ranks[0].error].label, rho=f"{ranks[0].rho:+.2f}"))
     return said
 
 
-def _turned(cell: PairCell) -> str:
-    """The interval of a regret, which is a change with the other sign."""
-    v = cell.change.mean
-    return f" [{0.0 - v.high:+.2f}, {0.0 - v.low:+.2f}]" if np.isfinite(v.low) else ""
+def _by_planner(cells: Sequence[PairCell]) -> list[list[PairCell]]:
+    """The cells of each planner and condition."""
+    groups: dict[tuple[str, str], list[PairCell]] = {}
+    for cell in cells:
+        groups.setdefault((cell.planner, cell.condition), []).append(cell)
+    return list(groups.values())
+
+
+def _where(cells: Sequence[PairCell]) -> dict[str, object]:
+    """Planner and condition of cells by scenario, and the scenarios by verdict."""
+    found: dict[str, list[str]] = {"worse": [], "better": [], "open": []}
+    for cell in cells:
+        v = cell.change.mean
+        small = max(abs(v.low), abs(v.high)) < SMALL  # False without an interval
+        if cell.verdict != "the same" and not small:
+            found[cell.verdict if cell.verdict in found else "open"].append(cell.scenario.removeprefix("probe-"))
+    tracker = cells[0].condition.partition(MINUS)[0]
+    return {"planner": cells[0].planner, "tracker": tracker, **found}

@@ -12,7 +12,7 @@ from studies.regret.page import PARTS, joined, load, text
 from testbed.environment.sources.substitution import subsets
 from testbed.evaluation import metric
 from testbed.evaluation.metric import keys
-from testbed.experiments.pairs import MEASURES
+from testbed.experiments.pairs import MEASURES, scored
 from testbed.experiments.regret import DRIVES, PAIRS
 from tests.studies.committed_pages import assert_committed
 
@@ -29,12 +29,14 @@ def made(worth, planners=("mpc", "mpc-cautious"), seeds=8):
             own = {c: value + 0.1 * rng.standard_normal() for c, value in worth.items()}
             for condition, value in own.items():
                 what = {"scenario": "probe-brake", "planner": planner, "condition": condition, "seed": seed}
-                drives.append({**what, **ZERO, "drive_score": value, "gospa": abs(value), "cpu": 1.0})
+                drives.append(
+                    {**what, **ZERO, "progress": 100 + 20 * value, "ttc_min": 10.0, "gospa": abs(value), "cpu": 1.0}
+                )
                 for reference in ("truth", "in-view"):
                     if condition not in ("truth", reference):
                         words = {"reference": reference, "parted": 1.0, "parting": "at 1.0 s"}
-                        pairs.append({**words, **what, **ZERO, "drive_score": value - own[reference]})
-    return pd.DataFrame(drives), pd.DataFrame(pairs)
+                        pairs.append({**words, **what, **ZERO, "drive_value": value - own[reference]})
+    return scored(pd.DataFrame(drives), pd.DataFrame(pairs))
 
 
 def test_the_page_has_a_part_for_each_study_and_figures_of_the_tables():
@@ -46,10 +48,8 @@ def test_the_page_has_a_part_for_each_study_and_figures_of_the_tables():
         "caution": made({"truth": 5.0, "in-view": 5.0, "t": 3.0, "t+covariance=4": 2.0}),
     }
     page = text(found)
-    mean = (
-        -found["main"][1].query("reference == 'truth' and condition == 't' and planner == 'mpc'")["drive_score"].mean()
-    )
-    assert f"| `t` | {mean:+.2f} [" in page
+    scores = found["main"][0].query("planner == 'mpc'").set_index(["condition", "seed"])["score"]
+    assert f"| `t` | {(scores['truth'] - scores['t']).mean():+.3f} [" in page
     titles = ("Regret by tracker", "Which group", "Injected errors", "Does knowing the uncertainty help?")
     assert [title for title in titles if f"## {title}" not in page] == []
     assert "| `in-view+latency=0.2` | probe-brake | mpc |" in page
@@ -95,14 +95,14 @@ def test_folders_are_joined_and_a_drive_counts_once():
     again = idm.assign(cpu=7.0)[::-1]
     both = joined([again, drives], KEYS)
     assert len(both) == len(drives)
-    assert both["drive_score"].sum() == pytest.approx(drives["drive_score"].sum())
+    assert both["progress"].sum() == pytest.approx(drives["progress"].sum())
     pd.testing.assert_frame_equal(both, joined([again, both, drives], KEYS))
 
 
 def test_folders_that_differ_about_a_drive_are_refused():
     drives, _ = made({"truth": 5.0, "in-view": 5.0, "t": 3.0})
     with pytest.raises(ValueError, match="two folders differ about"):
-        joined([drives, drives.assign(drive_score=drives["drive_score"] + 1e-6)], KEYS)
+        joined([drives, drives.assign(progress=drives["progress"] + 1e-6)], KEYS)
 
 
 @pytest.mark.parametrize("study", ["main", "main=", "mian=runs", "=runs"])

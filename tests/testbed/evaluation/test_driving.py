@@ -1,8 +1,10 @@
 """The drive measured on scenes that can be computed by hand, and against a slow simulation."""
 
+import hypothesis.strategies as st
 import numpy as np
 import pytest
 import shapely
+from hypothesis import given
 
 from scenarios.corridor import drive_value
 from sensors.scene import Ego, boxes_scene
@@ -15,6 +17,7 @@ from testbed.evaluation.driving import (
     contact_time,
     count_onsets,
     deceleration_needed,
+    drive_score,
     extra_braking,
     headway_time,
     speed_difference,
@@ -198,7 +201,7 @@ def test_the_row_of_an_empty_road_are_those_of_no_risk():
     row = driven([20.0] * 11).summary()
     assert [row["ttc_min"], row["ttc_5"], row["headway_min"]] == [10.0] * 3
     assert [row["drac_max"], row["tit"], row["deceleration_max"], row["jerk"]] == [0.0] * 4
-    np.testing.assert_allclose(row["drive_score"], 20.0 / 30.0)
+    np.testing.assert_allclose(row["drive_value"], 20.0 / 30.0)
 
 
 def test_the_jerk_is_the_slope_of_the_acceleration():
@@ -214,7 +217,37 @@ def test_a_second_is_worth_its_speed_less_risk_and_braking():
     values = drive_value(np.array([30.0, 30.0, 15.0]), np.array([np.inf, 1.5, 3.0]), np.array([0.0, 0.0, 4.0]))
     np.testing.assert_allclose(values, [1.0, 1.0 - 2 * 0.25, 0.5 - 0.5 * 0.25])
     # 30 m/s, then one frame of braking with 8 m/s^2: 0.1 s (30 / 30) + 0.1 s (29.2 / 30 - 0.5)
-    np.testing.assert_allclose(driven([30.0, 30.0, 29.2]).summary()["drive_score"], 0.1 + 0.1 * (29.2 / 30 - 0.5))
+    np.testing.assert_allclose(driven([30.0, 30.0, 29.2]).summary()["drive_value"], 0.1 + 0.1 * (29.2 / 30 - 0.5))
+
+
+def scores(aim=100.0, **drive):
+    usual = {"progress": 100.0, "ttc_min": 10.0, "deceleration_max": 0.0, "collisions": 0, "off_road": 0.0}
+    return float(drive_score(usual | drive, aim))
+
+
+def test_a_score_by_hand():
+    assert scores() == 1.0
+    assert scores(progress=60.0) == pytest.approx(10 / 12)  # 5 (0.6) + 5 + 2
+    assert scores(ttc_min=1.975) == pytest.approx(9.5 / 12)  # half way from 0.95 to 3 s
+    assert scores(deceleration_max=8.0, ttc_min=0.5) == pytest.approx(5 / 12)
+    assert np.isnan(scores(aim=np.nan))
+
+
+@given(ttc=st.floats(0.0, 10.0), braking=st.floats(0.0, 12.0), share=st.floats(0.01, 2.0), other=st.floats(0.0, 100.0))
+def test_a_crash_is_below_every_drive_without_one_and_going_farther_earns_nothing(ttc, braking, share, other):
+    drive = {"ttc_min": ttc, "deceleration_max": braking, "progress": 100.0 * share}
+    assert 0.0 < scores(**drive) <= 1.0
+    for failed in ({"collisions": 1}, {"off_road": 0.1}):
+        assert scores(ttc_min=10.0, progress=other, **failed) == 0.0
+    assert scores(**drive) <= scores(**{**drive, "progress": 100.0})
+
+
+def test_time_off_the_road_is_counted():
+    evaluator = DriveEvaluator()
+    for k, on in enumerate([True, True, False, False]):
+        none = np.zeros((0, 3)), np.zeros((0, 2))
+        evaluator.step(boxes_scene(*none, ego=ego(2.0 * k)._replace(on_road=on), time=0.1 * k, dt=0.1))
+    assert evaluator.summary()["off_road"] == pytest.approx(0.2)
 
 
 def test_a_crash_ends_the_braking_but_not_the_risk():

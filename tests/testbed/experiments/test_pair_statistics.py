@@ -9,6 +9,7 @@ from testbed.environment.sources.injection import Errors
 from testbed.environment.sources.substitution import subsets
 from testbed.experiments.pairs import (
     MEASURES,
+    SCORE,
     Cell,
     attributions,
     cells,
@@ -25,26 +26,26 @@ SEEDS = range(8)
 
 
 def drive_rows(worth, scenario="probe-brake", planner="idm", **more):
-    """One row a condition and seed; worth: condition -> drive score at each seed, and more columns."""
+    """One row a condition and seed; worth: condition -> score at each seed, and more columns."""
     rows = []
     for condition, values in worth.items():
         for seed in SEEDS:
-            row = dict.fromkeys(MEASURES, 0.0) | {key: v[seed] for key, v in more.items()}
+            row = dict.fromkeys((*MEASURES, SCORE), 0.0) | {key: v[seed] for key, v in more.items()}
             rows.append({"scenario": scenario, "planner": planner, "condition": condition, "seed": seed, **row})
-            rows[-1]["drive_score"] = float(values[seed])
+            rows[-1]["score"] = float(values[seed])
     return rows
 
 
-def pair_rows(values, key="drive_score", reference="truth", condition="t", scenario="probe-brake"):
+def pair_rows(values, key="score", reference="truth", condition="t", scenario="probe-brake"):
     """One row a seed with one measure, the others zero."""
-    same = dict.fromkeys(MEASURES, 0.0) | {"parted": 1.0, "parting": "at 1.0 s"}
+    same = dict.fromkeys((*MEASURES, SCORE), 0.0) | {"parted": 1.0, "parting": "at 1.0 s"}
     same |= {"reference": reference, "scenario": scenario, "planner": "idm", "condition": condition}
     return [{**same, "seed": k, key: v} for k, v in enumerate(values)]
 
 
 def test_a_change_that_all_seeds_share_is_resolved_and_its_side_depends_on_the_measure():
     steady = -1.0 + 0.1 * np.arange(8) / 8
-    (less_score,) = cells(pd.DataFrame(pair_rows(steady, "drive_score")), ("drive_score",))
+    (less_score,) = cells(pd.DataFrame(pair_rows(steady, "score")), ("score",))
     (less_risk,) = cells(pd.DataFrame(pair_rows(steady, "tit")), ("tit",))
     assert less_score.verdict == "worse"
     assert less_risk.verdict == "better"
@@ -54,7 +55,7 @@ def test_a_change_that_all_seeds_share_is_resolved_and_its_side_depends_on_the_m
 
 def test_a_change_of_either_sign_is_unresolved_and_says_how_many_seeds_it_needs():
     mixed = np.array([1.0, -0.8, 0.9, -1.0, 1.1, -0.7, 0.8, -0.9])
-    found = list(cells(pd.DataFrame(pair_rows(mixed)), ("drive_score",)))
+    found = list(cells(pd.DataFrame(pair_rows(mixed)), ("score",)))
     assert found[0].verdict == "unresolved"
     (sentence,) = unresolved_pairs(found)
     assert "seeds would resolve it" in sentence
@@ -63,7 +64,7 @@ def test_a_change_of_either_sign_is_unresolved_and_says_how_many_seeds_it_needs(
 
 def test_all_scenarios_together_weigh_alike():
     rows = pair_rows([1.0] * 8) + pair_rows([4.0] * 4, scenario="probe-jam")
-    (cell,) = cells(pd.DataFrame(rows), ("drive_score",), together=True)
+    (cell,) = cells(pd.DataFrame(rows), ("score",), together=True)
     assert cell.change.mean.value == pytest.approx(2.5)
 
 
@@ -80,16 +81,16 @@ def test_safer_than_the_truth_at_the_price_of_progress_is_said():
 def test_references_are_kept_apart():
     rows = pair_rows([1.0] * 3) + pair_rows([2.0] * 3, reference="in-view") + pair_rows([3.0] * 3, condition="in-view")
     table = pd.DataFrame(rows)
-    assert compared_with(table, "truth")["drive_score"].tolist() == [1.0] * 3
-    assert compared_with(table, "in-view")["drive_score"].tolist() == [2.0] * 3
-    assert compared_with(table, "truth", sensing=True)["drive_score"].tolist() == [3.0] * 3
+    assert compared_with(table, "truth")["score"].tolist() == [1.0] * 3
+    assert compared_with(table, "in-view")["score"].tolist() == [2.0] * 3
+    assert compared_with(table, "truth", sensing=True)["score"].tolist() == [3.0] * 3
 
 
 def test_the_attribution_adds_up_and_finds_the_group_that_costs():
     noise = np.random.default_rng(3).standard_normal(8)
     names = {subset: f"t:{subset}" for subset in subsets()} | {"": "in-view", "EGV": "t"}
     worth = {name: noise + (-2.0 if "E" in subset else 0.0) for subset, name in names.items()}
-    (found,) = attributions(pd.DataFrame(drive_rows(worth)), ("drive_score",))
+    (found,) = attributions(pd.DataFrame(drive_rows(worth)), ("score",))
     assert found.seeds == 8
     assert found.share["E"].value == pytest.approx(-2.0)
     assert found.share["G"].value == pytest.approx(0.0, abs=1e-12)
@@ -101,7 +102,7 @@ def test_a_seed_that_lacks_a_drive_is_left_out_of_the_attribution():
     names = {subset: f"t:{subset}" for subset in subsets()} | {"": "in-view", "EGV": "t"}
     rows = drive_rows({name: np.arange(8.0) for name in names.values()})
     rows = [row for row in rows if (row["condition"], row["seed"]) != ("t:GV", 5)]
-    (found,) = attributions(pd.DataFrame(rows), ("drive_score",))
+    (found,) = attributions(pd.DataFrame(rows), ("score",))
     assert found.seeds == 7
 
 
@@ -140,7 +141,7 @@ def test_caution_is_compared_on_the_same_seeds_and_tracks():
     rows = drive_rows({"t": np.arange(8.0)}, planner="mpc") + drive_rows(
         {"t": np.arange(8.0) + 0.5}, planner="mpc-cautious"
     )
-    found = {c.scenario: c for c in differences(pd.DataFrame(rows)) if c.measure == "drive_score"}
+    found = {c.scenario: c for c in differences(pd.DataFrame(rows)) if c.measure == "score"}
     assert found["probe-brake"].change.mean.value == pytest.approx(0.5)
     assert found["all"].verdict == "better"
 
@@ -148,7 +149,7 @@ def test_caution_is_compared_on_the_same_seeds_and_tracks():
 def test_a_dose_on_either_side_of_none_is_drawn_in_order():
     doses = {-1.0: 0.3, 1.0: -0.2, 0.5: -0.1}
     found = [
-        Cell("probe-brake", "idm", f"in-view+near_edge={dose:g}", "drive_score", change([np.full(8, worth)]))
+        Cell("probe-brake", "idm", f"in-view+near_edge={dose:g}", "score", change([np.full(8, worth)]))
         for dose, worth in doses.items()
     ]
     (line, _) = dose_response(found).axes[0].lines

@@ -133,7 +133,7 @@ def test_the_drives_are_in_one_table_and_the_same_command_finds_them(first):
     assert "31 runs made, 0 found, 0 failed" in done.output  # 3 x (truth, in-view, tracker, 6 subsets, 1 dose) + 1
     table = pd.read_parquet(out / "drives.parquet")
     assert len(table) == 31
-    assert table["drive_score"].notna().all()
+    assert table["drive_value"].notna().all()
     again = CliRunner().invoke(app, [*WHOLE, "--out", str(out)])
     assert "0 runs made, 31 found, 0 failed" in again.output
 
@@ -152,7 +152,7 @@ def test_a_limit_decides_about_the_exit_status_and_the_case(tmp_path):
 
 @pytest.mark.parametrize(
     ("measure", "change", "exceeded"),
-    [("collisions", 0.1, True), ("collisions", -0.1, False), ("drive_score", 0.3, False), ("drive_score", -0.3, True)],
+    [("collisions", 0.1, True), ("collisions", -0.1, False), ("drive_value", 0.3, False), ("drive_value", -0.3, True)],
 )
 def test_a_limit_counts_what_is_worse_than_on_the_truth(measure, change, exceeded):
     cell = Cell("probe", "idm", "t", measure, Change(Interval(change, -1, 1), NO_INTERVAL, NO_INTERVAL, 9, 0))
