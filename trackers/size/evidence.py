@@ -23,9 +23,9 @@ def facing(anchor: NDArray, size: NDArray, place: NDArray) -> NDArray:
 
 def evidence(
     grids: tuple[Grid, Grid], hits: Hits, boxes: Boxes, start: NDArray, fully_visible: NDArray,
-    outliers: float, independent: int, part_weight: float, around: Around | None,
+    outliers: float, independent: int, part_weight: float, offset_share: float, around: Around | None,
 ) -> tuple[NDArray, NDArray, NDArray]:  # fmt: skip
-    """What detections add to the grids of length (H, K, N) and width (H, K', N'), and how often (H,) for offsets.
+    """What detections add to the grids of length (H, K, N) and width (H, K', N'), and how often (H, 2) for offsets.
 
     start (H,) is the first detection of each object, fully_visible (H,) bool whether the scan shows it completely;
     around is the complete scan, None where it is not known.
@@ -38,7 +38,8 @@ def evidence(
     cut = ~fully_visible & width_is_cut(hits, boxes, sides, start)
     if cut.any():
         of_width[cut] = part_weight * np.maximum.accumulate(of_width[cut], axis=1)  # (ENDS.10)
-    sharper = np.minimum(1.0, 2 * independent / n) / weight  # (ENDS.39)
+    on_end = np.add.reduceat(sides.shown / np.maximum(sides.shown.sum(-1, keepdims=True), 1e-9), start) / n[:, None]
+    sharper = np.maximum(1.0, offset_share * (1 - on_end) / weight[:, None])  # (ENDS.39)
     weight = weight[:, None, None]
     return weight * of_length, weight * of_width, sharper
 

@@ -57,6 +57,7 @@ class SizePosterior:
     width: Grid = WIDTH
     outliers: float = 0.04  # eps, share of detections of neighbours and clutter
     independent: int = 6  # n_eff: a scan with more detections counts as so many
+    offset_share: float = 0.5  # of the detections beside its ends that count at least for the offset
     memory: float = 10.0  # [s]
     offset_tau: float = 2.0  # [s] time constant of the offset
     lost_rate: float = 1.5e-3  # [1/s] at which a box is misplaced
@@ -152,9 +153,10 @@ class SizePosterior:
         if around is not None:
             around = around.among(rows)
         *more, sharper = evidence(
-            self.grids, hits, boxes, start, fully_visible, self.outliers, self.independent, self.part_weight, around
-        )
-        length, width = (with_evidence(A, p, sharper) for A, p in zip((length, width), more, strict=True))
+            self.grids, hits, boxes, start, fully_visible, self.outliers, self.independent, self.part_weight,
+            self.offset_share, around,
+        )  # fmt: skip
+        length, width = (with_evidence(*x) for x in zip((length, width), more, sharper.T, strict=True))
         side = side + np.add.reduceat((np.abs(hits.sight[:, 1]) > SIDE).astype(float), start)
         belief = self.belief(np.exp(length), np.exp(width), faced, side)
         step = np.array([grid.step for grid in self.grids])
