@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.estimate import Estimate
-from trackers.geometry import rotation, to_frame, to_world, vector
+from trackers.geometry import perpendicular, rotation, to_frame, to_world, unit, vector
 from trackers.linalg import symmetrize
 from trackers.parameters import check_numbers
 from trackers.scan import Scan, SensorModel
@@ -25,6 +25,8 @@ from trackers.size.hits import Boxes, Hits, hits_of
 from trackers.size.profile import Profiles
 
 SIDE = np.sin(np.radians(10.0))  # a line of sight further off the axis meets sides behind the front of a load
+SLOWEST, SHARPEST = 2.0, 0.9  # [m/s] and sine of the bend from which on it is not read from the curvature
+BEND_ERROR = 0.5  # of what stands out, as a share of it
 ROLLED_ABOVE = 0.75  # steps of mean offset from which the box is moved instead
 
 
@@ -63,7 +65,7 @@ class SizePosterior:
     lost_rate: float = 1.5e-3  # [1/s] at which a box is misplaced
     pin: float = 0.03  # standard deviation of the size in the filter of the place, as a share of it
     least_pin: float = 0.02  # [m]
-    face_std: float = 0.05  # [m] how well it is known where in a face its detections are
+    face_std: float = 0.03  # [m] how well it is known where in a face its detections are
     part_weight: float = 0.3  # of scans that show a part of the width
     enough_side: float = 5.0  # detections from beside an object after which they show all of its length
     impossible: float = 1e-3  # probability of a greater size above which the gates reach so far
@@ -217,8 +219,10 @@ class SizePosterior:
             scale = (b.size / box.size)[..., None, :]
             contour = to_world(placed.pose, to_frame(box.pose, contour) * scale)
         kind, edge_std = b.kind.copy(), self._edge_std(state, box, out_var)
-        size_std = np.sqrt(b.size_var)
-        return placed._replace(size_std=size_std, contour=contour, class_probability=kind, edge_std=edge_std)
+        whole = placed._replace(
+            size_std=np.sqrt(b.size_var), contour=contour, class_probability=kind, edge_std=edge_std
+        )
+        return _widened(whole, *self._bend(whole))
 
     def _edge_std(self, state: SizeState, box: Estimate, out_var: NDArray) -> NDArray:
         """Standard deviations (..., 4) [m] of the edges, by the grids, which know them better than the box alone."""
@@ -231,6 +235,16 @@ class SizePosterior:
         far = 2 * b.centre_var - b.offset_var + b.size_var / 2 + more  # (ENDS.37)
         front, rear = (np.where(state.anchor * end > 0, near, far) for end in (1, -1))
         return np.sqrt(np.stack([front, rear], -1).reshape(*front.shape[:-1], 4))
+
+    def _bend(self, box: Estimate) -> tuple[NDArray, NDArray]:
+        """How far (...) [m] a front body stands out beside that behind it, to the left positive, and the variance."""
+        axle, front = self.prior.hinges
+        turning = np.sign(box.yaw_rate) * np.maximum(np.abs(box.yaw_rate) - box.yaw_rate_std, 0.0)
+        curvature = turning / np.maximum(np.hypot(*np.moveaxis(box.velocity, -1, 0)), SLOWEST)
+        sine = np.clip(axle * curvature[..., None], -SHARPEST, SHARPEST)  # (ENDS.40)
+        out = front * np.abs(sine) - box.size[..., 1:] / 2 * (1 - np.sqrt(1 - sine**2))  # (ENDS.40)
+        mean, square = (np.sum(box.class_probability * x, -1) for x in (out, out**2))
+        return np.sign(turning) * mean, square - mean**2 + (BEND_ERROR * mean) ** 2
 
     def reach(self, state: SizeState, box: Estimate) -> Estimate:
         """The box with the greatest length and width that are possible, for gates; its `size_std` is 0."""
@@ -274,6 +288,22 @@ def _placed(state: SizeState, box: Estimate, size: NDArray, var: NDArray, out: N
     pose[..., :2] += (M @ body[..., None])[..., 0]  # (ENDS.21)
     cov[..., :2, :2] += symmetrize((M * var[..., None, :]) @ M.mT)  # (ENDS.20)
     return box._replace(pose=pose, cov=cov, size=size.copy())
+
+
+def _widened(box: Estimate, out: NDArray, var: NDArray) -> Estimate:
+    """The box with out (...) [m] more on its left where that is positive, else on its right, of variance var (...)."""
+    if not (out.any() or var.any()):
+        return box
+    left, pose, cov = perpendicular(unit(box.pose[..., 2])), box.pose.copy(), box.cov.copy()
+    pose[..., :2] += out[..., None] / 2 * left
+    cov[..., :2, :2] += symmetrize((var / 4)[..., None, None] * left[..., None] * left[..., None, :])
+    size, size_std, edge_std = box.size.copy(), box.size_std.copy(), box.edges.copy()
+    size[..., 1] += np.abs(out)
+    size_std[..., 1] = np.hypot(size_std[..., 1], np.sqrt(var))
+    edge = np.where(out > 0, 2, 3)[..., None]
+    side = np.sqrt(np.take_along_axis(edge_std, edge, -1) ** 2 + var[..., None])
+    np.put_along_axis(edge_std, edge, side, -1)
+    return box._replace(pose=pose, cov=cov, size=size, size_std=size_std, edge_std=edge_std)  # (ENDS.41)
 
 
 def flat(a: NDArray, axes: int) -> NDArray:

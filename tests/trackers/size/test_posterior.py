@@ -13,10 +13,11 @@ from tests.parameters import rest_slow
 from tests.trackers.size.bodies import DT, NEAR, WHOLE, behind_rear, beside, rear_start, scan_of, seen, sized
 from trackers import TRACKERS, Scan, SensorModel, find, prior
 from trackers.batch import stack
-from trackers.geometry import to_frame, wrap_angle
+from trackers.geometry import perpendicular, to_frame, unit, wrap_angle
 from trackers.size.evidence import evidence
-from trackers.size.fleet import Fleet
+from trackers.size.fleet import Fleet, VehicleClass
 from trackers.size.hits import Boxes, hits_of
+from trackers.size.posterior import SizePosterior
 
 FILTERS = tuple(TRACKERS)
 CAR, TRUCK = (4.6, 1.86), (12.0, 2.5)
@@ -95,6 +96,27 @@ def test_ends_of_a_class_with_an_inset_lie_further_out_than_its_detections():
     np.testing.assert_allclose(one.pose[0] - other.pose[0], 0.28, atol=0.02)
     np.testing.assert_array_equal(one.size, other.size)
     assert other.edges[1] ** 2 - one.edges[1] ** 2 > 0.1**2
+
+
+@pytest.mark.parametrize(("turn", "side"), [(0.3, 2), (-0.3, 3)])
+def test_the_front_of_a_vehicle_with_a_hinge_stands_out_to_the_side_to_which_it_turns(turn, side):
+    """(ENDS.40), (ENDS.41) against a drawing; the other side stays where it was, and as well known."""
+    hinged = SizePosterior(
+        fleet=Fleet((VehicleClass("articulated", 1.0, (16.2, 1.1), (2.55, 0.04), hinge=(7.7, 4.5)),))
+    )
+    straight, bent = (
+        hinged.estimate(hinged.born(()), prior((3.0, 1.0, 0.5), 5.5 * unit(0.5), rate, yaw_rate_std=0.0))
+        for rate in (0.0, turn)
+    )
+    angle = np.arcsin(7.7 * 0.3 / 5.5)
+    out = 4.5 * np.sin(angle) - straight.size[1] / 2 * (1 - np.cos(angle))
+    assert bent.size[1] - straight.size[1] == pytest.approx(out)
+    moved = (bent.pose - straight.pose)[:2]
+    np.testing.assert_allclose(moved, np.sign(turn) * out / 2 * perpendicular(unit(0.5)), atol=1e-12)
+    more = np.delete(bent.edges - straight.edges, side)
+    np.testing.assert_allclose(more, 0.0, atol=1e-12)
+    assert bent.edges[side] ** 2 - straight.edges[side] ** 2 == pytest.approx((out / 2) ** 2)
+    assert bent.size_std[1] ** 2 - straight.size_std[1] ** 2 == pytest.approx((out / 2) ** 2)
 
 
 @pytest.mark.parametrize(
