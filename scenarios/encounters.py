@@ -121,14 +121,18 @@ def passing(rng: np.random.Generator, weave: float) -> World:
 
 
 def merge(rng: np.random.Generator, gap: float) -> World:
-    """The ego is on the lane of a ramp that ends, beside the gap between a truck and a slower car that lets it in."""
+    """The ego is on the lane of a ramp that ends, beside the gap between a truck and a slower car that lets it in.
+
+    Close before the truck drives another, so that there is no way past them.
+    """
     stage = Stage(networks.merge(), rng)
     speed, beside = rng.uniform(19.0, 21.0), 2.5
     slow = speed - rng.uniform(2.5, 3.5)
     stage.ego(("b", "c", 2), RAMP, speed, route="d")
     truck, car, gap = stage.size("truck"), stage.size("car"), about(rng, gap)
     middle = JOIN + RAMP + (speed - slow) * beside
-    stage.prescribe("truck", follow_lane(AXIS, middle + (gap + truck[0]) / 2, slow, lateral=Y), truck)
+    for ahead in (0.0, truck[0] + 4.0):
+        stage.prescribe("truck", follow_lane(AXIS, middle + (gap + truck[0]) / 2 + ahead, slow, lateral=Y), truck)
     yielding = (Segment(beside + 2.0), Segment(2.0, -2.0))
     stage.prescribe("car", follow_lane(AXIS, middle - (gap + car[0]) / 2, slow, yielding, lateral=Y), car)
     stage.prescribe("car", follow_lane(AXIS, middle + rng.uniform(-20.0, 20.0), speed + 2.0, lateral=0.0))
@@ -138,9 +142,9 @@ def merge(rng: np.random.Generator, gap: float) -> World:
 def oncoming(rng: np.random.Generator, room: float) -> World:
     """An oncoming car passes a tractor in the ego's lane and returns late; on its own lane a van follows."""
     stage = Stage(networks.two_way(), rng)
-    speed, there, tractor = rng.uniform(18.0, 20.0), rng.uniform(19.0, 20.0), 8.0
-    onset, out, back = rng.uniform(0.5, 1.0), 2.6, 2.4
-    returns = onset + out + 1.6  # [s] when it begins to
+    speed, there, tractor = rng.uniform(26.0, 28.0), rng.uniform(7.5, 8.5), 3.0
+    onset, out, back, beside = rng.uniform(0.5, 1.0), 2.6, 2.4, 2.4
+    returns = onset + out + beside  # [s] when it begins to
     stage.ego(("a", "b", 0), START, speed)
     way = of_lanes((stage.network.get_lane(("c", "d", 0)),), smooth=1.0)
     size = stage.size("car")
@@ -149,7 +153,7 @@ def oncoming(rng: np.random.Generator, room: float) -> World:
     place = ROAD - meets - there * half_out
     shifts = (Shift(onset, out, -4.0), Shift(returns, back, 4.0))
     stage.prescribe("car", follow_lane(way, place, there, (), shifts), size)
-    beside = place + there * (onset + out + 0.8)
-    stage.prescribe("tractor", follow_lane(way, beside - tractor * (onset + out + 0.8), tractor))
+    passes = onset + out + beside / 2
+    stage.prescribe("tractor", follow_lane(way, place + (there - tractor) * passes, tractor))
     stage.prescribe("van", follow_lane(way, place - rng.uniform(35.0, 45.0), there))
     return stage.world(phases(onset, returns + back, 10.0))

@@ -40,12 +40,12 @@ PROBES = MappingProxyType({s.name: s for s in (
         parameters=(Parameter("weave", 0.5, 0.0, 1.0, "m", "by which the trucks come towards the lane of the ego"),)),
     Scenario("probe-merge",
         "On a ramp that ends, beside a gap between a truck and a car: is it seen where both of them end?",
-        "scenarios.encounters:merge", 3, duration=12.0,
+        "scenarios.encounters:merge", 4, duration=12.0,
         parameters=(Parameter("gap", 24.0, 60.0, 12.0, "m", "between the truck and the car"),)),
     Scenario("probe-oncoming",
         "An oncoming car overtakes in the ego's lane and is late: high closing speed, motion across far away.",
         "scenarios.encounters:oncoming", 3, duration=10.0, lateral=False,
         parameters=(
-            Parameter("room", 80.0, 200.0, 10.0, "m", "between the bumpers when the car is on the lane line"),
+            Parameter("room", -10.0, 200.0, -30.0, "m", "left between the bumpers at the lane line if the ego kept on"),
         )),
 )})  # fmt: skip

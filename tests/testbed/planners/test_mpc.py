@@ -1,14 +1,17 @@
 """Model predictive control on hand-made roads: gaps, what uncertainty does to them, steering."""
 
+from types import SimpleNamespace
+
 import gymnasium as gym
 import numpy as np
 import pytest
 from highway_env.vehicle.kinematics import Vehicle
 
-from testbed.planners.mpc import Obstacles, on_belief_road, steering_angle
+from testbed.planners.mpc import Obstacles, bumpers, on_belief_road, steering_angle
 from testbed.planners.prediction import Others, path_ahead
 from testbed.planners.registry import find, settings
 from tests.testbed.planners.roads import world
+from trackers.estimate import prior
 
 MPC = find("mpc")
 
@@ -65,35 +68,63 @@ def test_it_says_which_actions_it_needs():
         MPC.act(world())
 
 
-def obstacle(cov: np.ndarray, length_std: float = 0.0, existence: float = 1.0) -> Obstacles:
-    """One leader 30 m ahead in the ego's lane, as fast."""
+def obstacle(cov: np.ndarray, edges: tuple[float, float] = (0.0, 0.0), existence: float = 1.0) -> Obstacles:
+    """One leader 30 m ahead in the ego's lane, as fast; standard deviations [m] of its front and rear."""
     others = Others(np.array([[230.0, 4.0]]), np.zeros(1), np.array([[20.0, 0.0]]), np.array([[4.0, 2.0]]), np.zeros(1),
-                    np.zeros(1))  # fmt: skip
-    return Obstacles(others, np.array([existence]), cov[None], np.array([length_std]))
+                    np.zeros(1), np.zeros((1, 2)), np.zeros((1, 2, 2)))  # fmt: skip
+    return Obstacles(others, np.array([existence]), cov[None], np.array([edges]))
 
 
-def test_the_near_bumper_is_as_uncertain_as_position_speed_and_half_the_length_together():
-    """PLAN.3 by hand: var = 1 + 2 t 0.5 + t^2 4 + (2 / 2)^2, so 2 at once and 20 after 2 s; nothing of y counts."""
+def test_the_near_bumper_is_as_uncertain_as_its_place_and_the_speed_together():
+    """PLAN.3 by hand: var = 2 + 2 t 0.5 + t^2 4, so 2 at once and 20 after 2 s; nothing of y and the front."""
     cov = np.diag([1.0, 99.0, 4.0, 99.0])
     cov[0, 2] = cov[2, 0] = 0.5
-    np.testing.assert_allclose(obstacle(cov, 2.0).edge_std(np.array([0.0, 2.0])), np.sqrt([[2.0, 20.0]]))
-    turned = obstacle(np.diag([99.0, 1.0, 99.0, 4.0]), 2.0)
+    edges = 9.0, np.sqrt(2.0)
+    np.testing.assert_allclose(obstacle(cov, edges).edge_std(np.array([0.0, 2.0]), 0.0), np.sqrt([[2.0, 20.0]]))
+    turned = obstacle(np.diag([99.0, 1.0, 99.0, 4.0]), edges)
     turned = turned._replace(others=turned.others._replace(course=np.full(1, np.pi / 2)))
-    np.testing.assert_allclose(turned.edge_std(np.array([2.0])), np.sqrt([[18.0]]))
+    np.testing.assert_allclose(turned.edge_std(np.array([2.0]), 0.0), np.sqrt([[18.0]]))
+    np.testing.assert_allclose(obstacle(0 * cov, edges).edge_std(np.array([0.0]), np.pi), [[9.0]])  # it comes towards
 
 
-def test_caution_keeps_the_quantile_of_the_near_bumper_free():
+def test_bumpers_are_those_of_the_estimate_or_centre_and_half_the_length_together():
+    estimate = prior([[0.0, 0.0, np.pi / 2]], position_std=3.0, size_std=(8.0, 0.1))
+    np.testing.assert_allclose(bumpers(estimate), [[5.0, 5.0]])
+    stated = SimpleNamespace(edge_std=np.array([[1.0, 2.0, 3.0, 4.0]]))
+    np.testing.assert_allclose(bumpers(stated), [[1.0, 2.0]])
+
+
+def ahead_of(planner, obstacles):
     env = continuous()
     ego = env.unwrapped.vehicle
     path = path_ahead(env.unwrapped.road.network, ego.lane_index, None, ego.position, 150.0)
-    unsure = obstacle(np.diag([4.0, 0.0, 0.0, 0.0]), existence=0.3)
-    plain, cautious = (find(name).ahead(ego, path, unsure) for name in ("mpc", "mpc-cautious"))
+    return ego, planner.ahead(ego, path, obstacles)
+
+
+def test_caution_keeps_the_quantile_of_the_near_bumper_free():
+    unsure = obstacle(np.zeros((4, 4)), (0.0, 2.0), existence=0.3)
+    (ego, plain), (_, cautious) = (ahead_of(find(name), unsure) for name in ("mpc", "mpc-cautious"))
     np.testing.assert_allclose(plain.rear - cautious.rear, 1.28 * 2.0)
     np.testing.assert_allclose(plain.rear[0, :2], [32.0, 36.0])  # 30 - 2 + 20 t
     speed, arc = np.full((1, 20), 25.0), 25.0 * np.arange(0.2, 4.1, 0.2)[None]
-    certain = plain._replace(existence=np.ones(1))
+    certain = plain._replace(weight=np.ones(1))
     np.testing.assert_allclose(MPC.risk(ego, plain, speed, arc), 0.3 * MPC.risk(ego, certain, speed, arc))
     assert MPC.risk(ego, plain, speed, arc).max() > 0
+
+
+def test_the_controls_of_caution_keep_margins_of_one_mean_that_know_no_covariance():
+    unsure, sure = obstacle(np.zeros((4, 4)), (0.0, 2.0)), obstacle(np.zeros((4, 4)))
+    kept = {}
+    for name in ("constant", "curve"):
+        planner = find(f"mpc-cautious:margin={name}")
+        assert planner.above == find("mpc-cautious").above
+        (_, plain), (_, one), (_, other) = ahead_of(MPC, sure), ahead_of(planner, sure), ahead_of(planner, unsure)
+        np.testing.assert_array_equal(one.rear, other.rear)
+        kept[name] = (plain.rear - one.rear)[0]
+    assert np.ptp(kept["constant"]) < 1e-9 < np.ptp(kept["curve"])
+    assert kept["constant"].mean() == pytest.approx(kept["curve"].mean())
+    with pytest.raises(ValueError, match="margin"):
+        find("mpc:margin=wide")
 
 
 @pytest.fixture(scope="module")
