@@ -172,7 +172,7 @@ class Mpc:
         rear = relation.along - relation.half[..., 0] - self.margins(obstacles, path)[found.of]
         rear = np.where(on_path(relation, ego.WIDTH), rear, np.inf)
         near = np.isfinite(rear).any(-1)
-        likely = np.maximum(found.chance - self.doubt, 0.0) / (1 - self.doubt)  # (PLAN.12)
+        likely = np.maximum(found.chance - self.doubt, 0.0) / (1 - self.doubt)  # (PLAN.17)
         weight = obstacles.existence[found.of] * likely
         return Ahead(rear[near], relation.speed[near], weight[near])
 
