@@ -68,6 +68,21 @@ def stop_and_go(rng: np.random.Generator) -> World:
     return stage.world(phases(onset, 18.0))
 
 
+def column(rng: np.random.Generator) -> World:
+    """Eight cars on the left and nine on the right with 3 m between their bumpers, the ego in between 1 m/s faster."""
+    stage = Stage(straight(), rng)
+    onset = rng.uniform(2.0, 3.0)
+    stage.ego(M, START, 26.0)
+    for lane, count in ((L, 8), (R, 9)):
+        end = START - rng.uniform(30.0, 45.0)
+        for _ in range(count):
+            size = stage.size("car")
+            stage.prescribe("car", follow_lane(AXIS, end + size[0] / 2, 25.0, lateral=4.0 * lane[2]), size)
+            end += size[0] + 3.0
+    stage.fill(Flow(M, START + 90.0, 26.0, ("van",)))
+    return stage.world(phases(onset, onset + 10.0))
+
+
 def slow_tractor(rng: np.random.Generator) -> World:
     """A tractor 130 m ahead at 8 m/s on a country road; the road the other way is busy."""
     stage = Stage(two_way(), rng)

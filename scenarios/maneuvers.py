@@ -6,7 +6,7 @@ at no less than its speed, or behind it, where drivers react.
 
 import numpy as np
 
-from scenarios.courses import Segment, Shift, follow_lane
+from scenarios.courses import Segment, Shift, follow_lane, integrate
 from scenarios.longitudinal import AXIS, START, L, M, R
 from scenarios.networks import SIX_RADAR_ORIGIN, gentle_curve, six_radar_bend, straight
 from scenarios.networks import s_curve as s_curve_road
@@ -29,6 +29,27 @@ def cut_in(rng: np.random.Generator) -> World:
     stage.fill(Flow(L, START + gap - 55.0, speed, ("car", "motorcycle")))
     stage.fill(Flow(R, START + 70.0, speed - 2.0, ("bus", "car")))
     return stage.world(phases(onset, onset + duration))
+
+
+def passed(rng: np.random.Generator) -> World:
+    """The ego passes a car or a truck, on either side, that keeps its lane."""
+    stage = Stage(straight(), rng)
+    speed, kind, lane = rng.uniform(24.0, 26.0), ("car", "truck")[rng.integers(2)], (L, R)[rng.integers(2)]
+    stage.ego(M, START, speed)
+    size = stage.size(kind)
+    place = START + EGO_SIZE[0] / 2 + rng.uniform(14.0, 22.0) + size[0] / 2
+    stage.prescribe(kind, follow_lane(AXIS, place, speed - rng.uniform(5.7, 6.3), lateral={L: 0.0, R: 8.0}[lane]), size)
+    return stage.world(phases(0.5, 7.0, 8.0))
+
+
+def onset(rng: np.random.Generator) -> World:
+    """A car 12 to 18 m ahead, as fast as the ego, begins to turn with 0.2 rad/s, to either side."""
+    stage = Stage(straight(), rng)
+    speed, side = 7.5, rng.choice([-1.0, 1.0])
+    stage.ego(M, START, speed)
+    turn = (Segment(3.0), Segment(2.5, 0.0, side * 0.2))
+    stage.prescribe("car", integrate((START + rng.uniform(12.0, 18.0), 4.0, 0.0), speed, turn, ramp=0.5))
+    return stage.world(phases(3.0, 5.0, 5.5))
 
 
 def cut_out(rng: np.random.Generator) -> World:

@@ -63,7 +63,8 @@ class Composed:
 
     def on(self, sensors: Sequence[SensorModel]) -> "Composed":
         """The same with the data sheets of the sensors, by which the size reads detections."""
-        return self if self.size is None else replace(self, size=replace(self.size, sensors=tuple(sensors)))
+        place = self.place if self._can.on_sensors is None else self._can.on_sensors(sensors)
+        return replace(self, place=place, size=self.size and replace(self.size, sensors=tuple(sensors)))
 
     @property
     def abilities(self) -> Abilities:

@@ -39,6 +39,7 @@ SPLINE = SplinePmht(
     walk=Walk(speed=0.4, yaw_rate=0.026, size=1e-3),  # motorway at 15 Hz
     position_std=(0.05, 0.1),
     outward=1.0,
+    doubt=0.9,
 )
 DRA = DataRegion(models=("cv",), prior="uniform", parameters="alone", centre_std=0.4)  # as in rm-vmm
 DRA_IMM = replace(DRA, models=("cv", "ca", "ct"), parameters="road", form="soft")  # as good here, and cheaper

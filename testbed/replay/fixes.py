@@ -16,69 +16,46 @@ from testbed.replay.loaded import Loaded
 from trackers.geometry import unit
 from trackers.lookup import look_up
 
-SPEEDS = MappingProxyType({"km/h": 1 / 3.6, "mph": 0.44704})
-LENGTHS = MappingProxyType({"ft": 0.3048, "cm": 0.01, "mm": 0.001})
-ANGLES = MappingProxyType({"deg": pi / 180})
-SIGNED = MappingProxyType({"mirrored": -1.0, "reversed": -1.0})
-FACTORS = MappingProxyType({**SPEEDS, **LENGTHS, **ANGLES, **SIGNED})
-PLACES, SPEED, HEADING, ONCE, NONE, GROUND, MEASURED = (
-    "places",
-    "speed",
-    "heading",
-    "once",
-    "none",
-    "ground",
-    "measured",
-)
-FIXES = MappingProxyType(
+FACTORS = MappingProxyType(
+    {"km/h": 1 / 3.6, "mph": 0.44704, "ft": 0.3048, "cm": 0.01, "mm": 0.001, "deg": pi / 180, "mirrored": -1.0,
+     "reversed": -1.0}
+)  # fmt: skip
+SPEEDS, LENGTHS = ("km/h", "mph"), ("ft", "cm", "mm")
+GROUND, MEASURED, RENAMED = "ground", "measured", "range_rate"
+FIXES = MappingProxyType(  # what -> columns that a factor is for, and what it can be
     {
-        "range_rate": (*SPEEDS, "reversed", GROUND, NONE),  # ground: the motion of the ego has been taken out
-        "azimuth": (*ANGLES, "mirrored"),
-        "range": tuple(LENGTHS),
-        "detections": (ONCE,),  # one of equal rows
-        "clutter": (MEASURED,),  # of the sensors, instead of what their table says
-        "ego.speed": (*SPEEDS, PLACES),  # places: from the places
-        "ego.yaw_rate": (*ANGLES, "reversed", HEADING),
-        "ego.places": (SPEED,),  # from speed and heading
-        "ego.heading": (*ANGLES, PLACES),
-        "truth.speed": (*SPEEDS, PLACES),
+        "range_rate": (("range_rate",), (*SPEEDS, "reversed", GROUND, "none")),  # ground: the ego's motion is taken out
+        "azimuth": (("azimuth", "y"), ("deg", "mirrored")),
+        "range": (("range", "x", "y"), LENGTHS),
+        "detections": ((), ("once",)),  # one of equal rows
+        "clutter": ((), (MEASURED,)),  # of the sensors, instead of what their table says
+        "ego.speed": (("speed", "vx", "vy"), (*SPEEDS, "places")),  # places: from the places
+        "ego.yaw_rate": (("yaw_rate",), ("deg", "reversed", "heading")),
+        "ego.places": ((), ("speed",)),  # from speed and heading
+        "ego.heading": (("heading",), ("deg", "places")),
+        "truth.speed": (("speed", "vx", "vy"), (*SPEEDS, "places")),
+        "truth.size": ((), ("swapped",)),
     }
 )
 OF_SENSORS = ("range_rate", "azimuth", "range")
-SCALED = MappingProxyType(  # columns that a factor is for
-    {
-        "range_rate": ("range_rate",),
-        "azimuth": ("azimuth", "y"),
-        "range": ("range", "x", "y"),
-        "speed": ("speed", "vx", "vy"),
-        "yaw_rate": ("yaw_rate",),
-        "heading": ("heading",),
-    }
-)
 
 
 class Fix(NamedTuple):
     """One of them."""
 
-    what: str  # a key of FIXES, or a column of the detections that is another by its name
+    what: str  # a key of `FIXES`, or a column of the detections that is another by its name
     how: str
     sensor: str = ""  # empty: of all
 
     @property
     def table(self) -> str:
         """Name of the table that it changes."""
-        table, dot, _ = self.what.partition(".")
-        return table if dot and table in ("ego", "truth") else "detections"
-
-    @property
-    def column(self) -> str:
-        """What of the table."""
-        return self.what.removeprefix(f"{self.table}.")
+        return self.what.partition(".")[0] if self.what in FIXES and "." in self.what else "detections"
 
     @property
     def renames(self) -> bool:
         """Whether it gives a column its name."""
-        return self.how == "range_rate"
+        return self.how == RENAMED
 
 
 def parse(texts: Sequence[str]) -> tuple[Fix, ...]:
@@ -89,54 +66,45 @@ def parse(texts: Sequence[str]) -> tuple[Fix, ...]:
         what, _, sensor = left.partition("@")
         if not equal or not what:
             raise ValueError(f"--fix is COLUMN=HOW, got {text!r}; as in --fix range_rate=km/h")
-        fix = Fix(what, how, sensor)
-        if not fix.renames and how not in look_up(what, FIXES, "thing to fix"):
-            raise ValueError(f"--fix {what} can be {', '.join(FIXES[what])}, got {how!r}")
+        if how != RENAMED and how not in (known := look_up(what, FIXES, "thing to fix")[1]):
+            raise ValueError(f"--fix {what} can be {', '.join(known)}, got {how!r}")
         if sensor and what not in OF_SENSORS:
             raise ValueError(f"--fix {text}: only {', '.join(OF_SENSORS)} can be of one sensor; leave out @{sensor}")
-        fixes.append(fix)
+        fixes.append(Fix(what, how, sensor))
     return tuple(fixes)
 
 
 def repair(table: Loaded, fixes: Sequence[Fix]) -> Loaded:
-    """A table with its fixes, one after the other."""
+    """A table with its fixes, one after the other; ValueError, in one sentence, for a sensor that has no detection."""
     for fix in fixes:
-        table = _repair(table, fix)
+        if fix.how == "once":
+            same = np.stack([value for value in table.columns.values() if value.dtype.kind == "f"], -1)
+            rows = np.sort(np.unique(same, axis=0, return_index=True, equal_nan=True)[1])
+            table = replace(table, columns={name: v[rows] for name, v in table.columns.items()}, rows=len(rows))
+        else:
+            table = replace(table, columns={**table.columns, **_changed(table, fix)})
     return table
 
 
-def _repair(table: Loaded, fix: Fix) -> Loaded:
-    if fix.how == ONCE:
-        return _rows(table, _first_of_equals(table))
-    columns = dict(table.columns)
+def _changed(table: Loaded, fix: Fix) -> dict[str, NDArray]:
+    """The columns that a fix changes."""
     chosen = table.texts("sensor") == fix.sensor if fix.sensor else np.ones(table.rows, bool)
     if not chosen.any() and table.rows:
         raise ValueError(f"--fix {fix.what}@{fix.sensor}: no detection is of such a sensor; see the table sensors")
     if fix.how in FACTORS:
-        for name in SCALED[fix.column]:
-            if name in columns and not (name == "y" and fix.how == "deg"):
-                columns[name] = np.where(chosen, FACTORS[fix.how] * columns[name], columns[name])
-    elif fix.how == NONE:
-        columns["range_rate"] = np.where(chosen, np.nan, table.numbers("range_rate", np.nan))
-    elif fix.how == HEADING and table.rows > 1:
-        columns["yaw_rate"] = np.gradient(np.unwrap(table["heading"]), table["time"])
-    elif fix.how == SPEED:
-        columns |= _places(table)
-    elif fix.column == "heading":
-        columns["heading"] = _course(table)
-    elif fix.how == PLACES:
-        columns |= _velocities(table)
-    return replace(table, columns=columns)
-
-
-def _rows(table: Loaded, rows: NDArray) -> Loaded:
-    return replace(table, columns={name: value[rows] for name, value in table.columns.items()}, rows=len(rows))
-
-
-def _first_of_equals(table: Loaded) -> NDArray:
-    """Rows of a table of detections without those whose time and numbers were there before."""
-    same = np.stack([value for name, value in table.columns.items() if value.dtype.kind == "f"], -1)
-    return np.sort(np.unique(same, axis=0, return_index=True, equal_nan=True)[1])
+        names = [n for n in FIXES[fix.what][0] if n in table and not (n == "y" and fix.how == "deg")]
+        return {name: np.where(chosen, FACTORS[fix.how] * table[name], table[name]) for name in names}
+    if fix.how == "none":
+        return {"range_rate": np.where(chosen, np.nan, table.numbers("range_rate", np.nan))}
+    if fix.how == "swapped":
+        return {"length": table["width"], "width": table["length"]}
+    if fix.how == "heading" and table.rows > 1:
+        return {"yaw_rate": np.gradient(np.unwrap(table["heading"]), table["time"])}
+    if fix.how == "speed":
+        return _places(table)
+    if fix.what == "ego.heading":
+        return {"heading": _course(table)}
+    return _velocities(table) if fix.how == "places" else {}
 
 
 def _places(table: Loaded) -> dict[str, NDArray]:

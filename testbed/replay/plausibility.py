@@ -10,18 +10,20 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from testbed.replay import evidence
-from testbed.replay.evidence import RIGHT, Boxed, Seen
+from testbed.replay.evidence import RIGHT, Boxed, Pairs, Seen
 from testbed.replay.findings import DOUBT, FAULT, GOOD, OPEN, Finding
 from testbed.replay.fixes import FACTORS, MEASURED, parse
 from testbed.replay.reading import Recorded, read
 from testbed.replay.readings import columns, shares
 from testbed.replay.recording import RecordedFrame
 from testbed.replay.sensor_sheets import SensorSheets
-from testbed.replay.ways import ego_speed, truth_speed, yaw_rate
+from testbed.replay.together import together
+from testbed.replay.ways import ego_speed, truth, yaw_rate
+from trackers.scan import SensorModel
 
 FAR, BEYOND = 1.25, 0.05  # times `max_range`, and the share of detections that may lie further away
 TWICE, SOME = 0.25, 0.02  # share of detections with an equal, of a fault and of a doubt
+EGO = ("speed of the ego", "yaw rate of the ego", "reach")  # tests before those of the columns
 CROWD, LOST = 10.0, 0.4  # unexplained detections in expected false alarms; share explained below which that counts
 
 
@@ -32,12 +34,9 @@ def judged(
     chosen = parse(fixes)
     recorded = read(folder, start, end, chosen)
     if any(fix.how == MEASURED for fix in chosen):
-        seen = Seen.of(recorded.frames)
-        count, _ = unexplained(seen, evidence.steps(seen), len(recorded.sensors.models))
-        models = [
-            replace(m, clutter=max(float(n), m.clutter)) for m, n in zip(recorded.sensors.models, count, strict=True)
-        ]
-        recorded = recorded._replace(sensors=recorded.sensors._replace(models=tuple(models)))
+        count, _ = _unexplained(Seen.of(recorded.frames), models := recorded.sensors.models)
+        models = tuple(replace(m, clutter=max(float(n), m.clutter)) for m, n in zip(models, count, strict=True))
+        recorded = recorded._replace(sensors=recorded.sensors._replace(models=models))
     found = [_names_of(recorded), *examine(recorded.frames, recorded.sensors)]
     return recorded, [f if f.verdict in (DOUBT, FAULT) else f._replace(remedy="") for f in found]
 
@@ -58,14 +57,17 @@ def _names_of(recorded: Recorded) -> Finding:
 def examine(frames: Sequence[RecordedFrame], sensors: SensorSheets) -> list[Finding]:
     """All findings on the frames of a recording."""
     seen, boxes = Seen.of(frames), Boxed.of(frames)
-    said = truth_speed(frames)
-    ways = [ego_speed(frames), yaw_rate(frames), *([] if said is None else [said])]
+    said, speed = truth(frames), ego_speed(frames)
+    ways = [speed, *([] if faults([speed]) else [yaw_rate(frames)]), *said]
     if not len(seen.scan):
         return [*ways, Finding("detections", "none", OPEN, OPEN)]
-    pairs = evidence.steps(seen)
-    read = columns(seen, boxes, pairs, sensors, said is not None and said.verdict != FAULT)
-    found = [*read, shares(seen), _reach(seen, sensors), *ways, _equals(seen)]
-    return found if faults(found) else [*found, _crowd(seen, pairs, sensors)]  # wrong rates explain nothing
+    found = [*ways, _reach(seen, sensors), _equals(seen)]
+    if any(one.test in EGO and one.verdict == FAULT for one in found):
+        return found  # all else follows from these
+    found = [*columns(seen, boxes, sensors, bool(said) and not faults(said)), shares(seen), *found]
+    if faults(found):
+        return found
+    return [*found, *[together(seen.thinned(), boxes, frames, sensors)] * len(said[:1]), _crowd(seen, sensors)]
 
 
 def faults(found: Sequence[Finding]) -> list[str]:
@@ -100,28 +102,29 @@ def _equals(seen: Seen) -> Finding:
     )
 
 
-def unexplained(seen: Seen, pairs: list[evidence.Step], count: int) -> tuple[NDArray, float]:
+def _unexplained(seen: Seen, models: Sequence[SensorModel]) -> tuple[NDArray, float]:
     """Detections a scan of each sensor (S,) that neither stand nor are found again, and the share of the others."""
-    lost, scans, share = np.zeros(count), np.zeros(count), []
-    for step, (_, there) in zip(pairs, evidence.base_of(pairs), strict=True):
-        s, (g, t) = step.first.sensor[0], step.first.over_ground(RIGHT)
-        free = ~there & ~(np.abs(g) < t)
-        low, high = np.searchsorted(seen.scan, [step.first.scan[0], step.first.scan[0] + 1])
-        lost[s] += free.mean() * (seen.sensor[low:high] == s).sum()  # of some detections to all of the scan
-        scans[s] += 1
-        share.append(~free)
-    return lost / np.maximum(scans, 1), float(np.concatenate(share).mean()) if share else 1.0
+    pairs = Pairs.of(seen, np.array([model.fov for model in models]), stride=0.0)
+    if not len(pairs.pair):
+        return np.zeros(len(models)), 1.0
+    (g, t), (_, there, _) = pairs.first.over_ground(RIGHT), pairs.again(RIGHT)
+    free = ~there & ~(np.abs(g) < t)
+    share = pairs.size[pairs.pair] / np.bincount(pairs.pair)[pairs.pair]  # of some detections to all of the scan
+    _, of = np.unique(pairs.pair, return_index=True)
+    lost, scans = (np.bincount(s, w, len(models)) for s, w in ((pairs.first.sensor, share * free),
+                                                               (pairs.first.sensor[of], None)))  # fmt: skip
+    return lost / np.maximum(scans, 1), float((~free).mean())
 
 
-def _crowd(seen: Seen, pairs: list[evidence.Step], sensors: SensorSheets) -> Finding:
+def _crowd(seen: Seen, sensors: SensorSheets) -> Finding:
     """Detections that nothing explains, against the false alarms that the sensors are said to have."""
-    due = np.array([model.clutter for model in sensors.models])
-    count, share = unexplained(seen, pairs, len(due))
-    if not pairs or not np.isfinite(seen.polar[:, 2]).any():
+    due = sum(model.clutter for model in sensors.models)
+    if not np.isfinite(seen.polar[:, 2]).any():
         return Finding("detections a scan", "no scans with range rates to compare", OPEN, OPEN)
-    figure = f"{count.sum():.1f} without an explanation, {due.sum():g} false alarms expected, {share:.0%} explained"
-    many = count.sum() > CROWD * max(due.sum(), 1.0) and share < LOST  # (PLA.6)
-    if not many:
+    each, share = _unexplained(seen, sensors.models)
+    count = each.sum()
+    figure = f"{count:.1f} without an explanation, {due:g} false alarms expected, {share:.0%} explained"
+    if count <= CROWD * max(due, 1.0) or share >= LOST:  # (PLA.6)
         return Finding("detections a scan", figure, GOOD, GOOD)
     remedy = "thin them out, or take the false alarms as they are with --fix clutter=measured"
     return Finding("detections a scan", figure, "far more than the sensors are said to have", FAULT, remedy)

@@ -1,4 +1,7 @@
-"""A drive of ours as the tables of a recording: what is read back gives trackers the same bits."""
+"""A drive of ours as the tables of a recording: what is read back gives trackers the same bits.
+
+Only a radar without noise gets the least standard deviations that a table may have.
+"""
 
 from collections.abc import Callable
 from functools import partial
@@ -78,7 +81,8 @@ def _sensors(radar: RadarLike, names: tuple[str, ...]) -> Columns:
     mount = np.array([model.mount for model in models])
     fixed = ("max_range", "fov", "sigma_range", "sigma_azimuth", *OPTIONAL)
     columns: Columns = {"name": names, "x": mount[:, 0], "y": mount[:, 1], "yaw": mount[:, 2], "rate": _rates(radar)}
-    columns |= {name: np.array([getattr(model, name) for model in models]) for name in fixed}
+    least = {column.name: column.least for column in TABLES["sensors"].columns}
+    columns |= {name: np.array([max(getattr(model, name), least[name]) for model in models]) for name in fixed}
     return columns | _profiles(models)
 
 

@@ -5,6 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from studies.papers.xia2020.calibration import single
 from studies.papers.xia2020.generators import COURSES, PUBLISHED, sample
 from studies.papers.xia2020.methods import (
     BEST,
@@ -21,7 +22,6 @@ from studies.papers.xia2020.methods import (
 from studies.papers.xia2020.trials import SIZE, EllipseErrors, errors, full_view, partial_view, track
 from trackers import Scan
 from trackers.geometry import extent_matrix, rotation
-from trackers.htg.bins import single
 from trackers.htg.density import HTG, moments
 from trackers.htg.learned import HTGLearned
 from trackers.random_matrix.feldmann import RMState

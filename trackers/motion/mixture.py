@@ -23,7 +23,8 @@ from trackers.scan import Scan
 
 SIZE = OMEGA + 1  # first of the two components that hold the size
 ANGLES = (PHI,)
-AXLE_STD = 0.1  # of lambda, beyond the spread of the modes
+AXLE_STD = 0.15  # of lambda, beyond the spread of the modes
+CREEP = 1.0  # [m/s] below which slip turns the course no further
 LEAST_SIZE = 0.8  # [m] of a mode; where sizes are linear, one may extrapolate below 0
 
 
@@ -33,6 +34,7 @@ class Mixture(NamedTuple):
     mu: NDArray  # (..., K)
     m: NDArray  # (..., K, 7)
     P: NDArray  # (..., K, 7, 7)
+    ahead: NDArray  # (...) [m] driven forward for certain, since its heading was last turned round
 
     def gaussian(self) -> Gaussian:
         """The moments of all modes together."""
@@ -49,22 +51,28 @@ class MotionModes:
     step: float = 0.1  # [s]
     course: float = 0.3  # share of a shift across the body that is taken for motion
     backwards: float = 2.0  # [m/s] faster than this nothing reverses; its heading is wrong
+    settled: float = 3.0  # [m] driven forward, from which on the heading is not wrong: the speed is
 
     def __post_init__(self) -> None:
-        check_numbers(self, positive=("step",))
+        check_numbers(self, positive=("step",), unlimited=("settled",))
         chain(len(self.modes.table), self.stay, 1.0)
 
     def born(self, g: Gaussian) -> Mixture:
         """The modes as at birth."""
-        return Mixture(*self.modes.at_birth(*g))
+        return Mixture(*self.modes.at_birth(*g), np.zeros(g.m.shape[:-1]))
 
     def predicted(self, x: Mixture, place: Any, dt: float) -> Mixture:
         """The modes after dt > 0 [s]: mixing, then the motion of each; place is the contour filter."""
-        Pi = chain(len(self.modes.table), self.stay, dt / self.step)
+        slowest = x.m[..., SPEED] - 2 * np.sqrt(x.P[..., SPEED, SPEED])
+        ahead = x.ahead + (x.mu * np.maximum(slowest, 0.0)).sum(-1) * dt  # (MODE.30)
+        begun = self.modes.begun((x.mu * x.m[..., SPEED]).sum(-1), dt)
+        first = np.eye(len(self.modes.table))[0]
+        Pi = chain(len(first), self.stay, dt / self.step) + first[:, None] * begun[..., None, :]  # (MODE.29)
+        Pi[..., 0, 0] -= begun.sum(-1)  # (MODE.29)
         m, P, mu = mix(x.m, x.P, x.mu, Pi, angles=ANGLES)
         m, P = self.modes.moved(m, P, size_of(m, place.log_size)[..., 0], dt)
         P[..., [SIZE, SIZE + 1], [SIZE, SIZE + 1]] += place.size_walk**2 * dt  # (MODE.4)
-        return Mixture(mu, m, P)
+        return Mixture(mu, m, P, ahead)
 
     def corrected(self, x: Mixture, before: Gaussian, after: Gaussian, place: Any, scan: Scan) -> Mixture:
         """The modes after an update of the contour filter, which took `before` to `after`, and the range rates."""
@@ -73,19 +81,19 @@ class MotionModes:
             m[..., SIZE:] = np.maximum(m[..., SIZE:], LEAST_SIZE)
         size = size_of(m, place.log_size)
         m, P, more = self.rates.correct(x.mu, m, P, Body(self.modes.axle * size[..., 0], size), scan)
-        return Mixture(reweight(x.mu, log_l + more), m, P)  # (MODE.22)
+        return x._replace(mu=reweight(x.mu, log_l + more), m=m, P=P)  # (MODE.22)
 
     def forward(self, x: Mixture) -> tuple[Mixture, Gaussian, NDArray]:
         """The modes, turned round where (...) the body would move backwards too fast, their moments, and where."""
         g = x.gaussian()
         v, std = g.m[..., SPEED], np.sqrt(g.P[..., SPEED, SPEED])
-        turned = np.asarray((v < -self.backwards) & (-v > 3 * std))  # (MODE.23)
+        turned = np.asarray((v < -self.backwards) & (-v > 3 * std) & (x.ahead < self.settled))  # (MODE.23)
         if not turned.any():
             return x, g, turned
         sign = np.where(turned[..., None] & (np.arange(x.m.shape[-1]) == SPEED), -1.0, 1.0)[..., None, :]
         m = x.m * sign
         m[..., PHI] += np.pi * turned[..., None]  # (MODE.23)
-        x = x._replace(m=m, P=x.P * sign[..., :, None] * sign[..., None, :])
+        x = x._replace(m=m, P=x.P * sign[..., :, None] * sign[..., None, :], ahead=np.where(turned, 0.0, x.ahead))
         return x, x.gaussian(), turned
 
     def shifted(self, x: Mixture, d: NDArray) -> Mixture:
@@ -122,7 +130,9 @@ class MotionModes:
         more = P[..., PHI, PHI] * P[..., SPEED, SPEED] + (length * m[..., OMEGA]) ** 2 * axle_var  # (MODE.26)
         cov[..., 2:, 2:] += more[..., None, None] * outer(across)  # (MODE.26)
         cov[..., :2, :2] = box.cov[..., :2, :2]  # with what the outline adds
-        return box._replace(velocity=v * along + omega * d * across, cov=cov)  # (MODE.24)
+        slip = (length * m[..., OMEGA]) ** 2 / np.maximum(m[..., SPEED] ** 2, CREEP**2)
+        heading_std = np.sqrt(box.heading_std**2 + AXLE_STD**2 * slip)  # (MODE.31)
+        return box._replace(velocity=v * along + omega * d * across, cov=cov, heading_std=heading_std)  # (MODE.24)
 
 
 def size_of(m: NDArray, log: bool) -> NDArray:

@@ -15,7 +15,7 @@ from trackers.linalg import outer, symmetrize
 from trackers.motion.turn import OMEGA, PHI, SPEED, coordinated_turn
 from trackers.parameters import check_numbers
 
-SLOW = 3.0  # [m/s] below which a yaw rate may differ from 0 by `Modes.slow_yaw`, whatever the speed
+SLOW = 3.0  # [m/s] below which a yaw rate may differ from 0 by `Modes.slow_yaw`, and turns begin less often
 LEAST_BOUND = 1e-6  # [rad^2/s^2]
 FULL_TURN = 0.3  # [rad/s] yaw rate that is possible at a speed from which the yaw rate walks as fast as it may
 
@@ -29,6 +29,7 @@ class Mode:
     yaw_walk: float  # q [rad/s/sqrt(s)]
     axle: float  # lambda: the axle lies this share of the length behind the centre
     lateral: float  # L [m/s^2] acceleration across that bounds the yaw rate at speed
+    onset: float = 0.0  # nu [1/s] rate at which it begins from the first mode, beside what the chain allows
 
     def __post_init__(self) -> None:
         check_numbers(self, positive=("lateral",))
@@ -38,8 +39,8 @@ FIVE = (
     Mode("straight", 0.1, 0.003, 0.25, 0.3),
     Mode("bend", 0.2, 0.03, 0.25, 3.0),
     Mode("brake", 2.0, 0.05, 0.25, 3.0),
-    Mode("turn-centre", 0.3, 0.3, 0.0, 4.0),
-    Mode("turn-axle", 0.3, 0.3, 0.5, 4.0),
+    Mode("turn-centre", 0.3, 0.3, 0.0, 4.0, 0.15),
+    Mode("turn-axle", 0.3, 0.3, 0.5, 4.0, 0.15),
 )
 
 
@@ -72,9 +73,19 @@ class Modes:
         """Lambda (K,)."""
         return np.array([mode.axle for mode in self.table])
 
+    def begun(self, speed: NDArray, dt: float) -> NDArray:
+        """Probabilities (..., K) that the modes begin from the first one within dt [s], at a speed (...) [m/s]."""
+        onset = self._onset * np.minimum(1.0, np.abs(speed) / SLOW)[..., None]
+        total = onset.sum(-1, keepdims=True)
+        return (1 - np.exp(-total * dt)) * onset / np.maximum(total, 1e-9)  # (MODE.29)
+
     @cached_property
     def _walks(self) -> tuple[NDArray, NDArray]:
         return np.array([mode.speed_walk for mode in self.table]), np.array([mode.yaw_walk for mode in self.table])
+
+    @cached_property
+    def _onset(self) -> NDArray:
+        return np.array([mode.onset for mode in self.table])
 
     @cached_property
     def _lateral(self) -> NDArray:

@@ -29,8 +29,8 @@ class Body(NamedTuple):
 class ScanRates:
     """How well a rigid body explains the range rates of a scan."""
 
-    std: float = 0.1  # [m/s] of each, beside the sensor's noise
-    common_std: float = 0.1  # [m/s] of what all of one scan share
+    std: float = 0.07  # [m/s] of each, beside the sensor's noise
+    common_std: float = 0.07  # [m/s] of what all of one scan share
     clip: float = 2.5  # standard deviations from which on a residual counts less
     sensor_std: tuple[float, float] = (0.2, 0.1)  # [m] across the line of sight, [m/s], of a scan that states none
 

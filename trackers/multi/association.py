@@ -47,6 +47,7 @@ class Claims(NamedTuple):
     detection: NDArray  # (G,) row of the sorted scan
     gain: NDArray  # (G,) likelihood ratio of track against clutter, (MOT.20)
     owner: NDArray  # (M,) row of the track, -1 for none
+    clutter: NDArray  # (M,) intensity as measured in this scan, as of `SortedScan`
 
 
 @dataclass(frozen=True)
@@ -59,6 +60,8 @@ class Association:
     surface_std: float = 0.2  # [m] roughness of the box as a model of the outline
     own_above: float = 0.3  # least probability to own a detection
     least_expected: float = 0.5  # a track expects at least so many detections where one falls into its gates
+    alarms: tuple[float, float] = (20.0, 5.0)  # more than these, and times those of the data sheet, are false alarms
+    alarm_cell: tuple[float, float, float] = (5.0, 5.0, 4.0)  # [m, m, m/s] in which they count as one
     static_rate: float = 0.4  # [m/s] least threshold below which a detection counts as static
     static_density: tuple[float, float] = (0.02, 0.002)  # [1/(m^2 m/s)] of returns of what stands: anywhere, in lanes
     static_inside: float = 0.5  # [m] least depth inside a lane for that
@@ -113,27 +116,43 @@ class Association:
         existence: NDArray,
         expected: NDArray,
         z: SortedScan,
+        false_alarms: NDArray | None = None,
     ) -> Claims:
         """Pairs inside both gates, and the owner of each of the M detections.
 
         estimate and existence (T,) are those of the predicted tracks, expected (S, T) their expected detections by
         sensor. `log_spatial` is that of the filter with the state (T,), see `trackers.filter.Abilities`; None stands
-        for a density that is even over the box.
+        for a density that is even over the box. false_alarms (S,) are those of the data sheets, with which those of
+        this scan are compared; None: the clutter is that of the data sheets.
         """
         track, detection, log_box = self._inside_gate(estimate, z)
         log_rate, near = self._rate_gate(estimate, z, track, detection)
         track, detection, log_box, log_rate = (a[near] for a in (track, detection, log_box, log_rate))
         if log_spatial is not None:
             log_box = log_spatial(state, z.scan, track, detection)
+        clutter = z.clutter if false_alarms is None else z.clutter * self._excess(z, detection, false_alarms)[z.sensor]
         gam = np.maximum(expected[z.sensor[detection], track], self.least_expected)
-        gain = gam * np.exp(log_box + log_rate) / z.clutter[detection]  # (MOT.20)
+        gain = gam * np.exp(log_box + log_rate) / clutter[detection]  # (MOT.20)
         weight, M = existence[track] * gain, len(z.rate)
         best, owner = np.zeros(M), np.full(M, -1)
         np.maximum.at(best, detection, weight)
         p = best / (1 + np.bincount(detection, weight, M))  # (MOT.21)
         wins = ((weight == best[detection]) & (p[detection] > self.own_above))[::-1]  # of equals the first comes last
         owner[detection[::-1][wins]] = track[::-1][wins]  # (MOT.22)
-        return Claims(track, detection, gain, owner)
+        return Claims(track, detection, gain, owner, clutter)
+
+    def _excess(self, z: SortedScan, explained: NDArray, false_alarms: NDArray) -> NDArray:
+        """Factors (S,) by which the false alarms of this scan exceed those of the data sheets, false_alarms (S,).
+
+        Counted are moving things outside the gates of all tracks, of those nearby and of one rate one: `explained` are
+        the rows of detections inside.
+        """
+        loose = ~z.static & np.isfinite(z.rate)
+        loose[explained] = False
+        grid = np.floor(np.c_[z.xy, z.rate][loose] / self.alarm_cell).astype(int)
+        alarms = np.bincount(np.unique(np.c_[grid, z.sensor[loose]], axis=0)[:, 3], minlength=len(false_alarms))
+        sheet = np.maximum(false_alarms, 1.0)
+        return np.where(alarms > self.alarms[0] + self.alarms[1] * sheet, alarms / sheet, 1.0)  # (MOT.49)
 
     def _inside_gate(self, estimate: Estimate, z: SortedScan) -> tuple[NDArray, NDArray, NDArray]:
         """Pairs (G,) inside the position gate, and the log density (G,) [1/m^2] of a box blurred by all noise."""

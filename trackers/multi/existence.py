@@ -16,7 +16,8 @@ class Existence:
     """One existence probability a track."""
 
     life_visible: float = 60.0  # [s]
-    life_hidden: float = 8.0  # [s] inside a field of view, behind something
+    life_hidden: float = 4.0  # [s] inside a field of view, behind something
+    life_silent: float = 8.0  # [s] where only radars that are out would see it
     life_outside: float = 1.5  # [s] outside every field of view
     dispersion: float = 2.0  # k of the negative binomial count: measured counts vary more than Poisson
     miss_floor: float = 0.2  # least likelihood ratio of an empty scan
@@ -28,13 +29,14 @@ class Existence:
     def __post_init__(self) -> None:
         check_numbers(
             self,
-            positive=("life_visible", "life_hidden", "life_outside", "dispersion", "miss_floor"),
+            positive=("life_visible", "life_hidden", "life_silent", "life_outside", "dispersion", "miss_floor"),
             signed=("bounds",),
         )
 
-    def survive(self, q: NDArray, visible: NDArray, in_view: NDArray, dt: float) -> NDArray:
-        """Existence (T,) after dt [s]; visible, in_view (T,) bool."""
-        life = np.where(visible, self.life_visible, np.where(in_view, self.life_hidden, self.life_outside))
+    def survive(self, q: NDArray, visible: NDArray, in_view: NDArray, hidden: NDArray, dt: float) -> NDArray:
+        """Existence (T,) after dt [s]; visible to a radar that works, in_view and hidden (T,) bool."""
+        unseen = np.where(hidden, self.life_hidden, self.life_silent)
+        life = np.where(visible, self.life_visible, np.where(in_view, unseen, self.life_outside))
         return q * np.exp(-dt / life)  # (MOT.13)
 
     def log_ratio(self, n: NDArray, Gam: NDArray, evidence: NDArray) -> NDArray:

@@ -4,7 +4,8 @@ Detections lie all along the visible side of one vehicle. Where many are expecte
 are some on both sides, there are two. Equations: docs/methods/life-cycle-of-tracks.md, section 6.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +16,7 @@ from trackers.geometry import dot, to_frame, to_world, unit, vector, wrap_angle
 from trackers.multi.association import SortedScan
 from trackers.multi.visibility import SensorArray, Visibility, ray_box
 from trackers.parameters import check_numbers
+from trackers.size.fleet import Fleet
 
 STEP, CELLS = 0.25, 128  # [m] and number of the cells along a track: 16 m to both sides of the origin
 PLACE = STEP * (np.arange(CELLS) - CELLS // 2 + 0.5)  # [m] of the cells
@@ -34,7 +36,7 @@ class Split(NamedTuple):
     """Which of D tracks are two vehicles, and where these lie along its heading, from its centre."""
 
     where: NDArray  # (D,) bool
-    ratio: NDArray  # (D,) log likelihood ratio
+    ratio: NDArray  # (D,) log odds
     rear: NDArray  # (D, 2) [m] from, to
     front: NDArray  # (D, 2) [m] from, to
 
@@ -51,15 +53,18 @@ class GroundTest:
     above: float = 0.5  # existence from which it is looked at
     aside: float = 0.4  # [m] beside the box, up to which detections count as its own
     rate: float = 2.0  # [m/s] difference of the range rate up to which they do
-    gaps: tuple[int, ...] = (2, 3, 4, 6, 8, 12, 16, 24, 32)  # [cells] widths of empty ground that are tried
+    gaps: tuple[int, ...] = (2, 3, 4, 6, 8, 12, 16, 24, 32, 40, 48)  # [cells] widths of empty ground that are tried
     beside: int = 6  # [cells] on each side of the gap, from which the density in it is foretold
     denser: float = 2.5  # most by which more detections than expected beside a gap, no wider than that, count for it
     thin: float = 0.5  # share of the expected detections that one vehicle may show in a stretch
     stray: float = 0.1  # share of them that noise carries into a gap
     independent: float = 20.0  # a sensor with more detections of a track in a scan counts as so many
-    surer: float = 4.0  # log likelihood ratio from which it is two
+    surer: float = 3.0  # log odds from which it is two
     least: float = 4.0  # detections on each side of the gap
-    headway: float = 0.0125  # [s^2/m] least gap over the square of the speed: at speed nobody drives closer
+    closest: float = 2.0  # [m] mean gap of a queue that stands
+    headway: float = 1.0  # [s] by which the mean gap grows with the speed
+    fleet: Fleet = field(default_factory=Fleet)  # whose lengths one vehicle, or two, may have
+    length_std: float = 0.7  # [m] of a length, beside the spread of its class
 
     def __post_init__(self) -> None:
         check_numbers(self)
@@ -139,28 +144,50 @@ class GroundTest:
         lit = np.maximum(np.abs(aside) - half, 0.0) / r  # sine of the angle under which the side is seen
         return np.repeat(np.where(sees, np.sqrt(lit) / r, 0.0), COARSE, axis=1)  # (LIFE.31)
 
+    @cached_property
+    def _lengths(self) -> NDArray:
+        """Density (CELLS,) [1/m] of the lengths of vehicles, at the multiples of `STEP`."""
+        length, floor = STEP * np.arange(CELLS), self.fleet.floor
+        mean, std = np.array([c.length for c in self.fleet.classes]).T[..., None]
+        std = np.hypot(std, self.length_std)
+        each = np.exp(-0.5 * ((length - mean) / std) ** 2) / (std * np.sqrt(2 * np.pi))
+        return (1 - floor) * self.fleet.shares @ each + floor / length[-1]  # (LIFE.35)
+
+    def _in_file(self, speed: NDArray) -> tuple[NDArray, NDArray]:
+        """Densities (D, CELLS) of the gap to the next vehicle, and of the extent of one vehicle or several in file.
+
+        Both [1/m] at the multiples of `STEP`, at speeds (D,) [m/s].
+        """
+        mean = (self.closest + self.headway * speed)[:, None]
+        gap = np.exp(-STEP * np.arange(CELLS) / mean) / mean  # (LIFE.36)
+        one, next = np.fft.rfft(self._lengths, 8 * CELLS), np.fft.rfft(STEP**2 * gap, 8 * CELLS)
+        more = one * next
+        return gap, np.fft.irfft(one * (1 + more * (1 + more * (1 + more))), 8 * CELLS)[:, :CELLS]  # (LIFE.37)
+
     def split(self, ground: Ground, estimate: Estimate) -> Split:
         """Which of D tracks are two vehicles; estimate (D,) is theirs."""
         D, b = len(ground.id), self.beside
         rows, none = np.arange(D), np.zeros((D, 1))
         S, X = (np.concatenate([none, np.cumsum(a, 1)], 1) for a in (ground.seen, ground.expected))
         edge = STEP * (np.arange(CELLS + 1) - CELLS // 2) - shift_of(ground, estimate)  # (D, CELLS + 1) of the body
-        half, closest = estimate.size[:, :1] / 2 + STEP, self.headway * dot(estimate.velocity, estimate.velocity)
+        half = estimate.size[:, :1] / 2 + STEP
+        gaps, file = self._in_file(np.sqrt(dot(estimate.velocity, estimate.velocity)))
+        long = np.log(self._lengths[cells_of(2 * half - 2 * STEP)])  # (D, 1)
+        rear, front = (np.log(file[rows[:, None], cells_of(a)]) for a in (edge + half - STEP, half - STEP - edge))
         begins, ends = edge > -half, edge < half
         flank = S[:, b:] - S[:, :-b]  # detections of the cells beside a gap, from their first edge on
         dense = flank / np.maximum(X[:, b:] - X[:, :-b], 1e-9)
         enough = flank >= self.least
         best, gap = np.full(D, -np.inf), np.zeros((D, 2))
         for w in self.gaps:
-            if not (wide := STEP * w >= closest).any():
-                continue
             last = CELLS + 1 - w - b  # edges b to this one begin a gap
             left, right = slice(0, last - b), slice(b + w, last + w)  # first edges of what is beside it
             denser = np.minimum(np.minimum(dense[:, left], dense[:, right]), self.denser if w <= b else 1.0)
             foretold = (X[:, b + w : last + w] - X[:, b:last]) * denser  # (LIFE.33)
             n = S[:, b + w : last + w] - S[:, b:last]
             ratio = (self.thin - self.stray) * foretold - np.log(self.thin / self.stray) * n  # (LIFE.34)
-            there = begins[:, left] & ends[:, b + w + b :] & enough[:, left] & enough[:, right] & wide[:, None]
+            there = begins[:, left] & ends[:, b + w + b :] & enough[:, left] & enough[:, right]
+            ratio += rear[:, b:last] + front[:, b + w : last + w] + np.log(gaps[:, w : w + 1]) - long  # (LIFE.38)
             ratio = np.where(there, ratio, -np.inf)
             k = ratio.argmax(1)
             top = ratio[rows, k]
@@ -170,6 +197,11 @@ class GroundTest:
             gap = np.where(better[:, None], found, gap)
         end = estimate.size[:, 0] / 2
         return Split(best > self.surer, best, vector(-end, gap[:, 0]), vector(gap[:, 1], end))
+
+
+def cells_of(length: NDArray) -> NDArray:
+    """Multiple of `STEP` nearest to each length [m], within the cells."""
+    return np.clip(np.rint(length / STEP), 0, CELLS - 1).astype(int)
 
 
 def counts(cell: NDArray, there: NDArray) -> NDArray:

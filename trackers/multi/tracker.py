@@ -83,8 +83,9 @@ class MultiObjectTracker:
         estimate = prior(np.zeros((0, 3)))
         none = np.zeros(0)
         return Tracks(
-            none.astype(int), none, none.astype(int), none, none.astype(bool), self.filter.init(estimate), estimate
-        )
+            none.astype(int), none, none.astype(int), none, none.astype(bool), self.filter.init(estimate), estimate,
+            hidden=none,
+        )  # fmt: skip
 
     def step(self, tracks: Tracks, scan: Scan, dt: float) -> tuple[Tracks, StepInfo]:
         """Tracks after one scan (M,) of all sensors, dt [s] after the scan before, and what was decided.
@@ -99,10 +100,14 @@ class MultiObjectTracker:
         tracks = self._predict(tracks, dt)
         view, out = self._view(tracks, scan)
         visible = view.share.max(0, initial=0.0) > 0
-        tracks = tracks._replace(existence=self.existence.survive(tracks.existence, visible, view.in_view, dt))
+        alive = self.existence.survive(tracks.existence, visible, view.in_view, view.hidden, dt)
+        tracks = tracks._replace(existence=alive)
         tracks = tracks._replace(memory=tracks.memory._replace(out=out))
         gate = tracks.estimate if self.can.reach is None else self.can.reach(tracks.state)
-        claims = self.association.claim(self.can.log_spatial, tracks.state, gate, tracks.existence, view.expected, z)
+        claims = self.association.claim(
+            self.can.log_spatial, tracks.state, gate, tracks.existence, view.expected, z, self.sensor_array.clutter
+        )
+        z = z._replace(clutter=claims.clutter)
         info = self._weigh(tracks, view, claims)
         updated = tracks
         if info.detections.any():
@@ -113,10 +118,14 @@ class MultiObjectTracker:
             share = gather(z, shares(claims.owner, len(tracks.id), self.most_detections))
             state, found = guarded(self.can.update_among or self.filter.update, state, share, *around)
             updated, info = tracks._replace(state=state), reported(info, found)
+        hidden = tracks.hidden
+        if hidden is not None:
+            hidden = np.where(info.detections > 0, 0.0, hidden + dt * (view.hidden & (out < 0.5).any()))
         updated = updated._replace(
             estimate=self.filter.estimate(updated.state),
             existence=self.existence.update(tracks.existence, info.log_ratio),
             hits=tracks.hits + (info.detections > 0),  # (MOT.26)
+            hidden=hidden,
         )
         updated, divided = self._divide(updated, view, z, dt)
         candidate = self.suppression.candidates(z, claims.owner, updated.estimate, updated.existence)
@@ -227,6 +236,7 @@ class MultiObjectTracker:
             estimate=self.filter.estimate(state),
             next_id=tracks.next_id + int((~returned).sum()),
             memory=memory,
+            hidden=None if tracks.hidden is None else np.zeros(B),
         )
         events = [
             Event("returned", int(i), "where the lost vehicle should be by now")

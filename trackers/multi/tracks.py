@@ -10,12 +10,14 @@ from numpy.typing import NDArray
 
 from trackers.batch import concatenate, take
 from trackers.estimate import Estimate
+from trackers.geometry import dot, perpendicular, unit
 from trackers.multi.ground import NOTHING, Ground
 from trackers.multi.reidentification import LostTracks
 from trackers.multi.window import EMPTY, Unexplained
 
 NO_TRACK = -1  # id in an event about a scan
 REPORT_ABOVE = 0.5  # existence probability above which a track is output, (MOT.48)
+HIDDEN, ASIDE = 0.25, 0.9  # [s] hidden, and [m] of lateral std, beyond both of which it is not, (MOT.48)
 
 
 class Event(NamedTuple):
@@ -50,11 +52,21 @@ class Tracks(NamedTuple):
     estimate: Estimate  # leading axis T
     next_id: int = 0
     memory: Memory = Memory()
+    hidden: NDArray | None = None  # (T,) [s] behind others since its last detection; None: it is not known
 
     @property
     def reported(self) -> "Tracks":
-        """The tracks that are output: existence above one half."""
-        return self.rows(self.existence > REPORT_ABOVE)  # (MOT.48)
+        """The tracks that are output: existence above one half, and a lane to be in."""
+        return self.rows((self.existence > REPORT_ABOVE) & ~self.astray)  # (MOT.48)
+
+    @property
+    def astray(self) -> NDArray:
+        """Mask (T,) of tracks behind others for a while, of which it is not known in which lane they are."""
+        if self.hidden is None:
+            return np.zeros(len(self.id), bool)
+        n = perpendicular(unit(self.estimate.pose[:, 2]))
+        var = dot(n, (self.estimate.cov[:, :2, :2] @ n[..., None])[..., 0])
+        return (self.hidden > HIDDEN) & (var > ASIDE**2)  # (MOT.48)
 
     def rows(self, index: NDArray) -> "Tracks":
         """The tracks at index, (T,) bool or rows; `next_id` and `memory` stay. All of them are these tracks."""

@@ -71,6 +71,7 @@ class Visibility(NamedTuple):
     in_view: NDArray  # (T,) bool, inside the field of view and range of some sensor
     share: NDArray  # (S, T) share of the rays on the box that no occluder stops
     complete: NDArray  # (T,) visible share of the span of the uncut box, by the sensor that sees most of it
+    hidden: NDArray  # (T,) bool, no ray of any sensor, be it out or not, reaches the box
 
 
 def ray_box(origin: NDArray, direction: NDArray, pose: NDArray, size: NDArray) -> NDArray:
@@ -113,7 +114,7 @@ def predict_visibility(
     S, T = len(sensors.max_range), len(estimate.yaw_rate)
     expected, share = np.zeros((S, T)), np.zeros((S, T))
     if T == 0:
-        return Visibility(expected, np.zeros(0, bool), share, np.zeros(0))
+        return Visibility(expected, np.zeros(0, bool), share, np.zeros(0), np.zeros(0, bool))
     poses = sensors.poses(platform)
     low, high, nearest = angular_spans(estimate, poses)
     edge, uncut = sensors.fov[:, None] / 2, high - low
@@ -133,7 +134,7 @@ def predict_visibility(
     distance = np.where(sees, own, np.inf).min(-1, initial=np.inf)
     rate = sensors.expected_count(s, distance, span * distance)  # the outline as a chord at that distance
     expected[s, t] = rate_factor * rate * np.minimum(1.0, 3 * share[s, t])  # (MOT.11)
-    return Visibility(expected, np.asarray(in_view.any(axis=0)), share, complete)
+    return Visibility(expected, np.asarray(in_view.any(axis=0)), share, complete, share.max(0) == 0)
 
 
 def first_hits_of_few(

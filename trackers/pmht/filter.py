@@ -4,7 +4,8 @@ Equations: docs/methods/spline-pmht.md, symbols after Yao et al. (2021). Detecti
 ellipses by their probabilities; the synthetic detection of each ellipse then corrects pose, motion and size together.
 """
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache, partial
 from typing import ClassVar
 
@@ -35,9 +36,9 @@ from trackers.pmht.association import (
 from trackers.pmht.joint import EllipseUpdate, SplineInfo, innovation, nothing, predict_ellipses
 from trackers.pmht.model import DEGREE, SplineModel, chain, outlines, resolve
 from trackers.pmht.state import LEAST_SIZE, SplineState, Walk, estimate_of, predicted
-from trackers.pmht.visibility import directions, visibility_table, weights
+from trackers.pmht.visibility import View, directions, visibility_table, weights
 from trackers.range_rate import RangeRates
-from trackers.scan import Scan
+from trackers.scan import Scan, SensorModel
 from trackers.validation import guarded_predict, guarded_update
 
 VISIBILITIES = ("rays", "none")
@@ -55,6 +56,7 @@ class SplinePmht:
     visibility: str = "rays"  # weights of the ellipses by what each sensor can see, or "none": equal, as in the paper
     form: str | EllipseUpdate = "joint"  # all ellipses at once, or one's own
     iterations: int = 3  # of association and update
+    doubt: float = 0.0  # share of the information that is missing for unknown ellipses, (PMHT.39); 0: as in the paper
     walk: Walk = field(default_factory=Walk)
     rates: RangeRates = field(default_factory=RangeRates)
     sigma: float = 0.2  # [m] noise where a scan does not state it
@@ -66,6 +68,7 @@ class SplinePmht:
     inflation: float = 9.0  # factor of the ellipses' covariances in the scan after that, (PMHT.18)
     outward: float = 0.0  # standard deviations of the ellipses that the drawn contour lies outside the curve
     position_std: tuple[float, float] = (0.0, 0.0)  # shares of length and width added to the std of the place
+    sensors: tuple[SensorModel, ...] = ()  # data sheets, in the order of `Scan.sensor`; none: they see everywhere
 
     angles: ClassVar[tuple[int, ...]] = (PHI,)  # of m; unwrapped, but a heading starts anew where a track does
     log_size: ClassVar[bool] = False  # sizes are metres
@@ -139,7 +142,7 @@ class SplinePmht:
             return state, nothing(n)
         xy = scan.xy
         detections = self.relative(state.m, scan, xy)
-        sensor = scan.pose[..., :2] - state.m[..., None, :2]
+        sensor = View.of(scan, state.m[..., :2], self.sensors)
         ellipses = self.ellipses(state.p, state.Sigma)
         m, P, expected = state.m, state.P, predict_ellipses(state.m, state.P, ellipses.mu)
         w, E, share = self._associate(state, ellipses, m, detections, sensor, expected.C)
@@ -159,7 +162,9 @@ class SplinePmht:
                 w, E, _ = self._associate(state, ellipses, m, detections, sensor, wider=wider)
             z = synthesise(w, detections)
             if isinstance(self.form, str):
-                m, P = joint.update(state.m, expected, E, z)
+                last = k == self.iterations - 1 and self.doubt > 0
+                doubt = joint.Doubt(w, detections, self.doubt) if last else None
+                m, P = joint.update(state.m, expected, E, z, doubt)
             else:
                 m, P = self.form.update(state.m, prior, ellipses.mu, E, z)
             np.maximum(m[..., LENGTH:], LEAST_SIZE, out=m[..., LENGTH:])
@@ -173,7 +178,7 @@ class SplinePmht:
         ellipses: UnitEllipses,
         m: NDArray,
         detections: RelativeDetections,
-        sensor: NDArray,
+        sensor: View,
         spare: NDArray | None = None,
         wider: NDArray | float = 1.0,
     ) -> tuple[NDArray, NDArray, NDArray]:
@@ -196,7 +201,7 @@ class SplinePmht:
         return w, E, own / np.maximum(detections.mask.sum(-1), 1)  # (PMHT.17)
 
     def _displacement(
-        self, state: SplineState, ellipses: UnitEllipses, detections: RelativeDetections, sensor: NDArray
+        self, state: SplineState, ellipses: UnitEllipses, detections: RelativeDetections, sensor: View
     ) -> NDArray:
         """Mean of the detections less that of the ellipses which their sensors can see, (..., 2) [m]."""
         placed = place(ellipses, state.m, state.m[..., :2])
@@ -204,11 +209,12 @@ class SplinePmht:
         each = (detections.mask / np.maximum(detections.mask.sum(-1, keepdims=True), 1))[..., None]  # (..., M, 1)
         return (detections.z @ each)[..., 0] - (placed.c @ (pi * each).sum(-2)[..., None])[..., 0]  # (PMHT.18)
 
-    def log_weights(self, visible: NDArray, c: NDArray, phi: NDArray, sensor: NDArray) -> NDArray:
-        """Log prior (..., M or 1, L) of the ellipses at c (..., 2, L) [m] for sensors at (..., M or 1, 2) [m]."""
+    def log_weights(self, visible: NDArray, c: NDArray, phi: NDArray, sensor: View) -> NDArray:
+        """Log prior (..., M or 1, L) of the ellipses at c (..., 2, L) [m] for the sensors of M detections."""
         if self.visibility == "none":
             return np.full((1, c.shape[-1]), -np.log(c.shape[-1]))
-        return np.log(weights(visible, directions(c, phi, sensor), self.unseen))  # (PMHT.22)
+        cover = sensor.cover(c) if self.sensors else 1.0
+        return np.log(weights(visible, directions(c, phi, sensor.place), self.unseen, cover))  # (PMHT.22)
 
     def relative(self, m: NDArray, scan: Scan, xy: NDArray) -> RelativeDetections:
         """Detections relative to the centres of m (..., 7)."""
@@ -222,6 +228,10 @@ class SplinePmht:
         R = polar_noise(along, across, scan.sight)
         R = R if mask.all() else np.where(mask[..., None, :], R, IDENTITY)
         return RelativeDetections(z, R, mask)
+
+    def on_sensors(self, sensors: Sequence[SensorModel]) -> "SplinePmht":
+        """The same with the data sheets of the sensors, which say what they cover."""
+        return replace(self, sensors=tuple(sensors))
 
     def resize(self, state: SplineState, size: NDArray, size_std: NDArray) -> SplineState:
         """State with another size (..., 2) [m] of standard deviation size_std (..., 2) [m]."""
@@ -237,14 +247,14 @@ class SplinePmht:
         pairs = scan._replace(
             polar=scan.polar[detection, None],
             mask=np.ones((len(track), 1), bool),
-            **{name: spread_rows(getattr(scan, name), detection) for name in ("pose", "velocity", "noise")},
+            **{name: spread_rows(getattr(scan, name), detection) for name in ("pose", "velocity", "noise", "sensor")},
         )
         m = rows.m
         detections = self.relative(m, pairs, pairs.xy)
         placed = place(unit_ellipses(self.N, rows.p, rows.Sigma), m, m[..., :2])
         where = columns(rows.P[..., None, :2, :2])
         placed = placed._replace(E=placed.E + where, box=placed.box + where)
-        log_pi = self.log_weights(rows.visible, placed.c, m[..., PHI], pairs.pose[..., :2] - m[..., None, :2])
+        log_pi = self.log_weights(rows.visible, placed.c, m[..., PHI], View.of(pairs, m[..., :2], self.sensors))
         density = np.exp(log_density(detections, placed.c, placed.E) + log_pi).sum(-1)[..., 0]
         density = density + interior_density(placed, detections, self.interior)[..., 0, 0]  # (PMHT.20)
         return np.log(np.maximum((1 - self.interior) * density, LEAST_DENSITY))  # (PMHT.20)

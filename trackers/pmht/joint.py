@@ -43,6 +43,14 @@ class PredictedEllipses(NamedTuple):
     C: NDArray  # (..., 3, L) [m^2] covariances C^x_l
 
 
+class Doubt(NamedTuple):
+    """Which ellipse made which detection is known by probabilities only."""
+
+    w: NDArray  # (..., M, L)
+    detections: RelativeDetections
+    share: float  # of the information that is missing for it, which is taken away; the rest counts as there
+
+
 class EllipseUpdate(Protocol):
     """A form of the update that is not built in, such as `studies.papers.yao2021.sequential.OneByOne`."""
 
@@ -74,10 +82,13 @@ def predict_ellipses(m: NDArray, P: NDArray, mu: NDArray) -> PredictedEllipses:
     return PredictedEllipses(T, c, h, C)
 
 
-def update(m: NDArray, expected: PredictedEllipses, E: NDArray, z: SyntheticDetections) -> tuple[NDArray, NDArray]:
+def update(
+    m: NDArray, expected: PredictedEllipses, E: NDArray, z: SyntheticDetections, doubt: Doubt | None = None
+) -> tuple[NDArray, NDArray]:
     """Moments (..., 7), (..., 7, 7) after the synthetic detections z, relative to the centre of m.
 
-    E (..., 3, L) [m^2] are the covariances A Sigma_l A^T of the detections of each ellipse.
+    E (..., 3, L) [m^2] are the covariances A Sigma_l A^T of the detections of each ellipse. Without a doubt detections
+    are taken for those of their ellipses.
     """
     h, g = expected.h, np.empty(expected.h.shape)
     hx, hy = h[..., 0, :], h[..., 1, :]
@@ -90,9 +101,31 @@ def update(m: NDArray, expected: PredictedEllipses, E: NDArray, z: SyntheticDete
     flat = (*h.shape[:-2], 2 * h.shape[-1])
     h, g = h.reshape(flat), g.reshape(flat)
     r = (z.z - expected.c).reshape(*flat[:-2], flat[-1], 1)
-    inverse = np.linalg.inv(I7 + symmetrize(h @ g.mT))
-    m = m + (expected.T @ (inverse @ (g @ r)))[..., 0]  # (PMHT.15b)
-    return m, symmetrize(expected.T @ inverse @ expected.T.mT)  # (PMHT.15a)
+    information = symmetrize(h @ g.mT)
+    inverse = np.linalg.inv(I7 + information)
+    u = inverse @ (g @ r)
+    if doubt is not None:
+        value, U = np.linalg.eigh(information - doubt.share * missing(expected, E + z.R, doubt, u[..., 0]))
+        inverse = (U / (1 + np.maximum(value, 0.0))[..., None, :]) @ U.mT  # (PMHT.39)
+    return m + (expected.T @ u)[..., 0], symmetrize(expected.T @ inverse @ expected.T.mT)  # (PMHT.15b), (PMHT.15a)
+
+
+def missing(expected: PredictedEllipses, S: NDArray, doubt: Doubt, u: NDArray) -> NDArray:
+    """Information (..., 7, 7) about u that is missing where u (..., 7) is true, (PMHT.38).
+
+    S (..., 3, L) [m^2] is the covariance of one detection of each ellipse.
+    """
+    hx, hy = expected.h[..., 0, :], expected.h[..., 1, :]  # (..., 7, L)
+    c = expected.c + (expected.h * u[..., None, None]).sum(-3)
+    d = doubt.detections.z[..., None] - c[..., None, :]  # (..., 2, M, L)
+    S = (S / determinant(S)[..., None, :])[..., None, :]
+    ax = S[..., 2, :, :] * d[..., 0, :, :] - S[..., 1, :, :] * d[..., 1, :, :]
+    ay = S[..., 0, :, :] * d[..., 1, :, :] - S[..., 1, :, :] * d[..., 0, :, :]
+    wx, wy = doubt.w * ax, doubt.w * ay
+    xx, xy, yy = ((a * b).sum(-2)[..., None, :] for a, b in ((wx, ax), (wx, ay), (wy, ay)))
+    each = (hx * xx + hy * xy) @ hx.mT + (hx * xy + hy * yy) @ hy.mT
+    score = hx @ wx.mT + hy @ wy.mT  # (..., 7, M)
+    return symmetrize(each - score @ score.mT)  # (PMHT.38)
 
 
 class SplineInfo(NamedTuple):

@@ -7,16 +7,54 @@ has its own direction: seen from beside a long vehicle, its front and its rear l
 """
 
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtr
 
-from trackers.geometry import cross, dot, unit
+from trackers.geometry import cross, dot, unit, wrap_angle
 from trackers.pmht.model import basis, slope_basis
+from trackers.scan import Scan, SensorModel
 
 DIRECTIONS = 36
 POINTS = 4  # on the arc of an ellipse
 CLEAR = 0.05  # [m] an edge hides points that lie farther than this behind it
+EDGE = 0.3  # [m] softness of the edges of a field of view: place and extent of an ellipse are not exact
+LEAST_COVER = 1e-3  # share of an ellipse out of range and view
+
+
+class View(NamedTuple):
+    """The sensors of M detections, and what they cover."""
+
+    place: NDArray  # (..., M or 1, 2) [m] relative to the same point as the ellipses
+    heading: NDArray  # (..., M or 1) [rad]
+    half: NDArray  # (..., M or 1) [rad] half the opening angle
+    max_range: NDArray  # (..., M or 1) [m]
+
+    @classmethod
+    def of(cls, scan: Scan, origin: NDArray, sensors: tuple[SensorModel, ...]) -> "View":
+        """That of a scan, relative to origin (..., 2) [m]; without data sheets sensors see everywhere."""
+        pose = scan.pose
+        place = pose[..., :2] - origin[..., None, :]
+        if not sensors:
+            everywhere = np.full(pose.shape[:-1], np.inf)
+            return cls(place, pose[..., 2], everywhere, everywhere)
+        if scan.sensor.max(initial=0) >= len(sensors):
+            raise ValueError(
+                f"scan.sensor must index the {len(sensors)} data sheets of the filter, got up to {scan.sensor.max()}; "
+                "give it those of the radar by on_sensors(radar.models)"
+            )
+        half, reach = (np.array(a)[scan.sensor] for a in ([s.fov / 2 for s in sensors], [s.max_range for s in sensors]))
+        return cls(place, pose[..., 2], half, reach)
+
+    def cover(self, c: NDArray) -> NDArray:
+        """Share (..., M, L) of ellipses at c (..., 2, L) [m] within range and field of view."""
+        d = c[..., None, :, :] - self.place[..., None]
+        r = np.hypot(d[..., 0, :], d[..., 1, :])
+        azimuth = np.abs(wrap_angle(np.arctan2(d[..., 1, :], d[..., 0, :]) - self.heading[..., None]))
+        inside = np.minimum(self.max_range[..., None] - r, (self.half[..., None] - azimuth) * r)
+        return np.maximum(ndtr(inside / EDGE), LEAST_COVER)  # (PMHT.40)
 
 
 @lru_cache(maxsize=8)
@@ -60,10 +98,11 @@ def hidden(q: NDArray, toward: NDArray) -> NDArray:
     return (crosses & (ahead > CLEAR)).any(-1)
 
 
-def weights(table: NDArray, direction: NDArray, unseen: float) -> NDArray:
+def weights(table: NDArray, direction: NDArray, unseen: float, cover: NDArray | float = 1.0) -> NDArray:
     """Weights (..., M, L) of the ellipses for directions (..., M, L) [rad] to the sensor in the body frame.
 
-    table (..., A, L) of `visibility_table`; the share `unseen` is spread over all ellipses. Rows sum to 1.
+    table (..., A, L) of `visibility_table`; the share `unseen` is spread over all ellipses; cover (..., M, L) is the
+    share of each that its sensor covers. Rows sum to 1.
     """
     A, L = table.shape[-2:]
     at = (direction % (2 * np.pi)) * (A / (2 * np.pi))
@@ -72,7 +111,7 @@ def weights(table: NDArray, direction: NDArray, unseen: float) -> NDArray:
     low, high = low % A, (low + 1) % A
     flat = table.reshape(-1)
     first = L * A * np.arange(flat.size // (A * L)).reshape(*table.shape[:-2], 1, 1) + np.arange(L)  # of each table
-    share = (1 - part) * flat[first + low * L] + part * flat[first + high * L]
+    share = cover * ((1 - part) * flat[first + low * L] + part * flat[first + high * L])
     share = share / np.maximum(share.sum(-1, keepdims=True), 1e-12)
     return (1 - unseen) * share + unseen / L  # (PMHT.22)
 

@@ -68,3 +68,11 @@ def test_of_five_cars_in_a_queue_so_many_are_held_after_two_and_four_seconds(gap
     assert held(outcome, 1.9, 2.1) >= two
     assert held(outcome, 3.9, 4.1) >= four
     assert held(run(world, 4.2, seed, ground=None), 3.9, 4.1) < four
+
+
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=SLOW)])
+def test_five_cars_of_a_column_at_speed_are_held(seed):
+    """Gaps of 3 m at 25 m/s, a headway of 0.12 s: rarer than a truck, but the ground between them is empty."""
+    world = queue(3.0, 25, 26)
+    assert held(run(world, 2.2, seed), 1.9, 2.1) >= 4
+    assert held(run(world, 2.2, seed, ground=None), 1.9, 2.1) <= 1

@@ -100,12 +100,16 @@ FOUND = {  # what was done to the drive, the line of the report, what fits, and 
     ),
     "all zero": ({"detections__range_rate": times(0)}, "range rate", "all zero", "range_rate=none"),
     "mirrored": ({"detections__azimuth": times(-1)}, "azimuth", "mirrored", "azimuth=mirrored"),
-    "feet": ({"detections__range": times(1 / 0.3048)}, "range", "ft", "range=ft"),
+    "feet": ({"detections__range": times(1 / 0.3048)}, "reach", "ranges may be in ft", "range=ft"),
     "speed": (
         {"ego__vx": times(3.6), "ego__vy": times(3.6)}, "speed of the ego", "km/h", "ego.speed=km/h",
     ),
     "yaw rate": ({"ego__yaw_rate": lambda w: w + 5}, "yaw rate of the ego", "does not fit", "ego.yaw_rate=heading"),
     "truth": ({"truth__vx": times(3.6), "truth__vy": times(3.6)}, "speed of the truth", "km/h", "truth.speed=km/h"),
+    "sizes": (
+        {"truth__length": lambda v: v * 0.3, "truth__width": lambda v: v * 3}, "boxes of the truth",
+        "length and width may be swapped", "truth.size=swapped",
+    ),
 }  # fmt: skip
 
 
@@ -141,8 +145,6 @@ def test_it_is_found_without_truth_too(case, drive, tmp_path):
     change, test, fits, options = FOUND[case]
     right = changed(drive, tmp_path / "right")
     (right / "truth.parquet").unlink()
-    if case == "feet":
-        test, fits = "reach", "ranges may be in ft"
     check_cured(changed(right, tmp_path / "wrong", **change), right, test, fits, options)
 
 
@@ -197,6 +199,29 @@ def test_one_sensor_of_two_is_named(drive, tmp_path):
     sign = np.where(rows.sensor == "second", -1.0, 1.0)
     folder = changed(right, tmp_path / "wrong", detections__range_rate=lambda rate: rate * sign)
     check_cured(folder, right, "range rate of second", "reversed", "range_rate@second=reversed")
+
+
+def test_a_truth_that_lies_across_its_way_is_found(drive, tmp_path):
+    folder = changed(drive, tmp_path / "wrong", truth__heading=lambda angle: angle + np.pi / 2)
+    assert faults(judged(folder)[1])[0].startswith("boxes of the truth: headings are not those of the ways")
+
+
+def test_a_radar_without_noise_is_recorded_so_that_it_can_be_replayed(tmp_path):
+    write(record("cut-in", 3, "ideal", 1.0), tmp_path, "parquet")
+    recorded, found = judged(tmp_path)
+    assert recorded.sensors.sigma.min() > 0
+    assert faults(found) == []
+
+
+def test_detections_that_are_late_are_doubtful(tmp_path):
+    right = tmp_path / "right"
+    write(record("overtake", 3, "front", 5.0), right, "parquet")
+    assert wrong(right) == []
+    folder = changed(right, tmp_path / "late", **dict.fromkeys(("detections__time", "scans__time"), lambda t: t + 0.6))
+    for name in ("detections", "scans"):
+        rows = table(folder, name)
+        pq.write_table(pa.Table.from_pandas(rows[rows.time < 4.95]), folder / f"{name}.parquet")
+    assert [one.fits for one in wrong(folder)] == ["detections may be about 0.6 s late"]
 
 
 def test_azimuths_of_radars_that_look_aside_are_found_without_truth(turn, tmp_path):
@@ -281,7 +306,7 @@ def test_the_commands_print_the_report(drive, tmp_path):
     short = ("--tracker", "rm-koch", "--to", 0.3, "--log", "off", "--out", tmp_path / "runs")
     good = run("replay", drive, *short)
     assert good.exit_code == 0
-    assert good.output.count("plausible  11 tests; nothing can be said of") == 1
+    assert good.output.count("plausible  13 tests; nothing can be said of") == 1
     bad = run("replay", folder, *short[:2], "--out", tmp_path / "runs")
     assert bad.exit_code == 2
     assert "testbed: range rate: km/h" in bad.output

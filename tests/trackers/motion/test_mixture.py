@@ -15,7 +15,7 @@ from trackers.batch import take
 from trackers.composed import Composed
 from trackers.filter import Abilities
 from trackers.geometry import rotation, unit, wrap_angle
-from trackers.motion.mixture import Mixture, MotionModes, without_rates
+from trackers.motion.mixture import MotionModes, without_rates
 from trackers.motion.modes import FIVE, Modes
 from trackers.motion.rates import Body, ScanRates
 
@@ -99,7 +99,7 @@ def test_a_mode_far_from_the_detections_becomes_unlikely():
     state = MAP.predict(MAP.init(prior((30.0, 0.0, 0.0), velocity=(10.0, 0.0))), 0.1)
     m = state.motion.m.copy()
     m[1:, 1] += 4.0
-    state = state._replace(motion=Mixture(np.full(5, 0.2), m, state.motion.P))
+    state = state._replace(motion=state.motion._replace(mu=np.full(5, 0.2), m=m))
     scan = without_rates(
         seen_body(np.random.default_rng(0), np.array([31.0, 0.0]), np.array(0.0), np.zeros(2), np.array(0.0), 8)
     )
@@ -166,6 +166,47 @@ def test_a_car_that_starts_with_front_and_rear_exchanged_is_turned_round(base, s
     np.testing.assert_allclose(wrap_angle(state.motion.m[:, 2] - f.gaussian(state).m[2]), 0.0, atol=1.0)
 
 
+def heading_after_a_false_alarm(**parameters):
+    """Heading [rad] of a car that has driven on at 8 m/s, was hidden for 6 s, and gets a false alarm of -4 m/s."""
+    f, rng = moving(SPLINE.place, **parameters), np.random.default_rng(4)
+    where, velocity = np.array([30.0, 0.0]), np.array([8.0, 0.0])
+    state = f.init(prior((*where, 0.0), velocity=velocity, size=CAR))
+    for k in range(15):
+        scan = seen_body(rng, where + 0.1 * k * velocity, np.array(0.0), velocity, np.array(0.0), 8, rate_noise=0.1)
+        state, _ = f.update(f.predict(state, 0.1) if k else state, scan)
+    for _ in range(60):
+        state = f.predict(state, 0.1)
+    e = f.estimate(state)
+    alarm = Scan.from_xy(e.pose[None, :2] - [2.3, 0.0], noise=(0.2, 0.01, 0.1))
+    polar = alarm.polar.copy()
+    polar[..., 2] = -4.0
+    state, _ = f.update(state, alarm._replace(polar=polar))
+    return f.estimate(state).pose[2]
+
+
+def test_a_heading_that_was_driven_along_is_not_turned_round_by_the_sign_of_a_speed():
+    assert abs(wrap_angle(heading_after_a_false_alarm())) < np.radians(20)
+    assert abs(wrap_angle(heading_after_a_false_alarm(settled=np.inf))) > np.radians(160)
+
+
+def test_turns_begin_at_their_rate_whatever_the_time_step():
+    modes = Modes()
+    quarter, whole = (modes.begun(np.array(8.0), dt) for dt in (0.05, 0.2))
+    assert whole.sum() == pytest.approx(1 - (1 - quarter.sum()) ** 4)
+    assert whole.sum() == pytest.approx(1 - np.exp(-0.2 * sum(mode.onset for mode in FIVE)))
+    assert (whole[[mode.onset == 0 for mode in FIVE]] == 0).all()
+    g = SPLINE.place.gaussian(SPLINE.place.init(prior((30.0, 0.0, 0.0), velocity=(8.0, 0.0))))
+    x = SPLINE.motion.born(g)
+    x = x._replace(mu=np.eye(5)[0])
+    livelier = Modes(tuple(replace(mode, onset=4 * mode.onset) for mode in FIVE))
+    mu = [MotionModes(modes=m).predicted(x, SPLINE.place, 0.1).mu for m in (modes, livelier)]
+    assert all(one.sum() == pytest.approx(1.0) for one in mu)
+    fast, slow, standing = (livelier.begun(np.array(v), 0.1) - modes.begun(np.array(v), 0.1) for v in (8.0, 0.3, 0.0))
+    assert (mu[1] - mu[0])[3:] == pytest.approx(fast[3:])
+    assert (slow[3:] < 0.2 * fast[3:]).all()
+    assert (standing == 0).all()
+
+
 def test_reversing_slowly_is_not_turned_round():
     f, rng = MAP, np.random.default_rng(0)
     state = f.init(prior((30.0, 5.0, 0.0), velocity=(-1.5, 0.0), size=CAR))
@@ -179,7 +220,7 @@ def test_reversing_slowly_is_not_turned_round():
 
 
 def test_range_rates_that_err_together_say_less_than_those_that_do_not():
-    mu, m, P = MAP.motion.born(MAP.place.gaussian(MAP.place.init(prior((30.0, 0.0, 0.0), velocity=(8.0, 0.0)))))
+    mu, m, P, _ = MAP.motion.born(MAP.place.gaussian(MAP.place.init(prior((30.0, 0.0, 0.0), velocity=(8.0, 0.0)))))
     where, velocity = np.array([30.0, 0.0]), np.array([8.0, 0.0])
     scan = seen_body(np.random.default_rng(0), where, np.array(0.0), velocity, np.array(0.0), 40)
     body = Body(MAP.motion.modes.axle * CAR[0], CAR[None])
@@ -252,8 +293,8 @@ def test_a_shift_moves_the_estimate_and_along_the_body_nothing_else(base, course
     f, rng = moving(find(base), course=course), np.random.default_rng(2)
     state = updated(f, rng)
     straight = np.arange(len(f.modes)) == 0  # with several modes there is no one direction along the body
-    mu, m, P = state.motion
-    state = state._replace(motion=Mixture(np.zeros(mu.shape) + straight, m[:, :1] + 0 * m, P))
+    mu, m = state.motion[:2]
+    state = state._replace(motion=state.motion._replace(mu=np.zeros(mu.shape) + straight, m=m[:, :1] + 0 * m))
     d = rng.normal(0, 2, (4, 1)) * (unit(m[:, 0, 2]) if course else 1.0) + np.zeros((4, 2))
     state = f.shift(state, np.zeros((4, 2)))
     before, after = f.estimate(state), f.estimate(f.shift(state, d))

@@ -8,7 +8,7 @@ import pytest
 from tests.trackers.multi.known_objects import KnownObjects, scan_of, tracks_of
 from trackers import MultiObjectTracker, SensorModel, prior
 from trackers.batch import take
-from trackers.multi.ground import NOTHING, GroundTest
+from trackers.multi.ground import CELLS, NOTHING, PLACE, STEP, Ground, GroundTest
 from trackers.scan import DepthProfile
 
 DT = 1 / 15
@@ -100,24 +100,52 @@ def test_a_part_out_of_the_field_of_view_is_not_empty_ground():
         assert not [e for e in info.events if e.kind == "divided"]
 
 
-@pytest.mark.parametrize(("rule", "speed", "events"), [
-    (GroundTest(), 20.0, 0), (GroundTest(headway=0.0), 20.0, 1),
-])  # fmt: skip
-def test_at_speed_nobody_drives_so_close(rule, speed, events):
-    """The same gap of 1 m: a cab and its load. Without the rule it is two vehicles."""
-    rng, tracker = np.random.default_rng(0), MultiObjectTracker(KnownObjects(), (SIDE,), ground=rule)
-    tracks, seen = tracks_of(box(speed=speed), existence=0.99), []
-    for k in range(45):
-        scan = scan_of(side_of(rng, CARS), NOISE, 0.0)
-        x = speed * (k + 1) * DT
-        tracks = tracks._replace(estimate=box(x, speed=speed), state=box(x, speed=speed))
-        platform = np.array([x, 0.0, 0.0, speed, 0.0, 0.0])
-        moved = scan._replace(pose=scan.pose + platform[:3], velocity=scan.velocity + platform[3:5], platform=platform)
-        tracks, info = tracker.step(tracks, moved, DT)
-        seen += [e for e in info.events if e.kind == "divided"]
-        if seen:
-            break
-    assert len(seen) == events
+def ground_with(gap, density, length=10.0):
+    """Ground of a track of that length at the origin, with `density` detections a cell but in the gap (2,) [m]."""
+    inside = np.abs(PLACE) < length / 2
+    seen = np.where(inside & ~((gap[0] < PLACE) & (gap[1] > PLACE)), density, 0.0)
+    return Ground(np.zeros(1, int), np.zeros((1, 2)), seen[None], np.where(inside, density, 0.0)[None])
+
+
+def log_odds(gap, speed, length=10.0, density=1.5, **rule):
+    ground = ground_with(gap, density, length)
+    return GroundTest(gaps=(round(np.ptp(gap) / STEP),), **rule).split(ground, box(0, length, 0.0, speed)).ratio[0]
+
+
+def test_the_log_odds_are_those_of_sums_by_hand():
+    """Evidence, densities of the lengths and of the gap: two cars of 4.5 m against one vehicle of 10 m."""
+    x, rule = STEP * np.arange(CELLS), GroundTest()
+    classes, mean = rule.fleet.classes, rule.closest + rule.headway * 20.0
+    std = [np.hypot(c.length[1], rule.length_std) for c in classes]
+    length = sum(
+        c.share / sum(k.share for k in classes) * np.exp(-0.5 * ((x - c.length[0]) / s) ** 2) / s / np.sqrt(2 * np.pi)
+        for c, s in zip(classes, std, strict=True)
+    )
+    length = (1 - rule.fleet.floor) * length + rule.fleet.floor / x[-1]
+    gap = np.exp(-x / mean) / mean
+    file, last = length.copy(), length
+    for _ in range(3):  # one more vehicle behind a gap
+        last = np.convolve(np.convolve(last, gap), length)[:CELLS] * STEP**2
+        file += last
+    evidence = (rule.thin - rule.stray) * 4 * 1.5  # four cells, nothing seen
+    expected = evidence + 2 * np.log(file[18]) + np.log(gap[4]) - np.log(length[40])
+    assert log_odds((-0.5, 0.5), 20.0) == pytest.approx(expected, rel=1e-6)
+
+
+def test_the_same_empty_ground_divides_two_cars_and_not_a_cab_from_its_load():
+    cars, truck = log_odds((-0.5, 0.5), 20.0, density=4.0), log_odds((-2.5, -1.5), 20.0, density=4.0)
+    assert cars > GroundTest().surer > truck
+
+
+def test_the_faster_two_drive_the_more_must_be_seen_of_the_gap_between_them():
+    slow, fast = log_odds((-0.5, 0.5), 2.0), log_odds((-0.5, 0.5), 25.0)
+    assert slow > fast + 1
+    assert log_odds((-0.5, 0.5), 25.0, headway=0.0) > slow
+
+
+def test_a_length_that_no_vehicle_has_is_two_sooner():
+    """Of 19 m there is hardly any; the gap is that of two lengths that are common."""
+    assert log_odds((-5.0, -4.0), 20.0, 19.0) > log_odds((-3.0, -2.0), 20.0, 15.5)
 
 
 def test_the_ground_moves_and_the_tracks_stay_where_they_were():

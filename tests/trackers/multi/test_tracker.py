@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from testbed.check.draws import arrays
+from tests.trackers.multi.known_objects import KnownObjects, scan_of, tracks_of
 from tests.trackers.rear_sides import RADAR, Road, drive
 from trackers import MultiObjectTracker, RandomMatrix, Scan, find, prior
 from trackers.batch import take
@@ -216,6 +217,28 @@ def test_at_speed_nothing_drives_a_fifth_of_a_second_behind_another():
         assert Exclusion().apply(e, np.ones(2)).keep.sum() == stay
 
 
+def test_a_track_that_is_hidden_is_reported_while_its_lane_is_known():
+    """Standard deviations of 1 m along and 0.5 m across are those of a lane, turned by a right angle they are not."""
+    e = prior(np.array([[20.0, 0, 0], [40, 0, np.pi / 2]]), position_std=1.0)
+    e.cov[:, 1, 1] = 0.25
+    tracks = tracks_of(e)
+    assert tracks.reported.id.tolist() == [0, 1]
+    assert tracks._replace(hidden=np.array([0.3, 0.3])).reported.id.tolist() == [0]
+    assert tracks._replace(hidden=np.array([0.2, 0.2])).reported.id.tolist() == [0, 1]
+
+
+@pytest.mark.parametrize(("truck", "works", "hidden"), [(True, True, 0.3), (False, True, 0.0), (True, False, 0.0)])
+def test_a_track_counts_as_hidden_behind_another_and_not_in_plain_view_or_without_radar(truck, works, hidden):
+    """Both are without detections for three scans, the second one behind a truck or not."""
+    e = prior(np.array([[20.0, 0, np.pi / 2], [50, 0, 0]]), size=[[12.0, 2.5], [4.5, 1.9]], position_std=0.1)
+    tracker = MultiObjectTracker(KnownObjects(), (RADAR,), occlude_above=0.1 if truck else 1.0)
+    tracks = tracks_of(e, 0.9999)._replace(hidden=np.zeros(2))
+    scan = scan_of(np.zeros((0, 2)), (0.1, 0.01, 0.1))._replace(delivered=np.array([works]))
+    for _ in range(3):
+        tracks, _ = tracker.step(tracks, scan, 0.1)
+    assert tracks.hidden[tracks.id == 1] == pytest.approx(hidden)
+
+
 def test_a_duplicate_inside_a_box_goes():
     e = prior(np.array([[20.0, 0, 0], [20.5, 0.2, 0.1]]), velocity=(20.0, 0.0))
     verdict = Exclusion().apply(e, np.array([1.0, 2.0]))
@@ -305,8 +328,9 @@ def test_existence_by_hand():
     assert ex.log_ratio(np.zeros(1), np.array([50.0]), np.zeros(1)) == np.log(0.2)
     np.testing.assert_allclose(ex.log_ratio(np.ones(1), np.array([2.0]), np.array([3.0])), [2.4])
     np.testing.assert_allclose(ex.update(np.array([0.5]), np.log([4.0])), [0.8])
-    alive = ex.survive(np.ones(3), np.array([True, False, False]), np.array([True, True, False]), 1.5)
-    np.testing.assert_allclose(alive, np.exp([-1.5 / 60, -1.5 / 8, -1]))
+    visible, in_view, hidden = np.array([[1, 0, 0, 0], [1, 1, 1, 0], [0, 1, 0, 1]], bool)
+    alive = ex.survive(np.ones(4), visible, in_view, hidden, 1.5)
+    np.testing.assert_allclose(alive, np.exp([-1.5 / 60, -1.5 / 4, -1.5 / 8, -1]))
 
 
 def test_what_lies_just_ahead_of_a_box_and_moves_like_it_starts_no_track(tracker):

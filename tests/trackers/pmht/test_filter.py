@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from trackers import Scan, prior
+from trackers import Scan, SensorModel, prior
 from trackers.geometry import rotation, to_world, unit
 from trackers.pmht import SplinePmht, SplineState, Walk
-from trackers.pmht.association import SyntheticDetections, columns, congruence, matrices
-from trackers.pmht.joint import predict_ellipses
+from trackers.pmht.association import RelativeDetections, SyntheticDetections, columns, congruence, matrices, synthesise
+from trackers.pmht.joint import Doubt, missing, predict_ellipses
 from trackers.pmht.joint import update as joint_update
 from trackers.pmht.model import find
 from trackers.pmht.state import predicted, rotating_root, turned
@@ -95,6 +95,66 @@ def test_the_joint_update_is_the_information_form_of_plain_matrices():
     m, P = joint_update(s.m, expected, E, z)
     np.testing.assert_allclose(P, np.linalg.inv(J), rtol=1e-8, atol=1e-12)
     np.testing.assert_allclose(m, s.m + np.linalg.solve(J, score), rtol=1e-9, atol=1e-10)
+
+
+def test_what_is_known_of_a_place_is_the_curvature_of_the_likelihood_without_associations():
+    """Complete less missing information against second differences of log p(z), in whitened coordinates."""
+    rng, L, M = np.random.default_rng(6), 24, 9
+    s = state_at(rng)
+    s = s._replace(P=1e-4 * s.P)  # nearly linear
+    expected, R = predict_ellipses(s.m, s.P, MODEL.mu.T), np.tile([[0.01], [0.0], [0.01]], M)
+    E = congruence(rotation(s.m[2]) * s.m[5:]) @ columns(MODEL.Sigma)
+    z = expected.c[:, rng.integers(0, L, M)] + 0.3 * rng.standard_normal((2, M))
+    S, pi, rest = matrices(E) + 0.01 * np.eye(2), rng.dirichlet(np.ones(L)), 0.01
+
+    def joint(u):
+        c = expected.c + np.einsum("kil,k->il", expected.h, u)
+        d = z.T[:, None] - c.T
+        power = np.einsum("mli,lij,mlj->ml", d, np.linalg.inv(S), d)
+        return pi * np.exp(-0.5 * power) / (2 * np.pi * np.sqrt(np.linalg.det(S)))
+
+    def log_likelihood(u):
+        return np.log(joint(u).sum(-1) + rest).sum()
+
+    steps = 0.5 * np.eye(7)
+    curvature = np.array([[
+        log_likelihood(a + b) - log_likelihood(a - b) - log_likelihood(b - a) + log_likelihood(-a - b) for a in steps
+    ] for b in steps])  # fmt: skip
+    w = joint(np.zeros(7))
+    w = w / (w.sum(-1, keepdims=True) + rest)
+    doubt = Doubt(w, RelativeDetections(z, R, np.ones(M, bool)), 1.0)
+    got = missing(expected, E + 0.01 * np.array([[1.0], [0.0], [1.0]]), doubt, np.zeros(7))
+    complete = np.einsum("l,kil,lij,njl->kn", w.sum(0), expected.h, np.linalg.inv(S), expected.h)
+    np.testing.assert_allclose(complete - got, -curvature, atol=2e-3 * np.abs(complete).max())
+    assert np.abs(got).max() > 0.3 * np.abs(complete).max()
+    _, P = joint_update(s.m, expected, E, synthesise(w, doubt.detections), doubt)
+    assert np.linalg.eigvalsh(P).min() > 0
+
+
+def seen_in_part(f, doubt=0.0, scans=20):
+    """Error across [m] and claimed standard deviation of a car ahead, whose rear is half out of the field of view."""
+    rng, models = np.random.default_rng(7), (SensorModel(fov=np.radians(20.0), max_range=100.0),)
+    f = replace(f, doubt=doubt)
+    f = f.on_sensors(models) if f.sensors else f
+    pose = np.array([20.0, 20.0 * np.tan(np.radians(10.0)), 0.0])
+    state = f.init(prior(pose, size=(4.6, 1.86), size_std=(0.01, 0.01), position_std=0.4, heading_std=0.01))
+    for _ in range(scans):
+        y = pose[1] - rng.uniform(0.0, 0.93, 4)  # the right half
+        xy = np.stack([np.full(4, 17.7), y], -1) + 0.1 * rng.standard_normal((4, 2))
+        state, _ = f.update(state, Scan.from_xy(xy, noise=(0.1, 0.1 / 17.0, 0.1)))
+    return state.m[1] - pose[1], np.sqrt(state.P[1, 1])
+
+
+def test_what_lies_out_of_the_field_of_view_is_not_missed():
+    seeing = replace(CAR, sensors=(SensorModel(),))
+    assert abs(seen_in_part(seeing)[0]) < 0.11
+    assert seen_in_part(CAR)[0] < -0.14
+
+
+def test_who_does_not_know_the_ellipses_of_its_detections_is_less_sure_of_its_place():
+    """Detections in the middle of a face say little of where it is across."""
+    sure, unsure = (seen_in_part(CAR, doubt, scans=1)[1] for doubt in (0.0, 0.9))
+    assert unsure > 1.3 * sure
 
 
 def test_prediction_is_the_plain_transform_and_without_a_turn_it_is_straight():
