@@ -112,7 +112,7 @@ class Mpc:
     collision_cost: float = 60.0  # of an instant of a collision
     closing_cost: float = 15.0  # [1/(m/s)] of its closing speed
     doubt: float = 0.2  # changes of lane up to this probability are no reason to brake
-    last_brake: float = 7.0  # [m/s^2] before what was never seen
+    last_brake: float = 5.0  # [m/s^2] before what was never seen
     last_reaction: float = 0.4  # [s] before that braking
 
     def __post_init__(self) -> None:
@@ -151,7 +151,7 @@ class Mpc:
         unseen = self.first_unseen(env, ego, path)
         target = min(cruise_speed(env, ego.speed), allowed_speed(path, self.lateral_accel, self.brake))
         comfort = self.speed_cost * huber(speed - target, self.speed_error) + self.accel_cost * profiles**2
-        risk = self.risk(ego, ahead, speed, arc) + self.unseen_risk(ego, unseen, speed, arc)
+        risk = self.risk(ego, ahead, speed, arc) + self.unseen_risk(ego, unseen + self.vouched(ahead), speed, arc)
         cost = STEP * (comfort + risk).sum(-1)  # (PLAN.6)
         cost += self.change_cost * (profiles[:, 0] - ego.action["acceleration"]) ** 2
         best = int(cost.argmin())
@@ -197,7 +197,15 @@ class Mpc:
         """Way [m] to a standstill from speeds [m/s], by the last braking."""
         return speed**2 / (2 * self.last_brake) + self.last_reaction * speed
 
-    def unseen_risk(self, ego: Vehicle, unseen: float, speed: NDArray, arc: NDArray) -> NDArray:
+    def vouched(self, ahead: Ahead) -> NDArray:
+        """Way [m] at each instant (H,) that the nearest vehicle on the path clears, as long as it stays there."""
+        if not np.isfinite(ahead.rear).any():
+            return np.zeros(len(self._times))
+        leader = int(ahead.rear[:, 0].argmin())
+        there = np.logical_and.accumulate(np.isfinite(ahead.rear[leader]))
+        return np.cumsum(STEP * np.maximum(ahead.speed[leader], 0.0) * there)
+
+    def unseen_risk(self, ego: Vehicle, unseen: NDArray, speed: NDArray, arc: NDArray) -> NDArray:
         """Cost (C, H) of driving too fast to stop before an unseen place [m], while nothing more can be seen of it."""
         gap = unseen - (arc + ego.LENGTH / 2)
         missing = np.maximum(self._stopping(speed) - gap, 0.0)  # (PLAN.16)

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from testbed.environment.sources.in_view import InView
 from testbed.planners.hidden import View, first_unseen, in_sight
+from testbed.planners.mpc import Ahead
 from testbed.planners.prediction import LanePath
 from testbed.planners.registry import find, settings
 from tests.testbed.planners.roads import world
@@ -63,11 +64,20 @@ def test_it_can_stop_before_what_it_has_not_seen():
     speed, arc = np.array([[20.0, 20.0]]), np.array([[0.0, 4.0]])
     arc = np.concatenate([arc, np.zeros((1, 18))], -1)
     speed = np.concatenate([speed, np.full((1, 18), 20.0)], -1)
-    way = 20.0**2 / 14 + 0.4 * 20.0
+    way = 20.0**2 / 10 + 0.4 * 20.0
     cost = planner.unseen_risk(ego, way + ego.LENGTH / 2 + 2.0, speed, arc)[0]
     np.testing.assert_allclose(cost[:2], [0.0, 0.02 * 2.0**2])
     assert not cost[5:].any()  # by then it will have looked again
     assert not planner.unseen_risk(ego, np.inf, speed, arc).any()
+
+
+def test_where_a_leader_drives_nothing_stands_as_long_as_it_stays_on_the_path():
+    times, planner = np.arange(1, 21), find("mpc")
+    stays = Ahead(np.array([30.0 + 2.0 * times]), np.full((1, 20), 10.0), np.ones(1))
+    leaves = stays._replace(rear=np.where(times <= 3, stays.rear, np.inf))
+    np.testing.assert_allclose(planner.vouched(stays), 2.0 * times)
+    np.testing.assert_allclose(planner.vouched(leaves), np.minimum(2.0 * times, 6.0))
+    np.testing.assert_array_equal(planner.vouched(Ahead(np.zeros((0, 20)), np.zeros((0, 20)), np.ones(0))), 0.0)
 
 
 @pytest.fixture(scope="module")
