@@ -20,7 +20,8 @@ export PYTHONDONTWRITEBYTECODE :=
 demo: $(STAMP)
 	@echo
 	@echo "Twenty seconds of \`cut-in\` in closed loop: traffic, six radars, the default tracker, the planner idm."
-	$(BIN)/testbed run cut-in --radar surround --seed 0 --out runs
+	@echo "In numpy; with numba (pip install --constraint constraints.txt -e \".[fast]\") tracker and radar are compiled at their first use."
+	EOT_COMPILED=off $(BIN)/testbed run cut-in --radar surround --seed 0 --out runs
 
 test: $(STAMP)  # side by side; the tests end last
 	@$(MAKE) --no-print-directory --jobs=2 lint types unit

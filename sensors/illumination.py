@@ -69,7 +69,7 @@ def illuminate(
     solid = Crossings(found.ray[body], found.segment[body], found.range[body])
     r, segment = first_hits(solid, B)
     segment_owner = owner[edges.body]
-    elements = _elements(beams, np.flatnonzero(r <= reach), r, segment, a, b, segment_owner)
+    elements = elements_of(beams, np.flatnonzero(r <= reach), r, segment, a, b, segment_owner)
     key = elements.sensor * objects + elements.object
     nearest = np.full(S * objects, np.inf)
     np.minimum.at(nearest, key, elements.range)  # (RAD.8)
@@ -84,11 +84,11 @@ def illuminate(
     if not len(walls):
         return elements, visible, Illuminated(*(column[:0] for column in elements))
     behind, wall = first_hits(Crossings(found.ray[~body], found.segment[~body], found.range[~body]), B)
-    rail = _elements(beams, np.flatnonzero((behind <= reach) & (behind < r)), behind, wall, a, b, np.full(len(a), -1))
+    rail = elements_of(beams, np.flatnonzero((behind <= reach) & (behind < r)), behind, wall, a, b, np.full(len(a), -1))
     return elements, visible, rail._replace(segment=rail.segment - E)
 
 
-def _elements(
+def elements_of(
     beams: Beams, ray: NDArray, r: NDArray, segment: NDArray, a: NDArray, b: NDArray, owner: NDArray
 ) -> Illuminated:
     """Elements illuminated by the rays `ray` (L,); r (B,) [m] and segment (B,) are the first hit of every ray."""

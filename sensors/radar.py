@@ -8,16 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sensors.aspects import Aspects, Parameters, interpolated, mean_counts, shown
+from sensors.compiled import Fan, look
 from sensors.ghosts import Ghosts, Rig, draw_ghosts
-from sensors.illumination import Beams, Visible, beam_azimuths, illuminate
+from sensors.illumination import Beams, Illuminated, Visible, beam_azimuths, illuminate
 from sensors.origin import Origin
 from sensors.persistence import Persistence
 from sensors.raycast import outline_edges
 from sensors.reflections import BodyFigures, Mounted, vehicle_returns, wall_returns
-from sensors.returns import add_noise, false_alarms, join, merge_cells, rows
+from sensors.returns import Returns, add_noise, false_alarms, join, merge_cells, rows
 from sensors.roadside import Roadside, roadside_returns
 from sensors.scattering import draw_counts
 from sensors.scene import Scene, check_scene
+from trackers.compiled import available
 from trackers.scan import DepthProfile, Scan, SensorModel
 
 MAX_MOUNT = (10.0, 2.5)  # [m] along and across from the centre: half of the longest and widest of vehicles
@@ -136,6 +138,7 @@ class Radar:
     sensors: tuple[Sensor, ...]
     rate: float | None = None  # [1/s] of scans; None: one every simulated frame
     ghosts: Ghosts | None = None  # None: no ghosts
+    compiled: bool = field(default=True, repr=False)  # where the extra `fast` is installed; the same to rounding
 
     def __post_init__(self) -> None:
         if not self.sensors:
@@ -177,6 +180,19 @@ class Radar:
         )  # fmt: skip
 
     @cached_property
+    def _fan(self) -> Fan | None:
+        """What the compiled form needs; None where a sensor has what that has not."""
+        more = any(s.roadside or s.persistence or s.aspects for s in self.sensors)
+        if more or self.ghosts is not None:
+            return None
+        _, azimuth, spacing = self._rays
+        count = np.array([len(s.azimuths) for s in self.sensors])
+        rates = np.array([(m.count_at_15m, m.count_falloff, m.count_max) for m in self.models], float)
+        reach, fov = self.column("max_range"), self.column("fov_deg", np.pi / 180)
+        figures = np.stack(self._body_figures[:6], -1)
+        return Fan(np.cumsum(count) - count, count, azimuth, reach, fov, spacing, rates, figures)
+
+    @cached_property
     def sigma(self) -> NDArray:
         """Standard deviations (S, 3) of range [m], azimuth [rad], range rate [m/s]."""
         azimuth = self.column("sigma_azimuth_deg", np.pi / 180)
@@ -195,9 +211,15 @@ class Radar:
             ValueError: a scene that is not finite, or whose bodies do not fit together.
         """
         check_scene(scene)
-        platform = scene.ego.platform
-        at = Mounted.on(platform, self.column("mount"))
+        at = Mounted.on(scene.ego.platform, self.column("mount"))
         pose, velocity = at
+        fan = self._fan if self.compiled and available() else None
+        if fan is not None and (seen := look(fan, pose, scene)) is not None:
+            counts = self._counts(seen.expected, self.column("count_shape")[:, None], rng)
+            parts: tuple[Returns, ...] = (seen.returns(scene, counts, velocity, rng),)
+            if len(scene.walls):
+                parts += (self._off_walls(scene.walls, seen.rail(self._beams(pose), scene.walls), at, rng),)
+            return self._measured(scene, at, parts, seen.expected, seen.share, rng)
         edges = outline_edges(scene.bodies.outline)
         elements, visible, rail = illuminate(
             self._beams(pose), edges, scene.bodies.owner, len(scene.objects.id), scene.walls
@@ -209,8 +231,7 @@ class Radar:
             shape = interpolated(self._aspects["count_shape"], sides)  # (RAD.31)
         counts = self._counts(expected, shape, rng)
         vehicles = vehicle_returns(self._body_figures, scene, elements, edges, counts, at, rng)
-        density, falloff = self.column("static_density"), self.column("count_falloff")
-        walls = wall_returns(density, falloff, scene.walls, rail, at, rng)
+        walls = self._off_walls(scene.walls, rail, at, rng)
         around = [
             roadside_returns(sensor.roadside, s, sensor.model, scene, pose[s], velocity[s], elements, rng)
             for s, sensor in enumerate(self.sensors)
@@ -221,6 +242,17 @@ class Radar:
             parts += (
                 draw_ghosts(self.ghosts, Rig(pose, velocity, *self._ghost_columns), scene, edges, elements, rail, rng),
             )
+        return self._measured(scene, at, parts, expected, visible.share, rng)
+
+    def _off_walls(self, walls: NDArray, rail: Illuminated, at: Mounted, rng: np.random.Generator) -> Returns:
+        density, falloff = self.column("static_density"), self.column("count_falloff")
+        return wall_returns(density, falloff, walls, rail, at, rng)
+
+    def _measured(
+        self, scene: Scene, at: Mounted, parts: tuple[Returns, ...], expected: NDArray, share: NDArray,
+        rng: np.random.Generator,
+    ) -> tuple[Scan, Origin]:  # fmt: skip
+        """The scan of true returns: cells, noise, false alarms; expected and share (S, N) go into the origin."""
         true = join(parts)
         merged = merge_cells(true, self.cells[true.sensor])
         seen = merged._replace(polar=add_noise(merged.polar, self.sigma[merged.sensor], rng))
@@ -229,10 +261,10 @@ class Radar:
         got, due = join((seen, alarms)), self.due(scene.time, scene.dt)
         got = rows(got, due[got.sensor])
         s = got.sensor
-        scan = Scan(got.polar, np.ones(len(s), bool), pose[s], velocity[s], self.sigma[s], s, platform, due)
-        share = visible.share[due].max(0, initial=0.0)
-        origin = Origin(got.object, got.body, got.edge, got.kind, expected[due].sum(0), share)
-        return scan, origin
+        mask, platform = np.ones(len(s), bool), scene.ego.platform
+        scan = Scan(got.polar, mask, at.pose[s], at.velocity[s], self.sigma[s], s, platform, due)
+        visible = share[due].max(0, initial=0.0)
+        return scan, Origin(got.object, got.body, got.edge, got.kind, expected[due].sum(0), visible)
 
     def due(self, time: float, dt: float) -> NDArray:
         """Mask (S,) of the sensors that measure in a scan at `time` [s], dt [s] after the one before."""

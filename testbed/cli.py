@@ -3,6 +3,7 @@
 import shlex
 import sys
 import warnings
+from contextlib import closing
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -101,7 +102,7 @@ def run(
 
     Recorded traffic: [bold]testbed run replay:i80.csv:ego=12,react=5[/bold]; docs/real-traffic.md
     """
-    from testbed.environment.door import WrongTracks
+    from testbed.environment.validation import WrongTracks
     from testbed.experiments.single import RunConfig, Unusable, check, length
     from testbed.experiments.single import run as run_once
 
@@ -275,6 +276,23 @@ def bench(
         choice.check()
     named = scenario or tracker or radar
     show(*reported(partial(chosen.measure, choice) if named else partial(benching.measure, quick), "benchmarks"))
+
+
+@app.command()
+def info(
+    compile: Annotated[bool, typer.Option("--compile", help="Compile now, once for many processes.")] = False,
+) -> None:
+    """Show versions, extras, and whether tracker and radar are compiled.
+
+    Example: [bold]testbed info[/bold]
+    """
+    from testbed.command_line.info import info as found
+    from testbed.environment.registration import make
+
+    if compile:  # a few steps do it
+        with closing(make("cut-in", tracker=DEFAULT, radar="surround", warm_up=0.5)) as env:
+            env.reset(seed=0)
+    show(found())
 
 
 @app.command("learn-htg")

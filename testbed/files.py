@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 COLOURS = 256  # of a figure
 ROOM = 1 << 20  # [bytes] of the disk that the results of a run take at most
 PACKAGES = ("eot-testbed", "highway-env", "gymnasium", "numpy", "scipy", "rerun-sdk", "shapely")
+COMPILED = {"radar": "sensors.compiled.rays", "tracker": "trackers.compiled.steps"}  # loaded where they run
 OURS = ("scenarios", "sensors", "testbed", "trackers")
 KINDS = {
     stat.S_IFLNK: "a symbolic link",
@@ -78,7 +79,14 @@ def provenance() -> dict[str, Any]:
         "changed": None if state is None else bool(state),
         "machine": f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores",
         "python": platform.python_version(),
+        "compiled": compiled(),
     }
+
+
+def compiled() -> str:
+    """What this process has run in its compiled form, and by what: "radar, tracker by numba 0.68.1", or "nothing"."""
+    ran = [name for name, module in COMPILED.items() if module in sys.modules]
+    return f"{', '.join(ran)} by numba {version('numba')}" if ran else "nothing"
 
 
 @cache

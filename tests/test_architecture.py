@@ -16,8 +16,8 @@ FOLDERS = {package: ROOT / ("docs" if package == "studies" else "") / package fo
 
 # Package -> what its modules may import besides themselves and the standard library; testbed may import everything.
 FLOORS = {
-    "trackers": ("numpy", "scipy"),
-    "sensors": ("numpy", "trackers.geometry", "trackers.lookup", "trackers.scan"),
+    "trackers": ("numpy", "scipy", "numba"),
+    "sensors": ("numpy", "trackers.compiled", "trackers.geometry", "trackers.lookup", "trackers.scan"),
     "scenarios": ("numpy", "highway_env", "gymnasium", "sensors.scene", "trackers.geometry", "trackers.lookup"),
 }
 # Rooms of testbed, modules and folders directly in it, by floor from the ground up; a room imports lower floors only.
@@ -40,6 +40,7 @@ HOMES = {
     ),
     "gymnasium": ("scenarios.highway", "scenarios.adapter", "scenarios.native", "testbed", "studies"),
     "rerun": ("testbed.log",),
+    "numba": ("trackers.compiled.jit",),
 }
 LEAVES = ("studies",)  # beside the documentation and out of the wheel: nothing else may import it
 FIGURES = re.compile(r"^(?:testbed|studies)\.(?:\w+\.)*\w*figures?\w*$")  # modules that may draw with matplotlib
@@ -241,6 +242,7 @@ def test_no_file_names_a_package_registry_or_a_path_of_one_machine():
         ("trackers.filter", "import shapely"),
         ("trackers.filter", "from sensors.scene import Scene"),
         ("trackers.filter", "def f():\n    from testbed import metrics"),
+        ("trackers.imm", "from numba import njit"),
         ("sensors.radar", "import scipy.stats"),
         ("sensors.radar", "from trackers.estimate import Estimate"),
         ("sensors.radar", "from trackers import TRACKERS"),
@@ -272,6 +274,7 @@ def test_an_offending_module_is_caught(module, source):
         ("sensors.radar", "from dataclasses import dataclass\nfrom trackers.scan import Scan"),
         ("scenarios.highway", "import gymnasium\nfrom highway_env import utils\nfrom sensors.scene import Scene"),
         ("testbed.log.writer", "import rerun as rr"),
+        ("trackers.compiled.jit", "from numba import njit"),
         ("studies.papers.figures", "import matplotlib.pyplot as plt"),
         ("studies.modes.page", "from studies.page import frame"),
         (

@@ -6,7 +6,20 @@ import sys
 import pytest
 
 DRAWING = ("matplotlib.pyplot", "rerun", "scipy.stats")
-HEAVY = (*DRAWING, "scipy", "pandas", "pyarrow", "pygame", "shapely", "highway_env", "dask", "joblib", "jinja2", "PIL")
+HEAVY = (
+    *DRAWING,
+    "scipy",
+    "pandas",
+    "pyarrow",
+    "pygame",
+    "shapely",
+    "highway_env",
+    "dask",
+    "joblib",
+    "jinja2",
+    "PIL",
+    "numba",
+)
 LOADED = """
 import sys
 {code}

@@ -88,5 +88,9 @@ class Memoised(Generic[States, V]):
             self._kept = kept = states, self.function(*states, **none)
         return kept[1]
 
+    def keep(self, states: tuple[Any, ...], value: V) -> None:
+        """Keep a value that was computed elsewhere."""
+        self._kept = states, value
+
     def __reduce__(self) -> tuple[Any, ...]:
         return Memoised, (self.function,)  # copies begin anew

@@ -6,7 +6,7 @@ place, motion, size: `Composed.update`. Who owns what: docs/layers.md.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 from trackers.batch import Memoised, select
 from trackers.estimate import Estimate
 from trackers.filter import CONTOUR, LEARNING, SMOOTHED, Abilities, Gaussian, Note
+from trackers.linalg import quadratic
 from trackers.motion.mixture import ANGLES, Mixture, MotionModes, followed, resized, without_rates
+from trackers.pmht.joint import notes_of
 from trackers.scan import Scan, SensorModel
 from trackers.size.hidden import Around
 from trackers.size.posterior import Pin, SizePosterior, SizeState
@@ -51,6 +53,7 @@ class Composed:
     place: Any  # a Filter
     motion: Any = None  # MotionModes; None: motion is that of the filter
     size: Any = None  # SizePosterior; None: size is that of the filter
+    compiled: bool = field(default=True, repr=False)  # where the extra `fast` is installed; the same to rounding
 
     def __post_init__(self) -> None:
         if self.motion is None and self.size is None:
@@ -98,6 +101,9 @@ class Composed:
     @guarded_predict
     def predict(self, state: ComposedState, dt: float) -> ComposedState:
         """Time update over dt [s] >= 0; with dt = 0 nothing changes."""
+        core = self._core if self.compiled and dt > 0 else None
+        if core is not None and (found := core.predict(*state, dt)) is not None:
+            return self._remembered(found)
         motion, place, size = state
         if self.motion is None:
             place = unguarded(self.place.predict)(place, dt)
@@ -120,6 +126,12 @@ class Composed:
         -1 for none: what others hide of a track is no evidence of its size.
         """
         some = np.asarray(scan.mask.any(-1))
+        core = self._core if self.compiled and some.any() else None
+        if core is not None and (found := core.update(*state, scan)) is not None:
+            eps, S, lost = found.innovation
+            n, mu = scan.mask.sum(-1), found.parts[0].mu
+            nis = np.where(some, quadratic(eps, S), np.nan)
+            return self._remembered(found), ComposedInfo(n, eps, S, nis, mu, notes_of(lost))
         old, motion, size = self._filled(state), state.motion, state.size
         if self.motion is None:
             place, info = self._locate(old, scan)
@@ -145,7 +157,7 @@ class Composed:
     def estimate(self, state: ComposedState) -> Estimate:
         """Box, motion, contour and class."""
         box = self._box(*state[:2])
-        return box if self.size is None else self.size.estimate(state.size, box)
+        return box if self.size is None else self._sized(state.size, box)
 
     # What it offers beyond them, see `abilities`
 
@@ -275,6 +287,26 @@ class Composed:
         """`_boxed` of a state."""
         return Memoised(self._boxed)
 
+    def _remembered(self, found: Any) -> ComposedState:
+        """The state of a compiled step, whose estimates are known."""
+        motion, place, size = found.parts
+        self._moments.keep((motion,), found.gaussian)
+        self._box.keep((motion, place), found.box)
+        self._sized.keep((size, found.box), found.estimate)
+        return ComposedState(motion, place, size)
+
+    @cached_property
+    def _core(self) -> Any:
+        """The compiled form of predict and update; None where it is not there, or parts are others than it has."""
+        from trackers.compiled.core import Core
+
+        return Core.of(self.place, self.motion, self.size)
+
+    @cached_property
+    def _sized(self) -> Memoised[[Any, Any], Estimate]:
+        """The estimate of a size and a box."""
+        return Memoised(self.size.estimate)
+
     @cached_property
     def _moments(self) -> Memoised[[Any], Gaussian]:
         """The Gaussian of the modes."""
@@ -306,10 +338,13 @@ def place_of(filter: Any) -> Any:
     return filter.place if isinstance(filter, Composed) else filter
 
 
-def composed(filter: Any, size: str = "off", motion: bool = False) -> Any:
-    """A filter with a size posterior (size="ends"), motion modes (motion=True), both or neither, around it."""
+def composed(filter: Any, size: str = "off", motion: bool = False, compiled: bool = True) -> Any:
+    """A filter with a size posterior (size="ends"), motion modes (motion=True), both or neither, around it.
+
+    compiled=False refuses the compiled form of the whole.
+    """
     if size not in LAYERS:
         raise ValueError(f"size must be one of {', '.join(LAYERS)}, got {size!r}")
     if size == "off" and not motion:
         return filter
-    return Composed(filter, MotionModes() if motion else None, SizePosterior() if size == "ends" else None)
+    return Composed(filter, MotionModes() if motion else None, SizePosterior() if size == "ends" else None, compiled)

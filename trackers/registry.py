@@ -112,7 +112,7 @@ TRACKERS: Mapping[str, Entry] = MappingProxyType(
 )
 
 LAYERS = frozenset(f.name for f in fields(MultiObjectTracker)) - {"filter", "sensors", "road"}
-WORDS = frozenset({"size", "motion"})  # parameters of `composed`
+WORDS = frozenset({"size", "motion", "compiled"})  # parameters of `composed`
 
 
 def find(name: str, **parameters: Any) -> Filter:
@@ -199,7 +199,8 @@ def _changed(filter: Any, name: str, parameters: Mapping[str, Any]) -> Any:
     check_types(place_of(filter), name, mine)
     check_types(composed, name, words)
     if isinstance(filter, Composed):
-        words = {"size": "ends" if filter.size else "off", "motion": filter.motion is not None} | words
+        has = {"size": "ends" if filter.size else "off", "motion": filter.motion is not None}
+        words = has | {"compiled": filter.compiled} | words
     return composed(replace(place_of(filter), **mine), **words)
 
 

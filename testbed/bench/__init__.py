@@ -27,8 +27,9 @@ from testbed.frame import TRUTH
 from testbed.planners import PLANNERS, Planner
 from testbed.planners import find as find_planner
 from testbed.planners import settings as planner_settings
-from trackers import Scan, prior
+from trackers import DEFAULT, Scan, prior
 from trackers import find as find_tracker
+from trackers.compiled import form as compiled_form
 from trackers.filter import Filter
 from trackers.range_rate import RangeRates
 
@@ -88,6 +89,29 @@ def perception(steps: int) -> Table:
         frame = median(simulation) / frames * 1e3
         radar, track = ((tracked.seconds[k] - before[k]) / (steps * frames) * 1e3 for k in ("sense", "track"))
         table.add_row(str(n), f"{frame:.2f}", f"{radar:.2f}", f"{track:.2f}", f"{(radar + track) / frame:.2f}")
+    return table
+
+
+def closed_loop(steps: int) -> Table:
+    """A decision with radar and default tracker against one of the stock environment, in turns."""
+    table = _table(f"a decision with {DEFAULT} on surround against stock, CPU time", "vehicles", "highway-env [ms]",
+                   "with tracks [ms]", "ratio", f"ratio, {compiled_form()}")  # fmt: skip
+    for n, goal in ((20, "1.0"), (50, "0.6")):
+        forms = ":compiled=off", ":compiled=on"
+        envs = [highway(n), *(TrackedEnv(highway(n), f"{DEFAULT}{off}", f"surround{off}") for off in forms)]
+        for env in envs:
+            env.reset(seed=0)
+            env.step(IDLE)
+        times = np.empty((steps, 3))
+        for row in times:
+            for k, env in enumerate(envs):
+                start, over = process_time(), any(env.step(IDLE)[2:4])
+                row[k] = process_time() - start
+                if over:
+                    env.reset(seed=0)
+        stock, numpy, fast = np.median(times, 0)
+        table.add_row(str(n), f"{1e3 * stock:.0f}", f"{1e3 * numpy:.0f}, {1e3 * fast:.0f}", f"{numpy / stock:.2f}",
+                      f"{fast / stock:.2f} (goal {goal})")  # fmt: skip
     return table
 
 
@@ -279,6 +303,7 @@ def measure(quick: bool = False, progress: Progress | None = None) -> list[Table
     steps = 3 if quick else 10
     parts: tuple[tuple[str, Callable[[], Table]], ...] = (
         ("perception", lambda: perception(steps)),
+        ("closed loop", lambda: closed_loop(2 * steps)),
         ("ghosts", lambda: ghosts(10 * steps)),
         ("log", lambda: logging(4.0 if quick else 20.0)),
         ("roads", lambda: roads(steps)),

@@ -10,7 +10,7 @@ import numpy as np
 
 from testbed.check import entry_laws, laws, tracker_laws
 from testbed.check.draws import Broken
-from testbed.environment.door import WrongTracks
+from testbed.environment.validation import WrongTracks
 from trackers.filter import Abilities
 from trackers.multi.tracker import MultiObjectTracker
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from testbed.check.draws import Broken, arrays, check_equal, check_finite, leaves
-from testbed.environment.door import check_output, check_tracks
+from testbed.environment.validation import check_output, check_tracks
 from trackers.scan import Scan, SensorModel
 
 RADAR = SensorModel(max_range=150.0, fov=2.0, clutter=1.0)
@@ -50,7 +50,7 @@ def drive(tracker: Any, scans: int = 15) -> Any:
 def every_step_returns_what_can_be_tracks(tracker: Any) -> None:
     """Shapes fit, numbers are finite and plausible, ids differ: before a car comes, with it, and after it is gone.
 
-    Each run has the same check at every step: `testbed.environment.door`.
+    Each run has the same check at every step: `testbed.environment.validation`.
     """
     nothing, name = Scan.from_xy(np.zeros((0, 2))), type(tracker).__name__
     tracks = tracker.start()

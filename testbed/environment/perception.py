@@ -23,7 +23,7 @@ from sensors.fault_text import faults_of
 from sensors.faults import Fault, apply_faults, chosen
 from sensors.origin import Origin
 from sensors.scene import Scene
-from testbed.environment.door import check_output, check_tracks
+from testbed.environment.validation import check_output, check_tracks
 from testbed.evaluation.metric import COST, values
 from testbed.frame import TRUTH, Frame, Observer
 from trackers.estimate import Estimate, prior

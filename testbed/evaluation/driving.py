@@ -205,12 +205,12 @@ def drive_score(drive: Mapping[str, Any], aim: NDArray | float) -> NDArray:
     going farther than on the truth earns nothing. Time to collision and comfort are graded. NaN where `aim` is.
     """
     p, ttc, braking = (np.asarray(drive[key], float) for key in ("progress", "ttc_min", "deceleration_max"))
-    progress = np.clip(p / np.maximum(aim, LEAST_AIM), 0.0, 1.0)  # (MET.30)
-    time = np.clip((ttc - NEAR_CRASH) / (FAR - NEAR_CRASH), 0.0, 1.0)  # (MET.31)
-    comfort = np.clip((HARD - braking) / (HARD - COMFORTABLE), 0.0, 1.0)  # (MET.32)
+    progress = np.clip(p / np.maximum(aim, LEAST_AIM), 0.0, 1.0)  # (MET.40)
+    time = np.clip((ttc - NEAR_CRASH) / (FAR - NEAR_CRASH), 0.0, 1.0)  # (MET.41)
+    comfort = np.clip((HARD - braking) / (HARD - COMFORTABLE), 0.0, 1.0)  # (MET.42)
     allowed = (np.asarray(drive["collisions"]) == 0) & (np.asarray(drive.get("off_road", 0.0)) == 0)
     score = (5 * progress + 5 * time + 2 * comfort) / 12
-    return np.where(np.isnan(aim), np.nan, np.where(allowed, score, 0.0))  # (MET.33)
+    return np.where(np.isnan(aim), np.nan, np.where(allowed, score, 0.0))  # (MET.43)
 
 
 def time_integrated(curves: DriveCurves) -> float:

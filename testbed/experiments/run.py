@@ -13,9 +13,9 @@ from scenarios import SCENARIOS
 from scenarios.record import Scenario
 from sensors import Radar, faults_of
 from testbed import planners
-from testbed.environment.door import OF_USERS
 from testbed.environment.registration import make, scenario_of
 from testbed.environment.sources import conditions
+from testbed.environment.validation import OF_USERS
 from testbed.frame import TRUTH
 from testbed.limits import LARGEST_SEED, MOST_RUNS, check_choice, check_duration, check_settle
 from trackers import DEFAULT, TRACKERS

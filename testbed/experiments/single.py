@@ -20,12 +20,12 @@ from sensors import find as find_radar
 from sensors.faults import chosen
 from testbed import planners
 from testbed.command_line.interruption import interruptible
-from testbed.environment.door import OF_USERS
 from testbed.environment.episode import decisions
 from testbed.environment.episode import start as start_episode
 from testbed.environment.perception import tracker_of
 from testbed.environment.recorder import check_level
 from testbed.environment.registration import make, scenario_of
+from testbed.environment.validation import OF_USERS
 from testbed.evaluation.tracking import jsonable
 from testbed.experiments.identity import own_code, own_module, own_names, tracker_digest
 from testbed.files import make_directory, noting_losses

@@ -167,7 +167,11 @@ def _frames_of_arrays(arrays: Arrays) -> tuple[RecordedFrame, ...]:
             time=float(series["time"][k]),
             dt=float(series["dt"][k]),
             ego=fields(
-                "ego", Ego, k, yaw_rate=float(series["ego.yaw_rate"][k]), crashed=bool(series["ego.crashed"][k])
+                "ego",
+                Ego,
+                k,
+                yaw_rate=float(series["ego.yaw_rate"][k]),
+                **{name: bool(series[f"ego.{name}"][k]) for name in ("crashed", "on_road")},
             ),
             objects=fields("objects", Objects, k, kind=tuple(series["objects.kind"][k].tolist())),
             bodies=fields("bodies", Bodies, k, outline=outline),

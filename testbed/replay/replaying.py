@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from testbed.command_line.interruption import interruptible
-from testbed.environment.door import WrongTracks
 from testbed.environment.perception import Perception, tracker_of
 from testbed.environment.recorder import Recorder, check_level
+from testbed.environment.validation import WrongTracks
 from testbed.evaluation.tracking import jsonable
 from testbed.files import check_target, make_directory, noting_losses, versions
 from testbed.frame import TRUTH

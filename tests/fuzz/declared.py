@@ -40,6 +40,7 @@ LINES: dict[str, dict[str, str]] = {  # a correct and short call of each command
     "reproduce": {"paper": "hoher2022", "runs": "1", "out": "out"},
     "calibrate": {"data": "real", "radar": "front"},
     "check": {"what": "radar", "name": "front"},
+    "info": {},
 }  # fmt: skip
 
 NUMBERS = (

@@ -160,8 +160,12 @@ def innovation(
     S = h.mT @ h + matrices(noise)[..., 0, :, :]  # (PMHT.19)
     some = n > 0
     S = np.where(some[..., None, None], S, I2)
-    notes = (Note("lost", "contour explained too little of the scan, searched around", lost),) if lost.any() else ()
-    return SplineInfo(n, np.where(some[..., None], eps, 0.0), S, np.where(some, share, np.nan), lost, notes)
+    return SplineInfo(n, np.where(some[..., None], eps, 0.0), S, np.where(some, share, np.nan), lost, notes_of(lost))
+
+
+def notes_of(lost: NDArray) -> tuple[Note, ...]:
+    """The note about the objects (...) that were lost."""
+    return (Note("lost", "contour explained too little of the scan, searched around", lost),) if lost.any() else ()
 
 
 def nothing(n: NDArray) -> SplineInfo:

@@ -54,13 +54,13 @@ def room(grid: Grid, cells: Cells, seen: NDArray, rows: NDArray, size: NDArray) 
 
     size (R,) [m] are those of the boxes.
     """
-    near, far = _shares(grid, cells)
+    near, far = shares_of_cells(grid, cells)
     inner, outer = (np.clip(x - cells.edges, 0.0, cells.step) for x in (np.zeros(1), size[:, None]))
     return Room(rows, seen @ near, seen @ far, (seen * (outer - inner)).sum(-1) / size)  # (ENDS.8)
 
 
 @lru_cache(maxsize=16)
-def _shares(grid: Grid, cells: Cells) -> tuple[NDArray, NDArray]:
+def shares_of_cells(grid: Grid, cells: Cells) -> tuple[NDArray, NDArray]:
     """Length [m] of each cell before the anchor ends (C, N) and before the other ends (C, K + N - 1)."""
     near, far = (np.clip(x - cells.edges[:, None], 0.0, cells.step) for x in (-grid.offsets, -grid.differences))
     return near, far

@@ -128,9 +128,15 @@ def _main(drives: pd.DataFrame, pairs: pd.DataFrame, page: Page | None) -> str:
         "regret/page.md.j2",
         facts=_facts(drives),
         verdict="\n\n".join(found.verdict),
-        sides="Risk and loss on different sides:\n\n" + _items(sides) if sides else "",
+        sides=say_sides(sides),
         **{name: markdown(grid) for name, grid in grids.items()},
     )
+
+
+def say_sides(sides: Sequence[str]) -> str:
+    """In how many cells risk and loss are on different sides, and some of them."""
+    some = _items(sides[:4])
+    return f"Risk and loss are on different sides in {len(sides)} cells, such as:\n\n{some}" if sides else ""
 
 
 def _attribution(drives: pd.DataFrame, pairs: pd.DataFrame, page: Page | None) -> str:

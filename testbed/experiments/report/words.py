@@ -237,13 +237,12 @@ def _by_planner(cells: Sequence[PairCell]) -> list[list[PairCell]]:
 
 
 def _where(cells: Sequence[PairCell]) -> dict[str, object]:
-    """Planner and condition of cells by scenario, and scenarios by verdict; what is resolved has its number."""
+    """Planner and condition of cells by scenario, and the scenarios by verdict."""
     found: dict[str, list[str]] = {"worse": [], "better": [], "open": []}
     for cell in cells:
         v = cell.change.mean
-        number = f" ({v.value:+.3f} [{v.low:+.3f}, {v.high:+.3f}])" if cell.verdict in ("worse", "better") else ""
         small = max(abs(v.low), abs(v.high)) < SMALL  # False without an interval
         if cell.verdict != "the same" and not small:
-            found[cell.verdict if number else "open"].append(cell.scenario.removeprefix("probe-") + number)
+            found[cell.verdict if cell.verdict in found else "open"].append(cell.scenario.removeprefix("probe-"))
     tracker = cells[0].condition.partition(MINUS)[0]
     return {"planner": cells[0].planner, "tracker": tracker, **found}

@@ -265,7 +265,7 @@ def test_16_an_empty_scan_costs_the_visible_its_miss_factor_and_the_hidden_only_
     assert after.existence[truck] == pytest.approx(0.9 * miss / (0.1 + 0.9 * miss))
     np.testing.assert_allclose(after.estimate.pose, tracks.estimate.pose, atol=1e-9)
     later, _ = tracker.step(tracks, nothing, 1 / RATE)
-    assert later.existence[car] == pytest.approx(0.9 * np.exp(-1 / RATE / 8))
+    assert later.existence[car] == pytest.approx(0.9 * np.exp(-1 / RATE / 4))
     moved = later.estimate.pose[:, :2] - tracks.estimate.pose[:, :2]
     np.testing.assert_allclose(moved, tracks.estimate.velocity / RATE, atol=0.02)  # the prediction, turning included
 

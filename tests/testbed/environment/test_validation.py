@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 import trackers
 from testbed.cli import app
-from testbed.environment.door import WrongTracks, check_output
+from testbed.environment.validation import WrongTracks, check_output
 from testbed.experiments.episode import episode
 from testbed.experiments.run import FAILED, Outcome, Run, outcome_of
 from testbed.experiments.single import RunConfig, run

@@ -1,4 +1,4 @@
-"""The door for tracks: what every step of a tracker must return, checked before anything is made of it.
+"""Validation of tracks: what every step of a tracker must return, checked before anything is made of it.
 
 A number that cannot be right would enter measures, logs and planners in silence. Here it ends the run, in a sentence
 that names tracker, step, track and value. The check takes a few hundredths of a millisecond, whatever the tracker.

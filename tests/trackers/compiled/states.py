@@ -1,0 +1,124 @@
+"""States and scans from which the compiled and the numpy form take one step each, and how both are compared."""
+
+from contextlib import closing
+
+import gymnasium as gym
+import numpy as np
+
+import testbed  # noqa: F401  registers the ids
+from sensors import find as find_radar
+from trackers import find
+from trackers.composed import Composed
+from trackers.estimate import prior
+from trackers.multi.tracker import MultiObjectTracker
+from trackers.scan import Scan
+
+RADAR = find_radar("surround")
+COMPILED = find("imm-spline").on(RADAR.models)
+NUMPY = find("imm-spline", compiled=False).on(RADAR.models)
+
+
+def recorded(scenario, decisions, seed=0):
+    """Arguments of all calls of predict and update in a closed loop: ("predict", state, dt), ("update", state, ...)."""
+    calls = []
+
+    class Watched(Composed):
+        def predict(self, state, dt):
+            calls.append(("predict", state, dt))
+            return super().predict(state, dt)
+
+        def update(self, state, scan, *others):
+            calls.append(("update", state, scan, *others))
+            return super().update(state, scan, *others)
+
+        update_among = update
+
+    tracker = MultiObjectTracker(Watched(NUMPY.place, NUMPY.motion, NUMPY.size, compiled=False), RADAR.models)
+    with closing(gym.make(f"testbed/{scenario}-v0", tracker=tracker, radar="surround:compiled=off")) as env:
+        env.reset(seed=seed)
+        for _ in range(decisions):
+            if any(env.step(1)[2:4]):
+                break
+    return [call for call in calls if call[1].motion.mu.size and not (call[0] == "predict" and call[2] == 0)]
+
+
+def drawn(rng, T, M):
+    """A state of T tracks that have seen something, however wild, and a scan with M detections of each, some masked."""
+    heading = rng.uniform(-np.pi, np.pi, T) + rng.choice([0, 2 * np.pi], T)
+    length = rng.choice([1.9, 4.4, 6.4, 6.6, 16.0], T)
+    size = np.stack([length, 0.3 * length + 0.4], -1).clip(0.6, 2.8)
+    size[:, 0] = length
+    pose = np.column_stack([rng.uniform(-40, 40, (T, 2)), heading])
+    state = NUMPY.init(prior(pose, rng.normal(0, 8, (T, 2)), rng.normal(0, 0.1, T), size))
+    x, grids = state.motion, state.size
+    m = x.m + rng.normal(0, 1, x.m.shape) * [0.3, 0.3, 0.1, 3.0, 0.1, 0.1, 0.03]
+    m[rng.random(T) < 0.3, :, 3] -= 9.0  # backwards
+    A = rng.normal(0, 0.3, x.P.shape) * np.sqrt(np.einsum("...ii->...i", x.P))[..., None]
+    mu = rng.dirichlet(np.ones(x.mu.shape[-1]) * rng.choice([0.1, 3.0]), T)
+    ahead = rng.choice([0.0, 2.9, 3.1], T)
+    length, width = (A + np.cumsum(rng.normal(0, 0.4, A.shape), -2) - rng.exponential(2, A.shape) for A in grids[1:3])
+    anchor, side = rng.choice([-1.0, 0.0, 1.0], (T, 2)), rng.exponential(3.0, T)
+    belief = NUMPY.size.belief(*(np.exp(A - A.max((1, 2), keepdims=True)) for A in (length, width)), anchor, side)
+    size = grids._replace(
+        anchor=anchor, length=length, width=width, belief=belief, side=side, fully_visible=rng.random(T) < 0.5
+    )
+    state = state._replace(motion=x._replace(mu=mu, m=m, P=x.P + A @ A.mT, ahead=ahead), size=size)
+    return state, detections(rng, NUMPY.estimate(state), M)
+
+
+def detections(rng, box, M):
+    """A scan (T, M) of boxes, by any of the sensors, from any side; of some boxes it lies far away."""
+    T = len(box.pose)
+    which = np.sort(rng.integers(0, len(RADAR.models), (T, M)), -1)
+    aside = rng.uniform(-1.2, 1.2, (T, M, 2)) * box.size[:, None] / 2
+    cos, sin = (f(box.pose[:, None, 2]) for f in (np.cos, np.sin))
+    around = np.stack([cos * aside[..., 0] - sin * aside[..., 1], sin * aside[..., 0] + cos * aside[..., 1]], -1)
+    point = box.pose[:, None, :2] + around + rng.choice([0.0, 0.0, 6.0], (T, 1, 2))
+    reach = np.array([model.max_range for model in RADAR.models])[which]
+    bearing = rng.uniform(-np.pi, np.pi, T)[:, None] + rng.choice([0.0, 2.0], (T, 1)) * which
+    near = rng.uniform(0.5, 1.01, (T, M)) * np.minimum(reach, 40.0)
+    place = point - near[..., None] * np.stack([np.cos(bearing), np.sin(bearing)], -1)
+    first = (which[:, :, None] == which[:, None, :]).argmax(-1) if M else which  # a sensor is at one place
+    pose = np.concatenate([place, (bearing + rng.uniform(-0.7, 0.7, (T, 1)))[..., None]], -1)[
+        np.arange(T)[:, None], first
+    ]
+    d = point - pose[..., :2]
+    rate = rng.normal(0, 8, (T, M))
+    rate[rng.random((T, M)) < 0.2] = rate[rng.random(T) < 0.4] = np.nan
+    polar = np.stack([np.hypot(d[..., 0], d[..., 1]), np.arctan2(d[..., 1], d[..., 0]) - pose[..., 2], rate], -1)
+    noise = RADAR.sigma[which]
+    noise[rng.random(T) < 0.2] = np.nan
+    mask = rng.random((T, M)) < 0.8
+    mask[rng.random(T) < 0.2] = False
+    polar[~mask] = rng.choice([np.nan, 0.0])
+    return Scan(polar, mask, pose, rng.normal(0, 5, (T, M, 2)), noise, which)
+
+
+def assert_same(new, old, name="state"):
+    """Both agree to 1e-8 of each number, or 1e-9; of grids of logarithms the likelihoods do."""
+    if isinstance(old, tuple):
+        assert type(new) is type(old)
+        for i, (a, b) in enumerate(zip(new, old, strict=True)):
+            assert_same(a, b, f"{name}.{getattr(old, '_fields', range(len(old)))[i]}")
+    elif old is None:
+        assert new is None
+    elif isinstance(old, np.ndarray):
+        if name.endswith(("size.length", "size.width")):
+            new, old = (np.exp(A - A.max((-2, -1), keepdims=True, initial=-1e300)) for A in (new, old))
+        np.testing.assert_allclose(new, old, rtol=1e-8, atol=1e-9, err_msg=name)
+        assert new.shape == old.shape
+        assert new.dtype == old.dtype
+    else:
+        assert new == old
+
+
+def check(call):
+    """One step of both forms, and the estimates of what comes out."""
+    kind, state, *arguments = call
+    new, old = (getattr(filter, kind)(state, *arguments) for filter in (COMPILED, NUMPY))
+    assert_same(new, old)
+    state, reference = (new, old) if kind == "predict" else (new[0], old[0])
+    assert_same(COMPILED.estimate(state), NUMPY.estimate(reference), "estimate")
+    if kind == "update":
+        assert_same(new[1].nis, old[1].nis, "nis")
+        assert_same(COMPILED.reach(state), NUMPY.reach(reference), "reach")

@@ -1,0 +1,163 @@
+"""One step of the compiled form of `imm-spline` is one of the numpy form, from every kind of state."""
+
+import os
+import pickle
+from contextlib import closing
+from copy import deepcopy
+from dataclasses import replace
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scenarios import SCENARIOS
+from tests.trackers.compiled.states import COMPILED, NUMPY, RADAR, assert_same, check, drawn, recorded
+from trackers import build, find
+from trackers.batch import take
+from trackers.compiled import REFUSED, available
+from trackers.compiled.core import Core, supported
+
+pytestmark = pytest.mark.skipif(not available(), reason="needs the extra `fast`")
+
+
+@pytest.mark.parametrize("scenario", ["cut-in", "truck-convoy"])
+def test_a_step_from_each_state_of_a_scenario_is_the_same(scenario):
+    calls = recorded(scenario, 12)
+    assert len(calls) > 60
+    for call in calls:
+        check(call)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scenario", SCENARIOS)
+def test_a_step_from_2000_states_of_every_scenario_is_the_same(scenario):
+    count, seed = 0, 0
+    while count < 4000:  # a prediction and an update each
+        for call in recorded(scenario, 1000, seed):
+            check(call)
+            count += 1
+        seed += 1
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(0, 4), st.integers(0, 9), st.floats(1e-3, 2.0))
+def test_a_step_from_any_state_is_the_same(seed, T, M, dt):
+    """Lost, turned round, seen from the other end, cut off by range, with noise and rates that nobody knows."""
+    state, scan = drawn(np.random.default_rng(seed), T, M)
+    check(("predict", state, dt))
+    check(("update", state, scan))
+
+
+def test_what_is_drawn_has_all_that_is_rare():
+    seen = {"lost": 0, "turned": 0, "driven": 0, "flipped": 0, "longer": 0, "cut": 0}
+    for seed in range(40):
+        state, scan = drawn(np.random.default_rng(seed), 4, 8)
+        some = scan.mask.any(-1)
+        new, info = NUMPY.update(state, scan)
+        seen["lost"] += bool(info.notes)
+        turn = np.cos(NUMPY.estimate(new).pose[:, 2] - NUMPY.estimate(state).pose[:, 2]) < 0
+        seen["turned"] += (turn & some).any()
+        backwards = NUMPY.gaussian(new).m[:, 3] < -NUMPY.motion.backwards
+        seen["driven"] += (backwards & (new.motion.ahead > NUMPY.motion.settled) & some).any()
+        seen["flipped"] += (new.size.anchor * state.size.anchor < 0).any()
+        seen["longer"] += (new.place.p != state.place.p).any()
+        seen["cut"] += (
+            (NUMPY.size.width.sizes[0] < new.size.belief.size[:, 1]) & ~state.size.fully_visible & some
+        ).any()
+    assert min(seen.values()) > 3
+
+
+def test_many_tracks_at_once_are_what_each_is_alone():
+    state, scan = drawn(np.random.default_rng(5), 6, 7)
+    rows = state.motion.mu.shape[:1]
+    both, _ = COMPILED.update(COMPILED.predict(state, 0.1), scan)
+    for t in range(rows[0]):
+        one = scan._replace(
+            **{name: getattr(scan, name)[t] for name in ("polar", "mask", "pose", "velocity", "noise", "sensor")}
+        )
+        alone = COMPILED.predict(take(state, np.array(t)), 0.1)
+        assert_same(COMPILED.update(alone, one)[0], take(both, np.array(t)))
+
+
+def test_a_free_run_gives_the_same_tracks_and_events():
+    """300 scans of one recording through both trackers, each on its own; fewer where the compiler is off."""
+    most = 30 if "NUMBA_DISABLE_JIT" in os.environ else 300
+    scans = []
+
+    class Listening:
+        name = "listening"
+
+        def __init__(self):
+            self.inner = build("imm-spline:compiled=off", RADAR.models)
+
+        def start(self):
+            return self.inner.start()
+
+        def step(self, tracks, scan, dt):
+            scans.append((scan, dt))
+            return self.inner.step(tracks, scan, dt)
+
+    with closing(
+        gym.make("testbed/following-v0", config={"duration": 25.0}, tracker=Listening(), radar="surround")
+    ) as env:
+        env.reset(seed=1)
+        while len(scans) < most and not any(env.step(1)[2:4]):
+            pass
+    assert len(scans) >= most
+    trackers = [build(f"imm-spline:compiled={form}", RADAR.models) for form in ("on", "off")]
+    tracks = [tracker.start() for tracker in trackers]
+    for scan, dt in scans:
+        (a, seen), (b, known) = (tracker.step(t, scan, dt) for tracker, t in zip(trackers, tracks, strict=True))
+        np.testing.assert_array_equal(a.id, b.id)
+        np.testing.assert_array_equal(seen.owner, known.owner)
+        assert [event[:2] for event in seen.events] == [event[:2] for event in known.events]
+        np.testing.assert_allclose(a.existence, b.existence, rtol=1e-6)
+        for x, y in zip(a.estimate, b.estimate, strict=True):
+            np.testing.assert_allclose(x, y, rtol=1e-5, atol=1e-6)
+        tracks = [a, b]
+
+
+class Other(type(NUMPY.motion)):
+    """A motion of a user."""
+
+
+def test_what_has_no_compiled_form_goes_the_other_way():
+    place, motion, size = COMPILED.place, COMPILED.motion, COMPILED.size
+    assert supported(place, motion, size)
+    assert not supported(place, Other(), size)
+    assert not supported(place, None, size)
+    assert not supported(replace(place, visibility="none"), motion, size)
+    for name in ("imm-htg", "imm-spline:motion=off", "imm-spline:size=off"):
+        assert getattr(build(name, RADAR.models).filter, "_core", None) is None
+    lidar = [replace(s, profile=replace(s.profile, hides_within=0.01)) for s in RADAR.models]
+    assert find("imm-spline").on(lidar)._core is None
+
+
+def test_a_state_that_the_core_does_not_know_goes_the_other_way(monkeypatch):
+    state, scan = drawn(np.random.default_rng(1), 3, 5)
+    assert COMPILED._core.predict(*state, 0.1) is not None
+    contour = state._replace(place=state.place._replace(p=state.place.p * 1.01))
+    assert COMPILED._core.predict(*contour, 0.1) is None
+    assert_same(COMPILED.predict(contour, 0.1), NUMPY.predict(contour, 0.1))
+    flat = state._replace(motion=state.motion._replace(P=np.zeros(state.motion.P.shape)))
+    assert COMPILED._core.update(*flat, scan) is None
+    many = scan._replace(
+        **{
+            name: np.repeat(getattr(scan, name), 20, 1)
+            for name in ("polar", "mask", "pose", "velocity", "noise", "sensor")
+        }
+    )
+    assert COMPILED._core.update(*state, many) is None
+    assert_same(COMPILED.update(state, many)[0], NUMPY.update(state, many)[0])
+    monkeypatch.setenv(REFUSED, "off")
+    assert COMPILED._core.predict(*state, 0.1) is None
+
+
+def test_copies_work_and_take_no_compiled_code_along():
+    state, _ = drawn(np.random.default_rng(2), 2, 3)
+    first = COMPILED.predict(state, 0.1)
+    for copy in (deepcopy(COMPILED), pickle.loads(pickle.dumps(COMPILED))):
+        assert isinstance(copy._core, Core)
+        assert_same(copy.predict(state, 0.1), first)
+    assert len(pickle.dumps(COMPILED._core)) < 1e5

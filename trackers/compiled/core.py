@@ -1,0 +1,188 @@
+"""Predict and update of a composed filter by the compiled functions, for the parts that have a compiled form."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.batch import Memoised
+from trackers.compiled import available
+from trackers.compiled.tables import (
+    ACROSS,
+    ALONG,
+    POSE,
+    RANGE,
+    RATE,
+    RATE_ACROSS,
+    RATE_STD,
+    SENSOR,
+    SIZE_ALONG,
+    UNUSABLE,
+    Found,
+    Rows,
+    Tables,
+)
+from trackers.estimate import Estimate
+from trackers.filter import Gaussian
+from trackers.geometry import dot, unit
+from trackers.motion.mixture import Mixture, MotionModes
+from trackers.motion.modes import Mode, Modes
+from trackers.motion.rates import ScanRates
+from trackers.pmht.filter import SplinePmht
+from trackers.pmht.state import SplineState
+from trackers.scan import Scan
+from trackers.size.belief import Belief
+from trackers.size.fleet import Fleet
+from trackers.size.grid import Grid
+from trackers.size.hits import widened
+from trackers.size.likelihood import TOGETHER
+from trackers.size.posterior import SizePosterior, SizeState
+
+
+class Step(NamedTuple):
+    """The parts of the new state, and what is known of them."""
+
+    parts: tuple[Mixture, SplineState, SizeState]
+    gaussian: Gaussian  # the moments of the modes
+    box: Estimate  # of place and motion
+    estimate: Estimate  # with the size
+    innovation: tuple[NDArray, NDArray, NDArray]  # eps (..., 2), S (..., 2, 2), lost (...)
+
+
+def supported(place: Any, motion: Any, size: Any) -> bool:
+    """Whether the compiled functions say the same as these parts; no part of another class does."""
+    if (type(place), type(motion), type(size)) != (SplinePmht, MotionModes, SizePosterior):
+        return False
+    inner = type(motion.modes), type(motion.rates), type(size.fleet), type(size.length), type(size.width)
+    return (
+        inner == (Modes, ScanRates, Fleet, Grid, Grid)
+        and len(motion.modes.table) > 1
+        and all(type(mode) is Mode for mode in motion.modes.table)
+        and (place.visibility, place.form, place.interior < 1) == ("rays", "joint", True)
+        and bool(np.isinf(size.profiles.inside_depth).all() and (size.profiles.hiding[:, 0] == 0).all())
+    )
+
+
+class Core:
+    """The compiled form of `SplinePmht`, `MotionModes` and `SizePosterior` together.
+
+    Its methods give None for what has no compiled form: the caller goes the other way.
+    """
+
+    def __init__(self, place: SplinePmht, motion: MotionModes, size: SizePosterior) -> None:
+        self.place, self.motion, self.size = place, motion, size
+        self.tables = Tables.of(place, motion, size)
+        self.model = Memoised(self._model)
+
+    @classmethod
+    def of(cls, place: Any, motion: Any, size: Any) -> "Core | None":
+        """The core of these parts, None where they have none."""
+        return cls(place, motion, size) if supported(place, motion, size) else None
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Core.of, (self.place, self.motion, self.size)
+
+    def predict(self, motion: Mixture, place: SplineState, size: SizeState, dt: float) -> Step | None:
+        """The state after dt > 0 [s]."""
+        which = self._which(motion, place)
+        if which is None:
+            return None
+        from trackers.compiled.steps import predict_all
+
+        old = rows_of(motion, size, len(which))
+        x = Rows(*map(np.empty_like, old))
+        K, s, found = len(self.motion.modes.table), self.size, self._found(len(which))
+        kept = ((K * self.motion.stay - 1) / (K - 1)) ** (dt / self.motion.step)  # (IMM.9)
+        over = (grid.transition(dt, s.offset_tau, s.lost_rate) for grid in s.grids)
+        predict_all(old, x, which, float(dt), kept, float(np.exp(-dt / s.memory)), *over, self.tables, found)
+        return self._step(motion, place, size, x, found, np.zeros(len(which), int))
+
+    def update(self, motion: Mixture, place: SplineState, size: SizeState, scan: Scan) -> Step | None:
+        """The state after a scan, some of whose detections are under the mask."""
+        before = self._which(motion, place)
+        sheets = min(len(self.size.sensors), len(self.place.sensors) or len(self.size.sensors))
+        beyond = scan.sensor.max(initial=0) >= sheets or scan.sensor.min(initial=0) < 0
+        if before is None or beyond or scan.mask.sum(-1).max() > TOGETHER:
+            return None
+        from trackers.compiled.steps import update_all
+
+        T, which = len(before), before.copy()
+        x, found, state = Rows(*(a.copy() for a in rows_of(motion, size, T))), self._found(T), np.zeros(T, int)
+        whole, start = plain(size.fully_visible, (T,), bool), np.zeros(T + 1, int)
+        np.cumsum(scan.mask.sum(-1).reshape(T), out=start[1:])
+        update_all(x, which, whole, self._detections(scan), start, self.tables, found, state)
+        if (state == UNUSABLE).any():
+            return None
+        if (which != before).any():
+            lead = motion.mu.shape[:-1]
+            place = SplineState(None, None, *(a[which.reshape(lead)] for a in self.place.contours))  # type: ignore[arg-type]
+        return self._step(motion, place, size, x, found, state)
+
+    def _which(self, motion: Mixture, place: SplineState) -> NDArray | None:
+        """The model (T,) of each contour; None without a track, or where a contour is another."""
+        if not available() or place.m is not None or not motion.mu.size:
+            return None
+        return self.model(*place[2:])
+
+    def _model(self, *contour: NDArray) -> NDArray | None:
+        Q, T = len(self.place.models), int(np.prod(contour[0].shape[:-2]))
+        same = np.ones((T, Q), bool)
+        for a, of_models in zip(contour, self.place.contours, strict=True):
+            if a.shape[-of_models.ndim + 1 :] != of_models.shape[1:]:
+                return None
+            same &= (a.reshape(T, 1, -1) == of_models.reshape(1, Q, -1)).all(-1)
+        return same.argmax(-1) if same.any(-1).all() else None
+
+    def _found(self, T: int) -> Found:
+        return Found.of(T, self.tables.outline.shape[1])
+
+    def _detections(self, scan: Scan) -> NDArray:
+        """The detections (G, 14) under the mask; columns as in `tables`, with the noise that each part assumes."""
+        mask, z = scan.mask, np.empty((int(scan.mask.sum()), 14))
+        polar, pose, velocity, noise = (
+            widened(a, (*mask.shape, a.shape[-1]))[mask] for a in (scan.polar, scan.pose, scan.velocity, scan.noise)
+        )
+        sight = unit(polar[:, 1] + pose[:, 2])
+        z[:, :2], z[:, RANGE], z[:, RATE] = sight, polar[:, 0], polar[:, 2] + dot(sight, velocity)
+        z[:, POSE:SENSOR], z[:, SENSOR] = pose, widened(scan.sensor, mask.shape)[mask]
+        z[:, ALONG], z[:, ACROSS], z[:, RATE_STD] = noise[:, 0], polar[:, 0] * noise[:, 1], noise[:, 2]
+        z[:, RATE_ACROSS], z[:, SIZE_ALONG:] = z[:, ACROSS], z[:, ALONG:RATE_ACROSS]
+        unknown = np.isnan(z[:, ALONG:])
+        if unknown.any():
+            place, rates, size = self.place.sigma, self.motion.rates.sensor_std, self.size.sigma
+            z[:, ALONG:] = np.where(unknown, [place, place, *rates, size, size], z[:, ALONG:])
+        return z
+
+    def _step(self, motion: Mixture, place: SplineState, size: SizeState, x: Rows, f: Found, state: NDArray) -> Step:
+        """The new state and its estimates, with the leading axes of the old one."""
+        lead, b = motion.mu.shape[:-1], x.belief
+
+        def shaped(a: NDArray) -> NDArray:
+            return a if len(lead) == 1 else a.reshape((*lead, *a.shape[1:]))
+
+        belief = Belief(*(shaped(b[:, i]) for i in range(5)), *map(shaped, x[9:]))
+        side, length, width = shaped(x.side), shaped(x.length), shaped(x.width)
+        new = SizeState(shaped(x.anchor), length, width, belief, size.fully_visible, side)
+        yaw_rate, l, std = shaped(f.m[:, 4].copy()), shaped(f.m[:, 5:].copy()), shaped(f.std)
+        box = Estimate(shaped(f.pose[0]), shaped(f.velocity), yaw_rate, l, shaped(f.cov[0]), std[..., 2:],
+                       std[..., 0], std[..., 1], shaped(f.contour[0]))  # fmt: skip
+        sized = box._replace(
+            pose=shaped(f.pose[1]), size=belief.size.copy(), cov=shaped(f.cov[1]), size_std=np.sqrt(belief.size_var),
+            contour=shaped(f.contour[1]), class_probability=belief.kind.copy(),
+        )  # fmt: skip
+        mixture = Mixture(*map(shaped, x[:4]))
+        innovation = shaped(f.eps), shaped(f.S), shaped(state == 1)
+        return Step((mixture, place, new), Gaussian(shaped(f.m), shaped(f.P)), box, sized, innovation)
+
+
+def rows_of(motion: Mixture, size: SizeState, T: int) -> Rows:
+    """The states of T tracks, with one leading axis."""
+    b, lead = size.belief, motion.mu.ndim - 1
+    belief = np.stack(b[:5], -2)
+    values = (*motion, size.anchor, size.length, size.width, size.side, belief, *b[5:])
+    return Rows(*(plain(a, (T, *a.shape[lead:]), float) for a in values))
+
+
+def plain(a: NDArray, shape: tuple[int, ...], kind: type) -> NDArray:
+    """The array with this shape and type, in one piece that may be written into: numba compiles for each layout."""
+    return (a if a.flags.carray and a.dtype == kind else np.array(a, kind, order="C")).reshape(shape)

@@ -1,0 +1,199 @@
+"""Grids of size and offset, and what they say with the fleet; docs/methods/size-from-both-ends.md.
+
+A (K, N) are log likelihoods of one axis of one body, p (K, N) likelihoods, greatest one near 1. A grid (8,) is first
+size, step, first offset, span, and of the cells along the axis where they begin, their length, number, and how much
+deeper the body must be seen.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.compiled.jit import compiled
+from trackers.compiled.linear import ndtr
+from trackers.compiled.vector import exponentials, logarithms
+
+VACATED, LEAST = -300.0, 1e-300  # as in `trackers.size.grid`
+
+
+@compiled
+def to_likelihood(A: NDArray, keep: float, p: NDArray) -> None:
+    """(ENDS.12): p (K, N) of A (K, N), whose part `keep` is remembered."""
+    a, top = A.reshape(-1), A[0, 0]
+    y, work = np.empty(len(a)), np.empty(len(a), np.int64)
+    for i in range(len(a)):
+        top = max(top, a[i])
+    for i in range(len(a)):
+        y[i] = keep * (a[i] - top)
+    exponentials(y, p.reshape(-1), work)
+
+
+@compiled
+def to_log(p: NDArray, A: NDArray) -> None:
+    """The logarithms A (K, N) of p (K, N)."""
+    work, part = np.empty(p.size, np.int64), np.empty(p.size, np.int64)
+    logarithms(p.reshape(-1), A.reshape(-1), work, part)
+
+
+@compiled
+def forget(A: NDArray, keep: float, transition: NDArray, p: NDArray, A_new: NDArray) -> None:
+    """(ENDS.12) to (ENDS.14): p (K, N) after the detections were forgotten and the offset spread, and its A_new."""
+    before = np.empty(A.shape)
+    to_likelihood(A, keep, before)
+    np.dot(before, transition, p)
+    flat = p.reshape(-1)
+    for i in range(len(flat)):
+        flat[i] = max(flat[i], LEAST)
+    to_log(p, A_new)
+
+
+@compiled
+def grid_moments(grid: NDArray, p: NDArray, b: NDArray, of_size: NDArray) -> None:
+    """(ENDS.18) to (ENDS.20) of p (K, N): b (5,) is size, its variance, offset, its variance, that of the centre."""
+    K, N = p.shape
+    first_size, step, first_offset = grid[0], grid[1], grid[2]
+    of_offset, first, total = np.zeros(N), np.zeros(K), 0.0
+    for k in range(K):
+        of_size[k] = 0.0
+        for n in range(N):
+            of_size[k] += p[k, n]
+            of_offset[n] += p[k, n]
+            first[k] += p[k, n] * (first_offset + step * n)
+        total += of_size[k]
+    size = offset = size_var = offset_var = both = 0.0
+    for k in range(K):
+        of_size[k] /= total
+        size += of_size[k] * (first_size + step * k)
+    for n in range(N):
+        offset += of_offset[n] / total * (first_offset + step * n)
+    for k in range(K):
+        d = first_size + step * k - size
+        size_var += of_size[k] * d**2
+        both += (first[k] / total - of_size[k] * offset) * d
+    for n in range(N):
+        offset_var += of_offset[n] / total * (first_offset + step * n - offset) ** 2
+    cell = step**2 / 12
+    b[0], b[1], b[2], b[3] = size, size_var + cell, offset, offset_var
+    b[4] = offset_var + size_var / 4 - both + cell / 4
+
+
+@compiled
+def believe(
+    grid_l: NDArray, grid_w: NDArray, shares: NDArray, of_length: NDArray, of_width: NDArray, loads: NDArray,
+    at: NDArray, p: NDArray, q: NDArray, behind: float, b: NDArray, length: NDArray, width: NDArray, kind: NDArray,
+) -> None:  # fmt: skip
+    """(ENDS.16) to (ENDS.20), (ENDS.33): belief b (5, 2), length (K,), width (K',), kind (C,) of p and q.
+
+    shares (C,), of_length (C, K), of_width (C, K') are those of the fleet; loads (D, 2) have class and share, and at
+    (D, K) says where on the grid of L_k a load of it ends.
+    """
+    K, C, D = len(p), len(shares), len(loads) if behind > 0 else 0
+    l, w, fit_l, fit_w, total = np.zeros(K), np.zeros(len(q)), np.zeros(C), np.zeros(C), 0.0
+    for k in range(K):
+        for n in range(p.shape[1]):
+            l[k] += p[k, n]
+    for k in range(len(w)):
+        for n in range(q.shape[1]):
+            w[k] += q[k, n]
+    for c in range(C):
+        for k in range(K):
+            fit_l[c] += l[k] * of_length[c, k]  # (ENDS.16)
+        for k in range(len(w)):
+            fit_w[c] += w[k] * of_width[c, k]
+    for d in range(D):
+        c = int(loads[d, 0])
+        for k in range(K):
+            i = int(at[d, k])
+            shorter = l[i] + (at[d, k] - i) * (l[min(i + 1, K - 1)] - l[i])
+            fit_l[c] += loads[d, 1] * behind * (shorter - l[k]) * of_length[c, k]  # (ENDS.33)
+    for c in range(C):
+        kind[c] = shares[c] * fit_l[c] * fit_w[c]
+        total += kind[c]
+    joint_l, joint_w = np.empty(p.shape), np.empty(q.shape)
+    for k in range(K):
+        s = 0.0
+        for c in range(C):
+            s += shares[c] * fit_w[c] * of_length[c, k]
+        for n in range(p.shape[1]):
+            joint_l[k, n] = p[k, n] * s  # (ENDS.17)
+    for k in range(len(w)):
+        s = 0.0
+        for c in range(C):
+            s += shares[c] * fit_l[c] * of_width[c, k]
+        for n in range(q.shape[1]):
+            joint_w[k, n] = q[k, n] * s
+    for d in range(D):
+        c = int(loads[d, 0])
+        for k in range(K):
+            h = loads[d, 1] * behind * shares[c] * fit_w[c] * of_length[c, k]
+            i = int(at[d, k])
+            j, f = min(i + 1, K - 1), at[d, k] - i
+            for n in range(p.shape[1]):
+                joint_l[k, n] += h * ((1 - f) * p[i, n] + f * p[j, n] - p[k, n])  # (ENDS.33)
+    for c in range(C):
+        kind[c] /= total
+    of_axis = np.empty((2, 5))
+    grid_moments(grid_l, joint_l, of_axis[0], length)
+    grid_moments(grid_w, joint_w, of_axis[1], width)
+    for i in range(5):
+        b[i, 0], b[i, 1] = of_axis[0, i], of_axis[1, i]
+
+
+@compiled
+def multiply(
+    grid: NDArray, eps: float, p: NDArray, depth: float, sigma: float, face: float, far: bool, least: float,
+    behind: NDArray, rounding: NDArray, near_room: NDArray, far_room: NDArray, cut: bool,
+) -> None:  # fmt: skip
+    """(ENDS.2) to (ENDS.5): p (K, N) times the density of one detection, of which a part `face` is of a face.
+
+    behind (2,) and rounding (2,) are mean and spread; near_room (N,) and far_room (K + N - 1,) what the sensor can see
+    up to both ends, where its range or field of view cuts the body.
+    """
+    K, N = p.shape
+    first, step, first_offset = grid[0], grid[1], grid[2]
+    noise, var = math.hypot(sigma, rounding[1]), sigma**2 + behind[1] ** 2
+    height = (1 - eps) * face / math.sqrt(2 * math.pi * var)
+    to_far, bump, to_anchor, floor = np.empty(K + N - 1), np.zeros(K + N - 1), np.empty(N), np.full(N, eps / grid[3])
+    for i in range(K + N - 1):
+        e = depth + first_offset - first + step * (i + 1 - K)  # (ENDS.2)
+        to_far[i] = ndtr((e + rounding[0]) / noise)
+        if far and face > 0:
+            bump[i] = height * math.exp(-0.5 * (-e - behind[0]) ** 2 / var)  # (ENDS.4)
+    for n in range(N):
+        d = depth + first_offset + step * n
+        to_anchor[n] = ndtr(d / sigma)
+        if not far and face > 0:
+            floor[n] += height * math.exp(-0.5 * (d - behind[0]) ** 2 / var)  # (ENDS.4)
+    for k in range(K):
+        length, s = max(first + step * k - rounding[0], least), K - 1 - k
+        h = (1 - eps) * (1 - face) / length
+        for n in range(N):
+            even = (to_anchor[n] - to_far[s + n]) * h
+            if cut:
+                even *= length / max(far_room[s + n] - near_room[n] - rounding[0], least)
+            p[k, n] *= even + floor[n] + bump[s + n]  # (ENDS.5)
+
+
+@compiled
+def flip(A: NDArray, grid: NDArray, size: float) -> None:
+    """(ENDS.23): A (K, N) in place for the other end as the anchor of a box of this size."""
+    K, N = A.shape
+    p, top = np.zeros(A.shape), A.max()
+    for k in range(K):
+        for n in range(N):
+            i = np.rint((grid[0] - size - 2 * grid[2]) / grid[1] + k - n)
+            p[k, int(min(max(i, 0.0), N - 1.0))] += math.exp(A[k, n] - top)
+    for k in range(K):
+        for n in range(N):
+            A[k, n] = math.log(max(p[k, n], LEAST))
+
+
+@compiled
+def roll(A: NDArray, steps: int) -> None:
+    """(ENDS.22): A (K, N) in place about a box whose anchor end was moved out by whole steps."""
+    K, N = A.shape
+    before, top = A.copy(), A.max()
+    for k in range(K):
+        for n in range(N):
+            A[k, n] = before[k, n + steps] if 0 <= n + steps < N else top + VACATED

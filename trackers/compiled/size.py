@@ -1,0 +1,197 @@
+"""What one scan says of length and width of one object; docs/methods/size-from-both-ends.md, sections 1 to 4.
+
+Axis 0 is the length, axis 1 the width; vectors of detections are in the axes of the box, whose size is (2,).
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.compiled.grids import flip, multiply, roll
+from trackers.compiled.jit import compiled
+from trackers.compiled.linear import wrap
+from trackers.compiled.tables import POSE, RANGE, SENSOR, SIZE_ACROSS, SIZE_ALONG, UX, UY
+from trackers.compiled.vector import logarithms
+
+WIDER = 1.0  # [m] as in `trackers.size.hidden`
+ROLLED_ABOVE = 0.75  # as in `trackers.size.posterior`
+SIDE = math.sin(math.radians(10.0))
+
+
+@compiled
+def in_view(x: float, y: float, box: NDArray, pose: NDArray, max_range: float, fov: float) -> bool:
+    """(ENDS.7): whether a sensor sees the point x, y of the axes of a box (3,)."""
+    cos, sin = math.cos(box[2]), math.sin(box[2])
+    dx, dy = box[0] + cos * x - sin * y - pose[0], box[1] + sin * x + cos * y - pose[1]
+    return math.hypot(dx, dy) < max_range and abs(wrap(math.atan2(dy, dx) - pose[2])) < fov / 2
+
+
+@compiled
+def cut_off(box: NDArray, size: NDArray, pose: NDArray, max_range: float, fov: float) -> bool:
+    """Whether range or field of view of a sensor may cut off a part of the body."""
+    for a in (-0.5, 0.5):
+        for b in (-0.5, 0.5):
+            x, y = a * (size[0] + 2 * WIDER), b * (size[1] + 2 * WIDER)
+            if not in_view(x, y, box, pose, max_range, fov):
+                return True
+    return False
+
+
+@compiled
+def room(
+    axis: int, anchor: NDArray, size: NDArray, place: NDArray, box: NDArray, pose: NDArray, max_range: float,
+    fov: float, grid: NDArray, near: NDArray, far: NDArray, near_room: NDArray, far_room: NDArray,
+) -> float:  # fmt: skip
+    """(ENDS.7), (ENDS.8): what the sensor sees up to each end, near_room (N,) and far_room (K + N - 1,), and its share.
+
+    near (C, N) and far (C, K + N - 1) are the length of each cell before each end.
+    """
+    first, step, C, deeper = grid[4], grid[5], int(grid[6]), int(grid[7])
+    seen, share, other = np.empty(C, np.bool_), 0.0, 1 - axis
+    aside = min(max(place[other], -size[other] / 2), size[other] / 2)
+    for c in range(C):
+        at = anchor[axis] * (size[axis] / 2 - (first + step * c + step / 2))
+        x, y = (at, aside) if axis == 0 else (aside, at)
+        seen[c] = in_view(x, y, box, pose, max_range, fov)
+    for c in range(C - deeper):
+        seen[c] &= seen[c + deeper]  # (ENDS.8)
+    near_room[:], far_room[:] = 0.0, 0.0
+    for c in range(C):
+        if seen[c]:
+            edge = first + step * c
+            share += min(max(size[axis] - edge, 0.0), step) - min(max(-edge, 0.0), step)
+            for n in range(len(near_room)):
+                near_room[n] += near[c, n]
+            for n in range(len(far_room)):
+                far_room[n] += far[c, n]
+    return share / size[axis]
+
+
+@compiled
+def face_anchor(
+    A_l: NDArray, A_w: NDArray, grid_l: NDArray, grid_w: NDArray, size: NDArray, place: NDArray, anchor: NDArray
+) -> None:
+    """(ENDS.11), (ENDS.23): anchor (2,) of a body that sensors at the mean place (2,) face, and its grids, in place."""
+    for a in range(2):
+        before = anchor[a]
+        if abs(place[a]) > size[a] / 2 or before == 0:
+            anchor[a] = -1.0 if place[a] < 0 else 1.0
+        if anchor[a] * before < 0:
+            if a == 0:
+                flip(A_l, grid_l, size[0])
+            else:
+                flip(A_w, grid_w, size[1])
+
+
+@compiled
+def add(A: NDArray, p: NDArray, weight: float, part: float, cut: bool) -> None:
+    """(ENDS.9), (ENDS.10): A (K, N) in place, with the logarithm of p (K, N) times a weight, greatest value 0."""
+    K, N = p.shape
+    log, work, top = np.empty(p.shape), np.empty(K * N, np.int64), -np.inf
+    logarithms(p.reshape(-1), log.reshape(-1), work, np.empty(K * N, np.int64))
+    for k in range(K):
+        for n in range(N):
+            if cut:
+                log[k, n] = max(part * log[k, n], log[k - 1, n]) if k else part * log[k, n]
+            A[k, n] += weight * log[k, n]
+            top = max(top, A[k, n])
+    for k in range(K):
+        for n in range(N):
+            A[k, n] -= top
+
+
+@compiled
+def in_box(box: NDArray, z: NDArray, sheet: NDArray, xy: NDArray, sight: NDArray, place: NDArray, std: NDArray) -> int:
+    """(ENDS.6): places, lines of sight, places of the sensor and noise (M, 2) in the axes of a box (3,).
+
+    Returns the number of detections that lie off the axis.
+    """
+    cos, sin, aside = math.cos(box[2]), math.sin(box[2]), 0
+    for i in range(len(z)):
+        ux, uy, dx, dy = z[i, UX], z[i, UY], z[i, POSE] - box[0], z[i, POSE + 1] - box[1]
+        sight[i, 0], sight[i, 1] = cos * ux + sin * uy, cos * uy - sin * ux
+        place[i, 0], place[i, 1] = cos * dx + sin * dy, cos * dy - sin * dx
+        aside += 1 if abs(sight[i, 1]) > SIDE else 0
+        for a in range(2):
+            xy[i, a] = place[i, a] + z[i, RANGE] * sight[i, a]
+            var = (z[i, SIZE_ALONG] * sight[i, a]) ** 2 + (z[i, SIZE_ACROSS] * sight[i, 1 - a]) ** 2
+            std[i, a] = math.sqrt(var + sheet[int(z[i, SENSOR]), 13] ** 2)
+    return aside
+
+
+@compiled
+def read(
+    A_l: NDArray, A_w: NDArray, anchor: NDArray, box: NDArray, size: NDArray, whole: bool, z: NDArray,
+    grid_l: NDArray, near_l: NDArray, far_l: NDArray, grid_w: NDArray, near_w: NDArray, far_w: NDArray,
+    sheet: NDArray, settings: NDArray,
+) -> int:  # fmt: skip
+    """(ENDS.2) to (ENDS.11): grids A_l, A_w and anchor (2,) of a box (3,) in place, by the detections z.
+
+    sheet (S, 14): max_range, fov, inside, grazing, weight, depth (2), rounding (2, 2), least_room (2), surface.
+    settings (3,): outliers, independent, part_weight. Returns the number of detections from beside the body.
+    """
+    M = len(z)
+    xy, sight, place, std = np.empty((M, 2)), np.empty((M, 2)), np.empty((M, 2)), np.empty((M, 2))
+    aside = in_box(box, z, sheet, xy, sight, place, std)
+    middle = np.zeros(2)
+    for i in range(M):
+        for a in range(2):
+            middle[a] += place[i, a] / M
+    face_anchor(A_l, A_w, grid_l, grid_w, size, middle, anchor)
+    end, shown, cut = np.zeros((M, 2), np.int64), np.zeros((M, 2)), np.zeros(M, np.bool_)
+    N, W, D, V = near_l.shape[1], near_w.shape[1], far_l.shape[1], far_w.shape[1]
+    rooms_l, rooms_fl, rooms_w, rooms_fw = np.empty((M, N)), np.empty((M, D)), np.empty((M, W)), np.empty((M, V))
+    seen, ends, sides, weight = np.ones((M, 2)), 0.0, 0.0, 0.0
+    for i in range(M):
+        s, first, pose = sheet[int(z[i, SENSOR])], i, z[i, POSE : POSE + 3]
+        for j in range(i - 1, -1, -1):
+            first = j if z[j, SENSOR] == z[i, SENSOR] else first
+        if first < i:  # of the same sensor
+            cut[i], rooms_l[i], rooms_fl[i], rooms_w[i] = cut[first], rooms_l[first], rooms_fl[first], rooms_w[first]
+            rooms_fw[i], seen[i] = rooms_fw[first], seen[first]
+        else:
+            cut[i] = cut_off(box, size, pose, s[0], s[1])
+            if cut[i]:
+                seen[i, 1] = room(0, anchor, size, place[i], box, pose, s[0], s[1], grid_l, near_l, far_l, rooms_l[i],
+                                  rooms_fl[i])  # fmt: skip
+                seen[i, 0] = room(1, anchor, size, place[i], box, pose, s[0], s[1], grid_w, near_w, far_w, rooms_w[i],
+                                  rooms_fw[i])  # fmt: skip
+        for a in range(2):
+            beyond = anchor[a] * place[i, a]
+            end[i, a] = 1 if beyond > size[a] / 2 else (-1 if beyond < -size[a] / 2 else 0)
+            if end[i, a] != 0:
+                shown[i, a] = abs(sight[i, a]) ** (1 - s[3]) * size[1 - a] * seen[i, a]  # (ENDS.4)
+        ends += abs(sight[i, 0]) * size[1] if end[i, 0] != 0 else 0.0
+        sides += abs(sight[i, 1]) * size[0] if end[i, 1] != 0 else 0.0
+        weight += s[4] / M * min(1.0, settings[1] / M)  # (ENDS.9)
+    p, q = np.ones(A_l.shape), np.ones(A_w.shape)
+    for i in range(M):
+        s = sheet[int(z[i, SENSOR])]
+        total = shown[i, 0] + shown[i, 1]
+        f = (1 - s[2]) / total if total > 0 else 0.0
+        multiply(grid_l, settings[0], p, size[0] / 2 - anchor[0] * xy[i, 0], std[i, 0],
+                 f * shown[i, 0], end[i, 0] < 0, s[11], s[5:7], s[7:9], rooms_l[i], rooms_fl[i], cut[i])  # fmt: skip
+        multiply(grid_w, settings[0], q, size[1] / 2 - anchor[1] * xy[i, 1], std[i, 1],
+                 f * shown[i, 1], end[i, 1] < 0, s[12], s[5:7], s[9:11], rooms_w[i], rooms_fw[i], cut[i])  # fmt: skip
+    add(A_l, p, weight, 1.0, False)
+    add(A_w, q, weight, settings[2], not whole and sides < ends)
+    return aside
+
+
+@compiled
+def centre(
+    A_l: NDArray, A_w: NDArray, step_l: float, step_w: float, anchor: NDArray, box: NDArray, size: NDArray,
+    b: NDArray, shift: NDArray,
+) -> None:  # fmt: skip
+    """(ENDS.22): grids and belief b (5, 2) about the box that a pin will make of this one, and its shift (2,)."""
+    body = np.empty(2)
+    for a in range(2):
+        step = step_l if a == 0 else step_w
+        steps = np.rint(b[2, a] / step) if abs(b[2, a]) > ROLLED_ABOVE * step else 0.0
+        if steps != 0:
+            roll(A_l if a == 0 else A_w, int(steps))
+        b[2, a] -= steps * step
+        body[a] = anchor[a] * ((size[a] - b[0, a]) / 2 + steps * step)
+    cos, sin = math.cos(box[2]), math.sin(box[2])
+    shift[0], shift[1] = cos * body[0] - sin * body[1], sin * body[0] + cos * body[1]

@@ -1,0 +1,168 @@
+"""The two compiled calls of a step: prediction and update of all T tracks, with their estimates."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.compiled import evidence, grids, modes, size, spline
+from trackers.compiled.jit import compiled
+from trackers.compiled.linear import cholesky, wrap
+from trackers.compiled.modes import LENGTH, OMEGA, PHI, SPEED
+from trackers.compiled.tables import UNUSABLE, Found, Rows, Tables
+
+AXLE_STD, CREEP, ROUNDING = 0.15, 1.0, 1e-9  # as in `trackers.motion.mixture` and `.turn`
+
+
+@compiled
+def around(cov: NDArray, cos: float, sin: float, along: float, across: float) -> None:
+    """Variances along and across a heading, added to the first two components of cov."""
+    cov[0, 0] += along * cos * cos + across * sin * sin
+    cov[1, 1] += along * sin * sin + across * cos * cos
+    cov[0, 1] += (along - across) * cos * sin
+    cov[1, 0] = cov[0, 1]
+
+
+@compiled
+def outlined(outline: NDArray, pose: NDArray, length: float, width: float, contour: NDArray) -> None:
+    """Points (C, 2) in the world of an outline in the unit frame."""
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    for i in range(len(outline)):
+        x, y = outline[i, 0] * length, outline[i, 1] * width
+        contour[i, 0], contour[i, 1] = pose[0] + cos * x - sin * y, pose[1] + sin * x + cos * y
+
+
+@compiled
+def velocity_cov(m: NDArray, P: NDArray, d: float, more: float, cov: NDArray) -> None:
+    """(MODE.25), (MODE.26): cov (4, 4) of place and velocity for an axle d [m] behind the centre; more is across."""
+    cos, sin = math.cos(m[PHI]), math.sin(m[PHI])
+    J = np.zeros((4, 5))
+    J[0, 0] = J[1, 1] = 1.0
+    J[2, PHI], J[3, PHI] = -m[SPEED] * sin - m[OMEGA] * d * cos, m[SPEED] * cos - m[OMEGA] * d * sin
+    J[2, SPEED], J[3, SPEED], J[2, OMEGA], J[3, OMEGA] = cos, sin, -d * sin, d * cos
+    for i in range(4):
+        for j in range(4):
+            cov[i, j] = ROUNDING if i == j else 0.0
+            for k in range(5):
+                for l in range(5):
+                    cov[i, j] += J[i, k] * P[k, l] * J[j, l]
+    around(cov[2:, 2:], cos, sin, 0.0, more)
+
+
+@compiled
+def estimate(
+    m: NDArray, P: NDArray, mu: NDArray, axle: NDArray, b: NDArray, anchor: NDArray, place_std: NDArray,
+    outline: NDArray, pose: NDArray, placed: NDArray, cov: NDArray, sized: NDArray, velocity: NDArray, std: NDArray,
+    contour: NDArray, drawn: NDArray,
+) -> None:  # fmt: skip
+    """(MODE.24) to (MODE.26), (MODE.31), (ENDS.20), (ENDS.21): of moments m (7,), P (7, 7) and a belief b (5, 2).
+
+    Of the box of place and motion: pose (3,), cov (4, 4), contour (C, 2), velocity, std (4,) of heading, yaw rate,
+    length and width. Of the box with the size: placed (3,), sized (4, 4), drawn (C, 2).
+    """
+    heading, cos, sin, l, w = wrap(m[PHI]), math.cos(m[PHI]), math.sin(m[PHI]), m[LENGTH], m[LENGTH + 1]
+    mean = square = 0.0
+    for k in range(len(mu)):
+        mean += mu[k] * axle[k]
+        square += mu[k] * axle[k] ** 2
+    d = l * mean
+    more = P[PHI, PHI] * P[SPEED, SPEED] + (l * m[OMEGA]) ** 2 * (square - mean**2 + AXLE_STD**2)
+    velocity_cov(m, P, d, more, cov)
+    around(cov, cos, sin, (l * place_std[0]) ** 2, (w * place_std[1]) ** 2)
+    sized[:] = cov
+    around(sized, cos, sin, b[4, 0], b[4, 1])
+    velocity[0], velocity[1] = m[SPEED] * cos - m[OMEGA] * d * sin, m[SPEED] * sin + m[OMEGA] * d * cos
+    x, y = anchor[0] * (b[2, 0] + (l - b[0, 0]) / 2), anchor[1] * (b[2, 1] + (w - b[0, 1]) / 2)
+    pose[0], pose[1], pose[2], placed[2] = m[0], m[1], heading, heading
+    placed[0], placed[1] = m[0] + cos * x - sin * y, m[1] + sin * x + cos * y
+    outlined(outline, pose, l, w, contour)
+    outlined(outline, placed, b[0, 0], b[0, 1], drawn)
+    slip = (l * m[OMEGA]) ** 2 / max(m[SPEED] ** 2, CREEP**2)
+    std[0], std[1] = math.sqrt(P[PHI, PHI] + AXLE_STD**2 * slip), math.sqrt(P[OMEGA, OMEGA])  # (MODE.31)
+    std[2], std[3] = math.sqrt(P[LENGTH, LENGTH]), math.sqrt(P[LENGTH + 1, LENGTH + 1])
+
+
+@compiled
+def predict(
+    old: Rows, x: Rows, which: NDArray, dt: float, kept: float, keep: float, over_length: NDArray, over_width: NDArray,
+    p: Tables, f: Found,
+) -> None:  # fmt: skip
+    """Motion and size of all rows after dt, from `old` into x; kept and keep: of the mode, and of what was detected."""
+    length, width = np.empty(old.length.shape[1:]), np.empty(old.width.shape[1:])
+    for t in range(len(which)):
+        x.ahead[t] = old.ahead[t] + modes.driven(old.m[t], old.P[t], old.mu[t], dt)
+        modes.mix(old.m[t], old.P[t], old.mu[t], kept, p.onset, dt, x.m[t], x.P[t], x.mu[t])
+        for k in range(len(p.modes)):
+            modes.move(x.m[t, k], x.P[t, k], dt, p.modes[k], p.common, p.size_walk)
+        modes.moments(x.m[t], x.P[t], x.mu[t], f.m[t], f.P[t])
+        x.anchor[t] = old.anchor[t]
+        x.side[t] = keep * old.side[t]
+        grids.forget(old.length[t], keep, over_length, length, x.length[t])
+        grids.forget(old.width[t], keep, over_width, width, x.width[t])
+        behind = math.exp(-x.side[t] / p.enough_side) if x.anchor[t, 0] < 0 else 0.0  # (ENDS.34)
+        grids.believe(p.grid_l, p.grid_w, p.shares, p.of_length, p.of_width, p.loads, p.load_at, length, width, behind,
+                      x.belief[t], x.of_length[t], x.of_width[t], x.kind[t])  # fmt: skip
+        estimate(f.m[t], f.P[t], x.mu[t], p.axle, x.belief[t], x.anchor[t], p.place_std, p.outline[which[t]],
+                 f.pose[0, t], f.pose[1, t], f.cov[0, t], f.cov[1, t], f.velocity[t], f.std[t], f.contour[0, t],
+                 f.contour[1, t])  # fmt: skip
+
+
+@compiled
+def sound(P: NDArray) -> bool:
+    """Whether matrices P (K, 7, 7) are positive definite."""
+    L = np.empty(P.shape[1:])
+    for k in range(len(P)):  # noqa: SIM110 - numba has no generators here
+        if not cholesky(P[k], L):
+            return False
+    return True
+
+
+@compiled
+def update(
+    x: Rows, which: NDArray, whole: NDArray, z: NDArray, start: NDArray, p: Tables, f: Found, state: NDArray
+) -> None:
+    """All rows with detections after them, in place; state (T,) int: 0, 1 where lost, 2 where it cannot be used.
+
+    Detections of row t are start[t] to start[t + 1] of z.
+    """
+    m, P, length, width = np.empty(7), np.empty((7, 7)), np.empty(x.length.shape[1:]), np.empty(x.width.shape[1:])
+    box, shift, std = np.empty(3), np.empty(2), np.empty(2)
+    for t in range(len(which)):
+        modes.moments(x.m[t], x.P[t], x.mu[t], f.m[t], f.P[t])
+        mine, q = z[start[t] : start[t + 1]], which[t]
+        if len(mine):
+            heading = f.m[t, PHI]
+            state[t] = spline.update(f.m[t], f.P[t], p.mu[q], p.Sigma[q], p.visible[q], mine, p.cover, p.spline,
+                                     p.iterations, m, P, f.eps[t], f.S[t])  # fmt: skip
+            good = state[t] < UNUSABLE and evidence.move(
+                x.mu[t], x.m[t], x.P[t], f.m[t], f.P[t], m, P, p.axle, mine, p.rates, x.ahead[t : t + 1]
+            )
+            if not good or not sound(x.P[t]):
+                state[t] = UNUSABLE
+                continue
+            box[0], box[1], box[2], was = f.m[t, 0], f.m[t, 1], wrap(f.m[t, PHI]), f.m[t, LENGTH:].copy()
+            if math.cos(f.m[t, PHI] - heading) < 0:  # front and rear changed places
+                x.anchor[t] *= -1
+            x.side[t] += size.read(x.length[t], x.width[t], x.anchor[t], box, was, whole[t], mine, p.grid_l, p.near_l,
+                                   p.far_l, p.grid_w, p.near_w, p.far_w, p.sheet, p.size)  # fmt: skip
+            grids.to_likelihood(x.length[t], 1.0, length)
+            grids.to_likelihood(x.width[t], 1.0, width)
+            behind = math.exp(-x.side[t] / p.enough_side) if x.anchor[t, 0] < 0 else 0.0  # (ENDS.34)
+            grids.believe(p.grid_l, p.grid_w, p.shares, p.of_length, p.of_width, p.loads, p.load_at, length, width,
+                          behind, x.belief[t], x.of_length[t], x.of_width[t], x.kind[t])  # fmt: skip
+            size.centre(x.length[t], x.width[t], p.grid_l[1], p.grid_w[1], x.anchor[t], box, was, x.belief[t], shift)
+            for a in range(2):
+                std[a] = max(p.pin[0] * x.belief[t, 0, a], p.pin[1])
+            modes.pin(x.m[t], x.P[t], x.mu[t], x.belief[t, 0], std, shift, p.course, f.m[t], f.P[t])
+            if not sound(x.P[t]) or not math.isfinite(f.m[t].sum()):
+                state[t] = UNUSABLE
+                continue
+            if len(p.mu) > 1:
+                which[t] = 1 if x.belief[t, 0, 0] > p.truck_above else 0
+        estimate(f.m[t], f.P[t], x.mu[t], p.axle, x.belief[t], x.anchor[t], p.place_std, p.outline[which[t]],
+                 f.pose[0, t], f.pose[1, t], f.cov[0, t], f.cov[1, t], f.velocity[t], f.std[t], f.contour[0, t],
+                 f.contour[1, t])  # fmt: skip
+
+
+predict_all = compiled.first(predict, "prediction of tracks", 8)
+update_all = compiled.first(update, "update of tracks", 20)
