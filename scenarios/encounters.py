@@ -15,7 +15,8 @@ SIDE = {L: -4.0, M: 0.0, R: 4.0}  # [m] of the lanes from the middle one, to the
 Y = 4.0  # [m] of the middle lane from the axis
 FRONT = EGO_SIZE[0] / 2  # [m] from the ego's centre to its front bumper
 ROAD = 1600.0  # [m] length of a straight road
-JOIN, RAMP = 500.0, 220.0  # [m] where the lane of the ramp begins, and where on it the ego starts
+JOIN, RAMP = 500.0, 220.0  # [m] where the lane of the ramp begins, and where on it the ego starts to merge
+ON_RAMP = 40.0  # [m] where on it the ego starts that stays on it
 
 
 def about(rng: np.random.Generator, value: float) -> float:
@@ -68,6 +69,21 @@ def reveal(rng: np.random.Generator, distance: float) -> World:
     standing = START + speed * (onset + duration / 2) + FRONT + about(rng, distance) + size[0] / 2
     stage.prescribe("car", follow_lane(AXIS, standing, 0.0, lateral=Y), size)
     _beside(stage, "car", R, rng.uniform(-4.0, 4.0), speed + 2.0)
+    return stage.world(phases(onset, onset + duration, 10.0))
+
+
+def ramp(rng: np.random.Generator, distance: float) -> World:
+    """On the lane of a ramp a truck 22 m ahead merges in 2.5 s; a motorcycle that it had hidden stands in the lane."""
+    stage = Stage(networks.merge(), rng)
+    speed, onset, duration, lane = rng.uniform(19.0, 21.0), rng.uniform(2.5, 3.5), 2.5, 8.0
+    stage.ego(("b", "c", 2), ON_RAMP, speed, route="d")
+    start, size = JOIN + ON_RAMP, stage.size("truck")
+    place = start + FRONT + about(rng, 22.0) + size[0] / 2
+    stage.prescribe("truck", follow_lane(AXIS, place, speed, (), (Shift(onset, duration, -4.0),), lane), size)
+    size = stage.size("motorcycle")
+    standing = start + speed * (onset + duration / 2) + FRONT + about(rng, distance) + size[0] / 2
+    stage.prescribe("motorcycle", follow_lane(AXIS, standing, 0.0, lateral=lane), size)
+    stage.prescribe("car", follow_lane(AXIS, start - rng.uniform(2.0, 8.0), speed, lateral=4.0))
     return stage.world(phases(onset, onset + duration, 10.0))
 
 

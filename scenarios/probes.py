@@ -26,6 +26,12 @@ PROBES = MappingProxyType({s.name: s for s in (
         parameters=(
             Parameter("distance", 70.0, 120.0, 30.0, "m", "to the standing car when the truck is half out of the lane"),
         )),
+    Scenario("probe-ramp",
+        "A truck merges off a ramp; the motorcycle that it had hidden stands there: is so little seen in time?",
+        "scenarios.encounters:ramp", 3, duration=10.0, lateral=False,
+        parameters=(
+            Parameter("distance", 70.0, 120.0, 30.0, "m", "to the motorcycle when the truck is half out of the lane"),
+        )),
     Scenario("probe-jam",
         "A van ahead brakes to a standstill, starts and brakes again: standstill, and bias of its rear edge.",
         "scenarios.encounters:jam", 4, duration=12.0, lateral=False,
@@ -46,6 +52,6 @@ PROBES = MappingProxyType({s.name: s for s in (
         "An oncoming car overtakes in the ego's lane and is late: high closing speed, motion across far away.",
         "scenarios.encounters:oncoming", 3, duration=10.0, lateral=False,
         parameters=(
-            Parameter("room", -10.0, 200.0, -30.0, "m", "left between the bumpers at the lane line if the ego kept on"),
+            Parameter("room", -5.0, 200.0, -30.0, "m", "left between the bumpers at the lane line if the ego kept on"),
         )),
 )})  # fmt: skip

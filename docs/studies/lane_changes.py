@@ -25,6 +25,7 @@ from trackers.geometry import rotation
 AHEAD, EVERY = 3.0, 0.5  # [s] within which a change counts, and between the samples of a vehicle
 OFFSETS = (-0.5, 0.0, 0.5, 1.0, 1.5)  # [m] bounds of the table, open at both ends
 SPEEDS = (-0.1, 0.1, 0.3, 0.6, 1.0)  # [m/s]
+LIKELY = (0.01, 0.03, 0.1, 0.3)  # bounds of the probabilities that are held against what happened
 DRAWS = 200  # of the bootstrap over vehicles
 
 
@@ -99,6 +100,36 @@ def table(s: Samples, b: NDArray) -> list[dict[str, float]]:
     return found
 
 
+def held_out(s: Samples) -> NDArray:
+    """Probabilities (N,) by the log odds of the other half of the vehicles: of the odd ones for the even ones."""
+    p, odd = np.empty(len(s.lean)), s.vehicle % 2 == 1
+    for half in (odd, ~odd):
+        b = log_odds(Samples(*(part[~half] for part in s)))
+        p[half] = expit(b[0] + s.lean[half] @ b[1:])
+    return p
+
+
+def calibration(changed: NDArray, p: NDArray) -> list[dict[str, float]]:
+    """A row a range of the probabilities p (N,): samples, changes, and how many are expected.
+
+    >>> calibration(np.array([False, True]), np.array([0.02, 0.5]))[-1]
+    {'probability_from': 0.3, 'samples': 1, 'changes': 1, 'expected': 0.5}
+    """
+    cell, found = np.digitize(p, LIKELY), []
+    for i, low in enumerate((0.0, *LIKELY)):
+        here = cell == i
+        found.append({
+            "probability_from": low, "samples": int(here.sum()), "changes": int(changed[here].sum()),
+            "expected": round(float(p[here].sum()), 1),
+        })  # fmt: skip
+    return found
+
+
+def skill(changed: NDArray, p: NDArray) -> float:
+    """By how much less the mean squared error (Brier 1950) of probabilities (N,) is than that of the mean frequency."""
+    return float(1 - np.mean((p - changed) ** 2) / np.var(changed))
+
+
 def main(
     data: Annotated[Path, typer.Argument(help="Folder of ngsim_i80 and ngsim_us101.")],
     docs: Docs = Path("docs"),
@@ -106,13 +137,15 @@ def main(
     """Count lane changes in recorded traffic, and fit their log odds."""
     with user_input((OSError, ValueError)):
         s = samples([data / file for files in FILES.values() for file in files])
-        b = log_odds(s)
+        b, p = log_odds(s), held_out(s)
         out = docs / "results" / "lane_changes.json"
         write_json(out, {
             "of": "NGSIM I-80 16:00 and US-101; logistic regression of a lane change within 3 s on 1, offset [m], "
-                  "speed across [m/s]; intervals of 95 % by bootstrap over vehicles",
+                  "speed across [m/s]; intervals of 95 % by bootstrap over vehicles; held out: each half of the "
+                  "vehicles by the log odds of the other",
             "vehicles": len(np.unique(s.vehicle)), "vehicles_changing": len(np.unique(s.vehicle[s.changed])),
             "samples": len(s.changed), "changes": int(s.changed.sum()),
             "log_odds": b.round(2).tolist(), "interval": interval(s).round(2).tolist(), "table": table(s, b),
+            "held_out": {"table": calibration(s.changed, p), "skill": round(skill(s.changed, p), 3)},
         })  # fmt: skip
         console.print(f"results  {out}", soft_wrap=True)

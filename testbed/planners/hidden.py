@@ -1,4 +1,4 @@
-"""What of a path was never seen: hidden behind others from now and from every place from which was looked before.
+"""What of a path was never seen: hidden behind others from now and from all but a few of the places before.
 
 A view is where was looked from and the boxes of the tracks then; nothing of the truth. Equations:
 docs/methods/planners.md.
@@ -15,6 +15,7 @@ from testbed.planners.prediction import SPACING, LanePath
 from trackers.geometry import perpendicular, rotation, unit
 
 LONG, WIDE = 4.5, 1.9  # [m] of the car that is looked for: it is hidden where all of its width is
+TIMES = 3  # views in which a place must have been in sight: who stands there has a track by then
 LOOKS = WIDE * np.array([-0.5, 0.0, 0.5])  # [m] across a path, of the points that are looked at
 
 
@@ -50,19 +51,21 @@ def in_sight(view: View, points: NDArray) -> NDArray:
 
 
 def first_unseen(path: LanePath, views: Sequence[View], start: float, end: float) -> float:
-    """Where on a path, between two places [m] along it, a car may stand that was in none of the views; inf: nowhere.
+    """Where on a path, between two places [m] along it, a car may stand that was not in sight; inf: nowhere.
 
-    The last view is that of now.
+    In sight it must have been in `TIMES` of the views, or in all of fewer: one alone may be from before there was a
+    track of what hides it. The last view is that of now.
     """
     part = (path.arc >= start) & (path.arc <= end)
     side = perpendicular(unit(path.heading[part]))
     points = path.points[part, None] + LOOKS[:, None] * side[:, None]  # (P, 3, 2)
-    unseen = np.ones(len(points), bool)
+    missing = np.full(len(points), min(TIMES, len(views)))
     for view in reversed(views):
-        rows = np.flatnonzero(unseen)
+        rows = np.flatnonzero(missing)
         if not len(rows):
             break
-        unseen[rows] = ~in_sight(view, points[rows]).any(-1)
+        missing[rows] -= in_sight(view, points[rows]).any(-1)
+    unseen = missing > 0
     need = max(int(LONG // SPACING), 1)
     run = np.convolve(unseen, np.ones(need, int), "valid") == need if len(unseen) >= need else np.zeros(0, bool)
     return float(path.arc[part][run.argmax()]) if run.any() else np.inf

@@ -74,6 +74,7 @@ class Ahead(NamedTuple):
 
     rear: NDArray  # (K, H) [m] along the path to the near end, inf while it is beside the path
     speed: NDArray  # (K, H) [m/s] along the path
+    margin: NDArray  # (K, H) [m] kept free before it, beside the wanted gap
     weight: NDArray  # (K,) probability that it is there, and does that
 
 
@@ -169,12 +170,11 @@ class Mpc:
         others = obstacles.others
         found = futures(path, others, relate(path, others), ego.LENGTH, ego.WIDTH)
         relation = relate_at(path, found.others, self._times)
-        rear = relation.along - relation.half[..., 0] - self.margins(obstacles, path)[found.of]
-        rear = np.where(on_path(relation, ego.WIDTH), rear, np.inf)
+        rear = np.where(on_path(relation, ego.WIDTH), relation.along - relation.half[..., 0], np.inf)
         near = np.isfinite(rear).any(-1)
         likely = np.maximum(found.chance - self.doubt, 0.0) / (1 - self.doubt)  # (PLAN.17)
         weight = obstacles.existence[found.of] * likely
-        return Ahead(rear[near], relation.speed[near], weight[near])
+        return Ahead(rear[near], relation.speed[near], self.margins(obstacles, path)[found.of][near], weight[near])
 
     def margins(self, obstacles: Obstacles, path: LanePath) -> NDArray:
         """What is kept free (N, H) [m] before each obstacle, beside the wanted gap."""
@@ -217,7 +217,8 @@ class Mpc:
         speed = speed[:, None]
         closing = np.maximum(speed - ahead.speed, 0.0)
         stopping = np.maximum(speed**2 - np.maximum(ahead.speed, 0.0) ** 2, 0.0) / (2 * self.brake)
-        missing = np.maximum(self.standstill + self.headway * speed + stopping - gap, 0.0)  # (PLAN.4)
+        wanted = self.standstill + ahead.margin + self.headway * speed + stopping  # (PLAN.4)
+        missing = np.maximum(wanted - gap, 0.0)
         overlap = np.maximum(COLLIDES - gap, 0.0)
         cost = self.gap_cost * missing**2 + 2.0 * overlap  # (PLAN.5)
         cost += np.where(gap < COLLIDES, self.collision_cost, 0.0) + np.where(gap < 0, self.closing_cost * closing, 0.0)

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from testbed.environment.sources.in_view import InView
-from testbed.planners.hidden import View, first_unseen, in_sight
+from testbed.planners.hidden import TIMES, View, first_unseen, in_sight
 from testbed.planners.mpc import Ahead
 from testbed.planners.prediction import LanePath
 from testbed.planners.registry import find, settings
@@ -45,17 +45,24 @@ def test_what_a_truck_hides_begins_beyond_it():
     assert first_unseen(PATH, [view((30.0, 3.5, 0.0, 12.0, 2.5))], 5.0, 120.0) == np.inf
 
 
-def test_what_was_seen_once_stays_seen():
-    hides = view((30.0, 0.0, 0.0, 12.0, 2.5))
-    assert first_unseen(PATH, [view(), hides], 5.0, 120.0) == np.inf
+def test_what_was_in_sight_for_some_time_stays_seen():
+    hides, long = view((30.0, 0.0, 0.0, 12.0, 2.5)), TIMES * [view()]
+    assert first_unseen(PATH, [*long, hides], 5.0, 120.0) == np.inf
     before = view((60.0, 0.0, 0.0, 12.0, 2.5))  # then the truck was farther ahead: seen up to its front
-    assert first_unseen(PATH, [before, hides], 5.0, 120.0) == 68.0
+    assert first_unseen(PATH, [*TIMES * [before], hides], 5.0, 120.0) == 68.0
 
 
-@given(st.lists(st.tuples(st.floats(15, 80), st.floats(-4, 4)), max_size=4))
-def test_more_views_never_hide_more(places):
-    views = [view((x, y, 0.0, 12.0, 2.5)) for x, y in places] or [view()]
-    assert first_unseen(PATH, views, 5.0, 120.0) >= first_unseen(PATH, views[-1:], 5.0, 120.0)
+def test_a_glance_before_there_was_a_track_of_a_truck_does_not_vouch_for_what_it_hides():
+    hides = view((30.0, 0.0, 0.0, 12.0, 2.5))
+    assert first_unseen(PATH, [view()], 5.0, 120.0) == np.inf
+    for glances in ([view(), hides], [view(), view(), hides, hides]):
+        assert first_unseen(PATH, glances, 5.0, 120.0) == 38.0
+
+
+@given(st.lists(st.tuples(st.floats(15, 80), st.floats(-4, 4)), min_size=TIMES, max_size=6))
+def test_older_views_never_hide_more(places):
+    views = [view((x, y, 0.0, 12.0, 2.5)) for x, y in places]
+    assert first_unseen(PATH, views, 5.0, 120.0) >= first_unseen(PATH, views[-TIMES:], 5.0, 120.0)
 
 
 def test_it_can_stop_before_what_it_has_not_seen():
@@ -73,11 +80,11 @@ def test_it_can_stop_before_what_it_has_not_seen():
 
 def test_where_a_leader_drives_nothing_stands_as_long_as_it_stays_on_the_path():
     times, planner = np.arange(1, 21), find("mpc")
-    stays = Ahead(np.array([30.0 + 2.0 * times]), np.full((1, 20), 10.0), np.ones(1))
+    stays = Ahead(np.array([30.0 + 2.0 * times]), np.full((1, 20), 10.0), np.zeros((1, 20)), np.ones(1))
     leaves = stays._replace(rear=np.where(times <= 3, stays.rear, np.inf))
     np.testing.assert_allclose(planner.vouched(stays), 2.0 * times)
     np.testing.assert_allclose(planner.vouched(leaves), np.minimum(2.0 * times, 6.0))
-    np.testing.assert_array_equal(planner.vouched(Ahead(np.zeros((0, 20)), np.zeros((0, 20)), np.ones(0))), 0.0)
+    np.testing.assert_array_equal(planner.vouched(Ahead(*np.zeros((3, 0, 20)), np.ones(0))), 0.0)
 
 
 @pytest.fixture(scope="module")

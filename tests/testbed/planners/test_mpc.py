@@ -104,12 +104,15 @@ def ahead_of(planner, obstacles):
 def test_caution_keeps_the_quantile_of_the_near_bumper_free():
     unsure = obstacle(np.zeros((4, 4)), (0.0, 2.0), existence=0.3)
     (ego, plain), (_, cautious) = (ahead_of(find(name), unsure) for name in ("mpc", "mpc-cautious"))
-    np.testing.assert_allclose(plain.rear - cautious.rear, 1.28 * 2.0)
+    np.testing.assert_allclose(cautious.margin - plain.margin, 1.28 * 2.0)
     np.testing.assert_allclose(plain.rear[0, :2], [32.0, 36.0])  # 30 - 2 + 20 t
     speed, arc = np.full((1, 20), 25.0), 25.0 * np.arange(0.2, 4.1, 0.2)[None]
     certain = plain._replace(weight=np.ones(1))
     np.testing.assert_allclose(MPC.risk(ego, plain, speed, arc), 0.3 * MPC.risk(ego, certain, speed, arc))
     assert MPC.risk(ego, plain, speed, arc).max() > 0
+    # by hand after 0.2 s, both at 25 m/s: a gap of 32 - 5 - 2.5 m, 2 + 2.56 + 22.5 + (25^2 - 20^2) / 6 wanted
+    missing = 2 + 2.56 + 22.5 + 37.5 - 24.5
+    np.testing.assert_allclose(MPC.risk(ego, cautious, speed, arc)[0, 0], 0.3 * 0.02 * missing**2)
 
 
 def test_the_controls_of_caution_keep_margins_of_one_mean_that_know_no_covariance():
@@ -119,8 +122,8 @@ def test_the_controls_of_caution_keep_margins_of_one_mean_that_know_no_covarianc
         planner = find(f"mpc-cautious:margin={name}")
         assert planner.above == find("mpc-cautious").above
         (_, plain), (_, one), (_, other) = ahead_of(MPC, sure), ahead_of(planner, sure), ahead_of(planner, unsure)
-        np.testing.assert_array_equal(one.rear, other.rear)
-        kept[name] = (plain.rear - one.rear)[0]
+        np.testing.assert_array_equal(one.margin, other.margin)
+        kept[name] = (one.margin - plain.margin)[0]
     assert np.ptp(kept["constant"]) < 1e-9 < np.ptp(kept["curve"])
     assert kept["constant"].mean() == pytest.approx(kept["curve"].mean())
     with pytest.raises(ValueError, match="margin"):
