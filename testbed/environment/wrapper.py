@@ -44,6 +44,7 @@ from testbed.environment.belief import (
 from testbed.environment.observation import without_frames
 from testbed.environment.perception import Cost, Perception, advance, radar_label
 from testbed.environment.recorder import Recorder, check_level
+from testbed.environment.track_observation import observed
 from testbed.evaluation.driving import drive_frame
 from testbed.files import versions
 from testbed.frame import Observer
@@ -282,6 +283,10 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
         For planners that care for what was never seen: the place of the memory, as planners keep nothing between calls.
         """
         return tuple(self._views)
+
+    def observe_tracks(self, size: int, existence: float, scale: bool) -> tuple[dict[str, NDArray], NDArray]:
+        """The observation of `TrackObservation` now, and the ids (K,) of its rows: for learned policies."""
+        return observed(self.current_tracks, self._core.vehicle, size, existence, scale)
 
     @property
     def all_tracks(self) -> dict[str, Tracks]:
