@@ -27,6 +27,10 @@ class Futures(NamedTuple):
     of: NDArray  # (F,) row of the one whose future it is
     chance: NDArray  # (F,) probability, 1 for the first N
 
+    def beyond(self, doubt: float) -> NDArray:
+        """How much each of them counts (F,): changes up to a probability are no reason to brake."""
+        return np.maximum(self.chance - doubt, 0.0) / (1 - doubt)  # (PLAN.17)
+
 
 def change_probability(lean: NDArray, cov: NDArray, side: NDArray) -> NDArray:
     """Probability (...) of a lane change within 3 s to a side (...), 1 or -1, from offset and speed across.

@@ -172,8 +172,7 @@ class Mpc:
         relation = relate_at(path, found.others, self._times)
         rear = np.where(on_path(relation, ego.WIDTH), relation.along - relation.half[..., 0], np.inf)
         near = np.isfinite(rear).any(-1)
-        likely = np.maximum(found.chance - self.doubt, 0.0) / (1 - self.doubt)  # (PLAN.17)
-        weight = obstacles.existence[found.of] * likely
+        weight = obstacles.existence[found.of] * found.beyond(self.doubt)
         return Ahead(rear[near], relation.speed[near], self.margins(obstacles, path)[found.of][near], weight[near])
 
     def margins(self, obstacles: Obstacles, path: LanePath) -> NDArray:

@@ -96,6 +96,7 @@ class TreeSearch:
     room_share: float = 0.7  # of the reward: room ahead; the rest is speed
     change_price: float = 0.05  # of a lane change
     clearance: tuple[float, float] = (1.0, 0.4)  # [m] added to length and width of the ego in the contact test
+    doubt: float = 0.0  # changes of lane up to this probability are no reason to brake
     reach: float = 150.0  # [m]
 
     def act(self, env: gym.Env) -> int:
@@ -202,7 +203,7 @@ class TreeSearch:
         speeds = np.asarray(ego.target_speeds, float)
         return Scene(
             relation=relate_at(path, all_futures.others, times),
-            chance=all_futures.chance,
+            chance=all_futures.beyond(self.doubt),
             size=np.array([ego.LENGTH, ego.WIDTH]),
             lanes=_lanes(network, ego) if action_type.lateral else range(1),
             width=float(network.get_lane(ego.target_lane_index).width_at(0.0)),

@@ -54,6 +54,13 @@ def test_who_leans_towards_the_path_has_a_second_future_that_ends_in_its_middle(
     np.testing.assert_allclose(across[1, [0, 2]], [3.6, 0.0], atol=1e-6)
 
 
+def test_changes_up_to_a_doubt_count_nothing_and_what_is_certain_counts_in_full():
+    _, f = found(LEANS)
+    assert f.beyond(0.0).tolist() == f.chance.tolist()
+    np.testing.assert_allclose(f.beyond(0.2), [1.0, (f.chance[1] - 0.2) / 0.8])
+    np.testing.assert_allclose(f.beyond(0.99), [1.0, 0.0])
+
+
 @pytest.mark.parametrize(
     "other",
     [
