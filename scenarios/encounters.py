@@ -73,7 +73,10 @@ def reveal(rng: np.random.Generator, distance: float) -> World:
 
 
 def ramp(rng: np.random.Generator, distance: float) -> World:
-    """On the lane of a ramp a truck 22 m ahead merges in 2.5 s; a motorcycle that it had hidden stands in the lane."""
+    """On the lane of a ramp a truck 22 m ahead merges in 2.5 s; a motorcycle that it had hidden stands in the lane.
+
+    The draws are those of `reveal`: the same seed differs by what stands, and by the road.
+    """
     stage = Stage(networks.merge(), rng)
     speed, onset, duration, lane = rng.uniform(19.0, 21.0), rng.uniform(2.5, 3.5), 2.5, 8.0
     stage.ego(("b", "c", 2), ON_RAMP, speed, route="d")
