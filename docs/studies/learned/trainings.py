@@ -66,6 +66,6 @@ def section(table: pd.DataFrame) -> str:
     better = bootstrap_interval([of[tracker], of[TRUTH]], improvement)
     return (
         f"{markdown_table(head, rows)}\n\nA training on `{tracker}` is better than one on the truth with probability "
-        f"{spell(better, 2)}. To resolve a difference of {WANTED:g} would take {needed(*of.values())} trainings a kind "
+        f"{spell(better, 2)}. To resolve a difference of {WANTED:g} would take {needed(of[TRUTH], of[tracker])} trainings a kind "
         f"(power {POWER:g}, spreads as found: {', '.join(f'{x.std(ddof=1):.1f}' for x in of.values())})."
     )
