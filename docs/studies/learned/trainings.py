@@ -63,9 +63,10 @@ def section(table: pd.DataFrame) -> str:
          *(f"{profile(found, x):.2f}" for x in ABOVE))
         for kind, found in of.items()
     ]  # fmt: skip
+    count = needed(of[TRUTH], of[tracker])
     better = bootstrap_interval([of[tracker], of[TRUTH]], improvement)
     return (
         f"{markdown_table(head, rows)}\n\nA training on `{tracker}` is better than one on the truth with probability "
-        f"{spell(better, 2)}. To resolve a difference of {WANTED:g} would take {needed(of[TRUTH], of[tracker])} trainings a kind "
+        f"{spell(better, 2)}. To resolve a difference of {WANTED:g} would take {count} trainings a kind "
         f"(power {POWER:g}, spreads as found: {', '.join(f'{x.std(ddof=1):.1f}' for x in of.values())})."
     )
