@@ -159,6 +159,10 @@ class Composed:
         box = self._box(*state[:2])
         return box if self.size is None else self._sized(state.size, box)
 
+    def box(self, state: ComposedState) -> Estimate:
+        """The estimate of place and motion alone."""
+        return self._box(*state[:2])
+
     # What it offers beyond them, see `abilities`
 
     def reach(self, state: ComposedState) -> Estimate:
