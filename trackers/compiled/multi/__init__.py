@@ -42,8 +42,10 @@ def supported(tracker: Any) -> bool:
     if can.log_spatial is None and can.reach is None:
         return True
     sized = type(filter) is Composed and type(filter.size) is SizePosterior
-    return sized and len(filter.size.sensors) == len(tracker.sensors) and bool(
-        np.isinf(filter.size.profiles.inside_depth).all()
+    return (
+        sized
+        and len(filter.size.sensors) == len(tracker.sensors)
+        and bool(np.isinf(filter.size.profiles.inside_depth).all())
     )
 
 
@@ -83,7 +85,9 @@ class Life:
         of_scan = Scan(z.polar, np.ones(len(order), bool), z.pose, z.velocity, z.noise, z.sensor, scan.platform)
         sorted_scan = SortedScan(of_scan, *z[5:10], z.sensor, *z[10:])
         T = len(tracks.id)
-        info = StepInfo(np.zeros(0, int), tracks.id, c.expected, v.in_view, c.count, c.log_ratio, np.full(T, np.nan), ())
+        info = StepInfo(
+            np.zeros(0, int), tracks.id, c.expected, v.in_view, c.count, c.log_ratio, np.full(T, np.nan), ()
+        )
         return Seen(tracks, sorted_scan, order, c.owner, Visibility(*v[:5]), info)
 
     def rest(self, seen: Seen, updated: Tracks, dt: float) -> Rest:

@@ -147,7 +147,9 @@ def stays(o: Pool, label: NDArray, cell: int, n: int, p: Rules) -> bool:
 @compiled
 def quiet(o: Pool, time: float, dt: float, p: Rules) -> bool:
     """(LIFE.3) to (LIFE.8): whether no cell of the pool is born, time after the first scan."""
-    least, intensity, first, decay, off_share, factor, cap, born_above, rate_span, standing, at_once, _, _, _ = p.evidence
+    least, intensity, first, decay, off_share, factor, cap, born_above, rate_span, standing, at_once, _, _, _ = (
+        p.evidence
+    )
     along, across, rate_now, rate_between = p.linkage
     P, clutter = len(o.rate), p.sheets.clutter
     sigma = np.sqrt(o.var_along + o.var_across)
@@ -182,7 +184,7 @@ def quiet(o: Pool, time: float, dt: float, p: Rules) -> bool:
         elif n[c] >= least:
             rho = newcomers * (off_share if off[c] > n[c] / 2 else 1.0)
             odds = math.log(rho / low[c]) + worth[c] - top[c]  # (LIFE.6)
-            if 1 / (1 + math.exp(-odds)) > born_above:
+            if 1 / (1 + math.exp(-odds)) > above:
                 return False
     return True
 

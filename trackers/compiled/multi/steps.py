@@ -53,7 +53,12 @@ def seen(
 @compiled
 def inside(box: Boxes, a: int, b: int) -> float:
     """(MOT.42): share of a grid of 15 points of box a that lie in box b."""
-    ca, sa, cb, sb = math.cos(box.pose[a, 2]), math.sin(box.pose[a, 2]), math.cos(box.pose[b, 2]), math.sin(box.pose[b, 2])
+    ca, sa, cb, sb = (
+        math.cos(box.pose[a, 2]),
+        math.sin(box.pose[a, 2]),
+        math.cos(box.pose[b, 2]),
+        math.sin(box.pose[b, 2]),
+    )
     n = 0
     for i in range(5):
         for j in range(3):
@@ -88,9 +93,9 @@ def apart(box: Boxes, divided: NDArray, p: Rules) -> bool:
                 if (share > overlap and v < overlap_speed) or share > sure:  # (MOT.43)
                     return False
             parallel = math.cos(box.pose[a, 2] - box.pose[b, 2]) > 0.9
-            if v < speed and parallel and not divided[a] and not divided[b]:
-                if in_file(box, a, b, p) and in_file(box, b, a, p):
-                    return False
+            may = v < speed and parallel and not divided[a] and not divided[b]
+            if may and in_file(box, a, b, p) and in_file(box, b, a, p):
+                return False
     return True
 
 

@@ -94,9 +94,7 @@ def span(x: NDArray, size: NDArray, cos: float, sin: float, sensor: NDArray) -> 
 def see(box: Boxes, occluder: NDArray, platform: NDArray, p: Rules) -> View:
     """(MOT.8) to (MOT.12): what working sensors should see of T predicted tracks; occluder (T,) bool hide others."""
     s, S, T = p.sheets, len(p.sheets.fov), len(box.pose)
-    v = View(
-        np.zeros((S, T)), np.zeros(T, np.bool_), np.zeros((S, T)), np.zeros(T), np.ones(T, np.bool_), np.zeros(S)
-    )
+    v = View(np.zeros((S, T)), np.zeros(T, np.bool_), np.zeros((S, T)), np.zeros(T), np.ones(T, np.bool_), np.zeros(S))
     cos, sin, sensor = np.cos(box.pose[:, 2]), np.sin(box.pose[:, 2]), np.empty(3)
     c, n = math.cos(platform[2]), math.sin(platform[2])
     for k in range(S):
