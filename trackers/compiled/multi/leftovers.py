@@ -20,7 +20,7 @@ def explained(
     """(MOT.29), (MOT.30): whether a point lies inside the margins of a track, or beyond its ends and moves like it."""
     along, across, above, end_along, end_across, end_rate = p.suppression
     for t in range(len(existence)):
-        if not existence[t] > born_above:
+        if not existence[t] > above:
             continue
         c, s, dx, dy = math.cos(box.pose[t, 2]), math.sin(box.pose[t, 2]), x - box.pose[t, 0], y - box.pose[t, 1]
         ahead, aside = abs(c * dx + s * dy) - box.size[t, 0] / 2, abs(c * dy - s * dx) - box.size[t, 1] / 2
