@@ -139,7 +139,7 @@ def read(
         for a in range(2):
             middle[a] += place[i, a] / M
     face_anchor(A_l, A_w, grid_l, grid_w, size, middle, anchor)
-    end, shown, cut = np.zeros((M, 2), np.int64), np.zeros((M, 2)), np.zeros(M, np.bool_)
+    end, shown, cut, as_of = np.zeros((M, 2), np.int64), np.zeros((M, 2)), np.zeros(M, np.bool_), np.empty(M, np.int64)
     N, W, D, V = near_l.shape[1], near_w.shape[1], far_l.shape[1], far_w.shape[1]
     rooms_l, rooms_fl, rooms_w, rooms_fw = np.empty((M, N)), np.empty((M, D)), np.empty((M, W)), np.empty((M, V))
     seen, ends, sides, weight = np.ones((M, 2)), 0.0, 0.0, 0.0
@@ -147,9 +147,9 @@ def read(
         s, first, pose = sheet[int(z[i, SENSOR])], i, z[i, POSE : POSE + 3]
         for j in range(i - 1, -1, -1):
             first = j if z[j, SENSOR] == z[i, SENSOR] else first
+        as_of[i] = first
         if first < i:  # of the same sensor
-            cut[i], rooms_l[i], rooms_fl[i], rooms_w[i] = cut[first], rooms_l[first], rooms_fl[first], rooms_w[first]
-            rooms_fw[i], seen[i] = rooms_fw[first], seen[first]
+            cut[i], seen[i, 0], seen[i, 1] = cut[first], seen[first, 0], seen[first, 1]
         else:
             cut[i] = cut_off(box, size, pose, s[0], s[1])
             if cut[i]:
@@ -167,13 +167,13 @@ def read(
         weight += s[4] / M * min(1.0, settings[1] / M)  # (ENDS.9)
     p, q = np.ones(A_l.shape), np.ones(A_w.shape)
     for i in range(M):
-        s = sheet[int(z[i, SENSOR])]
+        s, j = sheet[int(z[i, SENSOR])], as_of[i]
         total = shown[i, 0] + shown[i, 1]
         f = (1 - s[2]) / total if total > 0 else 0.0
         multiply(grid_l, settings[0], p, size[0] / 2 - anchor[0] * xy[i, 0], std[i, 0],
-                 f * shown[i, 0], end[i, 0] < 0, s[11], s[5:7], s[7:9], rooms_l[i], rooms_fl[i], cut[i])  # fmt: skip
+                 f * shown[i, 0], end[i, 0] < 0, s[11], s[5:7], s[7:9], rooms_l[j], rooms_fl[j], cut[i])  # fmt: skip
         multiply(grid_w, settings[0], q, size[1] / 2 - anchor[1] * xy[i, 1], std[i, 1],
-                 f * shown[i, 1], end[i, 1] < 0, s[12], s[5:7], s[9:11], rooms_w[i], rooms_fw[i], cut[i])  # fmt: skip
+                 f * shown[i, 1], end[i, 1] < 0, s[12], s[5:7], s[9:11], rooms_w[j], rooms_fw[j], cut[i])  # fmt: skip
     add(A_l, p, weight, 1.0, False)
     add(A_w, q, weight, settings[2], not whole and sides < ends)
     return aside

@@ -107,14 +107,19 @@ class MultiObjectTracker:
                 that is not finite, negative or longer than a minute. The error names the field.
 
         """
-        scan, implausible = self._admit(scan, dt)
-        tracks = self._predict(tracks, dt)
+        check_step(dt)
         life = self._compiled if len(tracks.id) and available() else None
+        scan, implausible = (scan, 0) if life is not None and life.plausible(scan) else self._admit(scan)
+        state = None if life is None else life.predict(tracks.state, dt)
+        state = self.filter.predict(tracks.state, dt) if state is None else state
+        tracks = tracks._replace(state=state, estimate=self.filter.estimate(state), age=tracks.age + dt)
         seen = self._seen(tracks, scan, dt) if life is None else life.seen(tracks, scan, dt)
         tracks, z, order, owner, view, info = seen
         updated = tracks
-        if info.detections.any():
-            state = tracks.state
+        found = life.update(seen) if life is not None and info.detections.any() else None
+        if found is not None:
+            updated, info = tracks._replace(state=found[0]), reported(info, found[1])
+        elif info.detections.any():
             around = () if self.can.update_among is None else (z.scan, owner)
             if self.can.learn_where is not None:
                 state = self.can.learn_where(state, view.complete > self.complete_above)
@@ -170,9 +175,8 @@ class MultiObjectTracker:
         z = z._replace(clutter=claims.clutter)
         return Seen(tracks, z, order, claims.owner, view, self._weigh(tracks, view, claims))
 
-    def _admit(self, scan: Scan, dt: float) -> Admitted:
-        """The scan without implausible detections; raises ValueError for one, or a time step, of no use."""
-        check_step(dt)
+    def _admit(self, scan: Scan) -> Admitted:
+        """The scan without implausible detections; raises ValueError for one of no use."""
         admitted = admit(scan, ())
         S = len(self.sensors)
         if scan.delivered is not None and scan.delivered.shape != (S,):
@@ -185,10 +189,6 @@ class MultiObjectTracker:
                 "build the tracker with the models of the radar that made the scan"
             )
         return admitted
-
-    def _predict(self, tracks: Tracks, dt: float) -> Tracks:
-        state = self.filter.predict(tracks.state, dt)
-        return tracks._replace(state=state, estimate=self.filter.estimate(state), age=tracks.age + dt)
 
     def _view(self, tracks: Tracks, scan: Scan) -> tuple[Visibility, NDArray]:
         """What the sensors should see of the predicted tracks, and the probability (S,) that each delivers nothing."""

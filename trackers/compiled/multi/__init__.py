@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from trackers.compiled import available
 from trackers.compiled.core import plain
-from trackers.composed import Composed
+from trackers.composed import Composed, informed
 from trackers.estimate import Estimate
 from trackers.filter import Abilities
 from trackers.multi.association import Association, SortedScan
@@ -25,6 +25,7 @@ from trackers.multi.tracks import Rest, Seen, StepInfo, Tracks
 from trackers.multi.visibility import Visibility
 from trackers.multi.window import Unexplained, Window
 from trackers.scan import Scan
+from trackers.size.likelihood import TOGETHER
 from trackers.size.posterior import SizePosterior
 
 FIELDS = ("polar", "pose", "velocity", "noise")
@@ -53,12 +54,16 @@ class Life:
     """The compiled form of the parts of a multi-object tracker; its methods give None for what has none."""
 
     def __init__(self, tracker: Any) -> None:
-        from trackers.compiled.multi.rules import Boxes, Detections, Pool, Rules, Sizes
-        from trackers.compiled.multi.steps import finish_all, see_all
+        from trackers.compiled.multi.rules import Boxes, Detections, Limits, Pool, Rules, Sizes
+        from trackers.compiled.multi.steps import finish_all, plausible_all, see_all, share_all
 
-        self.see, self.finish = see_all, finish_all
+        self.limited, self.see, self.share, self.finish = plausible_all, see_all, share_all, finish_all
         self.Boxes, self.Detections, self.Pool, self.Sizes = Boxes, Detections, Pool, Sizes
-        self.rules, self.filter, self.sensors = Rules.of(tracker), tracker.filter, len(tracker.sensors)
+        self.rules, self.limits, self.filter = Rules.of(tracker), Limits.of(), tracker.filter
+        self.sensors, self.most, self.complete = len(tracker.sensors), tracker.most_detections, tracker.complete_above
+        core = getattr(tracker.filter, "core", None)
+        fits = core is not None and core.sheets >= self.sensors and self.most <= TOGETHER
+        self.core = core if fits else None
         self.sized = Abilities.of(tracker.filter).log_spatial is not None
         self.unsized = Sizes(*(np.zeros((0, *shape)) for shape in ((3,), (2,), (4, 4), *[(2,)] * 4, (1,), (1,))))
 
@@ -66,6 +71,36 @@ class Life:
     def of(cls, tracker: Any) -> "Life | None":
         """That of a tracker, None where it has none."""
         return cls(tracker) if available() and supported(tracker) else None
+
+    def plausible(self, scan: Scan) -> bool:
+        """Whether a scan is one that `trackers.validation.admit` returns as it came; False: it may not be."""
+        M, S, n = len(scan.mask), self.sensors, len(scan.pose)
+        due = scan.delivered is None or (isinstance(scan.delivered, np.ndarray) and scan.delivered.shape == (S,))
+        shapes = ((M, 3), (M,), (n, 3), (len(scan.velocity), 2), (len(scan.noise), 3), (len(scan.sensor),), (6,))
+        kinds = "fbfffif"
+        for a, shape, kind in zip(scan, shapes, kinds):
+            if type(a) is not np.ndarray or a.shape != shape or a.dtype.kind != kind or a.itemsize not in (1, 8):
+                return False
+        axes = {n, *shapes[3][:1], *shapes[4][:1], *shapes[5]} <= {1, M}
+        if not axes or not due or (scan.delivered is not None and scan.delivered.dtype != bool):
+            return False
+        fields = [whole(getattr(scan, name)) for name in FIELDS]
+        return self.limited(*fields, whole(scan.platform), scan.sensor, S, self.limits)
+
+    def predict(self, state: Any, dt: float) -> Any:
+        """The state of the filter after dt [s]."""
+        found = self.core.predict(*state, dt) if self.core is not None and dt > 0 else None
+        return None if found is None else self.filter.remembered(found)
+
+    def update(self, seen: Seen) -> tuple[Any, Any] | None:
+        """State and information of the filter after the detections that tracks own."""
+        if self.core is None:
+            return None
+        T, (motion, place, size) = len(seen.tracks.id), seen.tracks.state
+        rows, start = self.share(seen.owner, self._detections(seen.z), T, self.most)
+        size = size._replace(fully_visible=seen.view.complete > self.complete)
+        found = self.core.update_rows(motion, place, size, rows, start)
+        return None if found is None else (self.filter.remembered(found), informed(found, np.diff(start)))
 
     def seen(self, tracks: Tracks, scan: Scan, dt: float) -> Seen | None:
         """The claims of predicted tracks, whose `existence` is that before dt [s]; scan is one that was admitted."""

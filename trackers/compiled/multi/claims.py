@@ -5,9 +5,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.compiled.linear import ndtr
+from trackers.compiled.linear import bell, ndtr, step
 from trackers.compiled.multi.jit import compiled
 from trackers.compiled.multi.rules import Boxes, Claimed, Detections, Rules, Sheets, Sizes, View
+from trackers.compiled.tables import POSE, RANGE, RATE, SENSOR, UX, UY
 
 LEAST_DENSITY = 1e-300  # as in `trackers.size.spatial`, and of the mass of a box
 
@@ -87,12 +88,12 @@ def size_density(t: int, j: int, x: Sizes, z: Detections, s: Sheets) -> float:
         sigma, sizes, p, total_even = math.sqrt(var), s.lengths, x.length[t], 0.0
         if a == 1:
             sizes, p = s.widths, x.width[t]
-        top = ndtr(d / sigma)
+        top = step(d / sigma)
         for k in range(len(p)):
             if p[k] > 1e-17:  # less cannot be seen in the sum
-                total_even += (top - ndtr((d - sizes[k]) / sigma)) * p[k] / sizes[k]  # (ENDS.26)
+                total_even += (top - step((d - sizes[k]) / sigma)) * p[k] / sizes[k]  # (ENDS.26)
         behind, var_face = x.mean[t, a] - d if end[a] < 0 else d, var + depth_std**2
-        near = math.exp(-0.5 * (behind - depth) ** 2 / var_face) / math.sqrt(2 * math.pi * var_face)  # (ENDS.25)
+        near = bell(-0.5 * (behind - depth) ** 2 / var_face) / math.sqrt(2 * math.pi * var_face)  # (ENDS.25)
         even[a], through[a] = total_even, (1 - inside) * share * near + inside * share * total_even
         rest -= share
     density = through[0] * even[1] + through[1] * even[0] + rest * even[0] * even[1]  # (ENDS.27)
@@ -210,3 +211,33 @@ def claim(g: Boxes, x: Sizes, z: Detections, v: View, alive: NDArray, p: Rules) 
         missed = math.log(max((1 + expected[t] / k) ** -k, floor))  # (MOT.23)
         log_ratio[t] = seen if count[t] > 0 else missed
     return Claimed(alive, owner, count, expected, log_ratio)
+
+
+@compiled
+def share(owner: NDArray, z: Detections, T: int, most: int) -> tuple[NDArray, NDArray]:
+    """The detections (G, 14) of T tracks, at most so many of each, in columns as in `tables`, and where each begins.
+
+    Of more, evenly spaced ones are taken, as by `trackers.multi.association.shares`.
+    """
+    M, start, all_of = len(owner), np.zeros(T + 1, np.int64), np.zeros(T, np.int64)
+    for t in owner:
+        if t >= 0:
+            all_of[t] += 1
+    for t in range(T):
+        start[t + 1] = start[t] + min(all_of[t], most)
+    rows, mine = np.empty((start[T], 14)), np.empty(M, np.int64)
+    for t in range(T):
+        n = 0
+        for j in range(M):
+            if owner[j] == t:
+                mine[n], n = j, n + 1
+        some = start[t + 1] - start[t]
+        for i in range(some):
+            j, row = mine[i], rows[start[t] + i]
+            if n > some:
+                j = mine[n - 1 if i == some - 1 > 0 else int(np.rint(i * ((n - 1) / max(some - 1, 1))))]
+            along, across, rate = z.noise[j, 0], z.polar[j, 0] * z.noise[j, 1], z.noise[j, 2]
+            row[UX], row[UY], row[RANGE], row[RATE] = z.sight[j, 0], z.sight[j, 1], z.polar[j, 0], z.rate[j]
+            row[POSE], row[POSE + 1], row[POSE + 2], row[SENSOR] = z.pose[j, 0], z.pose[j, 1], z.pose[j, 2], z.sensor[j]
+            row[8], row[9], row[10], row[11], row[12], row[13] = along, across, across, rate, along, across
+    return rows, start

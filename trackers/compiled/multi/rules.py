@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.multi.road import RoadMap
+from trackers.validation import LIMITS, PLATFORM
 
 Numbers = tuple[float, ...]
 
@@ -107,6 +108,21 @@ class Sheets(NamedTuple):
     widths: NDArray  # (K',) [m]
     impossible: float
     sigma: float
+
+
+class Limits(NamedTuple):
+    """Least and greatest numbers (C,) of the fields of a scan, and which (C,) may be NaN."""
+
+    polar: tuple[NDArray, NDArray, NDArray]
+    pose: tuple[NDArray, NDArray, NDArray]
+    velocity: tuple[NDArray, NDArray, NDArray]
+    noise: tuple[NDArray, NDArray, NDArray]
+    platform: tuple[NDArray, NDArray, NDArray]
+
+    @classmethod
+    def of(cls) -> "Limits":
+        """Those of `trackers.validation`."""
+        return cls(*((plain(l.least), plain(l.most), l.optional.copy()) for l in (*LIMITS.values(), PLATFORM)))
 
 
 class Lanes(NamedTuple):

@@ -6,11 +6,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.compiled.multi.claims import claim, reach
+from trackers.compiled.multi.claims import claim, reach, share
 from trackers.compiled.multi.jit import compiled
 from trackers.compiled.multi.leftovers import candidates, gather, quiet, remembered
-from trackers.compiled.multi.rules import Boxes, Claimed, Detections, Pool, Rules, Sizes, View
-from trackers.compiled.multi.view import see, silence, sort, survive
+from trackers.compiled.multi.rules import Boxes, Claimed, Detections, Limits, Pool, Rules, Sizes, View
+from trackers.compiled.multi.view import see, silence, sort, survive, within
 
 
 class Rest(NamedTuple):
@@ -23,6 +23,19 @@ class Rest(NamedTuple):
     dies: bool  # some track dies
     apart: bool  # no two tracks are one vehicle
     long: bool  # some track may be two vehicles
+
+
+@compiled
+def plausible(
+    polar: NDArray, pose: NDArray, velocity: NDArray, noise: NDArray, platform: NDArray, sensor: NDArray, S: int,
+    limits: Limits,
+) -> bool:  # fmt: skip
+    """Whether all numbers of a scan of S sensors are those of radars, padding included."""
+    for s in sensor:
+        if s < 0 or s >= S:
+            return False
+    good = within(polar, *limits.polar) and within(pose, *limits.pose) and within(velocity, *limits.velocity)
+    return good and within(noise, *limits.noise) and within(platform.reshape(1, -1), *limits.platform)
 
 
 @compiled
@@ -121,3 +134,5 @@ def rest(
 
 see_all = compiled.first(seen, "claims of tracks", 20)
 finish_all = compiled.first(rest, "leftovers of tracks", 15)
+share_all = compiled.first(share, "shares of tracks", 2)
+plausible_all = compiled.first(plausible, "limits of scans", 2)

@@ -13,6 +13,16 @@ RAYS, NEARER, SHADOW = 9, 1.0, 0.5  # as in `trackers.multi.visibility`
 
 
 @compiled
+def within(a: NDArray, least: NDArray, most: NDArray, optional: NDArray) -> bool:
+    """Whether the numbers a (N, C) are within bounds (C,), or NaN where that is allowed (C,)."""
+    for i in range(a.shape[0]):
+        for c in range(a.shape[1]):
+            if not (least[c] <= a[i, c] <= most[c]) and not (optional[c] and math.isnan(a[i, c])):
+                return False
+    return True
+
+
+@compiled
 def locate(x: float, y: float, lanes: Lanes) -> tuple[float, float]:
     """(MOT.27): depth [m] of a point inside the nearest lane, and its direction [rad]."""
     best, direction = -np.inf, 0.0
