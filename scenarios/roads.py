@@ -118,6 +118,7 @@ class CachedRoad(Road):
 
     _orders: dict[LaneIndex, LaneOrder] | None = None  # filled during `act` only
     _projections: dict[int, list[float | None]]
+    _positions: NDArray  # (N, 2) [m] of vehicles and objects
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         """As Road; the network is sifted in place."""
@@ -127,6 +128,7 @@ class CachedRoad(Road):
     def act(self) -> None:
         """Let every vehicle choose its action; none moves meanwhile."""
         self._orders, self._projections = {}, {}
+        self._positions = np.array([v.position for v in self.vehicles + self.objects], float).reshape(-1, 2)
         try:
             for vehicle in self.vehicles:
                 act(vehicle)
@@ -164,10 +166,13 @@ class CachedRoad(Road):
         """Longitudinal coordinate [m] of all vehicles and objects on one lane, None for those not on it."""
         known = self._projections.get(id(lane))
         if known is None:
-            known = []
-            for v in self.vehicles + self.objects:
-                s, lateral = lane.local_coordinates(v.position)
-                known.append(s if lane.on_lane(v.position, s, lateral, margin=1) else None)
+            if type(lane) is AxisLane:
+                known = lane.places(self._positions, margin=1)
+            else:
+                known = []
+                for v in self.vehicles + self.objects:
+                    s, lateral = lane.local_coordinates(v.position)
+                    known.append(s if lane.on_lane(v.position, s, lateral, margin=1) else None)
             self._projections[id(lane)] = known
         return known
 

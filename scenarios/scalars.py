@@ -38,6 +38,14 @@ class AxisLane(StraightLane):
         length = self.VEHICLE_LENGTH
         return abs(lateral) <= self.width / 2 + margin and -length <= longitudinal < self.length + length
 
+    def places(self, positions: NDArray, margin: float) -> list[float | None]:
+        """Coordinates [m] along the lane of positions (N, 2), None for those that are not on it."""
+        x, y, ux, uy, vx, vy = self._frame
+        dx, dy = positions[:, 0] - x, positions[:, 1] - y
+        s, length = dx * ux + dy * uy, self.VEHICLE_LENGTH
+        on = (np.abs(dx * vx + dy * vy) <= self.width / 2 + margin) & (-length <= s) & (s < self.length + length)
+        return [one if there else None for one, there in zip(s.tolist(), on.tolist(), strict=True)]
+
 
 def in_scalars(lane: AbstractLane) -> AbstractLane:
     """Turn a straight lane along an axis into an `AxisLane` in place; any lane is returned."""

@@ -24,7 +24,7 @@ def ndtr(x: float) -> float:
 
 @compiled
 def bell(x: float) -> float:
-    """The exponential of x, or 0 below e^-200: what comes near the smallest numbers costs processors a hundred times."""
+    """The exponential of x, or 0 below e^-200: arithmetic of the smallest numbers takes a hundred times as long."""
     return math.exp(x) if x > -200.0 else 0.0
 
 

@@ -56,15 +56,13 @@ def room(
         seen[c] = in_view(x, y, box, pose, max_range, fov)
     for c in range(C - deeper):
         seen[c] &= seen[c + deeper]  # (ENDS.8)
-    near_room[:], far_room[:] = 0.0, 0.0
+    shown = np.zeros(C)
     for c in range(C):
         if seen[c]:
-            edge = first + step * c
+            edge, shown[c] = first + step * c, 1.0
             share += min(max(size[axis] - edge, 0.0), step) - min(max(-edge, 0.0), step)
-            for n in range(len(near_room)):
-                near_room[n] += near[c, n]
-            for n in range(len(far_room)):
-                far_room[n] += far[c, n]
+    np.dot(shown, near, near_room)
+    np.dot(shown, far, far_room)
     return share / size[axis]
 
 
