@@ -68,7 +68,7 @@ def stock(kind: type, *names: str) -> bool:
 
 def act(vehicle: Any) -> None:
     """`vehicle.act()`, in scalars where it is the method of `IDMVehicle`."""
-    kind = type(vehicle)
+    kind: Any = type(vehicle)
     if not (isinstance(vehicle, IDMVehicle) and stock(kind, "act")):
         vehicle.act()
         return

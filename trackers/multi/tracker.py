@@ -25,7 +25,7 @@ from trackers.multi.leftovers import Suppression
 from trackers.multi.outage import SensorOutage, without
 from trackers.multi.reidentification import LostTracks, Reidentification
 from trackers.multi.road import RoadMap
-from trackers.multi.tracks import NO_TRACK, REPORT_ABOVE, Event, Seen, StepInfo, Tracks
+from trackers.multi.tracks import NO_TRACK, REPORT_ABOVE, Event, Rest, Seen, StepInfo, Tracks
 from trackers.multi.visibility import SensorArray, Visibility, predict_visibility
 from trackers.multi.window import Unexplained
 from trackers.parameters import check_numbers
@@ -110,56 +110,67 @@ class MultiObjectTracker:
         check_step(dt)
         life = self._compiled if len(tracks.id) and available() else None
         scan, implausible = (scan, 0) if life is not None and life.plausible(scan) else self._admit(scan)
-        state = None if life is None else life.predict(tracks.state, dt)
-        state = self.filter.predict(tracks.state, dt) if state is None else state
-        tracks = tracks._replace(state=state, estimate=self.filter.estimate(state), age=tracks.age + dt)
+        tracks = self._predict(tracks, dt, life)
         seen = self._seen(tracks, scan, dt) if life is None else life.seen(tracks, scan, dt)
-        tracks, z, order, owner, view, info = seen
-        updated = tracks
-        found = life.update(seen) if life is not None and info.detections.any() else None
-        if found is not None:
-            updated, info = tracks._replace(state=found[0]), reported(info, found[1])
-        elif info.detections.any():
-            around = () if self.can.update_among is None else (z.scan, owner)
-            if self.can.learn_where is not None:
-                state = self.can.learn_where(state, view.complete > self.complete_above)
-            share = gather(z, shares(owner, len(tracks.id), self.most_detections))
-            state, found = guarded(self.can.update_among or self.filter.update, state, share, *around)
-            updated, info = tracks._replace(state=state), reported(info, found)
-        hidden = tracks.hidden
-        if hidden is not None:
-            waits = view.hidden & (tracks.memory.out < 0.5).any()  # type: ignore[operator]
-            hidden = np.where(info.detections > 0, 0.0, hidden + dt * waits)
-        updated = updated._replace(
-            estimate=self.filter.estimate(updated.state),
-            hits=tracks.hits + (info.detections > 0),  # (MOT.26)
-            hidden=hidden,
-        )
+        updated, info = self._update(seen, life, dt)
         rest = None if life is None else life.rest(seen, updated, dt)
-        existence = self.existence.update(tracks.existence, info.log_ratio) if rest is None else rest.existence
-        updated = updated._replace(existence=existence)
-        updated, divided = self._divide(updated, view, z, dt) if rest is None or rest.long else self._forgot(updated)
-        if rest is None or divided:
-            rest, candidate = None, self.suppression.candidates(z, owner, updated.estimate, updated.existence)
-        else:
-            candidate = rest.candidate
-        owners = np.full(scan.mask.shape[-1], -1)
-        owners[order] = np.where(owner >= 0, tracks.id[owner], -1) if len(tracks.id) else -1
-        updated, died = self._prune(updated) if rest is None or rest.dies else (updated, [])
-        calm = rest is not None and rest.calm and not died
-        if calm:
-            updated, born = self._waited(updated, rest.window, dt), []
-        else:
-            updated, born = self._initiate(updated, z, candidate, dt)
-        updated, merged = (updated, []) if calm and rest.apart else self._exclude(updated)
+        existence = self.existence.update(seen.tracks.existence, info.log_ratio) if rest is None else rest.existence
+        updated, rare = self._conclude(updated._replace(existence=existence), seen, rest, dt)
+        owner = np.full(scan.mask.shape[-1], -1)
+        owner[seen.order] = np.where(seen.owner >= 0, tracks.id[seen.owner], -1) if len(tracks.id) else -1
         fresh = (updated.existence > REPORT_ABOVE) & ~updated.confirmed
-        events = [*events_of_scan(int(implausible)), *info.events, *divided, *died, *born, *merged]
+        events = [*events_of_scan(int(implausible)), *info.events, *rare]
         events += [
             Event("confirmed", int(i), f"existence {q:.2f}")
             for i, q in zip(updated.id[fresh], updated.existence[fresh])
         ]
         tracks_new = updated._replace(confirmed=updated.confirmed | fresh)
-        return tracks_new, info._replace(owner=owners, events=tuple(events), implausible=int(implausible))
+        return tracks_new, info._replace(owner=owner, events=tuple(events), implausible=int(implausible))
+
+    def _predict(self, tracks: Tracks, dt: float, life: Any = None) -> Tracks:
+        state = None if life is None else life.predict(tracks.state, dt)
+        state = self.filter.predict(tracks.state, dt) if state is None else state
+        return tracks._replace(state=state, estimate=self.filter.estimate(state), age=tracks.age + dt)
+
+    def _update(self, seen: Seen, life: Any, dt: float) -> tuple[Tracks, StepInfo]:
+        """The tracks after their detections, with the existence before them, and the report."""
+        tracks, z, _, owner, view, info = seen
+        state, some = tracks.state, info.detections > 0
+        if some.any():
+            found = None if life is None else life.update(seen)
+            if found is None:
+                around = () if self.can.update_among is None else (z.scan, owner)
+                if self.can.learn_where is not None:
+                    state = self.can.learn_where(state, view.complete > self.complete_above)
+                share = gather(z, shares(owner, len(tracks.id), self.most_detections))
+                found = guarded(self.can.update_among or self.filter.update, state, share, *around)
+            state, info = found[0], reported(info, found[1])
+        hidden = tracks.hidden
+        if hidden is not None:
+            works = np.any(np.asarray(tracks.memory.out) < 0.5)
+            hidden = np.where(some, 0.0, hidden + dt * (view.hidden & works))
+        hits = tracks.hits + some  # (MOT.26)
+        return tracks._replace(state=state, estimate=self.filter.estimate(state), hits=hits, hidden=hidden), info
+
+    def _conclude(self, tracks: Tracks, seen: Seen, rest: Rest | None, dt: float) -> tuple[Tracks, list[Event]]:
+        """The tracks after what is rare: division, death, birth and union; `rest` says what of it may happen now."""
+        view, z = seen.view, seen.z
+        tracks, divided = self._divide(tracks, view, z, dt) if rest is None or rest.long else self._forgot(tracks)
+        rest = None if divided else rest
+        candidate = (
+            self.suppression.candidates(z, seen.owner, tracks.estimate, tracks.existence)
+            if rest is None
+            else rest.candidate
+        )
+        tracks, died = self._prune(tracks) if rest is None or rest.dies else (tracks, [])
+        if rest is not None and rest.calm and not died:
+            tracks, born = self._waited(tracks, rest.window, dt), list[Event]()
+            if rest.apart:
+                return tracks, []
+        else:
+            tracks, born = self._initiate(tracks, z, candidate, dt)
+        tracks, merged = self._exclude(tracks)
+        return tracks, [*divided, *died, *born, *merged]
 
     def _seen(self, tracks: Tracks, scan: Scan, dt: float) -> Seen:
         """The claims of predicted tracks, whose existence is that before dt [s]."""

@@ -118,10 +118,10 @@ class Life:
                            self.rules)  # fmt: skip
         tracks = tracks._replace(existence=c.alive, memory=tracks.memory._replace(out=v.out))
         of_scan = Scan(z.polar, np.ones(len(order), bool), z.pose, z.velocity, z.noise, z.sensor, scan.platform)
-        sorted_scan = SortedScan(of_scan, *z[5:10], z.sensor, *z[10:])
+        sorted_scan = SortedScan(of_scan, *z[5:10], z.sensor, *z[10:])  # type: ignore[call-arg]
         T = len(tracks.id)
         info = StepInfo(
-            np.zeros(0, int), tracks.id, c.expected, v.in_view, c.count, c.log_ratio, np.full(T, np.nan), ()
+            np.zeros(0, int), tracks.id, c.expected, v.in_view, c.number, c.log_ratio, np.full(T, np.nan), ()
         )
         return Seen(tracks, sorted_scan, order, c.owner, Visibility(*v[:5]), info)
 

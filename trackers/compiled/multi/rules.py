@@ -71,7 +71,7 @@ class Claimed(NamedTuple):
 
     alive: NDArray  # (T,) existence before the detections
     owner: NDArray  # (M,) int, row of the track, -1 for none
-    count: NDArray  # (T,) int, detections owned
+    number: NDArray  # (T,) int, detections owned
     expected: NDArray  # (T,)
     log_ratio: NDArray  # (T,)
 
@@ -185,16 +185,17 @@ def sheets_of(t: Any) -> Sheets:
     """The data sheets of a tracker."""
     s, size = t.sensor_array, getattr(t.filter, "size", None)
     if size is None:
-        return Sheets(*map(plain, s[:8]), np.zeros((len(s.fov), 5)), np.ones(1), np.ones(1), 0.0, 0.0)
+        return Sheets(*map(plain, s[:8]), np.zeros((len(s.fov), 5)), np.ones(1), np.ones(1), 0.0, 0.0)  # type: ignore[arg-type, call-arg]
     q = size.profiles
     profile = np.column_stack([q.inside, q.grazing, q.surface_std, q.depth])
-    return Sheets(*map(plain, s[:8]), profile, size.length.sizes, size.width.sizes, size.impossible, size.sigma)
+    sizes = size.length.sizes, size.width.sizes
+    return Sheets(*map(plain, s[:8]), profile, *sizes, size.impossible, size.sigma)  # type: ignore[arg-type, call-arg]
 
 
 def lanes_of(road: RoadMap | None) -> Lanes:
     """The road map of a tracker."""
     known = RoadMap.of([]) if road is None else road
-    return Lanes(*map(plain, known), road is not None)
+    return Lanes(*map(plain, known), road is not None)  # type: ignore[arg-type, call-arg]
 
 
 def plain(a: NDArray) -> NDArray:
