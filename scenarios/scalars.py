@@ -3,7 +3,7 @@
 What is not exactly the stock method is called as it is.
 """
 
-from functools import cache
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -20,12 +20,15 @@ AXES = (-1.0, 0.0, 1.0)
 class AxisLane(StraightLane):
     """A straight lane along an axis of the plane: products with its directions are exact, whoever adds them up."""
 
-    _frame: tuple[float, ...]
+    @cached_property
+    def _frame(self) -> tuple[float, ...]:
+        """Start and both directions, as numbers of Python."""
+        return tuple(map(float, (*self.start, *self.direction, *self.direction_lateral)))
 
     def local_coordinates(self, position: NDArray) -> tuple[float, float]:
         """Coordinates [m] along and across the lane, as `StraightLane`."""
         x, y, ux, uy, vx, vy = self._frame
-        px, py = position.tolist()
+        px, py = position.tolist() if isinstance(position, np.ndarray) else position
         dx, dy = px - x, py - y
         return dx * ux + dy * uy, dx * vx + dy * vy
 
@@ -51,7 +54,6 @@ def in_scalars(lane: AbstractLane) -> AbstractLane:
     """Turn a straight lane along an axis into an `AxisLane` in place; any lane is returned."""
     if type(lane) is StraightLane and set(lane.direction) <= {*AXES}:
         lane.__class__ = AxisLane
-        lane._frame = tuple(map(float, (*lane.start, *lane.direction, *lane.direction_lateral)))
     return lane
 
 

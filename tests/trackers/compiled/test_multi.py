@@ -139,7 +139,7 @@ def test_scans_that_numpy_would_not_take_as_they_are_go_the_other_way(drive):
         scan._replace(polar=scan.polar * [1, 1, 1e5]), scan._replace(polar=-scan.polar),
         scan._replace(pose=scan.pose * np.nan), scan._replace(noise=-scan.noise), scan._replace(mask=scan.mask[1:]),
         scan._replace(sensor=scan.sensor + 9), scan._replace(polar=scan.polar.astype(np.float32)),
-        scan._replace(platform=scan.platform * np.inf), scan._replace(velocity=scan.velocity[:, :1]),
+        scan._replace(platform=np.full(6, np.inf)), scan._replace(velocity=scan.velocity[:, :1]),
         scan._replace(delivered=np.ones(2, bool)), scan._replace(polar=scan.polar.tolist()),
     ]  # fmt: skip
     assert not any(map(life.plausible, broken))
