@@ -83,6 +83,7 @@ def changed(rng, tracks, scan):
     T, M = len(tracks.id), len(scan.mask)
     if rng.random() < 0.3 and T:
         twin = take(tracks._replace(next_id=None, memory=None), rng.integers(0, T, 1))
+        twin.state.motion.m[..., 0] += rng.choice([0.0, 2.0, 6.0])
         mine = concatenate([tracks._replace(next_id=None, memory=None), twin._replace(id=np.array([tracks.next_id]))])
         tracks = mine._replace(next_id=tracks.next_id + 1, memory=tracks.memory)
     existence = rng.choice([0.021, 0.3, 0.6, 0.9999], len(tracks.id)) * rng.uniform(0.9, 1, len(tracks.id))
