@@ -181,13 +181,11 @@ class Core:
         yaw_rate, l, std = shaped(f.m[:, 4].copy()), shaped(f.m[:, 5:].copy()), shaped(f.std)
         box = Estimate(shaped(f.pose[0]), shaped(f.velocity), yaw_rate, l, shaped(f.cov[0]), std[..., 2:],
                        std[..., 0], std[..., 1], shaped(f.contour[0]))  # fmt: skip
-        sized = box._replace(
-            pose=shaped(f.pose[1]), size=belief.size.copy(), cov=shaped(f.cov[1]), size_std=np.sqrt(belief.size_var),
-            contour=shaped(f.contour[1]), class_probability=belief.kind.copy(),
-        )  # fmt: skip
         mixture = Mixture(*map(shaped, x[:4]))
         innovation = shaped(f.eps), shaped(f.S), shaped(state == 1)
-        return Step((mixture, place, new), Gaussian(shaped(f.m), shaped(f.P)), box, sized, innovation)
+        return Step(
+            (mixture, place, new), Gaussian(shaped(f.m), shaped(f.P)), box, self.size.estimate(new, box), innovation
+        )
 
 
 def rows_of(motion: Mixture, size: SizeState, T: int) -> Rows:

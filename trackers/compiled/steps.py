@@ -145,7 +145,7 @@ def update(
         modes.moments(x.m[t], x.P[t], x.mu[t], f.m[t], f.P[t])
         mine, q = z[start[t] : start[t + 1]], which[t]
         if len(mine):
-            heading = f.m[t, PHI]
+            before = f.m[t, :3].copy()
             state[t] = spline.update(f.m[t], f.P[t], p.mu[q], p.Sigma[q], p.visible[q], mine, p.cover, p.spline,
                                      p.iterations, m, P, f.eps[t], f.S[t])  # fmt: skip
             good = state[t] < UNUSABLE and evidence.move(
@@ -155,10 +155,10 @@ def update(
                 state[t] = UNUSABLE
                 continue
             box[0], box[1], box[2], was = f.m[t, 0], f.m[t, 1], wrap(f.m[t, PHI]), f.m[t, LENGTH:].copy()
-            if math.cos(f.m[t, PHI] - heading) < 0:  # front and rear changed places
+            if math.cos(f.m[t, PHI] - before[2]) < 0:  # front and rear changed places
                 x.anchor[t] *= -1
-            x.side[t] += size.read(x.length[t], x.width[t], x.anchor[t], box, was, whole[t], mine, p.grid_l, p.near_l,
-                                   p.far_l, p.grid_w, p.near_w, p.far_w, p.sheet, p.size)  # fmt: skip
+            x.side[t] += size.read(x.length[t], x.width[t], x.anchor[t], before, box, was, whole[t], mine, p.grid_l,
+                                   p.near_l, p.far_l, p.grid_w, p.near_w, p.far_w, p.sheet, p.size)  # fmt: skip
             grids.to_likelihood(x.length[t], 1.0, length)
             grids.to_likelihood(x.width[t], 1.0, width)
             behind = math.exp(-x.side[t] / p.enough_side) if x.anchor[t, 0] < 0 else 0.0  # (ENDS.34)
