@@ -5,6 +5,7 @@ BIN := $(VENV)/bin
 STUDY := PYTHONPATH=docs $(BIN)/python -m studies
 STAMP := $(VENV)/.installed
 DOCS_STAMP := $(VENV)/.installed-docs
+FAST_STAMP := $(VENV)/.installed-fast
 LOWEST := .venv-lowest
 LOWEST_STAMP := $(LOWEST)/.installed
 INSTALL := -m pip install --disable-pip-version-check --constraint
@@ -27,13 +28,14 @@ test: $(STAMP)  # side by side; the tests end last
 	@$(MAKE) --no-print-directory --jobs=2 lint types unit
 
 # What is marked slow in some minutes: every entry of the registries. Without the hostile calls and the Monte Carlo bars.
-test-slow: $(STAMP)
+test-slow: $(FAST_STAMP)
+	@$(BIN)/testbed info --compile > /dev/null
 	$(PYTEST) -m slow --ignore tests/fuzz --ignore tests/reproduction
 
-test-all: lint types  # with all that is marked slow
+test-all: lint types $(FAST_STAMP)  # with all that is marked slow
 	$(PYTEST) -m ""
 
-explore: $(STAMP)  # every property with EXAMPLES new random examples; a failure prints the example that fails
+explore: $(FAST_STAMP)  # every property with EXAMPLES new random examples; a failure prints the example that fails
 	EXPLORE=$(EXAMPLES) $(PYTEST) -m hypothesis
 explore: EXAMPLES ?= 500
 
@@ -47,7 +49,8 @@ lint: $(STAMP)
 types: $(STAMP)
 	$(BIN)/mypy
 
-unit: $(STAMP)
+unit: $(FAST_STAMP)  # compiled once for all processes, about a minute where a compiled file was changed
+	@$(BIN)/testbed info --compile > /dev/null
 	$(PYTEST)
 
 generated: $(STAMP)  # what the documentation says about the registries; after adding a scenario, tracker, radar, ...
@@ -134,6 +137,11 @@ $(STAMP): pyproject.toml constraints.txt
 	@echo "2 of 2: the pinned packages of constraints.txt, about 410 MB, 1 to 3 minutes, of which pip unpacks the last one in silence"
 	$(PIP) --editable '.[dev]'
 	@touch $(STAMP)
+
+$(FAST_STAMP): $(STAMP)
+	@echo "numba, for the tests of the compiled form, about 215 MB"
+	$(PIP) --editable '.[dev,fast]'
+	@touch $@
 
 $(DOCS_STAMP): $(STAMP)
 	$(PIP) --editable '.[dev,docs]'

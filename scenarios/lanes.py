@@ -7,6 +7,8 @@ from highway_env.road.lane import AbstractLane, LineType, StraightLane
 from highway_env.road.road import RoadNetwork
 from numpy.typing import NDArray
 
+from scenarios.scalars import AxisLane
+
 STEP = 4.0  # [m] between the points of a bent lane
 
 
@@ -25,7 +27,7 @@ def lane_shapes(network: RoadNetwork) -> list[LaneShape]:
 
 
 def _shape(lane: AbstractLane) -> LaneShape:
-    points = 2 if type(lane) is StraightLane else max(2, int(np.ceil(lane.length / STEP)) + 1)
+    points = 2 if type(lane) in (StraightLane, AxisLane) else max(2, int(np.ceil(lane.length / STEP)) + 1)
     s = np.linspace(0, lane.length, points)
     half = lane.width_at(0) / 2
 

@@ -17,10 +17,12 @@ from highway_env.vehicle.objects import Landmark
 from numpy.typing import NDArray
 
 from scenarios.bodies import reach
+from scenarios.scalars import AxisLane, act, in_scalars
 
 SPACING = 2.0  # [m] between samples of a lane that is not straight; its box is widened by as much
 SHARE = 0.8  # distance of a lane, as a share of that of its points: `SineLane` takes a chord for its arc
 MARGIN = 2.0  # [m] that a distance to a lane may fall short: the foot on a `PathLane` is found in a few steps
+FEW = 12  # lanes that are asked one by one
 SLACK = 1e-6  # [m] far above the rounding of a distance: the stock check has the last word within it
 
 
@@ -40,7 +42,7 @@ class SiftedNetwork(RoadNetwork):
 
     def add_lane(self, _from: str, _to: str, lane: AbstractLane) -> None:
         """Add a lane, as `RoadNetwork.add_lane`."""
-        super().add_lane(_from, _to, lane)
+        super().add_lane(_from, _to, in_scalars(lane))
         self._boxes = None
 
     def get_closest_lane_index(self, position: NDArray, heading: float | None = None) -> LaneIndex:
@@ -48,6 +50,8 @@ class SiftedNetwork(RoadNetwork):
         if self._boxes is None:
             self._boxes = lane_boxes(self)
         names, lanes, low, high = self._boxes
+        if len(lanes) <= FEW and heading is not None and all(type(lane) is AxisLane for lane in lanes):
+            return names[_closest(lanes, position, heading)]
         apart = np.maximum(np.maximum(low - position, position - high), 0.0)
         bound = SHARE * np.hypot(apart[:, 0], apart[:, 1]) - MARGIN
         least, found = np.inf, 0
@@ -58,6 +62,19 @@ class SiftedNetwork(RoadNetwork):
             if distance < least or (distance == least and k < found):
                 least, found = distance, k
         return names[found]
+
+
+def _closest(lanes: list[Any], position: NDArray, heading: float) -> int:
+    """The first of the closest lanes along the axes; the heading adds to the distance of the place."""
+    least, found = np.inf, 0
+    for k, lane in enumerate(lanes):
+        s, r = lane.local_coordinates(position)
+        place = abs(r) + max(s - lane.length, 0) + max(0 - s, 0)
+        if not place >= least:
+            distance = place + 1.0 * abs(lane.local_angle(heading, s))
+            if distance < least:
+                least, found = distance, k
+    return found
 
 
 def lane_boxes(network: RoadNetwork) -> LaneBoxes:
@@ -73,7 +90,7 @@ def lane_boxes(network: RoadNetwork) -> LaneBoxes:
 
 
 def _box(lane: AbstractLane) -> tuple[NDArray, NDArray]:
-    straight = type(lane) is StraightLane
+    straight = type(lane) in (StraightLane, AxisLane)
     pieces = 1 if straight else int(np.ceil(lane.length / SPACING))
     points = np.array([lane.position(s, 0.0) for s in np.linspace(0.0, lane.length, pieces + 1)])
     widen = 0.0 if straight else SPACING
@@ -84,6 +101,8 @@ def sifted(network: RoadNetwork) -> RoadNetwork:
     """Turn a stock network into a sifted one in place and return it; all references to it see the change."""
     if type(network) is RoadNetwork:
         network.__class__ = SiftedNetwork
+        for lane in network.lanes_list():
+            in_scalars(lane)
     return network
 
 
@@ -99,6 +118,7 @@ class CachedRoad(Road):
 
     _orders: dict[LaneIndex, LaneOrder] | None = None  # filled during `act` only
     _projections: dict[int, list[float | None]]
+    _positions: NDArray  # (N, 2) [m] of vehicles and objects
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         """As Road; the network is sifted in place."""
@@ -108,8 +128,10 @@ class CachedRoad(Road):
     def act(self) -> None:
         """Let every vehicle choose its action; none moves meanwhile."""
         self._orders, self._projections = {}, {}
+        self._positions = np.array([v.position for v in self.vehicles + self.objects], float).reshape(-1, 2)
         try:
-            super().act()
+            for vehicle in self.vehicles:
+                act(vehicle)
         finally:
             self._orders, self._projections = None, {}
 
@@ -144,10 +166,13 @@ class CachedRoad(Road):
         """Longitudinal coordinate [m] of all vehicles and objects on one lane, None for those not on it."""
         known = self._projections.get(id(lane))
         if known is None:
-            known = []
-            for v in self.vehicles + self.objects:
-                s, lateral = lane.local_coordinates(v.position)
-                known.append(s if lane.on_lane(v.position, s, lateral, margin=1) else None)
+            if type(lane) is AxisLane:
+                known = lane.places(self._positions, margin=1)
+            else:
+                known = []
+                for v in self.vehicles + self.objects:
+                    s, lateral = lane.local_coordinates(v.position)
+                    known.append(s if lane.on_lane(v.position, s, lateral, margin=1) else None)
             self._projections[id(lane)] = known
         return known
 

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from scenarios.bodies import Sized, contour_of, rear_extent
 from scenarios.courses import CourseTable
+from scenarios.scalars import unhindered
 
 
 class SoftSteering:
@@ -94,7 +95,7 @@ class SizedIDM(SoftSteering, Sized, IDMVehicle):
         self, ego_vehicle: Any, front_vehicle: Any | None = None, rear_vehicle: Any | None = None
     ) -> float:
         """IDM acceleration [m/s^2] of any vehicle behind a leader, gaps from bumper to bumper; an overlap is none."""
-        free = super().acceleration(ego_vehicle)
+        free = unhindered(self, ego_vehicle)
         if front_vehicle is None or not isinstance(ego_vehicle, Vehicle):
             return free
         half_lengths = ego_vehicle.LENGTH / 2 + rear_extent(front_vehicle)

@@ -32,10 +32,11 @@ def draw_counts(mean: NDArray, shape: NDArray, rng: np.random.Generator) -> NDAr
     Drawn as a Poisson count whose rate is gamma distributed. An infinite shape is Poisson; zero stands for no
     randomness: the mean, rounded.
     """
-    mean, shape = np.broadcast_arrays(mean, shape)
     random = np.isfinite(shape) & (shape > 0)
+    if random.all():
+        return rng.poisson(mean * rng.gamma(shape, size=mean.shape) / shape)  # (RAD.11)
     k = np.where(random, shape, 1.0)
-    rate = np.where(random, mean * rng.gamma(k) / k, mean)  # (RAD.11)
+    rate = np.where(random, mean * rng.gamma(k, size=mean.shape) / k, mean)  # (RAD.11)
     return np.where(shape == 0, np.rint(mean).astype(int), rng.poisson(rate))
 
 

@@ -29,7 +29,11 @@ from numpy.typing import NDArray
 COLOURS = 256  # of a figure
 ROOM = 1 << 20  # [bytes] of the disk that the results of a run take at most
 PACKAGES = ("eot-testbed", "highway-env", "gymnasium", "numpy", "scipy", "rerun-sdk", "shapely")
-COMPILED = {"radar": "sensors.compiled.rays", "tracker": "trackers.compiled.steps"}  # loaded where they run
+COMPILED = {  # modules that are loaded where they run
+    "radar": "sensors.compiled.rays",
+    "tracker": "trackers.compiled.multi.steps",
+    "filter": "trackers.compiled.steps",
+}
 OURS = ("scenarios", "sensors", "testbed", "trackers")
 KINDS = {
     stat.S_IFLNK: "a symbolic link",
@@ -84,7 +88,7 @@ def provenance() -> dict[str, Any]:
 
 
 def compiled() -> str:
-    """What this process has run in its compiled form, and by what: "radar, tracker by numba 0.68.1", or "nothing"."""
+    """What this process has run in its compiled form, as in "radar, tracker, filter by numba 0.68.1", or "nothing"."""
     ran = [name for name, module in COMPILED.items() if module in sys.modules]
     return f"{', '.join(ran)} by numba {version('numba')}" if ran else "nothing"
 

@@ -101,9 +101,9 @@ class Composed:
     @guarded_predict
     def predict(self, state: ComposedState, dt: float) -> ComposedState:
         """Time update over dt [s] >= 0; with dt = 0 nothing changes."""
-        core = self._core if self.compiled and dt > 0 else None
+        core = self.core if dt > 0 else None
         if core is not None and (found := core.predict(*state, dt)) is not None:
-            return self._remembered(found)
+            return self.remembered(found)
         motion, place, size = state
         if self.motion is None:
             place = unguarded(self.place.predict)(place, dt)
@@ -126,12 +126,9 @@ class Composed:
         -1 for none: what others hide of a track is no evidence of its size.
         """
         some = np.asarray(scan.mask.any(-1))
-        core = self._core if self.compiled and some.any() else None
+        core = self.core if some.any() else None
         if core is not None and (found := core.update(*state, scan)) is not None:
-            eps, S, lost = found.innovation
-            n, mu = scan.mask.sum(-1), found.parts[0].mu
-            nis = np.where(some, quadratic(eps, S), np.nan)
-            return self._remembered(found), ComposedInfo(n, eps, S, nis, mu, notes_of(lost))
+            return self.remembered(found), informed(found, scan.mask.sum(-1))
         old, motion, size = self._filled(state), state.motion, state.size
         if self.motion is None:
             place, info = self._locate(old, scan)
@@ -158,6 +155,10 @@ class Composed:
         """Box, motion, contour and class."""
         box = self._box(*state[:2])
         return box if self.size is None else self._sized(state.size, box)
+
+    def box(self, state: ComposedState) -> Estimate:
+        """The estimate of place and motion alone."""
+        return self._box(*state[:2])
 
     # What it offers beyond them, see `abilities`
 
@@ -287,7 +288,7 @@ class Composed:
         """`_boxed` of a state."""
         return Memoised(self._boxed)
 
-    def _remembered(self, found: Any) -> ComposedState:
+    def remembered(self, found: Any) -> ComposedState:
         """The state of a compiled step, whose estimates are known."""
         motion, place, size = found.parts
         self._moments.keep((motion,), found.gaussian)
@@ -296,11 +297,11 @@ class Composed:
         return ComposedState(motion, place, size)
 
     @cached_property
-    def _core(self) -> Any:
-        """The compiled form of predict and update; None where it is not there, or parts are others than it has."""
+    def core(self) -> Any:
+        """The compiled form of predict and update; None where it is refused, or parts are others than it has."""
         from trackers.compiled.core import Core
 
-        return Core.of(self.place, self.motion, self.size)
+        return Core.of(self.place, self.motion, self.size) if self.compiled else None
 
     @cached_property
     def _sized(self) -> Memoised[[Any, Any], Estimate]:
@@ -331,6 +332,13 @@ class Composed:
     def _locate(self) -> Any:
         """The update of the place, without validation; of one that learns, its spatial part."""
         return self._can.located if self._learns else unguarded(self.place.update)
+
+
+def informed(found: Any, n: NDArray) -> ComposedInfo:
+    """The information of a compiled step with n (...) detections."""
+    eps, S, lost = found.innovation
+    nis = np.where(n > 0, quadratic(eps, S), np.nan)
+    return ComposedInfo(n, eps, S, nis, found.parts[0].mu, notes_of(lost))
 
 
 def place_of(filter: Any) -> Any:

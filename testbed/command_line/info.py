@@ -8,6 +8,7 @@ from pathlib import Path
 from rich.table import Table
 
 import sensors.compiled
+import trackers.compiled.multi
 from testbed.command_line.tables import filled_table
 from testbed.files import versions
 from trackers.compiled import REFUSED, available, cache_folder, form
@@ -17,14 +18,16 @@ HOW = f"{REFUSED}=off, or compiled=off of a tracker or radar, goes without it"
 
 def info() -> Table:
     """What is installed, and what of it is used."""
-    radar = cache_folder(Path(sensors.compiled.__file__).parent)
+    folders = {
+        "filter": cache_folder(),
+        "tracker": cache_folder(Path(trackers.compiled.multi.__file__).parent),
+        "radar": cache_folder(Path(sensors.compiled.__file__).parent),
+    }
     rows = [("Python", platform.python_version()), *versions().items()]
     rows += [(f"extra {name}", state) for name, state in extras().items()]
     rows.append(("tracker and radar", f"{form()}; {HOW}" if available() else "numpy; the extra fast compiles them"))
     if available():
-        rows += [
-            (f"cache of the {what}", kept(folder)) for what, folder in (("tracker", cache_folder()), ("radar", radar))
-        ]
+        rows += [(f"cache of the {what}", kept(folder)) for what, folder in folders.items()]
     return filled_table("testbed", heads := ("what", "found"), rows, heads)
 
 

@@ -13,6 +13,7 @@ from highway_env.road.road import Road, RoadNetwork
 from highway_env.vehicle.kinematics import Vehicle
 from numpy.typing import NDArray
 
+from scenarios.scalars import AxisLane
 from trackers.geometry import cross, perpendicular, unit, wrap_angle
 
 LaneIndex = tuple[str, str, int]
@@ -96,7 +97,7 @@ _TABLES: "WeakKeyDictionary[AbstractLane, LaneTable]" = (
 def lane_table(lane: AbstractLane) -> LaneTable:
     """The table of a lane, made once."""
     if lane not in _TABLES:
-        pieces = 1 if type(lane) is StraightLane else int(np.ceil(lane.length / NODES))
+        pieces = 1 if type(lane) in (StraightLane, AxisLane) else int(np.ceil(lane.length / NODES))
         s = np.linspace(0.0, lane.length, pieces + 1)
         points = np.array([lane.position(x, 0.0) for x in s], float)
         _TABLES[lane] = LaneTable(s, points, np.unwrap([float(lane.heading_at(x)) for x in s]))

@@ -28,7 +28,7 @@ def test_info_names_versions_extras_form_and_cache(monkeypatch):
     assert {"dask", "dev"} <= {*extras()}
     if available():
         assert cells(info())["tracker and radar"].startswith(form())
-        assert str(cache_folder()) in cells(info())["cache of the tracker"]
+        assert str(cache_folder()) in cells(info())["cache of the filter"]
     monkeypatch.setenv(REFUSED, "off")
     assert cells(info())["tracker and radar"].startswith("numpy")
     assert form() == "numpy"
@@ -44,7 +44,7 @@ def run(options, **environment):
 
 @COMPILED
 def test_results_say_which_form_ran():
-    assert run("")[0] == f"radar, tracker by {form()}"
+    assert run("")[0] == f"radar, tracker, filter by {form()}"
     assert run(":compiled=off")[0] == "nothing"
     assert run("", EOT_COMPILED="off")[0] == "nothing"
 
@@ -53,6 +53,6 @@ def test_results_say_which_form_ran():
 @pytest.mark.slow
 def test_a_home_that_cannot_be_written_to_compiles_without_a_cache_and_says_so():
     out, err = run("", NUMBA_CACHE_DIR="/dev/null")
-    assert out == f"radar, tracker by {form()}"
-    assert err.count("is not writable: what is compiled is not kept\n") == 2  # one sentence for each cache
-    assert err.count("compiling the ") == err.count("compiled the ") == 4
+    assert out == f"radar, tracker, filter by {form()}"
+    assert err.count("is not writable: what is compiled is not kept\n") == 3  # one sentence for each cache
+    assert err.count("compiling the ") == err.count("compiled the ") == 8

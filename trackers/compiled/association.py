@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.compiled.jit import compiled
-from trackers.compiled.linear import ndtr, wrap
+from trackers.compiled.linear import bell, ndtr, wrap
 from trackers.compiled.modes import LENGTH, PHI, WIDTH
 from trackers.compiled.tables import ACROSS, ALONG, POSE, RANGE, SENSOR, UX, UY
 
@@ -122,7 +122,7 @@ def associate(
         top = max(top, -600.0) if rest > 0 else top  # any shift will do that keeps the sum within range
         total, share = rest * math.exp(-top), 0.0
         for l in range(L):
-            w[i, l] *= math.exp(q[l] - top)
+            w[i, l] *= bell(q[l] - top)
             total += w[i, l]
         for l in range(L):
             w[i, l] /= total  # (PMHT.10)

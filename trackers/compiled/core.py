@@ -73,6 +73,7 @@ class Core:
         self.place, self.motion, self.size = place, motion, size
         self.tables = Tables.of(place, motion, size)
         self.model = Memoised(self._model)
+        self.sheets = min(len(size.sensors), len(place.sensors) or len(size.sensors))
 
     @classmethod
     def of(cls, place: Any, motion: Any, size: Any) -> "Core | None":
@@ -94,23 +95,33 @@ class Core:
         K, s, found = len(self.motion.modes.table), self.size, self._found(len(which))
         kept = ((K * self.motion.stay - 1) / (K - 1)) ** (dt / self.motion.step)  # (IMM.9)
         over = (grid.transition(dt, s.offset_tau, s.lost_rate) for grid in s.grids)
-        predict_all(old, x, which, float(dt), kept, float(np.exp(-dt / s.memory)), *over, self.tables, found)
+        keep = float(np.exp(-dt / s.memory))
+        if not predict_all(old, x, which, float(dt), kept, keep, *over, self.tables, found):
+            return None
         return self._step(motion, place, size, x, found, np.zeros(len(which), int))
 
     def update(self, motion: Mixture, place: SplineState, size: SizeState, scan: Scan) -> Step | None:
         """The state after a scan, some of whose detections are under the mask."""
+        beyond = scan.sensor.max(initial=0) >= self.sheets or scan.sensor.min(initial=0) < 0
+        if beyond or scan.mask.sum(-1).max() > TOGETHER:
+            return None
+        start = np.zeros(motion.mu[..., 0].size + 1, int)
+        np.cumsum(scan.mask.sum(-1).reshape(-1), out=start[1:])
+        return self.update_rows(motion, place, size, self._detections(scan), start)
+
+    def update_rows(
+        self, motion: Mixture, place: SplineState, size: SizeState, z: NDArray, start: NDArray
+    ) -> Step | None:
+        """The same for detections z (G, 14), in columns as in `tables`; those of row t are start[t] to start[t + 1]."""
         before = self._which(motion, place)
-        sheets = min(len(self.size.sensors), len(self.place.sensors) or len(self.size.sensors))
-        beyond = scan.sensor.max(initial=0) >= sheets or scan.sensor.min(initial=0) < 0
-        if before is None or beyond or scan.mask.sum(-1).max() > TOGETHER:
+        if before is None:
             return None
         from trackers.compiled.steps import update_all
 
         T, which = len(before), before.copy()
         x, found, state = Rows(*(a.copy() for a in rows_of(motion, size, T))), self._found(T), np.zeros(T, int)
-        whole, start = plain(size.fully_visible, (T,), bool), np.zeros(T + 1, int)
-        np.cumsum(scan.mask.sum(-1).reshape(T), out=start[1:])
-        update_all(x, which, whole, self._detections(scan), start, self.tables, found, state)
+        whole = plain(size.fully_visible, (T,), bool)
+        update_all(x, which, whole, self._known(z), start, self.tables, found, state)
         if (state == UNUSABLE).any():
             return None
         if (which != before).any():
@@ -137,7 +148,7 @@ class Core:
         return Found.of(T, self.tables.outline.shape[1])
 
     def _detections(self, scan: Scan) -> NDArray:
-        """The detections (G, 14) under the mask; columns as in `tables`, with the noise that each part assumes."""
+        """The detections (G, 14) under the mask; columns as in `tables`."""
         mask, z = scan.mask, np.empty((int(scan.mask.sum()), 14))
         polar, pose, velocity, noise = (
             widened(a, (*mask.shape, a.shape[-1]))[mask] for a in (scan.polar, scan.pose, scan.velocity, scan.noise)
@@ -147,6 +158,10 @@ class Core:
         z[:, POSE:SENSOR], z[:, SENSOR] = pose, widened(scan.sensor, mask.shape)[mask]
         z[:, ALONG], z[:, ACROSS], z[:, RATE_STD] = noise[:, 0], polar[:, 0] * noise[:, 1], noise[:, 2]
         z[:, RATE_ACROSS], z[:, SIZE_ALONG:] = z[:, ACROSS], z[:, ALONG:RATE_ACROSS]
+        return z
+
+    def _known(self, z: NDArray) -> NDArray:
+        """The detections, in place, with the noise that each part assumes where it is not known."""
         unknown = np.isnan(z[:, ALONG:])
         if unknown.any():
             place, rates, size = self.place.sigma, self.motion.rates.sensor_std, self.size.sigma
@@ -166,13 +181,11 @@ class Core:
         yaw_rate, l, std = shaped(f.m[:, 4].copy()), shaped(f.m[:, 5:].copy()), shaped(f.std)
         box = Estimate(shaped(f.pose[0]), shaped(f.velocity), yaw_rate, l, shaped(f.cov[0]), std[..., 2:],
                        std[..., 0], std[..., 1], shaped(f.contour[0]))  # fmt: skip
-        sized = box._replace(
-            pose=shaped(f.pose[1]), size=belief.size.copy(), cov=shaped(f.cov[1]), size_std=np.sqrt(belief.size_var),
-            contour=shaped(f.contour[1]), class_probability=belief.kind.copy(),
-        )  # fmt: skip
         mixture = Mixture(*map(shaped, x[:4]))
         innovation = shaped(f.eps), shaped(f.S), shaped(state == 1)
-        return Step((mixture, place, new), Gaussian(shaped(f.m), shaped(f.P)), box, sized, innovation)
+        return Step(
+            (mixture, place, new), Gaussian(shaped(f.m), shaped(f.P)), box, self.size.estimate(new, box), innovation
+        )
 
 
 def rows_of(motion: Mixture, size: SizeState, T: int) -> Rows:

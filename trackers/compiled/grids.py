@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.compiled.jit import compiled
-from trackers.compiled.linear import ndtr
+from trackers.compiled.linear import bell
+from trackers.compiled.linear import step as normal
 from trackers.compiled.vector import exponentials, logarithms
 
-VACATED, LEAST = -300.0, 1e-300  # as in `trackers.size.grid`
+VACATED, LEAST = -300.0, 1e-260  # `trackers.size.grid` has a smaller one, whose products are no normal numbers
 
 
 @compiled
@@ -49,28 +50,33 @@ def forget(A: NDArray, keep: float, transition: NDArray, p: NDArray, A_new: NDAr
 
 
 @compiled
-def grid_moments(grid: NDArray, p: NDArray, b: NDArray, of_size: NDArray) -> None:
-    """(ENDS.18) to (ENDS.20) of p (K, N): b (5,) is size, its variance, offset, its variance, that of the centre."""
+def sums(grid: NDArray, p: NDArray) -> NDArray:
+    """Sums (K, 2) of p (K, N) over the offsets, and of p times the offsets."""
+    over = np.ones((p.shape[1], 2))
+    for n in range(p.shape[1]):
+        over[n, 1] = grid[2] + grid[1] * n
+    return np.dot(p, over)
+
+
+@compiled
+def grid_moments(grid: NDArray, p: NDArray, c: NDArray, of_row: NDArray, b: NDArray, of_size: NDArray) -> None:
+    """(ENDS.18) to (ENDS.20) of sums of rows of p (K, N): b (5,) is size, its variance, offset, its variance, centre's.
+
+    c (K,) says how often each row of p is in these sums, of_row (K, 2) are `sums` of them.
+    """
     K, N = p.shape
-    first_size, step, first_offset = grid[0], grid[1], grid[2]
-    of_offset, first, total = np.zeros(N), np.zeros(K), 0.0
-    for k in range(K):
-        of_size[k] = 0.0
-        for n in range(N):
-            of_size[k] += p[k, n]
-            of_offset[n] += p[k, n]
-            first[k] += p[k, n] * (first_offset + step * n)
-        total += of_size[k]
+    first_size, step, first_offset, of_offset = grid[0], grid[1], grid[2], np.dot(c, p)
+    total = of_row[:, 0].sum()
     size = offset = size_var = offset_var = both = 0.0
     for k in range(K):
-        of_size[k] /= total
+        of_size[k] = of_row[k, 0] / total
         size += of_size[k] * (first_size + step * k)
     for n in range(N):
         offset += of_offset[n] / total * (first_offset + step * n)
     for k in range(K):
         d = first_size + step * k - size
         size_var += of_size[k] * d**2
-        both += (first[k] / total - of_size[k] * offset) * d
+        both += (of_row[k, 1] / total - of_size[k] * offset) * d
     for n in range(N):
         offset_var += of_offset[n] / total * (first_offset + step * n - offset) ** 2
     cell = step**2 / 12
@@ -88,54 +94,47 @@ def believe(
     shares (C,), of_length (C, K), of_width (C, K') are those of the fleet; loads (D, 2) have class and share, and at
     (D, K) says where on the grid of L_k a load of it ends.
     """
-    K, C, D = len(p), len(shares), len(loads) if behind > 0 else 0
-    l, w, fit_l, fit_w, total = np.zeros(K), np.zeros(len(q)), np.zeros(C), np.zeros(C), 0.0
-    for k in range(K):
-        for n in range(p.shape[1]):
-            l[k] += p[k, n]
-    for k in range(len(w)):
-        for n in range(q.shape[1]):
-            w[k] += q[k, n]
+    K, W, C, D = len(p), len(q), len(shares), len(loads) if behind > 0 else 0
+    l, w, fit_l, fit_w, total = sums(grid_l, p), sums(grid_w, q), np.zeros(C), np.zeros(C), 0.0
     for c in range(C):
         for k in range(K):
-            fit_l[c] += l[k] * of_length[c, k]  # (ENDS.16)
-        for k in range(len(w)):
-            fit_w[c] += w[k] * of_width[c, k]
+            fit_l[c] += l[k, 0] * of_length[c, k]  # (ENDS.16)
+        for k in range(W):
+            fit_w[c] += w[k, 0] * of_width[c, k]
     for d in range(D):
         c = int(loads[d, 0])
         for k in range(K):
             i = int(at[d, k])
-            shorter = l[i] + (at[d, k] - i) * (l[min(i + 1, K - 1)] - l[i])
-            fit_l[c] += loads[d, 1] * behind * (shorter - l[k]) * of_length[c, k]  # (ENDS.33)
+            shorter = l[i, 0] + (at[d, k] - i) * (l[min(i + 1, K - 1), 0] - l[i, 0])
+            fit_l[c] += loads[d, 1] * behind * (shorter - l[k, 0]) * of_length[c, k]  # (ENDS.33)
     for c in range(C):
         kind[c] = shares[c] * fit_l[c] * fit_w[c]
         total += kind[c]
-    joint_l, joint_w = np.empty(p.shape), np.empty(q.shape)
+    in_l, in_w, joint_l, joint_w = np.zeros(K), np.zeros(W), np.empty((K, 2)), np.empty((W, 2))
     for k in range(K):
-        s = 0.0
         for c in range(C):
-            s += shares[c] * fit_w[c] * of_length[c, k]
-        for n in range(p.shape[1]):
-            joint_l[k, n] = p[k, n] * s  # (ENDS.17)
-    for k in range(len(w)):
-        s = 0.0
+            in_l[k] += shares[c] * fit_w[c] * of_length[c, k]  # (ENDS.17)
+        joint_l[k, 0], joint_l[k, 1] = l[k, 0] * in_l[k], l[k, 1] * in_l[k]
+    for k in range(W):
         for c in range(C):
-            s += shares[c] * fit_l[c] * of_width[c, k]
-        for n in range(q.shape[1]):
-            joint_w[k, n] = q[k, n] * s
+            in_w[k] += shares[c] * fit_l[c] * of_width[c, k]  # (ENDS.17)
+        joint_w[k, 0], joint_w[k, 1] = w[k, 0] * in_w[k], w[k, 1] * in_w[k]
     for d in range(D):
         c = int(loads[d, 0])
         for k in range(K):
             h = loads[d, 1] * behind * shares[c] * fit_w[c] * of_length[c, k]
             i = int(at[d, k])
             j, f = min(i + 1, K - 1), at[d, k] - i
-            for n in range(p.shape[1]):
-                joint_l[k, n] += h * ((1 - f) * p[i, n] + f * p[j, n] - p[k, n])  # (ENDS.33)
+            for a in range(2):
+                joint_l[k, a] += h * ((1 - f) * l[i, a] + f * l[j, a] - l[k, a])  # (ENDS.33)
+            in_l[i] += h * (1 - f)
+            in_l[j] += h * f
+            in_l[k] -= h
     for c in range(C):
         kind[c] /= total
     of_axis = np.empty((2, 5))
-    grid_moments(grid_l, joint_l, of_axis[0], length)
-    grid_moments(grid_w, joint_w, of_axis[1], width)
+    grid_moments(grid_l, p, in_l, joint_l, of_axis[0], length)
+    grid_moments(grid_w, q, in_w, joint_w, of_axis[1], width)
     for i in range(5):
         b[i, 0], b[i, 1] = of_axis[0, i], of_axis[1, i]
 
@@ -157,22 +156,24 @@ def multiply(
     to_far, bump, to_anchor, floor = np.empty(K + N - 1), np.zeros(K + N - 1), np.empty(N), np.full(N, eps / grid[3])
     for i in range(K + N - 1):
         e = depth + first_offset - first + step * (i + 1 - K)  # (ENDS.2)
-        to_far[i] = ndtr((e + rounding[0]) / noise)
+        to_far[i] = normal((e + rounding[0]) / noise)
         if far and face > 0:
-            bump[i] = height * math.exp(-0.5 * (-e - behind[0]) ** 2 / var)  # (ENDS.4)
+            bump[i] = height * bell(-0.5 * (-e - behind[0]) ** 2 / var)  # (ENDS.4)
     for n in range(N):
         d = depth + first_offset + step * n
-        to_anchor[n] = ndtr(d / sigma)
+        to_anchor[n] = normal(d / sigma)
         if not far and face > 0:
-            floor[n] += height * math.exp(-0.5 * (d - behind[0]) ** 2 / var)  # (ENDS.4)
+            floor[n] += height * bell(-0.5 * (d - behind[0]) ** 2 / var)  # (ENDS.4)
     for k in range(K):
         length, s = max(first + step * k - rounding[0], least), K - 1 - k
-        h = (1 - eps) * (1 - face) / length
-        for n in range(N):
-            even = (to_anchor[n] - to_far[s + n]) * h
-            if cut:
-                even *= length / max(far_room[s + n] - near_room[n] - rounding[0], least)
-            p[k, n] *= even + floor[n] + bump[s + n]  # (ENDS.5)
+        h, row, far_end, on_far = (1 - eps) * (1 - face) / length, p[k], to_far[s : s + N], bump[s : s + N]
+        if cut:
+            for n in range(N):
+                seen = length / max(far_room[s + n] - near_room[n] - rounding[0], least)
+                row[n] *= (to_anchor[n] - far_end[n]) * h * seen + floor[n] + on_far[n]  # (ENDS.5)
+        else:
+            for n in range(N):
+                row[n] *= (to_anchor[n] - far_end[n]) * h + floor[n] + on_far[n]  # (ENDS.5)
 
 
 @compiled
@@ -183,7 +184,7 @@ def flip(A: NDArray, grid: NDArray, size: float) -> None:
     for k in range(K):
         for n in range(N):
             i = np.rint((grid[0] - size - 2 * grid[2]) / grid[1] + k - n)
-            p[k, int(min(max(i, 0.0), N - 1.0))] += math.exp(A[k, n] - top)
+            p[k, int(min(max(i, 0.0), N - 1.0))] += bell(A[k, n] - top)
     for k in range(K):
         for n in range(N):
             A[k, n] = math.log(max(p[k, n], LEAST))

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.compiled.jit import compiled
-from trackers.compiled.linear import symmetrize, wrap
+from trackers.compiled.linear import bell, symmetrize, wrap
 
 PX, PY, PHI, SPEED, OMEGA, LENGTH, WIDTH = range(7)
 LEAST = 1e-8  # probability of a mode
@@ -141,7 +141,7 @@ def reweight(mu: NDArray, log_l: NDArray) -> None:
         log_l[k] += math.log(max(mu[k], LEAST))
         top = max(top, log_l[k])
     for k in range(len(mu)):
-        mu[k] = math.exp(log_l[k] - top)
+        mu[k] = bell(log_l[k] - top)
         total += mu[k]
     rest = 0.0
     for k in range(len(mu)):

@@ -12,7 +12,7 @@ from trackers.compiled.grids import flip, multiply, roll
 from trackers.compiled.jit import compiled
 from trackers.compiled.linear import wrap
 from trackers.compiled.tables import POSE, RANGE, SENSOR, SIZE_ACROSS, SIZE_ALONG, UX, UY
-from trackers.compiled.vector import logarithms
+from trackers.compiled.vector import exponentials, logarithms
 
 WIDER = 1.0  # [m] as in `trackers.size.hidden`
 ROLLED_ABOVE = 0.75  # as in `trackers.size.posterior`
@@ -56,15 +56,13 @@ def room(
         seen[c] = in_view(x, y, box, pose, max_range, fov)
     for c in range(C - deeper):
         seen[c] &= seen[c + deeper]  # (ENDS.8)
-    near_room[:], far_room[:] = 0.0, 0.0
+    shown = np.zeros(C)
     for c in range(C):
         if seen[c]:
-            edge = first + step * c
+            edge, shown[c] = first + step * c, 1.0
             share += min(max(size[axis] - edge, 0.0), step) - min(max(-edge, 0.0), step)
-            for n in range(len(near_room)):
-                near_room[n] += near[c, n]
-            for n in range(len(far_room)):
-                far_room[n] += far[c, n]
+    np.dot(shown, near, near_room)
+    np.dot(shown, far, far_room)
     return share / size[axis]
 
 
@@ -85,20 +83,73 @@ def face_anchor(
 
 
 @compiled
-def add(A: NDArray, p: NDArray, weight: float, part: float, cut: bool) -> None:
-    """(ENDS.9), (ENDS.10): A (K, N) in place, with the logarithm of p (K, N) times a weight, greatest value 0."""
+def totals(A: NDArray, out: NDArray) -> None:
+    """Logarithms (K,) of the sums of exp A (K, N) over the offsets."""
+    K, N = A.shape
+    less, p, work = np.empty(A.shape), np.empty(A.shape), np.empty(K * N, np.int64)
+    for k in range(K):
+        out[k] = A[k].max()
+        for n in range(N):
+            less[k, n] = A[k, n] - out[k]
+    exponentials(less.reshape(-1), p.reshape(-1), work)
+    for k in range(K):
+        out[k] += math.log(p[k].sum())
+
+
+@compiled
+def add(A: NDArray, p: NDArray, weight: float, sharper: float, part: float, cut: bool) -> None:
+    """(ENDS.9), (ENDS.10), (ENDS.39): A (K, N) in place, with the logarithm of p (K, N) times a weight.
+
+    Offsets given the size count `sharper` times as often; the greatest value is 0.
+    """
     K, N = p.shape
     log, work, top = np.empty(p.shape), np.empty(K * N, np.int64), -np.inf
     logarithms(p.reshape(-1), log.reshape(-1), work, np.empty(K * N, np.int64))
+    given, of_new, of_given = np.empty(p.shape), np.zeros(K), np.zeros(K)
     for k in range(K):
         for n in range(N):
             if cut:
                 log[k, n] = max(part * log[k, n], log[k - 1, n]) if k else part * log[k, n]
+            given[k, n] = A[k, n] + sharper * (weight * log[k, n])
             A[k, n] += weight * log[k, n]
+    if sharper > 1:
+        totals(A, of_new)
+        totals(given, of_given)
+        for k in range(K):
+            for n in range(N):
+                A[k, n] = given[k, n] + of_new[k] - of_given[k]  # (ENDS.39)
+    for k in range(K):
+        for n in range(N):
             top = max(top, A[k, n])
     for k in range(K):
         for n in range(N):
             A[k, n] -= top
+
+
+@compiled
+def moved_back(
+    was: NDArray, box: NDArray, z: NDArray, sheet: NDArray, std: NDArray, reach: NDArray, xy: NDArray, place: NDArray
+) -> NDArray:
+    """(ENDS.38): the box (3,) moved towards its place was (2,) before the scan; xy and place (M, 2) in it, in place.
+
+    reach (2,) is the most of that, std (M, 2) the noise of the detections with the roughness of their surface.
+    """
+    M, cos, sin, back = len(z), math.cos(box[2]), math.sin(box[2]), np.empty(2)
+    dx, dy = was[0] - box[0], was[1] - box[1]
+    body = (cos * dx + sin * dy, cos * dy - sin * dx)
+    for a in range(2):
+        noise = 0.0
+        for i in range(M):
+            noise += max(std[i, a] ** 2 - sheet[int(z[i, SENSOR]), 13] ** 2, 0.0)
+        most = min(math.sqrt(noise) / M, reach[a])
+        back[a] = min(max(body[a], -most), most)
+        for i in range(M):
+            xy[i, a] -= back[a]
+            place[i, a] -= back[a]
+    at = box.copy()
+    at[0] += cos * back[0] - sin * back[1]
+    at[1] += sin * back[0] + cos * back[1]
+    return at
 
 
 @compiled
@@ -122,24 +173,28 @@ def in_box(box: NDArray, z: NDArray, sheet: NDArray, xy: NDArray, sight: NDArray
 
 @compiled
 def read(
-    A_l: NDArray, A_w: NDArray, anchor: NDArray, box: NDArray, size: NDArray, whole: bool, z: NDArray,
+    A_l: NDArray, A_w: NDArray, anchor: NDArray, was: NDArray, after: NDArray, size: NDArray, whole: bool, z: NDArray,
     grid_l: NDArray, near_l: NDArray, far_l: NDArray, grid_w: NDArray, near_w: NDArray, far_w: NDArray,
     sheet: NDArray, settings: NDArray,
 ) -> int:  # fmt: skip
-    """(ENDS.2) to (ENDS.11): grids A_l, A_w and anchor (2,) of a box (3,) in place, by the detections z.
+    """(ENDS.2) to (ENDS.11), (ENDS.38), (ENDS.39): grids A_l, A_w and anchor (2,) of a box in place, by detections z.
+
+    was and after (3,) are its pose before and after the scan.
 
     sheet (S, 14): max_range, fov, inside, grazing, weight, depth (2), rounding (2, 2), least_room (2), surface.
-    settings (3,): outliers, independent, part_weight. Returns the number of detections from beside the body.
+    settings (6,): outliers, independent, part_weight, offset_share, spread of the offsets (2).
+    Returns the number of detections from beside the body.
     """
     M = len(z)
     xy, sight, place, std = np.empty((M, 2)), np.empty((M, 2)), np.empty((M, 2)), np.empty((M, 2))
-    aside = in_box(box, z, sheet, xy, sight, place, std)
+    aside = in_box(after, z, sheet, xy, sight, place, std)
+    box, on_end = moved_back(was, after, z, sheet, std, settings[4:6], xy, place), np.zeros(2)
     middle = np.zeros(2)
     for i in range(M):
         for a in range(2):
             middle[a] += place[i, a] / M
     face_anchor(A_l, A_w, grid_l, grid_w, size, middle, anchor)
-    end, shown, cut = np.zeros((M, 2), np.int64), np.zeros((M, 2)), np.zeros(M, np.bool_)
+    end, shown, cut, as_of = np.zeros((M, 2), np.int64), np.zeros((M, 2)), np.zeros(M, np.bool_), np.empty(M, np.int64)
     N, W, D, V = near_l.shape[1], near_w.shape[1], far_l.shape[1], far_w.shape[1]
     rooms_l, rooms_fl, rooms_w, rooms_fw = np.empty((M, N)), np.empty((M, D)), np.empty((M, W)), np.empty((M, V))
     seen, ends, sides, weight = np.ones((M, 2)), 0.0, 0.0, 0.0
@@ -147,9 +202,9 @@ def read(
         s, first, pose = sheet[int(z[i, SENSOR])], i, z[i, POSE : POSE + 3]
         for j in range(i - 1, -1, -1):
             first = j if z[j, SENSOR] == z[i, SENSOR] else first
+        as_of[i] = first
         if first < i:  # of the same sensor
-            cut[i], rooms_l[i], rooms_fl[i], rooms_w[i] = cut[first], rooms_l[first], rooms_fl[first], rooms_w[first]
-            rooms_fw[i], seen[i] = rooms_fw[first], seen[first]
+            cut[i], seen[i, 0], seen[i, 1] = cut[first], seen[first, 0], seen[first, 1]
         else:
             cut[i] = cut_off(box, size, pose, s[0], s[1])
             if cut[i]:
@@ -162,20 +217,25 @@ def read(
             end[i, a] = 1 if beyond > size[a] / 2 else (-1 if beyond < -size[a] / 2 else 0)
             if end[i, a] != 0:
                 shown[i, a] = abs(sight[i, a]) ** (1 - s[3]) * size[1 - a] * seen[i, a]  # (ENDS.4)
+        facing = (abs(sight[i, 0]) ** (1 - s[3]) * size[1] if end[i, 0] != 0 else 0.0,
+                  abs(sight[i, 1]) ** (1 - s[3]) * size[0] if end[i, 1] != 0 else 0.0)  # fmt: skip
+        for a in range(2):
+            on_end[a] += facing[a] / max(facing[0] + facing[1], 1e-9) / M
         ends += abs(sight[i, 0]) * size[1] if end[i, 0] != 0 else 0.0
         sides += abs(sight[i, 1]) * size[0] if end[i, 1] != 0 else 0.0
         weight += s[4] / M * min(1.0, settings[1] / M)  # (ENDS.9)
     p, q = np.ones(A_l.shape), np.ones(A_w.shape)
     for i in range(M):
-        s = sheet[int(z[i, SENSOR])]
+        s, j = sheet[int(z[i, SENSOR])], as_of[i]
         total = shown[i, 0] + shown[i, 1]
         f = (1 - s[2]) / total if total > 0 else 0.0
         multiply(grid_l, settings[0], p, size[0] / 2 - anchor[0] * xy[i, 0], std[i, 0],
-                 f * shown[i, 0], end[i, 0] < 0, s[11], s[5:7], s[7:9], rooms_l[i], rooms_fl[i], cut[i])  # fmt: skip
+                 f * shown[i, 0], end[i, 0] < 0, s[11], s[5:7], s[7:9], rooms_l[j], rooms_fl[j], cut[i])  # fmt: skip
         multiply(grid_w, settings[0], q, size[1] / 2 - anchor[1] * xy[i, 1], std[i, 1],
-                 f * shown[i, 1], end[i, 1] < 0, s[12], s[5:7], s[9:11], rooms_w[i], rooms_fw[i], cut[i])  # fmt: skip
-    add(A_l, p, weight, 1.0, False)
-    add(A_w, q, weight, settings[2], not whole and sides < ends)
+                 f * shown[i, 1], end[i, 1] < 0, s[12], s[5:7], s[9:11], rooms_w[j], rooms_fw[j], cut[i])  # fmt: skip
+    sharper = (max(1.0, settings[3] * (1 - on_end[0]) / weight), max(1.0, settings[3] * (1 - on_end[1]) / weight))
+    add(A_l, p, weight, sharper[0], 1.0, False)
+    add(A_w, q, weight, sharper[1], settings[2], not whole and sides < ends)
     return aside
 
 

@@ -82,15 +82,16 @@ def missing(c: NDArray, h: NDArray, S: NDArray, w: NDArray, z: NDArray, u: NDArr
             second[2, l] += w[i, l] * ay * ay
             for k in range(7):
                 score[k, i] += w[i, l] * (h[k, 0, l] * ax + h[k, 1, l] * ay)
+    turned, more = np.empty((7, 2, L)), np.empty((7, 7))
+    for k in range(7):
+        for l in range(L):
+            turned[k, 0, l] = h[k, 0, l] * second[0, l] + h[k, 1, l] * second[1, l]
+            turned[k, 1, l] = h[k, 0, l] * second[1, l] + h[k, 1, l] * second[2, l]
+    np.dot(turned.reshape(7, 2 * L), h.reshape(7, 2 * L).T, out)
+    np.dot(score, score.T, more)
     for i in range(7):
         for j in range(7):
-            s = 0.0
-            for l in range(L):
-                s += (h[i, 0, l] * second[0, l] + h[i, 1, l] * second[1, l]) * h[j, 0, l]
-                s += (h[i, 0, l] * second[1, l] + h[i, 1, l] * second[2, l]) * h[j, 1, l]
-            for k in range(M):
-                s -= score[i, k] * score[j, k]
-            out[i, j] = s
+            out[i, j] -= more[i, j]
     symmetrize(out)
 
 
@@ -115,15 +116,12 @@ def joint_update(
         for k in range(7):
             g[k, 0, l] = (yy * h[k, 0, l] - xy * h[k, 1, l]) / det
             g[k, 1, l] = (xx * h[k, 1, l] - xy * h[k, 0, l]) / det
+    np.dot(h.reshape(7, 2 * L), g.reshape(7, 2 * L).T, A)
+    symmetrize(A)
     for i in range(7):
         for l in range(L):
             pull[i] += g[i, 0, l] * (zs[0, l] - c[0, l]) + g[i, 1, l] * (zs[1, l] - c[1, l])
-        for j in range(i + 1):
-            s = 0.0
-            for l in range(L):
-                s += h[i, 0, l] * g[j, 0, l] + h[i, 1, l] * g[j, 1, l]
-                s += h[j, 0, l] * g[i, 0, l] + h[j, 1, l] * g[i, 1, l]
-            A[i, j] = A[j, i] = s / 2 + (1.0 if i == j else 0.0)
+        A[i, i] += 1.0
     if not inverse(A, inner):
         return False
     for i in range(7):

@@ -12,6 +12,7 @@ from trackers.compiled.modes import LENGTH, OMEGA, PHI, SPEED
 from trackers.compiled.tables import UNUSABLE, Found, Rows, Tables
 
 AXLE_STD, CREEP, ROUNDING = 0.15, 1.0, 1e-9  # as in `trackers.motion.mixture` and `.turn`
+LARGEST = 1e15  # as in `trackers.validation`
 
 
 @compiled
@@ -83,11 +84,23 @@ def estimate(
 
 
 @compiled
+def usable(a: NDArray) -> bool:
+    """Whether all numbers are finite and not beyond `LARGEST`."""
+    square = 0.0
+    for x in a.flat:
+        square += x * x
+    return square <= LARGEST**2
+
+
+@compiled
 def predict(
     old: Rows, x: Rows, which: NDArray, dt: float, kept: float, keep: float, over_length: NDArray, over_width: NDArray,
     p: Tables, f: Found,
-) -> None:  # fmt: skip
-    """Motion and size of all rows after dt, from `old` into x; kept and keep: of the mode, and of what was detected."""
+) -> bool:  # fmt: skip
+    """Motion and size of all rows after dt, from `old` into x; kept and keep: of the mode, and of what was detected.
+
+    False where some number is not finite or too large.
+    """
     length, width = np.empty(old.length.shape[1:]), np.empty(old.width.shape[1:])
     for t in range(len(which)):
         x.ahead[t] = old.ahead[t] + modes.driven(old.m[t], old.P[t], old.mu[t], dt)
@@ -105,6 +118,7 @@ def predict(
         estimate(f.m[t], f.P[t], x.mu[t], p.axle, x.belief[t], x.anchor[t], p.place_std, p.outline[which[t]],
                  f.pose[0, t], f.pose[1, t], f.cov[0, t], f.cov[1, t], f.velocity[t], f.std[t], f.contour[0, t],
                  f.contour[1, t])  # fmt: skip
+    return usable(x.m) and usable(x.P)
 
 
 @compiled
@@ -131,7 +145,7 @@ def update(
         modes.moments(x.m[t], x.P[t], x.mu[t], f.m[t], f.P[t])
         mine, q = z[start[t] : start[t + 1]], which[t]
         if len(mine):
-            heading = f.m[t, PHI]
+            before = f.m[t, :3].copy()
             state[t] = spline.update(f.m[t], f.P[t], p.mu[q], p.Sigma[q], p.visible[q], mine, p.cover, p.spline,
                                      p.iterations, m, P, f.eps[t], f.S[t])  # fmt: skip
             good = state[t] < UNUSABLE and evidence.move(
@@ -141,10 +155,10 @@ def update(
                 state[t] = UNUSABLE
                 continue
             box[0], box[1], box[2], was = f.m[t, 0], f.m[t, 1], wrap(f.m[t, PHI]), f.m[t, LENGTH:].copy()
-            if math.cos(f.m[t, PHI] - heading) < 0:  # front and rear changed places
+            if math.cos(f.m[t, PHI] - before[2]) < 0:  # front and rear changed places
                 x.anchor[t] *= -1
-            x.side[t] += size.read(x.length[t], x.width[t], x.anchor[t], box, was, whole[t], mine, p.grid_l, p.near_l,
-                                   p.far_l, p.grid_w, p.near_w, p.far_w, p.sheet, p.size)  # fmt: skip
+            x.side[t] += size.read(x.length[t], x.width[t], x.anchor[t], before, box, was, whole[t], mine, p.grid_l,
+                                   p.near_l, p.far_l, p.grid_w, p.near_w, p.far_w, p.sheet, p.size)  # fmt: skip
             grids.to_likelihood(x.length[t], 1.0, length)
             grids.to_likelihood(x.width[t], 1.0, width)
             behind = math.exp(-x.side[t] / p.enough_side) if x.anchor[t, 0] < 0 else 0.0  # (ENDS.34)
@@ -154,7 +168,7 @@ def update(
             for a in range(2):
                 std[a] = max(p.pin[0] * x.belief[t, 0, a], p.pin[1])
             modes.pin(x.m[t], x.P[t], x.mu[t], x.belief[t, 0], std, shift, p.course, f.m[t], f.P[t])
-            if not sound(x.P[t]) or not math.isfinite(f.m[t].sum()):
+            if not (sound(x.P[t]) and usable(x.m[t]) and usable(x.P[t])):
                 state[t] = UNUSABLE
                 continue
             if len(p.mu) > 1:

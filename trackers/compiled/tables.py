@@ -89,7 +89,7 @@ class Tables(NamedTuple):
     enough_side: float
     pin: NDArray  # (2,) share, least
     sheet: NDArray  # (S, 14) see `size.read`
-    size: NDArray  # (3,) see `size.read`
+    size: NDArray  # (6,) see `size.read`
 
     @classmethod
     def of(cls, place: Any, motion: Any, size: Any) -> "Tables":
@@ -122,7 +122,8 @@ class Tables(NamedTuple):
             place.iterations, TRUCK_ABOVE, *_axis(size.length, 0), *_axis(size.width, 1),
             *size.prior[:3], np.reshape([one[:2] for one in loads], (-1, 2)),
             np.reshape(at, (-1, len(size.length.sizes))), size.enough_side, [size.pin, size.least_pin], sheet,
-            [size.outliers, size.independent, size.part_weight],
+            [size.outliers, size.independent, size.part_weight, size.offset_share, size.length.offset_std,
+             size.width.offset_std],
         )  # fmt: skip
         return cls(*map(_plain, cls._fields, values))
 

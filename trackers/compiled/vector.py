@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from trackers.compiled.jit import compiled
 
-LEAST = -708.0  # the exponential of what is below is that of this
+LEAST = -600.0  # the exponential of what is below is that of this, whose products are normal numbers too
 LOG2E, LN2, LN2_HIGH, LN2_LOW = 1.4426950408889634, 0.693359375, 6.93145751953125e-1, 1.42860682030941723212e-6
 
 

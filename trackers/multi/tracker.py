@@ -12,20 +12,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.batch import keep, put, select, take
+from trackers.compiled import available
 from trackers.estimate import Estimate, prior
 from trackers.filter import Abilities, Filter, Note
 from trackers.linalg import largest_eigenvalue
 from trackers.multi.association import Association, Claims, SortedScan, gather, shares
 from trackers.multi.exclusion import Exclusion
 from trackers.multi.existence import Existence
-from trackers.multi.ground import GroundTest, piece
+from trackers.multi.ground import NOTHING, GroundTest, piece
 from trackers.multi.initiation import Births, Initiation
 from trackers.multi.leftovers import Suppression
 from trackers.multi.outage import SensorOutage, without
 from trackers.multi.reidentification import LostTracks, Reidentification
 from trackers.multi.road import RoadMap
-from trackers.multi.tracks import NO_TRACK, REPORT_ABOVE, Event, StepInfo, Tracks
+from trackers.multi.tracks import NO_TRACK, REPORT_ABOVE, Event, Rest, Seen, StepInfo, Tracks
 from trackers.multi.visibility import SensorArray, Visibility, predict_visibility
+from trackers.multi.window import Unexplained
 from trackers.parameters import check_numbers
 from trackers.scan import Scan, SensorModel
 from trackers.validation import Admitted, admit, check_step, guarded
@@ -68,10 +70,20 @@ class MultiObjectTracker:
             object.__setattr__(self, "filter", self.can.on_sensors(self.sensors))
             del self.__dict__["can"]
 
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name != "_compiled"}  # copies find their own
+
     @cached_property
     def can(self) -> Abilities:
         """What the filter offers beyond the four methods."""
         return Abilities.of(self.filter)
+
+    @cached_property
+    def _compiled(self) -> Any:
+        """The compiled form of what is done around the filter; None where it is not there, or parts are others."""
+        from trackers.compiled.multi import Life
+
+        return Life.of(self)
 
     @cached_property
     def sensor_array(self) -> SensorArray:
@@ -95,47 +107,19 @@ class MultiObjectTracker:
                 that is not finite, negative or longer than a minute. The error names the field.
 
         """
-        scan, implausible = self._admit(scan, dt)
-        z, order = self.association.prepare(scan, self.sensor_array, self.road)
-        tracks = self._predict(tracks, dt)
-        view, out = self._view(tracks, scan)
-        visible = view.share.max(0, initial=0.0) > 0
-        alive = self.existence.survive(tracks.existence, visible, view.in_view, view.hidden, dt)
-        tracks = tracks._replace(existence=alive)
-        tracks = tracks._replace(memory=tracks.memory._replace(out=out))
-        gate = tracks.estimate if self.can.reach is None else self.can.reach(tracks.state)
-        claims = self.association.claim(
-            self.can.log_spatial, tracks.state, gate, tracks.existence, view.expected, z, self.sensor_array.clutter
-        )
-        z = z._replace(clutter=claims.clutter)
-        info = self._weigh(tracks, view, claims)
-        updated = tracks
-        if info.detections.any():
-            state = tracks.state
-            around = () if self.can.update_among is None else (z.scan, claims.owner)
-            if self.can.learn_where is not None:
-                state = self.can.learn_where(state, view.complete > self.complete_above)
-            share = gather(z, shares(claims.owner, len(tracks.id), self.most_detections))
-            state, found = guarded(self.can.update_among or self.filter.update, state, share, *around)
-            updated, info = tracks._replace(state=state), reported(info, found)
-        hidden = tracks.hidden
-        if hidden is not None:
-            hidden = np.where(info.detections > 0, 0.0, hidden + dt * (view.hidden & (out < 0.5).any()))
-        updated = updated._replace(
-            estimate=self.filter.estimate(updated.state),
-            existence=self.existence.update(tracks.existence, info.log_ratio),
-            hits=tracks.hits + (info.detections > 0),  # (MOT.26)
-            hidden=hidden,
-        )
-        updated, divided = self._divide(updated, view, z, dt)
-        candidate = self.suppression.candidates(z, claims.owner, updated.estimate, updated.existence)
+        check_step(dt)
+        life = self._compiled if len(tracks.id) and available() else None
+        scan, implausible = (scan, 0) if life is not None and life.plausible(scan) else self._admit(scan)
+        tracks = self._predict(tracks, dt, life)
+        seen = self._seen(tracks, scan, dt) if life is None else life.seen(tracks, scan, dt)
+        updated, info = self._update(seen, life, dt)
+        rest = None if life is None else life.rest(seen, updated, dt)
+        existence = self.existence.update(seen.tracks.existence, info.log_ratio) if rest is None else rest.existence
+        updated, rare = self._conclude(updated._replace(existence=existence), seen, rest, dt)
         owner = np.full(scan.mask.shape[-1], -1)
-        owner[order] = np.where(claims.owner >= 0, tracks.id[claims.owner], -1) if len(tracks.id) else -1
-        updated, died = self._prune(updated)
-        updated, born = self._initiate(updated, z, candidate, dt)
-        updated, merged = self._exclude(updated)
+        owner[seen.order] = np.where(seen.owner >= 0, tracks.id[seen.owner], -1) if len(tracks.id) else -1
         fresh = (updated.existence > REPORT_ABOVE) & ~updated.confirmed
-        events = [*events_of_scan(int(implausible)), *info.events, *divided, *died, *born, *merged]
+        events = [*events_of_scan(int(implausible)), *info.events, *rare]
         events += [
             Event("confirmed", int(i), f"existence {q:.2f}")
             for i, q in zip(updated.id[fresh], updated.existence[fresh])
@@ -143,9 +127,67 @@ class MultiObjectTracker:
         tracks_new = updated._replace(confirmed=updated.confirmed | fresh)
         return tracks_new, info._replace(owner=owner, events=tuple(events), implausible=int(implausible))
 
-    def _admit(self, scan: Scan, dt: float) -> Admitted:
-        """The scan without implausible detections; raises ValueError for one, or a time step, of no use."""
-        check_step(dt)
+    def _predict(self, tracks: Tracks, dt: float, life: Any = None) -> Tracks:
+        state = None if life is None else life.predict(tracks.state, dt)
+        state = self.filter.predict(tracks.state, dt) if state is None else state
+        return tracks._replace(state=state, estimate=self.filter.estimate(state), age=tracks.age + dt)
+
+    def _update(self, seen: Seen, life: Any, dt: float) -> tuple[Tracks, StepInfo]:
+        """The tracks after their detections, with the existence before them, and the report."""
+        tracks, z, _, owner, view, info = seen
+        state, some = tracks.state, info.detections > 0
+        if some.any():
+            found = None if life is None else life.update(seen)
+            if found is None:
+                around = () if self.can.update_among is None else (z.scan, owner)
+                if self.can.learn_where is not None:
+                    state = self.can.learn_where(state, view.complete > self.complete_above)
+                share = gather(z, shares(owner, len(tracks.id), self.most_detections))
+                found = guarded(self.can.update_among or self.filter.update, state, share, *around)
+            state, info = found[0], reported(info, found[1])
+        hidden = tracks.hidden
+        if hidden is not None:
+            works = np.any(np.asarray(tracks.memory.out) < 0.5)
+            hidden = np.where(some, 0.0, hidden + dt * (view.hidden & works))
+        hits = tracks.hits + some  # (MOT.26)
+        return tracks._replace(state=state, estimate=self.filter.estimate(state), hits=hits, hidden=hidden), info
+
+    def _conclude(self, tracks: Tracks, seen: Seen, rest: Rest | None, dt: float) -> tuple[Tracks, list[Event]]:
+        """The tracks after what is rare: division, death, birth and union; `rest` says what of it may happen now."""
+        view, z = seen.view, seen.z
+        tracks, divided = self._divide(tracks, view, z, dt) if rest is None or rest.long else self._forgot(tracks)
+        rest = None if divided else rest
+        candidate = (
+            self.suppression.candidates(z, seen.owner, tracks.estimate, tracks.existence)
+            if rest is None
+            else rest.candidate
+        )
+        tracks, died = self._prune(tracks) if rest is None or rest.dies else (tracks, [])
+        if rest is not None and rest.calm and not died:
+            tracks, born = self._waited(tracks, rest.window, dt), list[Event]()
+            if rest.apart:
+                return tracks, []
+        else:
+            tracks, born = self._initiate(tracks, z, candidate, dt)
+        tracks, merged = self._exclude(tracks)
+        return tracks, [*divided, *died, *born, *merged]
+
+    def _seen(self, tracks: Tracks, scan: Scan, dt: float) -> Seen:
+        """The claims of predicted tracks, whose existence is that before dt [s]."""
+        z, order = self.association.prepare(scan, self.sensor_array, self.road)
+        view, out = self._view(tracks, scan)
+        visible = view.share.max(0, initial=0.0) > 0
+        alive = self.existence.survive(tracks.existence, visible, view.in_view, view.hidden, dt)
+        tracks = tracks._replace(existence=alive, memory=tracks.memory._replace(out=out))
+        gate = tracks.estimate if self.can.reach is None else self.can.reach(tracks.state)
+        claims = self.association.claim(
+            self.can.log_spatial, tracks.state, gate, tracks.existence, view.expected, z, self.sensor_array.clutter
+        )
+        z = z._replace(clutter=claims.clutter)
+        return Seen(tracks, z, order, claims.owner, view, self._weigh(tracks, view, claims))
+
+    def _admit(self, scan: Scan) -> Admitted:
+        """The scan without implausible detections; raises ValueError for one of no use."""
         admitted = admit(scan, ())
         S = len(self.sensors)
         if scan.delivered is not None and scan.delivered.shape != (S,):
@@ -158,10 +200,6 @@ class MultiObjectTracker:
                 "build the tracker with the models of the radar that made the scan"
             )
         return admitted
-
-    def _predict(self, tracks: Tracks, dt: float) -> Tracks:
-        state = self.filter.predict(tracks.state, dt)
-        return tracks._replace(state=state, estimate=self.filter.estimate(state), age=tracks.age + dt)
 
     def _view(self, tracks: Tracks, scan: Scan) -> tuple[Visibility, NDArray]:
         """What the sensors should see of the predicted tracks, and the probability (S,) that each delivers nothing."""
@@ -176,6 +214,12 @@ class MultiObjectTracker:
             clutter = self.sensor_array.clutter
             out = self.outage.probability(before, heard, view.expected, tracks.existence, clutter)
         return without(view, out), out
+
+    def _waited(self, tracks: Tracks, window: Unexplained, dt: float) -> Tracks:
+        """The tracks after a scan in which none is born."""
+        memory, time = tracks.memory, tracks.memory.time + dt
+        lost = None if memory.lost is None else self.reidentification.predict(memory.lost, dt, self.road)
+        return tracks._replace(memory=memory._replace(time=time, unexplained=window, lost=lost))
 
     def _restart(self, state: object, estimate: Estimate) -> object:
         """State that starts again from an estimate."""
@@ -197,10 +241,10 @@ class MultiObjectTracker:
         memory = tracks.memory
         points = self.initiation.window.predict(memory.unexplained, dt)
         points = keep(points, self.suppression.unexplained(points, tracks.estimate, tracks.existence))
-        clutter, time = self.sensor_array.clutter, memory.time + dt
-        births = self.initiation.births(z, candidate, points, clutter, time, dt, self.road)
-        lost = None if memory.lost is None else self.reidentification.predict(memory.lost, dt, self.road)
-        tracks = tracks._replace(memory=memory._replace(time=time, unexplained=births.unexplained, lost=lost))
+        births = self.initiation.births(
+            z, candidate, points, self.sensor_array.clutter, memory.time + dt, dt, self.road
+        )
+        tracks = self._waited(tracks, births.unexplained, dt)
         events = []
         if births.crowd:
             reason = f"{births.crowd} unexplained detections; births need three of one scan"
@@ -246,6 +290,12 @@ class MultiObjectTracker:
         ]
         events += [event for note in getattr(info, "notes", ()) for event in events_of(note, id)]
         return tracks.and_born(born), events
+
+    def _forgot(self, tracks: Tracks) -> tuple[Tracks, list[Event]]:
+        """The tracks where none is long: nothing is remembered of the ground under them."""
+        if not len(tracks.memory.ground.id):
+            return tracks, []
+        return tracks._replace(memory=tracks.memory._replace(ground=NOTHING)), []
 
     def _divide(self, tracks: Tracks, view: Visibility, z: SortedScan, dt: float) -> tuple[Tracks, list[Event]]:
         """The tracks after those with empty ground in them became two; the rear part keeps the id."""

@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 from trackers.batch import concatenate, take
 from trackers.estimate import Estimate
 from trackers.geometry import dot, perpendicular, unit
+from trackers.multi.association import SortedScan
 from trackers.multi.ground import NOTHING, Ground
 from trackers.multi.reidentification import LostTracks
+from trackers.multi.visibility import Visibility
 from trackers.multi.window import EMPTY, Unexplained
 
 NO_TRACK = -1  # id in an event about a scan
@@ -99,3 +101,26 @@ class StepInfo(NamedTuple):
     events: tuple[Event, ...]
     mode: NDArray | None = None  # (T, K) probabilities of the motion models, where the filter mixes some
     implausible: int = 0  # detections of the scan beyond what radars measure, masked before anything else
+
+
+class Seen(NamedTuple):
+    """A step before the update of its tracks."""
+
+    tracks: Tracks  # predicted, with the existence before the detections
+    z: SortedScan
+    order: NDArray  # (M,) the rows of the sorted detections in the scan
+    owner: NDArray  # (M,) rows of the tracks that own the sorted detections, -1 for none
+    view: Visibility
+    info: StepInfo
+
+
+class Rest(NamedTuple):
+    """A step after the update of its tracks: what is left of the scan, and which rare things happen."""
+
+    existence: NDArray  # (T,)
+    candidate: NDArray  # (M,) bool, detections that may start a track
+    window: Unexplained  # of the next step, where no cell is born
+    calm: bool  # no cell is born
+    dies: bool  # a track dies
+    apart: bool  # no two tracks are one vehicle
+    long: bool  # a track may be two vehicles

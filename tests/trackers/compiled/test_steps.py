@@ -129,35 +129,35 @@ def test_what_has_no_compiled_form_goes_the_other_way():
     assert not supported(place, None, size)
     assert not supported(replace(place, visibility="none"), motion, size)
     for name in ("imm-htg", "imm-spline:motion=off", "imm-spline:size=off"):
-        assert getattr(build(name, RADAR.models).filter, "_core", None) is None
+        assert getattr(build(name, RADAR.models).filter, "core", None) is None
     lidar = [replace(s, profile=replace(s.profile, hides_within=0.01)) for s in RADAR.models]
-    assert find("imm-spline").on(lidar)._core is None
+    assert find("imm-spline").on(lidar).core is None
 
 
 def test_a_state_that_the_core_does_not_know_goes_the_other_way(monkeypatch):
     state, scan = drawn(np.random.default_rng(1), 3, 5)
-    assert COMPILED._core.predict(*state, 0.1) is not None
+    assert COMPILED.core.predict(*state, 0.1) is not None
     contour = state._replace(place=state.place._replace(p=state.place.p * 1.01))
-    assert COMPILED._core.predict(*contour, 0.1) is None
+    assert COMPILED.core.predict(*contour, 0.1) is None
     assert_same(COMPILED.predict(contour, 0.1), NUMPY.predict(contour, 0.1))
     flat = state._replace(motion=state.motion._replace(P=np.zeros(state.motion.P.shape)))
-    assert COMPILED._core.update(*flat, scan) is None
+    assert COMPILED.core.update(*flat, scan) is None
     many = scan._replace(
         **{
             name: np.repeat(getattr(scan, name), 20, 1)
             for name in ("polar", "mask", "pose", "velocity", "noise", "sensor")
         }
     )
-    assert COMPILED._core.update(*state, many) is None
+    assert COMPILED.core.update(*state, many) is None
     assert_same(COMPILED.update(state, many)[0], NUMPY.update(state, many)[0])
     monkeypatch.setenv(REFUSED, "off")
-    assert COMPILED._core.predict(*state, 0.1) is None
+    assert COMPILED.core.predict(*state, 0.1) is None
 
 
 def test_copies_work_and_take_no_compiled_code_along():
     state, _ = drawn(np.random.default_rng(2), 2, 3)
     first = COMPILED.predict(state, 0.1)
     for copy in (deepcopy(COMPILED), pickle.loads(pickle.dumps(COMPILED))):
-        assert isinstance(copy._core, Core)
+        assert isinstance(copy.core, Core)
         assert_same(copy.predict(state, 0.1), first)
-    assert len(pickle.dumps(COMPILED._core)) < 1e5
+    assert len(pickle.dumps(COMPILED.core)) < 1e5

@@ -1,0 +1,169 @@
+"""One step of the multi-object tracker in its compiled form is one of the numpy form, over any of the usual filters."""
+
+import pickle
+from contextlib import closing
+from copy import deepcopy
+from dataclasses import replace
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scenarios import SCENARIOS
+from tests.trackers.compiled.states import RADAR, assert_same
+from trackers import build
+from trackers.batch import concatenate, take
+from trackers.compiled import REFUSED, available
+from trackers.compiled.multi import supported
+from trackers.multi.exclusion import Exclusion
+from trackers.scan import Scan
+from trackers.validation import admit
+
+pytestmark = pytest.mark.skipif(not available(), reason="needs the extra `fast`")
+
+
+class Listening:
+    """A tracker that keeps the arguments of its steps."""
+
+    def __init__(self, name):
+        self.inner, self.steps = build(name, RADAR.models), []
+
+    def start(self):
+        return self.inner.start()
+
+    def step(self, tracks, scan, dt):
+        self.steps.append((tracks, scan, dt))
+        return self.inner.step(tracks, scan, dt)
+
+
+def recorded(name, scenario, most, seed=0):
+    """Arguments (tracks, scan, dt) of at most so many steps of a tracker in a closed loop; and the tracker."""
+    listening = Listening(name)
+    with closing(gym.make(f"testbed/{scenario}-v0", tracker=listening, radar="surround")) as env:
+        env.reset(seed=seed)
+        while len(listening.steps) < most and not any(env.step(1)[2:4]):
+            pass
+    return listening.inner, listening.steps[:most]
+
+
+def check(tracker, steps, monkeypatch):
+    """Both forms from each state."""
+    new = [tracker.step(*step) for step in steps]
+    with monkeypatch.context() as without:
+        without.setenv(REFUSED, "off")
+        for found, step in zip(new, steps, strict=True):
+            assert_same(found, tracker.step(*step))
+    return new
+
+
+@pytest.mark.parametrize(
+    ("name", "scenario"),
+    [("imm-spline", "cut-in"), ("imm-spline", "truck-convoy"), ("imm-htg", "merge"), ("rm-koch", "dense-traffic")],
+)
+def test_a_step_from_each_state_of_a_scenario_is_the_same(name, scenario, monkeypatch):
+    tracker, steps = recorded(name, scenario, 36)
+    assert tracker._compiled is not None
+    check(tracker, steps, monkeypatch)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scenario", SCENARIOS)
+def test_a_step_from_2000_states_of_every_scenario_is_the_same(scenario, monkeypatch):
+    count, seed = 0, 0
+    while count < 2000:
+        tracker, steps = recorded("imm-spline", scenario, 2000 - count, seed)
+        check(tracker, steps, monkeypatch)
+        count, seed = count + len(steps), seed + 1
+
+
+def changed(rng, tracks, scan):
+    """Rare states and scans: tracks beside themselves, unsure, hidden, divided; silent, blind and disturbed sensors."""
+    T, M = len(tracks.id), len(scan.mask)
+    if rng.random() < 0.3 and T:
+        twin = take(tracks._replace(next_id=None, memory=None), rng.integers(0, T, 1))
+        twin.state.motion.m[..., 0] += rng.choice([0.0, 2.0, 6.0])
+        mine = concatenate([tracks._replace(next_id=None, memory=None), twin._replace(id=np.array([tracks.next_id]))])
+        tracks = mine._replace(next_id=tracks.next_id + 1, memory=tracks.memory)
+    existence = rng.choice([0.021, 0.3, 0.6, 0.9999], len(tracks.id)) * rng.uniform(0.9, 1, len(tracks.id))
+    divided = tracks.id[rng.random(len(tracks.id)) < 0.3]
+    out = rng.choice([0.0, 0.4, 0.9], len(RADAR.models)) if rng.random() < 0.5 else None
+    tracks = tracks._replace(existence=existence, memory=tracks.memory._replace(divided=divided, out=out))
+    polar, mask, noise = scan.polar.copy(), scan.mask & (rng.random(M) < rng.choice([1.0, 0.5, 0.0])), scan.noise.copy()
+    polar[rng.random(M) < rng.choice([0.0, 0.3]), 2] = np.nan
+    noise[rng.random(M) < rng.choice([0.0, 0.2])] = np.nan
+    polar[:, :2] *= rng.normal(1, rng.choice([0.0, 0.02]), (M, 2))
+    burst = int(rng.choice([0, 0, 60]))
+    sensor = np.r_[scan.sensor, np.full(burst, rng.integers(0, len(RADAR.models)), int)]
+    far = RADAR.models[sensor[-1]].max_range
+    more = np.c_[rng.uniform(1, far, burst), rng.uniform(-1, 1, burst), rng.uniform(-40, 40, burst)]
+    like = np.r_[np.arange(M), np.zeros(burst, int)]
+    told = rng.random(len(RADAR.models)) < 0.8 if rng.random() < 0.3 else None
+    polar, mask = np.r_[polar, more], np.r_[mask, np.ones(burst, bool)]
+    return tracks, Scan(polar, mask, scan.pose[like], scan.velocity[like], noise[like], sensor, scan.platform, told)
+
+
+@pytest.fixture(scope="module")
+def drive():
+    return recorded("imm-spline", "dense-traffic", 60, 3)
+
+
+@given(seed=st.integers(0, 2**32 - 1), k=st.integers(3, 59), dt=st.sampled_from([0.0, 1 / 15, 0.4]))
+def test_a_step_from_any_state_is_the_same(drive, seed, k, dt):
+    tracker, steps = drive
+    tracks, scan = changed(np.random.default_rng(seed), *steps[k][:2])
+    with pytest.MonkeyPatch.context() as patch:
+        check(tracker, [(tracks, scan, dt)], patch)
+
+
+def test_what_is_changed_has_all_that_is_rare(drive):
+    tracker, steps = drive
+    kinds, seen = set(), {"out": 0, "alarms": 0, "calm": 0, "hidden": 0}
+    for seed in range(60):
+        tracks, scan = changed(np.random.default_rng(seed), *steps[3 + seed % 50][:2])
+        new, info = tracker.step(tracks, scan, 1 / 15)
+        kinds |= {event.kind for event in info.events}
+        seen["out"] += (new.memory.out > 0.5).any()
+        seen["alarms"] += len(scan.mask) > len(steps[3 + seed % 50][1].mask)
+        seen["calm"] += not {event.kind for event in info.events} - {"confirmed"}
+        seen["hidden"] += ((info.expected == 0) & info.in_view).any()
+    assert {"born", "died", "merged", "lost"} <= kinds
+    assert min(seen.values()) > 3
+
+
+def test_scans_that_numpy_would_not_take_as_they_are_go_the_other_way(drive):
+    tracker, steps = drive
+    life, scan = tracker._compiled, steps[20][1]
+    assert life.plausible(scan)
+    broken = [
+        scan._replace(polar=scan.polar * [1, 1, 1e5]), scan._replace(polar=-scan.polar),
+        scan._replace(pose=scan.pose * np.nan), scan._replace(noise=-scan.noise), scan._replace(mask=scan.mask[1:]),
+        scan._replace(sensor=scan.sensor + 9), scan._replace(polar=scan.polar.astype(np.float32)),
+        scan._replace(platform=np.full(6, np.inf)), scan._replace(velocity=scan.velocity[:, :1]),
+        scan._replace(delivered=np.ones(2, bool)), scan._replace(polar=scan.polar.tolist()),
+    ]  # fmt: skip
+    assert not any(map(life.plausible, broken))
+    silent = scan._replace(polar=scan.polar * [1, 1, np.nan], noise=scan.noise * np.nan)
+    assert life.plausible(silent)
+    assert admit(silent, ()).scan is silent
+
+
+class Mine(Exclusion):
+    """An exclusion of a user."""
+
+
+def test_parts_of_a_user_have_no_compiled_form():
+    tracker = build("imm-spline", RADAR.models)
+    assert supported(tracker)
+    assert not supported(replace(tracker, exclusion=Mine()))
+    assert not supported(build("imm-spline:compiled=off", RADAR.models))
+    assert not supported(build("pmht-spline", RADAR.models))  # claims by a density of its own
+    assert supported(build("rm-feldmann", RADAR.models))
+
+
+def test_copies_of_a_tracker_take_no_compiled_code_along(drive):
+    tracker, steps = drive
+    expected = tracker.step(*steps[30])
+    for copy in (deepcopy(tracker), pickle.loads(pickle.dumps(tracker))):
+        assert_same(copy.step(*steps[30]), expected)
