@@ -13,12 +13,15 @@ from pathlib import Path
 from time import perf_counter, process_time
 from typing import Any, ClassVar
 
+from rich.markup import escape
+
 from testbed.environment.perception import Cost, tracker_of
 from testbed.experiments.compare import Comparison, Settings
 from testbed.experiments.episode import Played
 from testbed.experiments.identity import modules_digest, shared_digest, tracker_digest
 from testbed.experiments.rows import Rows
-from testbed.experiments.study import Kept, Study
+from testbed.experiments.store import Results
+from testbed.experiments.study import Findings, Kept, Study, Tally
 from testbed.files import versions
 from testbed.frame import Frame
 from testbed.limits import check_settle
@@ -204,6 +207,12 @@ class RecordedComparison(Comparison):
         kept = watch.kept(Played((), costs, seconds, process_time() - cpu, recorded.drawn))
         return kept._replace(seconds=seconds | {"metrics": perf_counter() - start - sum(seconds.values())})
 
+    def judge(self, results: Results, tally: Tally) -> Findings:
+        """As of scenarios, and what was left out of files of tracks."""
+        found = super().judge(results, tally)
+        left = [f"! {run.source}, {run.folder}: {said}" for run in self.work() if (said := _check(run, self.accept))]
+        return found._replace(shown=[*found.shown, *map(escape, left)])
+
     def log(self, run: RecordedRun, names: Sequence[str], out: Path) -> Path:
         """Write the review log of one recording with some of the trackers and tracks; OSError where that cannot be."""
         tracks = tuple((n, self._files[n, run.folder]) for n in names if (n, run.folder) in self._files)
@@ -237,9 +246,11 @@ def _judged(folder: str, accept: bool) -> Recorded:
 
 
 @cache
-def _check(run: RecordedRun, accept: bool) -> None:
-    """Raise LookupError or ValueError for a run that cannot be made."""
+def _check(run: RecordedRun, accept: bool) -> str:
+    """What is left out of the tracks of a run, in words; LookupError or ValueError where it cannot be made."""
     recorded = _judged(run.folder, accept)
     mounted = run.mounted(recorded)
-    if isinstance(mounted, str):
-        tracker_of(mounted, RecordedRadar(recorded.sensors.models, None, recorded.frames))
+    if not isinstance(mounted, str):
+        return mounted.said
+    tracker_of(mounted, RecordedRadar(recorded.sensors.models, None, recorded.frames))
+    return ""

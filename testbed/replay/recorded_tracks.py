@@ -32,6 +32,7 @@ from trackers.scan import Scan
 
 TOLERANCE = 0.01  # [s] from a scan up to which a row is of it
 GAP = 0.5  # [s] between two rows of a track that are interpolated, where that is wished
+LONGEST = 60  # letters of a name
 DRIVES, OFF, RIGHT = 5.0, 0.5, 0.1  # [m/s] with a course; [rad] between heading and course that is wrong, that is right
 
 
@@ -106,11 +107,14 @@ def recorded_tracks(source: TracksSource, name: str, recorded: Recorded) -> list
     trackers = table.texts("tracker")
     different, found = list(dict.fromkeys(trackers.tolist() or [""])), []
     for tracker in different:
+        called = f"{name}/{tracker}" if different[1:] else name
+        if not (called.strip() and called.isprintable() and len(called) <= LONGEST):
+            raise ValueError(f"tracks: {called[:LONGEST]!r} is no name; give one of letters, at most {LONGEST}")
         own = trackers[where.first] == tracker
         steps = _steps(
             table, _contours(table, trackers == tracker), scan[own], Between(*(p[own] for p in where)), recorded
         )
-        found.append(RecordedTracks(f"{name}/{tracker}" if different[1:] else name, steps, said))
+        found.append(RecordedTracks(called, steps, said))
     return found
 
 

@@ -13,6 +13,7 @@ from testbed.experiments.engine import Engine
 from testbed.experiments.recorded import GROUP, RecordedComparison
 from testbed.experiments.report import logs
 from testbed.experiments.store import Results
+from testbed.experiments.study import Tally
 from testbed.replay.pairing import Files
 from tests.testbed.replay.made_tracks import recording, tracks, written
 
@@ -51,6 +52,7 @@ def test_tracks_stand_beside_trackers_and_have_a_log(tmp_path):
     mine = runs[runs.tracker == "mine"]
     assert mine.gospa.tolist() == pytest.approx([0.0, 0.0], abs=1e-6)
     assert (runs[runs.tracker == "rm-koch"].gospa > 0.1).all()
+    assert not [line for line in study.judge(Results.read(study), Tally()).shown if "left out" in str(line)]
     assert study.facts() == [("recordings", "0: monday, 1: tuesday")]
     results = Results.read(study)
     assert results.runs.set_index("tracker").loc["mine", "ms_per_scan"].isna().all()
@@ -69,7 +71,10 @@ def test_tracks_stand_beside_trackers_and_have_a_log(tmp_path):
 def test_a_recording_without_its_file_has_no_run_of_these_tracks(tmp_path):
     folders = [str(recording(tmp_path / name, 0.2)) for name in ("a", "b")]
     file = written(tracks(0.2), tmp_path / "t" / "b.csv")
+    file.write_text(file.read_text() + "0.95,late,5,0,0,20,0,4.5,1.8\n")
     study = compared(folders, tmp_path / "out", ("rm-koch",), mine=str(file))
+    (line,) = [line for line in study.judge(Results.read(study), Tally()).shown if "left out" in str(line)]
+    assert line.startswith(f"! mine, {folders[1]}: 1 of 7 rows are of no scan")
     assert [(run.seed, run.source) for run in study.work()] == [(0, "rm-koch"), (1, "rm-koch"), (1, "mine")]
 
 

@@ -181,6 +181,12 @@ def test_wrong_names_of_columns_are_refused(text, sentence):
         columns_of(text)
 
 
+@pytest.mark.parametrize("name", ["", " ", "a\nb", "\udcff", "a" * 61])
+def test_wrong_names_of_tracks_are_refused(name, drive, tmp_path):
+    with pytest.raises(ValueError, match=r"is no name; give one of letters"):
+        recorded_tracks(TracksSource(written(tracks(), tmp_path / "t.csv")), name, read(drive))
+
+
 @pytest.fixture
 def several(tmp_path):
     drives = [recording(tmp_path / "drives" / name, 0.3) for name in ("a", "a_b", "c")]
