@@ -201,7 +201,6 @@ def _between(where: Between, value: NDArray, field: str) -> NDArray:
 def _info(tracks: Tracks, scan: Scan) -> StepInfo:
     """What a step would have said: the detections in the box of a track are its own."""
     row = owners_by_place(tracks.estimate.pose, tracks.estimate.size, scan.xy)
-    row = np.where(scan.mask, row, -1)
     count = np.bincount(row[row >= 0], minlength=len(tracks.id))
     unknown = np.full(len(tracks.id), np.nan)
     owner = np.append(tracks.id, -1)[row]

@@ -12,6 +12,7 @@ from testbed.experiments.compare import Comparison, Settings
 from testbed.experiments.engine import Engine
 from testbed.experiments.recorded import GROUP, RecordedComparison
 from testbed.experiments.report import logs
+from testbed.experiments.statistics import cells
 from testbed.experiments.store import Results
 from testbed.experiments.study import Tally
 from testbed.replay.pairing import Files
@@ -53,6 +54,8 @@ def test_tracks_stand_beside_trackers_and_have_a_log(tmp_path):
     assert mine.gospa.tolist() == pytest.approx([0.0, 0.0], abs=1e-6)
     assert (runs[runs.tracker == "rm-koch"].gospa > 0.1).all()
     assert not [line for line in study.judge(Results.read(study), Tally()).shown if "left out" in str(line)]
+    nees = [cell for cell in cells(Results.read(study), ("nees_position",)) if cell.tracker == "mine"]
+    assert [cell.difference for cell in nees] == [None]  # it has no covariances: there is nothing to compare
     assert study.facts() == [("recordings", "0: monday, 1: tuesday")]
     results = Results.read(study)
     assert results.runs.set_index("tracker").loc["mine", "ms_per_scan"].isna().all()
@@ -76,6 +79,14 @@ def test_a_recording_without_its_file_has_no_run_of_these_tracks(tmp_path):
     (line,) = [line for line in study.judge(Results.read(study), Tally()).shown if "left out" in str(line)]
     assert line.startswith(f"! mine, {folders[1]}: 1 of 7 rows are of no scan")
     assert [(run.seed, run.source) for run in study.work()] == [(0, "rm-koch"), (1, "rm-koch"), (1, "mine")]
+
+
+def test_scans_outside_the_truth_are_not_scored(tmp_path):
+    folder = recording(tmp_path / "a", 0.5)
+    head, *rows = (folder / "truth.csv").read_text().splitlines()
+    (folder / "truth.csv").write_text("\n".join([head, *rows[2:-2]]) + "\n")
+    runs = spans(compared([str(folder)], tmp_path / "out", mine=str(written(tracks(0.5), tmp_path / "mine.csv"))))
+    assert (runs.scans.tolist(), runs.false_per_scan.tolist()) == ([4], [0.0])
 
 
 def test_what_cannot_be_compared_is_refused(tmp_path):

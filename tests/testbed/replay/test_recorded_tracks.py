@@ -93,6 +93,15 @@ def test_rows_between_scans_are_left_out_matched_or_interpolated(drive, tmp_path
         assert pose == pytest.approx([15 + 19 * (frame.scene.time - 0.02), 4.0, 0.0])
 
 
+def test_of_two_rows_at_a_scan_the_nearer_one_counts(drive, tmp_path):
+    near = tracks(0.0)
+    table = {name: [value for value in values for _ in range(3)] for name, values in near.items()}
+    table["time"] = [0.008, 0.002, 0.004] * 2
+    table["x"] = [500.0, *table["x"][1:2], 500.0] * 2
+    (one,) = recorded_tracks(TracksSource(written(table, tmp_path / "t.csv")), "t", read(drive))
+    assert one.steps[0.0][0].estimate.pose[:, 0].tolist() == [25.0, 25.0]
+
+
 def test_an_angle_is_interpolated_the_shorter_way(drive, tmp_path):
     columns = {name: values[::2] for name, values in tracks().items()}  # of a alone
     columns = {name: values[::2] for name, values in columns.items()}
