@@ -25,6 +25,7 @@ from testbed.command_line.terminal import (
     user_input,
 )
 from testbed.files import LostFileWarning
+from testbed.limits import check_choice
 from trackers import DEFAULT
 
 app = typer.Typer(
@@ -305,6 +306,24 @@ def check(
             raise typer.Exit(report(Path(name), tuple(fix or ()), console))
         found = command.results(what, name)
     raise typer.Exit(command.show(name, found, console))
+
+
+@app.command()
+def radar(
+    what: Annotated[str, typer.Argument(help="show.")],
+    name: Annotated[str, typer.Argument(help="A name of `testbed list radars`, MODULE:OBJECT, or a file.")],
+) -> None:
+    """Write a radar as TOML, to be changed and given as `--radar FILE.toml`.
+
+    Example: [bold]testbed radar show surround > my.toml[/bold]
+    """
+    from sensors import find
+    from sensors.radar_file import text_of
+
+    with user_input():
+        check_choice("what", what, ("show",))
+        text = text_of(find(name))
+    print(text)
 
 
 @app.command()

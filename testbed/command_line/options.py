@@ -12,7 +12,7 @@ Trackers = Annotated[
     list[str] | None, typer.Option(help=f"Repeat for several; a planner uses the first. Without it: {DEFAULT}.")
 ]
 EveryTracker = Annotated[list[str] | None, typer.Option(help="Repeat for several. Without it: all.")]
-Radar = Annotated[str, typer.Option(help="A name of `testbed list radars`.")]
+Radar = Annotated[str, typer.Option(help="A name of `testbed list radars`, or a file, see `testbed radar`.")]
 Planner = Annotated[str, typer.Option(help="A name of `testbed list planners`.")]
 Faults = Annotated[
     list[str] | None, typer.Option(help="All runs also with this fault of the radar; repeat for several, one by one.")

@@ -42,6 +42,7 @@ LINES: dict[str, dict[str, str]] = {  # a correct and short call of each command
     "calibrate": {"data": "real", "radar": "front"},
     "check": {"what": "radar", "name": "front"},
     "info": {},
+    "radar": {"what": "show", "name": "front"},
 }  # fmt: skip
 
 NUMBERS = (
