@@ -122,7 +122,7 @@ def run(
 
 @app.command()
 def replay(
-    folder: Annotated[Path, typer.Argument(help="Folder of the tables, see docs/own-recordings.md.")],
+    folder: Annotated[list[Path], typer.Argument(help="Of tables, see docs/own-recordings.md, or of such folders.")],
     tracker: options.Trackers = None,
     start: Annotated[float | None, typer.Option("--from", help="Seconds after the first scan. Without it: 0.")] = None,
     end: Annotated[float | None, typer.Option("--to", help="Seconds after the first scan. Without it: all.")] = None,
@@ -132,7 +132,7 @@ def replay(
     accept: options.Accept = False,
     format: options.Format = "parquet",
 ) -> None:
-    """Give a recording of your own to trackers: its tables in, tracks out.
+    """Give recordings of your own to trackers: tables in, tracks out.
 
     FOLDER holds the tables detections, ego and sensors, as .csv or .parquet, and
     if there are any, scans, truth and lanes. Writes RUN.parquet or RUN.csv (the
@@ -141,13 +141,20 @@ def replay(
     Example: [bold]testbed replay drive --tracker imm-spline --tracker rm-feldmann --from 5 --to 10[/bold]
     """
     from testbed.replay import command
+    from testbed.replay.pairing import recordings_in
     from testbed.replay.replaying import ReplayConfig, prepare
 
-    with user_input(), busy(f"reading {folder}"):
-        trackers, fixes = tuple(tracker or (DEFAULT,)), tuple(fix or ())
-        settings = ReplayConfig(str(folder), trackers, start, end, str(out), log, fixes, accept, format=format)
-        recorded = prepare(settings)
-    raise typer.Exit(command.replayed(settings, recorded, console))
+    status, trackers, fixes = 0, tuple(tracker or (DEFAULT,)), tuple(fix or ())
+    with user_input():
+        recordings = [inner for path in folder for inner in recordings_in(path) or [path]]
+    for one in recordings:
+        with user_input(), busy(f"reading {one}"):
+            settings = ReplayConfig(str(one), trackers, start, end, str(out), log, fixes, accept, format=format)
+            recorded = prepare(settings)
+        status = max(status, command.replayed(settings, recorded, console))
+        if status > 2:  # a signal ended it
+            break
+    raise typer.Exit(status)
 
 
 @app.command()

@@ -218,6 +218,13 @@ def test_files_belong_to_recordings_by_name_folder_or_time(several):
         Files.of([str(files[0])], [str(folder / "nowhere")])
 
 
+def test_a_folder_of_recordings_is_replayed_one_after_the_other(several):
+    folder, drives = several
+    call = ["replay", str(folder / "drives"), "--tracker", "rm-koch", "--log", "off", "--format", "csv", "--out"]
+    assert CliRunner().invoke(app, [*call, str(folder / "out")]).exit_code == 0
+    assert {p.name for p in (folder / "out").glob("*.csv")} == {f"{d.name}_rm-koch_replay.csv" for d in drives}
+
+
 def test_the_command_scores_and_says_what_is_wrong(drive, tmp_path):
     file = written(tracks(), tmp_path / "drive_mine.csv")
     call = ["score", str(file), "--against", str(drive), "--out", str(tmp_path / "out"), "--log", "off"]
