@@ -144,9 +144,9 @@ class Composed:
         if not some.any():
             return state, info
         if self.size is not None:
-            heading, box = self._box(*state[:2]).pose[..., 2], self._boxed(motion, place)
+            before, box = self._box(*state[:2]).pose, self._boxed(motion, place)
             around = None if every is None or owner is None else Around(every, owner)
-            size, pin = self.size.corrected(size, heading, box, scan, around)
+            size, pin = self.size.corrected(size, before, box, scan, around)
             motion, place = self._pinned(motion, place, box, pin)
         if not some.all():
             motion, place = select(some, motion, state.motion), select(some, place, old)

@@ -5,6 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from trackers.geometry import rotation
+
 
 class Estimate(NamedTuple):
     """Estimates of objects with any leading axes; standard deviations are marginal."""
@@ -19,11 +21,24 @@ class Estimate(NamedTuple):
     yaw_rate_std: NDArray  # (...) [rad/s]
     contour: NDArray | None = None  # (..., C, 2) [m] world frame; None where the method has no contour
     class_probability: NDArray | None = None  # (..., C) of the filter's `classes`; None where it has no catalogue
+    edge_std: NDArray | None = None  # (..., 4) [m] of front, rear, left, right; None: centre and size are independent
 
     @property
     def speed(self) -> NDArray:
         """Speed (...) [m/s], negative when the object moves against its heading."""
         return self.velocity[..., 0] * np.cos(self.pose[..., 2]) + self.velocity[..., 1] * np.sin(self.pose[..., 2])
+
+    @property
+    def edges(self) -> NDArray:
+        """Standard deviations (..., 4) [m] of front, rear, left and right edge, each across itself.
+
+        A filter that states none has centre and size as independent: opposite edges are known alike.
+        """
+        if self.edge_std is not None:
+            return self.edge_std
+        M = rotation(self.pose[..., 2])
+        centre = np.sum(M * (self.cov[..., :2, :2] @ M), -2)  # (..., 2) variances along the axes
+        return np.sqrt(centre + self.size_std**2 / 4).repeat(2, -1)
 
 
 def prior(

@@ -19,7 +19,8 @@ UPPER = np.triu_indices(4)  # of a covariance of x, y, vx, vy
 MEAN = ("x", "y", "cos_h", "sin_h", "vx", "vy", "yaw_rate", "length", "width")
 COVARIANCE = ("xx", "xy", "xvx", "xvy", "yy", "yvx", "yvy", "vxvx", "vxvy", "vyvy")
 CERTAINTY = ("heading_std", "yaw_rate_std", "length_std", "width_std", "existence", "age", "reported")
-COLUMNS = MEAN + COVARIANCE + CERTAINTY
+EDGES = ("front_std", "rear_std", "left_std", "right_std")
+COLUMNS = MEAN + COVARIANCE + CERTAINTY + EDGES
 LARGE = {"x": 100.0, "y": 100.0, "vx": 30.0, "vy": 30.0, "length": 10.0, "width": 3.0, "age": 10.0}  # else 1
 SCALE = np.array([LARGE.get(name, 1.0) for name in COLUMNS])
 EGO_SCALE = np.array([30.0, 1.0, 3.0])  # speed, yaw rate, lane offset
@@ -29,7 +30,7 @@ NONE = -1  # id of a row without a track
 class Rows(NamedTuple):
     """The nearest tracks, padded to K rows."""
 
-    tracks: NDArray  # (K, 26) see `COLUMNS`
+    tracks: NDArray  # (K, 30) see `COLUMNS`
     class_probability: NDArray  # (K, 7), zeros where the tracker has no classes
     mask: NDArray  # (K,) int8, 1 where there is a track
     id: NDArray  # (K,) int, -1 where there is none
@@ -62,7 +63,7 @@ def track_rows(tracks: Tracks, pose: NDArray, velocity: NDArray, size: int, abov
     table[:n, 19], table[:n, 20] = estimate.heading_std[order], estimate.yaw_rate_std[order]
     table[:n, 21:23] = estimate.size_std[order]
     table[:n, 23], table[:n, 24] = tracks.existence[order], tracks.age[order]
-    table[:n, 25] = tracks.existence[order] > REPORT_ABOVE
+    table[:n, 25], table[:n, 26:] = tracks.existence[order] > REPORT_ABOVE, estimate.edges[order]
     classes, ids, mask = np.zeros((size, CLASSES), np.float32), np.full(size, NONE), np.zeros(size, np.int8)
     if estimate.class_probability is not None:
         classes[:n] = estimate.class_probability[order]
@@ -74,7 +75,7 @@ class TrackObservation(gym.Wrapper, gym.utils.RecordConstructorArgs):
     """Observe the tracks themselves in place of highway-env's observation; around a `TrackedEnv`.
 
     The observation is a dict: `ego` (3,) speed [m/s], yaw rate [rad/s], offset from the lane's centre [m]; `tracks`
-    (K, 26), `class_probability` (K, 7), `mask` (K,) as in `Rows`. `info["track_ids"]` (K,) are the ids of the rows: a
+    (K, 30), `class_probability` (K, 7), `mask` (K,) as in `Rows`. `info["track_ids"]` (K,) are the ids of the rows: a
     track keeps its id for life, whatever its row.
     """
 

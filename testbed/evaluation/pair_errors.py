@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from sensors.scene import Bodies, Objects
 from testbed.evaluation.metrics import CUTOFF, areas, box_areas, gwd, nees, ragged_areas, region_iou
 from trackers.estimate import Estimate
-from trackers.geometry import wrap_angle
+from trackers.geometry import dot, unit, wrap_angle
 
 
 class PairTruth(NamedTuple):
@@ -21,16 +21,18 @@ class PairTruth(NamedTuple):
     pose: NDArray  # (K, 3) centre x, y [m], heading [rad]
     velocity: NDArray  # (K, 2) [m/s]
     size: NDArray  # (K, 2) length, width [m]
+    ego: NDArray  # (K, 2) place of the ego [m]
     outlines: tuple[tuple[NDArray, ...], ...]  # K times those of all bodies, (C, 2) [m]
 
 
-def pair_truth(objects: Objects, bodies: Bodies, rows: NDArray) -> PairTruth:
-    """The objects in `rows` (K,)."""
+def pair_truth(objects: Objects, bodies: Bodies, rows: NDArray, ego: NDArray) -> PairTruth:
+    """The objects in `rows` (K,), seen by an ego at (2,) [m]."""
     parts: dict[int, list[NDArray]] = {row: [] for row in rows.tolist()}
     for owner, outline in zip(bodies.owner.tolist(), bodies.outline, strict=True):
         if owner in parts:
             parts[owner].append(outline)
-    return PairTruth(objects.pose[rows], objects.velocity[rows], objects.size[rows], tuple(map(tuple, parts.values())))
+    pose, velocity, size = objects.pose[rows], objects.velocity[rows], objects.size[rows]
+    return PairTruth(pose, velocity, size, np.tile(ego, (len(rows), 1)), tuple(map(tuple, parts.values())))
 
 
 def truth_areas(outlines: Sequence[Sequence[NDArray]]) -> NDArray:
@@ -38,6 +40,12 @@ def truth_areas(outlines: Sequence[Sequence[NDArray]]) -> NDArray:
     inside = iter(ragged_areas([outline for bodies in outlines for outline in bodies]))
     found = [[next(inside) for _ in bodies] for bodies in outlines]
     return np.array([areas[0] if len(areas) == 1 else shapely.union_all(areas) for areas in found], object)
+
+
+def box_edges(pose: NDArray, size: NDArray) -> tuple[NDArray, NDArray]:
+    """Unit normals outwards and middles (K, 4, 2) [m] of front, rear, left and right edge of boxes."""
+    out = unit(pose[:, 2:] + np.array([0.0, np.pi, np.pi / 2, -np.pi / 2]))
+    return out, pose[:, None, :2] + out * size.repeat(2, -1)[..., None] / 2
 
 
 def pair_distances(objects: Objects, estimate: Estimate) -> NDArray:
@@ -80,6 +88,17 @@ class Pairs:
     def growth(self) -> NDArray:
         """Errors of length and width (K, 2) [m], estimate minus truth."""
         return self.estimate.size - self.truth.size
+
+    @cached_property
+    def near_edge(self) -> NDArray:
+        """Error of the edge that faces the ego, outwards, and its standard deviation by the estimate (2, K) [m]."""
+        estimate, truth, k = self.estimate, self.truth, np.arange(len(self.distance))
+        (out, middle), (found_out, found) = box_edges(truth.pose, truth.size), box_edges(estimate.pose, estimate.size)
+        facing = dot(truth.ego[:, None] - middle, out).argmax(-1)
+        normal = out[k, facing]
+        same = dot(found_out, normal[:, None]).argmax(-1)  # where the heading is reversed, the rear for the front
+        error = dot(found[k, same] - middle[k, facing], normal)  # (MET.39)
+        return np.stack([error, estimate.edges[k, same]])
 
     @cached_property
     def iou(self) -> NDArray:

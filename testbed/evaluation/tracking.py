@@ -81,7 +81,7 @@ class Evaluator:
         `tracks_ghost` are 0.
         """
         row, track, counted, out, distance = self._assign(time, scene, origin, tracks, owner)
-        truth = pair_truth(scene.objects, scene.bodies, row)
+        truth = pair_truth(scene.objects, scene.bodies, row, scene.ego.pose[:2])
         errors = pair_errors(Pairs(truth, take(out.estimate, track), distance))
         self._work_out()
         self._pair_errors.append(errors[counted[row]])
@@ -97,7 +97,7 @@ class Evaluator:
         """As `step`, for a score that is not read: the errors of pairs are computed later, for many scans at once."""
         row, track, counted, out, distance = self._assign(time, scene, origin, tracks, owner)
         counts = counted[row]
-        truth = pair_truth(scene.objects, scene.bodies, row[counts])
+        truth = pair_truth(scene.objects, scene.bodies, row[counts], scene.ego.pose[:2])
         self._waiting.append((truth, take(out.estimate, track[counts]), distance[counts]))
         if len(self._waiting) >= WAITING:
             self._work_out()
@@ -138,9 +138,11 @@ class Evaluator:
         waiting, self._waiting = self._waiting, []
         for _, group in groupby(waiting, key=lambda pairs: _shape(pairs[1].contour)):
             truths, estimates, distances = zip(*group, strict=True)
-            pose, velocity, size = (np.concatenate(column) for column in zip(*(t[:3] for t in truths), strict=True))
-            truth = PairTruth(pose, velocity, size, tuple(chain.from_iterable(t.outlines for t in truths)))
-            estimate = concatenate([e._replace(class_probability=None) for e in estimates])
+            pose, velocity, size, ego = (
+                np.concatenate(column) for column in zip(*(t[:4] for t in truths), strict=True)
+            )
+            truth = PairTruth(pose, velocity, size, ego, tuple(chain.from_iterable(t.outlines for t in truths)))
+            estimate = concatenate([e._replace(class_probability=None, edge_std=e.edges) for e in estimates])
             self._pair_errors.append(pair_errors(Pairs(truth, estimate, np.concatenate(distances))))
 
     def summary(self) -> Row:

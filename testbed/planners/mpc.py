@@ -29,7 +29,7 @@ from testbed.planners.prediction import (
     things_on,
 )
 from testbed.planners.track_vehicle import TrackVehicle, track_vehicles
-from trackers.geometry import unit, wrap_angle
+from trackers.geometry import dot, unit, wrap_angle
 
 STEP = 0.2  # [s] between the instants of a prediction
 FIRST = np.array([-8.0, -7, -6, -5, -4, -3, -2, -1, -0.5, 0, 0.5, 1, 2])  # [m/s^2] before the switch
@@ -46,7 +46,7 @@ class Obstacles(NamedTuple):
     others: Others
     existence: NDArray  # (N,) probability
     cov: NDArray  # (N, 4, 4) of x, y, vx, vy [m, m/s]
-    length_std: NDArray  # (N,) [m]
+    near_std: NDArray  # (N,) [m] of the near bumper, along the heading
 
     def rows(self, index: NDArray) -> "Obstacles":
         """Those at index, (N,) bool or rows."""
@@ -55,10 +55,8 @@ class Obstacles(NamedTuple):
     def edge_std(self, times: NDArray) -> NDArray:
         """Standard deviations (N, H) [m] of the near bumper along its course, predicted to times (H,) [s]."""
         along = unit(self.others.course)[:, None]  # (N, 1, 2)
-        P = self.cov
-        xx, xv, vv = ((along @ block @ along.mT)[..., 0] for block in (P[:, :2, :2], P[:, :2, 2:], P[:, 2:, 2:]))
-        place = np.maximum(xx + 2 * times * xv + times**2 * vv, 0.0)
-        return np.sqrt(place + (self.length_std[:, None] / 2) ** 2)  # (PLAN.3)
+        xv, vv = ((along @ block @ along.mT)[..., 0] for block in (self.cov[:, :2, 2:], self.cov[:, 2:, 2:]))
+        return np.sqrt(np.maximum(self.near_std[:, None] ** 2 + 2 * times * xv + times**2 * vv, 0.0))  # (PLAN.3)
 
 
 class Ahead(NamedTuple):
@@ -204,7 +202,9 @@ def among_tracks(env: gym.Env, within: float, above: float) -> Obstacles:
     row = np.array([v.track_id for v in twins], int)
     estimate = tracks.estimate
     certain = _certain([v for v in things_on(core.road, core.vehicle, within) if not isinstance(v, TrackVehicle)])
-    parts = certain, Obstacles(others_of(twins), tracks.existence[row], estimate.cov[row], estimate.size_std[row, 0])
+    rear = dot(core.vehicle.position - estimate.pose[row, :2], unit(estimate.pose[row, 2])) < 0
+    near_std = estimate.edges[row, rear.astype(int)]
+    parts = certain, Obstacles(others_of(twins), tracks.existence[row], estimate.cov[row], near_std)
     others = Others(*map(np.concatenate, zip(*(part.others for part in parts))))
     return Obstacles(others, *map(np.concatenate, zip(*(part[1:] for part in parts))))
 

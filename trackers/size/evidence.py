@@ -23,9 +23,9 @@ def facing(anchor: NDArray, size: NDArray, place: NDArray) -> NDArray:
 
 def evidence(
     grids: tuple[Grid, Grid], hits: Hits, boxes: Boxes, start: NDArray, fully_visible: NDArray,
-    outliers: float, independent: int, part_weight: float, around: Around | None,
-) -> tuple[NDArray, NDArray]:  # fmt: skip
-    """What the detections add to the grids of length (H, K, N) and width (H, K', N') of H objects.
+    outliers: float, independent: int, part_weight: float, offset_share: float, around: Around | None,
+) -> tuple[NDArray, NDArray, NDArray]:  # fmt: skip
+    """What detections add to the grids of length (H, K, N) and width (H, K', N'), and how often (H, 2) for offsets.
 
     start (H,) is the first detection of each object, fully_visible (H,) bool whether the scan shows it completely;
     around is the complete scan, None where it is not known.
@@ -38,8 +38,23 @@ def evidence(
     cut = ~fully_visible & width_is_cut(hits, boxes, sides, start)
     if cut.any():
         of_width[cut] = part_weight * np.maximum.accumulate(of_width[cut], axis=1)  # (ENDS.10)
+    on_end = np.add.reduceat(sides.shown / np.maximum(sides.shown.sum(-1, keepdims=True), 1e-9), start) / n[:, None]
+    sharper = np.maximum(1.0, offset_share * (1 - on_end) / weight[:, None])  # (ENDS.39)
     weight = weight[:, None, None]
-    return weight * of_length, weight * of_width
+    return weight * of_length, weight * of_width, sharper
+
+
+def with_evidence(A: NDArray, log_p: NDArray, sharper: NDArray) -> NDArray:
+    """A (H, K, N) after a scan's log_p (H, K, N), which counts more often, sharper (H,), for offsets given the size."""
+    new, given = A + log_p, A + sharper[:, None, None] * log_p
+    new = given + _total(new) - _total(given)  # (ENDS.39)
+    return new - new.max((-2, -1), keepdims=True)
+
+
+def _total(A: NDArray) -> NDArray:
+    """Logarithms (H, K, 1) of the sums of exp A over the offsets."""
+    top = A.max(-1, keepdims=True)
+    return top + np.log(np.exp(A - top).sum(-1, keepdims=True))
 
 
 def width_is_cut(hits: Hits, boxes: Boxes, sides: Lit, start: NDArray) -> NDArray:

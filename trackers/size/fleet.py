@@ -21,6 +21,8 @@ class VehicleClass:
     length: tuple[float, float]
     width: tuple[float, float]
     load: tuple[float, float] = (0.0, 1.0)  # share without detections, from behind, beyond so much of the length
+    inset: tuple[float, float] = (0.0, 0.0)  # [m] of the ends, as detections show them, from the box: mean and std
+    hinge: tuple[float, float] = (0.0, 0.0)  # [m] from a hinge back to the axle behind it, and on to the front
 
     def __post_init__(self) -> None:
         check_numbers(self, positive=("share", "length", "width"))
@@ -29,12 +31,12 @@ class VehicleClass:
 
 
 FLEET = (
-    VehicleClass("motorcycle", 0.05, (2.2, 0.15), (0.82, 0.08)),
+    VehicleClass("motorcycle", 0.05, (2.2, 0.15), (0.82, 0.08), inset=(0.28, 0.12)),
     VehicleClass("car", 0.62, (4.45, 0.42), (1.83, 0.09)),
     VehicleClass("van", 0.13, (5.8, 0.6), (2.03, 0.08)),
     VehicleClass("truck", 0.10, (9.0, 1.75), (2.48, 0.07), load=(0.8, 0.7)),
     VehicleClass("bus", 0.03, (12.2, 1.3), (2.55, 0.04)),
-    VehicleClass("articulated", 0.07, (16.2, 1.1), (2.55, 0.04)),
+    VehicleClass("articulated", 0.07, (16.2, 1.1), (2.55, 0.04), hinge=(7.7, 4.5)),
 )
 
 
@@ -72,6 +74,17 @@ class Fleet:
         """Probabilities (C, K) of widths (K,) [m] given the class."""
         return _gaussians(tuple(c.width for c in self.classes), widths, self.floor)
 
+    @property
+    def insets(self) -> NDArray:
+        """Mean and mean square (C, 2) of the insets."""
+        mean, std = np.array([c.inset for c in self.classes]).T
+        return np.stack([mean, mean**2 + std**2], -1)
+
+    @property
+    def hinges(self) -> NDArray:
+        """The hinges (2, C)."""
+        return np.array([c.hinge for c in self.classes]).T
+
     def behind_loads(self, lengths: NDArray) -> tuple[tuple[int, float, NDArray], ...]:
         """Classes with loads: index, share and matrix (K, K) from a function of L_k to that of f L_k, (ENDS.33)."""
         some = [(c, *one.load) for c, one in enumerate(self.classes) if one.load[0] > 0]
@@ -85,11 +98,14 @@ class Prior(NamedTuple):
     length: NDArray  # (C, K) probabilities given the class
     width: NDArray  # (C, K')
     loads: tuple[tuple[int, float, NDArray], ...]  # as of `Fleet.behind_loads`
+    insets: NDArray  # (C, 2) as of `Fleet.insets`
+    hinges: NDArray  # (2, C) as of `Fleet.hinges`
 
     @classmethod
     def of(cls, fleet: Fleet, lengths: NDArray, widths: NDArray) -> "Prior":
         """Arrays of a fleet for lengths (K,) and widths (K',) [m]."""
-        return cls(fleet.shares, fleet.of_length(lengths), fleet.of_width(widths), fleet.behind_loads(lengths))
+        of_length, of_width = fleet.of_length(lengths), fleet.of_width(widths)
+        return cls(fleet.shares, of_length, of_width, fleet.behind_loads(lengths), fleet.insets, fleet.hinges)
 
 
 def _shortened(share: float, x: NDArray) -> NDArray:

@@ -114,5 +114,5 @@ def _transition(grid: Grid, dt: float, offset_tau: float, lost_rate: float) -> N
     return kept * np.maximum(expm(Q * dt), 0.0) + (1 - kept) / N  # (ENDS.14)
 
 
-LENGTH = Grid(first=1.75, last=19.5, reach=2.5, step=0.25, birth_std=1.2, offset_std=0.3, span=12.0)
+LENGTH = Grid(first=1.75, last=19.5, reach=2.5, step=0.25, birth_std=1.2, offset_std=0.2, span=12.0)
 WIDTH = Grid(first=0.5, last=2.9, reach=0.5, step=0.1, birth_std=0.25, offset_std=0.15, span=4.0)

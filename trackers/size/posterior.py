@@ -11,20 +11,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.estimate import Estimate
-from trackers.geometry import rotation, to_frame, to_world
+from trackers.geometry import perpendicular, rotation, to_frame, to_world, unit, vector
 from trackers.linalg import symmetrize
 from trackers.parameters import check_numbers
 from trackers.scan import Scan, SensorModel
 from trackers.size import spatial
 from trackers.size.belief import Belief, posterior
-from trackers.size.evidence import evidence, facing
+from trackers.size.evidence import evidence, facing, with_evidence
 from trackers.size.fleet import Fleet, Prior
 from trackers.size.grid import LENGTH, WIDTH, Grid
 from trackers.size.hidden import Around
-from trackers.size.hits import Boxes, hits_of
+from trackers.size.hits import Boxes, Hits, hits_of
 from trackers.size.profile import Profiles
 
 SIDE = np.sin(np.radians(10.0))  # a line of sight further off the axis meets sides behind the front of a load
+SLOWEST, SHARPEST = 2.0, 0.9  # [m/s] and sine of the bend from which on it is not read from the curvature
+BEND_ERROR = 0.5  # of what stands out, as a share of it
 ROLLED_ABOVE = 0.75  # steps of mean offset from which the box is moved instead
 
 
@@ -57,11 +59,13 @@ class SizePosterior:
     width: Grid = WIDTH
     outliers: float = 0.04  # eps, share of detections of neighbours and clutter
     independent: int = 6  # n_eff: a scan with more detections counts as so many
+    offset_share: float = 0.5  # of the detections beside its ends that count at least for the offset
     memory: float = 10.0  # [s]
     offset_tau: float = 2.0  # [s] time constant of the offset
     lost_rate: float = 1.5e-3  # [1/s] at which a box is misplaced
     pin: float = 0.03  # standard deviation of the size in the filter of the place, as a share of it
     least_pin: float = 0.02  # [m]
+    face_std: float = 0.03  # [m] how well it is known where in a face its detections are
     part_weight: float = 0.3  # of scans that show a part of the width
     enough_side: float = 5.0  # detections from beside an object after which they show all of its length
     impossible: float = 1e-3  # probability of a greater size above which the gates reach so far
@@ -105,11 +109,11 @@ class SizePosterior:
         return SizeState(state.anchor, np.log(p), np.log(q), belief, state.fully_visible, side)
 
     def corrected(
-        self, state: SizeState, heading: NDArray, box: Estimate, scan: Scan, around: Around | None
+        self, state: SizeState, before: NDArray, box: Estimate, scan: Scan, around: Around | None
     ) -> tuple[SizeState, Pin]:
         """Grids with the detections of a scan, some at least, for the objects with detections; and the new box.
 
-        `box` is that after the scan, heading (...) [rad] the one before it, `around` the complete scan, whose other
+        `box` is that after the scan, before (..., 3) the pose before it, `around` the complete scan, whose other
         detections hide parts of the objects, None where it is not known.
         """
         if scan.sensor.max(initial=0) >= len(self.sensors):
@@ -122,13 +126,25 @@ class SizePosterior:
         every = np.ravel_multi_index(index[:-1], lead) if lead else np.zeros(len(index[0]), int)
         rows, start, row = np.unique(every, return_index=True, return_inverse=True)  # H objects with detections
         axes = len(lead)
-        turned = np.cos(box.pose[..., 2] - heading) < 0  # front and rear changed places
-        before = np.where(turned[..., None], -state.anchor, state.anchor)
-        pose, size, anchor, length, width, fully_visible, side = (
+        turned = np.cos(box.pose[..., 2] - before[..., 2]) < 0  # front and rear changed places
+        facing_before = np.where(turned[..., None], -state.anchor, state.anchor)
+        pose, was, size, anchor, length, width, fully_visible, side = (
             flat(a, axes)[rows]
-            for a in (box.pose, box.size, before, state.length, state.width, state.fully_visible, state.side)
+            for a in (
+                box.pose,
+                before,
+                box.size,
+                facing_before,
+                state.length,
+                state.width,
+                state.fully_visible,
+                state.side,
+            )
         )
         hits = hits_of(scan, index, row, pose, self.profiles, self.sigma)
+        back = self._back(hits, start, to_frame(pose, was[:, None, :2])[:, 0])
+        hits = hits._replace(xy=hits.xy - back[row], place=hits.place - back[row])
+        pose = np.concatenate([to_world(pose, back[:, None])[:, 0], pose[:, 2:]], -1)
         place = np.add.reduceat(hits.place, start, axis=0) / np.diff(start, append=len(row))[:, None]
         faced = facing(anchor, size, place)
         for axis, A in enumerate((length, width)):
@@ -138,10 +154,11 @@ class SizePosterior:
         boxes = Boxes(pose, size, faced)
         if around is not None:
             around = around.among(rows)
-        more = evidence(
-            self.grids, hits, boxes, start, fully_visible, self.outliers, self.independent, self.part_weight, around
-        )
-        length, width = (A - A.max((-2, -1), keepdims=True) for A in (length + more[0], width + more[1]))
+        *more, sharper = evidence(
+            self.grids, hits, boxes, start, fully_visible, self.outliers, self.independent, self.part_weight,
+            self.offset_share, around,
+        )  # fmt: skip
+        length, width = (with_evidence(*x) for x in zip((length, width), more, sharper.T, strict=True))
         side = side + np.add.reduceat((np.abs(hits.sight[:, 1]) > SIDE).astype(float), start)
         belief = self.belief(np.exp(length), np.exp(width), faced, side)
         step = np.array([grid.step for grid in self.grids])
@@ -165,6 +182,18 @@ class SizePosterior:
         d = (rotation(box.pose[..., 2]) @ body[..., None])[..., 0]
         return new, Pin(size, self.pin_std(size), d)
 
+    def _back(self, hits: Hits, start: NDArray, body: NDArray) -> NDArray:
+        """By how much (H, 2) [m] boxes are moved back before a scan is read in them, along their axes.
+
+        body (H, 2) [m] is the place before the scan in the box after it, which has followed the noise of the same
+        detections: among them it would seem too small.
+        """
+        n = np.diff(start, append=len(hits.row))[:, None]
+        noise = hits.sigma**2 - hits.sensor.surface_std[:, None] ** 2
+        followed = np.sqrt(np.add.reduceat(np.maximum(noise, 0.0), start)) / n
+        reach = np.minimum(followed, [grid.offset_std for grid in self.grids])
+        return np.clip(body, -reach, reach)  # (ENDS.38)
+
     def restarted(self, state: SizeState, size: NDArray) -> SizeState:
         """The state of objects that start again with a size (..., 2) [m]; the width seen so far stays."""
         l = size[..., :1]
@@ -180,14 +209,42 @@ class SizePosterior:
         return SizeState(state.anchor, length, width, belief, state.fully_visible, side)
 
     def estimate(self, state: SizeState, box: Estimate) -> Estimate:
-        """The box with size, class, and the place of the centre between both ends."""
+        """The box with size, class, and the place of the centre between both ends, and how well each edge is known."""
         b = state.belief
-        placed = _placed(state, box, b.size, b.centre_var)
+        inset, square = np.moveaxis(b.kind @ self.prior.insets, -1, 0)  # (ENDS.35)
+        out, out_var = (vector(x, np.zeros(x.shape)) for x in (inset, square - inset**2))
+        placed = _placed(state, box, b.size, b.centre_var + out_var, out)
         contour = box.contour
         if contour is not None:
             scale = (b.size / box.size)[..., None, :]
             contour = to_world(placed.pose, to_frame(box.pose, contour) * scale)
-        return placed._replace(size_std=np.sqrt(b.size_var), contour=contour, class_probability=b.kind.copy())
+        kind, edge_std = b.kind.copy(), self._edge_std(state, box, out_var)
+        whole = placed._replace(
+            size_std=np.sqrt(b.size_var), contour=contour, class_probability=kind, edge_std=edge_std
+        )
+        return _widened(whole, *self._bend(whole))
+
+    def _edge_std(self, state: SizeState, box: Estimate, out_var: NDArray) -> NDArray:
+        """Standard deviations (..., 4) [m] of the edges, by the grids, which know them better than the box alone."""
+        b = state.belief
+        M = rotation(box.pose[..., 2])
+        place = np.sum(M * (box.cov[..., :2, :2] @ M), -2)
+        known = np.array([grid.offset_std for grid in self.grids]) ** 2 + (2 * self.pin_std(box.size)) ** 2
+        more = out_var + self.face_std**2 + np.maximum(place - known, 0.0)  # (ENDS.36)
+        near = b.offset_var + more  # (ENDS.36)
+        far = 2 * b.centre_var - b.offset_var + b.size_var / 2 + more  # (ENDS.37)
+        front, rear = (np.where(state.anchor * end > 0, near, far) for end in (1, -1))
+        return np.sqrt(np.stack([front, rear], -1).reshape(*front.shape[:-1], 4))
+
+    def _bend(self, box: Estimate) -> tuple[NDArray, NDArray]:
+        """How far (...) [m] a front body stands out beside that behind it, to the left positive, and the variance."""
+        axle, front = self.prior.hinges
+        turning = np.sign(box.yaw_rate) * np.maximum(np.abs(box.yaw_rate) - box.yaw_rate_std, 0.0)
+        curvature = turning / np.maximum(np.hypot(*np.moveaxis(box.velocity, -1, 0)), SLOWEST)
+        sine = np.clip(axle * curvature[..., None], -SHARPEST, SHARPEST)  # (ENDS.40)
+        out = front * np.abs(sine) - box.size[..., 1:] / 2 * (1 - np.sqrt(1 - sine**2))  # (ENDS.40)
+        mean, square = (np.sum(box.class_probability * x, -1) for x in (out, out**2))
+        return np.sign(turning) * mean, square - mean**2 + (BEND_ERROR * mean) ** 2
 
     def reach(self, state: SizeState, box: Estimate) -> Estimate:
         """The box with the greatest length and width that are possible, for gates; its `size_std` is 0."""
@@ -223,14 +280,30 @@ class SizePosterior:
         return estimate._replace(size_std=self.pin_std(estimate.size), contour=None, class_probability=None)
 
 
-def _placed(state: SizeState, box: Estimate, size: NDArray, var: NDArray) -> Estimate:
-    """The box with another size (..., 2) [m] and the same anchor ends; var (..., 2) [m^2] is added to its axes."""
+def _placed(state: SizeState, box: Estimate, size: NDArray, var: NDArray, out: NDArray | float = 0.0) -> Estimate:
+    """The box with another size (..., 2) [m], its anchor ends moved out; var (..., 2) [m^2] is added to its axes."""
     M = rotation(box.pose[..., 2])
-    body = state.anchor * (state.belief.offset + (box.size - size) / 2)  # (ENDS.21)
+    body = state.anchor * (state.belief.offset + out + (box.size - size) / 2)  # (ENDS.21)
     pose, cov = box.pose.copy(), box.cov.copy()
     pose[..., :2] += (M @ body[..., None])[..., 0]  # (ENDS.21)
     cov[..., :2, :2] += symmetrize((M * var[..., None, :]) @ M.mT)  # (ENDS.20)
     return box._replace(pose=pose, cov=cov, size=size.copy())
+
+
+def _widened(box: Estimate, out: NDArray, var: NDArray) -> Estimate:
+    """The box with out (...) [m] more on its left where that is positive, else on its right, of variance var (...)."""
+    if not (out.any() or var.any()):
+        return box
+    left, pose, cov = perpendicular(unit(box.pose[..., 2])), box.pose.copy(), box.cov.copy()
+    pose[..., :2] += out[..., None] / 2 * left
+    cov[..., :2, :2] += symmetrize((var / 4)[..., None, None] * left[..., None] * left[..., None, :])
+    size, size_std, edge_std = box.size.copy(), box.size_std.copy(), box.edges.copy()
+    size[..., 1] += np.abs(out)
+    size_std[..., 1] = np.hypot(size_std[..., 1], np.sqrt(var))
+    edge = np.where(out > 0, 2, 3)[..., None]
+    side = np.sqrt(np.take_along_axis(edge_std, edge, -1) ** 2 + var[..., None])
+    np.put_along_axis(edge_std, edge, side, -1)
+    return box._replace(pose=pose, cov=cov, size=size, size_std=size_std, edge_std=edge_std)  # (ENDS.41)
 
 
 def flat(a: NDArray, axes: int) -> NDArray:

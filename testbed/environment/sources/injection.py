@@ -242,4 +242,5 @@ def scaled(estimate: Estimate, factor: float) -> Estimate:
     """The estimates with all variances multiplied by a factor."""
     root = np.sqrt(factor)
     stds = {name: root * getattr(estimate, name) for name in ("size_std", "heading_std", "yaw_rate_std")}
+    stds["edge_std"] = root * estimate.edges
     return estimate._replace(cov=factor * estimate.cov, **stds)

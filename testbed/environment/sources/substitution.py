@@ -149,5 +149,6 @@ def _exchanged(base: Estimate, rows: NDArray, other: Estimate, geometry: bool, m
         found[name] = getattr(base, name).copy()
         found[name][rows] = getattr(other, name)
     if geometry:
-        found |= {"contour": None, "class_probability": None}
+        found |= {"contour": None, "class_probability": None, "edge_std": base.edges.copy()}
+        found["edge_std"][rows] = other.edges
     return base._replace(cov=cov, **found)

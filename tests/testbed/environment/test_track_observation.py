@@ -53,6 +53,7 @@ def test_columns_by_hand():
     estimate = Estimate(
         np.array([[-3.0, 8.0, np.pi / 2]]), np.array([[0.0, 12.0]]), np.array([0.2]), np.array([[6.0, 2.5]]), cov[None],
         np.array([[0.7, 0.1]]), np.array([0.05]), np.array([0.01]), None, np.eye(7)[None, 2],
+        np.array([[0.9, 0.3, 0.2, 0.1]]),
     )  # fmt: skip
     tracks = Tracks(np.array([7]), np.array([0.4]), np.array([3]), np.array([1.5]), np.array([False]), None, estimate)
     rows = track_rows(tracks, np.array([0.0, 0.0, np.pi / 2]), np.array([0.0, 10.0]), 2, 0.1)
@@ -60,7 +61,7 @@ def test_columns_by_hand():
     expected = {
         "x": 8.0, "y": 3.0, "cos_h": 1.0, "vx": 2.0, "yaw_rate": 0.2, "length": 6.0, "width": 2.5, "yy": 4.0,
         "vxvx": 9.0, "yvx": -5.0, "heading_std": 0.05, "yaw_rate_std": 0.01, "length_std": 0.7, "width_std": 0.1,
-        "existence": 0.4, "age": 1.5,
+        "existence": 0.4, "age": 1.5, "front_std": 0.9, "rear_std": 0.3, "left_std": 0.2, "right_std": 0.1,
     }  # fmt: skip
     assert row == pytest.approx({name: expected.get(name, 0.0) for name in COLUMNS}, abs=1e-6)
     np.testing.assert_array_equal(rows.class_probability, [np.eye(7)[2], np.zeros(7)])

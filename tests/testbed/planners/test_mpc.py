@@ -65,19 +65,19 @@ def test_it_says_which_actions_it_needs():
         MPC.act(world())
 
 
-def obstacle(cov: np.ndarray, length_std: float = 0.0, existence: float = 1.0) -> Obstacles:
+def obstacle(cov: np.ndarray, near_std: float = 0.0, existence: float = 1.0) -> Obstacles:
     """One leader 30 m ahead in the ego's lane, as fast."""
     others = Others(np.array([[230.0, 4.0]]), np.zeros(1), np.array([[20.0, 0.0]]), np.array([[4.0, 2.0]]), np.zeros(1),
                     np.zeros(1))  # fmt: skip
-    return Obstacles(others, np.array([existence]), cov[None], np.array([length_std]))
+    return Obstacles(others, np.array([existence]), cov[None], np.array([near_std]))
 
 
-def test_the_near_bumper_is_as_uncertain_as_position_speed_and_half_the_length_together():
-    """PLAN.3 by hand: var = 1 + 2 t 0.5 + t^2 4 + (2 / 2)^2, so 2 at once and 20 after 2 s; nothing of y counts."""
+def test_the_near_bumper_is_as_uncertain_as_its_place_and_speed_together():
+    """PLAN.3 by hand: var = 2 + 2 t 0.5 + t^2 4, so 2 at once and 20 after 2 s; nothing of y counts."""
     cov = np.diag([1.0, 99.0, 4.0, 99.0])
     cov[0, 2] = cov[2, 0] = 0.5
-    np.testing.assert_allclose(obstacle(cov, 2.0).edge_std(np.array([0.0, 2.0])), np.sqrt([[2.0, 20.0]]))
-    turned = obstacle(np.diag([99.0, 1.0, 99.0, 4.0]), 2.0)
+    np.testing.assert_allclose(obstacle(cov, np.sqrt(2.0)).edge_std(np.array([0.0, 2.0])), np.sqrt([[2.0, 20.0]]))
+    turned = obstacle(np.diag([99.0, 1.0, 99.0, 4.0]), np.sqrt(2.0))
     turned = turned._replace(others=turned.others._replace(course=np.full(1, np.pi / 2)))
     np.testing.assert_allclose(turned.edge_std(np.array([2.0])), np.sqrt([[18.0]]))
 
@@ -86,7 +86,7 @@ def test_caution_keeps_the_quantile_of_the_near_bumper_free():
     env = continuous()
     ego = env.unwrapped.vehicle
     path = path_ahead(env.unwrapped.road.network, ego.lane_index, None, ego.position, 150.0)
-    unsure = obstacle(np.diag([4.0, 0.0, 0.0, 0.0]), existence=0.3)
+    unsure = obstacle(np.zeros((4, 4)), near_std=2.0, existence=0.3)
     plain, cautious = (find(name).ahead(ego, path, unsure) for name in ("mpc", "mpc-cautious"))
     np.testing.assert_allclose(plain.rear - cautious.rear, 1.28 * 2.0)
     np.testing.assert_allclose(plain.rear[0, :2], [32.0, 36.0])  # 30 - 2 + 20 t

@@ -10,7 +10,9 @@ from trackers.size.fleet import FLEET, Fleet
 from trackers.size.posterior import SizePosterior
 
 INNER = replace(find("htg-map"), shape_std=(0.03, 0.05))
-WHOLE = Fleet(tuple(replace(c, load=(0.0, 1.0)) for c in FLEET))  # detections are even over all of these bodies
+WHOLE = Fleet(
+    tuple(replace(c, load=(0.0, 1.0), inset=(0.0, 0.0)) for c in FLEET)
+)  # detections fill all of these bodies
 NEAR = 25.0  # [m] distance of the rear end
 NOISE = 0.1  # [m]
 DT = 1 / 15

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from trackers.size.evidence import with_evidence
 from trackers.size.grid import LENGTH, WIDTH, Grid
 
 GRIDS = pytest.mark.parametrize("grid", [LENGTH, WIDTH], ids=["length", "width"])
@@ -85,3 +86,15 @@ def test_a_prediction_forgets_with_the_memory():
     A = np.log(LENGTH.predicted(blob(LENGTH, 9.0, 0.0), 7.0, 10.0, 2.0, 0.0))
     before, after = moments(LENGTH, blob(LENGTH, 9.0, 0.0)[0])[1][1, 1], moments(LENGTH, A[0])[1][1, 1]
     assert after == pytest.approx(np.exp(0.7) * before, rel=0.01)
+
+
+def test_a_scan_counts_more_often_for_the_offset_and_once_for_the_size():
+    """(ENDS.39): the sums over offsets are those of (ENDS.9), the odds of two offsets given the size sharper."""
+    rng = np.random.default_rng(0)
+    A, log_p = rng.normal(0, 2, (2, 2, 7, 5))
+    new = with_evidence(A, log_p, np.array([1.0, 3.0]))
+    plain = A + log_p
+    np.testing.assert_allclose(new[0], plain[0] - plain[0].max(), atol=1e-12)
+    sizes, others = (np.exp(x[1]).sum(-1) for x in (new, plain))
+    np.testing.assert_allclose(sizes / sizes.sum(), others / others.sum(), rtol=1e-12)
+    np.testing.assert_allclose(new[1, :, 0] - new[1, :, 1], (A + 3 * log_p)[1, :, 0] - (A + 3 * log_p)[1, :, 1])
