@@ -177,6 +177,7 @@ LANES = Table(
     ),
 )
 STATE = ("x", "y", "vx", "vy")
+EDGES = ("front", "rear", "left", "right")
 COVARIANCES = tuple(
     (a, b, ("m^2", "m^2/s", "m^2/s^2")[(i > 1) + (j > 1)])
     for i, a in enumerate(STATE)
@@ -205,6 +206,10 @@ TRACKS = Table(
         *(
             Column(f"{name}_std", unit, f"standard deviation of the {name.replace('_', ' ')}", False, 0.0, 1e6)
             for name, unit in (("length", "m"), ("width", "m"), ("heading", "rad"), ("yaw_rate", "rad/s"))
+        ),
+        *(
+            Column(f"{name}_std", "m", f"of the {name} edge, where it is not that of centre and size", False, 0.0, 1e6)
+            for name in EDGES
         ),
         Column("class", "", "no measure uses it", text=True),
         Column("contour", "", "outline in the frame of `ego`, `x y;x y;x y`, of one number of points", text=True),

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from sensors.origin import Origin
 from sensors.scene import Scene
 from testbed.environment.validation import ESTIMATE
-from testbed.replay.columns import RADIANS, TRACKS
+from testbed.replay.columns import EDGES, RADIANS, TRACKS
 from testbed.replay.interpolation import Between, between
 from testbed.replay.loaded import Loaded
 from testbed.replay.origins import owners_by_place
@@ -32,6 +32,7 @@ from trackers.scan import Scan
 
 TOLERANCE = 0.01  # [s] from a scan up to which a row is of it
 GAP = 0.5  # [s] between two rows of a track that are interpolated, where that is wished
+SHAPES = {**ESTIMATE, "edge_std": (len(EDGES),)}  # axes behind those of the rows
 LONGEST = 60  # letters of a name
 DRIVES, OFF, RIGHT = 5.0, 0.5, 0.1  # [m/s] with a course; [rad] between heading and course that is wrong, that is right
 
@@ -153,13 +154,13 @@ def _check_covariances(table: Loaded) -> None:
         if wrong.any():
             what = "the covariance has an eigenvalue that is not above 0"
             raise table.fault(name, int(wrong.argmax()), what, "correct it, or leave its columns out")
-    for name in ("length_std", "width_std", "heading_std", "yaw_rate_std"):
+    for name in (name for name in TRACKS.names if name.endswith("_std")):
         table.check(name, table.numbers(name, np.nan) == 0, lambda row: "it is 0", "leave it empty if it is unknown")
 
 
 def _field(table: Loaded, field: str) -> NDArray:
     """A field of the estimate (N, ...), NaN where nothing is given."""
-    found = np.full((table.rows, *ESTIMATE[field]), np.nan)
+    found = np.full((table.rows, *SHAPES[field]), np.nan)
     for name, (of, place) in PLACES.items():
         if of == field:
             for index in (place, place[::-1]):
@@ -173,7 +174,9 @@ def _steps(
 ) -> dict[float, tuple[Tracks, StepInfo]]:
     """By time of the scene the tracks of one tracker: K rows `where`, each of a scan (K,), in the order of these."""
     rows = where.first
-    known = {field: _between(where, _field(table, field), field) for field in ESTIMATE}
+    known = {field: _between(where, _field(table, field), field) for field in SHAPES}
+    if np.isnan(known["edge_std"]).all():
+        del known["edge_std"]  # as of a filter that states none: centre and size are independent
     ids = numbers_of(table["id"])
     number = np.array([ids[text] for text in table["id"].tolist()], int)[rows]
     existence, hits = table.numbers("existence", 1.0)[rows], table.numbers("detections", 0.0)[rows].astype(int)

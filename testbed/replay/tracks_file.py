@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from testbed.files import atomic_file, noting_losses
 from testbed.frame import Frame
-from testbed.replay.columns import COVARIANCES, STATE, TRACKS
+from testbed.replay.columns import COVARIANCES, EDGES, STATE, TRACKS
 from testbed.replay.tables import CSV
 from testbed.replay.truth import contour_text
 from trackers.multi.tracks import Tracks
@@ -30,6 +30,7 @@ PLACES: dict[str, tuple[str, tuple[int, ...]]] = {  # column of numbers -> field
     **{name: ("pose", (k,)) for k, name in enumerate(("x", "y", "heading"))},
     **{name: ("velocity", (k,)) for k, name in enumerate(("vx", "vy"))},
     **{f"{name}{std}": (f"size{std}", (k,)) for k, name in enumerate(("length", "width")) for std in ("", "_std")},
+    **{f"{name}_std": ("edge_std", (k,)) for k, name in enumerate(EDGES)},
     **{f"cov_{a}_{b}": ("cov", (STATE.index(a), STATE.index(b))) for a, b, _ in COVARIANCES},
 }
 WHOLE = ("id", "detections")  # columns of whole numbers
@@ -52,7 +53,8 @@ def _column(name: str, tracks: Tracks) -> Any:
     if name == "contour":
         return [None] * len(tracks.id) if estimate.contour is None else [contour_text([c]) for c in estimate.contour]
     field, place = PLACES[name]
-    return getattr(tracks if hasattr(tracks, field) else estimate, field)[(..., *place)]
+    value = getattr(tracks if hasattr(tracks, field) else estimate, field)
+    return [None] * len(tracks.id) if value is None else value[(..., *place)]
 
 
 class TracksFile:

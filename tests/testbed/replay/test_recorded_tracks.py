@@ -62,7 +62,9 @@ def test_nees_is_over_the_rows_that_have_a_covariance(drive, tmp_path):
 
 @pytest.mark.parametrize("format", ["csv", "parquet"])
 def test_exported_tracks_are_scored_as_the_tracker_is(drive, format, tmp_path):
-    config = ReplayConfig(str(drive), ("rm-koch", "pmht-spline"), out=str(tmp_path), log="off", format=format)
+    config = ReplayConfig(
+        str(drive), ("rm-koch", "pmht-spline", "imm-htg"), out=str(tmp_path), log="off", format=format
+    )
     done = replay(config, prepare(config))
     assert done.tracks.suffix == f".{format}"
     again = ReplayConfig(str(drive), (), out=str(tmp_path), log="off", tracks=(("back", TracksSource(done.tracks)),))
