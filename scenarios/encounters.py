@@ -15,7 +15,8 @@ SIDE = {L: -4.0, M: 0.0, R: 4.0}  # [m] of the lanes from the middle one, to the
 Y = 4.0  # [m] of the middle lane from the axis
 FRONT = EGO_SIZE[0] / 2  # [m] from the ego's centre to its front bumper
 ROAD = 1600.0  # [m] length of a straight road
-JOIN, RAMP = 500.0, 220.0  # [m] where the lane of the ramp begins, and where on it the ego starts
+JOIN, RAMP = 500.0, 220.0  # [m] where the lane of the ramp begins, and where on it the ego starts to merge
+ON_RAMP = 40.0  # [m] where on it the ego starts that stays on it
 
 
 def about(rng: np.random.Generator, value: float) -> float:
@@ -71,6 +72,24 @@ def reveal(rng: np.random.Generator, distance: float) -> World:
     return stage.world(phases(onset, onset + duration, 10.0))
 
 
+def ramp(rng: np.random.Generator, distance: float) -> World:
+    """On the lane of a ramp a truck 22 m ahead merges in 2.5 s; a motorcycle that it had hidden stands in the lane.
+
+    The draws are those of `reveal`: the same seed differs by what stands, and by the road.
+    """
+    stage = Stage(networks.merge(), rng)
+    speed, onset, duration, lane = rng.uniform(19.0, 21.0), rng.uniform(2.5, 3.5), 2.5, 8.0
+    stage.ego(("b", "c", 2), ON_RAMP, speed, route="d")
+    start, size = JOIN + ON_RAMP, stage.size("truck")
+    place = start + FRONT + about(rng, 22.0) + size[0] / 2
+    stage.prescribe("truck", follow_lane(AXIS, place, speed, (), (Shift(onset, duration, -4.0),), lane), size)
+    size = stage.size("motorcycle")
+    standing = start + speed * (onset + duration / 2) + FRONT + about(rng, distance) + size[0] / 2
+    stage.prescribe("motorcycle", follow_lane(AXIS, standing, 0.0, lateral=lane), size)
+    stage.prescribe("car", follow_lane(AXIS, start - rng.uniform(2.0, 8.0), speed, lateral=4.0))
+    return stage.world(phases(onset, onset + duration, 10.0))
+
+
 def jam(rng: np.random.Generator, gap: float) -> World:
     """A van brakes with 3 m/s^2 to a standstill, starts, and brakes with 3.6 m/s^2; queues beside do alike."""
     stage = Stage(networks.straight(), rng)
@@ -121,14 +140,18 @@ def passing(rng: np.random.Generator, weave: float) -> World:
 
 
 def merge(rng: np.random.Generator, gap: float) -> World:
-    """The ego is on the lane of a ramp that ends, beside the gap between a truck and a slower car that lets it in."""
+    """The ego is on the lane of a ramp that ends, beside the gap between a truck and a slower car that lets it in.
+
+    Close before the truck drives another, so that there is no way past them.
+    """
     stage = Stage(networks.merge(), rng)
     speed, beside = rng.uniform(19.0, 21.0), 2.5
     slow = speed - rng.uniform(2.5, 3.5)
     stage.ego(("b", "c", 2), RAMP, speed, route="d")
     truck, car, gap = stage.size("truck"), stage.size("car"), about(rng, gap)
     middle = JOIN + RAMP + (speed - slow) * beside
-    stage.prescribe("truck", follow_lane(AXIS, middle + (gap + truck[0]) / 2, slow, lateral=Y), truck)
+    for ahead in (0.0, truck[0] + 4.0):
+        stage.prescribe("truck", follow_lane(AXIS, middle + (gap + truck[0]) / 2 + ahead, slow, lateral=Y), truck)
     yielding = (Segment(beside + 2.0), Segment(2.0, -2.0))
     stage.prescribe("car", follow_lane(AXIS, middle - (gap + car[0]) / 2, slow, yielding, lateral=Y), car)
     stage.prescribe("car", follow_lane(AXIS, middle + rng.uniform(-20.0, 20.0), speed + 2.0, lateral=0.0))
@@ -138,9 +161,9 @@ def merge(rng: np.random.Generator, gap: float) -> World:
 def oncoming(rng: np.random.Generator, room: float) -> World:
     """An oncoming car passes a tractor in the ego's lane and returns late; on its own lane a van follows."""
     stage = Stage(networks.two_way(), rng)
-    speed, there, tractor = rng.uniform(18.0, 20.0), rng.uniform(19.0, 20.0), 8.0
-    onset, out, back = rng.uniform(0.5, 1.0), 2.6, 2.4
-    returns = onset + out + 1.6  # [s] when it begins to
+    speed, there, tractor = rng.uniform(26.0, 28.0), rng.uniform(7.5, 8.5), 3.0
+    onset, out, back, beside = rng.uniform(0.5, 1.0), 2.6, 2.4, 2.4
+    returns = onset + out + beside  # [s] when it begins to
     stage.ego(("a", "b", 0), START, speed)
     way = of_lanes((stage.network.get_lane(("c", "d", 0)),), smooth=1.0)
     size = stage.size("car")
@@ -149,7 +172,7 @@ def oncoming(rng: np.random.Generator, room: float) -> World:
     place = ROAD - meets - there * half_out
     shifts = (Shift(onset, out, -4.0), Shift(returns, back, 4.0))
     stage.prescribe("car", follow_lane(way, place, there, (), shifts), size)
-    beside = place + there * (onset + out + 0.8)
-    stage.prescribe("tractor", follow_lane(way, beside - tractor * (onset + out + 0.8), tractor))
+    passes = onset + out + beside / 2
+    stage.prescribe("tractor", follow_lane(way, place + (there - tractor) * passes, tractor))
     stage.prescribe("van", follow_lane(way, place - rng.uniform(35.0, 45.0), there))
     return stage.world(phases(onset, returns + back, 10.0))

@@ -26,6 +26,12 @@ PROBES = MappingProxyType({s.name: s for s in (
         parameters=(
             Parameter("distance", 70.0, 120.0, 30.0, "m", "to the standing car when the truck is half out of the lane"),
         )),
+    Scenario("probe-ramp",
+        "A truck merges off a ramp; the motorcycle that it had hidden stands there: is so little seen in time?",
+        "scenarios.encounters:ramp", 3, duration=10.0, lateral=False,
+        parameters=(
+            Parameter("distance", 70.0, 120.0, 30.0, "m", "to the motorcycle when the truck is half out of the lane"),
+        )),
     Scenario("probe-jam",
         "A van ahead brakes to a standstill, starts and brakes again: standstill, and bias of its rear edge.",
         "scenarios.encounters:jam", 4, duration=12.0, lateral=False,
@@ -40,12 +46,12 @@ PROBES = MappingProxyType({s.name: s for s in (
         parameters=(Parameter("weave", 0.5, 0.0, 1.0, "m", "by which the trucks come towards the lane of the ego"),)),
     Scenario("probe-merge",
         "On a ramp that ends, beside a gap between a truck and a car: is it seen where both of them end?",
-        "scenarios.encounters:merge", 3, duration=12.0,
+        "scenarios.encounters:merge", 4, duration=12.0,
         parameters=(Parameter("gap", 24.0, 60.0, 12.0, "m", "between the truck and the car"),)),
     Scenario("probe-oncoming",
         "An oncoming car overtakes in the ego's lane and is late: high closing speed, motion across far away.",
         "scenarios.encounters:oncoming", 3, duration=10.0, lateral=False,
         parameters=(
-            Parameter("room", 80.0, 200.0, 10.0, "m", "between the bumpers when the car is on the lane line"),
+            Parameter("room", -5.0, 200.0, -30.0, "m", "left between the bumpers at the lane line if the ego kept on"),
         )),
 )})  # fmt: skip

@@ -9,6 +9,7 @@ from studies import (
     depth_profiles,
     generated,
     ghosts_figure,
+    lane_changes,
     layers_figure,
     size_by_radar,
     vehicle_figure,
@@ -64,6 +65,7 @@ STUDIES: Mapping[str, Callable[..., None]] = {
     # models and numbers that trackers and rigs come with
     "contour-classes": contour_classes.main,
     "depth-profiles": depth_profiles.main,
+    "lane-changes": lane_changes.main,
     # what the documentation says about the registries
     "generated": generated.main,
 }

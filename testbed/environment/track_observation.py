@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import gymnasium as gym
 import numpy as np
 from gymnasium.spaces import Box, Dict, MultiBinary
+from highway_env.vehicle.kinematics import Vehicle
 from numpy.typing import NDArray
 
 from scenarios.bodies import motion
@@ -71,6 +72,24 @@ def track_rows(tracks: Tracks, pose: NDArray, velocity: NDArray, size: int, abov
     return Rows(table, classes, mask, ids)
 
 
+def observed(
+    tracks: Tracks, ego: Vehicle, size: int, existence: float, scale: bool
+) -> tuple[dict[str, NDArray], NDArray]:
+    """The observation of `TrackObservation`, of tracks for an ego, and the ids (K,) of its rows."""
+    velocity, yaw_rate = motion(ego)
+    rows = track_rows(tracks, np.array([*ego.position, ego.heading]), velocity, size, existence)
+    own, table = np.array([ego.speed, yaw_rate, ego.lane_offset[1]]), rows.tracks
+    if scale:
+        own, table = own / EGO_SCALE, table / SCALE
+    found = {
+        "ego": own.astype(np.float32),
+        "tracks": table.astype(np.float32),
+        "class_probability": rows.class_probability,
+        "mask": rows.mask,
+    }
+    return found, rows.id
+
+
 class TrackObservation(gym.Wrapper, gym.utils.RecordConstructorArgs):
     """Observe the tracks themselves in place of highway-env's observation; around a `TrackedEnv`.
 
@@ -124,17 +143,4 @@ class TrackObservation(gym.Wrapper, gym.utils.RecordConstructorArgs):
 
     def observation(self) -> tuple[dict[str, NDArray], NDArray]:
         """What there is to observe now, and the ids (K,) of its rows."""
-        ego = self.unwrapped.vehicle  # type: ignore[attr-defined]
-        velocity, yaw_rate = motion(ego)
-        pose = np.array([*ego.position, ego.heading])
-        rows = track_rows(self.get_wrapper_attr("current_tracks"), pose, velocity, self.size, self.existence)
-        own, table = np.array([ego.speed, yaw_rate, ego.lane_offset[1]]), rows.tracks
-        if self.scale:
-            own, table = own / EGO_SCALE, table / SCALE
-        observation = {
-            "ego": own.astype(np.float32),
-            "tracks": table.astype(np.float32),
-            "class_probability": rows.class_probability,
-            "mask": rows.mask,
-        }
-        return observation, rows.id
+        return self.get_wrapper_attr("observe_tracks")(self.size, self.existence, self.scale)

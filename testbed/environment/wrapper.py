@@ -7,6 +7,7 @@ Three hooks, none of which changes the simulation (docs/methods/environment.md):
 - road swap: between calls `env.unwrapped.road` is the belief road, so planners that read or copy it plan on tracks.
 """
 
+from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from copy import deepcopy
@@ -43,6 +44,7 @@ from testbed.environment.belief import (
 from testbed.environment.observation import without_frames
 from testbed.environment.perception import Cost, Perception, advance, label
 from testbed.environment.recorder import Recorder, check_level
+from testbed.environment.track_observation import observed
 from testbed.evaluation.driving import drive_frame
 from testbed.files import versions
 from testbed.frame import Observer
@@ -50,6 +52,7 @@ from testbed.limits import check_choice
 from testbed.log.record import RunMeta, run_id
 from testbed.log.road_geometry import road_geometry
 from testbed.planners import find as find_planner
+from testbed.planners.hidden import View, view_of
 from trackers import DEFAULT
 from trackers.multi.road import RoadMap
 from trackers.multi.tracks import Tracks
@@ -58,6 +61,7 @@ from trackers.scan import Scan
 ROADS = ("cached", "stock")
 RADAR = "surround"  # mounted where no radar is named
 SLOWEST_CRUISE = 8.0  # [m/s] lower limit of the cruise speed, which is the ego's speed at the reset
+MOST_VIEWS = 50  # decisions of which it is known what was in sight: 10 s at 5 Hz
 SENSOR_STREAM, BELIEF_STREAM, ACTION_STREAM = 1, 2, 3  # spawn keys beside the traffic's own stream
 OPTIONS = ("config",)  # of `reset`, as in highway-env
 
@@ -239,6 +243,7 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
         self._episode = 0
         self._ended = False  # whether the episode is over
         self._belief: tuple[int, Road] | None = None  # frame, road
+        self._views: deque[View] = deque(maxlen=MOST_VIEWS)
         self._decided: Scene | None = None  # the truth at the last decision
         self.recorder: Recorder | None = None  # of the episode that goes on, when `out` is given
 
@@ -270,6 +275,18 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
         perception, tracks = self._perception, self.tracks
         now = perception.steps / self._core.config["simulation_frequency"]
         return tracks._replace(estimate=advance(tracks.estimate, now - perception.scene.time))
+
+    @property
+    def views(self) -> tuple[View, ...]:
+        """What was in sight at the last decisions, by the boxes of the tracks; none where the planner has the truth.
+
+        For planners that care for what was never seen: the place of the memory, as planners keep nothing between calls.
+        """
+        return tuple(self._views)
+
+    def observe_tracks(self, size: int, existence: float, scale: bool) -> tuple[dict[str, NDArray], NDArray]:
+        """The observation of `TrackObservation` now, and the ids (K,) of its rows: for learned policies."""
+        return observed(self.current_tracks, self._core.vehicle, size, existence, scale)
 
     @property
     def all_tracks(self) -> dict[str, Tracks]:
@@ -317,6 +334,7 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
         self._swap.show()
         self._episode = 0 if seed is not None else self._episode + 1
         self._belief, self.plan = None, np.zeros((0, 2))
+        self._views.clear()
         self._decided = None
         self._ended = False
         with self._viewed_from_the_start(), self._fence:
@@ -389,7 +407,7 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
         other = memo[id(self)] = type(self).__new__(type(self))
         unmounted = dict.fromkeys(("_mounted", "_swap", "_view", "_reader", "_belief", "_decided", "recorder", "out"))
         kept = {key: deepcopy(value, memo) for key, value in self.__dict__.items() if key not in {*unmounted, "_parts"}}
-        other.__dict__ |= {**kept, **unmounted, "_parts": self._parts}
+        other.__dict__ |= {**kept, **unmounted, "_parts": self._parts, "_views": deque(maxlen=MOST_VIEWS)}
         return other
 
     # Inner workings
@@ -507,7 +525,9 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
         if perception.knows_truth:
             return mirror_road(core.road, core.controlled_vehicles, self._rng)
         ids, estimate = perception.estimate(perception.steps / core.config["simulation_frequency"])
-        return belief_road(core.road, core.controlled_vehicles, ids, estimate, self._rng)
+        road = belief_road(core.road, core.controlled_vehicles, ids, estimate, self._rng)
+        self._views.append(view_of(core.vehicle, road.vehicles))
+        return road
 
     def _streams(self) -> tuple[np.random.Generator, np.random.Generator]:
         """Generators of the radar and of the belief."""

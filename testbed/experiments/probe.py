@@ -20,6 +20,7 @@ from scenarios.record import Parameter
 from testbed.command_line.tables import DASH, filled_table
 from testbed.environment.registration import scenario_of
 from testbed.evaluation.drive_evaluator import DriveEvaluator
+from testbed.evaluation.driving import drive_score
 from testbed.evaluation.intervals import Interval, bootstrap_interval
 from testbed.experiments.episode import episode
 from testbed.experiments.report.texts import counted
@@ -33,6 +34,8 @@ from trackers.lookup import is_own, look_up
 SHARE = 0.95  # of the seeds must survive
 FREE = 1.0  # [m/s^2] braking up to this is none, where nothing calls for it
 TTC = (1.5, 3.0)  # [s] in which the median of the least time to collision must lie for a probe to be accepted
+BLIND = "in-view+birth_delay=99"  # nothing is seen as long as a probe lasts
+LOSS = 0.1  # of the score that a blind drive must lose at least
 SCHEMA = pa.schema([("value", pa.float64()), ("survived", pa.bool_())])
 
 
@@ -77,15 +80,29 @@ def survived(probe: Scenario, row: Mapping[str, float | int]) -> bool:
     return not row["collisions"] and (not probe.calm or row["deceleration_max"] < FREE)
 
 
-def accepted(probe: Scenario, rows: Sequence[Mapping[str, float | int]]) -> bool:
-    """Whether drives on the truth make a good probe: nobody collides, and it is neither easy nor hopeless.
+def accepted(
+    probe: Scenario, rows: Sequence[Mapping[str, float | int]], blind: Sequence[Mapping[str, float | int]]
+) -> bool:
+    """Whether drives make a good probe: on the truth it is neither easy nor hopeless, and who sees nothing fails.
 
-    The median of the least time to collision, ahead or in the plane, lies in `TTC`; where nothing calls for braking,
-    nobody brakes.
+    On the truth nobody collides, and the median of the least time to collision, ahead or in the plane, lies in `TTC`;
+    where nothing calls for braking, nobody brakes, and there is nothing that a blind drive could fail at.
+
+    Args:
+        probe: the scenario.
+        rows: metrics of drives on the truth.
+        blind: those of drives of the same seeds and planner on `BLIND`, in the same order.
     """
     if probe.calm or any(row["collisions"] for row in rows):
         return all(survived(probe, row) for row in rows)
-    return TTC[0] <= float(np.median([min(row["ttc_min"], row["ttc_plane_min"]) for row in rows])) <= TTC[1]
+    danger = float(np.median([min(row["ttc_min"], row["ttc_plane_min"]) for row in rows]))
+    return TTC[0] <= danger <= TTC[1] and all(map(fails, blind, rows))
+
+
+def fails(blind: Mapping[str, float | int], truth: Mapping[str, float | int]) -> bool:
+    """Whether a drive that saw nothing is punished: it collides, or its score is lower than on the truth by `LOSS`."""
+    score, aim = (float(drive_score(row, truth["progress"])) for row in (blind, truth))
+    return bool(blind["collisions"]) or score <= aim - LOSS
 
 
 class Search(NamedTuple):

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from scenarios.vehicles import EgoVehicle
 from testbed.planners.car_following import CarFollowing
 from testbed.planners.collision import distance_driven, first_contact, instants
+from testbed.planners.futures import Futures, futures
 from testbed.planners.prediction import (
     LaneIndex,
     LanePath,
@@ -51,6 +52,7 @@ class LaneOption(NamedTuple):
 
     path: LanePath
     relation: Relation
+    futures: Futures
     top: float  # [m/s] highest speed that the path allows now
 
 
@@ -123,16 +125,16 @@ class IdmPlanner:
             return Decision(action, option.path, offset_from(option.path, ego), there, np.inf)
         period = 1 / core.config["policy_frequency"]
         targets = np.array([_target_speed(ego, action) for action in SPEED_ACTIONS])
-        contact = self._contacts(ego, here, targets, period, offset, others)
+        contact = self._contacts(ego, here, targets, period, offset)
         best = self._nearest(targets, self._target(ego, options, cruise), contact)
         return Decision(SPEED_ACTIONS[best], here.path, offset, acceleration, float(contact[best]))
 
     def acceleration(self, ego: ControlledVehicle, option: LaneOption, target: float) -> float:
-        """IDM acceleration [m/s^2] on a path: the least over all others that are on it or about to enter it.
+        """IDM acceleration [m/s^2] on a path: the least over all futures that are on it or about to enter it.
 
         `target` [m/s] is the speed on a free road.
         """
-        r, half = option.relation, ego.LENGTH / 2
+        r, half, chance = relate(option.path, option.futures.others), ego.LENGTH / 2, option.futures.chance
         gap = r.along - r.half[:, 0] - half
         now = on_path(r, ego.WIDTH)
         soon = ~now & np.logical_or.reduce([on_path(r, ego.WIDTH, later) for later in (0.5, 1.0, 1.5)])
@@ -141,12 +143,14 @@ class IdmPlanner:
         follow = self.model.follow(ego.speed, target, gap, r.speed)
         # One that is about to enter may still not do so: brake comfortably at most; the collision check does the rest
         yielding = np.minimum(free, np.where(gap > 0, np.maximum(follow, -self.model.brake), -self.model.brake))
+        yielding = free + chance * (yielding - free)  # (PLAN.12)
         accelerations = np.where(now, follow, yielding)[front & (now | soon)]
         return float(np.clip(accelerations.min(initial=free), -self.hard_brake, self.model.accel))
 
     def _option(self, network: RoadNetwork, ego: ControlledVehicle, lane: LaneIndex, others: Others) -> LaneOption:
         path = path_ahead(network, lane, ego.route, ego.position, self.reach)
-        return LaneOption(path, relate(path, others), allowed_speed(path, self.lateral_accel, self.model.brake))
+        now, top = relate(path, others), allowed_speed(path, self.lateral_accel, self.model.brake)
+        return LaneOption(path, now, futures(path, others, now, ego.LENGTH, ego.WIDTH), top)
 
     def _lane_change(
         self, network: RoadNetwork, ego: ControlledVehicle, here: LaneOption, acceleration: float, cruise: float,
@@ -200,15 +204,14 @@ class IdmPlanner:
         misfit = np.abs(targets - target) + np.where(targets == targets[0], 0.0, self.patience)
         return int(np.where(np.isinf(contact), misfit, np.inf).argmin())
 
-    def _contacts(
-        self, ego: MDPVehicle, option: LaneOption, targets: NDArray, period: float, offset: float, others: Others
-    ) -> NDArray:
+    def _contacts(self, ego: MDPVehicle, option: LaneOption, targets: NDArray, period: float, offset: float) -> NDArray:
         """Time (A,) [s] until a collision for each of A target speeds, inf for none within the horizon.
 
         Of two continuations the later contact counts: the target is kept, or it is held for one period and followed by
-        comfortable braking.
+        comfortable braking. Changes onto the path count where they are likelier than not.
         """
-        checked = without_followers(others, option.relation, ego.WIDTH)
+        likely = option.futures.others.rows(option.futures.chance > 0.5)
+        checked = without_followers(likely, relate(option.path, likely), ego.WIDTH)
         times = instants(self.horizon)
         held = targets[:, None] + (ego.speed - targets[:, None]) * np.exp(-ego.KP_A * times)
         braked = np.where(times > period, held - self.model.brake * (times - period), held)

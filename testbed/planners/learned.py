@@ -26,6 +26,7 @@ ACTIVATIONS: Mapping[str, Callable[[NDArray], NDArray]] = MappingProxyType(
 USED_BEFORE = "relu"  # of files that name no activation, which older versions have written
 SHAPELESS = ("Flatten", "Identity", "Dropout")  # parts of a network that change no value once it is trained
 FITTING = ("FlattenObservation",)  # wrappers of observations whose numbers are those of the environment
+TRACKS = "TrackObservation"  # the wrapper that the planner knows, inside of one that flattens
 
 
 @dataclass(frozen=True)
@@ -53,6 +54,8 @@ def observation_of(env: gym.Env) -> dict[str, Any]:
 
     Where a range of a feature is not set, highway-env scales by the road: y by the number of lanes.
     """
+    if (tracks := _layer(env, TRACKS)) is not None:
+        return {"type": TRACKS, **{name: getattr(tracks, name) for name in ("size", "existence", "scale")}}
     core: Any = env.unwrapped
     kind, config = core.observation_type, dict(core.config["observation"])
     known = {name: p.default for name, p in signature(type(kind)).parameters.items() if p.default is not p.empty}
@@ -86,9 +89,7 @@ class Learned:
         """
         core: Any = env.unwrapped
         network = self._network
-        if network.observation is not None:
-            self._compare(network.observation, observation_of(env))
-        observation = np.asarray(core.observation_type.observe())
+        observation = self._observed(env, network.observation)
         inputs, outputs = network.weights[0].shape[1], len(network.biases[-1])
         actions = getattr(core.action_space, "n", None)
         if (observation.size, actions) != (inputs, outputs):
@@ -97,6 +98,18 @@ class Learned:
                 f"{observation.size} and {core.action_space}; give the environment the config of the training"
             )
         return int(network(observation).argmax())
+
+    def _observed(self, env: gym.Env, trained: Mapping[str, Any] | None) -> NDArray:
+        """The observation now, of the kind of the training."""
+        if trained is not None and trained["type"] == TRACKS:
+            if not env.has_wrapper_attr("observe_tracks"):
+                raise UnfitPolicy(f"policy {self.file} was trained on tracks, got {env}; wrap it in testbed.TrackedEnv")
+            found, _ = env.get_wrapper_attr("observe_tracks")(trained["size"], trained["existence"], trained["scale"])
+            return np.concatenate([np.ravel(found[name]) for name in sorted(found)])  # as gymnasium flattens a dict
+        if trained is not None:
+            self._compare(trained, observation_of(env.unwrapped))
+        core: Any = env.unwrapped
+        return np.asarray(core.observation_type.observe())
 
     def _compare(self, trained: Mapping[str, Any], found: Mapping[str, Any]) -> None:
         """Raise UnfitPolicy where an observation is not that of the training."""
@@ -127,7 +140,7 @@ def save_policy(
 
     Raises:
         ValueError: an activation or another module that the planner does not have, or wrappers of the environment that
-            change the observation: the planner reads that of the environment.
+            change the observation: the planner reads that of the environment, or of `TrackObservation`, flattened.
     """
     arrays: dict[str, Any] = {}
     pairs, names = _parsed(list(layers), activation)
@@ -158,11 +171,22 @@ def _parsed(layers: list[Any], activation: str | None) -> tuple[list[Any], list[
     return [(layer.weight, layer.bias) for layer in layers if type(layer).__name__ == "Linear"], names
 
 
+def _layer(env: gym.Env, name: str) -> gym.Env | None:
+    """The wrapper of a name around an environment, or None."""
+    while isinstance(env, gym.Wrapper):
+        if type(env).__name__ == name:
+            return env
+        env = env.env
+    return None
+
+
 def _check_wrappers(env: gym.Env) -> None:
     """Raise ValueError for a wrapper whose observation is not that of the environment."""
     inner = env
     while isinstance(inner, gym.Wrapper):
         kind = type(inner)
+        if kind.__name__ == TRACKS and isinstance(env, gym.wrappers.FlattenObservation):
+            return
         plain = issubclass(kind, gym.ObservationWrapper) and kind.__name__ not in FITTING
         if plain or inner.observation_space.dtype != inner.unwrapped.observation_space.dtype:
             raise ValueError(

@@ -14,6 +14,9 @@ from highway_env.vehicle.kinematics import Vehicle
 from numpy.typing import NDArray
 
 from scenarios.vehicles import SoftSteering
+from testbed.limits import check_choice
+from testbed.planners.futures import futures
+from testbed.planners.hidden import first_unseen
 from testbed.planners.idm import Choice, cruise_speed
 from testbed.planners.prediction import (
     LanePath,
@@ -29,7 +32,8 @@ from testbed.planners.prediction import (
     things_on,
 )
 from testbed.planners.track_vehicle import TrackVehicle, track_vehicles
-from trackers.geometry import dot, unit, wrap_angle
+from trackers.geometry import unit, wrap_angle
+from trackers.multi.tracks import REPORT_ABOVE
 
 STEP = 0.2  # [s] between the instants of a prediction
 FIRST = np.array([-8.0, -7, -6, -5, -4, -3, -2, -1, -0.5, 0, 0.5, 1, 2])  # [m/s^2] before the switch
@@ -38,6 +42,9 @@ SWITCH = np.array([0.6, 1.4])  # [s]
 COLLIDES = 0.5  # [m] gaps below this count as a collision
 SLOWEST = 1.0  # [m/s] at lower speeds it steers with the gains of this one: a standing vehicle cannot turn
 MOST = np.pi / 4  # [rad] of the angle towards the path
+SOON = 1.0  # [s] for which what is unseen stays so: then it will have been looked at again
+MARGINS = ("none", "covariance", "constant", "curve")
+CURVE = (0.0, 2.0, 4.0), (0.63, 0.68, 0.78)  # [s], [m] mean margin by covariance before the nearest obstacle
 
 
 class Obstacles(NamedTuple):
@@ -46,25 +53,28 @@ class Obstacles(NamedTuple):
     others: Others
     existence: NDArray  # (N,) probability
     cov: NDArray  # (N, 4, 4) of x, y, vx, vy [m, m/s]
-    near_std: NDArray  # (N,) [m] of the near bumper, along the heading
+    edges: NDArray  # (N, 2) [m] standard deviations of front and rear
 
     def rows(self, index: NDArray) -> "Obstacles":
         """Those at index, (N,) bool or rows."""
         return Obstacles(self.others.rows(index), *(part[index] for part in self[1:]))
 
-    def edge_std(self, times: NDArray) -> NDArray:
-        """Standard deviations (N, H) [m] of the near bumper along its course, predicted to times (H,) [s]."""
+    def edge_std(self, times: NDArray, heading: float) -> NDArray:
+        """Standard deviations (N, H) [m] of the bumper that faces an ego of a heading [rad], at times (H,) [s]."""
         along = unit(self.others.course)[:, None]  # (N, 1, 2)
-        xv, vv = ((along @ block @ along.mT)[..., 0] for block in (self.cov[:, :2, 2:], self.cov[:, 2:, 2:]))
-        return np.sqrt(np.maximum(self.near_std[:, None] ** 2 + 2 * times * xv + times**2 * vv, 0.0))  # (PLAN.3)
+        P = self.cov
+        xv, vv = ((along @ block @ along.mT)[..., 0] for block in (P[:, :2, 2:], P[:, 2:, 2:]))
+        near = np.where(np.cos(self.others.heading - heading) < 0, *self.edges.T)[:, None]
+        return np.sqrt(np.maximum(near**2 + 2 * times * xv + times**2 * vv, 0.0))  # (PLAN.3)
 
 
 class Ahead(NamedTuple):
-    """K obstacles at H instants, relative to the ego's path."""
+    """K futures of obstacles at H instants, relative to the ego's path."""
 
     rear: NDArray  # (K, H) [m] along the path to the near end, inf while it is beside the path
     speed: NDArray  # (K, H) [m/s] along the path
-    existence: NDArray  # (K,) probability
+    margin: NDArray  # (K, H) [m] kept free before it, beside the wanted gap
+    weight: NDArray  # (K,) probability that it is there, and does that
 
 
 class Decision(NamedTuple):
@@ -78,21 +88,16 @@ class Decision(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Caution:
-    """How a planner allows for what the tracker is not sure of."""
-
-    above: float = 0.1  # probability of existence from which a track counts, in proportion to it
-    quantile: float = 1.28  # standard deviations of the near bumper that are kept free besides: 90 % of a Gaussian
-
-
-@dataclass(frozen=True)
 class Mpc:
-    """Model predictive control on tracks that keep their speed; `caution` None takes the tracks as exact."""
+    """Model predictive control on tracks that keep their speed, or change their lane."""
 
     name: str = "mpc"
     note: str = "model predictive control of the acceleration on the estimates of the tracks"
     knows_truth: bool = False
-    caution: Caution | None = None
+    margin: str = "none"  # kept free besides before the near bumper: none, covariance, constant, curve
+    quantile: float = 1.28  # standard deviations of the near bumper, of the margin by covariance: 90 % of a Gaussian
+    above: float = REPORT_ABOVE  # existence from which a track counts; less than that of reported ones: in proportion
+    unseen: bool = True  # whether it stays able to stop before what was never seen
     horizon: float = 4.0  # [s]
     reach: float = 150.0  # [m] range in which others matter, and length of the path
     standstill: float = 2.0  # [m] wanted gap at standstill
@@ -106,6 +111,12 @@ class Mpc:
     gap_cost: float = 0.02  # [1/m^2] of what is missing of the wanted gap
     collision_cost: float = 60.0  # of an instant of a collision
     closing_cost: float = 15.0  # [1/(m/s)] of its closing speed
+    doubt: float = 0.2  # changes of lane up to this probability are no reason to brake
+    last_brake: float = 5.0  # [m/s^2] before what was never seen
+    last_reaction: float = 0.4  # [s] before that braking
+
+    def __post_init__(self) -> None:
+        check_choice("margin", self.margin, MARGINS)
 
     @property
     def action(self) -> dict[str, Any]:
@@ -137,30 +148,66 @@ class Mpc:
         lowest, highest = _action_type(env).acceleration_range
         profiles = np.clip(_profiles(self._times), lowest, highest)
         speed, arc = _drive(float(ego.speed), profiles)
+        unseen = self.first_unseen(env, ego, path)
         target = min(cruise_speed(env, ego.speed), allowed_speed(path, self.lateral_accel, self.brake))
         comfort = self.speed_cost * huber(speed - target, self.speed_error) + self.accel_cost * profiles**2
-        cost = STEP * (comfort + self.risk(ego, ahead, speed, arc)).sum(-1)  # (PLAN.6)
+        risk = self.risk(ego, ahead, speed, arc) + self.unseen_risk(ego, unseen + self.vouched(ahead), speed, arc)
+        cost = STEP * (comfort + risk).sum(-1)  # (PLAN.6)
         cost += self.change_cost * (profiles[:, 0] - ego.action["acceleration"]) ** 2
         best = int(cost.argmin())
         return Decision(float(profiles[best, 0]), path, arc[best], profiles, cost)
 
     def obstacles(self, env: gym.Env) -> Obstacles:
         """What it keeps clear of."""
-        if self.caution is None:
+        if self.margin == "none" and self.above >= REPORT_ABOVE:
             return on_belief_road(env, self.reach)
-        return among_tracks(env, self.reach, self.caution.above)
+        return among_tracks(env, self.reach, self.above)
 
     def ahead(self, ego: Vehicle, path: LanePath, obstacles: Obstacles) -> Ahead:
         """What will be on the path ahead of the ego within the horizon."""
-        now = relate(path, obstacles.others)
-        obstacles = obstacles.rows(now.along > 0)
-        relation = relate_at(path, obstacles.others, self._times)
-        rear = relation.along - relation.half[..., 0]
-        if self.caution is not None:
-            rear = rear - self.caution.quantile * obstacles.edge_std(self._times)  # (PLAN.2)
-        rear = np.where(on_path(relation, ego.WIDTH), rear, np.inf)
+        obstacles = obstacles.rows(relate(path, obstacles.others).along > 0)
+        others = obstacles.others
+        found = futures(path, others, relate(path, others), ego.LENGTH, ego.WIDTH)
+        relation = relate_at(path, found.others, self._times)
+        rear = np.where(on_path(relation, ego.WIDTH), relation.along - relation.half[..., 0], np.inf)
         near = np.isfinite(rear).any(-1)
-        return Ahead(rear[near], relation.speed[near], obstacles.existence[near])
+        weight = obstacles.existence[found.of] * found.beyond(self.doubt)
+        return Ahead(rear[near], relation.speed[near], self.margins(obstacles, path)[found.of][near], weight[near])
+
+    def margins(self, obstacles: Obstacles, path: LanePath) -> NDArray:
+        """What is kept free (N, H) [m] before each obstacle, beside the wanted gap."""
+        if self.margin == "covariance":
+            return self.quantile * obstacles.edge_std(self._times, float(path.heading[0]))  # (PLAN.2)
+        curve = np.interp(self._times, *CURVE)
+        margin = {"none": 0.0 * curve, "constant": 0.0 * curve + curve.mean(), "curve": curve}[self.margin]
+        return np.broadcast_to(margin, (len(obstacles.existence), len(margin)))
+
+    def first_unseen(self, env: gym.Env, ego: Vehicle, path: LanePath) -> float:
+        """Place [m] along the path before which it stays able to stop, inf where all that matters was seen."""
+        views = env.get_wrapper_attr("views") if env.has_wrapper_attr("views") else ()
+        if not (self.unseen and views):
+            return np.inf
+        fastest = float(ego.speed) + FIRST.max() * SOON
+        end = ego.LENGTH / 2 + SOON * fastest + self._stopping(np.asarray(fastest))
+        return first_unseen(path, views, ego.LENGTH, float(end))
+
+    def _stopping(self, speed: NDArray) -> NDArray:
+        """Way [m] to a standstill from speeds [m/s], by the last braking."""
+        return speed**2 / (2 * self.last_brake) + self.last_reaction * speed
+
+    def vouched(self, ahead: Ahead) -> NDArray:
+        """Way [m] at each instant (H,) that the nearest vehicle on the path clears, as long as it stays there."""
+        if not np.isfinite(ahead.rear).any():
+            return np.zeros(len(self._times))
+        leader = int(ahead.rear[:, 0].argmin())
+        there = np.logical_and.accumulate(np.isfinite(ahead.rear[leader]))
+        return np.cumsum(STEP * np.maximum(ahead.speed[leader], 0.0) * there)
+
+    def unseen_risk(self, ego: Vehicle, unseen: NDArray, speed: NDArray, arc: NDArray) -> NDArray:
+        """Cost (C, H) of driving too fast to stop before an unseen place [m], while nothing more can be seen of it."""
+        gap = unseen - (arc + ego.LENGTH / 2)
+        missing = np.maximum(self._stopping(speed) - gap, 0.0)  # (PLAN.16)
+        return np.where(self._times <= SOON, self.gap_cost * missing**2, 0.0)
 
     def risk(self, ego: Vehicle, ahead: Ahead, speed: NDArray, arc: NDArray) -> NDArray:
         """Cost (C, H) of the gaps to the worst obstacle, for speeds and places (C, H) of the ego."""
@@ -168,11 +215,12 @@ class Mpc:
         speed = speed[:, None]
         closing = np.maximum(speed - ahead.speed, 0.0)
         stopping = np.maximum(speed**2 - np.maximum(ahead.speed, 0.0) ** 2, 0.0) / (2 * self.brake)
-        missing = np.maximum(self.standstill + self.headway * speed + stopping - gap, 0.0)  # (PLAN.4)
+        wanted = self.standstill + ahead.margin + self.headway * speed + stopping  # (PLAN.4)
+        missing = np.maximum(wanted - gap, 0.0)
         overlap = np.maximum(COLLIDES - gap, 0.0)
         cost = self.gap_cost * missing**2 + 2.0 * overlap  # (PLAN.5)
         cost += np.where(gap < COLLIDES, self.collision_cost, 0.0) + np.where(gap < 0, self.closing_cost * closing, 0.0)
-        return (ahead.existence[:, None] * cost).max(-2, initial=0.0)
+        return (ahead.weight[:, None] * cost).max(-2, initial=0.0)
 
     @property
     def _times(self) -> NDArray:
@@ -181,16 +229,17 @@ class Mpc:
 
 
 def on_belief_road(env: gym.Env, within: float) -> Obstacles:
-    """What is on the belief road within [m], taken for certain; motion across a lane counts from 0.5 m/s on."""
+    """What is on the belief road within [m], taken for certain."""
     core: Any = env.unwrapped
     return _certain(things_on(core.road, core.vehicle, within))
 
 
 def among_tracks(env: gym.Env, within: float, above: float) -> Obstacles:
-    """The tracks within [m] whose existence is above a probability, with their uncertainty; the rest from the road.
+    """The tracks within [m], with their uncertainty; the rest from the road.
 
-    Among them are tentative ones, which are not reported yet. Without a tracker, as in a deep copy: what is on the
-    road.
+    Reported tracks count in full, however sure their existence is: a doubt is no reason to brake later. Tentative ones,
+    which are not on the road, count the less, the less likely they are, from `above` on. Without a tracker, as in a
+    deep copy: what is on the road.
     """
     if not env.has_wrapper_attr("current_tracks"):
         return on_belief_road(env, within)
@@ -202,16 +251,15 @@ def among_tracks(env: gym.Env, within: float, above: float) -> Obstacles:
     row = np.array([v.track_id for v in twins], int)
     estimate = tracks.estimate
     certain = _certain([v for v in things_on(core.road, core.vehicle, within) if not isinstance(v, TrackVehicle)])
-    rear = dot(core.vehicle.position - estimate.pose[row, :2], unit(estimate.pose[row, 2])) < 0
-    near_std = estimate.edges[row, rear.astype(int)]
-    parts = certain, Obstacles(others_of(twins), tracks.existence[row], estimate.cov[row], near_std)
+    existence = np.minimum(tracks.existence[row] / REPORT_ABOVE, 1.0)  # (PLAN.14)
+    parts = certain, Obstacles(others_of(twins), existence, estimate.cov[row], estimate.edges[row, :2])
     others = Others(*map(np.concatenate, zip(*(part.others for part in parts))))
     return Obstacles(others, *map(np.concatenate, zip(*(part[1:] for part in parts))))
 
 
 def _certain(things: list[Any]) -> Obstacles:
     n = len(things)
-    return Obstacles(others_of(things, significant=0.0), np.ones(n), np.zeros((n, 4, 4)), np.zeros(n))
+    return Obstacles(others_of(things), np.ones(n), np.zeros((n, 4, 4)), np.zeros((n, 2)))
 
 
 def huber(error: NDArray, bound: float) -> NDArray:

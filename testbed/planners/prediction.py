@@ -20,10 +20,10 @@ LaneIndex = tuple[str, str, int]
 SPACING = 2.0  # [m] between the points of a path
 NODES = 1.0  # [m] between the nodes of a tabulated lane; the chord of a 15 m circle is off by 8 mm
 DRIFT = 0.5  # [m/s] slower motion across the lane is weaving
-SIGNIFICANT = 2.0  # standard deviations; slower motion across the lane is taken for noise
 FOLLOWS = np.cos(np.pi / 6)  # cosine of the angle to a lane up to which a vehicle is taken to follow it
 FADE = 1.5  # [s] time constant with which motion across a lane decays: no vehicle drifts over many lanes
 LANE_MARGIN = 0.3  # [m] beyond both widths, to call a vehicle on the path
+EXACT = np.zeros((2, 2))  # covariance of what is known without error
 
 
 class LanePath(NamedTuple):
@@ -42,10 +42,12 @@ class Others(NamedTuple):
 
     position: NDArray  # (N, 2) [m]
     heading: NDArray  # (N,) [rad]
-    velocity: NDArray  # (N, 2) [m/s], without insignificant motion across the lane
+    velocity: NDArray  # (N, 2) [m/s], without the motion across the lane of those that weave
     size: NDArray  # (N, 2) [m]
     course: NDArray  # (N,) [rad] heading of the lane that they follow, direction of motion of those that cross it
     bend: NDArray  # (N,) [1/m] curvature of that lane, 0 for those that cross it
+    lean: NDArray  # (N, 2) [m, m/s] offset from the middle of that lane and speed across, NaN for those that cross it
+    lean_cov: NDArray  # (N, 2, 2) of the same
 
     def rows(self, index: NDArray) -> "Others":
         """Those at index, (N,) bool or rows."""
@@ -142,30 +144,37 @@ def others_on(road: Road, ego: Vehicle, within: float) -> Others:
     return others_of(things_on(road, ego, within))
 
 
-def others_of(things: Sequence[Any], significant: float = SIGNIFICANT) -> Others:
-    """Vehicles and objects; motion across the lane counts from so many standard deviations on."""
+def others_of(things: Sequence[Any]) -> Others:
+    """Vehicles and objects; slow motion across the lane is left out of their velocity."""
     position = np.array([v.position for v in things]).reshape(-1, 2)
     velocity = np.array([v.velocity for v in things]).reshape(-1, 2)
     heading = np.array([v.heading for v in things], float)
     size = np.array([(v.LENGTH, v.WIDTH) for v in things]).reshape(-1, 2)
-    course, bend = np.array([_lane_under(v) for v in things], float).reshape(-1, 2).T
-    noise = significant * np.array([getattr(v, "drift_std", 0.0) for v in things], float)
+    course, bend, offset = np.array([_lane_under(v) for v in things], float).reshape(-1, 3).T
+    cov = np.array([getattr(v, "across_cov", EXACT) for v in things], float).reshape(-1, 2, 2)
+    drift = cross(unit(course), velocity)
+    velocity = np.where((np.abs(drift) > DRIFT)[:, None], velocity, along_course(velocity, course))
+    return Others(position, heading, velocity, size, course, bend, np.stack([offset, drift], -1), cov)
+
+
+def along_course(velocity: NDArray, course: NDArray) -> NDArray:
+    """The part of velocities (N, 2) along courses (N,) [rad]."""
     along = unit(course)
-    drift = cross(along, velocity)
-    straight = (velocity * along).sum(-1)[:, None] * along
-    velocity = np.where((np.abs(drift) > np.maximum(DRIFT, noise))[:, None], velocity, straight)
-    return Others(position, heading, velocity, size, course, bend)
+    return (velocity * along).sum(-1)[:, None] * along
 
 
-def _lane_under(vehicle: Vehicle) -> tuple[float, float]:
-    """Heading [rad] and curvature [1/m] of the lane under a vehicle; those of its straight course if it crosses it."""
+def _lane_under(vehicle: Vehicle) -> tuple[float, float, float]:
+    """Heading [rad] and curvature [1/m] of the lane under a vehicle, and its offset [m] from the middle.
+
+    Those of its straight course, and NaN, if it crosses the lane.
+    """
     lane, (vx, vy) = vehicle.lane, vehicle.velocity
-    s, _ = lane.local_coordinates(vehicle.position)
+    s, offset = lane.local_coordinates(vehicle.position)
     here = lane.heading_at(s)
     if np.cos(vehicle.heading - here) > FOLLOWS:
-        return here, float(wrap_angle(lane.heading_at(s + SPACING) - here)) / SPACING
+        return here, float(wrap_angle(lane.heading_at(s + SPACING) - here)) / SPACING, offset
     moving = vx * vx + vy * vy > DRIFT**2
-    return (float(np.arctan2(vy, vx)) if moving else vehicle.heading), 0.0
+    return (float(np.arctan2(vy, vx)) if moving else vehicle.heading), 0.0, np.nan
 
 
 def relate(path: LanePath, others: Others) -> Relation:

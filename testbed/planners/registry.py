@@ -16,7 +16,7 @@ from highway_env.envs.common.action import DiscreteAction, DiscreteMetaAction
 
 from testbed.planners.idm import Choice, IdmPlanner, straight_on
 from testbed.planners.learned import Learned
-from testbed.planners.mpc import Caution, Mpc
+from testbed.planners.mpc import Mpc
 from testbed.planners.tree import TreeSearch
 from trackers.lookup import find_own, look_up, parse, with_parameters
 
@@ -77,7 +77,12 @@ PLANNERS: Mapping[str, Planner] = MappingProxyType(
             IdmPlanner(),
             IdmPlanner("idm-keen", "idm that takes small gaps to follow its route", imposed_brake=5.0, route_gain=8.0),
             Mpc(),
-            Mpc("mpc-cautious", "mpc that allows for covariances and weighs tentative tracks", caution=Caution()),
+            Mpc(
+                "mpc-cautious",
+                "mpc that allows for covariances and weighs tentative tracks",
+                margin="covariance",
+                above=0.1,
+            ),
             TreeSearch(),
             Idle(),
             IdmPlanner("truth", "idm on the truth instead of tracks", True),

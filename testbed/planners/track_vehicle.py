@@ -36,7 +36,7 @@ class TrackVehicle(IDMVehicle):
         *args: Any,
         size: Sequence[float] | NDArray = (5.0, 2.0),
         velocity: NDArray | None = None,
-        drift_std: float = 0.0,
+        across_cov: NDArray | None = None,
         track_id: int = -1,
         **kwargs: Any,
     ) -> None:
@@ -44,7 +44,8 @@ class TrackVehicle(IDMVehicle):
         self.LENGTH, self.WIDTH = float(size[0]), float(size[1])
         self.diagonal = float(np.hypot(self.LENGTH, self.WIDTH))
         self.track_id = track_id
-        self.drift_std = drift_std  # [m/s] of the velocity across the heading, for planners that care
+        # (2, 2) covariance of place and velocity across the heading [m, m/s], for planners that care
+        self.across_cov = np.zeros((2, 2)) if across_cov is None else across_cov
         self._estimated = None if velocity is None else np.array(velocity, float)
 
     @classmethod
@@ -90,8 +91,8 @@ def track_vehicles(road: Road, ids: NDArray, estimate: Estimate, egos: Sequence[
     rows = usable[np.argsort(distance, kind="stable")]
     pose, velocity, _, size, *_ = nearest = take(estimate, rows)
     size, speed = np.clip(size, MIN_SIZE, MAX_SIZE), nearest.speed
-    across = unit(pose[:, 2] + np.pi / 2)[:, None]
-    drift_std = np.sqrt((across @ nearest.cov[:, 2:, 2:] @ across.mT)[:, 0, 0])  # (ENV.2)
+    across = np.kron(np.eye(2), unit(pose[:, 2] + np.pi / 2)[:, None])  # (K, 2, 4)
+    across_cov = across @ nearest.cov @ across.mT  # (ENV.2)
     return [
         TrackVehicle(
             road,
@@ -100,7 +101,7 @@ def track_vehicles(road: Road, ids: NDArray, estimate: Estimate, egos: Sequence[
             speed=float(speed[i]),
             size=size[i],
             velocity=velocity[i],
-            drift_std=float(drift_std[i]),
+            across_cov=across_cov[i],
             track_id=int(ids[row]),
         )
         for i, row in enumerate(rows)

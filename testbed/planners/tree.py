@@ -15,6 +15,7 @@ import numpy as np
 from highway_env.vehicle.controller import MDPVehicle
 from numpy.typing import NDArray
 
+from testbed.planners.futures import UNLIKELY, futures
 from testbed.planners.idm import Choice, cruise_speed, meta_actions
 from testbed.planners.prediction import (
     LANE_MARGIN,
@@ -47,6 +48,7 @@ class EgoState(NamedTuple):
     target: float  # [m/s] of its speed control
     offset: float  # [m] across the path
     lane: int  # lanes to the side of the path, towards higher lane indices
+    free: float = 1.0  # probability of no contact on the way here, with the braking that was possible
 
 
 class Leaf(NamedTuple):
@@ -61,7 +63,8 @@ class Leaf(NamedTuple):
 class Scene(NamedTuple):
     """What stays the same while a tree grows."""
 
-    relation: Relation  # (N, M) of the tracks to the path, at M steps
+    relation: Relation  # (F, M) of the futures of the tracks to the path, at M steps
+    chance: NDArray  # (F,) probability of each
     size: NDArray  # (2,) [m] of the ego
     lanes: range  # lanes that the ego may take, relative to that of the path
     width: float  # [m] between lanes
@@ -93,6 +96,7 @@ class TreeSearch:
     room_share: float = 0.7  # of the reward: room ahead; the rest is speed
     change_price: float = 0.05  # of a lane change
     clearance: tuple[float, float] = (1.0, 0.4)  # [m] added to length and width of the ego in the contact test
+    doubt: float = 0.0  # changes of lane up to this probability are no reason to brake
     reach: float = 150.0  # [m]
 
     def act(self, env: gym.Env) -> int:
@@ -126,7 +130,7 @@ class TreeSearch:
                 if worth > best.worth:
                     best = child
                 if not lost and child.depth < self.depth:
-                    bound = worth + self.discount**child.depth / (1 - self.discount)  # (PLAN.8)
+                    bound = worth + state.free * self.discount**child.depth / (1 - self.discount)  # (PLAN.8)
                     heappush(heap, (-bound, next(order), child))
         return best.actions
 
@@ -134,16 +138,19 @@ class TreeSearch:
         """The state after an action, its reward in [0, 1], and whether no braking can avoid a contact any more."""
         places, new = self._move(scene, state, action, self.hold)
         braked, _ = self._move(scene, new, "SLOWER", self.braking)
-        if self._contact(scene, state.step, *np.concatenate([places, braked]).T):
+        free = min(state.free, self._free(scene, state.step, *np.concatenate([places, braked]).T))
+        if free < UNLIKELY:
             return new, 0.0, True
+        new = new._replace(free=free)
         price = self.change_price if new.lane != state.lane else 0.0
         room = self._room(scene, new)
         speed = min(new.speed / scene.cruise, 1.0)
-        return new, max((1 - self.room_share) * speed + self.room_share * room - price, 0.0), False  # (PLAN.7)
+        reward = (1 - self.room_share) * speed + self.room_share * room - price  # (PLAN.7)
+        return new, free * max(reward, 0.0), False
 
     def _move(self, scene: Scene, state: EgoState, action: str, hold: float) -> tuple[NDArray, EgoState]:
         """Places (H, 2) [m] along and across the path while an action is held for hold [s], and the state after it."""
-        _, arc, speed, target, offset, lane = state
+        _, arc, speed, target, offset, lane, free = state
         lane += SIDES[action]
         held = round(hold / STEP)
         every = max(round(self.hold / STEP) // scene.presses, 1)
@@ -157,15 +164,16 @@ class TreeSearch:
             arc += STEP * speed
             offset += (lane * scene.width - offset) * TOWARDS
             places.append((arc, offset))
-        return np.array(places), EgoState(state.step + held, arc, speed, target, offset, lane)
+        return np.array(places), EgoState(state.step + held, arc, speed, target, offset, lane, free)
 
-    def _contact(self, scene: Scene, step: int, arc: NDArray, offset: NDArray) -> bool:
-        """Whether the ego touches a track at the places along arc (H,) and across offset (H,) [m], from a step on."""
+    def _free(self, scene: Scene, step: int, arc: NDArray, offset: NDArray) -> float:
+        """Probability of no contact at the places along arc (H,) and across offset (H,) [m], from a step on."""
         r = scene.relation
         part = slice(step, step + len(arc))
         along = np.abs(r.along[:, part] - arc) < r.half[:, part, 0] + (scene.size[0] + self.clearance[0]) / 2
         across = np.abs(r.across[:, part] - offset) < r.half[:, part, 1] + (scene.size[1] + self.clearance[1]) / 2
-        return bool((along & across).any())
+        contact = (along & across).any(-1)
+        return 1.0 - float(scene.chance[contact].max(initial=0.0))  # (PLAN.13)
 
     def _room(self, scene: Scene, state: EgoState) -> float:
         """Free road ahead as a share of the wanted gap, at most 1, in the lanes that the ego is in and enters."""
@@ -175,7 +183,8 @@ class TreeSearch:
         ahead = (r.along[:, k] > state.arc) & (beside < r.half[:, k, 1] + scene.size[1] / 2 + LANE_MARGIN)
         slower = np.maximum(state.speed**2 - np.maximum(r.speed[:, k], 0.0) ** 2, 0.0) / (2 * self.comfort)
         wanted = self.standstill + self.headway * state.speed + slower
-        return max(float((gap / wanted)[ahead].min(initial=1.0)), 0.0)
+        missing = scene.chance * (1.0 - np.clip(gap / wanted, 0.0, 1.0))  # (PLAN.13)
+        return 1.0 - float(missing[ahead].max(initial=0.0))
 
     def _possible(self, scene: Scene, state: EgoState) -> list[str]:
         """Actions in a state: lane changes only from the centre of a lane, into lanes that there are."""
@@ -188,11 +197,13 @@ class TreeSearch:
         ego, network = core.vehicle, core.road.network
         others = others_on(core.road, ego, self.reach)
         others = without_followers(others, relate(path, others), ego.WIDTH)
+        all_futures = futures(path, others, relate(path, others), ego.LENGTH, ego.WIDTH)
         held = round(self.hold / STEP)
         times = STEP * np.arange(1, self.depth * held + round(self.braking / STEP) + 1)
         speeds = np.asarray(ego.target_speeds, float)
         return Scene(
-            relation=relate_at(path, others, times),
+            relation=relate_at(path, all_futures.others, times),
+            chance=all_futures.beyond(self.doubt),
             size=np.array([ego.LENGTH, ego.WIDTH]),
             lanes=_lanes(network, ego) if action_type.lateral else range(1),
             width=float(network.get_lane(ego.target_lane_index).width_at(0.0)),

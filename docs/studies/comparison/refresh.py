@@ -184,7 +184,7 @@ def probes_committed(results: Path, pieces: Sequence[Piece]) -> Iterator[Numbers
 
 def probe_again(folder: Path, probe: str, seed: int) -> Numbers:
     """The same of a drive made now."""
-    row = probes.row(probing.driven(probes.on_truth(probe, seed)))
+    row = probes.row(probing.driven(probes.drive_of(probe, seed)))
     return {key: nan if value is None else float(value) for key, value in row.items()}
 
 

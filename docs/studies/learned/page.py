@@ -8,6 +8,7 @@ import typer
 
 from studies.effects import Factor, effects_table, names, read_runs, write_runs
 from studies.learned.drives import ENVIRONMENT, FIRST, drives, policies
+from studies.learned.trainings import section
 from studies.page import DOCS, Docs, Page, fill
 from testbed.command_line.options import Dask, Jobs
 from testbed.command_line.terminal import user_input
@@ -36,6 +37,7 @@ def render(table: pd.DataFrame) -> str:
         first=FIRST,
         last=seeds[-1],
         tables="\n\n".join(parts),
+        trainings=section(table),
     )
 
 

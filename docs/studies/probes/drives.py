@@ -1,4 +1,4 @@
-"""Drives of all probes on the truth, and what accepts a probe."""
+"""Drives of all probes on the truth and on nothing, and what accepts a probe."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -10,9 +10,10 @@ import pyarrow as pa
 from scenarios.probes import PROBES
 from studies.runs import NOTHING
 from testbed.evaluation.drive_evaluator import DriveEvaluator
+from testbed.evaluation.driving import drive_score
 from testbed.evaluation.tracking import jsonable
 from testbed.experiments.episode import Played
-from testbed.experiments.probe import accepted
+from testbed.experiments.probe import BLIND, accepted, fails
 from testbed.experiments.run import Run
 from testbed.experiments.study import WHOLE_RUN, Kept, Study
 from testbed.frame import TRUTH, Frame
@@ -20,11 +21,12 @@ from testbed.frame import TRUTH, Frame
 PLANNERS = {"probe-merge": "idm-keen"}  # that want what the probe is about; `PLANNER` in all others
 PLANNER = "idm"
 SEEDS = 50
+SEEDS_BLIND = 20
 
 
 @dataclass(frozen=True)
 class Acceptance:
-    """What the drives of a probe on the truth were like."""
+    """What the drives of a probe on the truth were like, and those that saw nothing."""
 
     probe: str
     planner: str
@@ -33,7 +35,8 @@ class Acceptance:
     ttc: tuple[float, float, float]  # [s] least, median, largest of the least time to collision of each drive
     drac: float  # [m/s^2] median of the largest DRAC
     braking: tuple[float, float]  # [m/s^2] median and largest of the hardest braking
-
+    score: tuple[float, float]  # mean on the truth, and of those that saw nothing
+    blind: tuple[int, int]  # drives that saw nothing, and of these those that failed
     accepted: bool
 
 
@@ -42,8 +45,8 @@ def planner_of(probe: str) -> str:
     return PLANNERS.get(probe, PLANNER)
 
 
-def acceptance(probe: str, rows: Sequence[Mapping[str, Any]]) -> Acceptance:
-    """What accepts a probe, from the measures of its drives.
+def acceptance(probe: str, rows: Sequence[Mapping[str, Any]], blind: Sequence[Mapping[str, Any]]) -> Acceptance:
+    """What accepts a probe, from the measures of its drives on the truth, and of the first seeds also on nothing.
 
     The time to collision is that to anything, ahead or in the plane: a gap is entered from the side.
     """
@@ -57,20 +60,28 @@ def acceptance(probe: str, rows: Sequence[Mapping[str, Any]]) -> Acceptance:
         (min(ttc), float(np.median(ttc)), max(ttc)),
         float(np.median([row["drac_max"] for row in rows])),
         (float(np.median(braking)), max(braking)),
-        accepted(PROBES[probe], rows),
+        (_score(rows, rows), _score(blind, rows)),
+        (len(blind), sum(map(fails, blind, rows))),
+        accepted(PROBES[probe], rows, blind),
     )
 
 
-def on_truth(probe: str, seed: int) -> Run:
-    """A drive of a probe on the truth, with the planner with which it is accepted."""
-    return Run(probe, seed, TRUTH, planner_of(probe))
+def _score(rows: Sequence[Mapping[str, Any]], truth: Sequence[Mapping[str, Any]]) -> float:
+    pairs = zip(rows, truth, strict=False)
+    return round(float(np.mean([drive_score(row, aim["progress"]) for row, aim in pairs])), 3)
+
+
+def drive_of(probe: str, seed: int, source: str = TRUTH) -> Run:
+    """A drive of a probe, with the planner with which it is accepted."""
+    return Run(probe, seed, source, planner_of(probe))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Probes(Study):
-    """All probes on the truth."""
+    """All probes on the truth, and with some seeds on nothing."""
 
     seeds: int = SEEDS
+    blind: int = SEEDS_BLIND
 
     name: ClassVar[str] = "probes"
     schema: ClassVar[pa.Schema] = NOTHING
@@ -78,7 +89,8 @@ class Probes(Study):
 
     def work(self) -> list[Run]:
         """Every probe with every seed."""
-        return [on_truth(probe, seed) for probe in PROBES for seed in range(self.seeds)]
+        asked = ((TRUTH, self.seeds), (BLIND, min(self.seeds, self.blind)))
+        return [drive_of(probe, seed, source) for probe in PROBES for source, n in asked for seed in range(n)]
 
     def watch(self, run: Run) -> "Watched":
         """What measures the drive."""

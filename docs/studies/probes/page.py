@@ -13,7 +13,7 @@ from scenarios.probes import PROBES
 from scenarios.record import Scenario
 from sensors.scene import Scene
 from studies.page import DOCS, Docs, Page, fill
-from studies.probes.drives import SEEDS, Acceptance, Probes, acceptance, on_truth
+from studies.probes.drives import SEEDS, Acceptance, Probes, acceptance, drive_of
 from studies.probes.figure import draw
 from studies.runs import made
 from testbed.command_line.options import Dask, Jobs
@@ -24,9 +24,9 @@ from testbed.evaluation.driving import LONGEST
 from testbed.experiments.engine import Engine
 from testbed.experiments.episode import episode
 from testbed.experiments.identity import shared_digest
-from testbed.experiments.probe import FREE, TTC
+from testbed.experiments.probe import BLIND, FREE, LOSS, TTC
 from testbed.files import make_directory, write_json
-from testbed.frame import Frame
+from testbed.frame import TRUTH, Frame
 from testbed.log.text import markdown_table
 
 SHOWN = 1  # seed of the pictures
@@ -39,7 +39,7 @@ def main(
     jobs: Jobs = 1,
     dask: Dask = None,
 ) -> None:
-    """Drive all probes on the truth; write probes.md, its pictures and results/probes.json.
+    """Drive all probes on the truth, and on nothing; write probes.md, its pictures and results/probes.json.
 
     After Ctrl-C the same command does the rest.
     """
@@ -47,17 +47,25 @@ def main(
         page = Page("probes", docs)
         make_directory(docs / "results")
     metas = made(Probes(seeds=seeds, out=out), Engine(jobs, dask)).metas
-    found: dict[str, list[dict[str, Any]]] = {probe: [] for probe in PROBES}
+    found: dict[str, dict[str, list[dict[str, Any]]]] = {p: {TRUTH: [], BLIND: []} for p in PROBES}
     for run, meta in metas.items():
-        found[run.scenario].append({key: value for key, value in meta["spans"][0].items() if key != "phase"})
-    probes = [acceptance(probe, rows) for probe, rows in found.items()]
+        row = {key: value for key, value in meta["spans"][0].items() if key != "phase"}
+        found[run.scenario][run.source].append(row)
+    probes = [acceptance(probe, rows[TRUTH], rows[BLIND]) for probe, rows in found.items()]
     for probe in PROBES:
         picture(probe, page.picture(probe))
     today = f"{datetime.now(UTC):%Y-%m-%d}"
     accepted = list(map(asdict, probes))
     write_json(
         docs / "results" / "probes.json",
-        {"date": today, "code": shared_digest(), "seeds": seeds, "verdicts": accepted, "drives": found},
+        {
+            "date": today,
+            "code": shared_digest(),
+            "seeds": seeds,
+            "verdicts": accepted,
+            "drives": {probe: rows[TRUTH] for probe, rows in found.items()},
+            "blind": {probe: rows[BLIND] for probe, rows in found.items()},
+        },
     )
     page.write(render(probes), date=today)
 
@@ -71,7 +79,7 @@ def picture(probe: str, path: Path) -> None:
         scenes.append(frame.scene)
         evaluator.step(frame.scene)
 
-    episode(on_truth(probe, SHOWN), [keep])
+    episode(drive_of(probe, SHOWN), [keep])
     network = PROBES[probe].build(np.random.default_rng(SHOWN)).road.network
     draw(scenes, evaluator.curves, lane_shapes(network), path)
 
@@ -85,6 +93,8 @@ def render(probes: list[Acceptance]) -> str:
         low=TTC[0],
         high=TTC[1],
         free=FREE,
+        loss=LOSS,
+        blind=max(v.blind[0] for v in probes),
         seed=SHOWN,
         table=table(probes),
         sections="\n".join(section(PROBES[v.probe]) for v in probes),
@@ -95,7 +105,7 @@ def table(probes: list[Acceptance]) -> str:
     """One row a probe."""
     head = (
         "probe", "planner", "drives", "collisions", "least TTC [s]: median (range)", "largest DRAC [m/s²]: median",
-        "hardest braking [m/s²]: median (largest)", "accepted",
+        "hardest braking [m/s²]: median (largest)", "score", "score blind", "blind drives that fail", "accepted",
     )  # fmt: skip
     rows = []
     for v in probes:
@@ -103,9 +113,9 @@ def table(probes: list[Acceptance]) -> str:
         ttc = f"{median:.2f} ({low:.2f} to {high:.2f})" if low < LONGEST else "–"
         braking = f"{v.braking[0]:.1f} ({v.braking[1]:.1f})"
         counts = str(v.drives), str(v.collisions)
-        rows.append(
-            (f"`{v.probe}`", f"`{v.planner}`", *counts, ttc, f"{v.drac:.1f}", braking, "yes" if v.accepted else "no")
-        )
+        scores = f"{v.score[0]:.2f}", f"{v.score[1]:.2f}", f"{v.blind[1]} of {v.blind[0]}"
+        verdict = "yes" if v.accepted else "no"
+        rows.append((f"`{v.probe}`", f"`{v.planner}`", *counts, ttc, f"{v.drac:.1f}", braking, *scores, verdict))
     return markdown_table(head, rows)
 
 

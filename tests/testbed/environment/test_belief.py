@@ -83,9 +83,10 @@ def test_an_absurd_estimate_never_reaches_the_planner(pose, velocity, size):
 
 def test_a_track_carries_the_uncertainty_across_its_heading():
     estimate = prior([[120.0, 4.0, np.pi / 2]], velocity=[[0.0, 10.0]])
-    cov = np.diag([1.0, 1.0, 0.3**2, 2.0**2])
+    cov = np.diag([1.5, 1.0, 0.3**2, 2.0**2])
+    cov[0, 2] = cov[2, 0] = 0.2
     road, _ = posterior(estimate._replace(cov=cov[None]))
-    assert road.vehicles[1].drift_std == pytest.approx(0.3)
+    np.testing.assert_allclose(road.vehicles[1].across_cov, [[1.5, 0.2], [0.2, 0.09]])  # x is across a heading along y
 
 
 def test_an_absurd_size_is_clipped_and_the_vehicle_stays():

@@ -7,6 +7,9 @@ import pytest
 from scenarios import PROBES, find
 from testbed.environment.registration import env_id
 from testbed.evaluation.drive_evaluator import DriveEvaluator
+from testbed.experiments.probe import BLIND, driven, fails
+from testbed.experiments.run import Run
+from testbed.frame import TRUTH
 from testbed.planners import find as find_planner
 from tests.parameters import rest_slow
 
@@ -35,6 +38,17 @@ def test_a_probe_is_just_safe_on_the_truth(name):
         assert measures["deceleration_max"] < 1.0
     else:
         assert 1.0 < min(measures["ttc_min"], measures["ttc_plane_min"]) < 4.0
+
+
+@pytest.mark.parametrize("planner", ["idm", "mpc", "idm-keen"])
+@pytest.mark.parametrize("name", rest_slow([p for p in PROBES if p != "probe-passing"], "probe-oncoming"))
+def test_who_sees_nothing_fails_in_every_probe_that_calls_for_braking(name, planner):
+    if planner == "idm-keen" and name not in WANTS:
+        pytest.skip("the planner differs from idm in probe-merge only")
+    for seed in (900, 901):
+        truth, blind = (driven(Run(name, seed, source, planner, warm_up=1.0)) for source in (TRUTH, BLIND))
+        assert fails(blind, truth)
+        assert not truth["collisions"]
 
 
 def test_the_others_follow_their_courses_whatever_the_ego_does():

@@ -72,7 +72,7 @@ def test_the_command_finds_limits_and_finds_them_again(tmp_path):
     assert {file.name: file.stat().st_mtime_ns for file in (tmp_path / "rows").iterdir()} == files
 
 
-ROW = {"collisions": 0, "deceleration_max": 3.0, "ttc_min": 2.0, "ttc_plane_min": 10.0}
+ROW = {"collisions": 0, "deceleration_max": 3.0, "ttc_min": 2.0, "ttc_plane_min": 10.0, "progress": 100.0}
 
 
 @pytest.mark.parametrize(
@@ -86,13 +86,31 @@ ROW = {"collisions": 0, "deceleration_max": 3.0, "ttc_min": 2.0, "ttc_plane_min"
     ],
 )
 def test_a_probe_is_accepted_where_it_is_neither_easy_nor_hopeless(changes, answer):
-    assert accepted(find_probe("probe-brake"), [ROW | changes] * 3) is answer
+    assert accepted(find_probe("probe-brake"), [ROW | changes] * 3, [ROW | {"collisions": 1}] * 3) is answer
 
 
 def test_a_probe_in_which_nothing_calls_for_braking_is_accepted_where_nobody_brakes():
-    assert not accepted(find_probe("probe-passing"), [ROW])
-    assert accepted(find_probe("probe-passing"), [ROW | {"deceleration_max": 0.5}])
-    assert not accepted(find_probe("probe-passing"), [ROW | {"deceleration_max": 0.5, "collisions": 1}])
+    assert not accepted(find_probe("probe-passing"), [ROW], [ROW])
+    assert accepted(find_probe("probe-passing"), [ROW | {"deceleration_max": 0.5}], [ROW])
+    assert not accepted(find_probe("probe-passing"), [ROW | {"deceleration_max": 0.5, "collisions": 1}], [ROW])
+
+
+@pytest.mark.parametrize(
+    ("changes", "answer"),
+    [
+        ({}, False),  # it drives as on the truth
+        ({"progress": 300.0}, False),  # farther than on the truth earns nothing, and costs nothing
+        ({"collisions": 1}, True),
+        ({"progress": 70.0}, True),  # 30 % of 5 in 12 parts of the score: 0.125
+        ({"progress": 80.0}, False),  # 0.083
+        ({"off_road": 0.1}, True),
+    ],
+)
+def test_a_probe_that_a_blind_planner_passes_is_not_accepted(changes, answer):
+    truth = ROW | {"progress": 100.0}
+    assert (
+        accepted(find_probe("probe-brake"), [truth] * 3, [truth | {"collisions": 1}] * 2 + [truth | changes]) is answer
+    )
 
 
 @pytest.mark.parametrize(

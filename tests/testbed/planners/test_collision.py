@@ -14,8 +14,8 @@ SIZE = np.array([5.0, 2.0])
 def others(*rows):
     """Each (x, y, vx, vy, course), 5 x 2 m, on straight lanes along their course."""
     x, y, vx, vy, course = np.array(rows, float).reshape(-1, 5).T
-    ones = np.ones((len(x), 1))
-    return Others(np.stack([x, y], -1), course, np.stack([vx, vy], -1), ones * SIZE, course, 0 * x)
+    ones, sure = np.ones((len(x), 1)), (np.zeros((len(x), 2)), np.zeros((len(x), 2, 2)))
+    return Others(np.stack([x, y], -1), course, np.stack([vx, vy], -1), ones * SIZE, course, 0 * x, *sure)
 
 
 def contact(speed, *rows, offset=0.0):

@@ -143,6 +143,20 @@ def test_observations_that_a_wrapper_changes_are_not_those_of_the_planner(tmp_pa
         save_policy(tmp_path / "p.npz", modules(), env)
 
 
+def test_a_policy_of_tracks_gets_the_observation_of_its_training_from_any_environment_with_a_tracker(tmp_path):
+    env = gym.make("testbed/cut-in-v0", tracker="rm-feldmann", warm_up=1.0)
+    flat = gym.wrappers.FlattenObservation(testbed.TrackObservation(env, size=3, scale=True))
+    seen, _ = flat.reset(seed=2)
+    W = np.random.default_rng(0).normal(size=(flat.action_space.n, len(seen))).astype(np.float32)
+    save_policy(tmp_path / "p.npz", [(W, np.zeros(len(W)))], flat, activation="relu")
+    planner = Learned(str(tmp_path / "p.npz"))
+    for _ in range(3):
+        assert planner.act(env) == (W @ seen).argmax()
+        seen, *_ = flat.step(1)
+    with pytest.raises(UnfitPolicy, match="was trained on tracks"):
+        planner.act(gym.make("highway-fast-v0"))
+
+
 @pytest.mark.parametrize("kind", ["DQN", "PPO"])
 def test_a_network_of_stable_baselines_is_the_same_in_arrays(tmp_path, kind):
     sb3 = pytest.importorskip("stable_baselines3", reason="the extra rl is not installed: it brings gigabytes of torch")

@@ -1,5 +1,6 @@
 """Model predictive control on hand-made roads: gaps, what uncertainty does to them, steering."""
 
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -65,35 +66,59 @@ def test_it_says_which_actions_it_needs():
         MPC.act(world())
 
 
-def obstacle(cov: np.ndarray, near_std: float = 0.0, existence: float = 1.0) -> Obstacles:
-    """One leader 30 m ahead in the ego's lane, as fast."""
+def obstacle(cov: np.ndarray, edges: tuple[float, float] = (0.0, 0.0), existence: float = 1.0) -> Obstacles:
+    """One leader 30 m ahead in the ego's lane, as fast; standard deviations [m] of its front and rear."""
     others = Others(np.array([[230.0, 4.0]]), np.zeros(1), np.array([[20.0, 0.0]]), np.array([[4.0, 2.0]]), np.zeros(1),
-                    np.zeros(1))  # fmt: skip
-    return Obstacles(others, np.array([existence]), cov[None], np.array([near_std]))
+                    np.zeros(1), np.zeros((1, 2)), np.zeros((1, 2, 2)))  # fmt: skip
+    return Obstacles(others, np.array([existence]), cov[None], np.array([edges]))
 
 
-def test_the_near_bumper_is_as_uncertain_as_its_place_and_speed_together():
-    """PLAN.3 by hand: var = 2 + 2 t 0.5 + t^2 4, so 2 at once and 20 after 2 s; nothing of y counts."""
+def test_the_near_bumper_is_as_uncertain_as_its_place_and_the_speed_together():
+    """PLAN.3 by hand: var = 2 + 2 t 0.5 + t^2 4, so 2 at once and 20 after 2 s; nothing of y and the front."""
     cov = np.diag([1.0, 99.0, 4.0, 99.0])
     cov[0, 2] = cov[2, 0] = 0.5
-    np.testing.assert_allclose(obstacle(cov, np.sqrt(2.0)).edge_std(np.array([0.0, 2.0])), np.sqrt([[2.0, 20.0]]))
-    turned = obstacle(np.diag([99.0, 1.0, 99.0, 4.0]), np.sqrt(2.0))
+    edges = 9.0, np.sqrt(2.0)
+    np.testing.assert_allclose(obstacle(cov, edges).edge_std(np.array([0.0, 2.0]), 0.0), np.sqrt([[2.0, 20.0]]))
+    turned = obstacle(np.diag([99.0, 1.0, 99.0, 4.0]), edges)
     turned = turned._replace(others=turned.others._replace(course=np.full(1, np.pi / 2)))
-    np.testing.assert_allclose(turned.edge_std(np.array([2.0])), np.sqrt([[18.0]]))
+    np.testing.assert_allclose(turned.edge_std(np.array([2.0]), 0.0), np.sqrt([[18.0]]))
+    np.testing.assert_allclose(obstacle(0 * cov, edges).edge_std(np.array([0.0]), np.pi), [[9.0]])  # it comes towards
 
 
-def test_caution_keeps_the_quantile_of_the_near_bumper_free():
+def ahead_of(planner, obstacles):
     env = continuous()
     ego = env.unwrapped.vehicle
     path = path_ahead(env.unwrapped.road.network, ego.lane_index, None, ego.position, 150.0)
-    unsure = obstacle(np.zeros((4, 4)), near_std=2.0, existence=0.3)
-    plain, cautious = (find(name).ahead(ego, path, unsure) for name in ("mpc", "mpc-cautious"))
-    np.testing.assert_allclose(plain.rear - cautious.rear, 1.28 * 2.0)
+    return ego, planner.ahead(ego, path, obstacles)
+
+
+def test_caution_keeps_the_quantile_of_the_near_bumper_free():
+    unsure = obstacle(np.zeros((4, 4)), (0.0, 2.0), existence=0.3)
+    (ego, plain), (_, cautious) = (ahead_of(find(name), unsure) for name in ("mpc", "mpc-cautious"))
+    np.testing.assert_allclose(cautious.margin - plain.margin, 1.28 * 2.0)
     np.testing.assert_allclose(plain.rear[0, :2], [32.0, 36.0])  # 30 - 2 + 20 t
     speed, arc = np.full((1, 20), 25.0), 25.0 * np.arange(0.2, 4.1, 0.2)[None]
-    certain = plain._replace(existence=np.ones(1))
+    certain = plain._replace(weight=np.ones(1))
     np.testing.assert_allclose(MPC.risk(ego, plain, speed, arc), 0.3 * MPC.risk(ego, certain, speed, arc))
     assert MPC.risk(ego, plain, speed, arc).max() > 0
+    # by hand after 0.2 s, both at 25 m/s: a gap of 32 - 5 - 2.5 m, 2 + 2.56 + 22.5 + (25^2 - 20^2) / 6 wanted
+    missing = 2 + 2.56 + 22.5 + 37.5 - 24.5
+    np.testing.assert_allclose(MPC.risk(ego, cautious, speed, arc)[0, 0], 0.3 * 0.02 * missing**2)
+
+
+def test_the_controls_of_caution_keep_margins_of_one_mean_that_know_no_covariance():
+    unsure, sure = obstacle(np.zeros((4, 4)), (0.0, 2.0)), obstacle(np.zeros((4, 4)))
+    kept = {}
+    for name in ("constant", "curve"):
+        planner = find(f"mpc-cautious:margin={name}")
+        assert planner.above == find("mpc-cautious").above
+        (_, plain), (_, one), (_, other) = ahead_of(MPC, sure), ahead_of(planner, sure), ahead_of(planner, unsure)
+        np.testing.assert_array_equal(one.margin, other.margin)
+        kept[name] = (one.margin - plain.margin)[0]
+    assert np.ptp(kept["constant"]) < 1e-9 < np.ptp(kept["curve"])
+    assert kept["constant"].mean() == pytest.approx(kept["curve"].mean())
+    with pytest.raises(ValueError, match="margin"):
+        find("mpc:margin=wide")
 
 
 @pytest.fixture(scope="module")

@@ -39,12 +39,13 @@ def test_a_follower_in_the_own_lane_is_no_reason_to_flee():
     assert action(world({"x": 188.0, "y": 4.0, "vx": 22.0}, blocked(0.0), blocked(8.0), speed=20.0)) != "SLOWER"
 
 
-def scene(along, across):
+def scene(along, across, chance=1.0):
     """A standing body of 4 x 2 m at a place relative to the path, for an ego of 4 x 2 m."""
     steps = 40
     fields = (np.full((1, steps), value) for value in (along, across, 0.0, 0.0))
     relation = Relation(*fields, half=np.broadcast_to([2.0, 1.0], (1, steps, 2)))
-    return Scene(relation, np.array([4.0, 2.0]), range(1), 4.0, 20.0, 1 / 0.6, 2.5, 30.0, 3, ("SLOWER", "IDLE"))
+    size, actions = np.array([4.0, 2.0]), ("SLOWER", "IDLE")
+    return Scene(relation, np.full(1, chance), size, range(1), 4.0, 20.0, 1 / 0.6, 2.5, 30.0, 3, actions)
 
 
 def test_braking_is_what_the_pedals_give():
@@ -52,6 +53,17 @@ def test_braking_is_what_the_pedals_give():
     assert 20.0 * 0.6 + 20.0**2 / 16 + 4.5 < 50.0  # 8 m/s^2 would do
     assert not TREE.after(place, now, "IDLE")[2]
     assert TREE.after(place._replace(step=0.5), now, "IDLE")[2]  # a press of 0.5 m/s brakes less
+
+
+def test_a_contact_that_may_come_takes_its_chance_from_all_that_follows():
+    now = EgoState(0, 0.0, 20.0, 20.0, 0.0, 0)
+    certain, perhaps = (TREE.after(scene(15.0, 0.0, chance), now, "IDLE") for chance in (1.0, 0.4))
+    assert certain[1:] == (0.0, True)
+    assert not perhaps[2]
+    assert perhaps[0].free == pytest.approx(0.6)
+    behind = perhaps[0]._replace(arc=100.0)
+    assert TREE.after(scene(15.0, 0.0, 0.4), behind, "IDLE")[0].free == pytest.approx(0.6)
+    assert TREE.after(scene(15.0, 0.0, 0.4), behind, "IDLE")[1] == pytest.approx(0.6)
 
 
 def test_what_is_just_beside_the_path_counts_as_ahead_of_the_ego():

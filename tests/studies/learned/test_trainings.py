@@ -1,0 +1,37 @@
+"""Statistics over trainings: by hand, and against each other."""
+
+import numpy as np
+import pytest
+
+from studies.learned.trainings import improvement, needed, profile, section
+from testbed.evaluation.intervals import bootstrap_interval
+from tests.studies.learned.test_page import DOCS, RESULTS, read_runs
+
+
+def test_the_probability_of_improvement_counts_pairs_of_trainings():
+    a, b = np.array([5.0, 6.0, 1.0]), np.array([4.0, 5.0])
+    assert improvement(a, b) == pytest.approx((1 + 0.5 + 1 + 1 + 0 + 0) / 6)
+    assert improvement(b, a) == pytest.approx(1 - improvement(a, b))
+    drawn = np.stack([a, a[[0, 0, 0]]]), np.stack([b, b])
+    np.testing.assert_allclose(improvement(*drawn), [improvement(a, b), 0.75])
+
+
+def test_trainings_of_one_distribution_are_better_half_of_the_time():
+    a, b = np.random.default_rng(0).normal(size=(2, 20))
+    assert 0.5 in bootstrap_interval([a, b], improvement)
+    assert 0.5 not in bootstrap_interval([a + 2, b], improvement)
+
+
+def test_as_many_trainings_as_are_said_to_be_needed_resolve_the_difference():
+    rng = np.random.default_rng(1)
+    n = needed(np.array([-3.0, 3.0]) / np.sqrt(2), np.array([-1.0, 1.0]) / np.sqrt(2), 2.0)  # spreads 3 and 1
+    assert n == 20
+    a, b = 3 * rng.normal(size=(2000, n)), 2 + rng.normal(size=(2000, n))
+    z = (b.mean(1) - a.mean(1)) / np.sqrt(10 / n)
+    assert (z > 1.96).mean() == pytest.approx(0.8, abs=0.03)
+
+
+def test_the_committed_trainings_have_a_row_a_kind():
+    text = section(read_runs(DOCS / "results" / RESULTS, ""))
+    assert text.count("| `") == 2
+    assert profile(np.array([1.0, 2.0, 3.0]), 1.5) == pytest.approx(2 / 3)
