@@ -17,6 +17,7 @@ import numpy as np
 from sensors.aspects import Aspects
 from sensors.ghosts import Ghosts
 from sensors.radar import Radar, Sensor
+from sensors.radar_file import SUFFIX, read_radar
 from sensors.roadside import Roadside
 from trackers.lookup import made
 from trackers.scan import DepthProfile
@@ -105,12 +106,14 @@ RADARS = MappingProxyType({r.name: r for r in (
 
 
 def find(name: str) -> Radar:
-    """The radar rig of that name: `NAME`, `NAME:key=value,key=value` or `MODULE:OBJECT:...`.
+    """The radar rig of that name: `NAME`, `NAME:key=value,key=value`, `MODULE:OBJECT:...` or a file `PATH.toml`.
 
     Raises:
         LookupError: no such radar; the nearest name is suggested.
         ValueError: a parameter or value that it cannot have, or an OBJECT that is no radar.
     """
+    if isinstance(name, str) and name.endswith(SUFFIX):
+        return read_radar(name)
     radar = made(name, RADARS, "radar")
     if missing := [part for part in ("models", "rate", "scan") if not hasattr(radar, part)]:
         raise ValueError(f"radar {name!r} is {radar!r}, which has no {', '.join(missing)}; make it a `sensors.Radar`")

@@ -25,6 +25,7 @@ from testbed.command_line.terminal import (
     user_input,
 )
 from testbed.files import LostFileWarning
+from testbed.limits import check_choice
 from trackers import DEFAULT
 
 app = typer.Typer(
@@ -121,63 +122,124 @@ def run(
 
 @app.command()
 def replay(
-    folder: Annotated[Path, typer.Argument(help="Folder of the tables, see docs/own-recordings.md.")],
+    folder: Annotated[list[Path], typer.Argument(help="Of tables, see docs/own-recordings.md, or of such folders.")],
     tracker: options.Trackers = None,
     start: Annotated[float | None, typer.Option("--from", help="Seconds after the first scan. Without it: 0.")] = None,
     end: Annotated[float | None, typer.Option("--to", help="Seconds after the first scan. Without it: all.")] = None,
     out: Annotated[Path, typer.Option(help="Directory for the log, the results and the tracks.")] = Path("runs"),
     log: options.Log = "full",
     fix: options.Fixes = None,
-    accept: Annotated[bool, typer.Option("--accept-implausible", help="Replay what cannot be right too.")] = False,
+    accept: options.Accept = False,
+    format: options.Format = "parquet",
 ) -> None:
-    """Give a recording of your own to trackers: its tables in, tracks out.
+    """Give recordings of your own to trackers: tables in, tracks out.
 
     FOLDER holds the tables detections, ego and sensors, as .csv or .parquet, and
-    if there are any, scans, truth and lanes. Writes RUN.parquet (the tracks),
-    RUN.rrd (the review log) and RUN.json (the results, where there is truth).
+    if there are any, scans, truth and lanes. Writes RUN.parquet or RUN.csv (the
+    tracks), RUN.rrd (the review log) and RUN.json (the results, where there is truth).
 
     Example: [bold]testbed replay drive --tracker imm-spline --tracker rm-feldmann --from 5 --to 10[/bold]
     """
     from testbed.replay import command
+    from testbed.replay.pairing import recordings_in
     from testbed.replay.replaying import ReplayConfig, prepare
-    from testbed.replay.replaying import replay as replay_once
 
-    with user_input(), busy(f"reading {folder}"):
-        trackers, fixes = tuple(tracker or (DEFAULT,)), tuple(fix or ())
-        settings = ReplayConfig(str(folder), trackers, start, end, str(out), log, fixes, accept)
-        recorded = prepare(settings)
-    command.brief(list(recorded.findings), console)
-    with user_input((OSError,)), progress_bar("{task.completed:.0f} / {task.total:.0f} scans") as bar:
-        task = bar.add_task(recorded.name, total=len(recorded.frames))
-        done = replay_once(settings, recorded, lambda scans, total: bar.update(task, completed=scans, total=total))
-    with losses(done.lost):
-        command.show(done, console)
-    raise typer.Exit(done.exit_status)
+    status, trackers, fixes = 0, tuple(tracker or (DEFAULT,)), tuple(fix or ())
+    with user_input():
+        recordings = [inner for path in folder for inner in recordings_in(path) or [path]]
+    for one in recordings:
+        with user_input(), busy(f"reading {one}"):
+            settings = ReplayConfig(str(one), trackers, start, end, str(out), log, fixes, accept, format=format)
+            recorded = prepare(settings)
+        status = max(status, command.replayed(settings, recorded, console))
+        if status > 2:  # a signal ended it
+            break
+    raise typer.Exit(status)
+
+
+@app.command()
+def score(
+    tracks: Annotated[
+        list[str], typer.Argument(help="Files of tracks, patterns, folders; a folder of tables is one of --against.")
+    ],
+    against: Annotated[
+        list[str], typer.Option(help="Recording, pattern, or folder of recordings. Repeat for several.")
+    ],
+    tracker: Annotated[list[str] | None, typer.Option(help="Ours, on the same detections. Repeat for several.")] = None,
+    name: Annotated[str | None, typer.Option(help="Of the tracks. Without it: that of the file, or tracks.")] = None,
+    columns: options.Columns = None,
+    tolerance: options.Tolerance = 0.01,
+    interpolate: options.Interpolate = False,
+    out: Annotated[Path, typer.Option(help="Directory for log, results and report.")] = Path("runs/score"),
+    log: options.Log = "full",
+    accept: options.Accept = False,
+    jobs: options.Jobs = 1,
+) -> None:
+    """Score tracks of any origin, CSV or Parquet, against recordings: measures, log, report as of our trackers.
+
+    A file belongs to the recording that its name begins with. Of one recording:
+    RUN.json, RUN.rrd; of several: a comparison as of `testbed compare`.
+    docs/own-tracks.md has the columns.
+
+    Example: [bold]testbed score mine.csv --against recordings/cut-in --tracker imm-spline[/bold]
+    Example: [bold]testbed score 'mine/*.csv' --against recordings --name mine --jobs 2[/bold]
+    """
+    from testbed.experiments.command import run_study
+    from testbed.experiments.recorded import RecordedComparison
+    from testbed.replay import command
+    from testbed.replay.pairing import Files
+    from testbed.replay.replaying import ReplayConfig, prepare
+
+    with user_input(), busy("reading"):
+        files = Files.of(tracks, against, columns, tolerance, interpolate)
+        single = files.named(name) if len(files.recordings) == 1 else ()
+        if single:
+            folder, trackers = str(files.recordings[0]), tuple(tracker or ())
+            settings = ReplayConfig(folder, trackers, out=str(out), log=log, accept=accept, tracks=single)
+            recorded = prepare(settings)
+    if single:
+        raise typer.Exit(command.replayed(settings, recorded, console))
+
+    def study() -> RecordedComparison:
+        found = {name or "tracks": files.each}
+        return RecordedComparison.of(files.recordings, tracker or (), found, accept=accept, out=str(out))
+
+    run_study(study, jobs, None)
 
 
 @app.command()
 def record(
-    scenario: options.Scenario,
-    out: Annotated[Path, typer.Option(help="Folder for the tables.")],
+    scenario: Annotated[list[str], typer.Argument(help="Names of `testbed list scenarios`.")],
+    out: Annotated[Path, typer.Option(help="Folder for the tables, or of several recordings for theirs.")],
     seed: options.Seed = 0,
+    seeds: Annotated[
+        str | None, typer.Option(help="Several: 0:20, or a list 0,3,7. Each goes into its folder.")
+    ] = None,
     radar: options.Radar = "surround",
     duration: options.Duration = None,
-    format: Annotated[str, typer.Option(help="Of the tables: parquet or csv.")] = "parquet",
+    format: options.Format = "parquet",
 ) -> None:
-    """Record the scans of a scenario and its truth, as tables that `testbed replay` reads.
+    """Record the scans of scenarios and their truth, as tables that `testbed replay` reads.
 
     The planner gets the true state, so that the scans depend on no tracker. A
-    tracker gives the same tracks on the tables as in the scenario.
+    tracker gives the same tracks on the tables as in the scenario. Several go
+    into OUT/SCENARIO_seedN; those that are there are kept.
 
     Example: [bold]testbed record cut-in --seed 3 --out recordings/cut-in --format csv[/bold]
+    Example: [bold]testbed record cut-in merge --seeds 0:20 --out recordings[/bold]
     """
+    from testbed.experiments.run import parse_seeds
     from testbed.replay import command
 
     with user_input():
-        command.check(scenario, seed, radar, duration, out, format)
-    with user_input((OSError,)), busy(f"driving {scenario}, seed {seed}"):
-        written = command.record(scenario, seed, radar, duration, out, format)
-    show(*(f"{path.stem:10} {path}" for path in written), f"replay it  testbed replay {shlex.quote(str(out))}")
+        drives = command.drives(scenario, seed if seeds is None else parse_seeds(seeds), out)
+        for drive in drives:
+            command.check(*drive, radar, duration, format)
+    for name, number, folder in drives:
+        with user_input((OSError,)), busy(f"driving {name}, seed {number}"):
+            written = command.record(name, number, folder, radar, duration, format)
+        show(*([f"{path.stem:10} {path}" for path in written] if len(drives) == 1 else [f"recorded  {folder}"]))
+    show(f"replay it  testbed replay {shlex.quote(str(drives[0][2]))}")
 
 
 @app.command()
@@ -251,6 +313,24 @@ def check(
             raise typer.Exit(report(Path(name), tuple(fix or ()), console))
         found = command.results(what, name)
     raise typer.Exit(command.show(name, found, console))
+
+
+@app.command()
+def radar(
+    what: Annotated[str, typer.Argument(help="show.")],
+    name: Annotated[str, typer.Argument(help="A name of `testbed list radars`, MODULE:OBJECT, or a file.")],
+) -> None:
+    """Write a radar as TOML, to be changed and given as `--radar FILE.toml`.
+
+    Example: [bold]testbed radar show surround > my.toml[/bold]
+    """
+    from sensors import find
+    from sensors.radar_file import text_of
+
+    with user_input():
+        check_choice("what", what, ("show",))
+        text = text_of(find(name))
+    print(text)
 
 
 @app.command()
@@ -347,7 +427,7 @@ def learn_spline(
 
 @app.command()
 def compare(
-    scenario: Annotated[list[str], typer.Argument(help="Names of `testbed list scenarios`, or all.")],
+    scenario: Annotated[list[str] | None, typer.Argument(help="Names of `testbed list scenarios`, or all.")] = None,
     tracker: options.EveryTracker = None,
     seeds: options.Seeds = "0:20",
     reference: Annotated[
@@ -363,6 +443,14 @@ def compare(
     jobs: options.Jobs = 1,
     dask: options.Dask = None,
     out: options.Results = Path("runs/compare"),
+    recording: Annotated[
+        list[str] | None, typer.Option(help="In place of scenarios: a recording, pattern, or folder of them; repeat.")
+    ] = None,
+    tracks: Annotated[list[str] | None, typer.Option(help="NAME=PATTERN, files of tracks of these; repeat.")] = None,
+    columns: options.Columns = None,
+    tolerance: options.Tolerance = 0.01,
+    interpolate: options.Interpolate = False,
+    accept: options.Accept = False,
 ) -> None:
     """Compare trackers on common random numbers: tables with 95 % intervals, Parquet, figures, a report page.
 
@@ -373,12 +461,26 @@ def compare(
     Example: [bold]testbed compare cut-in merge --tracker htg-map --tracker rm-feldmann --seeds 0:20 --jobs 2[/bold]
     Example: [bold]testbed compare cut-in --tracker imm-spline --fault drop:0.2 --fault front:outage:3:5[/bold]
     Example: [bold]testbed compare all --seeds 0:5 --after 3 --settle 2 --jobs -1 --reference htg-map[/bold]
+    Example: [bold]testbed compare --recording recordings --tracker imm-spline --tracks mine='mine/*.csv'[/bold]
     """
     from testbed.experiments.command import run_study
     from testbed.experiments.compare import Comparison, Settings
+    from testbed.experiments.recorded import RecordedComparison
     from testbed.experiments.run import expand, parse_seeds, with_faults
+    from testbed.replay.pairing import Files
 
     def study() -> Comparison:
+        if recording or tracks:
+            other = [scenario, fault, duration, after, loop != "open", radar != "surround", seeds != "0:20"]
+            if not recording or any(other):
+                raise ValueError("recordings are compared as they are; give --recording, without scenarios and --seeds")
+            files = [Files.of([t.partition("=")[2]], recording, columns, tolerance, interpolate) for t in tracks or ()]
+            found = {t.partition("=")[0]: f.each for t, f in zip(tracks or (), files, strict=True)}
+            folders = files[0].recordings if files else Files.of((), recording).recordings
+            trackers = expand(tracker or [], "trackers")
+            return RecordedComparison.of(folders, trackers, found, settle, reference, accept, out=str(out))
+        if not scenario:
+            raise ValueError("give the names of scenarios, or all; or recordings with --recording")
         cases = with_faults(expand(scenario, "scenarios"), fault or ())
         trackers = expand(tracker or ["all"], "trackers")
         settings = Settings(radar, loop, planner, duration, after, settle)

@@ -1,4 +1,4 @@
-"""What the documentation says about the code: catalogue.md, radars.md, tables in comparing, own-recordings, results.md.
+"""What the documentation says about the code: catalogue.md, radars.md, tables in comparing, own-*, results.md.
 
 `make generated` writes them in a second; tests/docs/test_generated.py holds them against the code.
 """
@@ -30,12 +30,14 @@ WRITTEN = "<!-- {}: written by `make generated` -->", "<!-- end of {} -->"  # ar
 
 def pages(docs: Path) -> dict[Path, str]:
     """Text of each generated page under `docs`, by file; of some pages only parts are generated, and the rest stays."""
-    comparing, recordings, results = (docs / f"{name}.md" for name in ("comparing", "own-recordings", "results"))
-    tables = {"tables": input_tables(), "tracks": track_columns()}
+    comparing, recordings, results, tracks = (
+        docs / f"{name}.md" for name in ("comparing", "own-recordings", "results", "own-tracks")
+    )
     return {
         docs / "catalogue.md": catalogue(),
         comparing: with_parts(comparing.read_text(), {"columns": columns()}),
-        recordings: with_parts(recordings.read_text(), tables),
+        recordings: with_parts(recordings.read_text(), {"tables": input_tables()}),
+        tracks: with_parts(tracks.read_text(), {"tracks": track_columns()}),
         docs / "radars.md": radars(docs),
         results: with_parts(results.read_text(), {"tracker": metrics(OF_TRACKER), "drive": metrics((DRIVE,))}),
     }

@@ -1,8 +1,7 @@
-"""Tables of columns in docs/own-recordings.md: what a recording holds, and what a replay writes."""
+"""Tables of columns: what a recording holds (docs/own-recordings.md), and what tracks are (docs/own-tracks.md)."""
 
 from testbed.log.text import markdown_table
-from testbed.replay.columns import TABLES, Column, Table, profile_columns
-from testbed.replay.tracks_file import FIELDS, SCHEMA
+from testbed.replay.columns import EDGES, TABLES, TRACKS, Column, Table, profile_columns
 
 
 def input_tables() -> str:
@@ -27,8 +26,16 @@ def _row(column: Column) -> tuple[str, str, str, str]:
 
 
 def track_columns() -> str:
-    """The columns of the tracks that a replay writes."""
-    first = [("`tracker`", "", "its name"), ("`time`", "s", "of the scan, as in the tables")]
-    rows = [*first, *((f"`{f.name}`", f.unit, f.note) for f in FIELDS)]
-    assert [row[0].strip("`") for row in rows] == SCHEMA.names
-    return markdown_table(("column", "unit", "what"), rows)
+    """The columns of tracks, as a replay writes them and as they are read."""
+    together = [f"{name}_std" for name in EDGES]
+    rows = [_row(c) for c in TRACKS.columns if not c.name.startswith("cov_") and c.name not in together]
+    rows.append(
+        (
+            ", ".join(f"`{name}`" for name in together),
+            "m",
+            "",
+            "of the edges, where it does not follow from centre and size",
+        )
+    )
+    rows.append(("`cov_x_x`, `cov_x_y`, ... `cov_vy_vy`", "m, s", "", "covariances of x, y, vx, vy, ten columns"))
+    return markdown_table(("column", "unit", "needed", "what"), rows)

@@ -12,7 +12,7 @@ Trackers = Annotated[
     list[str] | None, typer.Option(help=f"Repeat for several; a planner uses the first. Without it: {DEFAULT}.")
 ]
 EveryTracker = Annotated[list[str] | None, typer.Option(help="Repeat for several. Without it: all.")]
-Radar = Annotated[str, typer.Option(help="A name of `testbed list radars`.")]
+Radar = Annotated[str, typer.Option(help="A name of `testbed list radars`, or a file, see `testbed radar`.")]
 Planner = Annotated[str, typer.Option(help="A name of `testbed list planners`.")]
 Faults = Annotated[
     list[str] | None, typer.Option(help="All runs also with this fault of the radar; repeat for several, one by one.")
@@ -25,6 +25,15 @@ Fixes = Annotated[
     list[str] | None,
     typer.Option(help="Of a recording: COLUMN=HOW as it is to be read, such as range_rate=km/h. Repeat for several."),
 ]
+Accept = Annotated[bool, typer.Option("--accept-implausible", help="Take what cannot be right too.")]
+Columns = Annotated[
+    str | None, typer.Option(help="Of tracks that are called otherwise: id=track_no,x=pos_x; or a TOML file of these.")
+]
+Tolerance = Annotated[float, typer.Option(help="Seconds from a scan within which a row of tracks is of it.")]
+Interpolate = Annotated[
+    bool, typer.Option("--interpolate", help="Tracks at scans between two of their rows, up to 0.5 s apart.")
+]
+Format = Annotated[str, typer.Option(help="Of the tables: parquet or csv.")]
 Log = Annotated[str, typer.Option(help="What goes into the log: off, metrics or full.")]
 Focus = Annotated[int | None, typer.Option(help="Vehicle whose page comes first in the log, such as 3 for veh_03.")]
 Jobs = Annotated[int, typer.Option(help="Number of processes; -1 for one a core.")]

@@ -153,20 +153,15 @@ def on_road(tracker: TrackerLike | None, road: RoadMap) -> TrackerLike | None:
 
 
 def label(tracker: Any) -> str:
-    """Name of a tracker in tables: its name with the parameters that were changed, or its class."""
+    """Name of a tracker or radar in tables, with changed parameters; of an object its own or its class."""
     if isinstance(tracker, str):
         return tracker
     if isinstance(tracker, Mapping):
         name, parameters = _split(tracker, "tracker")
         changes = ", ".join(f"{key}={value}" for key, value in parameters.items())
         return f"{name}({changes})" if changes else name
-    return type(tracker).__name__
-
-
-def radar_label(radar: Any) -> str:
-    """Name of a radar in tables and files: as it was written, or that of the object, or its class."""
-    name = getattr(radar, "name", None)
-    return name if isinstance(name, str) else label(radar)
+    own = getattr(tracker, "name", None)
+    return own if isinstance(own, str) else type(tracker).__name__
 
 
 def _split(entry: Mapping[str, Any], what: str) -> tuple[str, dict[str, Any]]:
@@ -229,7 +224,7 @@ class Perception:
         self.observers: list[Observer] = []
         self.seconds = {"sense": 0.0, "track": 0.0}  # wall time spent on scene and radar, and on the trackers
         self.costs = {name: Cost() for name in self.trackers}
-        self.only_truth = set(self.trackers.values()) == {None}
+        self.only_truth = {tracker is None for tracker in self.trackers.values()} == {True}
         self.steps = 0  # simulated frames since the start
 
     def without(self, observer: Observer) -> "Perception":

@@ -42,7 +42,7 @@ from testbed.environment.belief import (
     mirror_road,
 )
 from testbed.environment.observation import without_frames
-from testbed.environment.perception import Cost, Perception, advance, radar_label
+from testbed.environment.perception import Cost, Perception, advance, label
 from testbed.environment.recorder import Recorder, check_level
 from testbed.environment.track_observation import observed
 from testbed.evaluation.driving import drive_frame
@@ -448,7 +448,7 @@ class TrackedEnv(gym.Wrapper, gym.utils.RecordConstructorArgs):
         core, perception = self._core, self._perception
         ours = isinstance(core, ScenarioEnv)
         scenario = self.title or (core.scenario.name if ours else core.spec.id)
-        names, radar = tuple(perception.trackers), radar_label(self._radar)
+        names, radar = tuple(perception.trackers), label(self._radar)
         usual = core.scenario.duration if ours else core.default_config().get("duration")
         duration = core.config.get("duration", usual)
         named = None if duration == usual else duration

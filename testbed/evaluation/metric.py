@@ -191,9 +191,9 @@ _TABLE = (
            lambda pairs: (pairs.near_edge[0] / pairs.near_edge[1]) ** 2, 1, ideal=1.0, averaged=True),
     Metric("nees_low", PAIRS, "1", 0, "NEES, low bound",
            "where the mean of `nees_position` or `nees_velocity` lies with a consistent filter: from this, chi-square",
-           lambda e: nees_bounds(2, len(e["gwd"]))[0]),
+           lambda e: nees_bounds(2, int(np.isfinite(e["nees_position"]).sum()))[0]),
     Metric("nees_high", PAIRS, "1", 0, "NEES, high bound", "where it lies: to this",
-           lambda e: nees_bounds(2, len(e["gwd"]))[1]),
+           lambda e: nees_bounds(2, int(np.isfinite(e["nees_position"]).sum()))[1]),
     Metric("pairs", PAIRS, "1", 0, "pairs", "pairs of object and track, over scans", lambda e: len(e["gwd"]), 0),
     # The worst of a run.
     Metric("plain_view_gap", RUN, "s", -1, "longest in view without a fitting track",

@@ -110,6 +110,9 @@ class Pairs:
 
     @cached_property
     def nees(self) -> NDArray:
-        """Normalised errors squared (K, 2) of centre and velocity."""
-        cov = self.estimate.cov
-        return nees(self.error, np.stack([cov[:, :2, :2], cov[:, 2:, 2:]], 1))
+        """Normalised errors squared (K, 2) of centre and velocity, NaN where no covariance is given."""
+        cov = np.stack([self.estimate.cov[:, :2, :2], self.estimate.cov[:, 2:, 2:]], 1)
+        known = np.isfinite(cov).all((-2, -1))
+        found = np.full(known.shape, np.nan)
+        found[known] = nees(self.error[known], cov[known])
+        return found

@@ -281,7 +281,8 @@ def pair_errors(pairs: Pairs) -> NDArray:
 
 def _scan_means(scan: Mapping[str, float], errors: NDArray) -> dict[str, float]:
     """The `mean` of a `FrameScore`: metrics of the scan, and the mean magnitude of each error of (K, len(ERRORS))."""
-    means = np.abs(errors).mean(0) if len(errors) else np.full(len(ERRORS), np.nan)
+    count = (~np.isnan(errors)).sum(0)  # of a track without covariances some are not known
+    means = np.abs(np.nan_to_num(errors)).sum(0) / np.where(count, count, np.nan)
     return {key: float(value) for key, value in scan.items()} | dict(zip(ERRORS, means.tolist(), strict=True))
 
 
@@ -297,8 +298,10 @@ def _span_row(span: Span) -> Row:
 
 
 def _over_pairs(metric: Metric, errors: Mapping[str, NDArray]) -> float:
-    """A metric of many pairs, or the mean of one of a pair; errors (K,) by key."""
-    return metric.compute(errors) if metric.of == PAIRS else mean(errors[metric.key])
+    """A metric of many pairs, or the mean of one of a pair where it is known; errors (K,) by key."""
+    if metric.of == PAIRS:
+        return metric.compute(errors)
+    return mean(errors[metric.key][~np.isnan(errors[metric.key])])
 
 
 def jsonable(row: Mapping[str, float | int | str]) -> dict[str, float | int | str | None]:

@@ -106,6 +106,10 @@ class Comparison(Study):
         """The settings."""
         return asdict(self.settings)
 
+    def facts(self) -> list[tuple[str, str]]:
+        """What else a report says of the runs."""
+        return []
+
     def check(self) -> None:
         """Raise LookupError or ValueError for what cannot be run, or for a case that is written in another way."""
         super().check()

@@ -23,6 +23,7 @@ from scenarios import find as find_scenario
 from scenarios.traffic.scenario import FAMILY, is_replay, replay_of
 from sensors import RADARS
 from sensors import find as find_radar
+from sensors.radar_file import SUFFIX
 from testbed import planners
 from testbed.frame import TRUTH
 from trackers import TRACKERS, SensorModel, build
@@ -120,6 +121,8 @@ def own_module(name: str, what: str) -> str | None:
         return None
     if what == "scenario" and is_replay(name):
         return f"{FAMILY}{replay_of(name).file}"
+    if what == "radar" and name.endswith(SUFFIX):
+        return name
     entry = parse(name)[0]
     path = None if entry in CATALOGUES[what]() else home(entry, what)
     return None if path is None else path.partition(":")[0]

@@ -122,6 +122,8 @@ def _cell(group: str, tracker: str, measure: str, found: dict[str, list[NDArray]
     if tracker != baseline and baseline in found:
         bad = [[badness(measure, values) for values in found[name]] for name in (tracker, baseline)]
         difference = compare(*bad)
+        if not difference.pairs and np.isnan(np.concatenate(found[tracker])).all():
+            difference = None  # it was never measured, as NEES of tracks without covariances
     return Cell(group, tracker, measure, crossed_interval(found[tracker]), difference)
 
 

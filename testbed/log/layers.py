@@ -161,7 +161,9 @@ def tracker_rows(
     estimate = tracks.estimate
     outline = box_corners(estimate.pose, estimate.size) if estimate.contour is None else estimate.contour
     labels = _labels(tracks, info, modes, classes)
-    ellipse = ellipse_points(estimate.pose[:, :2], CONFIDENCE_RADIUS**2 * estimate.cov[:, :2, :2], 17)
+    cov = estimate.cov[:, :2, :2]
+    known = np.isfinite(cov).all((-2, -1))  # not of tracks from files without covariances
+    ellipse = ellipse_points(estimate.pose[known, :2], CONFIDENCE_RADIUS**2 * cov[known], 17)
     return {
         paths.tracker(name, "extent"): {
             "LineStrips2D:strips": Strips.of(outline, closed=True),

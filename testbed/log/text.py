@@ -13,7 +13,7 @@ OF_TRACKER = (  # what a run shows of each tracker
     "objects_visible", "objects_confirmed", "gospa", "localisation", "missed", "false", "missed_percent",
     "false_per_scan", "switches", "lost", "birth_delay", "unborn_percent", "uncovered_gap", "plain_view_gap",
     "tracks_clutter", "tracks_ghost", "rmse_position", "rmse_velocity", "rmse_heading_deg", "rmse_length", "rmse_width",
-    "gwd", "box_iou", "contour_iou", "nees_position", "nees_velocity",
+    "gwd", "box_iou", "contour_iou", "nees_position", "nees_velocity", "hota", "mota", "idf1",
 )  # fmt: skip
 OF_DRIVE = ("collisions", "ttc_min", "distance_min", "progress", "speed_mean", "deceleration_max", "harsh_braking")
 
@@ -33,8 +33,8 @@ Value = str | int | float | bool
 
 
 def shown(keys: Sequence[str]) -> list[Metric]:
-    """The metrics of some keys."""
-    return [METRICS[key] for key in keys]
+    """The metrics of some keys that can be computed here."""
+    return [METRICS[key] for key in keys if METRICS[key].known]
 
 
 def flat_properties(meta: RunMeta) -> dict[str, Value]:

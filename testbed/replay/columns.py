@@ -40,6 +40,7 @@ class Table(NamedTuple):
     note: str  # what a row is
     columns: tuple[Column, ...]
     needed: bool = False
+    option: str = ""  # of the command line, that renames `column` from `name`
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -175,6 +176,46 @@ LANES = Table(
         Column("width", "m", "of the lane; that of its first point counts", True, 0.5, 100.0, METRES),
     ),
 )
+STATE = ("x", "y", "vx", "vy")
+EDGES = ("front", "rear", "left", "right")
+COVARIANCES = tuple(
+    (a, b, ("m^2", "m^2/s", "m^2/s^2")[(i > 1) + (j > 1)])
+    for i, a in enumerate(STATE)
+    for j, b in enumerate(STATE)
+    if i <= j
+)
+TRACKS = Table(
+    "tracks",
+    "a track at one time",
+    (
+        Column("tracker", "", "its name, where a file has several", text=True),
+        _time("of the scan, as in the recording"),
+        Column("id", "", "of the track, the same at all times", True, text=True),
+        _place("x", "centre of the box, in the frame of `ego`"),
+        _place("y", "its other axis"),
+        HEADING,
+        _speed("vx", "velocity of the centre")._replace(needed=True),
+        _speed("vy", "its other axis")._replace(needed=True),
+        YAW_RATE._replace(note="turning"),
+        _length("length", "of the box"),
+        _length("width", "of the box"),
+        Column("existence", "", "probability; 1 where it is not given, reported above one half", False, 0.0, 1.0),
+        Column("age", "s", "since the first scan of the track", False, 0.0, LATEST),
+        Column("detections", "", "scans in which it had a detection", False, 0.0, LATEST),
+        *(Column(f"cov_{a}_{b}", unit, f"covariance of {a} and {b}") for a, b, unit in COVARIANCES),
+        *(
+            Column(f"{name}_std", unit, f"standard deviation of the {name.replace('_', ' ')}", False, 0.0, 1e6)
+            for name, unit in (("length", "m"), ("width", "m"), ("heading", "rad"), ("yaw_rate", "rad/s"))
+        ),
+        *(
+            Column(f"{name}_std", "m", f"of the {name} edge, where it is not that of centre and size", False, 0.0, 1e6)
+            for name in EDGES
+        ),
+        Column("class", "", "no measure uses it", text=True),
+        Column("contour", "", "outline in the frame of `ego`, `x y;x y;x y`, of one number of points", text=True),
+    ),
+    option="give --columns {column}={name}",
+)
 LIKE = MappingProxyType(  # column -> other names for it, in small letters and without underscores and units
     {
         "range_rate": (
@@ -189,7 +230,7 @@ LIKE = MappingProxyType(  # column -> other names for it, in small letters and w
         "time": ("t", "ts", "timestamp", "stamp"),
         "sensor": ("radar", "sensorid", "sensorname"),
         "object": ("objectid", "trackid", "target", "label"),
-        "id": ("objectid", "trackid", "vehicle", "vehicleid"),
+        "id": ("objectid", "trackid", "track", "vehicle", "vehicleid"),
         "length": ("l", "len"),
         "width": ("w", "wid"),
     }

@@ -9,12 +9,14 @@ from rich.table import Table
 
 from testbed.command_line import tables
 from testbed.command_line.tables import show_files, show_measures
+from testbed.command_line.terminal import losses, progress_bar, user_input
 from testbed.environment.perception import radar_of
 from testbed.environment.registration import scenario_of
 from testbed.limits import check_duration, check_seeds
 from testbed.replay.findings import DOUBT, FAULT, OPEN, Finding
 from testbed.replay.plausibility import faults, judged
-from testbed.replay.replaying import ReplayResult
+from testbed.replay.reading import Recorded
+from testbed.replay.replaying import ReplayConfig, ReplayResult, replay
 from testbed.replay.writing import check_folder, write
 
 LIVES = (  # key, label, digits
@@ -74,7 +76,29 @@ def lives(done: ReplayResult) -> Table:
     return table
 
 
-def check(scenario: str, seed: int, radar: str, duration: float | None, out: Path, format: str) -> None:
+def replayed(settings: ReplayConfig, recorded: Recorded, console: Console) -> int:
+    """Replay, with a bar, and show the results; returns the exit status."""
+    brief(list(recorded.findings), console)
+    for tracks in recorded.tracks:
+        if tracks.said:
+            console.print(f"[yellow]{escape(tracks.name)}: {escape(tracks.said)}[/yellow]", soft_wrap=True)
+    with user_input((OSError,)), progress_bar("{task.completed:.0f} / {task.total:.0f} scans") as bar:
+        task = bar.add_task(recorded.name, total=len(recorded.frames))
+        done = replay(settings, recorded, lambda scans, total: bar.update(task, completed=scans, total=total))
+    with losses(done.lost):
+        show(done, console)
+    return done.exit_status
+
+
+def drives(scenarios: Sequence[str], seeds: int | Sequence[int], out: Path) -> list[tuple[str, int, Path]]:
+    """Scenario, seed and folder of each recording: `out` itself of a single one, else OUT/SCENARIO_seedN."""
+    if isinstance(seeds, int) and len(scenarios) == 1:
+        return [(scenarios[0], seeds, out)]
+    each = [seeds] if isinstance(seeds, int) else seeds
+    return [(s, k, out / f"{s}_seed{k}".replace(":", "~").replace("/", "-")) for s in scenarios for k in each]
+
+
+def check(scenario: str, seed: int, out: Path, radar: str, duration: float | None, format: str) -> None:
     """Raise LookupError, ValueError or OSError, in one sentence, for a drive that cannot be recorded."""
     scenario_of(scenario)
     radar_of(radar)
@@ -83,7 +107,7 @@ def check(scenario: str, seed: int, radar: str, duration: float | None, out: Pat
     check_folder(out, format)
 
 
-def record(scenario: str, seed: int, radar: str, duration: float | None, out: Path, format: str) -> list[Path]:
+def record(scenario: str, seed: int, out: Path, radar: str, duration: float | None, format: str) -> list[Path]:
     """Drive once on the truth, and write the tables; returns their paths. OSError where one cannot be written."""
     from testbed.replay.recording import record as drive
 

@@ -4,7 +4,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sensors.origin import CLUTTER, CONTOUR, Origin
-from sensors.scene import Objects
 from testbed.replay.loaded import Loaded
 from testbed.replay.truth import There, Truth
 from trackers.geometry import to_frame
@@ -38,7 +37,7 @@ def origin_of(scan: Scan, there: There, said: NDArray, kind: NDArray) -> Origin:
     said (M,) are the ids of objects, see `said_objects`; kind (M,) is -1 where the table does not say it.
     """
     given = said != NOT_SAID
-    owner = np.full(len(said), -1) if given.all() else owners_by_place(there.objects, scan.xy)
+    owner = np.full(len(said), -1) if given.all() else owners_by_place(there.objects.pose, there.objects.size, scan.xy)
     row_of = {number: row for row, number in enumerate(there.objects.id.tolist())}
     owner = np.where(given, np.array([row_of.get(number, -1) for number in said.tolist()], int), owner)
     count = np.bincount(owner[owner >= 0], minlength=len(there.objects.id))
@@ -52,10 +51,13 @@ def origin_of(scan: Scan, there: There, said: NDArray, kind: NDArray) -> Origin:
     )
 
 
-def owners_by_place(objects: Objects, xy: NDArray) -> NDArray:
-    """Row (M,) of the object whose grown box holds each detection (M, 2) [m], the one most inside; -1 for none."""
-    if not len(objects.id) or not len(xy):
+def owners_by_place(pose: NDArray, size: NDArray, xy: NDArray) -> NDArray:
+    """Row (M,) of the grown box, of N poses (N, 3) and sizes (N, 2), that holds each detection (M, 2) [m].
+
+    Of several the one that it is most inside; -1 for none.
+    """
+    if not len(pose) or not len(xy):
         return np.full(len(xy), -1)
-    local = to_frame(objects.pose, np.broadcast_to(xy, (len(objects.id), *xy.shape)))
-    outside = (np.abs(local) - objects.size[:, None] / 2).max(-1)  # (N, M) [m]
+    local = to_frame(pose, np.broadcast_to(xy, (len(pose), *xy.shape)))
+    outside = (np.abs(local) - size[:, None] / 2).max(-1)  # (N, M) [m]
     return np.where(outside.min(0) <= GROWN, outside.argmin(0), -1)

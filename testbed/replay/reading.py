@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +46,7 @@ class Recorded(NamedTuple):
     drawn: RoadGeometry
     unread: tuple[Unread, ...] = ()
     findings: tuple[Finding, ...] = ()  # of `testbed.replay.plausibility`, where they were looked for
+    tracks: tuple[Any, ...] = ()  # `RecordedTracks` of files, where there are any
 
 
 def read(folder: Path, start: float | None = None, end: float | None = None, fixes: Sequence[Fix] = ()) -> Recorded:

@@ -9,18 +9,20 @@ from typing import Any
 import numpy as np
 
 from testbed.command_line.interruption import interruptible
-from testbed.environment.perception import Perception, tracker_of
+from testbed.environment.perception import Cost, Perception, tracker_of
 from testbed.environment.recorder import Recorder, check_level
 from testbed.environment.validation import WrongTracks
 from testbed.evaluation.tracking import jsonable
 from testbed.files import check_target, make_directory, noting_losses, versions
 from testbed.frame import TRUTH
-from testbed.limits import check_folder, check_names
+from testbed.limits import check_choice, check_folder, check_names
 from testbed.log.record import RunMeta
 from testbed.replay.lives import Lives
 from testbed.replay.plausibility import faults, judged
 from testbed.replay.reading import Recorded
+from testbed.replay.recorded_tracks import TracksSource, of_all
 from testbed.replay.rescan import REPLAY, RecordedRadar, through
+from testbed.replay.tables import FORMATS
 from testbed.replay.tracks_file import TracksFile
 from trackers import DEFAULT
 
@@ -40,9 +42,13 @@ class ReplayConfig:
     log: str = "full"
     fixes: tuple[str, ...] = ()  # what is put right, see `testbed.replay.fixes`
     accept: bool = False  # replay what cannot be right too
+    tracks: tuple[tuple[str, TracksSource], ...] = ()  # files of tracks beside the trackers, with their names
+    format: str = "parquet"  # of the file of tracks
 
     def __post_init__(self) -> None:
-        check_names("trackers", self.trackers)
+        if self.trackers or not self.tracks:
+            check_names("trackers", self.trackers)
+        check_choice("format", self.format, FORMATS)
         check_folder(self.out)
         check_level(self.log, True)
 
@@ -76,6 +82,9 @@ def prepare(config: ReplayConfig) -> Recorded:
         if name == TRUTH and recorded.known is None:
             raise ValueError(f"tracker {TRUTH} needs a table truth, {config.folder} has none; choose another tracker")
         tracker_of(name, radar)
+    recorded = recorded._replace(tracks=tuple(of_all(config.tracks, recorded)))
+    if both := {*config.trackers} & {one.name for one in recorded.tracks}:
+        raise ValueError(f"tracks {min(both)!r} have the name of a tracker; give --name")
     make_directory(Path(config.out))
     check_target(tracks_path(config, recorded))
     return recorded._replace(findings=tuple(found))
@@ -85,12 +94,17 @@ def replay_id(config: ReplayConfig, recorded: Recorded) -> str:
     """Name of the files of a replay: the same settings give the same name."""
     window = [f"from{config.start:g}s"] if config.start is not None else []
     window += [f"to{config.end:g}s"] if config.end is not None else []
-    return "_".join([recorded.name, "+".join(config.trackers), REPLAY, *window]).replace("/", "-")
+    return "_".join([recorded.name, "+".join(names(config, recorded)), REPLAY, *window]).replace("/", "-")
+
+
+def names(config: ReplayConfig, recorded: Recorded) -> tuple[str, ...]:
+    """Those of the trackers, then those of tracks from files."""
+    return (*config.trackers, *(one.name for one in recorded.tracks))
 
 
 def tracks_path(config: ReplayConfig, recorded: Recorded) -> Path:
     """Where the tracks go."""
-    return Path(config.out) / f"{replay_id(config, recorded)}.parquet"
+    return Path(config.out) / f"{replay_id(config, recorded)}.{config.format}"
 
 
 def replay(
@@ -101,7 +115,7 @@ def replay(
     Ctrl-C or SIGTERM ends the replay after the scan at hand: what was tracked until then is written and returned.
     """
     radar = RecordedRadar(recorded.sensors.models, None, recorded.frames)
-    perception = Perception.mount(radar, config.trackers)
+    perception = Perception.mount(radar, (*config.trackers, *recorded.tracks))
     recorder = Recorder(
         _meta(config, recorded), config.out, config.log, (), recorded.drawn, radar.models,
         trackers=perception.trackers, known=recorded.known,
@@ -122,7 +136,8 @@ def replay(
         finally:
             timing: dict[str, Any] = {**perception.seconds, **recorder.seconds, "wall": perf_counter() - start}
             timing["cpu"] = process_time() - cpu
-            timing["trackers"] = {name: jsonable(cost.row()) for name, cost in perception.costs.items()}
+            costs = perception.costs | {one.name: Cost() for one in recorded.tracks}  # reading is no tracking
+            timing["trackers"] = {name: jsonable(cost.row()) for name, cost in costs.items()}
             with noting_losses(recorder.lost):
                 recorder.close(interrupted=done < total, timing=timing)
     lost, log = tuple(recorder.lost), recorder.log.file if recorder.log else None
@@ -138,4 +153,4 @@ def _meta(config: ReplayConfig, recorded: Recorded) -> RunMeta:
         **{f"{name} [s]": value for name, value in window.items() if value is not None},
     }
     name = replay_id(config, recorded)
-    return RunMeta(name, recorded.name, 0, RECORDED, config.trackers, REPLAY, varied, versions())
+    return RunMeta(name, recorded.name, 0, RECORDED, names(config, recorded), REPLAY, varied, versions())

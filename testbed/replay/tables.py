@@ -4,7 +4,7 @@ Numbers of a CSV are read to the last digit, so that both formats hold the same.
 """
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 
@@ -22,6 +22,7 @@ from testbed.replay.loaded import Loaded
 
 PARQUET, CSV = ".parquet", ".csv"
 SUFFIXES = (PARQUET, CSV)
+FORMATS = tuple(suffix[1:] for suffix in SUFFIXES)
 ALIKE = 0.8  # similarity from which a column that is not known counts as misspelt
 UNLIMITED = ("profile_inside_depth",)  # columns that may be infinite
 
@@ -48,12 +49,16 @@ def read_table(folder: Path, table: Table, fixes: Sequence[Fix] = ()) -> Loaded 
                 f"{folder} has no {table.name}.parquet or {table.name}.csv; a recording needs the tables {needed}"
             )
         return None
+    fixes = [fix for fix in fixes if fix.table == table.name]
+    return read_file(path, table, {fix.what: fix.how for fix in fixes if fix.renames}, fixes)
+
+
+def read_file(path: Path, table: Table, names: Mapping[str, str], fixes: Sequence[Fix] = ()) -> Loaded:
+    """The table in a file, some of its columns renamed, repaired and checked; ValueError as in `read_table`."""
     try:
         content = _read_csv(path) if path.suffix == CSV else pq.read_table(path)
     except (pa.ArrowException, OSError, UnicodeDecodeError, csv.Error) as error:
         raise ValueError(f"{path.name} cannot be read: {_first_line(error)}; write it again") from None
-    fixes = [fix for fix in fixes if fix.table == table.name]
-    names = {fix.what: fix.how for fix in fixes if fix.renames}
     content = content.rename_columns([names.get(name, name) for name in content.column_names])
     _check_names(path.name, content.column_names, table)
     found = {
@@ -96,13 +101,15 @@ def _check_names(file: str, names: list[str], table: Table) -> None:
     for name in names:
         close = get_close_matches(name.lower(), absent, 1, ALIKE) if name not in table.names else []
         if close:
-            raise ValueError(f"{file} has a column {name}; did you mean {close[0]}? Rename it")
+            option = table.option and f", or {table.option.format(column=close[0], name=name)}"
+            raise ValueError(f"{file} has a column {name}; did you mean {close[0]}? Rename it{option}")
     for column in table.columns:
         if column.needed and column.name not in names:
             other = [name for name in names if name not in table.names and like(name, table) == column.name]
+            option = table.option and f"{table.option.format(column=column.name, name=(other or ['NAME'])[0])}; "
             raise ValueError(
                 f"{file} has no column {column.name}, {column.note}{f' [{column.unit}]' * bool(column.unit)}; "
-                f"{f'rename {other[0]}, or ' if other else ''}it has {', '.join(names)}"
+                f"{f'rename {other[0]}, or ' if other else ''}{option}it has {', '.join(names)}"
             )
 
 

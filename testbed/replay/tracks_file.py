@@ -1,87 +1,60 @@
-"""The reported tracks of a replay as one Parquet file, a row for each tracker, scan and track."""
+"""The reported tracks of a replay as one file, Parquet or CSV, a row for each tracker, scan and track."""
 
-from collections.abc import Callable
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from types import TracebackType
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.csv as pa_csv
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from testbed.files import atomic_file, noting_losses
 from testbed.frame import Frame
-from trackers.estimate import Estimate
+from testbed.replay.columns import COVARIANCES, EDGES, STATE, TRACKS
+from testbed.replay.tables import CSV
+from testbed.replay.truth import contour_text
 from trackers.multi.tracks import Tracks
 
 EVERY = 200  # scans that are written together
+QUOTED = pa_csv.WriteOptions(quoting_style="needed")
 
 
-class Field(NamedTuple):
-    """One column of the file."""
-
-    name: str
-    unit: str  # empty for what has none
-    note: str
-    get: Callable[[Tracks], Any]  # values (T,) of the reported tracks
-    type: pa.DataType = pa.float64()
-
-
-def _of(name: str, *column: int) -> Callable[[Tracks], NDArray]:
-    """One column of a field of the estimate."""
-    return lambda tracks: getattr(tracks.estimate, name)[(..., *column)]
-
-
-FIELDS = (
-    Field("track", "", "id of the track", lambda t: t.id, pa.int64()),
-    Field("x", "m", "centre, in the frame of `ego`", _of("pose", 0)),
-    Field("y", "m", "its other axis", _of("pose", 1)),
-    Field("heading", "rad", "direction ahead", _of("pose", 2)),
-    Field("vx", "m/s", "velocity of the centre", _of("velocity", 0)),
-    Field("vy", "m/s", "its other axis", _of("velocity", 1)),
-    Field("yaw_rate", "rad/s", "turning", _of("yaw_rate")),
-    Field("length", "m", "of the box", _of("size", 0)),
-    Field("width", "m", "of the box", _of("size", 1)),
-    Field("existence", "", "probability that there is such a vehicle", lambda t: t.existence),
-    Field("age", "s", "since the first scan of the track", lambda t: t.age),
-    Field("detections", "", "scans in which it had a detection", lambda t: t.hits, pa.int64()),
-    *(
-        Field(f"cov_{'_'.join((a, b))}", f"{unit}", f"covariance of {a} and {b}", _of("cov", i, j))
-        for i, a in enumerate(("x", "y", "vx", "vy"))
-        for j, b in enumerate(("x", "y", "vx", "vy"))
-        for unit in [("m^2", "m^2/s", "m^2/s^2")[(i > 1) + (j > 1)]]
-        if i <= j
-    ),
-    Field("length_std", "m", "standard deviation of the length", _of("size_std", 0)),
-    Field("width_std", "m", "of the width", _of("size_std", 1)),
-    Field("heading_std", "rad", "of the heading", _of("heading_std")),
-    Field("yaw_rate_std", "rad/s", "of the yaw rate", _of("yaw_rate_std")),
-    Field(
-        "contour_x",
-        "m",
-        "outline, where the tracker has one",
-        lambda t: _contour(t.estimate, 0),
-        pa.list_(pa.float64()),
-    ),
-    Field("contour_y", "m", "its other axis", lambda t: _contour(t.estimate, 1), pa.list_(pa.float64())),
-)
-
-
-def _contour(estimate: Estimate, axis: int) -> list[NDArray | None]:
-    if estimate.contour is None:
-        return [None] * len(estimate.pose)
-    return list(estimate.contour[..., axis])
-
-
+PLACES: dict[str, tuple[str, tuple[int, ...]]] = {  # column of numbers -> field of `Tracks` or `Estimate`, place in it
+    **{name: (name, ()) for name in ("existence", "age", "yaw_rate", "heading_std", "yaw_rate_std")},
+    "id": ("id", ()),
+    "detections": ("hits", ()),
+    **{name: ("pose", (k,)) for k, name in enumerate(("x", "y", "heading"))},
+    **{name: ("velocity", (k,)) for k, name in enumerate(("vx", "vy"))},
+    **{f"{name}{std}": (f"size{std}", (k,)) for k, name in enumerate(("length", "width")) for std in ("", "_std")},
+    **{f"{name}_std": ("edge_std", (k,)) for k, name in enumerate(EDGES)},
+    **{f"cov_{a}_{b}": ("cov", (STATE.index(a), STATE.index(b))) for a, b, _ in COVARIANCES},
+}
+WHOLE = ("id", "detections")  # columns of whole numbers
 SCHEMA = pa.schema(
     [
-        pa.field("tracker", pa.string()),
-        pa.field("time", pa.float64(), metadata={"unit": "s"}),
-        *(pa.field(f.name, f.type, metadata={"unit": f.unit}) for f in FIELDS),
+        pa.field(
+            column.name,
+            pa.int64() if column.name in WHOLE else pa.string() if column.text else pa.float64(),
+            metadata={"unit": column.unit},
+        )
+        for column in TRACKS.columns
+        if column.name != "class"  # trackers have probabilities, and no names, of classes
     ]
 )
+
+
+def _column(name: str, tracks: Tracks) -> Any:
+    """A column (T,) of the reported tracks; None where nothing is known."""
+    estimate = tracks.estimate
+    if name == "contour":
+        return [None] * len(tracks.id) if estimate.contour is None else [contour_text([c]) for c in estimate.contour]
+    field, place = PLACES[name]
+    value = getattr(tracks if hasattr(tracks, field) else estimate, field)
+    return [None] * len(tracks.id) if value is None else value[(..., *place)]
 
 
 class TracksFile:
@@ -104,7 +77,8 @@ class TracksFile:
 
     def __enter__(self) -> Self:
         file = self._open.enter_context(atomic_file(self._path))
-        self._writer = self._open.enter_context(pq.ParquetWriter(file, SCHEMA))
+        kind = partial(pa_csv.CSVWriter, write_options=QUOTED) if self._path.suffix == CSV else pq.ParquetWriter
+        self._writer = self._open.enter_context(kind(file, SCHEMA))
         return self
 
     def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
@@ -120,8 +94,9 @@ class TracksFile:
         for name, (tracks, _) in frame.outputs.items():
             reported = tracks._replace(state=None).reported
             count = len(reported.id)
-            columns = [pa.array([name] * count, pa.string()), pa.array(np.full(count, self._times[frame.step]))]
-            columns += [pa.array(field.get(reported), field.type) for field in FIELDS]
+            known = {"tracker": [name] * count, "time": np.full(count, self._times[frame.step])}
+            values = (known[f.name] if f.name in known else _column(f.name, reported) for f in SCHEMA)
+            columns = [pa.array(v, field.type, from_pandas=True) for v, field in zip(values, SCHEMA, strict=True)]
             self._waiting.append(pa.record_batch(columns, SCHEMA))
         if len(self._waiting) >= EVERY * len(frame.outputs):
             self._write()

@@ -88,11 +88,11 @@ def truth_at(table: Loaded | None, times: NDArray) -> Truth:
     if time[-1] < times[0] or times[-1] < time[0]:
         what = f"the truth is from {time[0]} s to {time[-1]} s, the scans are from {times[0]} s to {times[-1]} s"
         raise table.fault("time", 0, what, "give all tables the same clock, or delete this one")
-    parts = [_course(table, rows, times) for rows in _rows_of_each(table)]
+    parts = [_course(table, rows, times) for rows in rows_of_each(table, table["id"])]
     scan, first, second, share = (np.concatenate(column) for column in zip(*parts, strict=True))
     order = np.lexsort((first, scan))
     where = Between(first[order], second[order], share[order], np.ones(len(order), bool))
-    numbers = _numbers(table["id"])
+    numbers = numbers_of(table["id"])
     return Truth(table, _states(table, scan[order], where, numbers), numbers, (float(time[0]), float(time[-1])))
 
 
@@ -102,10 +102,10 @@ def _no_rows() -> TruthRows:
     return TruthRows(none, none, text, np.zeros((0, 3)), pair, flat, pair, flat > 0, text, flat, flat)
 
 
-def _rows_of_each(table: Loaded) -> list[NDArray]:
-    """Rows of each vehicle, in the order of time."""
-    names, of = np.unique(table["id"], return_inverse=True)
-    order = np.argsort(of, kind="stable")
+def rows_of_each(table: Loaded, ids: NDArray) -> list[NDArray]:
+    """Rows of each of the ids (N,), in the order of time; ValueError where one is there twice at one time."""
+    names, of = np.unique(ids, return_inverse=True)
+    order = np.lexsort((table["time"], of))
     groups = np.split(order, np.cumsum(np.bincount(of, minlength=len(names)))[:-1])
     for rows in groups:
         twice = np.flatnonzero(np.diff(table["time"][rows]) == 0)
@@ -143,7 +143,7 @@ def _states(table: Loaded, scan: NDArray, where: Between, numbers: Mapping[str, 
     )
 
 
-def _numbers(names: NDArray) -> dict[str, int]:
+def numbers_of(names: NDArray) -> dict[str, int]:
     """Id in scenes of each id: whole numbers as they are, else the place in the order of their first rows, from 1."""
     different = list(dict.fromkeys(names.tolist()))
     if all(name.isascii() and name.isdigit() and str(int(name)) == name and len(name) < 10 for name in different):

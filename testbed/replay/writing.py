@@ -24,11 +24,10 @@ from testbed.replay.columns import TABLES, TWO_SIDED, Column
 from testbed.replay.origins import NONE
 from testbed.replay.recording import RecordedFrame, Recording
 from testbed.replay.sensor_sheets import OPTIONAL
-from testbed.replay.tables import SUFFIXES, path_of
+from testbed.replay.tables import FORMATS, path_of
 from testbed.replay.truth import contour_text
 from trackers.scan import DepthProfile, SensorModel
 
-FORMATS = tuple(suffix[1:] for suffix in SUFFIXES)
 Columns = dict[str, Any]  # (N,) numbers, NaN for none, or N texts
 
 

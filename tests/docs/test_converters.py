@@ -9,7 +9,9 @@ import pyarrow.parquet as pq
 import pytest
 
 from testbed.replay.reading import read
+from testbed.replay.recorded_tracks import TracksSource
 from testbed.replay.replaying import ReplayConfig, prepare, replay
+from tests.testbed.replay.made_tracks import recording, tracks, written
 
 EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
 SPEED, PERIOD = 10.0, 0.1  # [m/s] of ego and car, [s]
@@ -56,7 +58,7 @@ def test_a_drive_in_the_layout_of_kitti_becomes_contours_that_are_tracked(tmp_pa
     assert np.isnan(scan.polar[:, 2]).all()
     done, tracks = tracks_of(tmp_path / "out", tmp_path)
     assert "trackers" not in done.result
-    assert tracks.track.nunique() == 1
+    assert tracks.id.nunique() == 1
     assert tracks.vx.iloc[-1] == pytest.approx(SPEED, abs=1.5)
 
 
@@ -125,3 +127,59 @@ def test_a_scene_in_the_layout_of_nuscenes_is_tracked_and_scored(tmp_path, monke
     assert row["missed_percent"] < 20
     assert row["rmse_position"] < 1.5
     assert row["rmse_velocity"] < 1.5
+
+
+def score(file, drive, tmp_path):
+    config = ReplayConfig(str(drive), (), out=str(tmp_path), log="off", tracks=(("mine", TracksSource(file)),))
+    return replay(config, prepare(config)).result["trackers"]["mine"]
+
+
+@pytest.mark.filterwarnings("ignore:Operation with tuple")  # in motmetrics
+def test_tracks_go_out_as_motchallenge_text_that_an_evaluator_reads_and_come_back(tmp_path, monkeypatch):
+    """Car b is missed at the first of four scans, and has another track at the last."""
+    motmetrics = pytest.importorskip("motmetrics", reason="the extra mot is not installed")
+    drive, table = recording(tmp_path / "drive", 0.3), tracks(0.3)
+    table = {name: values[:1] + values[2:] for name, values in table.items()}
+    table["id"][-1] = "other"
+    file = written(table, tmp_path / "mine.csv")
+    convert("mot_text", monkeypatch, "out", file, drive, tmp_path / "mot")
+    truth, mine = (motmetrics.io.loadtxt(tmp_path / "mot" / f"{name}.txt", fmt="mot15-2D") for name in ("gt", "tracks"))
+    accumulator = motmetrics.MOTAccumulator()
+    for frame in range(1, 5):
+        boxes, other = (rows.loc[frame][["X", "Y", "Width", "Height"]] for rows in (truth, mine))
+        off = np.abs(boxes.to_numpy()[:, None] - other.to_numpy()).max(-1)
+        accumulator.update(boxes.index, other.index, np.where(off < 0.01, off, np.nan), frameid=frame)
+    found = motmetrics.metrics.create().compute(accumulator, metrics=["mota", "num_switches"], return_dataframe=False)
+    assert found == {"mota": pytest.approx(1 - 2 / 8), "num_switches": 1}  # a miss and a switch of eight
+    convert("mot_text", monkeypatch, "in", tmp_path / "mot" / "tracks.txt", drive, tmp_path / "back.csv")
+    own, back = score(file, drive, tmp_path), score(tmp_path / "back.csv", drive, tmp_path)
+    assert back["rmse_velocity"] == pytest.approx(0.0, abs=1e-6)
+    assert back["rmse_length"] == pytest.approx(0.0, abs=1e-6)
+    assert back["tracks_reported"] == own["tracks_reported"] - 1  # one scan gives no velocity
+
+
+def test_tracks_and_detections_go_out_as_json_of_nuscenes_and_come_back(tmp_path, monkeypatch):
+    drive = recording(tmp_path / "drive", 0.3)
+    table = tracks(0.3, existence=0.9)
+    table["heading"] = [0.3] * len(table["x"])
+    file, made = written(table, tmp_path / "mine.csv"), tmp_path / "made.json"
+    convert("nuscenes_tracks", monkeypatch, "out", file, drive, made)
+    found = json.loads(made.read_text())
+    assert list(found["results"]) == ["0", "100000", "200000", "300000"]
+    first = found["results"]["100000"][1]
+    assert first["translation"] == pytest.approx([16.9, 4.0, 0.8])
+    assert (first["size"], first["tracking_score"]) == ([2.5, 8.0, 1.6], 0.9)
+    assert len(found["detections"]["0"]) == 48
+    back = tmp_path / "back"
+    convert("nuscenes_tracks", monkeypatch, "in", made, back)
+    assert score(back / "tracks.csv", drive, tmp_path) == score(file, drive, tmp_path)
+    for name in ("ego", "sensors", "truth"):
+        (back / f"{name}.csv").write_text((drive / f"{name}.csv").read_text())
+    for one, other in zip(read(drive).frames, read(back).frames, strict=True):
+        assert np.sort(other.scan.polar, 0) == pytest.approx(np.sort(one.scan.polar, 0), abs=1e-9)
+    renamed = {f"token{t}": rows for t, rows in found["results"].items()}
+    made.write_text(json.dumps({"results": renamed}))
+    samples = [{"token": f"token{t}", "timestamp": int(t)} for t in found["results"]]
+    (tmp_path / "sample.json").write_text(json.dumps(samples))
+    convert("nuscenes_tracks", monkeypatch, "in", made, tmp_path / "named", tmp_path / "sample.json")
+    assert (tmp_path / "named" / "tracks.csv").read_text() == (back / "tracks.csv").read_text()

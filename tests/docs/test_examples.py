@@ -20,7 +20,12 @@ SHOWS = {  # what each program prints, at least once
 }
 
 
-CONVERTERS = {"kitti_scans": 70, "nuscenes_radar": 100}  # and their lines; test_converters.py makes files for them
+CONVERTERS = {
+    "kitti_scans": 70,
+    "nuscenes_radar": 100,
+    "mot_text": 75,
+    "nuscenes_tracks": 100,
+}  # and their lines; test_converters.py makes files for them
 
 
 def test_every_program_is_tried():

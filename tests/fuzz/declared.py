@@ -17,6 +17,7 @@ LINES: dict[str, dict[str, str]] = {  # a correct and short call of each command
         "scenario": "cut-in", "tracker": "rm-feldmann", "radar": "front", "duration": "0.2", "log": "off", "out": "out",
     },
     "replay": {"folder": "drive", "tracker": "rm-koch", "out": "out", "log": "off"},
+    "score": {"tracks": "tracks.csv", "against": "drive", "tracker": "rm-koch", "out": "out", "log": "off"},
     "record": {"scenario": "cut-in", "out": "out", "radar": "front", "duration": "0.2"},
     "review": {"path": "log.rrd", "screenshot": "log.png"},
     "diff": {"first": "log.rrd", "second": "log.rrd"},
@@ -41,6 +42,7 @@ LINES: dict[str, dict[str, str]] = {  # a correct and short call of each command
     "calibrate": {"data": "real", "radar": "front"},
     "check": {"what": "radar", "name": "front"},
     "info": {},
+    "radar": {"what": "show", "name": "front"},
 }  # fmt: skip
 
 NUMBERS = (

@@ -14,6 +14,8 @@ from testbed.experiments.store import Results
 from testbed.replay.recording import record
 from testbed.replay.writing import write
 
+TRACKS = "time,id,x,y,heading,vx,vy,length,width\n0,a,330,0,0,25,0,4.5,1.8\n0.2,a,335,0,0,25,0,4.5,1.8\n"
+
 
 def make(folder: Path) -> Path:
     """A folder with a log, detections, baselines, and what is no file of ours."""
@@ -28,6 +30,7 @@ def make(folder: Path) -> Path:
     execute(done, Engine())
     write_runs(Results.read(done))
     write(record("cut-in", 0, "front", 0.2), folder / "drive", "csv")
+    (folder / "tracks.csv").write_text(TRACKS)
     (folder / "real").mkdir()
     np.savez(folder / "real" / "objects.npz", **extract(40, 10))
     for name in ("folder", "folder.json", "folder.rrd", "folder.npz", "folder.png", "folder.parquet"):

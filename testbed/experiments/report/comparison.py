@@ -108,6 +108,7 @@ def _about(results: Results, tally: Tally | None) -> dict[str, Any]:
         *([("reference", comparison.baseline)] if len(comparison.trackers) > 1 else []),
         numbered("scenario", comparison.scenarios),
         seeds_fact(comparison.seeds),
+        *comparison.facts(),
         ("length of a run", settings.length),
         ("not in the means", f"the first {settings.settle:g} s of each run" if settings.settle else "nothing"),
         ("radar", settings.radar),

@@ -27,6 +27,7 @@ from testbed.files import make_directory
 from testbed.frame import TRUTH, Frame
 from testbed.log.pair import TRACKS, LoggedDrive, write_pair
 from testbed.log.record import RoadGeometry, run_id
+from testbed.replay.replaying import RECORDED
 from testbed.replay.rescan import REPLAY, write_log
 
 FOLDER = "logs"
@@ -156,13 +157,15 @@ def _reads(pick: Pick, study: Study, out: Path) -> list[Path]:
     return [Store(study, out).recording_path(pick.run)] if pick.run.loop == "open" else []
 
 
-def write_one(pick: Pick, study: Study, out: Path) -> Outcome:
+def write_one(pick: Pick, study: Any, out: Path) -> Outcome:
     """Write one log into the folder of the results, where it appears when it is complete."""
     path, run = log_path(pick, out), pick.run
     try:
         with TemporaryDirectory(dir=path.parent, prefix=".part-") as part:
             if run.loop == "open":
                 made = write_log(Store(study, out).recording(run), pick.trackers, Path(part), run.faults)
+            elif run.loop == RECORDED:
+                made = study.log(run, pick.trackers, Path(part))
             else:
                 driven = run.scenario, pick.trackers, str(run.radar), run.planner, run.seed, run.duration
                 config = RunConfig(*driven, part, faults=run.faults, after=run.settings.get("after"))

@@ -362,3 +362,13 @@ def test_scans_that_are_kept_end_in_the_tables_of_scans_that_are_scored():
     scored, kept = ([j.summary(), j.phase_rows(), j.object_rows(), j.orphan_rows()] for j in judges)
     assert scored[0]["pairs"] > 100
     np.testing.assert_equal(kept, scored)
+
+
+def test_nees_of_a_scan_is_over_the_tracks_with_a_covariance():
+    scene = road([20.0, 40.0])
+    tracks = tracks_at([21.0, 41.0], [1, 2], position_std=1.0)
+    tracks.estimate.cov[1] = np.nan
+    score = Evaluator("case").step(0.0, scene, seen(scene), tracks)
+    assert score.mean["nees_position"] == pytest.approx(1.0)
+    assert np.isnan(score.errors[2]["nees_position"])
+    assert score.mean["position"] == pytest.approx(1.0)

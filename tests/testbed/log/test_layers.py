@@ -56,6 +56,15 @@ def test_tentative_tracks_are_kept_apart(frame):
     assert len(rows[paths.tracker("htg-map", "tentative")]["LineStrips2D:strips"]) == 2
 
 
+def test_a_track_without_a_covariance_has_no_ellipse(frame):
+    tracks, info = frame.outputs["htg-map"]
+    known = tracks._replace(estimate=tracks.estimate._replace(cov=tracks.estimate.cov.copy()))
+    known.estimate.cov[0] = np.nan
+    counts = [len(layers.tracker_rows("a", t, info)[paths.tracker("a", layer)]["LineStrips2D:strips"])
+              for t, layer in ((tracks, "covariance"), (known, "covariance"), (known, "extent"))]  # fmt: skip
+    assert counts == [counts[0], counts[0] - 1, counts[0]]
+
+
 def test_a_contour_is_drawn_where_the_method_has_one(frame):
     tracks, info = frame.outputs["htg-map"]
     contour = np.random.default_rng(0).normal(size=(5, 9, 2))

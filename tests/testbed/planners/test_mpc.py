@@ -1,6 +1,5 @@
 """Model predictive control on hand-made roads: gaps, what uncertainty does to them, steering."""
 
-
 import gymnasium as gym
 import numpy as np
 import pytest

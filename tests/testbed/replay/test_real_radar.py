@@ -83,7 +83,7 @@ def test_tracks_of_a_real_radar_go_where_their_velocity_says(folder, tmp_path):
     done = replay(config, prepare(config))
     tracks = pq.read_table(done.tracks).to_pandas()
     assert np.isfinite(tracks[["x", "y", "heading", "vx", "vy", "length", "width", "cov_x_x"]]).all(axis=None)
-    ends = tracks.groupby("track").agg(scans=("x", "size"), vx=("vx", "median"), a=("x", "first"), b=("x", "last"))
+    ends = tracks.groupby("id").agg(scans=("x", "size"), vx=("vx", "median"), a=("x", "first"), b=("x", "last"))
     long = ends[ends.scans >= 10]
     assert len(long) >= 4
     assert ((long.b - long.a) / (PERIOD * (long.scans - 1)) - long.vx).abs().median() < 1.5

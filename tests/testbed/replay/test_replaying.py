@@ -14,6 +14,7 @@ from testbed.log import reader
 from testbed.replay.reading import read
 from testbed.replay.replaying import ReplayConfig, prepare, replay
 from testbed.replay.tracks_file import SCHEMA
+from testbed.replay.truth import parse_contour
 from tests.testbed.replay.made_tables import CARS, EGO_SPEED, made, save
 from trackers import TRACKERS
 
@@ -143,9 +144,9 @@ def test_the_tracks_of_all_trackers_are_in_one_table_with_units(tmp_path):
     assert table.schema.field("cov_x_vx").metadata == {b"unit": b"m^2/s"}
     rows = table.to_pandas()
     assert set(rows.tracker) == {TRACKER, "pmht-spline"}
-    contours = rows[rows.tracker == "pmht-spline"].contour_x
-    assert all(len(x) > 10 for x in contours)
-    assert rows[rows.tracker == TRACKER].contour_x.isna().all()
+    contours = rows[rows.tracker == "pmht-spline"].contour
+    assert all(len(parse_contour(text)[0]) > 10 for text in contours)
+    assert rows[rows.tracker == TRACKER].contour.isna().all()
     assert (rows.existence > 0.5).all()
 
 

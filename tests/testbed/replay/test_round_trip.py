@@ -71,7 +71,7 @@ def test_the_replay_gives_the_same_tracks_and_measures(drive, live, tmp_path):
         own = table[table.tracker == name]
         of = [(f.time, f.outputs[name][0]._replace(state=None).reported) for f in frames]
         assert own.time.tolist() == [time for time, tracks in of for _ in tracks.id]
-        assert own.track.tolist() == [number for _, tracks in of for number in tracks.id.tolist()]
+        assert own.id.tolist() == [number for _, tracks in of for number in tracks.id.tolist()]
         pose = np.concatenate([tracks.estimate.pose for _, tracks in of])
         cov = np.concatenate([tracks.estimate.cov for _, tracks in of])
         assert same_bits(own[["x", "y", "heading"]].to_numpy(), pose)
