@@ -12,7 +12,7 @@ from testbed.command_line.tables import show_files, show_measures
 from testbed.environment.perception import radar_of
 from testbed.environment.registration import scenario_of
 from testbed.limits import check_duration, check_seeds
-from testbed.replay.findings import DOUBT, FAULT, OPEN, Finding
+from testbed.replay.fixes import DOUBT, FAULT, OPEN, Finding
 from testbed.replay.plausibility import faults, judged
 from testbed.replay.replaying import ReplayResult
 from testbed.replay.writing import check_folder, write

@@ -1,7 +1,7 @@
 """What detections say about their own columns: how many fit one way to read them and not the way that the page says.
 
-Three sources: what stands still (range rates follow from the motion of the sensor), the next scan (places move as
-range rates say), and the truth. Equations: docs/methods/plausibility.md.
+Four sources: what stands still (range rates follow from the motion of the sensor), the next scan (places move as
+range rates say), what other sensors saw stand, and the truth. Equations: docs/methods/plausibility.md.
 """
 
 from collections.abc import Sequence
@@ -9,6 +9,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from testbed.replay.recording import RecordedFrame
 from trackers.geometry import cross, dot, point_velocity, rotation, to_frame, unit, wrap_angle
@@ -124,6 +125,20 @@ def standing(seen: Seen, how: Reading) -> tuple[NDArray, NDArray, NDArray]:
     return np.abs(g) < t * abs(how.rate), np.abs(g0) < t0, tells & np.isfinite(g)  # (PLA.2)
 
 
+def shared(seen: Seen, how: Reading, sensors: int) -> NDArray:
+    """Counts (S, 4) of what stands in both readings, at places where what other sensors saw stands in one of them."""
+    still, still0, tells = standing(seen, how)
+    place, place0 = seen.places(how), seen.places(RIGHT)
+    apart = (np.hypot(*(place - place0).T) > 2 * ACROSS) & (3 * seen.sigma[:, 1] * seen.polar[:, 0] < ACROSS)
+    use, there = apart & still & still0 & ~tells, np.zeros((2, len(seen.scan)), bool)
+    for s in range(sensors):
+        own, others = np.flatnonzero(use & (seen.sensor == s)), still0 & (seen.sensor != s)
+        if others.any():
+            off, _ = cKDTree(place0[others]).query([place[own], place0[own]], distance_upper_bound=ACROSS)
+            there[:, own] = np.isfinite(off)
+    return seen.tally(there[0], there[1], use, sensors)
+
+
 class Pairs(NamedTuple):
     """Detections of scans, and of a later scan of the same sensor each."""
 
@@ -172,15 +187,17 @@ class Pairs(NamedTuple):
         xy = r[:, None] * u + self.tau[:, None] * np.where(still[:, None], -self.velocity, rate[:, None] * u)
         due = turned(xy, -self.turn) / how.range * [1, how.side]  # (PLA.3)
         far, towards = np.hypot(*due.T), np.arctan2(due[:, 1], due[:, 0])
-        i, j = _joined(*(np.searchsorted(self.low, FAR * self.pair + far + d) for d in (-ALONG, ALONG)))
+        aside = np.abs(np.where(still, 0.0, rate * cross(u, self.velocity)) * self.tau)
+        aside /= np.maximum(np.abs(dot(u, self.velocity)), 1e-6)  # of what moves as the sensor does
+        further = np.minimum(aside**2 / np.maximum(2 * far, ALONG), ALONG)  # what moves across the line of sight ends
+        at = FAR * self.pair + far
+        i, j = _joined(*(np.searchsorted(self.low, at + d) for d in (-ALONG, ALONG + further)))
         across = far[i] * np.abs(wrap_angle(self.second.polar[j, 1] - towards[i]))
-        room = ACROSS + np.where(still, 0.0, self.first.polar[:, 0] * np.abs(self.turn))
+        room = ACROSS + aside + np.where(still, 0.0, self.first.polar[:, 0] * np.abs(self.turn))
         later = dot(unit(how.side * towards), turned(self.velocity, -self.turn))
         change = np.where(still & (not how.ground), (dot(u, self.velocity) - later) / how.rate, 0.0)
         off = np.abs(self.first.polar[i, 2] + change[i] - self.second.polar[j, 2])
         near = (across < room[i]) & ~(off > RATE_NEXT)  # a rate that is not given is like all
-        aside = np.abs(np.where(still, 0.0, rate * cross(u, self.velocity)) * self.tau)
-        aside /= np.maximum(np.abs(dot(u, self.velocity)), 1e-6)  # of what moves as the sensor does
         sure = (aside**2 < ALONG * far) & (np.abs(towards) + aside / np.maximum(far, ALONG) < self.half)
         return due, np.bincount(i[near], minlength=len(due)) > 0, sure
 
@@ -196,7 +213,6 @@ class Pairs(NamedTuple):
         mirrors = how.fixes == ("azimuth=mirrored",)  # what moves may turn either way, and a vehicle that crosses too
         free = ~tells & still & still0 if mirrors else ~still & ~still0
         moving = self.first.tally(there, there0, apart & free, sensors)
-        moving[:, 0] *= (not mirrors) | (moving[:, 3] >= SPREAD)
         claimed = self.first.tally(there, there0, apart & still & ~still0 & tells, sensors)
         return np.stack([moving, claimed])
 
