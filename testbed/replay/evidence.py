@@ -241,8 +241,7 @@ class Boxed(NamedTuple):
         """All pairs of detections and boxes in which these lie in a reading, as rows of both."""
         xy = seen.places(how)
         i, b = self.at(seen.scan)
-        off, reach = xy[i] - self.pose[b, :2], np.hypot(*self.size.T) / 2 + 2 * BOX
-        near = dot(off, off) <= reach[b] ** 2
+        near = np.abs(xy[i, 0] - self.pose[b, 0]) <= np.hypot(*self.size.T)[b] / 2 + 2 * BOX  # most are not
         i, b = i[near], b[near]
         inside = (np.abs(to_frame(self.pose[b], xy[i, None])[:, 0]) <= self.size[b] / 2 + BOX).all(-1)
         return i[inside], b[inside]
