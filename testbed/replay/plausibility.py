@@ -26,7 +26,8 @@ EGO = ("speed of the ego", "yaw rate of the ego", "reach")  # tests before those
 CROWD, LOST = 10.0, 0.4  # unexplained detections in expected false alarms; share explained below which that counts
 
 LATE = tuple(k / 5 for k in range(-5, 6) if k)  # [s] by which detections may be late
-LEAST, CLEAR, NEAREST = 20, 4, 0.06  # cells of scans for it, in those against it, and [s] between times that are one
+LEAST, PART, CLEAR = 20, 0.1, 4  # cells of scans for it, in those that fit as they are, and in those against it
+NEAREST = 0.06  # [s] between times that are one
 SIGHT, BOXES, HIT = 0.5, 30, 0.08  # part of the view and reach, boxes in it that are due, share that has a detection
 
 
@@ -137,16 +138,18 @@ def _crowd(seen: Seen, sensors: SensorSheets) -> Finding:
 def _together(seen: Seen, boxes: Boxed, frames: Sequence[RecordedFrame], sensors: SensorSheets) -> Finding:
     """The finding on detections in boxes (B,) of the truth, and on those that were in them some time before."""
     test, due = "truth and detections", boxes.due(seen, RIGHT)
-    usual, best = explained(seen, RIGHT, due), (0, 0, 0.0)
+    usual, best = explained(seen, RIGHT, due), (0, 0, 0, 0.0)
     for lag in LATE:
         late, there = _earlier(seen, frames, sensors.mount, lag)
         other = explained(late, RIGHT, boxes.due(late, RIGHT))
         n, m, *_ = seen.tally(other, usual, there, len(sensors.names)).sum(0).tolist()
-        best = max(best, (n - m, m, lag))
-    if best[0] + best[1] >= LEAST and best[0] + best[1] > CLEAR * best[1]:
-        figure = f"{best[0] + best[1]} cells of scans fit only with that, {best[1]} only without"
-        remedy = f"subtract about {best[2]:.1f} s from the times of detections and scans, or check the truth"
-        return Finding(test, figure, f"detections may be about {best[2]:.1f} s late", DOUBT, remedy)
+        best = max(best, (n - m, n, m, lag))
+    fit = seen.tally(usual, ~usual, usual, len(sensors.names))[:, 0].sum()
+    _, n, m, lag = best
+    if n >= max(LEAST, PART * fit) and n > CLEAR * m:
+        figure = f"{n} cells of scans fit only with that, {m} only without"
+        remedy = f"subtract about {lag:.1f} s from the times of detections and scans, or check the truth"
+        return Finding(test, figure, f"detections may be about {lag:.1f} s late", DOUBT, remedy)
     hit, all_ = _hits(seen, boxes, sensors, usual)
     if all_ < BOXES:
         return Finding(test, "few boxes are in sight", OPEN, OPEN)
