@@ -16,6 +16,7 @@ from trackers.geometry import dot, unit
 
 LEAST, CLEAR, ALONE = 10, 4.0, 10.0  # detections that a source needs, and how many times as many as speak against it
 SHARE = 0.03  # of the detections that tell two readings apart, which standing things must at least be
+MANY, WIDE = 0.25, 50  # the same share, and cells, from which on the next scan need not find them again
 STANDING, MOVING, CLAIMED, TRUTH, OTHERS = range(5)  # sources; what is claimed speaks against a reading only
 SOURCES = ((STANDING, "standing returns"), (MOVING, "next scan"), (TRUTH, "truth"), (OTHERS, "other sensors"))
 COLUMNS = {"range_rate": "range rate", "azimuth": "azimuth", "range": "range"}
@@ -60,9 +61,11 @@ class Judged(NamedTuple):
         spread = (cells >= SPREAD) | (np.arange(5) == TRUTH)  # vehicles are few things, though in many scans
         speaks, move = _clear(other, right) & spread, (other[..., MOVING], right[..., MOVING])
         much, little = other[..., STANDING], right[..., STANDING]
-        stands = speaks[..., STANDING] & (much > SHARE * tells[..., STANDING])
-        stands &= tells[..., CLAIMED] >= 2 * LEAST  # else the next scan could not speak against it
-        stands &= (other - right)[..., [MOVING, CLAIMED]].sum(-1) >= 0
+        asked = tells[..., CLAIMED] >= 2 * LEAST  # else the next scan could not speak against it
+        found = (other - right)[..., [MOVING, CLAIMED]].sum(-1) >= 0
+        many = (much > MANY * tells[..., STANDING]) & (cells[..., STANDING] >= WIDE)
+        sure = asked & found | many & (asked | (np.arange(len(READINGS)) == MIRRORED))
+        stands = speaks[..., STANDING] & (much > SHARE * tells[..., STANDING]) & sure
         more = speaks[..., [MOVING, TRUTH, OTHERS]].sum(-1)
         veto = _clear(right, other)
         veto[..., CLAIMED] &= ~speaks[..., TRUTH]  # rails may hide it
