@@ -1,7 +1,7 @@
 """What detections say about their own columns: how many fit one way to read them and not the way that the page says.
 
-Four sources: what stands still (range rates follow from the motion of the sensor), the next scan (places move as
-range rates say), what other sensors saw stand, and the truth. Equations: docs/methods/plausibility.md.
+Three sources: what stands still (range rates follow from the motion of the sensor), the next scan (places move as
+range rates say), and the truth. Equations: docs/methods/plausibility.md.
 """
 
 from collections.abc import Sequence
@@ -9,7 +9,6 @@ from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from testbed.replay.recording import RecordedFrame
 from trackers.geometry import cross, dot, point_velocity, rotation, to_frame, unit, wrap_angle
@@ -123,20 +122,6 @@ def standing(seen: Seen, how: Reading) -> tuple[NDArray, NDArray, NDArray]:
     column = 0.0 if how.ground else -due / how.rate
     tells = np.abs(column + due0) > t0 + t
     return np.abs(g) < t * abs(how.rate), np.abs(g0) < t0, tells & np.isfinite(g)  # (PLA.2)
-
-
-def shared(seen: Seen, how: Reading, sensors: int) -> NDArray:
-    """Counts (S, 4) of what stands in both readings, at places where what other sensors saw stands in one of them."""
-    still, still0, tells = standing(seen, how)
-    place, place0 = seen.places(how), seen.places(RIGHT)
-    apart = (np.hypot(*(place - place0).T) > 2 * ACROSS) & (3 * seen.sigma[:, 1] * seen.polar[:, 0] < ACROSS)
-    use, there = apart & still & still0 & ~tells, np.zeros((2, len(seen.scan)), bool)
-    for s in range(sensors):
-        own, others = np.flatnonzero(use & (seen.sensor == s)), still0 & (seen.sensor != s)
-        if others.any():
-            off, _ = cKDTree(place0[others]).query([place[own], place0[own]], distance_upper_bound=ACROSS)
-            there[:, own] = np.isfinite(off)
-    return seen.tally(there[0], there[1], use, sensors)
 
 
 class Pairs(NamedTuple):

@@ -23,7 +23,7 @@ from trackers.scan import SensorModel
 FAR, BEYOND = 1.25, 0.05  # times `max_range`, and the share of detections that may lie further away
 TWICE, SOME = 0.25, 0.1  # share of detections with an equal, of a fault and of a doubt
 EGO = ("speed of the ego", "yaw rate of the ego", "reach")  # tests before those of the columns
-CROWD, LOST = 10.0, 0.4  # unexplained detections in expected false alarms; share explained below which that counts
+CROWD, LOST = 10.0, 0.7  # unexplained detections in expected false alarms; share explained below which that counts
 
 LATE = tuple(k / 5 for k in range(-5, 6) if k)  # [s] by which detections may be late
 LEAST, PART, CLEAR = 20, 0.1, 4  # cells of scans for it, in those that fit as they are, and in those against it

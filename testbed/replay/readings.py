@@ -1,6 +1,6 @@
 """Which reading of range rates, azimuths and ranges detections speak for. Equations: docs/methods/plausibility.md.
 
-Votes are counts (..., R, 5, 4) of readings and sources, each as in `Seen.tally`.
+Votes are counts (..., R, 4, 4) of readings and sources, each as in `Seen.tally`.
 """
 
 from itertools import product
@@ -9,16 +9,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from testbed.replay.evidence import RIGHT, SPREAD, Boxed, Pairs, Reading, Seen, explained, shared, standing
+from testbed.replay.evidence import RIGHT, SPREAD, Boxed, Pairs, Reading, Seen, explained, standing
 from testbed.replay.fixes import DOUBT, FACTORS, FAULT, GOOD, NEAR, OPEN, Finding
 from testbed.replay.sensor_sheets import SensorSheets
 from trackers.geometry import dot, unit
 
 LEAST, CLEAR, ALONE = 10, 4.0, 10.0  # detections that a source needs, and how many times as many as speak against it
 SHARE = 0.03  # of the detections that tell two readings apart, which standing things must at least be
-MANY, WIDE = 0.25, 50  # the same share, and cells, from which on the next scan need not find them again
-STANDING, MOVING, CLAIMED, TRUTH, OTHERS = range(5)  # sources; what is claimed speaks against a reading only
-SOURCES = ((STANDING, "standing returns"), (MOVING, "next scan"), (TRUTH, "truth"), (OTHERS, "other sensors"))
+MANY = 0.25  # the same share from which on the next scan need not find them again
+STANDING, MOVING, CLAIMED, TRUTH = range(4)  # sources; what is claimed speaks against a reading only
+SOURCES = ((STANDING, "standing returns"), (MOVING, "next scan"), (TRUTH, "truth"))
 COLUMNS = {"range_rate": "range rate", "azimuth": "azimuth", "range": "range"}
 LEVELS = (OPEN, GOOD, DOUBT, FAULT)
 RATES = (  # name, options, and whether the motion of the ego is taken out
@@ -48,7 +48,7 @@ MIRRORED = next(k for k, how in enumerate(READINGS) if how.fixes == ("azimuth=mi
 
 
 class Judged(NamedTuple):
-    """What votes (..., R, 5, 4) say of R readings."""
+    """What votes (..., R, 4, 4) say of R readings."""
 
     level: NDArray  # (..., R) int, of `LEVELS`: 3 where the reading is right and the usual one is not
     support: NDArray  # (..., R) int sources that speak for it
@@ -58,20 +58,20 @@ class Judged(NamedTuple):
     def of(cls, votes: NDArray) -> "Judged":
         """The verdicts."""
         other, right, tells, cells = np.moveaxis(votes, -1, 0)
-        spread = (cells >= SPREAD) | (np.arange(5) == TRUTH)  # vehicles are few things, though in many scans
+        spread = (cells >= SPREAD) | (np.arange(4) == TRUTH)  # vehicles are few things, though in many scans
         speaks, move = _clear(other, right) & spread, (other[..., MOVING], right[..., MOVING])
         much, little = other[..., STANDING], right[..., STANDING]
         asked = tells[..., CLAIMED] >= 2 * LEAST  # else the next scan could not speak against it
         found = (other - right)[..., [MOVING, CLAIMED]].sum(-1) >= 0
-        many = (much > MANY * tells[..., STANDING]) & (cells[..., STANDING] >= WIDE)
-        sure = asked & found | many & (asked | (np.arange(len(READINGS)) == MIRRORED))
+        many = much > MANY * tells[..., STANDING]
+        sure = asked & (found | many) | many & (np.arange(len(READINGS)) == MIRRORED)  # no traffic has such range rates
         stands = speaks[..., STANDING] & (much > SHARE * tells[..., STANDING]) & sure
-        more = speaks[..., [MOVING, TRUTH, OTHERS]].sum(-1)
+        more = speaks[..., [MOVING, TRUTH]].sum(-1)
         veto = _clear(right, other)
         veto[..., CLAIMED] &= ~speaks[..., TRUTH]  # rails may hide it
         against = veto.any(-1) | ((move[1] >= LEAST / 2) & (move[1] > 2 * move[0]))
         fault = (more > 0) | (stands & (much >= ALONE * little))
-        net = (other - right)[..., [STANDING, MOVING, TRUTH, OTHERS]].sum(-1)
+        net = (other - right)[..., [STANDING, MOVING, TRUTH]].sum(-1)
         return cls(np.where(against, 1, np.where(fault, 3, np.where(stands, 2, 0))), stands + more, net)
 
     @property
@@ -93,14 +93,11 @@ def columns(seen: Seen, boxes: Boxed, sensors: SensorSheets, trusted: bool) -> l
     `trusted`: whether there is a truth whose velocities can be right.
     """
     pairs, names = Pairs.of(seen, np.array([model.fov for model in sensors.models])), sensors.names
-    some = seen.thinned()
-    votes = votes_of(some, boxes if trusted else None, pairs, len(names))
+    votes = votes_of(seen.thinned(), boxes if trusted else None, pairs, len(names))
     total, best, each = votes.sum(0), Judged.of(votes.sum(0)).best, Judged.of(votes)
     if best is not None and not ((each.level[:, best] == 1) & (each.support[:, best] == 0)).any():
         return _told(seen, boxes, total, best, "")
     found = _told(seen, boxes, total, None, "")
-    votes[:, MIRRORED, OTHERS] = shared(some, READINGS[MIRRORED], len(names))  # of one alone
-    each = Judged.of(votes)
     for s in np.unique(seen.sensor).tolist() if len(names) > 1 else ():
         one = Judged(*(value[s] for value in each)).best
         if one is not None and each.level[s, one] == 3:
@@ -109,8 +106,8 @@ def columns(seen: Seen, boxes: Boxed, sensors: SensorSheets, trusted: bool) -> l
 
 
 def votes_of(seen: Seen, boxes: Boxed | None, pairs: Pairs, sensors: int) -> NDArray:
-    """Counts (S, R, 5, 4) of each sensor; the next scan counts where another source agrees, or for one change alone."""
-    votes = np.zeros((sensors, len(READINGS), 5, 4), int)
+    """Counts (S, R, 4, 4) of each sensor; the next scan counts where another source agrees, or for one change alone."""
+    votes = np.zeros((sensors, len(READINGS), 4, 4), int)
     usual = pairs.again(RIGHT)
     kinds = {(how.side, how.range): how for how in (*READINGS, RIGHT)}
     due = {} if boxes is None else {kind: boxes.due(seen, how) for kind, how in kinds.items()}
@@ -127,7 +124,7 @@ def votes_of(seen: Seen, boxes: Boxed | None, pairs: Pairs, sensors: int) -> NDA
 
 
 def _told(seen: Seen, boxes: Boxed, votes: NDArray, best: int | None, sensor: str) -> list[Finding]:
-    """A line for each of the three columns, from votes (R, 5, 4)."""
+    """A line for each of the three columns, from votes (R, 4, 4)."""
     at, level, found = f"@{sensor}" * bool(sensor), Judged.of(votes).level, []
     for column, test in COLUMNS.items():
         test += f" of {sensor}" * bool(sensor)
@@ -148,7 +145,7 @@ def _told(seen: Seen, boxes: Boxed, votes: NDArray, best: int | None, sensor: st
 
 
 def _figure(votes: NDArray, against: str = "") -> str:
-    """Counts (5, 2) in words."""
+    """Counts (4, 2) in words."""
     said = ", ".join(f"{name} {votes[k, 0]} : {votes[k, 1]}" for k, name in SOURCES if votes[k, :2].any())
     return f"detections for it : against it, {said}{against}" if said else "no detection tells it"
 

@@ -201,15 +201,15 @@ def test_one_sensor_of_two_is_named(drive, tmp_path):
     check_cured(folder, right, "range rate of second", "reversed", "range_rate@second=reversed")
 
 
-def test_one_sensor_of_a_rig_whose_azimuths_are_mirrored_is_named(tmp_path):
-    """A radar that looks ahead, on a straight road and without truth: other radars see what stands there elsewhere."""
+def test_one_radar_that_looks_aside_and_is_mirrored_is_named(tmp_path):
+    """On a straight road and without truth."""
     right = tmp_path / "right"
-    write(record("beside-truck", 3, "surround", 4.0), right, "parquet")
+    write(record("cut-in", 3, "surround", 4.0), right, "parquet")
     (right / "truth.parquet").unlink()
     assert wrong(right) == []
-    side = np.where(table(right, "detections").sensor == "radar-0", -1.0, 1.0)
+    side = np.where(table(right, "detections").sensor == "radar-3", -1.0, 1.0)
     folder = changed(right, tmp_path / "wrong", detections__azimuth=lambda angle: angle * side)
-    check_cured(folder, right, "azimuth of radar-0", "mirrored", "azimuth@radar-0=mirrored")
+    check_cured(folder, right, "azimuth of radar-3", "mirrored", "azimuth@radar-3=mirrored")
 
 
 def test_a_truth_that_is_elsewhere_is_doubtful(drive, tmp_path):
