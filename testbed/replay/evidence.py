@@ -168,11 +168,12 @@ class Pairs(NamedTuple):
         """
         due, still, aside = self._due(how)
         far, towards = np.hypot(*due.T), np.arctan2(due[:, 1], due[:, 0])
-        further = np.minimum(aside**2 / np.maximum(2 * far, ALONG), ALONG)  # what moves aside is further away then
+        wide = np.where(aside**2 < ALONG * far, aside, 0.0)  # else it cannot be said where it is
+        further = wide**2 / np.maximum(2 * far, ALONG)  # what moves aside is further away then
         at = FAR * self.pair + far
         i, j = _joined(*(np.searchsorted(self.low, at + d) for d in (-ALONG, ALONG + further)))
         across = far[i] * np.abs(wrap_angle(self.second.polar[j, 1] - towards[i]))
-        room = ACROSS + aside + np.where(still, 0.0, self.first.polar[:, 0] * np.abs(self.turn))
+        room = ACROSS + wide + np.where(still, 0.0, self.first.polar[:, 0] * np.abs(self.turn))
         before, later = (dot(unit(how.side * a), v) for a, v in ((self.first.polar[:, 1], self.velocity),
                          (towards, turned(self.velocity, -self.turn))))  # fmt: skip
         change = np.where(still & (not how.ground), (before - later) / how.rate, 0.0)

@@ -23,7 +23,7 @@ from trackers.scan import SensorModel
 FAR, BEYOND = 1.25, 0.05  # times `max_range`, and the share of detections that may lie further away
 TWICE, SOME = 0.25, 0.1  # share of detections with an equal, of a fault and of a doubt
 EGO = ("speed of the ego", "yaw rate of the ego", "reach")  # tests before those of the columns
-CROWD, LOST = 10.0, 0.7  # unexplained detections in expected false alarms; share explained below which that counts
+CROWD, LOST = 10.0, 0.45  # unexplained detections in expected false alarms; share explained below which that counts
 
 LATE = tuple(k / 5 for k in range(-5, 6) if k)  # [s] by which detections may be late
 LEAST, PART, CLEAR = 20, 0.1, 4  # cells of scans for it, in those that fit as they are, and in those against it
@@ -113,12 +113,12 @@ def _unexplained(seen: Seen, models: Sequence[SensorModel]) -> tuple[NDArray, fl
     """
     pairs = Pairs.of(seen, np.array([model.fov for model in models]), stride=0.0)
     (g, t), (_, there, sure) = pairs.first.over_ground(RIGHT), pairs.again(RIGHT)
-    lost = sure & ~there & ~(np.abs(g) < t)
-    due, free = (np.bincount(pairs.pair, mask, len(pairs.size)) for mask in (sure, lost))
+    free = ~there & ~(np.abs(g) < t)
+    due, lost = (np.bincount(pairs.pair, mask, len(pairs.size)) for mask in (sure, sure & free))
     _, first = np.unique(pairs.pair, return_index=True)
-    count, of = pairs.size * free / np.maximum(due, 1), pairs.first.sensor[first]
+    count, of = pairs.size * lost / np.maximum(due, 1), pairs.first.sensor[first]
     each = [np.median(count[of == s]) if (of == s).any() else 0.0 for s in range(len(models))]
-    return np.array(each), 1 - float(lost.sum() / max(sure.sum(), 1))
+    return np.array(each), 1 - float(free.mean()) if len(free) else 1.0
 
 
 def _crowd(seen: Seen, sensors: SensorSheets) -> Finding:

@@ -69,7 +69,7 @@ class Judged(NamedTuple):
         more = speaks[..., [MOVING, TRUTH]].sum(-1)
         veto = _clear(right, other)
         veto[..., CLAIMED] &= ~speaks[..., TRUTH]  # rails may hide it
-        against = veto.any(-1) | ((move[1] >= LEAST / 2) & (move[1] > 2 * move[0]))
+        against = veto.any(-1) | ((move[1] >= LEAST / 2) & (move[1] > 2 * move[0]) & ~(stands & many))
         fault = (more > 0) | (stands & (much >= ALONE * little))
         net = (other - right)[..., [STANDING, MOVING, TRUTH]].sum(-1)
         return cls(np.where(against, 1, np.where(fault, 3, np.where(stands, 2, 0))), stands + more, net)
