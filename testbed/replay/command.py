@@ -13,7 +13,7 @@ from testbed.command_line.terminal import losses, progress_bar, user_input
 from testbed.environment.perception import radar_of
 from testbed.environment.registration import scenario_of
 from testbed.limits import check_duration, check_seeds
-from testbed.replay.findings import DOUBT, FAULT, OPEN, Finding
+from testbed.replay.fixes import DOUBT, FAULT, OPEN, Finding
 from testbed.replay.plausibility import faults, judged
 from testbed.replay.reading import Recorded
 from testbed.replay.replaying import ReplayConfig, ReplayResult, replay

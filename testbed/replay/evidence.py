@@ -166,23 +166,34 @@ class Pairs(NamedTuple):
 
         What moves may turn with the sensor, or not. Last which (N,) are due in sight even if they move along the road.
         """
+        due, still, aside = self._due(how)
+        far, towards = np.hypot(*due.T), np.arctan2(due[:, 1], due[:, 0])
+        wide = np.where(aside**2 < ALONG * far, aside, 0.0)  # else it cannot be said where it is
+        further = wide**2 / np.maximum(2 * far, ALONG)  # what moves aside is further away then
+        at = FAR * self.pair + far
+        i, j = _joined(*(np.searchsorted(self.low, at + d) for d in (-ALONG, ALONG + further)))
+        across = far[i] * np.abs(wrap_angle(self.second.polar[j, 1] - towards[i]))
+        room = ACROSS + wide + np.where(still, 0.0, self.first.polar[:, 0] * np.abs(self.turn))
+        before, later = (dot(unit(how.side * a), v) for a, v in ((self.first.polar[:, 1], self.velocity),
+                         (towards, turned(self.velocity, -self.turn))))  # fmt: skip
+        change = np.where(still & (not how.ground), (before - later) / how.rate, 0.0)
+        off = np.abs(self.first.polar[i, 2] + change[i] - self.second.polar[j, 2])
+        near = (across < room[i]) & ~(off > RATE_NEXT)  # a rate that is not given is like all
+        sure = (aside**2 < ALONG * far) & (np.abs(towards) + aside / np.maximum(far, ALONG) < self.half)
+        return due, np.bincount(i[near], minlength=len(due)) > 0, sure
+
+    def _due(self, how: Reading) -> tuple[NDArray, NDArray, NDArray]:
+        """Places (N, 2) [m] as in `again`, what stands (N,), and how far (N,) [m] from there what moves may be, across.
+
+        That is if it moves along the way of the sensor; range rates do not say it.
+        """
         r, azimuth, rate = self.first.read(how).T
         u, (g, t) = unit(azimuth), self.first.over_ground(how)
         still = ~(np.abs(g) >= t * abs(how.rate))  # also what has no range rate
         xy = r[:, None] * u + self.tau[:, None] * np.where(still[:, None], -self.velocity, rate[:, None] * u)
-        due = turned(xy, -self.turn) / how.range * [1, how.side]  # (PLA.3)
-        far, towards = np.hypot(*due.T), np.arctan2(due[:, 1], due[:, 0])
-        i, j = _joined(*(np.searchsorted(self.low, FAR * self.pair + far + d) for d in (-ALONG, ALONG)))
-        across = far[i] * np.abs(wrap_angle(self.second.polar[j, 1] - towards[i]))
-        room = ACROSS + np.where(still, 0.0, self.first.polar[:, 0] * np.abs(self.turn))
-        later = dot(unit(how.side * towards), turned(self.velocity, -self.turn))
-        change = np.where(still & (not how.ground), (dot(u, self.velocity) - later) / how.rate, 0.0)
-        off = np.abs(self.first.polar[i, 2] + change[i] - self.second.polar[j, 2])
-        near = (across < room[i]) & ~(off > RATE_NEXT)  # a rate that is not given is like all
-        aside = np.abs(np.where(still, 0.0, rate * cross(u, self.velocity)) * self.tau)
-        aside /= np.maximum(np.abs(dot(u, self.velocity)), 1e-6)  # of what moves as the sensor does
-        sure = (aside**2 < ALONG * far) & (np.abs(towards) + aside / np.maximum(far, ALONG) < self.half)
-        return due, np.bincount(i[near], minlength=len(due)) > 0, sure
+        tan = cross(u, self.velocity) / np.maximum(np.abs(dot(u, self.velocity)), 1e-6)
+        aside = np.abs(np.where(still, 0.0, rate * self.tau * tan))
+        return turned(xy, -self.turn) / how.range * [1, how.side], still, aside  # (PLA.3)
 
     def counts(self, how: Reading, usual: tuple[NDArray, ...], sensors: int) -> NDArray:
         """Counts (2, S, 4) of what is found again where one of two readings alone says; `usual` is that of `RIGHT`.
@@ -196,7 +207,6 @@ class Pairs(NamedTuple):
         mirrors = how.fixes == ("azimuth=mirrored",)  # what moves may turn either way, and a vehicle that crosses too
         free = ~tells & still & still0 if mirrors else ~still & ~still0
         moving = self.first.tally(there, there0, apart & free, sensors)
-        moving[:, 0] *= (not mirrors) | (moving[:, 3] >= SPREAD)
         claimed = self.first.tally(there, there0, apart & still & ~still0 & tells, sensors)
         return np.stack([moving, claimed])
 
@@ -225,8 +235,7 @@ class Boxed(NamedTuple):
         """All pairs of detections and boxes in which these lie in a reading, as rows of both."""
         xy = seen.places(how)
         i, b = self.at(seen.scan)
-        off, reach = xy[i] - self.pose[b, :2], np.hypot(*self.size.T) / 2 + 2 * BOX
-        near = dot(off, off) <= reach[b] ** 2
+        near = np.abs(xy[i, 0] - self.pose[b, 0]) <= np.hypot(*self.size.T)[b] / 2 + 2 * BOX  # most are not
         i, b = i[near], b[near]
         inside = (np.abs(to_frame(self.pose[b], xy[i, None])[:, 0]) <= self.size[b] / 2 + BOX).all(-1)
         return i[inside], b[inside]

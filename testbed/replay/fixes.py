@@ -1,4 +1,4 @@
-"""What can be put right while tables are read: units, signs, what was taken out or is there twice, one name.
+"""What is found wrong in a recording, and what can be put right while its tables are read.
 
 A fix is written COLUMN=HOW, or COLUMN@SENSOR=HOW for one sensor: `range_rate=km/h`, `azimuth@left=mirrored`.
 """
@@ -16,6 +16,8 @@ from testbed.replay.loaded import Loaded
 from trackers.geometry import unit
 from trackers.lookup import look_up
 
+GOOD, OPEN, DOUBT, FAULT = "right", "nothing can be said", "doubt", "fault"
+NEAR = 0.1  # share up to which a factor is that of a unit, and one reading explains as much as another
 FACTORS = MappingProxyType(
     {"km/h": 1 / 3.6, "mph": 0.44704, "ft": 0.3048, "cm": 0.01, "mm": 0.001, "deg": pi / 180, "mirrored": -1.0,
      "reversed": -1.0}
@@ -40,8 +42,23 @@ FIXES = MappingProxyType(  # what -> columns that a factor is for, and what it c
 OF_SENSORS = ("range_rate", "azimuth", "range")
 
 
+class Finding(NamedTuple):
+    """One line of the report."""
+
+    test: str
+    figure: str
+    fits: str
+    verdict: str  # GOOD, OPEN, DOUBT or FAULT
+    remedy: str = ""
+
+    @property
+    def sentence(self) -> str:
+        """What is wrong and what to do, for doubts and faults."""
+        return f"{self.test}: {self.fits} ({self.figure}); {self.remedy}"
+
+
 class Fix(NamedTuple):
-    """One of them."""
+    """One thing that is put right."""
 
     what: str  # a key of `FIXES`, or a column of the detections that is another by its name
     how: str

@@ -1,13 +1,19 @@
-"""States of vehicles between the times at which they are known, linearly; at these times to the last bit."""
+"""States of vehicles between the times at which they are known, linearly; at these times to the last bit.
+
+And the vehicle that carries the sensors at the times of scans.
+"""
 
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sensors.scene import Ego
 from testbed.replay.loaded import Loaded
-from trackers.geometry import unit, wrap_angle
+from trackers.geometry import box_corners, unit, wrap_angle
 
+GAP = 0.5  # [s] between two rows of the ego that are interpolated
+SIZE = (4.7, 1.9)  # [m] of the ego where the table has none
 HELD = 0.01  # [s] for which the first and the last state stand for times before and after
 
 
@@ -61,3 +67,27 @@ def velocities(table: Loaded, where: Between, heading: NDArray) -> NDArray:
     vx, vy, speed = (where.of(table.numbers(name, np.nan)) for name in ("vx", "vy", "speed"))
     given = np.stack([vx, vy], -1)
     return np.where(np.isnan(given).any(-1, keepdims=True), speed[:, None] * unit(heading), given)
+
+
+def egos(table: Loaded, times: NDArray) -> list[Ego]:
+    """The ego at each of the times (F,) [s].
+
+    Raises:
+        ValueError: its times do not grow, or there is none near enough to one of the times; in one sentence.
+    """
+    if not table.rows:
+        raise ValueError(f"{table.file} has no row; give the vehicle at the times of the scans, also where it stands")
+    check_motion(table)
+    table.check_sorted(once=True)
+    where = between(table["time"], times, GAP)
+    if not where.known.all():
+        at = times[~where.known][0]
+        what = f"the scan at {at} s is not between two rows at most {GAP} s apart, this is the nearest"
+        remedy = "give the ego at these times, or leave the scans out with --from and --to"
+        raise table.fault("time", int(np.abs(table["time"] - at).argmin()), what, remedy)
+    heading, rate = where.angle(table["heading"]), where.of(table["yaw_rate"])
+    pose = np.stack([where.of(table["x"]), where.of(table["y"]), heading], -1)
+    velocity = velocities(table, where, heading)
+    size = np.stack([table.numbers(n, d)[where.first] for n, d in zip(("length", "width"), SIZE, strict=True)], -1)
+    corners = box_corners(pose, size)
+    return [Ego(pose[k], velocity[k], float(rate[k]), size[k], corners[k]) for k in range(len(times))]

@@ -10,17 +10,15 @@ from numpy.typing import NDArray
 from sensors.scene import Scene
 from testbed.log.record import RoadGeometry
 from testbed.replay.columns import DETECTIONS, EGO, SENSORS, TABLES, Table, like
-from testbed.replay.ego import egos
-from testbed.replay.findings import Finding
-from testbed.replay.fixes import GROUND, Fix
+from testbed.replay.fixes import GROUND, Finding, Fix
+from testbed.replay.interpolation import egos
 from testbed.replay.lanes import lanes_of
 from testbed.replay.loaded import Loaded
-from testbed.replay.origins import origin_of, said_objects
 from testbed.replay.recording import RecordedFrame
 from testbed.replay.scans import scans_of
 from testbed.replay.sensor_sheets import SensorSheets, sensor_sheets
 from testbed.replay.tables import read_table
-from testbed.replay.truth import truth_at
+from testbed.replay.truth import origin_of, said_objects, truth_at
 from trackers.multi.road import RoadMap
 
 STAND_IN = ((("range", "azimuth"), ("x", "y")), (("speed",), ("vx", "vy")))  # columns, and others in their place

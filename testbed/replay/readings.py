@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from testbed.replay.evidence import RIGHT, SPREAD, Boxed, Pairs, Reading, Seen, explained, standing
-from testbed.replay.findings import DOUBT, FAULT, GOOD, NEAR, OPEN, Finding
-from testbed.replay.fixes import FACTORS
+from testbed.replay.fixes import DOUBT, FACTORS, FAULT, GOOD, NEAR, OPEN, Finding
 from testbed.replay.sensor_sheets import SensorSheets
 from trackers.geometry import dot, unit
 
 LEAST, CLEAR, ALONE = 10, 4.0, 10.0  # detections that a source needs, and how many times as many as speak against it
 SHARE = 0.03  # of the detections that tell two readings apart, which standing things must at least be
+MANY = 0.25  # the same share from which on the next scan need not find them again
 STANDING, MOVING, CLAIMED, TRUTH = range(4)  # sources; what is claimed speaks against a reading only
 SOURCES = ((STANDING, "standing returns"), (MOVING, "next scan"), (TRUTH, "truth"))
 COLUMNS = {"range_rate": "range rate", "azimuth": "azimuth", "range": "range"}
@@ -44,6 +44,7 @@ def _readings() -> tuple[Reading, ...]:
 
 
 READINGS = _readings()
+MIRRORED = next(k for k, how in enumerate(READINGS) if how.fixes == ("azimuth=mirrored",))
 
 
 class Judged(NamedTuple):
@@ -57,14 +58,18 @@ class Judged(NamedTuple):
     def of(cls, votes: NDArray) -> "Judged":
         """The verdicts."""
         other, right, tells, cells = np.moveaxis(votes, -1, 0)
-        speaks, move = _clear(other, right), (other[..., MOVING], right[..., MOVING])
+        spread = (cells >= SPREAD) | (np.arange(4) == TRUTH)  # vehicles are few things, though in many scans
+        speaks, move = _clear(other, right) & spread, (other[..., MOVING], right[..., MOVING])
         much, little = other[..., STANDING], right[..., STANDING]
-        stands = speaks[..., STANDING] & (much > SHARE * tells[..., STANDING]) & (cells[..., STANDING] >= SPREAD)
-        stands &= tells[..., CLAIMED] >= 2 * LEAST  # else the next scan could not speak against it
+        asked = tells[..., CLAIMED] >= 2 * LEAST  # else the next scan could not speak against it
+        found = (other - right)[..., [MOVING, CLAIMED]].sum(-1) >= 0
+        many = much > MANY * tells[..., STANDING]
+        sure = asked & (found | many) | many & (np.arange(len(READINGS)) == MIRRORED)  # no traffic has such range rates
+        stands = speaks[..., STANDING] & (much > SHARE * tells[..., STANDING]) & sure
         more = speaks[..., [MOVING, TRUTH]].sum(-1)
         veto = _clear(right, other)
         veto[..., CLAIMED] &= ~speaks[..., TRUTH]  # rails may hide it
-        against = veto.any(-1) | ((move[1] >= LEAST / 2) & (move[1] > 2 * move[0]))
+        against = veto.any(-1) | ((move[1] >= LEAST / 2) & (move[1] > 2 * move[0]) & ~(stands & many))
         fault = (more > 0) | (stands & (much >= ALONE * little))
         net = (other - right)[..., [STANDING, MOVING, TRUTH]].sum(-1)
         return cls(np.where(against, 1, np.where(fault, 3, np.where(stands, 2, 0))), stands + more, net)

@@ -19,11 +19,10 @@ from testbed.environment.validation import ESTIMATE
 from testbed.replay.columns import EDGES, RADIANS, TRACKS
 from testbed.replay.interpolation import Between, between
 from testbed.replay.loaded import Loaded
-from testbed.replay.origins import owners_by_place
 from testbed.replay.reading import Recorded
 from testbed.replay.tables import SUFFIXES, read_file
 from testbed.replay.tracks_file import PLACES
-from testbed.replay.truth import numbers_of, parse_contour, rows_of_each
+from testbed.replay.truth import numbers_of, owners_by_place, parse_contour, rows_of_each
 from trackers.estimate import Estimate
 from trackers.geometry import wrap_angle
 from trackers.multi.road import RoadMap

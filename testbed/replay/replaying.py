@@ -1,5 +1,6 @@
 """A recording of a folder given to trackers: log, results and tracks, as of a run."""
 
+from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,10 +15,9 @@ from testbed.environment.recorder import Recorder, check_level
 from testbed.environment.validation import WrongTracks
 from testbed.evaluation.tracking import jsonable
 from testbed.files import check_target, make_directory, noting_losses, versions
-from testbed.frame import TRUTH
+from testbed.frame import TRUTH, Frame
 from testbed.limits import check_choice, check_folder, check_names
 from testbed.log.record import RunMeta
-from testbed.replay.lives import Lives
 from testbed.replay.plausibility import faults, judged
 from testbed.replay.reading import Recorded
 from testbed.replay.recorded_tracks import TracksSource, of_all
@@ -154,3 +154,33 @@ def _meta(config: ReplayConfig, recorded: Recorded) -> RunMeta:
     }
     name = replay_id(config, recorded)
     return RunMeta(name, recorded.name, 0, RECORDED, names(config, recorded), REPLAY, varied, versions())
+
+
+class Lives:
+    """Observer of the reported tracks of each tracker."""
+
+    def __init__(self) -> None:
+        self._scans: dict[str, int] = defaultdict(int)
+        self._times: dict[str, dict[int, list[float]]] = defaultdict(dict)  # tracker -> track -> first, last [s], scans
+
+    def __call__(self, frame: Frame) -> None:
+        """Take the tracks of one frame."""
+        for name, (tracks, _) in frame.outputs.items():
+            self._scans[name] += 1
+            for number in tracks._replace(state=None).reported.id.tolist():
+                seen = self._times[name].setdefault(number, [frame.time, frame.time, 0])
+                seen[1:] = frame.time, seen[2] + 1
+
+    def rows(self) -> dict[str, dict[str, float]]:
+        """By tracker: tracks reported, tracks a scan, median and longest life [s]."""
+        return {name: self._row(name) for name in self._scans}
+
+    def _row(self, name: str) -> dict[str, float]:
+        first, last, scans = np.array(list(self._times[name].values()), float).reshape(-1, 3).T
+        life = last - first
+        return {
+            "tracks_reported": len(life),
+            "tracks_per_scan": float(scans.sum()) / self._scans[name],
+            "life_median": float(np.median(life)) if len(life) else np.nan,
+            "life_longest": float(life.max(initial=0.0)),
+        }

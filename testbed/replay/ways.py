@@ -6,8 +6,7 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from testbed.replay.findings import DOUBT, FAULT, GOOD, NEAR, OPEN, Finding
-from testbed.replay.fixes import FACTORS, SPEEDS
+from testbed.replay.fixes import DOUBT, FACTORS, FAULT, GOOD, NEAR, OPEN, SPEEDS, Finding
 from testbed.replay.recording import RecordedFrame
 from trackers.geometry import dot, unit
 

@@ -21,11 +21,10 @@ from testbed.environment.perception import RadarLike, radar_of
 from testbed.files import atomic_file, make_directory
 from testbed.limits import check_choice
 from testbed.replay.columns import TABLES, TWO_SIDED, Column
-from testbed.replay.origins import NONE
 from testbed.replay.recording import RecordedFrame, Recording
 from testbed.replay.sensor_sheets import OPTIONAL
 from testbed.replay.tables import FORMATS, path_of
-from testbed.replay.truth import contour_text
+from testbed.replay.truth import NONE, contour_text
 from trackers.scan import DepthProfile, SensorModel
 
 Columns = dict[str, Any]  # (N,) numbers, NaN for none, or N texts

@@ -10,7 +10,7 @@ import pytest
 
 from studies.standing.scans import polar_of, read_real
 from studies.standing.statistics import fit_motion
-from testbed.replay.findings import DOUBT, FAULT
+from testbed.replay.fixes import DOUBT, FAULT
 from testbed.replay.plausibility import judged
 from testbed.replay.reading import read
 from testbed.replay.replaying import ReplayConfig, prepare, replay
