@@ -16,7 +16,7 @@ from trackers.geometry import dot, unit
 
 LEAST, CLEAR, ALONE = 10, 4.0, 10.0  # detections that a source needs, and how many times as many as speak against it
 SHARE = 0.03  # of the detections that tell two readings apart, which standing things must at least be
-MANY = 0.25  # the same share from which on the next scan need not find them again
+MANY = 0.25  # the same share from which on the next scan need not find them again, if `ALONE` times as many
 STANDING, MOVING, CLAIMED, TRUTH = range(4)  # sources; what is claimed speaks against a reading only
 SOURCES = ((STANDING, "standing returns"), (MOVING, "next scan"), (TRUTH, "truth"))
 COLUMNS = {"range_rate": "range rate", "azimuth": "azimuth", "range": "range"}
@@ -44,7 +44,8 @@ def _readings() -> tuple[Reading, ...]:
 
 
 READINGS = _readings()
-MIRRORED = next(k for k, how in enumerate(READINGS) if how.fixes == ("azimuth=mirrored",))
+MIRRORED = np.array([how.fixes == ("azimuth=mirrored",) for how in READINGS])
+RARE = np.array([how.side > 0 and not how.ground for how in READINGS])  # hardly any traffic seems to stand in them
 
 
 class Judged(NamedTuple):
@@ -63,8 +64,9 @@ class Judged(NamedTuple):
         much, little = other[..., STANDING], right[..., STANDING]
         asked = tells[..., CLAIMED] >= 2 * LEAST  # else the next scan could not speak against it
         found = (other - right)[..., [MOVING, CLAIMED]].sum(-1) >= 0
-        many = much > MANY * tells[..., STANDING]
-        sure = asked & (found | many) | many & (np.arange(len(READINGS)) == MIRRORED)  # no traffic has such range rates
+        part, far = much > MANY * tells[..., STANDING], cells[..., STANDING] >= 2 * SPREAD
+        many = part & (much >= ALONE * little) & (RARE | (asked & far))
+        sure = (asked & found) | many | (part & MIRRORED)
         stands = speaks[..., STANDING] & (much > SHARE * tells[..., STANDING]) & sure
         more = speaks[..., [MOVING, TRUTH]].sum(-1)
         veto = _clear(right, other)
@@ -126,6 +128,8 @@ def votes_of(seen: Seen, boxes: Boxed | None, pairs: Pairs, sensors: int) -> NDA
 def _told(seen: Seen, boxes: Boxed, votes: NDArray, best: int | None, sensor: str) -> list[Finding]:
     """A line for each of the three columns, from votes (R, 4, 4)."""
     at, level, found = f"@{sensor}" * bool(sensor), Judged.of(votes).level, []
+    others = Judged.of(votes * (np.arange(4) != TRUTH)[:, None]).level  # what is said without the truth
+    moved = ", or correct the places of the truth, which alone say so" if best is not None and others[best] < 2 else ""
     for column, test in COLUMNS.items():
         test += f" of {sensor}" * bool(sensor)
         fixes = [] if best is None else [fix for fix in READINGS[best].fixes if fix.startswith(f"{column}=")]
@@ -134,7 +138,8 @@ def _told(seen: Seen, boxes: Boxed, votes: NDArray, best: int | None, sensor: st
         elif best is not None and fixes:
             name = READINGS[best].name if column == "range_rate" else fixes[0].partition("=")[2]
             options = " ".join(f"--fix {fix.replace('=', f'{at}=')}" for fix in fixes)
-            found.append(Finding(test, _figure(votes[best]), name, LEVELS[level[best]], f"read it with {options}"))
+            remedy = f"read it with {options}{moved * (column != 'range_rate')}"
+            found.append(Finding(test, _figure(votes[best]), name, LEVELS[level[best]], remedy))
         else:
             single = [k for k, how in enumerate(READINGS) if {f.partition("=")[0] for f in how.fixes} == {column}]
             k = max(single, key=lambda k: votes[k, :, 1].sum())

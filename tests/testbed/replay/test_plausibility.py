@@ -12,9 +12,10 @@ from typer.testing import CliRunner
 from scenarios import SCENARIOS
 from testbed.cli import app
 from testbed.environment.perception import radar_of
-from testbed.replay.fixes import DOUBT, FAULT
+from testbed.replay.fixes import DOUBT, FAULT, OPEN
 from testbed.replay.plausibility import faults, judged
 from testbed.replay.reading import read
+from testbed.replay.readings import CLAIMED, LEVELS, READINGS, STANDING, Judged
 from testbed.replay.recording import RecordedFrame, record
 from testbed.replay.replaying import ReplayConfig, prepare
 from testbed.replay.writing import write
@@ -215,6 +216,33 @@ def test_one_radar_that_looks_aside_and_is_mirrored_is_named(tmp_path):
 def test_a_truth_that_is_elsewhere_is_doubtful(drive, tmp_path):
     folder = changed(drive, tmp_path / "wrong", truth__x=lambda x: x + 40)
     assert [(one.test, one.fits) for one in wrong(folder)] == [("truth and detections", "they are at different places")]
+
+
+def test_a_truth_that_is_aside_may_be_what_is_wrong(drive, tmp_path):
+    """The boxes are then where mirrored azimuths would show the vehicles."""
+    folder = changed(drive, tmp_path / "wrong", truth__y=lambda y: y - 8)
+    (said,) = faults(judged(folder)[1])
+    assert said.startswith("azimuth: mirrored")
+    assert said.endswith("--fix azimuth=mirrored, or correct the places of the truth, which alone say so")
+
+
+def level_of(fixes, standing, claimed):
+    """The verdict on one reading, from what stands and what would be due in the next scan."""
+    votes = np.zeros((len(READINGS), 4, 4), int)
+    k = next(k for k, how in enumerate(READINGS) if how.fixes == fixes)
+    votes[k, STANDING], votes[k, CLAIMED] = standing, claimed
+    return LEVELS[Judged.of(votes).level[k]]
+
+
+def test_one_vehicle_at_the_speed_of_the_ego_is_not_what_stands():
+    """It is a quarter of what a radar sees in a roundabout, but it is in few places."""
+    few, many = (59, 2, 227, 10), (590, 20, 2270, 30)
+    ground, reversed_ = ("range_rate=ground",), ("range_rate=reversed",)
+    assert level_of(ground, few, (4, 13, 25, 2)) == OPEN
+    assert level_of(ground, many, (40, 130, 250, 12)) == FAULT
+    assert level_of(ground, many, (0, 0, 0, 0)) == OPEN  # the next scan could not have spoken against it
+    assert level_of(reversed_, few, (0, 0, 0, 0)) == FAULT  # vehicles hardly ever have these range rates
+    assert level_of(reversed_, (590, 100, 2270, 30), (0, 0, 0, 0)) == OPEN  # too many stand as it is
 
 
 def test_a_truth_that_lies_across_its_way_is_found(drive, tmp_path):
