@@ -51,6 +51,17 @@ def doubled(content: bytes, rng: np.random.Generator) -> bytes:
 
 BYTES: tuple[Damage, ...] = (flipped, scattered, cut, erased, absurd, doubled)
 
+CELLS = ("", " ", "x", "nan", "inf", "-1", "1e308", "1e400", "9" * 400, "1,5", '"', "\x00", "名", "a" * 3000, "-", "١")
+
+
+def other_cell(content: bytes, rng: np.random.Generator) -> bytes:
+    """A CSV file with something else in one place, its header not left out."""
+    lines = [line.split(b",") for line in content.split(b"\n")]
+    row = lines[rng.choice([0, rng.integers(len(lines))])]
+    row[rng.integers(len(row))] = CELLS[rng.integers(len(CELLS))].encode()
+    return b"\n".join(b",".join(line) for line in lines)
+
+
 # -- values -----------------------------------------------------------------------------------------------------------
 
 JSON_VALUES = (
@@ -180,6 +191,7 @@ def _archive(arrays: dict[str, np.ndarray], raw: dict[str, bytes] | None = None)
 DAMAGES: dict[str, tuple[Damage, ...]] = {
     ".rrd": BYTES,
     ".parquet": BYTES,
+    ".csv": (*BYTES, other_cell, other_cell, other_cell, other_cell),
     ".npz": (*BYTES, other_array, other_array, other_array, other_header, claim),
     ".json": (*BYTES, other_value, other_value, other_value, other_document, other_document),
 }

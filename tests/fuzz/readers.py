@@ -25,6 +25,10 @@ READERS: tuple[tuple[str, tuple[str, ...]], ...] = (  # file, and a command that
     ("done/runs.parquet", RESUME),
     (f"done/rows/{RUN}.parquet", RESUME),
     ("done/recordings/cut-in_front_seed0.npz", line("compare", out="done", tracker="rm-koch")),
+    *((f"drive/{table}.csv", line("replay")) for table in ("detections", "scans", "ego", "lanes")),
+    ("drive/sensors.csv", line("check", what="recording", name="drive")),
+    ("drive/truth.csv", line("score")),
+    ("tracks.csv", line("score")),
 )
 
 
