@@ -14,7 +14,7 @@ from testbed.replay.fixes import DOUBT, FACTORS, FAULT, GOOD, NEAR, OPEN, Findin
 from testbed.replay.sensor_sheets import SensorSheets
 from trackers.geometry import dot, unit
 
-LEAST, CLEAR, ALONE = 10, 4.0, 10.0  # detections that a source needs, and how many times as many as speak against it
+LEAST, CLEAR = 10, 4.0  # detections that a source needs, and how many times as many as speak against it
 SHARE = 0.03  # of the detections that tell two readings apart, which standing things must at least be
 MANY = 0.25  # the same share from which on the next scan need not find them again, if `ALONE` times as many
 STANDING, MOVING, CLAIMED, TRUTH = range(4)  # sources; what is claimed speaks against a reading only
@@ -45,6 +45,7 @@ def _readings() -> tuple[Reading, ...]:
 
 READINGS = _readings()
 MIRRORED = np.array([how.fixes == ("azimuth=mirrored",) for how in READINGS])
+ALONE = np.array([25.0 if how.ground else 10.0 for how in READINGS])  # as `CLEAR`, of standing returns alone
 RARE = np.array([how.side > 0 and not how.ground for how in READINGS])  # hardly any traffic seems to stand in them
 
 

@@ -241,6 +241,7 @@ def test_one_vehicle_at_the_speed_of_the_ego_is_not_what_stands():
     assert level_of(ground, few, (4, 13, 25, 2)) == OPEN
     assert level_of(ground, many, (40, 130, 250, 12)) == FAULT
     assert level_of(ground, many, (0, 0, 0, 0)) == OPEN  # the next scan could not have spoken against it
+    assert level_of(ground, (596, 41, 798, 12), (6, 5, 67, 2)) == DOUBT  # a column beside the ego, between rails
     assert level_of(reversed_, few, (0, 0, 0, 0)) == FAULT  # vehicles hardly ever have these range rates
     assert level_of(reversed_, (590, 100, 2270, 30), (0, 0, 0, 0)) == OPEN  # too many stand as it is
 
