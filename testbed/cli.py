@@ -3,7 +3,6 @@
 import shlex
 import sys
 import warnings
-from contextlib import closing
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -366,12 +365,11 @@ def info(
 
     Example: [bold]testbed info[/bold]
     """
+    from testbed.command_line.info import compile_all
     from testbed.command_line.info import info as found
-    from testbed.environment.registration import make
 
-    if compile:  # a few steps do it
-        with closing(make("cut-in", tracker=DEFAULT, radar="surround", warm_up=0.5)) as env:
-            env.reset(seed=0)
+    if compile:
+        compile_all()
     show(found())
 
 
