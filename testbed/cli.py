@@ -365,10 +365,11 @@ def info(
 
     Example: [bold]testbed info[/bold]
     """
-    from testbed.command_line.info import compile_all
     from testbed.command_line.info import info as found
 
     if compile:
+        from testbed.bench.compile import compile_all
+
         compile_all()
     show(found())
 

@@ -2,22 +2,15 @@
 
 import platform
 import re
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import closing
 from importlib.metadata import PackageNotFoundError, metadata, requires, version
-from multiprocessing import get_context
 from pathlib import Path
 
-import numpy as np
 from rich.table import Table
 
 import sensors.compiled
 import trackers.compiled.multi
-from sensors import find
 from testbed.command_line.tables import filled_table
-from testbed.environment.registration import make
 from testbed.files import versions
-from trackers import DEFAULT, Scan, build, prior
 from trackers.compiled import REFUSED, available, cache_folder, form
 
 HOW = f"{REFUSED}=off, or compiled=off of a tracker or radar, goes without it"
@@ -40,28 +33,6 @@ def folders() -> dict[str, Path]:
         "tracker": cache_folder(Path(trackers.compiled.multi.__file__).parent),
         "radar": cache_folder(Path(sensors.compiled.__file__).parent),
     }
-
-
-def compile_all() -> None:
-    """Compile, half of it in a process of its own."""
-    if available() and not all(folder.is_dir() for folder in folders().values()):
-        with ProcessPoolExecutor(2, get_context("spawn")) as pool:
-            for half in (pool.submit(run_filter), pool.submit(run_steps, "rm-koch")):
-                half.result()
-    run_steps(DEFAULT)
-
-
-def run_steps(tracker: str) -> None:
-    """Some steps of a tracker."""
-    with closing(make("cut-in", tracker=tracker, radar="surround", warm_up=0.5)) as env:
-        env.reset(seed=0)
-
-
-def run_filter() -> None:
-    """One step of the filter of the default tracker."""
-    filter = build(DEFAULT, find("surround").models).filter
-    state = filter.init(prior(np.zeros((1, 3))))
-    filter.update(filter.predict(state, 0.1), Scan.from_xy(np.array([[[-2.0, 0.0]]])))
 
 
 def extras() -> dict[str, str]:
