@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from studies.lane_changes import Samples, calibration, held_out, skill
+from testbed.planners.futures import LOG_ODDS
 
 RESULTS = Path(__file__).resolve().parents[2] / "docs" / "results" / "lane_changes.json"
 
@@ -37,6 +38,15 @@ def test_who_changes_half_as_often_as_is_said_is_found():
     s = drawn()
     rows = calibration(s.changed & (np.arange(len(s.changed)) % 2 == 0), held_out(s))
     assert rows[-1]["expected"] - rows[-1]["changes"] > 3 * np.sqrt(rows[-1]["expected"])
+
+
+def test_planners_and_their_page_have_the_log_odds_of_recorded_traffic():
+    found = json.loads(RESULTS.read_text())
+    page = (RESULTS.parents[1] / "methods" / "planners.md").read_text()
+    constant, offset, speed = (round(b, 1) for b in found["log_odds"])
+    assert [constant, offset, speed] == LOG_ODDS.tolist()
+    assert f"z = {constant} + {offset}\\,o + {speed}\\,u" in page
+    assert f"{found['vehicles_changing']} of {found['vehicles']} vehicles change" in page
 
 
 def test_changes_of_recorded_traffic_are_expected_by_the_other_half_of_the_vehicles():

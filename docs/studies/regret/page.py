@@ -21,8 +21,11 @@ from testbed.experiments.report.regret import TABLE, drawable, find
 from testbed.experiments.report.texts import seeds_text
 from testbed.experiments.report.words import one_sided, unresolved_pairs
 from testbed.files import make_directory
+from testbed.log.text import markdown_table
+from trackers import DEFAULT
 
 OLD = old_names("drives")
+ABOUT = "about.txt"  # in docs/results/regret, written by hand: of which code the drives are, and what they say
 PARTS = ("main", "attribution", "doses", "caution")  # folders of docs/results/regret
 
 
@@ -45,13 +48,14 @@ def main(
     with user_input((OSError, ValueError)):
         results = docs / "results" / "regret"
         for name, folders in by_part(studies or ()).items():
+            (results / ABOUT).unlink(missing_ok=True)  # is of other drives
             kept = [results / name] if add and (results / name / DRIVES).exists() else []
             publish([*kept, *folders], results / name)
         found = {name: load(results / name) for name in PARTS if (results / name / DRIVES).exists()}
         if "main" not in found:
             raise ValueError(f"{results} has no drives yet; give main=FOLDER of `testbed regret --out FOLDER`")
         page = Page("regret", docs)
-        page.write(text(found, page))
+        page.write(text(found, page, about_of(results)))
 
 
 def by_part(studies: Sequence[str]) -> dict[str, list[Path]]:
@@ -100,9 +104,15 @@ def load(place: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
     return scored(drives, pairs)
 
 
-def text(found: dict[str, tuple[pd.DataFrame, pd.DataFrame]], page: Page | None = None) -> str:
-    """The page from the tables of its parts; with a page its pictures are drawn as well."""
-    written = [_main(*found["main"], page)]
+def about_of(results: Path) -> str:
+    """What was written by hand about the drives of a folder; nothing where nothing was."""
+    file = results / ABOUT
+    return file.read_text().strip() if file.exists() else ""
+
+
+def text(found: dict[str, tuple[pd.DataFrame, pd.DataFrame]], page: Page | None = None, about: str = "") -> str:
+    """The page from the tables of its parts, below what is said of them; with a page its pictures are drawn as well."""
+    written = [_main(*found["main"], page, about)]
     if "attribution" in found:
         written.append(_attribution(*found["attribution"], page))
     if "doses" in found:
@@ -112,7 +122,7 @@ def text(found: dict[str, tuple[pd.DataFrame, pd.DataFrame]], page: Page | None 
     return "\n".join(written)
 
 
-def _main(drives: pd.DataFrame, pairs: pd.DataFrame, page: Page | None) -> str:
+def _main(drives: pd.DataFrame, pairs: pd.DataFrame, page: Page | None, about: str) -> str:
     found = find(drives, pairs)
     total, _, errors, _ = drawable(found)
     _draw(page, total, errors=errors)
@@ -124,10 +134,14 @@ def _main(drives: pd.DataFrame, pairs: pd.DataFrame, page: Page | None) -> str:
         "worst": tables.worst(found.worst),
     }
     sides = one_sided(found.total)
+    by_probe = [sentence for sentence in found.verdict if sentence.startswith("With ")]
+    shown = [s for s in found.verdict if s not in by_probe or f"tracks of {DEFAULT} " in s]
     return fill(
         "regret/page.md.j2",
         facts=_facts(drives),
-        verdict="\n\n".join(found.verdict),
+        about=about,
+        verdict="\n\n".join(shown),
+        cells=markdown_table(("finding",), [(sentence,) for sentence in by_probe]),
         sides=say_sides(sides),
         **{name: markdown(grid) for name, grid in grids.items()},
     )

@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from studies.__main__ import app
-from studies.regret.page import PARTS, joined, load, text
+from studies.regret.page import ABOUT, PARTS, about_of, joined, load, text
 from testbed.environment.sources.substitution import subsets
 from testbed.evaluation import metric
 from testbed.evaluation.metric import keys
@@ -60,8 +60,24 @@ def test_the_page_has_a_part_for_each_study_and_figures_of_the_tables():
 @pytest.mark.slow
 def test_the_committed_page_says_what_the_committed_tables_say():
     results = DOCS / "results" / "regret"
-    written = text({name: load(results / name) for name in PARTS if (results / name).exists()})
+    found = {name: load(results / name) for name in PARTS if (results / name).exists()}
+    written = text(found, about=about_of(results))
     assert_committed("regret", written)
+
+
+def test_the_page_begins_with_what_was_written_about_its_drives_until_there_are_others(tmp_path):
+    (folder := tmp_path / "study").mkdir()
+    drives, pairs = made({"truth": 5.0, "in-view": 5.0, "t": 3.0}, ("idm",))
+    drives.to_parquet(folder / DRIVES)
+    pairs.to_parquet(folder / PAIRS)
+    run = [f"main={folder}", "--docs", str(tmp_path)]
+    assert CliRunner().invoke(app, ["regret", *run]).exit_code == 0
+    about = tmp_path / "results" / "regret" / ABOUT
+    about.write_text("Of these drives.\n")
+    assert CliRunner().invoke(app, ["regret", *run[1:]]).exit_code == 0
+    assert (tmp_path / "regret.md").read_text().splitlines()[4] == "Of these drives."
+    assert CliRunner().invoke(app, ["regret", *run]).exit_code == 0
+    assert not about.exists()
 
 
 def test_tables_are_published_and_pictures_drawn_beside_the_page(tmp_path):

@@ -8,7 +8,18 @@ from trackers import find
 from trackers.composed import composed, place_of
 from trackers.pmht import SplinePmht
 
-CALLS = ("step", "step", "_simulate", "tapped", "step", "step", "guarded", "update", "update")  # from TrackedEnv on
+CALLS = (
+    "step",
+    "step",
+    "_simulate",
+    "tapped",
+    "step",
+    "step",
+    "_update",
+    "guarded",
+    "update",
+    "update",
+)  # from TrackedEnv on
 
 
 STACKS: list[list[str]] = []
@@ -23,7 +34,7 @@ class Watched(SplinePmht):
         return super().update(state, scan)
 
 
-def test_from_the_step_of_the_environment_to_the_update_of_the_filter_are_eight_calls():
+def test_from_the_step_of_the_environment_to_the_update_of_the_filter_are_nine_calls():
     place = place_of(find("imm-spline"))
     parameters = {field.name: getattr(place, field.name) for field in fields(place)}
     filter = composed(Watched(**parameters), size="ends", motion=True)

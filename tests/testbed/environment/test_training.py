@@ -147,7 +147,7 @@ def test_observations_of_tracks_are_stacked_with_their_ids():
 
     env = gym.vector.SyncVectorEnv([make, make])
     observation, info = env.reset(seed=0)
-    assert observation["tracks"].shape == (2, 6, 26)
+    assert observation["tracks"].shape == (2, 6, 30)
     assert info["track_ids"].shape == (2, 6)
     _, _, _, _, later = env.step(np.ones(2, int))
     assert set(info["track_ids"][0]) & set(later["track_ids"][0]) - {-1}  # ids are kept
