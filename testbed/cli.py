@@ -3,7 +3,6 @@
 import shlex
 import sys
 import warnings
-from contextlib import closing
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -367,11 +366,11 @@ def info(
     Example: [bold]testbed info[/bold]
     """
     from testbed.command_line.info import info as found
-    from testbed.environment.registration import make
 
-    if compile:  # a few steps do it
-        with closing(make("cut-in", tracker=DEFAULT, radar="surround", warm_up=0.5)) as env:
-            env.reset(seed=0)
+    if compile:
+        from testbed.bench.compile import compile_all
+
+        compile_all()
     show(found())
 
 

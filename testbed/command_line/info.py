@@ -18,17 +18,21 @@ HOW = f"{REFUSED}=off, or compiled=off of a tracker or radar, goes without it"
 
 def info() -> Table:
     """What is installed, and what of it is used."""
-    folders = {
-        "filter": cache_folder(),
-        "tracker": cache_folder(Path(trackers.compiled.multi.__file__).parent),
-        "radar": cache_folder(Path(sensors.compiled.__file__).parent),
-    }
     rows = [("Python", platform.python_version()), *versions().items()]
     rows += [(f"extra {name}", state) for name, state in extras().items()]
     rows.append(("tracker and radar", f"{form()}; {HOW}" if available() else "numpy; the extra fast compiles them"))
     if available():
-        rows += [(f"cache of the {what}", kept(folder)) for what, folder in folders.items()]
+        rows += [(f"cache of the {what}", kept(folder)) for what, folder in folders().items()]
     return filled_table("testbed", heads := ("what", "found"), rows, heads)
+
+
+def folders() -> dict[str, Path]:
+    """Where what was compiled is kept."""
+    return {
+        "filter": cache_folder(),
+        "tracker": cache_folder(Path(trackers.compiled.multi.__file__).parent),
+        "radar": cache_folder(Path(sensors.compiled.__file__).parent),
+    }
 
 
 def extras() -> dict[str, str]:

@@ -181,11 +181,12 @@ class Core:
         yaw_rate, l, std = shaped(f.m[:, 4].copy()), shaped(f.m[:, 5:].copy()), shaped(f.std)
         box = Estimate(shaped(f.pose[0]), shaped(f.velocity), yaw_rate, l, shaped(f.cov[0]), std[..., 2:],
                        std[..., 0], std[..., 1], shaped(f.contour[0]))  # fmt: skip
-        mixture = Mixture(*map(shaped, x[:4]))
+        whole = Estimate(shaped(f.pose[1]), box.velocity, yaw_rate, shaped(f.size), shaped(f.cov[1]),
+                         shaped(f.size_std), *box[6:8], shaped(f.contour[1]), belief.kind.copy(),
+                         shaped(f.edge_std))  # fmt: skip
         innovation = shaped(f.eps), shaped(f.S), shaped(state == 1)
-        return Step(
-            (mixture, place, new), Gaussian(shaped(f.m), shaped(f.P)), box, self.size.estimate(new, box), innovation
-        )
+        gaussian = Gaussian(shaped(f.m), shaped(f.P))
+        return Step((Mixture(*map(shaped, x[:4])), place, new), gaussian, box, whole, innovation)
 
 
 def rows_of(motion: Mixture, size: SizeState, T: int) -> Rows:

@@ -34,7 +34,7 @@ class Compiler:
         """The function compiled at its first call: IEEE arithmetic, one thread, division by zero as in numpy."""
         before, config.CACHE_DIR = config.CACHE_DIR, str(self.folder)
         try:
-            return njit(cache=self.keeps, error_model="numpy", nogil=True)(function)
+            return njit(cache=self.keeps, error_model="numpy", nogil=True, no_cfunc_wrapper=True)(function)
         finally:
             config.CACHE_DIR = before
 

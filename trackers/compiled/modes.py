@@ -43,14 +43,17 @@ def moments(m: NDArray, P: NDArray, mu: NDArray, mean: NDArray, cov: NDArray) ->
 
 
 @compiled
-def begun(m: NDArray, mu: NDArray, onset: NDArray, dt: float, share: NDArray) -> float:
-    """(MODE.29): probabilities share (K,) that the modes begin from the first one within dt, and their sum."""
+def begun(m: NDArray, mu: NDArray, onset: NDArray, dt: float, stays: float, share: NDArray) -> float:
+    """(MODE.29): probabilities share (K,) that the modes begin from the first one within dt, and their sum.
+
+    stays is the probability to be in the first one still, by the chain.
+    """
     speed = total = 0.0
     for k in range(len(mu)):
         speed += mu[k] * m[k, SPEED]
         total += onset[k]
     slow = min(1.0, abs(speed) / SLOW)
-    some = 1 - math.exp(-total * slow * dt)
+    some = min(1 - math.exp(-total * slow * dt), stays / 2)
     for k in range(len(mu)):
         share[k] = some * onset[k] * slow / max(total * slow, 1e-9)
     return share.sum()
@@ -64,7 +67,7 @@ def mix(
     """(IMM.9), (IMM.10), (MODE.29): the start of each mode and its predicted probability c (K,)."""
     K = len(mu)
     w, share = np.empty(K), np.empty(K)
-    total = begun(m, mu, onset, dt, share)
+    total = begun(m, mu, onset, dt, kept + (1 - kept) / K, share)
     for j in range(K):
         c[j] = 0.0
         for i in range(K):

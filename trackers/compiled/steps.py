@@ -9,28 +9,11 @@ from trackers.compiled import evidence, grids, modes, size, spline
 from trackers.compiled.jit import compiled
 from trackers.compiled.linear import cholesky, wrap
 from trackers.compiled.modes import LENGTH, OMEGA, PHI, SPEED
+from trackers.compiled.sized import around, outlined, sized
 from trackers.compiled.tables import UNUSABLE, Found, Rows, Tables
 
 AXLE_STD, CREEP, ROUNDING = 0.15, 1.0, 1e-9  # as in `trackers.motion.mixture` and `.turn`
 LARGEST = 1e15  # as in `trackers.validation`
-
-
-@compiled
-def around(cov: NDArray, cos: float, sin: float, along: float, across: float) -> None:
-    """Variances along and across a heading, added to the first two components of cov."""
-    cov[0, 0] += along * cos * cos + across * sin * sin
-    cov[1, 1] += along * sin * sin + across * cos * cos
-    cov[0, 1] += (along - across) * cos * sin
-    cov[1, 0] = cov[0, 1]
-
-
-@compiled
-def outlined(outline: NDArray, pose: NDArray, length: float, width: float, contour: NDArray) -> None:
-    """Points (C, 2) in the world of an outline in the unit frame."""
-    cos, sin = math.cos(pose[2]), math.sin(pose[2])
-    for i in range(len(outline)):
-        x, y = outline[i, 0] * length, outline[i, 1] * width
-        contour[i, 0], contour[i, 1] = pose[0] + cos * x - sin * y, pose[1] + sin * x + cos * y
 
 
 @compiled
@@ -51,17 +34,10 @@ def velocity_cov(m: NDArray, P: NDArray, d: float, more: float, cov: NDArray) ->
 
 
 @compiled
-def estimate(
-    m: NDArray, P: NDArray, mu: NDArray, axle: NDArray, b: NDArray, anchor: NDArray, place_std: NDArray,
-    outline: NDArray, pose: NDArray, placed: NDArray, cov: NDArray, sized: NDArray, velocity: NDArray, std: NDArray,
-    contour: NDArray, drawn: NDArray,
-) -> None:  # fmt: skip
-    """(MODE.24) to (MODE.26), (MODE.31), (ENDS.20), (ENDS.21): of moments m (7,), P (7, 7) and a belief b (5, 2).
-
-    Of the box of place and motion: pose (3,), cov (4, 4), contour (C, 2), velocity, std (4,) of heading, yaw rate,
-    length and width. Of the box with the size: placed (3,), sized (4, 4), drawn (C, 2).
-    """
-    heading, cos, sin, l, w = wrap(m[PHI]), math.cos(m[PHI]), math.sin(m[PHI]), m[LENGTH], m[LENGTH + 1]
+def estimate(t: int, f: Found, mu: NDArray, axle: NDArray, place_std: NDArray, outline: NDArray) -> None:
+    """(MODE.24) to (MODE.26), (MODE.31): row t of the box of place and motion, from the moments of the modes in f."""
+    m, P, pose, cov, velocity, std = f.m[t], f.P[t], f.pose[0, t], f.cov[0, t], f.velocity[t], f.std[t]
+    cos, sin, l, w = math.cos(m[PHI]), math.sin(m[PHI]), m[LENGTH], m[LENGTH + 1]
     mean = square = 0.0
     for k in range(len(mu)):
         mean += mu[k] * axle[k]
@@ -70,14 +46,9 @@ def estimate(
     more = P[PHI, PHI] * P[SPEED, SPEED] + (l * m[OMEGA]) ** 2 * (square - mean**2 + AXLE_STD**2)
     velocity_cov(m, P, d, more, cov)
     around(cov, cos, sin, (l * place_std[0]) ** 2, (w * place_std[1]) ** 2)
-    sized[:] = cov
-    around(sized, cos, sin, b[4, 0], b[4, 1])
     velocity[0], velocity[1] = m[SPEED] * cos - m[OMEGA] * d * sin, m[SPEED] * sin + m[OMEGA] * d * cos
-    x, y = anchor[0] * (b[2, 0] + (l - b[0, 0]) / 2), anchor[1] * (b[2, 1] + (w - b[0, 1]) / 2)
-    pose[0], pose[1], pose[2], placed[2] = m[0], m[1], heading, heading
-    placed[0], placed[1] = m[0] + cos * x - sin * y, m[1] + sin * x + cos * y
-    outlined(outline, pose, l, w, contour)
-    outlined(outline, placed, b[0, 0], b[0, 1], drawn)
+    pose[0], pose[1], pose[2] = m[0], m[1], wrap(m[PHI])
+    outlined(outline, pose, l, w, f.contour[0, t])
     slip = (l * m[OMEGA]) ** 2 / max(m[SPEED] ** 2, CREEP**2)
     std[0], std[1] = math.sqrt(P[PHI, PHI] + AXLE_STD**2 * slip), math.sqrt(P[OMEGA, OMEGA])  # (MODE.31)
     std[2], std[3] = math.sqrt(P[LENGTH, LENGTH]), math.sqrt(P[LENGTH + 1, LENGTH + 1])
@@ -115,9 +86,8 @@ def predict(
         behind = math.exp(-x.side[t] / p.enough_side) if x.anchor[t, 0] < 0 else 0.0  # (ENDS.34)
         grids.believe(p.grid_l, p.grid_w, p.shares, p.of_length, p.of_width, p.loads, p.load_at, length, width, behind,
                       x.belief[t], x.of_length[t], x.of_width[t], x.kind[t])  # fmt: skip
-        estimate(f.m[t], f.P[t], x.mu[t], p.axle, x.belief[t], x.anchor[t], p.place_std, p.outline[which[t]],
-                 f.pose[0, t], f.pose[1, t], f.cov[0, t], f.cov[1, t], f.velocity[t], f.std[t], f.contour[0, t],
-                 f.contour[1, t])  # fmt: skip
+        estimate(t, f, x.mu[t], p.axle, p.place_std, p.outline[which[t]])
+        sized(t, f, x.belief[t], x.kind[t], x.anchor[t], p.outline[which[t]], p.pin, p.insets, p.hinges)
     return usable(x.m) and usable(x.P)
 
 
@@ -173,9 +143,8 @@ def update(
                 continue
             if len(p.mu) > 1:
                 which[t] = 1 if x.belief[t, 0, 0] > p.truck_above else 0
-        estimate(f.m[t], f.P[t], x.mu[t], p.axle, x.belief[t], x.anchor[t], p.place_std, p.outline[which[t]],
-                 f.pose[0, t], f.pose[1, t], f.cov[0, t], f.cov[1, t], f.velocity[t], f.std[t], f.contour[0, t],
-                 f.contour[1, t])  # fmt: skip
+        estimate(t, f, x.mu[t], p.axle, p.place_std, p.outline[which[t]])
+        sized(t, f, x.belief[t], x.kind[t], x.anchor[t], p.outline[which[t]], p.pin, p.insets, p.hinges)
 
 
 predict_all = compiled.first(predict, "prediction of tracks", 8)

@@ -45,13 +45,29 @@ class Found(NamedTuple):
     contour: NDArray  # (2, T, C, 2)
     velocity: NDArray  # (T, 2)
     std: NDArray  # (T, 4) of heading, yaw rate, length, width
+    size: NDArray  # (T, 2) of the box with the size
+    size_std: NDArray  # (T, 2)
+    edge_std: NDArray  # (T, 4)
     eps: NDArray  # (T, 2) innovation
     S: NDArray  # (T, 2, 2)
 
     @classmethod
     def of(cls, T: int, C: int) -> "Found":
         """Space for T tracks with contours of C points."""
-        shapes = (T, 7), (T, 7, 7), (2, T, 3), (2, T, 4, 4), (2, T, C, 2), (T, 2), (T, 4), (T, 2), (T, 2, 2)
+        shapes = (
+            (T, 7),
+            (T, 7, 7),
+            (2, T, 3),
+            (2, T, 4, 4),
+            (2, T, C, 2),
+            (T, 2),
+            (T, 4),
+            (T, 2),
+            (T, 2),
+            (T, 4),
+            (T, 2),
+            (T, 2, 2),
+        )
         none = cls(*map(np.zeros, shapes))
         return none._replace(S=none.S + np.eye(2))
 
@@ -87,7 +103,9 @@ class Tables(NamedTuple):
     loads: NDArray  # (D, 2) class and share of those with loads
     load_at: NDArray  # (D, K) where on the grid a load ends
     enough_side: float
-    pin: NDArray  # (2,) share, least
+    pin: NDArray  # (5,) share, least, spread in a face, spread of the offsets (2)
+    insets: NDArray  # (C, 2)
+    hinges: NDArray  # (2, C)
     sheet: NDArray  # (S, 14) see `size.read`
     size: NDArray  # (6,) see `size.read`
 
@@ -108,6 +126,7 @@ class Tables(NamedTuple):
             place.inflation,
             place.doubt,
         ]
+        offset_std = size.length.offset_std, size.width.offset_std
         sheet = np.column_stack([
             q.max_range, q.fov, q.inside, q.grazing, q.weight, q.depth, q.rounding[:, 0], q.rounding[:, 1],
             q.least_room, q.surface_std,
@@ -121,9 +140,9 @@ class Tables(NamedTuple):
             np.reshape([(s.fov / 2, s.max_range) for s in place.sensors], (-1, 2)), spline,
             place.iterations, TRUCK_ABOVE, *_axis(size.length, 0), *_axis(size.width, 1),
             *size.prior[:3], np.reshape([one[:2] for one in loads], (-1, 2)),
-            np.reshape(at, (-1, len(size.length.sizes))), size.enough_side, [size.pin, size.least_pin], sheet,
-            [size.outliers, size.independent, size.part_weight, size.offset_share, size.length.offset_std,
-             size.width.offset_std],
+            np.reshape(at, (-1, len(size.length.sizes))), size.enough_side,
+            [size.pin, size.least_pin, size.face_std, *offset_std], size.prior.insets, size.prior.hinges, sheet,
+            [size.outliers, size.independent, size.part_weight, size.offset_share, *offset_std],
         )  # fmt: skip
         return cls(*map(_plain, cls._fields, values))
 

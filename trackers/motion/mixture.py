@@ -65,9 +65,10 @@ class MotionModes:
         """The modes after dt > 0 [s]: mixing, then the motion of each; place is the contour filter."""
         slowest = x.m[..., SPEED] - 2 * np.sqrt(x.P[..., SPEED, SPEED])
         ahead = x.ahead + (x.mu * np.maximum(slowest, 0.0)).sum(-1) * dt  # (MODE.30)
-        begun = self.modes.begun((x.mu * x.m[..., SPEED]).sum(-1), dt)
         first = np.eye(len(self.modes.table))[0]
-        Pi = chain(len(first), self.stay, dt / self.step) + first[:, None] * begun[..., None, :]  # (MODE.29)
+        kept = chain(len(first), self.stay, dt / self.step)
+        begun = self.modes.begun((x.mu * x.m[..., SPEED]).sum(-1), dt, kept[0, 0])
+        Pi = kept + first[:, None] * begun[..., None, :]  # (MODE.29)
         Pi[..., 0, 0] -= begun.sum(-1)  # (MODE.29)
         m, P, mu = mix(x.m, x.P, x.mu, Pi, angles=ANGLES)
         m, P = self.modes.moved(m, P, size_of(m, place.log_size)[..., 0], dt)

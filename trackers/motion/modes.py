@@ -73,11 +73,15 @@ class Modes:
         """Lambda (K,)."""
         return np.array([mode.axle for mode in self.table])
 
-    def begun(self, speed: NDArray, dt: float) -> NDArray:
-        """Probabilities (..., K) that the modes begin from the first one within dt [s], at a speed (...) [m/s]."""
+    def begun(self, speed: NDArray, dt: float, stays: float = 1.0) -> NDArray:
+        """Probabilities (..., K) that the modes begin from the first one within dt [s], at a speed (...) [m/s].
+
+        stays is the probability to be in the first mode still, by the chain: at most half of it is left in a long gap.
+        """
         onset = self._onset * np.minimum(1.0, np.abs(speed) / SLOW)[..., None]
         total = onset.sum(-1, keepdims=True)
-        return (1 - np.exp(-total * dt)) * onset / np.maximum(total, 1e-9)  # (MODE.29)
+        some = np.minimum(1 - np.exp(-total * dt), stays / 2)
+        return some * onset / np.maximum(total, 1e-9)  # (MODE.29)
 
     @cached_property
     def _walks(self) -> tuple[NDArray, NDArray]:

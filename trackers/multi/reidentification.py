@@ -53,7 +53,8 @@ class Reidentification:
 
     def predict(self, lost: LostTracks, dt: float, road: RoadMap | None) -> LostTracks:
         """The memory after dt [s]: vehicles drive on at their speed, and turn as their lane does."""
-        lost = keep(lost, lost.age + dt < self.span)
+        known = lost.age + dt < self.span
+        lost = lost if known.all() else keep(lost, known)
         e = lost.estimate
         if not len(lost.id):
             return lost

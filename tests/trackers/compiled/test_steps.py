@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarios import SCENARIOS
-from tests.trackers.compiled.states import COMPILED, NUMPY, RADAR, assert_same, check, drawn, recorded
+from tests.trackers.compiled.states import COMPILED, NUMPY, RADAR, STATES, assert_same, check, drawn, recorded
 from trackers import build, find
 from trackers.batch import take
 from trackers.compiled import REFUSED, available
@@ -32,21 +32,25 @@ def test_a_step_from_each_state_of_a_scenario_is_the_same(scenario):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("scenario", SCENARIOS)
-def test_a_step_from_2000_states_of_every_scenario_is_the_same(scenario):
-    count, seed = 0, 0
-    while count < 4000:  # a prediction and an update each
-        for call in recorded(scenario, 1000, seed):
+def test_a_step_from_states_of_every_scenario_is_the_same(scenario):
+    """A prediction and an update from each of 20 states; STATES=2000 takes as many of several seeds."""
+    left, seed = 2 * STATES, 0
+    while left > 0:
+        calls = recorded(scenario, -(-left // 30), seed)[:left]
+        for call in calls:
             check(call)
-            count += 1
-        seed += 1
+        left, seed = left - len(calls), seed + 1
 
 
-@given(st.integers(0, 2**32 - 1), st.integers(0, 4), st.integers(0, 9), st.floats(1e-3, 2.0))
+@given(st.integers(0, 2**32 - 1), st.integers(0, 4), st.integers(0, 9), st.floats(1e-3, 10.0))
 def test_a_step_from_any_state_is_the_same(seed, T, M, dt):
-    """Lost, turned round, seen from the other end, cut off by range, with noise and rates that nobody knows."""
+    """Lost, turned round, seen from the other end, cut off by range, with noise and rates that nobody knows.
+
+    Covariances of some of them are so ill-conditioned that rounding shows.
+    """
     state, scan = drawn(np.random.default_rng(seed), T, M)
-    check(("predict", state, dt))
-    check(("update", state, scan))
+    check(("predict", state, dt), 1e-6)
+    check(("update", state, scan), 1e-6)
 
 
 def test_what_is_drawn_has_all_that_is_rare():

@@ -207,6 +207,20 @@ def test_turns_begin_at_their_rate_whatever_the_time_step():
     assert (standing == 0).all()
 
 
+@pytest.mark.parametrize("dt", [0.01, 0.5, 1.0, 2.0, 3.0, 10.0])
+def test_no_gap_between_scans_makes_a_probability_or_a_variance_negative(dt):
+    place = SPLINE.place
+    x = SPLINE.motion.born(
+        place.gaussian(place.init(prior(np.zeros((40, 3)), np.c_[np.linspace(-5, 40, 40), [0] * 40])))
+    )
+    for mu in (x.mu, np.eye(5)[0] + np.zeros((40, 5)), np.eye(5)[3] + np.zeros((40, 5))):
+        new = SPLINE.motion.predicted(x._replace(mu=mu), place, dt)
+        assert new.mu.sum(-1) == pytest.approx(1.0)
+        assert new.mu.min() >= 0
+        assert np.linalg.eigvalsh(new.P).min() > 0
+        assert np.isfinite(new.m).all()
+
+
 def test_reversing_slowly_is_not_turned_round():
     f, rng = MAP, np.random.default_rng(0)
     state = f.init(prior((30.0, 5.0, 0.0), velocity=(-1.5, 0.0), size=CAR))

@@ -1,0 +1,97 @@
+"""The estimate with the size: the box between both ends, how well each edge is known, and the bend of two bodies.
+
+Equations: docs/methods/size-from-both-ends.md, sections 5 and 6; the numpy form is `SizePosterior.estimate`.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.compiled.jit import compiled
+from trackers.compiled.tables import Found
+
+SLOWEST, SHARPEST, BEND_ERROR = 2.0, 0.9, 0.5  # as in `trackers.size.posterior`
+
+
+@compiled
+def around(cov: NDArray, cos: float, sin: float, along: float, across: float) -> None:
+    """Variances along and across a heading, added to the first two components of cov."""
+    cov[0, 0] += along * cos * cos + across * sin * sin
+    cov[1, 1] += along * sin * sin + across * cos * cos
+    cov[0, 1] += (along - across) * cos * sin
+    cov[1, 0] = cov[0, 1]
+
+
+@compiled
+def outlined(outline: NDArray, pose: NDArray, length: float, width: float, contour: NDArray) -> None:
+    """Points (C, 2) in the world of an outline in the unit frame."""
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    for i in range(len(outline)):
+        x, y = outline[i, 0] * length, outline[i, 1] * width
+        contour[i, 0], contour[i, 1] = pose[0] + cos * x - sin * y, pose[1] + sin * x + cos * y
+
+
+@compiled
+def edges(box: NDArray, size: NDArray, b: NDArray, anchor: NDArray, more: NDArray, pin: NDArray, edge: NDArray) -> None:
+    """(ENDS.36), (ENDS.37): standard deviations edge (4,) of front, rear, left, right.
+
+    box (2,) has the variances of the place along its axes, more (2,) those of the inset; pin as in `Tables`.
+    """
+    for a in range(2):
+        known = pin[3 + a] ** 2 + (2 * max(pin[0] * size[a], pin[1])) ** 2
+        rest = more[a] + pin[2] ** 2 + max(box[a] - known, 0.0)
+        near, far = b[3, a] + rest, 2 * b[4, a] - b[3, a] + b[1, a] / 2 + rest
+        edge[2 * a] = math.sqrt(near if anchor[a] > 0 else far)
+        edge[2 * a + 1] = math.sqrt(near if anchor[a] < 0 else far)
+
+
+@compiled
+def bend(
+    rate: float, rate_std: float, speed: float, width: float, kind: NDArray, hinges: NDArray
+) -> tuple[float, float]:
+    """(ENDS.40): how far a front body stands out beside that behind it, to the left positive, and the variance."""
+    turning = max(abs(rate) - rate_std, 0.0)
+    mean = square = 0.0
+    for c in range(len(kind)):
+        sine = min(hinges[0, c] * turning / max(speed, SLOWEST), SHARPEST)
+        out = hinges[1, c] * sine - width / 2 * (1 - math.sqrt(1 - sine**2))
+        mean += kind[c] * out
+        square += kind[c] * out**2
+    return (0.0 if turning == 0 else math.copysign(mean, rate * mean)), square - mean**2 + (BEND_ERROR * mean) ** 2
+
+
+@compiled
+def sized(
+    t: int, f: Found, b: NDArray, kind: NDArray, anchor: NDArray, outline: NDArray, pin: NDArray, insets: NDArray,
+    hinges: NDArray,
+) -> None:  # fmt: skip
+    """(ENDS.20), (ENDS.21), (ENDS.35) to (ENDS.41): row t of the box with the size, from that of place and motion.
+
+    b (5, 2), kind (C,) and anchor (2,) are those of the state; insets (C, 2) and hinges (2, C) as in `Prior`.
+    """
+    pose, cov, size, std, edge = f.pose[1, t], f.cov[1, t], f.size[t], f.size_std[t], f.edge_std[t]
+    pose[:], cov[:] = f.pose[0, t], f.cov[0, t]
+    cos, sin, l, w = math.cos(pose[2]), math.sin(pose[2]), f.m[t, 5], f.m[t, 6]
+    inset, more, place = 0.0, np.zeros(2), np.empty(2)
+    for c in range(len(kind)):
+        inset += kind[c] * insets[c, 0]  # (ENDS.35)
+        more[0] += kind[c] * insets[c, 1]
+    more[0] -= inset**2
+    place[0] = cos * (cov[0, 0] * cos + cov[0, 1] * sin) + sin * (cov[1, 0] * cos + cov[1, 1] * sin)
+    place[1] = sin * (cov[0, 0] * sin - cov[0, 1] * cos) - cos * (cov[1, 0] * sin - cov[1, 1] * cos)
+    edges(place, f.m[t, 5:], b, anchor, more, pin, edge)
+    x, y = anchor[0] * (b[2, 0] + inset + (l - b[0, 0]) / 2), anchor[1] * (b[2, 1] + (w - b[0, 1]) / 2)  # (ENDS.21)
+    pose[0] += cos * x - sin * y
+    pose[1] += sin * x + cos * y
+    around(cov, cos, sin, b[4, 0] + more[0], b[4, 1])  # (ENDS.20)
+    outlined(outline, pose, b[0, 0], b[0, 1], f.contour[1, t])
+    speed = math.hypot(f.velocity[t, 0], f.velocity[t, 1])
+    out, var = bend(f.m[t, 4], f.std[t, 1], speed, b[0, 1], kind, hinges)
+    pose[0] -= sin * out / 2  # (ENDS.41)
+    pose[1] += cos * out / 2
+    around(cov, cos, sin, 0.0, var / 4)
+    size[0], size[1] = b[0, 0], b[0, 1] + abs(out)
+    std[0], std[1] = math.sqrt(b[1, 0]), math.sqrt(b[1, 1] + var)
+    side = 2 if out > 0 else 3
+    edge[side] = math.sqrt(edge[side] ** 2 + var)
