@@ -110,6 +110,11 @@ def _git(folder: Path, *words: str) -> str | None:
     return None
 
 
+def file_stem(*parts: str) -> str:
+    """Stem of a file from its parts; what a file system does not take, as `/`, reads `-`, and a colon `~`."""
+    return "_".join(parts).replace("/", "-").replace(":", "~")
+
+
 def make_directory(directory: Path) -> None:
     """Make it with its parents; raises OSError, in one sentence, where that cannot be or where there is no `ROOM`."""
     try:

@@ -17,6 +17,7 @@ from testbed.experiments.drives import Curves
 from testbed.experiments.run import Run
 from testbed.experiments.statistics import Change, needed, shapley
 from testbed.experiments.store import Results
+from testbed.files import file_stem
 from testbed.frame import TRUTH
 
 ALL = "all"  # scenarios together
@@ -43,8 +44,7 @@ class Drive(NamedTuple):
     @property
     def name(self) -> str:
         """Stem of the files about it."""
-        parts = f"{self.scenario}_{self.planner}_{self.condition}_seed{self.seed}"
-        return parts.replace(":", "~").replace("/", "-")
+        return file_stem(self.scenario, self.planner, self.condition, f"seed{self.seed}")
 
 
 KEY = Drive._fields

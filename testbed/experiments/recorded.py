@@ -7,7 +7,7 @@ others are one group.
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import cache, cached_property, lru_cache
 from hashlib import sha256
 from pathlib import Path
 from time import perf_counter, process_time
@@ -22,7 +22,7 @@ from testbed.experiments.identity import modules_digest, shared_digest, tracker_
 from testbed.experiments.rows import Rows
 from testbed.experiments.store import Results
 from testbed.experiments.study import Findings, Kept, Study, Tally
-from testbed.files import versions
+from testbed.files import file_stem, versions
 from testbed.frame import Frame
 from testbed.limits import check_settle
 from testbed.replay.plausibility import faults, judged
@@ -77,7 +77,7 @@ class RecordedRun:
     @property
     def name(self) -> str:
         """Stem of its file."""
-        return f"{self.scenario}_{self.source}_seed{self.seed}".replace(":", "~").replace("/", "-")
+        return file_stem(self.scenario, self.source, f"seed{self.seed}")
 
     @property
     def key(self) -> dict[str, Any]:
@@ -136,11 +136,11 @@ class RecordedComparison(Comparison):
             if name not in self._named or (name, folder) in self._files
         ]
 
-    @property
+    @cached_property
     def _files(self) -> dict[tuple[str, str], TracksSource]:
         return {(name, folder): source for name, folder, source in self.tracks}
 
-    @property
+    @cached_property
     def _named(self) -> set[str]:
         return {name for name, _, _ in self.tracks}
 

@@ -16,6 +16,7 @@ from testbed import planners
 from testbed.environment.registration import make, scenario_of
 from testbed.environment.sources import conditions
 from testbed.environment.validation import OF_USERS
+from testbed.files import file_stem
 from testbed.frame import TRUTH
 from testbed.limits import LARGEST_SEED, MOST_RUNS, check_choice, check_duration, check_settle
 from trackers import DEFAULT, TRACKERS
@@ -69,7 +70,7 @@ class Run:
     def _stem(self, *parts: str) -> str:
         radar = [] if self.radar == "surround" else [_short(self.radar)]
         config = [_short(self.config)] if self.config else []
-        return "_".join([*parts, *radar, *config, f"seed{self.seed}"]).replace(":", "~").replace("/", "-")
+        return file_stem(*parts, *radar, *config, f"seed{self.seed}")
 
     @property
     def key(self) -> dict[str, Any]:

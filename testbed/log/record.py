@@ -5,6 +5,8 @@ from typing import Any, NamedTuple
 
 from numpy.typing import NDArray
 
+from testbed.files import file_stem
+
 LEVELS = ("off", "metrics", "full")  # nothing; numbers and events; these with all geometry
 
 
@@ -55,7 +57,7 @@ def run_id(
     parts = [scenario, "+".join(trackers), radar, planner, f"seed{seed}"]
     parts += [] if duration is None else [f"{float(duration)!r}s".replace(".0s", "s")]
     parts += ["+".join(faults)] if faults else []
-    return "_".join(parts).replace("/", "-").replace(":", "~")
+    return file_stem(*parts)
 
 
 class RoadGeometry(NamedTuple):

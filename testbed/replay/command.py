@@ -12,6 +12,7 @@ from testbed.command_line.tables import show_files, show_measures
 from testbed.command_line.terminal import losses, progress_bar, user_input
 from testbed.environment.perception import radar_of
 from testbed.environment.registration import scenario_of
+from testbed.files import file_stem
 from testbed.limits import check_duration, check_seeds
 from testbed.replay.fixes import DOUBT, FAULT, OPEN, Finding
 from testbed.replay.plausibility import faults, judged
@@ -95,7 +96,7 @@ def drives(scenarios: Sequence[str], seeds: int | Sequence[int], out: Path) -> l
     if isinstance(seeds, int) and len(scenarios) == 1:
         return [(scenarios[0], seeds, out)]
     each = [seeds] if isinstance(seeds, int) else seeds
-    return [(s, k, out / f"{s}_seed{k}".replace(":", "~").replace("/", "-")) for s in scenarios for k in each]
+    return [(s, k, out / file_stem(s, f"seed{k}")) for s in scenarios for k in each]
 
 
 def check(scenario: str, seed: int, out: Path, radar: str, duration: float | None, format: str) -> None:
