@@ -39,6 +39,7 @@ class SiftedNetwork(RoadNetwork):
     """A RoadNetwork that asks no lane whose bounding box is farther away than the nearest lane found so far."""
 
     _boxes: LaneBoxes | None = None
+    _plain = False  # few lanes, all along the axes; known with the boxes
 
     def add_lane(self, _from: str, _to: str, lane: AbstractLane) -> None:
         """Add a lane, as `RoadNetwork.add_lane`."""
@@ -49,8 +50,10 @@ class SiftedNetwork(RoadNetwork):
         """Index of the lane closest to a position (2,) [m] and heading [rad], of equals the first, as RoadNetwork."""
         if self._boxes is None:
             self._boxes = lane_boxes(self)
+            lanes = self._boxes.lane
+            self._plain = len(lanes) <= FEW and all(type(lane) is AxisLane for lane in lanes)
         names, lanes, low, high = self._boxes
-        if len(lanes) <= FEW and heading is not None and all(type(lane) is AxisLane for lane in lanes):
+        if self._plain and heading is not None:
             return names[_closest(lanes, position, heading)]
         apart = np.maximum(np.maximum(low - position, position - high), 0.0)
         bound = SHARE * np.hypot(apart[:, 0], apart[:, 1]) - MARGIN

@@ -141,7 +141,7 @@ class Composed:
         if not some.any():
             return state, info
         if self.size is not None:
-            before, box = self._box(*state[:2]).pose, self._boxed(motion, place)
+            before, box = self.box(state).pose, self._boxed(motion, place)
             around = None if every is None or owner is None else Around(every, owner)
             size, pin = self.size.corrected(size, before, box, scan, around)
             motion, place = self._pinned(motion, place, box, pin)
@@ -153,7 +153,7 @@ class Composed:
 
     def estimate(self, state: ComposedState) -> Estimate:
         """Box, motion, contour and class."""
-        box = self._box(*state[:2])
+        box = self.box(state)
         return box if self.size is None else self._sized(state.size, box)
 
     def box(self, state: ComposedState) -> Estimate:
@@ -164,13 +164,13 @@ class Composed:
 
     def reach(self, state: ComposedState) -> Estimate:
         """The estimate with the greatest length and width that are possible, for gates; its `size_std` is 0."""
-        return self.size.reach(state.size, self._box(*state[:2]))
+        return self.size.reach(state.size, self.box(state))
 
     def log_spatial(self, state: ComposedState, scan: Scan, track: NDArray, detection: NDArray) -> NDArray:
         """Log density (G,) [1/m^2] of the detections with indices detection (G,) under the tracks track (G,)."""
         if self.size is None:
             return self._can.log_spatial(self._filled(state), scan, track, detection)
-        return self.size.log_spatial(state.size, self._box(*state[:2]), scan, track, detection)
+        return self.size.log_spatial(state.size, self.box(state), scan, track, detection)
 
     def learn_where(self, state: ComposedState, where: NDArray) -> ComposedState:
         """State whose next scan shows the complete objects where (...) is true; by default it shows all of them so."""

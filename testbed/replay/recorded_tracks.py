@@ -1,7 +1,7 @@
 """Tracks from a file in place of a tracker: the format of `columns.TRACKS`, at the times of the scans of a recording.
 
 What a file does not say stays unknown: a covariance is NaN, and NEES is left out. Which detections a track has taken is
-taken from their places, as for the truth of a recording: those in its box, grown by `origins.GROWN`.
+taken from their places, as for the truth of a recording: those in its box, grown by `truth.GROWN`.
 """
 
 import tomllib
@@ -26,7 +26,7 @@ from testbed.replay.truth import numbers_of, owners_by_place, parse_contour, row
 from trackers.estimate import Estimate
 from trackers.geometry import wrap_angle
 from trackers.multi.road import RoadMap
-from trackers.multi.tracks import StepInfo, Tracks
+from trackers.multi.tracks import REPORT_ABOVE, StepInfo, Tracks
 from trackers.scan import Scan
 
 TOLERANCE = 0.01  # [s] from a scan up to which a row is of it
@@ -187,7 +187,7 @@ def _steps(
     for frame, a, b in zip(recorded.frames, ends[:-1], ends[1:], strict=True):
         outline = None if contour is None or where.share[a:b].any() else contour[rows[a:b]]
         estimate = Estimate(**{field: value[a:b] for field, value in known.items()}, contour=outline)
-        tracks = Tracks(number[a:b], existence[a:b], hits[a:b], age[a:b], existence[a:b] > 0.5, None, estimate)
+        tracks = Tracks(number[a:b], existence[a:b], hits[a:b], age[a:b], existence[a:b] > REPORT_ABOVE, None, estimate)
         steps[frame.scene.time] = tracks, _info(tracks, frame.scan)
     return steps
 
