@@ -100,7 +100,7 @@ class Tables(NamedTuple):
     shares: NDArray  # (C,) of the classes
     of_length: NDArray  # (C, K)
     of_width: NDArray  # (C, K')
-    loads: NDArray  # (D, 2) class and share of those with loads
+    loads: NDArray  # (D, 3) class and share of those with loads, and whether they have a hinge
     load_at: NDArray  # (D, K) where on the grid a load ends
     enough_side: float
     pin: NDArray  # (5,) share, least, spread in a face, spread of the offsets (2)
@@ -116,7 +116,7 @@ class Tables(NamedTuple):
         p, Sigma, visible = place.contours
         mu = np.stack([(place.N @ one).T for one in p])
         loads = size.prior.loads
-        at = [X @ np.arange(len(X)) for _, _, X in loads]
+        at = [X @ np.arange(len(X)) for *_, X in loads]
         spline = [
             place.widened,
             place.unseen,
@@ -139,7 +139,7 @@ class Tables(NamedTuple):
             mu, np.stack([columns(one) for one in Sigma]), visible, place.outline(p, Sigma), place.position_std,
             np.reshape([(s.fov / 2, s.max_range) for s in place.sensors], (-1, 2)), spline,
             place.iterations, TRUCK_ABOVE, *_axis(size.length, 0), *_axis(size.width, 1),
-            *size.prior[:3], np.reshape([one[:2] for one in loads], (-1, 2)),
+            *size.prior[:3], np.reshape([one[:3] for one in loads], (-1, 3)),
             np.reshape(at, (-1, len(size.length.sizes))), size.enough_side,
             [size.pin, size.least_pin, size.face_std, *offset_std], size.prior.insets, size.prior.hinges, sheet,
             [size.outliers, size.independent, size.part_weight, size.offset_share, *offset_std],
