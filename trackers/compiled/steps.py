@@ -80,11 +80,13 @@ def predict(
     False where some number is not finite or too large.
     """
     length, width, hidden = np.empty(old.length.shape[1:]), np.empty(old.width.shape[1:]), np.empty(2)
+    fit = np.empty(len(p.modes))
     for t in range(len(which)):
         x.ahead[t] = old.ahead[t] + modes.driven(old.m[t], old.P[t], old.mu[t], dt)
         modes.mix(old.m[t], old.P[t], old.mu[t], kept, p.onset, dt, x.m[t], x.P[t], x.mu[t])
         for k in range(len(p.modes)):
-            modes.move(x.m[t, k], x.P[t, k], dt, p.modes[k], p.common, p.size_walk)
+            fit[k] = modes.move(x.m[t, k], x.P[t, k], dt, p.modes[k], p.common, p.size_walk)
+        modes.reweight(x.mu[t], fit)
         modes.moments(x.m[t], x.P[t], x.mu[t], f.m[t], f.P[t])
         x.anchor[t] = old.anchor[t]
         x.side[t] = keep * old.side[t]

@@ -12,7 +12,6 @@ from trackers.geometry import vector
 from trackers.size.fleet import Prior
 from trackers.size.grid import Grid
 
-
 SHOWN = np.zeros(2)  # of `posterior`: neither seen from behind only nor bent
 
 
