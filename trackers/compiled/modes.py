@@ -135,7 +135,7 @@ def move(m: NDArray, P: NDArray, dt: float, mode: NDArray, common: NDArray, size
     P[LENGTH, LENGTH] += size_walk**2 * dt  # (MODE.4)
     P[WIDTH, WIDTH] += size_walk**2 * dt
     symmetrize(P)
-    return 0.5 * (math.log(R / S) - turning**2 / S)  # (MODE.32)
+    return -0.5 * turning**2 / S  # (MODE.32)
 
 
 @compiled

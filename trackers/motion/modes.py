@@ -143,7 +143,7 @@ class Modes:
         row = P[..., OMEGA]
         R = B * self.bound_time / dt
         S = row[..., OMEGA] + R
-        fit = 0.5 * (np.log(R / S) - m[..., OMEGA] ** 2 / S)  # (MODE.32)
+        fit = -0.5 * m[..., OMEGA] ** 2 / S  # (MODE.32)
         gain = row / S[..., None]  # (MODE.7)
         m = m - gain * m[..., OMEGA, None]  # (MODE.7)
         return m, symmetrize(P - gain[..., :, None] * row[..., None, :]), fit  # (MODE.7)

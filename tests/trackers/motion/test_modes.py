@@ -92,12 +92,10 @@ def test_modes_that_cannot_be_are_refused(wrong):
 
 
 def test_a_mode_whose_bound_a_yaw_rate_does_not_keep_is_unlikely():
-    """(MODE.32) against the mean of exp(-omega^2 / 2R) over many yaw rates."""
-    modes, dt = Modes((Mode("one", 0.0, 0.0, 0.25, 0.3), Mode("two", 0.0, 0.0, 0.25, 3.0))), 0.1
-    m, P = np.tile([0.0, 0.0, 0.0, 7.5, 0.2, 0.0, 0.0], (2, 1)), np.tile(np.diag([1e-9] * 7), (2, 1, 1))
+    """(MODE.32) by hand: at 7.5 m/s the bounds are 0.04 and 0.4 rad/s, ten times the variance in 0.1 s."""
+    modes = Modes((Mode("one", 0.0, 0.0, 0.25, 0.3), Mode("two", 0.0, 0.0, 0.25, 3.0)))
+    m, P = np.tile([0.0, 0.0, 0.0, 7.5, 0.2, 0.0, 0.0], (2, 1)), np.tile(np.diag([1e-12] * 7), (2, 1, 1))
     P[:, OMEGA, OMEGA] = 0.04**2
-    omega = np.random.default_rng(0).normal(0.2, 0.04, 200_000)
-    R = (np.array([[0.3], [3.0]]) / 7.5) ** 2 / dt
-    np.testing.assert_allclose(
-        np.exp(modes.moved(m, P, np.full(2, 4.6), dt)[2]), np.exp(-(omega**2) / (2 * R)).mean(-1), rtol=5e-3
-    )
+    likely = modes.moved(m, P, np.full(2, 4.6), 0.1)[2]
+    np.testing.assert_allclose(likely, -0.5 * 0.2**2 / np.array([0.0016 + 0.016, 0.0016 + 1.6]), rtol=1e-6)
+    np.testing.assert_array_equal(modes.moved(m * (np.arange(7) != OMEGA), P, np.full(2, 4.6), 0.1)[2], 0.0)
