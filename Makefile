@@ -92,9 +92,10 @@ comparison: $(STAMP)
 	$(STUDY) publish runs/comparison --closed runs/closed --layers runs/layers --reference rm-feldmann
 	$(STUDY) comparison --docs docs
 
-# Six CPU minutes; the same command goes on where it was interrupted. Seeds that no parameter was set on.
+# Ten CPU minutes; the same command goes on where it was interrupted. Seeds that no parameter was set on.
 consistency: $(STAMP)
-	$(BIN)/testbed compare all --tracker imm-spline --seeds 990:994 --duration 10 --jobs -1 --out runs/consistency
+	$(BIN)/testbed compare all --tracker imm-spline --seeds 990:994 --duration 30 --after 3 --settle 2 --jobs -1 \
+		--out runs/consistency
 	$(STUDY) consistency runs/consistency --docs docs
 
 # Four CPU hours; the same command goes on where it was interrupted. Seeds that no parameter was set on.
