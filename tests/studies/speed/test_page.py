@@ -96,7 +96,7 @@ def test_each_vehicle_of_the_motorway_has_one_track():
 
 
 def test_two_hundred_vehicles_that_are_in_sight_at_once_are_tracked():
-    assert growth(200, warm_up=3, steps=1).tracks == 200
+    assert growth(200, warm_up=8, steps=1).tracks == 200
 
 
 def test_perfect_tracks_cost_more_where_somebody_asks_for_scans():
