@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scenarios.contours import find
 from trackers.geometry import box_corners, rotation
 
-LONG = 6.0  # [m] a stock vehicle without a contour is a truck from this length on
+LONG, NARROW = 6.0, 1.2  # [m] a vehicle without a contour is a truck from this length on, a motorcycle below this width
 
 
 class RigidPart(NamedTuple):
@@ -39,13 +39,15 @@ def resize(vehicle: RoadObject, length: float, width: float) -> RoadObject:
 
 
 def contour_of(vehicle: RoadObject) -> str:
-    """Name of the outline: the vehicle's own, else a box for obstacles, a car below 6 m, a truck above."""
+    """Name of the outline: the vehicle's own, else a box for obstacles, and of vehicles what their size fits."""
     own = getattr(vehicle, "contour", None)
     if own is not None:
         return own
     if not isinstance(vehicle, Vehicle):
         return "box"
-    return "car" if vehicle.LENGTH < LONG else "truck"
+    if vehicle.LENGTH >= LONG:
+        return "truck"
+    return "car" if vehicle.WIDTH >= NARROW else "motorcycle"
 
 
 def motion(vehicle: RoadObject) -> tuple[NDArray, float]:

@@ -333,6 +333,24 @@ def radar(
 
 
 @app.command()
+def scenario(
+    what: Annotated[str, typer.Argument(help="show.")],
+    name: Annotated[str, typer.Argument(help="A name of `testbed list scenarios`, MODULE:OBJECT, or a file.")],
+) -> None:
+    """Write a scenario as TOML, to be changed and given in place of a name, `testbed run my.toml`.
+
+    Example: [bold]testbed scenario show cut-in > my.toml[/bold]
+    """
+    from scenarios import find
+    from scenarios.scenario_file import text_of
+
+    with user_input():
+        check_choice("what", what, ("show",))
+        text = text_of(find(name))
+    print(text)
+
+
+@app.command()
 def bench(
     scenario: Annotated[list[str] | None, typer.Argument(help="Scenarios. Without it: all benchmarks.")] = None,
     tracker: Annotated[list[str] | None, typer.Option(help="Repeat for several, on the same scans.")] = None,

@@ -19,15 +19,16 @@ from pathlib import Path
 from typing import Any
 
 from scenarios import PROBES, SCENARIOS
-from scenarios import find as find_scenario
+from scenarios.native import module_of_id
 from scenarios.traffic.scenario import FAMILY, is_replay, replay_of
 from sensors import RADARS
 from sensors import find as find_radar
-from sensors.radar_file import SUFFIX
 from testbed import planners
+from testbed.environment.registration import scenario_of
 from testbed.frame import TRUTH
 from trackers import TRACKERS, SensorModel, build
 from trackers.lookup import home, parse, search_here
+from trackers.toml_file import SUFFIX
 
 PACKAGES = ("scenarios", "sensors", "testbed", "trackers")  # ours; their modules may be renamed and moved
 SHARED = ("scenarios", "sensors")  # whole packages
@@ -103,7 +104,7 @@ def own_names(
 
 def own_code(names: Iterable[tuple[str, str]]) -> dict[str, str]:
     """Digests of what users have given as (what, name), of its code and parameters, under `code of WHAT NAME`."""
-    find: dict[str, Callable[[str], Any]] = {"scenario": find_scenario, "radar": find_radar, "planner": planners.find}
+    find: dict[str, Callable[[str], Any]] = {"scenario": scenario_of, "radar": find_radar, "planner": planners.find}
     return {
         f"code of {what} {name}": code_digest(
             own_modules(own_module(name, what) or "").values(), ADDRESS.sub("", repr(find[what](name)))
@@ -121,9 +122,12 @@ def own_module(name: str, what: str) -> str | None:
         return None
     if what == "scenario" and is_replay(name):
         return f"{FAMILY}{replay_of(name).file}"
-    if what == "radar" and name.endswith(SUFFIX):
-        return name
+    if what == "scenario" and (module := module_of_id(name)):
+        return None if module.startswith("highway_env.") else module
     entry = parse(name)[0]
+    if entry.endswith(SUFFIX):
+        builder = getattr(scenario_of(name), "builder", "") if what == "scenario" else ""
+        return builder.partition(":")[0] or name
     path = None if entry in CATALOGUES[what]() else home(entry, what)
     return None if path is None else path.partition(":")[0]
 
