@@ -23,6 +23,7 @@ from testbed.command_line.terminal import (
     show,
     user_input,
 )
+from testbed.experiments.benchmark.command import app as benchmark
 from testbed.files import LostFileWarning
 from testbed.limits import check_choice
 from trackers import DEFAULT
@@ -36,6 +37,9 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
 )
+
+
+app.add_typer(benchmark, name="benchmark")
 
 
 def show_version(wanted: bool) -> None:

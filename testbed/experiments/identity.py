@@ -56,9 +56,17 @@ TABLES = {"trackers.htg.bins": "htg/tables", "trackers.pmht.model": "pmht/models
 
 def shared_digest() -> str:
     """Short digest of the code behind every run, whatever the tracker."""
+    return code_digest([*_world(), *map(_file, closure(ROOTS))])
+
+
+def world_digest() -> str:
+    """The same without any tracker: of scenarios, sensors, planners and measures."""
+    return code_digest(_world())
+
+
+def _world() -> list[Path]:
     whole = [path for package in SHARED for path in sorted(_root(package).rglob("*.py"))]
-    modules = [_file(f"testbed.{name}") for name in SCORES]
-    return code_digest([*whole, *modules, *map(_file, closure(ROOTS))])
+    return [*whole, *(_file(f"testbed.{name}") for name in SCORES)]
 
 
 def modules_digest(modules: Iterable[str]) -> str:
