@@ -126,7 +126,7 @@ def own_module(name: str, what: str) -> str | None:
 
     Recorded traffic has its file, as `replay:FILE`.
     """
-    if what == "planner" and name.startswith(planners.LEARNED):
+    if what == "planner" and name.startswith(planners.OF_FILES):
         return None
     if what == "scenario" and is_replay(name):
         return f"{FAMILY}{replay_of(name).file}"
