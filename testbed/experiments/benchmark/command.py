@@ -39,14 +39,14 @@ def list_benchmarks() -> None:
 @app.command()
 def run(
     name: Name,
-    tracker: options.Trackers = None,
+    tracker: Annotated[list[str] | None, typer.Option(help="Repeat for several, or all.")] = None,
     phrase: Phrase = None,
     track: Track = None,
     jobs: options.Jobs = 1,
     dask: options.Dask = None,
     out: options.Results = Path("runs/benchmark"),
 ) -> None:
-    """Make all runs of trackers, and an entry of each: OUT/NAME_TRACKER_SEEDS.json.
+    """Make all runs of trackers, or of all, and an entry of each: OUT/NAME_TRACKER_SEEDS.json.
 
     After Ctrl-C the same command does the rest.
 
@@ -55,9 +55,10 @@ def run(
     """
     from testbed.experiments.benchmark.runs import BenchmarkRuns
     from testbed.experiments.command import run_study
+    from testbed.experiments.run import expand
     from trackers import DEFAULT
 
-    given = tuple(tracker or (DEFAULT,)), phrase, tuple(track or ())
+    given = expand(tracker or [DEFAULT], "trackers"), phrase, tuple(track or ())
     run_study(lambda: BenchmarkRuns(name, *given, out=str(out)), jobs, dask)
 
 

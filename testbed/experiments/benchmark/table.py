@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rich.console import RenderableType
 from rich.markup import escape
 
-from testbed.evaluation.intervals import crossed_interval
+from testbed.evaluation.intervals import FEWEST, crossed_interval
 from testbed.evaluation.metric import METRICS
 from testbed.experiments.benchmark.definition import Track, find
 from testbed.experiments.benchmark.entries import Entry, is_frozen
@@ -122,10 +122,10 @@ def _shares(values: NDArray, base: Sequence[str]) -> NDArray:
 
 
 def seeds_for(a: NDArray, b: NDArray, share: float = RESOLVED) -> float:
-    """Seeds with which a difference of a share of the mean leaves out zero; values (cases, seeds) of two entries."""
+    """Seeds, at least those of an interval, that resolve a share of the mean; values (cases, seeds) of two entries."""
     each = np.nanmean(a - b, 0)
     wanted = share * abs(np.nanmean([a, b]))
-    return float(np.ceil((1.96 * each.std(ddof=1) / wanted) ** 2)) if len(each) > 1 and wanted else np.nan
+    return max(FEWEST, float(np.ceil((1.96 * each.std(ddof=1) / wanted) ** 2))) if len(each) > 1 and wanted else np.nan
 
 
 def sentences(entries: Sequence[Entry], track: Track) -> Iterator[str]:

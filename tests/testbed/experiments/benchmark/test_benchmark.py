@@ -179,7 +179,9 @@ def test_the_variance_is_where_it_was_put():
     found = table.spread([made_up("a", 2.0), made_up("b", 2.1)], V1.track("open"))
     assert found.seed > 0.95
     assert sum(found[:4]) == pytest.approx(1.0)
-    assert found.needed >= 1
+    assert found.needed == 3
+    a, b = np.array([[1.0, 2.0, 3.0, 4.0]]), np.array([[1.0, 1.0, 4.0, 4.0]])  # differences 0, 1, -1, 0
+    assert table.seeds_for(a, b, 0.1) == np.ceil((1.96 * np.std([0, 1, -1, 0], ddof=1) / 0.25) ** 2)
 
 
 def test_entries_of_other_code_are_left_out_of_the_table():
