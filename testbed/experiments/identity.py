@@ -248,7 +248,15 @@ def syntax(source: str) -> str:
     """
     tree = ast.parse(source)
     imported = sorted({name for node in ast.walk(tree) for name in _imported_names(node)})
-    return "\n".join([*imported, ast.dump(_Stripped().visit(tree))])
+    return "\n".join([*imported, _dumped(_Stripped().visit(tree))])
+
+
+def _dumped(node: Any) -> str:
+    """A syntax tree as text, the same of every version of Python: what is empty, which some leave out, is left out."""
+    if isinstance(node, ast.AST):
+        parts = (f"{name}={_dumped(value)}" for name, value in ast.iter_fields(node) if value not in (None, []))
+        return f"{type(node).__name__}({', '.join(parts)})"
+    return f"[{', '.join(map(_dumped, node))}]" if isinstance(node, list) else repr(node)
 
 
 def _imported_names(node: ast.AST) -> list[str]:
