@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from math import inf
 from numbers import Real
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 Builder = Callable[..., "World"]
 
 
-class Parameter(NamedTuple):
+@dataclass(frozen=True)
+class Parameter:
     """A number that says how hard a scenario is; `config={name: value}` of its environment sets it."""
 
     name: str
@@ -27,13 +28,21 @@ class Parameter(NamedTuple):
     hard: float  # the hardest value allowed; it may lie below or above `easy`
     unit: str
     note: str  # what it is
+    traffic: bool = False  # what the stage takes, see `TRAFFIC`, and not the builder
 
     def check(self, value: Any) -> float:
         """The value as a number; ValueError for one that is none, or outside the range."""
         low, high = sorted((self.easy, self.hard))
         if not isinstance(value, Real) or isinstance(value, bool) or not low <= float(value) <= high:
-            raise ValueError(f"{self.name} must be a number from {low:g} to {high:g} {self.unit}, got {value!r}")
+            unit = "" if self.unit == "1" else f" {self.unit}"
+            raise ValueError(f"{self.name} must be a number from {low:g} to {high:g}{unit}, got {value!r}")
         return float(value)
+
+
+TRAFFIC = (  # what every scenario on a `Stage` can be given: `cut-in:density=1.5,speed=0.8`
+    Parameter("density", 1.0, 0.25, 2.0, "1", "vehicles of each platoon, and the inverse of their headways", True),
+    Parameter("speed", 1.0, 0.5, 1.25, "1", "of everybody, the ego too: the same ways in another time", True),
+)
 
 
 @dataclass(frozen=True)
@@ -72,7 +81,9 @@ class Scenario:
         if given:
             known = ", ".join(self.defaults) or "none"
             raise ValueError(f"{self.name} has no parameter {', '.join(given)}; it has {known}")
-        world = self._builder()(rng, **checked)
+        traffic = {parameter.name: checked.pop(parameter.name) for parameter in self.parameters if parameter.traffic}
+        with import_module("scenarios.stage").traffic(**traffic):
+            world = self._builder()(rng, **checked)
         for vehicle in world.road.vehicles:
             if hasattr(vehicle, "table"):
                 import_module("scenarios.courses").check(vehicle.table.rows, self.max_lateral)

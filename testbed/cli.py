@@ -23,6 +23,7 @@ from testbed.command_line.terminal import (
     show,
     user_input,
 )
+from testbed.experiments.benchmark.command import app as benchmark
 from testbed.files import LostFileWarning
 from testbed.limits import check_choice
 from trackers import DEFAULT
@@ -36,6 +37,9 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
 )
+
+
+app.add_typer(benchmark, name="benchmark")
 
 
 def show_version(wanted: bool) -> None:
@@ -325,6 +329,24 @@ def radar(
     """
     from sensors import find
     from sensors.radar_file import text_of
+
+    with user_input():
+        check_choice("what", what, ("show",))
+        text = text_of(find(name))
+    print(text)
+
+
+@app.command()
+def scenario(
+    what: Annotated[str, typer.Argument(help="show.")],
+    name: Annotated[str, typer.Argument(help="A name of `testbed list scenarios`, MODULE:OBJECT, or a file.")],
+) -> None:
+    """Write a scenario as TOML, to be changed and given in place of a name, `testbed run my.toml`.
+
+    Example: [bold]testbed scenario show cut-in > my.toml[/bold]
+    """
+    from scenarios import find
+    from scenarios.scenario_file import text_of
 
     with user_input():
         check_choice("what", what, ("show",))

@@ -26,6 +26,7 @@ function go(frame) {
   el("scene").setAttribute("aria-label", "Bird's-eye view at " + time.toFixed(2) + " s");
   drawScene();
   drawCharts();
+  if (window.onstep) window.onstep(time); // of a page that shows two runs
   for (const node of document.querySelectorAll("[data-start]")) {
     node.classList.toggle("now", time >= +node.dataset.start - 0.04 && time <= +node.dataset.end + 0.04);
   }
@@ -133,9 +134,11 @@ function drawChart(canvas, lines, low, high, title) {
   });
   g.strokeStyle = "#ffd34d"; g.lineWidth = 1;
   g.beginPath(); g.moveTo(x(run.time[view.frame]), 2); g.lineTo(x(run.time[view.frame]), height - 14); g.stroke();
-  const now = lines.map((line) => line && line[view.frame] !== null ? line[view.frame].toFixed(2) : "\u2013").join(" | ");
-  canvas.setAttribute("aria-label", title + " now: " + now);
-  canvas.parentElement.querySelector("output").textContent = now;
+  const value = (line) => line && line[view.frame] !== null ? line[view.frame].toFixed(2) : "\u2013";
+  const now = lines.map((line, i) => (lines.length > 1 ? run.trackers[i].name + " " : "") + value(line));
+  canvas.setAttribute("aria-label", title + " now: " + now.join(", "));
+  canvas.parentElement.querySelector("output").replaceChildren(...now.map((text, i) =>
+    make("span", lines.length > 1 ? { style: "color: " + run.trackers[i].color } : {}, (i ? ", " : "") + text)));
 }
 
 function fillCharts() {
