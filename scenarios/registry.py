@@ -107,10 +107,10 @@ SCENARIOS = MappingProxyType({s.name: s for s in (
         "scenarios.papers:xu_maneuvers", 1, max_lateral=5.5, duration=50.0),
     Scenario("yao2021-truck",
         "The course of Yao et al. (2021): a small truck on two half circles; its contour can be learned on the way.",
-        "scenarios.papers:yao_truck", 1, duration=242.0),
+        "scenarios.papers:yao_truck", 1, duration=242.0, lateral=False),
     Scenario("yao2021-tractor",
         "The same course, driven by a tractor: narrow bonnet, wide wheels, seen from behind and from the side.",
-        "scenarios.papers:yao_tractor", 1, duration=242.0),
+        "scenarios.papers:yao_tractor", 1, duration=242.0, lateral=False),
 )})  # fmt: skip
 
 
