@@ -11,6 +11,7 @@ from studies import (
     ghosts_figure,
     lane_changes,
     layers_figure,
+    limits_figure,
     size_by_radar,
     vehicle_figure,
 )
@@ -43,6 +44,7 @@ STUDIES: Mapping[str, Callable[..., None]] = {
     "faults": faults.main,
     "ghosts": ghosts_figure.main,  # a picture for docs/ghosts.md
     "htg-tables": htg_tables.main,
+    "limits": limits_figure.main,  # a picture for docs/methods/radar.md
     "layers": layers_figure.main,  # pictures for docs/layers.md
     "learned-policies": learned.main,
     "modes": modes.main,
