@@ -132,8 +132,10 @@ def find(name: str) -> Scenario:
     found = catalogue[entry] if entry in catalogue else find_own(entry, catalogue, "scenario")
     if not isinstance(found, Scenario):
         raise ValueError(f"scenario {entry!r} is {found!r}; it must be a `scenarios.Scenario`")
+    found = replace(found, name=name, drivers=str(values.pop("drivers", found.drivers)))
+    found.population  # noqa: B018 - its errors
     if unknown := values.keys() - found.defaults.keys():
-        known = ", ".join(found.defaults) or "none"
+        known = ", ".join((*found.defaults, "drivers"))
         raise ValueError(f"{entry} has no parameter {', '.join(sorted(unknown))}; it has {known}")
     parameters = tuple(p._replace(default=p.check(values.get(p.name, p.default))) for p in found.parameters)
-    return replace(found, name=name, parameters=parameters)
+    return replace(found, parameters=parameters)
