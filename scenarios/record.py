@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from scenarios.drivers import DEFAULT, Population, driven_by, find
+
 if TYPE_CHECKING:
     from scenarios.stage import World
 
@@ -58,12 +60,18 @@ class Scenario:
     parameters: tuple[Parameter, ...] = ()  # the builder takes them by name
     lateral: bool = True  # whether the ego may change lane, unless the config has an action of its own
     calm: bool = False  # whether nothing in it calls for braking
+    drivers: str = DEFAULT  # population of those that no course is prescribed to: a name, or a file
 
     def __post_init__(self) -> None:
         if not (isinstance(self.duration, Real) and 0 < self.duration < inf):
             raise ValueError(f"{self.name}: duration must be positive and finite, got {self.duration!r}; give seconds")
         if isinstance(self.builder, str) and self.builder.count(":") != 1:
             raise ValueError(f"{self.name}: builder must read 'module:function', got {self.builder!r}")
+
+    @property
+    def population(self) -> Population | None:
+        """Of its drivers; None for `DEFAULT`. Errors are those of `drivers.find`."""
+        return find(self.drivers)
 
     @property
     def defaults(self) -> dict[str, float]:
@@ -82,7 +90,7 @@ class Scenario:
             known = ", ".join(self.defaults) or "none"
             raise ValueError(f"{self.name} has no parameter {', '.join(given)}; it has {known}")
         traffic = {parameter.name: checked.pop(parameter.name) for parameter in self.parameters if parameter.traffic}
-        with import_module("scenarios.stage").traffic(**traffic):
+        with import_module("scenarios.stage").traffic(**traffic), driven_by(self.population):
             world = self._builder()(rng, **checked)
         for vehicle in world.road.vehicles:
             if hasattr(vehicle, "table"):

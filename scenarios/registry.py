@@ -110,10 +110,10 @@ SCENARIOS = MappingProxyType({s.name: s for s in (
         "scenarios.papers:xu_maneuvers", 1, max_lateral=5.5, duration=50.0),
     Scenario("yao2021-truck",
         "The course of Yao et al. (2021): a small truck on two half circles; its contour can be learned on the way.",
-        "scenarios.papers:yao_truck", 1, duration=242.0),
+        "scenarios.papers:yao_truck", 1, duration=242.0, lateral=False),
     Scenario("yao2021-tractor",
         "The same course, driven by a tractor: narrow bonnet, wide wheels, seen from behind and from the side.",
-        "scenarios.papers:yao_tractor", 1, duration=242.0),
+        "scenarios.papers:yao_tractor", 1, duration=242.0, lateral=False),
 )})  # fmt: skip
 
 
@@ -142,10 +142,13 @@ def find(name: str) -> Scenario:
             f"scenario {entry!r} is {found!r}; it must be a `scenarios.Scenario`, or, of an environment of "
             "highway-env, its class or a function of a config"
         )
+    found = replace(found, name=name, drivers=str(values.pop("drivers", found.drivers)))
+    found.population  # noqa: B018 - its errors
     own = {parameter.name: parameter for parameter in found.parameters}
     known = own | {parameter.name: parameter for parameter in TRAFFIC if parameter.name not in own}
     if unknown := values.keys() - known.keys():
-        raise ValueError(f"{entry} has no parameter {', '.join(sorted(unknown))}; it has {', '.join(known)}")
+        names = ", ".join((*known, "drivers"))
+        raise ValueError(f"{entry} has no parameter {', '.join(sorted(unknown))}; it has {names}")
     kept = dict.fromkeys([*own, *values])
     parameters = tuple(replace(p, default=p.check(values.get(key, p.default))) for key in kept for p in [known[key]])
-    return replace(found, name=name, parameters=parameters)
+    return replace(found, parameters=parameters)

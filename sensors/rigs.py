@@ -108,6 +108,15 @@ RADARS = MappingProxyType({r.name: r for r in (
 )})  # fmt: skip
 
 
+def staggered(radar: Radar, rate: float) -> Radar:
+    """The rig with sensors that measure one after another, each `rate` times a second; frames are to be short enough.
+
+    With S sensors, a simulation of S times that rate has one sensor in each scan, and so a time stamp for each.
+    """
+    number = len(radar.sensors)
+    return replace(radar, sensors=tuple(replace(s, rate=rate, phase=k / number) for k, s in enumerate(radar.sensors)))
+
+
 def find(name: str) -> Radar:
     """The radar rig of that name: `NAME`, `NAME:key=value,key=value`, `MODULE:OBJECT:...` or a file `PATH.toml`.
 
