@@ -97,6 +97,7 @@ def render(probes: list[Acceptance]) -> str:
         blind=max(v.blind[0] for v in probes),
         seed=SHOWN,
         table=table(probes),
+        parameters=parameters([PROBES[v.probe] for v in probes]),
         sections="\n".join(section(PROBES[v.probe]) for v in probes),
     )
 
@@ -119,13 +120,18 @@ def table(probes: list[Acceptance]) -> str:
     return markdown_table(head, rows)
 
 
-def section(probe: Scenario) -> str:
-    """What one probe asks, its parameters, its picture."""
-    parameters = markdown_table(
-        ("parameter", "default", "easy to hard", "what"),
+def parameters(probes: list[Scenario]) -> str:
+    """One row a parameter."""
+    return markdown_table(
+        ("probe", "parameter", "default", "easy to hard", "what"),
         [
-            (f"`{p.name}`", f"{p.default:g} {p.unit}", f"{p.easy:g} to {p.hard:g} {p.unit}", p.note)
-            for p in probe.parameters
+            (f"`{v.name}`", f"`{p.name}`", f"{p.default:g} {p.unit}", f"{p.easy:g} to {p.hard:g} {p.unit}", p.note)
+            for v in probes
+            for p in v.parameters
         ],
     )
-    return fill("probes/probe.md.j2", name=probe.name, purpose=probe.purpose, parameters=parameters)
+
+
+def section(probe: Scenario) -> str:
+    """What one probe asks, its picture."""
+    return fill("probes/probe.md.j2", name=probe.name, purpose=probe.purpose)
