@@ -75,6 +75,7 @@ def render(study: Study) -> str:
         drivers=drivers.table(rows),
         near=sum(map(near, rows)),
         alike=sum(near(row._replace(simulated=row.default)) for row in rows),
+        halves=sum(near(row._replace(simulated=row.tuned)) for row in rows),
         statistics=len(rows),
         followers=18,
         together=fit["population"]["speed_unrest"],
