@@ -27,7 +27,7 @@ def text(docs: Path) -> str:
         "rigs/page.md.j2",
         rigs=markdown_table(
             ("name", "radars", "what", "mounts x, y [m], heading [deg]"),
-            [(f"`{r.name}`", str(len(r.sensors)), r.note, "; ".join(mounts(r))) for r in RADARS.values()],
+            [(f"`{r.name}`", str(len(r.sensors)), r.note, mounts(r)) for r in RADARS.values()],
         ),
         legend="\n".join(f"- **{key}** {what}" for key, what in LEGEND.items() if key != "-")
         + f"\n- no letter: {LEGEND['-']}",
@@ -47,9 +47,13 @@ def text(docs: Path) -> str:
     )
 
 
-def mounts(radar: Radar) -> list[str]:
-    """Where each radar of a rig sits, in words."""
-    return [f"{x:g}, {y:g}, {np.degrees(a):g}" for x, y, a in (sensor.mount for sensor in radar.sensors)]
+def mounts(radar: Radar) -> str:
+    """Where each radar of a rig sits, or which earlier rig of several radars has the same mounts."""
+    own = [sensor.mount for sensor in radar.sensors]
+    first = next(r for r in (*RADARS.values(), radar) if [sensor.mount for sensor in r.sensors] == own)
+    if first is not radar and len(own) > 1:
+        return f"as `{first.name}`"
+    return "; ".join(f"{x:g}, {y:g}, {np.degrees(a):g}" for x, y, a in own)
 
 
 def cell(sensor: str, name: str) -> str:
