@@ -1,6 +1,7 @@
 """`testbed benchmark check`: the runs of an entry, or some of them, made again and compared value by value."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from hashlib import sha256
 from pathlib import Path
 from typing import ClassVar
@@ -14,6 +15,7 @@ from testbed.experiments.benchmark.runs import BenchmarkRuns
 from testbed.experiments.run import Run
 from testbed.experiments.store import Results
 from testbed.experiments.study import Findings, Tally
+from testbed.frame import TRUTH
 from testbed.limits import check_whole
 
 SHOWN = 20  # values that differ
@@ -46,9 +48,18 @@ class Again(BenchmarkRuns):
         return made
 
     def work(self) -> list[Run]:
-        """Those that the entry has, or some, drawn by what it says."""
+        """Those that the entry has, or some, and the drives on the truth that these are scored against."""
+        chosen = {(self.placed[run].track, self.placed[run].case, run.seed) for run in self.chosen}
+        place = self.placed
+        against = [run for run, p in place.items() if run.source == TRUTH and (p.track, p.case, run.seed) in chosen]
+        return list(dict.fromkeys([*against, *self.chosen]))
+
+    @cached_property
+    def chosen(self) -> list[Run]:
+        """The runs of the entry that are compared, drawn by what it says."""
         assert self.entry is not None
-        found = [run for run, p in self.placed.items() if (p.track, p.case, run.seed) in self.entry.at]
+        at = self.entry.at
+        found = [r for r, p in self.placed.items() if r.source == self.entry.name and (p.track, p.case, r.seed) in at]
         if self.count is None:
             return found
         entropy = int.from_bytes(sha256(repr(self.entry.runs).encode()).digest())
@@ -58,7 +69,7 @@ class Again(BenchmarkRuns):
     def judge(self, results: Results, tally: Tally) -> Findings:
         """What differs."""
         assert self.entry is not None
-        return compared(self.entry, self.entries(results)[0], len(self.work()))
+        return compared(self.entry, self.entries(results)[0], len(self.chosen))
 
     def write(self, results: Results, found: Findings, console: Console) -> None:
         """Nothing."""

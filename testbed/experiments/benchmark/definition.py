@@ -39,6 +39,11 @@ class Track:
     radars: tuple[str, ...] = ("surround",)  # the first records, the others scan what it recorded anew
     planner: str = "idm"  # in closed loop
 
+    @property
+    def scored(self) -> bool:
+        """Whether its drives are scored against those on the truth."""
+        return SCORE in self.measures
+
     def runs(self, tracker: str, seed: int) -> Iterator[tuple[str, Run]]:
         """Each run of one seed, after its case, which is CASE@RADAR where the radar is not the first."""
         for case in self.cases:
@@ -82,6 +87,7 @@ class Benchmark:
         return {"definition": sha256(text.encode()).hexdigest()[:12], "code": world_digest()}
 
 
+SCORE = "score"
 LENGTH: dict[str, Any] = {
     "duration": 60.0,
     "after": 3.0,
@@ -98,7 +104,7 @@ FAULTY = ("cut-in", "lane-change", "merge")
 BENCHMARKS: Mapping[str, Benchmark] = MappingProxyType({b.name: b for b in (
     Benchmark("v1", (
         Track("open", "tracking on recordings, by two radars", OPEN, "gospa", MAIN, radars=("surround", "imaging")),
-        Track("closed", "driving on tracks, by the planner idm", CLOSED, "drive_value", (*DRIVE, *MAIN), "closed"),
+        Track("closed", "driving on tracks, by the planner idm", CLOSED, SCORE, (SCORE, *DRIVE, *MAIN), "closed"),
         Track("faults", "tracking on recordings of a radar with faults",
               tuple(f"{scenario}+{fault}" for scenario in FAULTY for fault in FAULTS), "gospa", MAIN),
     ), tuple(range(1000, 1008))),

@@ -10,8 +10,9 @@ import numpy as np
 import pyarrow as pa
 from rich.console import Console
 
+from testbed.evaluation.driving import drive_score
 from testbed.experiments.benchmark import table
-from testbed.experiments.benchmark.definition import LENGTH, Benchmark, find
+from testbed.experiments.benchmark.definition import LENGTH, SCORE, Benchmark, find
 from testbed.experiments.benchmark.entries import TRACKER, TRACKS, Entry, entry
 from testbed.experiments.episode import episode
 from testbed.experiments.identity import own_module, tracker_digest
@@ -72,7 +73,9 @@ class BenchmarkRuns(Study):
     def placed(self) -> dict[Run, Place]:
         """Every run with where it belongs."""
         seeds, tracks = self.version.seeds(self.phrase), [track.name for track in self.version.tracks]
-        return {p.run: p for tracker in self.trackers for p in places(self.version, tracker, seeds, tracks)}
+        scored = [track.name for track in self.version.tracks if track.scored]
+        asked = [(TRUTH, scored), *((tracker, tracks) for tracker in self.trackers)]
+        return {p.run: p for tracker, names in asked for p in places(self.version, tracker, seeds, names)}
 
     def work(self) -> list[Run]:
         """All runs, or those of the tracks that are asked for."""
@@ -114,8 +117,13 @@ class BenchmarkRuns(Study):
 
 def _runs(benchmark: Benchmark, spans: Any, name: str) -> Iterator[dict[str, Any]]:
     """The runs of one tracker as an entry has them, in the order of the definition."""
+    key = ["track", "scenario", "seed"]
+    aims = spans[spans["tracker"] == TRUTH].set_index(key)["progress"] if "progress" in spans else {}
     for row in spans[spans["tracker"] == name].to_dict("records"):
-        values = {measure: row.get(measure) for measure in benchmark.track(row["track"]).measures}
+        track = benchmark.track(row["track"])
+        if track.scored:
+            row[SCORE] = float(drive_score(row, aims.get(tuple(row[k] for k in key), np.nan)))
+        values = {measure: row.get(measure) for measure in track.measures}
         known = {k: float(v) if v is not None and np.isfinite(v) else None for k, v in values.items()}
         yield {"track": row["track"], "case": row["scenario"], "seed": int(row["seed"]), **known}
 
