@@ -125,6 +125,7 @@ def check(name, call, part=1e-8):
     assert_same(new, old, "state", part)
     state, reference = (new, old) if kind == "predict" else (new[0], old[0])
     assert_same(compiled.estimate(state), numpy.estimate(reference), "estimate", part)
+    assert_same(compiled.box(state), numpy.box(reference), "box", part)
     if kind == "update":
         assert_same(new[1].nis, old[1].nis, "nis", part)
         assert_same(compiled.reach(state), numpy.reach(reference), "reach", part)

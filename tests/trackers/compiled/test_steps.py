@@ -18,6 +18,8 @@ from trackers import build, find
 from trackers.batch import take
 from trackers.compiled import REFUSED, available
 from trackers.compiled.core import Core, supported
+from trackers.htg.density import HTG, evaluate, lift, log_mass
+from trackers.htg.density import prepare as dense
 from trackers.htg.map import HTGMap
 
 pytestmark = pytest.mark.skipif(not available(), reason="needs the extra `fast`")
@@ -132,6 +134,21 @@ def test_a_free_run_gives_the_same_tracks_and_events(name):
             assert (x is None) is (y is None)
             np.testing.assert_allclose(0 if x is None else x, 0 if y is None else y, rtol=1e-5, atol=1e-6)
         tracks = [a, b]
+
+
+@pytest.mark.parametrize("r", [1e-5, 1e-3, 0.1])
+def test_the_density_is_the_same_far_inside_a_hole_and_far_outside(r):
+    """(HTG.5), (HTG.7) of turned, open and sharp holes, hundreds of standard deviations from their sides."""
+    from trackers.compiled.htg import density, prepare
+
+    rng = np.random.default_rng(0)
+    p = HTG(np.array(0.7), np.array([0.8, 2.0, np.inf, 0.5]), np.array(0.3), np.array([r, 2 * r]))
+    row, c, g = np.array([p.rho, *p.bounds, p.theta, *p.r, log_mass(p)]), np.empty(11), np.empty(2)
+    prepare(row, np.array([0.0, r]), c)
+    points = rng.normal(0, 1.5, (200, 2))
+    log_p, slope = evaluate(points.T, dense(lift(p, 1), np.array([[0.0, r]])))
+    found = [(density(x, y, c, g), *g) for x, y in points]
+    np.testing.assert_allclose(found, np.column_stack([log_p, *slope]), rtol=1e-9, atol=1e-9)
 
 
 class Other(type(NUMPY["imm-spline"].motion)):
