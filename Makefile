@@ -16,7 +16,7 @@ SITE := build/docs
 # Byte code is kept, also where the machine's default is not to.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo test test-slow test-all explore test-lowest lint types unit generated docs bench regress reproduce comparison consistency regret faults learned clean
+.PHONY: demo test test-slow test-all explore test-lowest lint types unit generated docs bench regress reproduce comparison benchmark consistency regret faults learned clean
 
 demo: $(STAMP)
 	@echo
@@ -91,6 +91,11 @@ comparison: $(STAMP)
 		--out runs/closed
 	$(STUDY) publish runs/comparison --closed runs/closed --layers runs/layers --reference rm-feldmann
 	$(STUDY) comparison --docs docs
+
+# All trackers in the benchmark, hours; the same command goes on where it was interrupted. OPTIONS may name a cluster.
+benchmark: $(STAMP)
+	$(BIN)/testbed benchmark run v1 --tracker all --jobs -1 $(OPTIONS) --out runs/benchmark
+	$(BIN)/testbed benchmark table runs/benchmark --out runs/benchmark/table.md
 
 # Ten CPU minutes; the same command goes on where it was interrupted. Seeds that no parameter was set on.
 consistency: $(STAMP)

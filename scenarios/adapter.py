@@ -5,7 +5,8 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from highway_env.vehicle.objects import Obstacle, RoadObject
+from highway_env.vehicle.kinematics import Vehicle
+from highway_env.vehicle.objects import RoadObject
 from numpy.typing import NDArray
 
 from scenarios.bodies import RigidPart, is_kind, parts
@@ -45,7 +46,7 @@ class SceneReader:
         """
         dt = 1 / env.config["simulation_frequency"]
         seen = [v for v in env.road.vehicles if v is not env.vehicle]
-        seen += [o for o in env.road.objects if isinstance(o, Obstacle) and o.solid]
+        seen += [o for o in env.road.objects if o.solid]
         bodies = [parts(v) for v in seen]
         return Scene(
             time=env.steps / env.config["simulation_frequency"],
@@ -117,7 +118,7 @@ def _box(bodies: list[RigidPart]) -> RigidPart:
 
 
 def _kind(vehicle: RoadObject, bodies: list[RigidPart]) -> str:
-    if is_kind(type(vehicle), Obstacle):
+    if not is_kind(type(vehicle), Vehicle):
         return OBSTACLE
     return bodies[0].contour if len(bodies) == 1 else ARTICULATED
 

@@ -20,7 +20,7 @@ from trackers.geometry import box_corners, rotation
 
 # The check of an abstract class takes longer than what it decides about.
 is_kind: Callable[[type, type], bool] = cache(issubclass)
-LONG = 6.0  # [m] a stock vehicle without a contour is a truck from this length on
+LONG, NARROW = 6.0, 1.2  # [m] a vehicle without a contour is a truck from this length on, a motorcycle below this width
 
 
 class RigidPart(NamedTuple):
@@ -43,13 +43,15 @@ def resize(vehicle: RoadObject, length: float, width: float) -> RoadObject:
 
 
 def contour_of(vehicle: RoadObject) -> str:
-    """Name of the outline: the vehicle's own, else a box for obstacles, a car below 6 m, a truck above."""
+    """Name of the outline: the vehicle's own, else a box for obstacles, and of vehicles what their size fits."""
     own = getattr(vehicle, "contour", None)
     if own is not None:
         return own
     if not is_kind(type(vehicle), Vehicle):
         return "box"
-    return "car" if vehicle.LENGTH < LONG else "truck"
+    if vehicle.LENGTH >= LONG:
+        return "truck"
+    return "car" if vehicle.WIDTH >= NARROW else "motorcycle"
 
 
 def motion(vehicle: RoadObject) -> tuple[NDArray, float]:

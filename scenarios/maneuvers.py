@@ -7,11 +7,12 @@ at no less than its speed, or behind it, where drivers react.
 import numpy as np
 
 from scenarios.courses import Segment, Shift, follow_lane, integrate
+from scenarios.drivers import steady_gap
 from scenarios.longitudinal import AXIS, START, L, M, R
 from scenarios.networks import SIX_RADAR_ORIGIN, gentle_curve, six_radar_bend, straight
 from scenarios.networks import s_curve as s_curve_road
 from scenarios.networks import tunnel as tunnel_road
-from scenarios.stage import EGO_SIZE, Flow, Stage, World, phases, steady_gap
+from scenarios.stage import EGO_SIZE, Flow, Stage, World, phases
 
 
 def cut_in(rng: np.random.Generator) -> World:

@@ -31,6 +31,7 @@ TABLE_1 = (  # of Xu et al. (2023); ends the straight parts at (20, 0) m/s
 )
 STAGES = (Phase("CV", 0.0, 10.0), Phase("CA", 10.0, 30.0), Phase("CV again", 30.0, 40.0), Phase("CT", 40.0, 50.0))
 YAO_SPEED, YAO_SIZE = 11.2, (5.0, 2.0)  # [m/s], [m]
+YAO_LIMIT = 12.5  # [m/s] target speed of the ego above that of who it follows, or it falls back
 YAO_TURNS = ((101.0, np.pi / 101), (121.0, -np.pi / 121), (20.0, 0.0))  # [s], [rad/s]
 
 
@@ -110,7 +111,7 @@ def yao_tractor(rng: np.random.Generator) -> World:
 def _yao(kind: str, rng: np.random.Generator) -> World:
     turns = tuple(Segment(duration, 0.0, yaw_rate) for duration, yaw_rate in YAO_TURNS)
     course = integrate((0.0, 0.0, 0.0), YAO_SPEED, turns)
-    stage = Stage(curved(_path_of(course, 60.0), (-WIDTH, 0.0, WIDTH), speed_limit=YAO_SPEED), rng)
+    stage = Stage(curved(_path_of(course, 60.0), (-WIDTH, 0.0, WIDTH), speed_limit=YAO_LIMIT), rng)
     stage.ego(M, 60.0 - float(rng.uniform(22.0, 28.0)), YAO_SPEED)
     length, width = YAO_SIZE * (1 + rng.uniform(-1, 1, 2) * (0.06, 0.02))
     stage.prescribe(kind, course, (float(length), float(width)))

@@ -8,9 +8,11 @@ from dataclasses import dataclass
 from importlib import import_module
 from math import inf
 from numbers import Real
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from scenarios.drivers import DEFAULT, Population, driven_by, find
 
 if TYPE_CHECKING:
     from scenarios.stage import World
@@ -18,7 +20,8 @@ if TYPE_CHECKING:
 Builder = Callable[..., "World"]
 
 
-class Parameter(NamedTuple):
+@dataclass(frozen=True)
+class Parameter:
     """A number that says how hard a scenario is; `config={name: value}` of its environment sets it."""
 
     name: str
@@ -27,13 +30,21 @@ class Parameter(NamedTuple):
     hard: float  # the hardest value allowed; it may lie below or above `easy`
     unit: str
     note: str  # what it is
+    traffic: bool = False  # what the stage takes, see `TRAFFIC`, and not the builder
 
     def check(self, value: Any) -> float:
         """The value as a number; ValueError for one that is none, or outside the range."""
         low, high = sorted((self.easy, self.hard))
         if not isinstance(value, Real) or isinstance(value, bool) or not low <= float(value) <= high:
-            raise ValueError(f"{self.name} must be a number from {low:g} to {high:g} {self.unit}, got {value!r}")
+            unit = "" if self.unit == "1" else f" {self.unit}"
+            raise ValueError(f"{self.name} must be a number from {low:g} to {high:g}{unit}, got {value!r}")
         return float(value)
+
+
+TRAFFIC = (  # what every scenario on a `Stage` can be given: `cut-in:density=1.5,speed=0.8`
+    Parameter("density", 1.0, 0.25, 2.0, "1", "vehicles of each platoon, and the inverse of their headways", True),
+    Parameter("speed", 1.0, 0.5, 1.25, "1", "of everybody, the ego too: the same ways in another time", True),
+)
 
 
 @dataclass(frozen=True)
@@ -49,12 +60,18 @@ class Scenario:
     parameters: tuple[Parameter, ...] = ()  # the builder takes them by name
     lateral: bool = True  # whether the ego may change lane, unless the config has an action of its own
     calm: bool = False  # whether nothing in it calls for braking
+    drivers: str = DEFAULT  # population of those that no course is prescribed to: a name, or a file
 
     def __post_init__(self) -> None:
         if not (isinstance(self.duration, Real) and 0 < self.duration < inf):
             raise ValueError(f"{self.name}: duration must be positive and finite, got {self.duration!r}; give seconds")
         if isinstance(self.builder, str) and self.builder.count(":") != 1:
             raise ValueError(f"{self.name}: builder must read 'module:function', got {self.builder!r}")
+
+    @property
+    def population(self) -> Population | None:
+        """Of its drivers; None for `DEFAULT`. Errors are those of `drivers.find`."""
+        return find(self.drivers)
 
     @property
     def defaults(self) -> dict[str, float]:
@@ -72,7 +89,9 @@ class Scenario:
         if given:
             known = ", ".join(self.defaults) or "none"
             raise ValueError(f"{self.name} has no parameter {', '.join(given)}; it has {known}")
-        world = self._builder()(rng, **checked)
+        traffic = {parameter.name: checked.pop(parameter.name) for parameter in self.parameters if parameter.traffic}
+        with import_module("scenarios.stage").traffic(**traffic), driven_by(self.population):
+            world = self._builder()(rng, **checked)
         for vehicle in world.road.vehicles:
             if hasattr(vehicle, "table"):
                 import_module("scenarios.courses").check(vehicle.table.rows, self.max_lateral)

@@ -5,11 +5,14 @@ The probes, short scenes that are just safe on the truth, are a table of their o
 
 from dataclasses import replace
 from types import MappingProxyType
+from typing import Any
 
 from scenarios.probes import PROBES
-from scenarios.record import Scenario
+from scenarios.record import TRAFFIC, Scenario
+from scenarios.scenario_file import read_scenario
 from scenarios.traffic.scenario import is_replay, replayed
 from trackers.lookup import find_own, is_own, look_up, parse
+from trackers.toml_file import SUFFIX
 
 SCENARIOS = MappingProxyType({s.name: s for s in (
     Scenario("following",
@@ -107,17 +110,18 @@ SCENARIOS = MappingProxyType({s.name: s for s in (
         "scenarios.papers:xu_maneuvers", 1, max_lateral=5.5, duration=50.0),
     Scenario("yao2021-truck",
         "The course of Yao et al. (2021): a small truck on two half circles; its contour can be learned on the way.",
-        "scenarios.papers:yao_truck", 1, duration=242.0),
+        "scenarios.papers:yao_truck", 1, duration=242.0, lateral=False),
     Scenario("yao2021-tractor",
         "The same course, driven by a tractor: narrow bonnet, wide wheels, seen from behind and from the side.",
-        "scenarios.papers:yao_tractor", 1, duration=242.0),
+        "scenarios.papers:yao_tractor", 1, duration=242.0, lateral=False),
 )})  # fmt: skip
 
 
 def find(name: str) -> Scenario:
-    """The scenario or probe of that name: `NAME`, `NAME:parameter=value`, `MODULE:OBJECT:...` or `replay:FILE:...`.
+    """The scenario or probe of that name: `NAME`, `NAME:parameter=value`, `MODULE:OBJECT:...`, `replay:FILE:...`.
 
-    One with parameters has these as defaults, and the whole text as its name.
+    Or a file, `PATH.toml:...`. One with parameters, its own or those of `TRAFFIC`, has these as defaults, and the whole
+    text as its name.
 
     Raises:
         LookupError: no such scenario; the nearest name is suggested.
@@ -129,11 +133,22 @@ def find(name: str) -> Scenario:
     if not is_own(name, catalogue) and not (isinstance(name, str) and ":" in name):
         return look_up(name, catalogue, "scenario")
     entry, values = parse(name)
-    found = catalogue[entry] if entry in catalogue else find_own(entry, catalogue, "scenario")
+    if entry.endswith(SUFFIX):
+        found: Any = read_scenario(entry)
+    else:
+        found = catalogue[entry] if entry in catalogue else find_own(entry, catalogue, "scenario")
     if not isinstance(found, Scenario):
-        raise ValueError(f"scenario {entry!r} is {found!r}; it must be a `scenarios.Scenario`")
-    if unknown := values.keys() - found.defaults.keys():
-        known = ", ".join(found.defaults) or "none"
-        raise ValueError(f"{entry} has no parameter {', '.join(sorted(unknown))}; it has {known}")
-    parameters = tuple(p._replace(default=p.check(values.get(p.name, p.default))) for p in found.parameters)
-    return replace(found, name=name, parameters=parameters)
+        raise ValueError(
+            f"scenario {entry!r} is {found!r}; it must be a `scenarios.Scenario`, or, of an environment of "
+            "highway-env, its class or a function of a config"
+        )
+    found = replace(found, name=name, drivers=str(values.pop("drivers", found.drivers)))
+    found.population  # noqa: B018 - its errors
+    own = {parameter.name: parameter for parameter in found.parameters}
+    known = own | {parameter.name: parameter for parameter in TRAFFIC if parameter.name not in own}
+    if unknown := values.keys() - known.keys():
+        names = ", ".join((*known, "drivers"))
+        raise ValueError(f"{entry} has no parameter {', '.join(sorted(unknown))}; it has {names}")
+    kept = dict.fromkeys([*own, *values])
+    parameters = tuple(replace(p, default=p.check(values.get(key, p.default))) for key in kept for p in [known[key]])
+    return replace(found, parameters=parameters)

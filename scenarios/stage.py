@@ -4,7 +4,10 @@ Every platoon starts at or beyond the gap at which the intelligent driver model 
 happens later is caused by the maneuver.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
+from itertools import cycle, islice
 from typing import NamedTuple
 
 import numpy as np
@@ -15,13 +18,13 @@ from numpy.typing import ArrayLike, NDArray
 from scenarios.articulated import KINGPIN, OVERHANG, TRAILER, UNIT, ArticulatedCourse, ArticulatedIDM
 from scenarios.bodies import rear_extent
 from scenarios.contours import find
+from scenarios.drivers import TARGET_RATIO, Driver, balanced_target, driving, steady_gap
 from scenarios.networks import Layout
 from scenarios.roads import CachedRoad
 from scenarios.vehicles import CourseVehicle, EgoVehicle, SizedIDM
 
 TARGET_SPEEDS = tuple(np.linspace(0.0, 40.0, 17).tolist())  # [m/s] what the ego's meta actions choose from
 EGO_SIZE = (4.7, 1.9)  # [m]
-TARGET_RATIO = 1.2  # target speed of drivers behind a leader, as a multiple of their speed
 ARTICULATED = "articulated"  # a kind of vehicle of two contours; all other kinds are contours
 AFTER = "after"  # name of the phase in which the maneuver is over
 
@@ -55,15 +58,25 @@ class Flow(NamedTuple):
     from_rear: bool = False  # `place` is where the last vehicle's rear bumper is, give or take 4 m
 
 
-def steady_gap(speed: float, target: float, headway: float, standstill: float = 5.0) -> float:
-    """Bumper gap [m] at which IDM drivers who want `target` [m/s] behind a leader keep `speed`."""
-    return (standstill + headway * speed) / np.sqrt(1 - (speed / target) ** 4)
+class Traffic(NamedTuple):
+    """How a stage differs from what its builder says."""
+
+    density: float = 1.0  # vehicles of a platoon, rounded and one at least, and the inverse of their headways
+    speed: float = 1.0  # of everybody: all ways are the same, and are passed in another time
 
 
-def balanced_target(speed: float, gap: float, headway: float, standstill: float = 5.0) -> float:
-    """Target speed [m/s], at most `TARGET_RATIO` times `speed`, of an IDM driver who keeps `speed` at this gap [m]."""
-    share = min((standstill + headway * speed) / gap, 1.0) ** 2
-    return speed * min((1 - share) ** -0.25 if share < 1 else TARGET_RATIO, TARGET_RATIO)
+AS_BUILT = Traffic()
+_TRAFFIC = ContextVar("traffic", default=AS_BUILT)  # of the stages that are made now: builders make their own
+
+
+@contextmanager
+def traffic(density: float = 1.0, speed: float = 1.0) -> Iterator[None]:
+    """Within it, stages have this traffic."""
+    before = _TRAFFIC.set(Traffic(density, speed))
+    try:
+        yield
+    finally:
+        _TRAFFIC.reset(before)
 
 
 def phases(onset: float, end: float, duration: float = 25.0) -> tuple[Phase, ...]:
@@ -84,7 +97,10 @@ class Stage:
 
     def __init__(self, layout: Layout, rng: np.random.Generator) -> None:
         self.rng = rng
+        self.traffic = _TRAFFIC.get()
         self._size_rng = rng.spawn(1)[0]
+        self._population = driving.get()
+        self._driver_rng = rng.spawn(1)[0] if self._population else rng
         self.walls = layout.walls
         self.network = layout.network
         self.road = CachedRoad(layout.network, np_random=rng, neighbour_vehicles_connected_lanes=True)
@@ -94,7 +110,7 @@ class Stage:
         at = self.network.get_lane(lane)
         length, width = EGO_SIZE
         vehicle = EgoVehicle(
-            self.road, at.position(s, 0.0), at.heading_at(s), speed,
+            self.road, at.position(s, 0.0), at.heading_at(s), speed * self.traffic.speed,
             target_lane_index=lane, target_speeds=TARGET_SPEEDS, length=length, width=width, contour="car",
         )  # fmt: skip
         return self._enter(vehicle, route)
@@ -109,22 +125,42 @@ class Stage:
         headway: float | None = None,
         route: str | None = None,
         size: ArrayLike | None = None,
+        driver: Driver | None = None,
     ) -> SizedIDM:
-        """Place an IDM driver who keeps its lane, of a drawn `size`, with its initial speed as target, unless given."""
+        """Place an IDM driver who keeps its lane, of a drawn `size`, with its initial speed as target, unless given.
+
+        One of a population has its own time gap, and unless it is given its own share of the target speed.
+        """
         at = self.network.get_lane(lane)
-        pose = (self.road, at.position(s, 0.0), at.heading_at(s), speed, lane, speed if target is None else target)
+        pace = self.traffic.speed
         length, width = box = self.size(kind) if size is None else np.asarray(size, float)
+        wanted = speed if target is None else target
+        if driver is None and (driver := self.driver()) is not None:
+            driver = driver.within(self._gap_ahead(lane, s + extent(kind, box)[0]), speed)
+            wanted *= driver.speed / driver.median_speed
+        pose = (self.road, at.position(s, 0.0), at.heading_at(s), speed * pace, lane, wanted * pace)
+        changes = driver is not None and driver.gain < np.inf
         if kind == ARTICULATED:
-            vehicle: SizedIDM = ArticulatedIDM(*pose, enable_lane_change=False, trailer=box)
+            vehicle: SizedIDM = ArticulatedIDM(*pose, enable_lane_change=changes, trailer=box)
         else:
-            vehicle = SizedIDM(*pose, enable_lane_change=False, length=length, width=width, contour=kind)
+            vehicle = SizedIDM(*pose, enable_lane_change=changes, length=length, width=width, contour=kind)
         if headway is not None:
             vehicle.TIME_WANTED = headway
+        if driver is not None:
+            vehicle.__dict__.update(driver.habits(self._driver_rng))
+        if pace != 1.0:
+            vehicle.TIME_WANTED = vehicle.TIME_WANTED / pace
         return self._enter(vehicle, route)
+
+    def driver(self) -> Driver | None:
+        """A driver of the population, from a stream of its own, so that all else is the same whoever drives."""
+        return None if self._population is None else self._population.draw(self._driver_rng)
 
     def prescribe(self, kind: str, table: NDArray, size: ArrayLike | None = None) -> CourseVehicle:
         """Place a vehicle on a course; its size, as of `Stage.size`, is drawn unless given."""
         length, width = box = self.size(kind) if size is None else np.asarray(size, float)
+        if (pace := self.traffic.speed) != 1.0:
+            table = table * [1 / pace, 1, 1, 1, pace, pace, pace]
         if kind == ARTICULATED:
             return self._enter(ArticulatedCourse(self.road, table, trailer=box))
         return self._enter(CourseVehicle(self.road, table, length=length, width=width, contour=kind))
@@ -135,18 +171,37 @@ class Stage:
         return contour.size if contour.sizes is None else contour.sizes.draw(self._size_rng)
 
     def fill(self, flow: Flow) -> list[SizedIDM]:
-        """Place a platoon at or above its steady gaps; its first driver keeps its speed where no vehicle is ahead."""
+        """Place a platoon at or above its steady gaps; its first driver keeps its speed where no vehicle is ahead.
+
+        At another density a vehicle that has no room is left out.
+        """
+        dense = self.traffic.density
+        if dense != 1.0:
+            kinds = tuple(islice(cycle(flow.kinds), max(1, int(len(flow.kinds) * dense + 0.5))))
+            flow = flow._replace(kinds=kinds, headway=flow.headway / dense)
         sizes = [self.size(kind) for kind in flow.kinds]
         extents = [extent(kind, size) for kind, size in zip(flow.kinds, sizes, strict=True)]
         front = flow.place + self.rng.uniform(-4.0, 4.0)
         gaps = 1 + flow.spread * self.rng.uniform(size=len(sizes))
         gaps *= steady_gap(flow.speed, TARGET_RATIO * flow.speed, flow.headway)
+        drivers = [self.driver() for _ in sizes]
+        if own := [driver.gap(flow.speed) for driver in drivers if driver is not None]:
+            gaps = np.array([*own[1:], 0.0]) / dense
         if flow.from_rear:
             front += np.sum(extents) + gaps[:-1].sum()
         placed: list[SizedIDM] = []
-        for kind, size, (ahead, behind), gap in zip(flow.kinds, sizes, extents, gaps, strict=True):
-            target = balanced_target(flow.speed, self._gap_ahead(flow.lane, front), flow.headway)
-            placed.append(self.drive(kind, flow.lane, front - ahead, flow.speed, target, flow.headway, size=size))
+        for kind, size, (ahead, behind), gap, driver in zip(flow.kinds, sizes, extents, gaps, drivers, strict=True):
+            if driver is not None and front - ahead - behind < 0:
+                break  # the road begins here
+            if dense == 1.0 or self._is_free(flow.lane, front, ahead + behind):
+                free = self._gap_ahead(flow.lane, front)
+                target = balanced_target(flow.speed, free, flow.headway)
+                if driver is not None:
+                    driver = driver.within(free, flow.speed)
+                    target = driver.target(flow.speed, free)
+                placed.append(
+                    self.drive(kind, flow.lane, front - ahead, flow.speed, target, flow.headway, None, size, driver)
+                )
             front -= ahead + behind + gap
         return placed
 
@@ -160,8 +215,20 @@ class Stage:
                 gap = min(gap, s - rear_extent(vehicle) - front)
         return gap
 
+    def _is_free(self, lane: LaneIndex, front: float, length: float) -> bool:
+        """Whether a stretch of a lane [m], and 5 m before and behind it, has no vehicle."""
+        at = self.network.get_lane(lane)
+        for vehicle in self.road.vehicles:
+            s, lateral = at.local_coordinates(vehicle.position)
+            near = abs(lateral) < (at.width_at(s) + vehicle.WIDTH) / 2
+            if near and front - length - 5.0 < s + vehicle.LENGTH / 2 and s - rear_extent(vehicle) < front + 5.0:
+                return False
+        return True
+
     def world(self, plan: tuple[Phase, ...]) -> World:
         """Everything placed so far; there must be an ego."""
+        if (pace := self.traffic.speed) != 1.0:
+            plan = tuple(Phase(part.name, part.start / pace, part.end / pace) for part in plan)
         ego = next(v for v in self.road.vehicles if isinstance(v, EgoVehicle))
         return World(self.road, ego, self.walls, plan)
 

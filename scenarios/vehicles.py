@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from scenarios.bodies import Sized, contour_of, rear_extent
 from scenarios.courses import CourseTable
+from scenarios.drivers import Unrest
 from scenarios.scalars import unhindered
 
 
@@ -53,6 +54,9 @@ class SizedIDM(SoftSteering, Sized, IDMVehicle):
     LANE_CHANGE_MAX_BRAKING_IMPOSED = 2.0  # [m/s^2]
     LANE_CHANGE_DELAY = 1.0  # [s]
     GAP_MIN = 0.1  # [m] shorter gaps, and overlaps, are taken as this
+    UNREST: Unrest | None = None  # of a driver of a population
+    CLEARANCE = 0.0  # [m] from vehicles on courses, which make no room, within which such a driver changes no lane
+    driven = 0.0  # [s]
 
     def __init__(
         self,
@@ -87,9 +91,23 @@ class SizedIDM(SoftSteering, Sized, IDMVehicle):
 
     def step(self, dt: float) -> None:
         """Advance by dt [s]; at a standstill it stays, where highway-env would drive backwards."""
+        if self.UNREST is not None:
+            self.driven += dt
+            unrest = self.UNREST.at(self.driven) * min(self.speed / 2.0, 1.0)  # none in a standing queue
+            self.action["acceleration"] += min(unrest, max(self.action["acceleration"] + 1.0, 0.0))
         if not self.crashed and self.speed >= 0:
             self.action["acceleration"] = max(self.action["acceleration"], -self.speed / dt)
         super().step(dt)
+
+    def mobil(self, lane_index: LaneIndex) -> bool:
+        """Whether to change lane; never on a route, or beside a vehicle that makes no room."""
+        if self.CLEARANCE and (self.route or any(self._near(v) for v in self.road.vehicles)):
+            return False
+        return bool(super().mobil(lane_index))
+
+    def _near(self, vehicle: Vehicle) -> bool:
+        fixed = isinstance(vehicle, CourseVehicle)
+        return fixed and float(np.hypot(*(vehicle.position - self.position))) < self.CLEARANCE
 
     def acceleration(
         self, ego_vehicle: Any, front_vehicle: Any | None = None, rear_vehicle: Any | None = None

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from sensors.illumination import Illuminated
 from sensors.raycast import Edges
 from sensors.scattering import Draws
-from sensors.scene import Bodies
+from sensors.scene import Bodies, local_boxes
 from trackers.geometry import rotation, to_frame, to_world, unit
 
 Sides = tuple[float, float, float]  # of front, flank, rear
@@ -72,15 +72,6 @@ class Boxes(NamedTuple):
     half: NDArray  # (B, 2) [m] half length, half width
 
 
-def boxes(bodies: Bodies, edges: Edges) -> Boxes:
-    """Bounding boxes of all bodies."""
-    if not len(edges.start):
-        return Boxes(np.zeros((0, 2)), np.zeros((0, 2)))
-    local = to_frame(bodies.pose[edges.body], edges.a[:, None])[:, 0]
-    low, high = np.minimum.reduceat(local, edges.start), np.maximum.reduceat(local, edges.start)
-    return Boxes((low + high) / 2, (high - low) / 2)
-
-
 def shares_of_sides(direction: NDArray) -> NDArray:
     """Shares (..., 3) of front, flank and rear in unit directions (..., 2) of the frame of a body."""
     c, s = direction[..., 0], direction[..., 1]
@@ -124,7 +115,8 @@ class Faces:
     def __init__(self, p: Parameters, bodies: Bodies, edges: Edges) -> None:
         """Bounding boxes of the bodies, and which edges (E,) look across the body rather than along it."""
         self.p, self.bodies, self.edges = p, bodies, edges
-        self.box = boxes(bodies, edges)
+        low, high = local_boxes(bodies)
+        self.box = Boxes((low + high) / 2, (high - low) / 2)
         along = in_frame(bodies.pose[edges.body, 2], edges.b - edges.a)
         self.flank = np.abs(along[:, 0]) > np.abs(along[:, 1])
 

@@ -77,7 +77,7 @@ def draw_ghosts(
 ) -> Returns:  # fmt: skip
     """Noise-free ghosts in mirrors and of double reflections, given what the rays reach first."""
     mirrors = find_mirrors(rig, scene, edges, elements, rail)
-    seen = in_mirrors(rig, scene, box_edges(scene.bodies, edges), mirrors)  # boxes: enough for a mirror
+    seen = in_mirrors(rig, scene, box_edges(scene.bodies), mirrors)  # boxes: enough for a mirror
     twice = doubled(rig, scene, edges, elements)
     V, S, N = int(seen.view.max(initial=-1)) + 1, len(rig.pose), len(scene.objects.id)
     paths = Paths(*map(np.concatenate, zip(seen, twice._replace(view=twice.view + V), strict=True)))

@@ -15,10 +15,11 @@ from sensors.origin import Origin
 from sensors.persistence import Persistence
 from sensors.raycast import outline_edges
 from sensors.reflections import BodyFigures, Mounted, vehicle_returns, wall_returns
-from sensors.returns import Returns, add_noise, false_alarms, join, merge_cells, rows
+from sensors.returns import Returns, add_noise, false_alarms, fold_rates, join, merge_cells, rows
 from sensors.roadside import Roadside, roadside_returns
 from sensors.scattering import draw_counts
 from sensors.scene import Scene, check_scene
+from sensors.wheels import with_wheels
 from trackers.compiled import available
 from trackers.scan import DepthProfile, Scan, SensorModel
 
@@ -55,6 +56,9 @@ class Sensor:
     cell_range: float = 0.0  # [m] resolution cell; all three 0: nothing merges
     cell_azimuth_deg: float = 0.0
     cell_rate: float = 0.0  # [m/s]; 0: range rate does not separate returns
+    cell_power: float = 0.0  # exponent by which noise falls with the power of what merged; 0: not, 0.5: as its root
+    fold_rate: float = np.inf  # [m/s] range rates beyond +- this come back at the other end; inf: none do
+    wheels: float = 0.0  # of the returns of a moving body seen from its side, those of turning wheels
     clutter: float = 2.0  # expected false alarms a scan
     static_density: float = 0.25  # [1/m] returns of a wall at 15 m; falls off as counts do
     rate: float = np.inf  # [1/s] of its measurements; inf: one in every scan of the rig
@@ -83,9 +87,11 @@ class Sensor:
         for name in ("max_range", "fov_deg", "spacing_deg"):
             if getattr(self, name) <= 0 or np.isinf(getattr(self, name)):
                 raise ValueError(f"sensor.{name} must be positive and finite, got {getattr(self, name)}")
+        if self.fold_rate == 0:
+            raise ValueError("sensor.fold_rate must be positive, got 0; inf folds no range rate")
         if self.fov_deg > 360:
             raise ValueError(f"sensor.fov_deg must be at most 360, got {self.fov_deg}; it is the full angle in degrees")
-        for name in ("detection_probability", "share_volume", "share_scatter"):
+        for name in ("detection_probability", "share_volume", "share_scatter", "wheels"):
             if getattr(self, name) > 1:
                 raise ValueError(f"sensor.{name} must be within 0 and 1, got {getattr(self, name)}; it is a share")
 
@@ -104,7 +110,7 @@ class Sensor:
             sigma_range=self.sigma_range,
             sigma_azimuth=float(np.radians(self.sigma_azimuth_deg)),
             sigma_rate=self.sigma_rate,
-            max_rate=self.max_rate,
+            max_rate=min(self.max_rate, self.fold_rate),
             count_at_15m=self.count_at_15m * self.detection_probability,  # (RAD.10)
             count_falloff=self.count_falloff,
             count_max=self.count_max * self.detection_probability,  # (RAD.10)
@@ -216,7 +222,7 @@ class Radar:
         fan = self._fan if self.compiled and available() else None
         if fan is not None and (seen := look(fan, pose, scene)) is not None:
             counts = self._counts(seen.expected, self.column("count_shape")[:, None], rng)
-            parts: tuple[Returns, ...] = (seen.returns(scene, counts, velocity, rng),)
+            parts: tuple[Returns, ...] = (self._wheeled(seen.returns(scene, counts, velocity, rng), scene, at, rng),)
             if len(scene.walls):
                 parts += (self._off_walls(scene.walls, seen.rail(self._beams(pose), scene.walls), at, rng),)
             return self._measured(scene, at, parts, seen.expected, seen.share, rng)
@@ -231,6 +237,7 @@ class Radar:
             shape = interpolated(self._aspects["count_shape"], sides)  # (RAD.31)
         counts = self._counts(expected, shape, rng)
         vehicles = vehicle_returns(self._body_figures, scene, elements, edges, counts, at, rng)
+        vehicles = self._wheeled(vehicles, scene, at, rng)
         walls = self._off_walls(scene.walls, rail, at, rng)
         around = [
             roadside_returns(sensor.roadside, s, sensor.model, scene, pose[s], velocity[s], elements, rng)
@@ -244,6 +251,10 @@ class Radar:
             )
         return self._measured(scene, at, parts, expected, visible.share, rng)
 
+    def _wheeled(self, returns: Returns, scene: Scene, at: Mounted, rng: np.random.Generator) -> Returns:
+        share = self.column("wheels")
+        return with_wheels(returns, share, scene.bodies, at, rng) if share.any() else returns
+
     def _off_walls(self, walls: NDArray, rail: Illuminated, at: Mounted, rng: np.random.Generator) -> Returns:
         density, falloff = self.column("static_density"), self.column("count_falloff")
         return wall_returns(density, falloff, walls, rail, at, rng)
@@ -254,12 +265,14 @@ class Radar:
     ) -> tuple[Scan, Origin]:  # fmt: skip
         """The scan of true returns: cells, noise, false alarms; expected and share (S, N) go into the origin."""
         true = join(parts)
-        merged = merge_cells(true, self.cells[true.sensor])
-        seen = merged._replace(polar=add_noise(merged.polar, self.sigma[merged.sensor], rng))
+        merged, number = merge_cells(true, self.cells[true.sensor])
+        sigma = self.sigma[merged.sensor] / (number ** self.column("cell_power")[merged.sensor])[:, None]  # (RAD.39)
+        seen = merged._replace(polar=add_noise(merged.polar, sigma, rng))
         alarms = false_alarms(self.column("clutter"), self.column("max_range"),
                               self.column("fov_deg", np.pi / 180), self.column("max_rate"), rng)  # fmt: skip
         got, due = join((seen, alarms)), self.due(scene.time, scene.dt)
         got = got if due.all() else rows(got, due[got.sensor])
+        got = got._replace(polar=fold_rates(got.polar, self.column("fold_rate")[got.sensor]))
         s = got.sensor
         mask, platform = np.ones(len(s), bool), scene.ego.platform
         scan = Scan(got.polar, mask, at.pose[s], at.velocity[s], self.sigma[s], s, platform, due)

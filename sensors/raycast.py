@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sensors.scene import Bodies
+from sensors.scene import Bodies, local_boxes
 from trackers.geometry import cross, rotation, unit, wrap_angle
 
 NEAREST = 1e-9  # [m]
@@ -60,22 +60,15 @@ def outline_edges(outlines: Sequence[NDArray]) -> Edges:
     return Edges(a, a[after], body, edge, start)
 
 
-def box_edges(bodies: Bodies, edges: Edges) -> Edges:
+def box_edges(bodies: Bodies) -> Edges:
     """The four sides of the box around each outline, in its own frame."""
-    B = len(bodies.pose)
-    if not B:
-        return edges
-    R, body = rotation(bodies.pose[:, 2]), edges.body
-    dx, dy = (edges.a[:, k] - bodies.pose[body, k] for k in (0, 1))
-    cos, sin = R[body, 0, 0], R[body, 1, 0]
-    local = np.empty((B, 4, 2))
-    for k, along, low, high in ((0, dx * cos + dy * sin, slice(0, 4, 3), slice(1, 3)),
-                                (1, dy * cos - dx * sin, slice(0, 2), slice(2, 4))):  # fmt: skip
-        local[:, low, k] = np.minimum.reduceat(along, edges.start)[:, None]
-        local[:, high, k] = np.maximum.reduceat(along, edges.start)[:, None]
-    corners = bodies.pose[:, None, :2] + local @ R.mT
-    each, ends = np.arange(B), corners[:, [1, 2, 3, 0]]
-    return Edges(corners.reshape(-1, 2), ends.reshape(-1, 2), each.repeat(4), np.tile(np.arange(4), B), 4 * each)
+    low, high = local_boxes(bodies)
+    x, y = np.stack([low[:, 0], high[:, 0]]), np.stack([low[:, 1], high[:, 1]])
+    local = np.stack([x[[0, 1, 1, 0]].T, y[[0, 0, 1, 1]].T], -1)  # (B, 4, 2)
+    corners = bodies.pose[:, None, :2] + local @ rotation(bodies.pose[:, 2]).mT
+    each, ends = np.arange(len(low)), corners[:, [1, 2, 3, 0]]
+    tiled = np.tile(np.arange(4), len(low))
+    return Edges(corners.reshape(-1, 2), ends.reshape(-1, 2), each.repeat(4), tiled, 4 * each)
 
 
 def crossing_range(u: NDArray, wa: NDArray, wb: NDArray) -> NDArray:

@@ -39,23 +39,23 @@ def standing(polar: NDArray, sensor: NDArray) -> Returns:
     return Returns(polar, sensor, none, none, none, np.full(len(sensor), STATIC))
 
 
-def merge_cells(returns: Returns, cell: NDArray) -> Returns:
+def merge_cells(returns: Returns, cell: NDArray) -> tuple[Returns, NDArray]:
     """Merge the returns of one sensor that fall into one resolution cell.
 
     cell (M, 3) is its size in range [m], azimuth [rad], range rate [m/s]. A size of zero or infinity does not separate
     returns; those of a sensor with no positive finite size are not merged at all. The merged return lies at the mean of
-    its parts and keeps the origin of the first one.
+    its parts and keeps the origin of the first one. Returned is also of how many (M',) each is, which is its power.
     """
     splits = (cell > 0) & np.isfinite(cell)
     if not splits.any():
-        return returns
+        return returns, np.ones(len(cell))
     bins = np.where(splits, np.floor(returns.polar / np.where(splits, cell, 1.0)), 0.0)  # (RAD.21)
     alone = np.where(splits.any(-1), -1, np.arange(len(cell)))
     key = np.column_stack([returns.sensor, alone, bins])
     _, first, group, size = np.unique(key, axis=0, return_index=True, return_inverse=True, return_counts=True)
     total = np.zeros((len(first), 3))
     np.add.at(total, group.ravel(), returns.polar)
-    return rows(returns, first)._replace(polar=total / size[:, None])
+    return rows(returns, first)._replace(polar=total / size[:, None]), size
 
 
 def add_noise(polar: NDArray, sigma: NDArray, rng: np.random.Generator) -> NDArray:
@@ -64,6 +64,16 @@ def add_noise(polar: NDArray, sigma: NDArray, rng: np.random.Generator) -> NDArr
     measured = np.empty(polar.shape)
     measured[:, 0], measured[:, 1], measured[:, 2] = np.maximum(r, 0.0), wrap_angle(azimuth), rate
     return measured
+
+
+def fold_rates(polar: NDArray, limit: NDArray) -> NDArray:
+    """Polar (M, 3) with range rates within +- limit (M,) [m/s], from where they come back at the other end."""
+    beyond = np.abs(polar[:, 2]) > limit
+    if not beyond.any():
+        return polar
+    folded = polar.copy()
+    folded[beyond, 2] = (polar[beyond, 2] + limit[beyond]) % (2 * limit[beyond]) - limit[beyond]  # (RAD.43)
+    return folded
 
 
 def false_alarms(

@@ -9,18 +9,21 @@
 Mounts: bumpers at x = +-2.35 m, side radars at the corners of the body.
 """
 
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import fields, replace
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
 from sensors.aspects import Aspects
 from sensors.ghosts import Ghosts
-from sensors.radar import Radar, Sensor
-from sensors.radar_file import SUFFIX, read_radar
+from sensors.radar import Radar, Sensor, numeric
+from sensors.radar_file import read_radar
 from sensors.roadside import Roadside
-from trackers.lookup import made
+from trackers.lookup import check_types, find_own, look_up, parse, with_parameters
 from trackers.scan import DepthProfile
+from trackers.toml_file import SUFFIX
 
 NOSE, FLANK = 2.35, 0.85  # [m] of the mounts from the centre of the car
 
@@ -105,16 +108,46 @@ RADARS = MappingProxyType({r.name: r for r in (
 )})  # fmt: skip
 
 
+def staggered(radar: Radar, rate: float) -> Radar:
+    """The rig with sensors that measure one after another, each `rate` times a second; frames are to be short enough.
+
+    With S sensors, a simulation of S times that rate has one sensor in each scan, and so a time stamp for each.
+    """
+    number = len(radar.sensors)
+    return replace(radar, sensors=tuple(replace(s, rate=rate, phase=k / number) for k, s in enumerate(radar.sensors)))
+
+
 def find(name: str) -> Radar:
     """The radar rig of that name: `NAME`, `NAME:key=value,key=value`, `MODULE:OBJECT:...` or a file `PATH.toml`.
+
+    Of a `Radar` the keys are its fields, and those of `Sensor`, which then hold for all its sensors.
 
     Raises:
         LookupError: no such radar; the nearest name is suggested.
         ValueError: a parameter or value that it cannot have, or an OBJECT that is no radar.
     """
-    if isinstance(name, str) and name.endswith(SUFFIX):
-        return read_radar(name)
-    radar = made(name, RADARS, "radar")
+    if not isinstance(name, str):
+        return look_up(name, RADARS, "radar")
+    entry, values = parse(name)
+    if entry.endswith(SUFFIX):
+        radar: Any = read_radar(entry)
+    else:
+        radar = RADARS[entry] if entry in RADARS else find_own(entry, RADARS, "radar")
+    radar = _varied(radar, name, entry, values) if isinstance(radar, Radar) else with_parameters(radar, entry, values)
     if missing := [part for part in ("models", "rate", "scan") if not hasattr(radar, part)]:
         raise ValueError(f"radar {name!r} is {radar!r}, which has no {', '.join(missing)}; make it a `sensors.Radar`")
     return radar
+
+
+def _varied(radar: Radar, text: str, entry: str, values: Mapping[str, Any]) -> Radar:
+    """The rig with other numbers, of all its sensors those that a `Sensor` has; ValueError for unknown ones."""
+    if not values:
+        return radar
+    own = [one.name for one in fields(Radar) if one.name not in ("name", "note", "sensors")]
+    inner = [key for key in numeric() if key not in (*own, "mount")]
+    if unknown := sorted(values.keys() - {*own, *inner}):
+        raise ValueError(f"{entry} has no parameter {', '.join(unknown)}; it has {', '.join([*own, *inner])}")
+    check_types(radar.sensors[0], entry, given := {key: value for key, value in values.items() if key in inner})
+    sensors = tuple(replace(sensor, **given) for sensor in radar.sensors)
+    rest = {key: value for key, value in values.items() if key in own}
+    return replace(with_parameters(radar, entry, rest), name=text, sensors=sensors)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.geometry import box_corners
+from trackers.geometry import box_corners, rotation
 
 
 class Objects(NamedTuple):
@@ -60,6 +60,19 @@ class Scene(NamedTuple):
     objects: Objects
     bodies: Bodies
     walls: NDArray = np.zeros((0, 2, 2))  # (W, 2, 2) [m] guard rails: segments that reflect, stand, and hide no body
+
+
+def local_boxes(bodies: Bodies) -> tuple[NDArray, NDArray]:
+    """Least and greatest coordinates (B, 2) [m] of each outline along and across its body, from its reference point."""
+    size = np.array([len(outline) for outline in bodies.outline], int)
+    if not len(size):
+        return np.zeros((0, 2)), np.zeros((0, 2))
+    start, body = np.cumsum(size) - size, np.repeat(np.arange(len(size)), size)
+    R, xy = rotation(bodies.pose[:, 2]), np.concatenate(bodies.outline)  # the heading of a body is turned once
+    dx, dy = (xy[:, k] - bodies.pose[body, k] for k in (0, 1))
+    cos, sin = R[body, 0, 0], R[body, 1, 0]
+    local = np.stack([dx * cos + dy * sin, dy * cos - dx * sin], -1)
+    return np.minimum.reduceat(local, start), np.maximum.reduceat(local, start)
 
 
 def check_scene(scene: Scene) -> None:

@@ -10,6 +10,8 @@ from typing import Annotated
 import typer
 
 import testbed
+from scenarios.drivers import DEFAULT as ALIKE
+from scenarios.drivers import with_drivers
 from testbed.command_line import options, tables
 from testbed.command_line.terminal import (
     busy,
@@ -23,6 +25,7 @@ from testbed.command_line.terminal import (
     show,
     user_input,
 )
+from testbed.experiments.benchmark.command import app as benchmark
 from testbed.files import LostFileWarning
 from testbed.limits import check_choice
 from trackers import DEFAULT
@@ -36,6 +39,9 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
 )
+
+
+app.add_typer(benchmark, name="benchmark")
 
 
 def show_version(wanted: bool) -> None:
@@ -85,6 +91,7 @@ def run(
     ] = None,
     config: Annotated[Path | None, typer.Option(help="JSON file of the environment's config.")] = None,
     focus: options.Focus = None,
+    drivers: options.Drivers = ALIKE,
 ) -> None:
     """Run one scenario in closed loop: traffic, radar, tracker, planner.
 
@@ -107,6 +114,7 @@ def run(
     from testbed.experiments.single import run as run_once
 
     with user_input():
+        scenario = with_drivers(scenario, drivers)
         driven = scenario, tuple(tracker or (DEFAULT,)), radar, planner, seed, duration
         file, faults = None if config is None else str(config), tuple(fault or ())
         settings = RunConfig(*driven, str(out), log, not no_metrics, faults, file, focus, after)
@@ -333,6 +341,24 @@ def radar(
 
 
 @app.command()
+def scenario(
+    what: Annotated[str, typer.Argument(help="show.")],
+    name: Annotated[str, typer.Argument(help="A name of `testbed list scenarios`, MODULE:OBJECT, or a file.")],
+) -> None:
+    """Write a scenario as TOML, to be changed and given in place of a name, `testbed run my.toml`.
+
+    Example: [bold]testbed scenario show cut-in > my.toml[/bold]
+    """
+    from scenarios import find
+    from scenarios.scenario_file import text_of
+
+    with user_input():
+        check_choice("what", what, ("show",))
+        text = text_of(find(name))
+    print(text)
+
+
+@app.command()
 def bench(
     scenario: Annotated[list[str] | None, typer.Argument(help="Scenarios. Without it: all benchmarks.")] = None,
     tracker: Annotated[list[str] | None, typer.Option(help="Repeat for several, on the same scans.")] = None,
@@ -450,6 +476,7 @@ def compare(
     tolerance: options.Tolerance = 0.01,
     interpolate: options.Interpolate = False,
     accept: options.Accept = False,
+    drivers: options.Drivers = ALIKE,
 ) -> None:
     """Compare trackers on common random numbers: tables with 95 % intervals, Parquet, figures, a report page.
 
@@ -470,7 +497,16 @@ def compare(
 
     def study() -> Comparison:
         if recording or tracks:
-            other = [scenario, fault, duration, after, loop != "open", radar != "surround", seeds != "0:20"]
+            other = [
+                scenario,
+                fault,
+                duration,
+                after,
+                drivers != ALIKE,
+                loop != "open",
+                radar != "surround",
+                seeds != "0:20",
+            ]
             if not recording or any(other):
                 raise ValueError("recordings are compared as they are; give --recording, without scenarios and --seeds")
             files = [Files.of([t.partition("=")[2]], recording, columns, tolerance, interpolate) for t in tracks or ()]
@@ -480,7 +516,7 @@ def compare(
             return RecordedComparison.of(folders, trackers, found, settle, reference, accept, out=str(out))
         if not scenario:
             raise ValueError("give the names of scenarios, or all; or recordings with --recording")
-        cases = with_faults(expand(scenario, "scenarios"), fault or ())
+        cases = with_faults([with_drivers(s, drivers) for s in expand(scenario, "scenarios")], fault or ())
         trackers = expand(tracker or ["all"], "trackers")
         settings = Settings(radar, loop, planner, duration, after, settle)
         return Comparison(cases, trackers, parse_seeds(seeds), settings, reference, out=str(out))

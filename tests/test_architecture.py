@@ -17,8 +17,23 @@ FOLDERS = {package: ROOT / ("docs" if package == "studies" else "") / package fo
 # Package -> what its modules may import besides themselves and the standard library; testbed may import everything.
 FLOORS = {
     "trackers": ("numpy", "scipy", "numba"),
-    "sensors": ("numpy", "trackers.compiled", "trackers.geometry", "trackers.lookup", "trackers.scan"),
-    "scenarios": ("numpy", "highway_env", "gymnasium", "sensors.scene", "trackers.geometry", "trackers.lookup"),
+    "sensors": (
+        "numpy",
+        "trackers.compiled",
+        "trackers.geometry",
+        "trackers.lookup",
+        "trackers.scan",
+        "trackers.toml_file",
+    ),
+    "scenarios": (
+        "numpy",
+        "highway_env",
+        "gymnasium",
+        "sensors.scene",
+        "trackers.geometry",
+        "trackers.lookup",
+        "trackers.toml_file",
+    ),
 }
 # Rooms of testbed, modules and folders directly in it, by floor from the ground up; a room imports lower floors only.
 ROOMS = (

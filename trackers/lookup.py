@@ -134,9 +134,22 @@ def search_here() -> None:
 def _load(path: str, what: str) -> Any:
     """The object of MODULE:OBJECT; a module is looked for as Python does, and last in the current directory."""
     module_name, _, item = path.partition(":")
+    found = imported(module_name, path, what)
+    for part in item.split("."):
+        if not hasattr(found, part):
+            names = {n: None for n in vars(found) if not n.startswith("_")} if hasattr(found, "__dict__") else {}
+            close = get_close_matches(part, names, n=1)
+            hint = f"did you mean {close[0]!r}?" if close else f"known: {', '.join(names)}"
+            raise LookupError(f"{what} {path!r}: {module_name} has no {part!r}; {hint}")
+        found = getattr(found, part)
+    return found
+
+
+def imported(module_name: str, path: str, what: str) -> Any:
+    """A module of users, for what `path` names; LookupError, in one sentence, where it cannot be imported."""
     search_here()
     try:
-        found: Any = import_module(module_name)
+        return import_module(module_name)
     except ModuleNotFoundError as error:
         if error.name is None or not f"{module_name}.".startswith(f"{error.name}."):
             raise LookupError(f"{what} {path!r}: {module_name} imports {error.name}, which is not installed") from None
@@ -148,14 +161,6 @@ def _load(path: str, what: str) -> Any:
         raise LookupError(
             f"{what} {path!r}: importing {module_name} fails with {type(error).__name__}: {error}"
         ) from error
-    for part in item.split("."):
-        if not hasattr(found, part):
-            names = {n: None for n in vars(found) if not n.startswith("_")} if hasattr(found, "__dict__") else {}
-            close = get_close_matches(part, names, n=1)
-            hint = f"did you mean {close[0]!r}?" if close else f"known: {', '.join(names)}"
-            raise LookupError(f"{what} {path!r}: {module_name} has no {part!r}; {hint}")
-        found = getattr(found, part)
-    return found
 
 
 def made(text: str, catalogue: Mapping[str, Any], what: str) -> Any:

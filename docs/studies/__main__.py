@@ -11,6 +11,7 @@ from studies import (
     ghosts_figure,
     lane_changes,
     layers_figure,
+    limits_figure,
     size_by_radar,
     vehicle_figure,
 )
@@ -20,6 +21,7 @@ from studies.comparison import committed, publish, refresh
 from studies.comparison import page as comparison
 from studies.consistency import page as consistency
 from studies.contours import page as contours
+from studies.drivers import page as drivers
 from studies.faults import page as faults
 from studies.htg_tables import page as htg_tables
 from studies.learned import page as learned
@@ -43,6 +45,7 @@ STUDIES: Mapping[str, Callable[..., None]] = {
     "faults": faults.main,
     "ghosts": ghosts_figure.main,  # a picture for docs/ghosts.md
     "htg-tables": htg_tables.main,
+    "limits": limits_figure.main,  # a picture for docs/methods/radar.md
     "layers": layers_figure.main,  # pictures for docs/layers.md
     "learned-policies": learned.main,
     "modes": modes.main,
@@ -59,6 +62,7 @@ STUDIES: Mapping[str, Callable[..., None]] = {
     "publish": publish.main,
     "refresh": refresh.main,
     "verdicts": committed.main,
+    "drivers": drivers.main,  # and a picture for docs/traffic.md
     "surround": sensitivity.main,
     "size-by-radar": size_by_radar.main,
     "range-rates": range_rates.main,

@@ -6,7 +6,7 @@ from typing import Any
 
 from rich.console import Console
 
-from testbed.command_line.tables import filled_table
+from testbed.command_line.tables import filled_table, metrics
 from testbed.log.difference import Difference, compare_logs
 from trackers.json_file import read_json
 
@@ -22,10 +22,37 @@ def show(first: Path, second: Path, console: Console) -> int:
     """
     kinds = {first.suffix.lower(), second.suffix.lower()}
     if kinds == {".rrd"}:
-        return _show_logs(compare_logs(first, second), console)
+        found = compare_logs(first, second)
+        results = [path.with_suffix(".json") for path in (first, second)]
+        there = all(path.is_file() for path in results)
+        beside = there and _beside(_read(results[0]), _read(results[1]), console)
+        return _show_logs(found, console, brief=beside)
     if kinds == {".json"}:
-        return _show_results(compare_results(_read(first), _read(second)), console)
+        one, other = _read(first), _read(second)
+        if _beside(one, other, console):
+            return _show_results([row for row in compare_results(one, other) if NOTHING not in row[1:]], console)
+        return _show_results(compare_results(one, other), console)
     raise ValueError(f"diff takes two logs (.rrd) or two results (.json), got {first} and {second}")
+
+
+def _beside(one: Any, other: Any, console: Console) -> bool:
+    """Print the measures of other trackers, or other planners, side by side; whether there are such."""
+    runs = [found.get("run", {}) for found in (one, other)]
+    trackers = [found.get("trackers", {}) for found in (one, other)]
+    if not (all(trackers) and (list(trackers[0]) != list(trackers[1]) or runs[0]["planner"] != runs[1]["planner"])):
+        return False
+    shared = {*trackers[0]} & {*trackers[1]}
+    both: dict[str, Any] = {"trackers": {}, "timing": {"trackers": {}}, "run": runs[0]}
+    for found, run in zip((one, other), runs):
+        for name, row in found["trackers"].items():
+            called = f"{name}, {run['planner']}" if name in shared else name
+            called = f"{called}, second" if called in both["trackers"] else called
+            both["trackers"][called] = row
+            both["timing"]["trackers"][called] = found["timing"]["trackers"][name]
+    same = runs[0]["scenario"] == runs[1]["scenario"]
+    title = runs[0]["scenario"] if same else f"{runs[0]['scenario']} and {runs[1]['scenario']}"
+    console.print(metrics(both, title))
+    return True
 
 
 def compare_results(first: Any, second: Any) -> list[tuple[str, Any, Any]]:
@@ -90,7 +117,7 @@ def _read(path: Path) -> Any:
     return found
 
 
-def _show_logs(found: Difference, console: Console) -> int:
+def _show_logs(found: Difference, console: Console, brief: bool = False) -> int:
     if found.settings:
         settings = ("setting", "first", "second")
         console.print(filled_table("settings that differ", settings, found.settings, settings, overflow="fold"))
@@ -101,6 +128,9 @@ def _show_logs(found: Difference, console: Console) -> int:
     console.print(
         f"the runs part at step {start.step}, {start.time:.2f} s: {start.what}", highlight=False, markup=False
     )
+    if brief:  # the measures stand above
+        console.print(f"there: {start.difference}", highlight=False, markup=False)
+        return 1
     heads, words = ("what", "step", "time [s]", "first / second"), ("what", "first / second")
     rows = [(p.what, str(p.step), f"{p.time:.2f}", p.difference) for p in found.partings]
     title = "what parts when, and by how much at that step"

@@ -21,6 +21,7 @@ Seed = Annotated[int, typer.Option(help="Of all that is drawn at random; the sam
 Seeds = Annotated[str, typer.Option(help="0:20 for 0 to 19, a list 0,3,7, or one number.")]
 Duration = Annotated[float | None, typer.Option(help="Seconds. Without it: the scenario's own.")]
 After = Annotated[float | None, typer.Option(help="End a run so many seconds after the maneuver, or at its duration.")]
+Drivers = Annotated[str, typer.Option(help="Of traffic: default, recorded, aggressive, calm, or a TOML file.")]
 Fixes = Annotated[
     list[str] | None,
     typer.Option(help="Of a recording: COLUMN=HOW as it is to be read, such as range_rate=km/h. Repeat for several."),

@@ -50,7 +50,7 @@ def show(logs: Sequence[Path], options: Options, console: Console) -> None:
     if options.html is not None:
         from testbed.log.review_page.page import write
 
-        console.print(f"page     {write(review.only(logs, 'a page'), options.html)}", soft_wrap=True)
+        console.print(f"page     {write(logs, options.html)}", soft_wrap=True)
     if options.gif is not None:
         from testbed.log.review_page import animation
 

@@ -1,19 +1,19 @@
 """The gymnasium ids, `testbed/NAME-v0` for every scenario and probe, and environments by what a user wrote."""
 
-import re
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from inspect import isclass, isfunction, signature
+from typing import Any
 
 import gymnasium as gym
 
 import scenarios
+from scenarios.native import ID, Native, find_native, native_of
 from scenarios.probes import PROBES
 from scenarios.record import Scenario
 from scenarios.registry import SCENARIOS
-from trackers.lookup import installed
-
-if TYPE_CHECKING:
-    from scenarios.native import Native
+from scenarios.traffic.scenario import is_replay
+from trackers.lookup import find_own, installed, is_own, parse
+from trackers.toml_file import SUFFIX
 
 ENTRY_POINT = "testbed.environment.wrapper:scenario_env"  # a string: highway-env is loaded by the first `make`
 
@@ -45,22 +45,24 @@ def register_scenarios() -> None:
             )
 
 
-NATIVE = re.compile(r"[\w-]+-v\d+")  # ids of gymnasium; no scenario of ours has such a name
+def scenario_of(text: str) -> Scenario | Native:
+    """What a scenario as a user writes it stands for.
 
-
-def scenario_of(text: str) -> "Scenario | Native":
-    """What a scenario as a user writes it stands for, `NAME`, `MODULE:OBJECT`, `replay:FILE` or an id of highway-env.
-
-    Each may have `:key=value,key=value` behind it: parameters of the scenario, or config of highway-env.
+    `NAME`, `MODULE:OBJECT`, a file `PATH.toml`, `replay:FILE`, or an id of gymnasium, see `scenarios.native`. Each may
+    have `:key=value,key=value` behind it: parameters of the scenario, or config of highway-env.
 
     Raises:
         LookupError: there is no such scenario; the nearest name is suggested.
         ValueError: a parameter or value that it cannot have.
     """
-    if isinstance(text, str) and NATIVE.fullmatch(name := text.partition(":")[0]) and name not in installed("scenario"):
-        from scenarios.native import find_native  # loads highway-env
-
+    if not isinstance(text, str) or is_replay(text):
+        return scenarios.find(text)
+    if ID.fullmatch(text) and text.partition(":")[0] not in installed("scenario"):
         return find_native(text)
+    if is_own(text, catalogue := {**SCENARIOS, **PROBES}) and not (entry := parse(text)[0]).endswith(SUFFIX):
+        found = find_own(entry, catalogue, "scenario")
+        if isclass(found) or (isfunction(found) and "config" in signature(found).parameters):
+            return native_of(text, found)
     return scenarios.find(text)
 
 

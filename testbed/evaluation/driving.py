@@ -12,7 +12,7 @@ import shapely
 from numpy.typing import NDArray
 
 from scenarios.corridor import NEAR, drive_value, gap_ahead, time_to_collision
-from sensors.scene import Bodies, Ego, Scene
+from sensors.scene import Bodies, Ego, Scene, local_boxes
 from testbed.evaluation.metrics import box_areas
 from trackers.batch import Memoised
 from trackers.geometry import box_corners, compose, point_velocity, rotation, unit
@@ -35,14 +35,8 @@ class BodyBoxes(NamedTuple):
 
 def body_boxes(bodies: Bodies) -> BodyBoxes:
     """The box around each outline, along the body's heading."""
-    if not bodies.outline:
-        return BodyBoxes(np.zeros((0, 3)), np.zeros((0, 2)), np.zeros((0, 2)))
-    counts = [len(outline) for outline in bodies.outline]
-    first, owner = np.cumsum([0, *counts[:-1]]), np.repeat(np.arange(len(counts)), counts)
-    offset = np.concatenate(bodies.outline) - bodies.pose[owner, :2]
-    local = (offset[:, None] @ rotation(bodies.pose[:, 2])[owner])[:, 0]  # the heading of a body is turned once
-    low, high = np.minimum.reduceat(local, first), np.maximum.reduceat(local, first)
-    shift = np.concatenate([(low + high) / 2, np.zeros((len(counts), 1))], -1)
+    low, high = local_boxes(bodies)
+    shift = np.concatenate([(low + high) / 2, np.zeros((len(low), 1))], -1)
     pose = compose(bodies.pose, shift)
     lever = (pose - bodies.pose)[:, :2]
     return BodyBoxes(pose, high - low, point_velocity(bodies.velocity, bodies.yaw_rate, lever))

@@ -19,15 +19,16 @@ from pathlib import Path
 from typing import Any
 
 from scenarios import PROBES, SCENARIOS
-from scenarios import find as find_scenario
+from scenarios.native import module_of_id
 from scenarios.traffic.scenario import FAMILY, is_replay, replay_of
 from sensors import RADARS
 from sensors import find as find_radar
-from sensors.radar_file import SUFFIX
 from testbed import planners
+from testbed.environment.registration import scenario_of
 from testbed.frame import TRUTH
 from trackers import TRACKERS, SensorModel, build
 from trackers.lookup import home, parse, search_here
+from trackers.toml_file import SUFFIX
 
 PACKAGES = ("scenarios", "sensors", "testbed", "trackers")  # ours; their modules may be renamed and moved
 SHARED = ("scenarios", "sensors")  # whole packages
@@ -55,9 +56,17 @@ TABLES = {"trackers.htg.bins": "htg/tables", "trackers.pmht.model": "pmht/models
 
 def shared_digest() -> str:
     """Short digest of the code behind every run, whatever the tracker."""
+    return code_digest([*_world(), *map(_file, closure(ROOTS))])
+
+
+def world_digest() -> str:
+    """The same without any tracker: of scenarios, sensors, planners and measures."""
+    return code_digest(_world())
+
+
+def _world() -> list[Path]:
     whole = [path for package in SHARED for path in sorted(_root(package).rglob("*.py"))]
-    modules = [_file(f"testbed.{name}") for name in SCORES]
-    return code_digest([*whole, *modules, *map(_file, closure(ROOTS))])
+    return [*whole, *(_file(f"testbed.{name}") for name in SCORES)]
 
 
 def modules_digest(modules: Iterable[str]) -> str:
@@ -103,7 +112,7 @@ def own_names(
 
 def own_code(names: Iterable[tuple[str, str]]) -> dict[str, str]:
     """Digests of what users have given as (what, name), of its code and parameters, under `code of WHAT NAME`."""
-    find: dict[str, Callable[[str], Any]] = {"scenario": find_scenario, "radar": find_radar, "planner": planners.find}
+    find: dict[str, Callable[[str], Any]] = {"scenario": scenario_of, "radar": find_radar, "planner": planners.find}
     return {
         f"code of {what} {name}": code_digest(
             own_modules(own_module(name, what) or "").values(), ADDRESS.sub("", repr(find[what](name)))
@@ -117,13 +126,16 @@ def own_module(name: str, what: str) -> str | None:
 
     Recorded traffic has its file, as `replay:FILE`.
     """
-    if what == "planner" and name.startswith(planners.LEARNED):
+    if what == "planner" and name.startswith(planners.OF_FILES):
         return None
     if what == "scenario" and is_replay(name):
         return f"{FAMILY}{replay_of(name).file}"
-    if what == "radar" and name.endswith(SUFFIX):
-        return name
+    if what == "scenario" and (module := module_of_id(name)):
+        return None if module.startswith("highway_env.") else module
     entry = parse(name)[0]
+    if entry.endswith(SUFFIX):
+        builder = getattr(scenario_of(name), "builder", "") if what == "scenario" else ""
+        return builder.partition(":")[0] or name
     path = None if entry in CATALOGUES[what]() else home(entry, what)
     return None if path is None else path.partition(":")[0]
 
@@ -236,7 +248,15 @@ def syntax(source: str) -> str:
     """
     tree = ast.parse(source)
     imported = sorted({name for node in ast.walk(tree) for name in _imported_names(node)})
-    return "\n".join([*imported, ast.dump(_Stripped().visit(tree))])
+    return "\n".join([*imported, _dumped(_Stripped().visit(tree))])
+
+
+def _dumped(node: Any) -> str:
+    """A syntax tree as text, the same of every version of Python: what is empty, which some leave out, is left out."""
+    if isinstance(node, ast.AST):
+        parts = (f"{name}={_dumped(value)}" for name, value in ast.iter_fields(node) if value not in (None, []))
+        return f"{type(node).__name__}({', '.join(parts)})"
+    return f"[{', '.join(map(_dumped, node))}]" if isinstance(node, list) else repr(node)
 
 
 def _imported_names(node: ast.AST) -> list[str]:

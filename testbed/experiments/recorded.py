@@ -11,7 +11,7 @@ from functools import cache, cached_property, lru_cache
 from hashlib import sha256
 from pathlib import Path
 from time import perf_counter, process_time
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 from rich.markup import escape
 
@@ -114,7 +114,7 @@ class RecordedComparison(Comparison):
         reference: str | None = None,
         accept: bool = False,
         **options: Any,
-    ) -> "RecordedComparison":
+    ) -> Self:
         """From folders, names of trackers, and tracks by name and recording."""
         found = [SEEDED.fullmatch(path.resolve().name) for path in recordings]
         seeded = [(match[1], int(match[2])) for match in found if match]
@@ -151,7 +151,7 @@ class RecordedComparison(Comparison):
 
     def shared(self) -> dict[str, Any]:
         """The settings, and what the recordings hold."""
-        return {"loop": RECORDED, "settle": self.settings.settle, "recordings": _digest(self.recordings)}
+        return {"loop": RECORDED, "settle": self.settings.settle, "recordings": files_digest(self.recordings)}
 
     def check(self) -> None:
         """Raise LookupError or ValueError, in one sentence, for recordings or tracks that cannot be compared."""
@@ -168,7 +168,11 @@ class RecordedComparison(Comparison):
         own = [name for name in self.trackers if name not in self._named]
         files = {
             name: repr(
-                [(str(s.path), s.columns, s.matching, _digest((str(s.path),))) for n, _, s in self.tracks if n == name]
+                [
+                    (str(s.path), s.columns, s.matching, files_digest((str(s.path),)))
+                    for n, _, s in self.tracks
+                    if n == name
+                ]
             )
             for name in self.trackers
             if name in self._named
@@ -225,7 +229,7 @@ class RecordedComparison(Comparison):
         return done.rrd
 
 
-def _digest(paths: Sequence[str]) -> str:
+def files_digest(paths: Sequence[str]) -> str:
     """Digest of files, and of the tables in folders."""
     found = sha256()
     for path in map(Path, paths):

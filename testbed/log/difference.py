@@ -12,6 +12,8 @@ from testbed.log import paths
 from testbed.log.reader import Columns, properties
 from testbed.log.review import readable
 
+LAYERS = "extent", "tentative"
+
 
 class Parting(NamedTuple):
     """One layer that differs."""
@@ -40,9 +42,9 @@ def compare_logs(first: str | Path, second: str | Path) -> Difference:
     if not shared:
         raise ValueError(f"{first} and {second} have no step in common; give the logs of two runs")
     runs = [properties(log).get("run", {}) for log in (first, second)]
-    trackers = list(dict.fromkeys(name for run in runs for name in str(run.get("trackers", "")).split()))
+    names = [str(run.get("trackers", "")).split() for run in runs]
     found = []
-    for what, one, other in _layers(a, b, trackers):
+    for what, one, other in _layers(a, b, pairs_of(*names)):
         for step in shared:
             if said := _difference(one.get(step), other.get(step)):
                 found.append(Parting(what, step, times[0][step], said))
@@ -55,28 +57,43 @@ def compare_logs(first: str | Path, second: str | Path) -> Difference:
     return Difference(_settings(*runs), sorted(found, key=lambda p: p.step), len(shared), times[0][shared[-1]])
 
 
-def _layers(a: Columns, b: Columns, trackers: Sequence[str]) -> Iterator[tuple[str, Mapping, Mapping]]:
+def pairs_of(first: Sequence[str], second: Sequence[str]) -> list[tuple[str, str]]:
+    """Trackers that are compared: each with itself, and those that only one log has in their order."""
+    alone = [[n for n in first if n not in second], [n for n in second if n not in first]]
+    return [*((n, n) for n in first if n in second), *zip(*alone)]
+
+
+def _layers(a: Columns, b: Columns, trackers: Sequence[tuple[str, str]]) -> Iterator[tuple[str, Mapping, Mapping]]:
     """Name of each layer, and step -> values in both logs, in the order in which a frame is made."""
 
     def both(method: str, *where: str) -> tuple[Mapping, Mapping]:
         return getattr(a, method)(*where), getattr(b, method)(*where)
 
+    def of_each(method: str, one: str, other: str, *where: str) -> tuple[Mapping, Mapping]:
+        return getattr(a, method)(one, *where), getattr(b, method)(other, *where)
+
     yield "pose of the ego", *both("strips", paths.TRUTH_EGO)
     yield "vehicles", *both("strips", paths.TRUTH_CONTOUR)
     for kind in KINDS:
         yield f"detections, {kind}", *both("points", paths.detections(kind), "Points2D:positions")
-    for name in trackers:
-        yield f"ids of {name}", *both("numbers", paths.tracker(name, "extent"), "track:id")
-        yield f"tracks of {name}", *both("strips", paths.tracker(name, "extent"))
-        yield f"tentative tracks of {name}", *both("strips", paths.tracker(name, "tentative"))
+    for pair in trackers:
+        name, (extent, tentative) = said(*pair), ([paths.tracker(n, layer) for n in pair] for layer in LAYERS)
+        yield f"ids of {name}", *of_each("numbers", *extent, "track:id")
+        yield f"tracks of {name}", *of_each("strips", *extent)
+        yield f"tentative tracks of {name}", *of_each("strips", *tentative)
     yield "plan", *both("strips", paths.EGO_PLAN)
     yield "action", *both("held", paths.EGO_ACTION, "StateChange:state", "nothing")
     yield "speed of the ego [m/s]", *both("numbers", paths.EGO_SPEED, "Scalars:scalars")
-    for name in trackers:
-        leaf = f"/{paths.plain(name)}"
-        for entity in dict.fromkeys([*a.entities("metrics/"), *b.entities("metrics/")]):
-            if entity.endswith(leaf):
-                yield f"{entity.split('/')[1]} of {name}", *both("numbers", entity, "Scalars:scalars")
+    there = {entity.split("/")[1]: None for entity in (*a.entities("metrics/"), *b.entities("metrics/"))}
+    for pair in trackers:
+        for key in there:
+            where = [paths.metric(key, name) for name in pair]
+            yield f"{key} of {said(*pair)}", *of_each("numbers", *where, "Scalars:scalars")
+
+
+def said(one: str, other: str) -> str:
+    """Two trackers that are compared, as text."""
+    return one if one == other else f"{one} / {other}"
 
 
 def _difference(one: Any, other: Any) -> str:

@@ -1,6 +1,7 @@
 """What a log holds beside its frames: what identifies the run, the road, the smoothed tracks. No rerun."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from numpy.typing import NDArray
@@ -39,6 +40,7 @@ class RunMeta(NamedTuple):
     planner: str
     config: dict[str, Any]  # what was varied, as JSON types
     versions: dict[str, str]  # package -> version
+    names: Mapping[int, str] = MappingProxyType({})  # id of an object -> what the user calls it
 
 
 def run_id(

@@ -14,6 +14,7 @@ import numpy as np
 
 from testbed.files import check_target
 from testbed.log import paths
+from testbed.log.both import write as write_both
 from testbed.log.intact import damage
 from testbed.log.modes import modes_of
 from testbed.log.reader import Columns, complete, properties, span
@@ -41,7 +42,8 @@ def check(
         if view is not None:
             raise ValueError(f"--view {view!r} goes with --screenshot only; the viewer shows all views")
         return
-    only(logs, "a screenshot")
+    if len(logs) > 2:
+        raise ValueError(f"a screenshot shows one log, or two side by side, got {len(logs)}; leave some out")
     if Path(png).suffix.lower() != ".png":
         raise ValueError(f"a screenshot is a .png file, got {png}")
     check_target(Path(png))
@@ -75,7 +77,7 @@ def review(
     view: str | None = None,
     focus: int | None = None,
 ) -> int:
-    """Show logs with their layout in place until the viewer is closed; returns its exit status.
+    """Show logs with their layout in place until the viewer is closed; returns its exit status. Two go into one.
 
     With `png`, a picture of one log is rendered instead, at `at` [s], by default in the middle of the run, of all of it
     or of the view of a name. `focus` is the vehicle of one log whose page comes first. Raises OSError or ValueError as
@@ -84,6 +86,8 @@ def review(
     check(logs, png, at, view, focus)
     with TemporaryDirectory() as folder:
         shown = logs if focus is None else [write_focused(logs[0], focus, Path(folder) / Path(logs[0]).name)]
+        if len(logs) == 2:
+            shown = [write_both(logs, Path(folder) / "both.rrd")]
         if png is not None:
             render(shown[0], png, middle(logs[0]) if at is None else at, view=view)
             return 0

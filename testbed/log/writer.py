@@ -365,7 +365,9 @@ class RunLog:
         new = {int(i): kind for i, kind in zip(objects.id, objects.kind, strict=True) if i not in self._known}
         if new:
             self._known |= new
-            names = [rr.AnnotationInfo(i + 1, f"{paths.vehicle(i)} {kind}") for i, kind in self._known.items()]
+            own = {i: f" ({name})" for i, name in self.meta.names.items()}
+            labels = {i: f"{paths.vehicle(i)}{own.get(i, '')} {kind}" for i, kind in self._known.items()}
+            names = [rr.AnnotationInfo(i + 1, label) for i, label in labels.items()]
             self._out.static(paths.TRUTH_CONTOUR, rr.AnnotationContext(names))
 
 

@@ -8,9 +8,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from testbed.planners.registry import LEARNED, PLANNERS, Planner, begin, find, settings
+    from testbed.planners.registry import OF_FILES, PLANNERS, Planner, begin, find, settings
 
-__all__ = ["LEARNED", "PLANNERS", "Planner", "begin", "find", "settings"]
+__all__ = ["OF_FILES", "PLANNERS", "Planner", "begin", "find", "settings"]
 
 
 def __getattr__(name: str) -> Any:

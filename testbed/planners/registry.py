@@ -17,6 +17,7 @@ from highway_env.envs.common.action import DiscreteAction, DiscreteMetaAction
 from testbed.planners.idm import Choice, IdmPlanner, straight_on
 from testbed.planners.learned import Learned
 from testbed.planners.mpc import Mpc
+from testbed.planners.stable_baselines import PREFIX, StableBaselines
 from testbed.planners.tree import TreeSearch
 from trackers.lookup import find_own, look_up, parse, with_parameters
 
@@ -140,12 +141,14 @@ class OwnPlanner:
 
 
 LEARNED = "learned:"  # before the file of a policy
+OF_FILES = (LEARNED, PREFIX)
 
 
 def find(name: str) -> Planner:
-    """The planner of that name: `NAME`, `NAME:key=value,key=value`, `MODULE:OBJECT:...`, or `learned:FILE`.
+    """The planner of that name: `NAME`, `NAME:key=value,key=value`, `MODULE:OBJECT:...`, `learned:FILE`, `sb3:FILE`.
 
-    One that is not in the catalogue as it stands has the whole text as its name; FILE is one of `save_policy`.
+    One that is not in the catalogue as it stands has the whole text as its name; FILE is one of `save_policy`, or of
+    stable-baselines3.
 
     Raises:
         LookupError: no such planner; the nearest name is suggested.
@@ -153,6 +156,8 @@ def find(name: str) -> Planner:
     """
     if isinstance(name, str) and name.startswith(LEARNED):
         return Learned(name.removeprefix(LEARNED))
+    if isinstance(name, str) and name.startswith(PREFIX):
+        return StableBaselines(name.removeprefix(PREFIX))
     if not isinstance(name, str) or name in PLANNERS:
         return look_up(name, PLANNERS, "planner")
     entry, parameters = parse(name)

@@ -1,7 +1,8 @@
 """A folder of tables as a recording: scans with the truth beside them, ready to be replayed."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -45,6 +46,7 @@ class Recorded(NamedTuple):
     unread: tuple[Unread, ...] = ()
     findings: tuple[Finding, ...] = ()  # of `testbed.replay.plausibility`, where they were looked for
     tracks: tuple[Any, ...] = ()  # `RecordedTracks` of files, where there are any
+    names: Mapping[int, str] = MappingProxyType({})  # id in scenes -> id in the tables, where that is another
 
 
 def read(folder: Path, start: float | None = None, end: float | None = None, fixes: Sequence[Fix] = ()) -> Recorded:
@@ -74,7 +76,9 @@ def read(folder: Path, start: float | None = None, end: float | None = None, fix
         frames.append(RecordedFrame(scene, scan, origin))
     known = None if truth.span is None else (truth.span[0] - first, truth.span[1] - first)
     unread = tuple(one for name, table in tables.items() if table is not None for one in _unread(table, TABLES[name]))
-    return Recorded(folder.resolve().name, sensors, tuple(frames), scans.times[chosen], known, road, drawn, unread)
+    names = {number: name for name, number in truth.numbers.items() if name != str(number)}
+    found = folder.resolve().name, sensors, tuple(frames), scans.times[chosen], known, road, drawn, unread
+    return Recorded(*found, names=names)
 
 
 def _there(table: Loaded | None) -> Loaded:

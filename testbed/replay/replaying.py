@@ -153,7 +153,9 @@ def _meta(config: ReplayConfig, recorded: Recorded) -> RunMeta:
         **{f"{name} [s]": value for name, value in window.items() if value is not None},
     }
     name = replay_id(config, recorded)
-    return RunMeta(name, recorded.name, 0, RECORDED, names(config, recorded), REPLAY, varied, versions())
+    return RunMeta(
+        name, recorded.name, 0, RECORDED, names(config, recorded), REPLAY, varied, versions(), recorded.names
+    )
 
 
 class Lives:

@@ -13,6 +13,7 @@ SHOWS = {  # what each program prints, at least once
     "own_filter": r"Kalman: GOSPA [\d.]+ m, position RMSE [\d.]+ m",
     "whole_tracker": r"Nearest: GOSPA [\d.]+ m, position RMSE [\d.]+ m",
     "own_radar": r"double: \d+ detections a scan, [\d.]+ tracks of \d+ vehicles",
+    "own_environment": r"bus, car, .*: \d+ tracks",
     "own_scenario": r"van +at .* m: nearest track off by \d\.\d m",
     "compare_trackers": r"GOSPA \[m\] .* difference -[\d.]+ \+- [\d.]+",
     "train": r"on truth +length .* crashes \d+%\non rm-feldmann",

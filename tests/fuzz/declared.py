@@ -43,6 +43,14 @@ LINES: dict[str, dict[str, str]] = {  # a correct and short call of each command
     "check": {"what": "radar", "name": "front"},
     "info": {},
     "radar": {"what": "show", "name": "front"},
+    "scenario": {"what": "show", "name": "cut-in"},
+    "benchmark list": {},
+    "benchmark run": {"name": "v0", "tracker": "rm-koch", "out": "out"},  # there is none: no run of one is short
+    "benchmark record": {"name": "v0", "out": "out"},
+    "benchmark score": {"name": "v0", "tracks": "tracks.csv", "against": "drive", "called": "mine", "out": "out"},
+    "benchmark check": {"entry": "baselines.json", "out": "out"},
+    "benchmark table": {"folder": "drive"},
+    "benchmark freeze": {"name": "v0"},
 }  # fmt: skip
 
 NUMBERS = (
@@ -72,8 +80,11 @@ VALUES: dict[type, tuple[str, ...]] = {
 
 @cache
 def commands() -> dict[str, Any]:
-    """The commands of the program, by name."""
-    return typer.main.get_command(cli.app).commands  # type: ignore[attr-defined]
+    """The commands of the program, by name; those of a group as `GROUP NAME`."""
+    found: dict[str, Any] = typer.main.get_command(cli.app).commands  # type: ignore[attr-defined]
+    groups = {name: command.commands for name, command in found.items() if hasattr(command, "commands")}
+    inner = {f"{group} {name}": command for group, own in groups.items() for name, command in own.items()}
+    return {name: command for name, command in found.items() if name not in groups} | inner
 
 
 def parameters(command: str) -> Iterator[tuple[str, str, type]]:
@@ -104,7 +115,7 @@ def line(command: str, **changed: str) -> tuple[str, ...]:
             options.append(f"{option}={values[name]}" if values[name] else option)
         else:
             options.append(f"{option}={values[name]}")
-    return (command, *options, "--", *arguments)
+    return (*command.split(), *options, "--", *arguments)
 
 
 def hostile(command: str) -> list[Call]:
@@ -116,4 +127,5 @@ def hostile(command: str) -> list[Call]:
         elif name in LINES[command]:
             rest = line(command)
             calls.append(Call(rest[: rest.index("--")]))  # without its arguments
-    return [*calls, Call((*line(command), "--nonsense")), Call((command, "--nonsense")), Call((command, "x", "y", "z"))]
+    words = tuple(command.split())
+    return [*calls, Call((*line(command), "--nonsense")), Call((*words, "--nonsense")), Call((*words, "x", "y", "z"))]

@@ -6,8 +6,9 @@ from gymnasium.utils.env_checker import check_env
 
 from scenarios import SCENARIOS, Scenario, find
 from scenarios.bodies import parts, rear_extent
+from scenarios.drivers import balanced_target, steady_gap
 from scenarios.highway import ScenarioEnv, build_config
-from scenarios.stage import Phase, balanced_target, maneuver_end, phases, steady_gap
+from scenarios.stage import Phase, maneuver_end, phases
 from scenarios.vehicles import SizedIDM
 from tests.parameters import KINDS, rest_slow
 from tests.scenarios.episodes import world_only

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from scenarios.adapter import SceneReader
+from scenarios.highway import ScenarioEnv
 from scenarios.registry import find
 from sensors import find as find_radar
 from studies.papers.xia2020.generators import FOLLOWING, RIGHT_TURN, S_CURVE, drive
+from testbed import planners
 from tests.scenarios.episodes import world_only
 from trackers.geometry import to_frame, wrap_angle
 
@@ -107,3 +109,14 @@ def test_the_vehicles_of_yao2021_drive_half_a_circle_each_way(name, kind):
     end = course.table.rows[np.searchsorted(course.table.rows[:, 0], (101.0, 222.0, 242.0))]
     np.testing.assert_allclose(end[:, 3], [np.pi, 0.0, 0.0], atol=0.02)  # one second of ramp
     assert end[0, 2] == pytest.approx(2 * 11.2 * 101 / np.pi, abs=6.0)  # the diameter
+
+
+def test_the_ego_keeps_up_with_the_vehicle_of_yao2021():
+    env, planner = ScenarioEnv("yao2021-truck", {"duration": 30.0}), planners.find("truth")  # of 242 s
+    env.reset(seed=0)
+    truck = next(v for v in env.road.vehicles if hasattr(v, "table"))
+    over = False
+    while not over:
+        _, _, terminated, truncated, _ = env.step(planner.choose(env).action)
+        over = terminated or truncated
+    assert np.linalg.norm(truck.position - env.vehicle.position) < 35.0  # it began 26 m behind

@@ -7,9 +7,10 @@ import pytest
 
 from scenarios.bodies import rear_extent
 from scenarios.courses import follow_lane
+from scenarios.drivers import steady_gap
 from scenarios.longitudinal import AXIS
 from scenarios.networks import straight
-from scenarios.stage import Flow, Stage, steady_gap
+from scenarios.stage import Flow, Stage
 
 LANE = ("a", "b", 1)
 KINDS = ("car", "van", "articulated", "truck", "bus", "motorcycle", "tractor")

@@ -18,11 +18,12 @@ from trackers.compiled import REFUSED, available
 
 pytestmark = pytest.mark.skipif(not available(), reason="needs the extra `fast`")
 SURROUND = RADARS["surround"]
-# All that a scan can hold: cells, scatter, depth, an even and an exponential one, a full circle of rays.
+# All that a scan can hold: cells, scatter, depth, an even and an exponential one, a full circle of rays, wheels.
 MIXED = replace(SURROUND, sensors=(
     *SURROUND.sensors,
     replace(RADARS["lidar-1deg"].sensors[0], max_range=60.0, share_volume=0.5, depth_volume=0.4, depth_contour=0.0),
     replace(RADARS["nuscenes-like"].sensors[1], share_scatter=0.4, count_shape=0.0, grazing=0.9),
+    replace(RADARS["nuscenes-like"].sensors[2], fold_rate=7.0, wheels=0.6, cell_power=0.5),
 ))  # fmt: skip
 
 

@@ -79,3 +79,28 @@ def test_the_command_writes_a_file_that_a_run_takes_and_a_study_knows_its_conten
     (tmp_path / "my.toml").write_text(shown.stdout.replace("max_range = 174.0", "max_range = 150.0"))
     assert own_code(names) != before
     assert CliRunner().invoke(app, ["radar", "hide", "front"]).exit_code == 2
+
+
+def test_a_number_of_the_sensors_holds_for_all_of_a_rig():
+    rig = find("surround:sigma_range=0.5,rate=10")
+    assert {s.sigma_range for s in rig.sensors} == {0.5}
+    assert rig.rate == 10
+    assert rig.name == "surround:sigma_range=0.5,rate=10"
+    assert [s.mount for s in rig.sensors] == [s.mount for s in RADARS["surround"].sensors]
+    assert find("surround").sensors == RADARS["surround"].sensors
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("surround:sigma=0.5", "surround has no parameter sigma; it has rate, "),
+        ("surround:mount=3", "surround has no parameter mount"),
+        ("surround:sigma_range=far", "surround: sigma_range must be a number, such as 0.5, got 'far'"),
+        ("surround:fov_deg=400", "sensor.fov_deg must be at most 360, got 400"),
+        ("surround:rate=0", "rate must be positive, got 0"),
+    ],
+)
+def test_a_number_that_no_sensor_has_is_refused(text, sentence):
+    with pytest.raises(ValueError, match=r"parameter|must") as raised:
+        find(text)
+    assert sentence in str(raised.value)

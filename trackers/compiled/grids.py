@@ -87,14 +87,15 @@ def grid_moments(grid: NDArray, p: NDArray, c: NDArray, of_row: NDArray, b: NDAr
 @compiled
 def believe(
     grid_l: NDArray, grid_w: NDArray, shares: NDArray, of_length: NDArray, of_width: NDArray, loads: NDArray,
-    at: NDArray, p: NDArray, q: NDArray, behind: float, b: NDArray, length: NDArray, width: NDArray, kind: NDArray,
+    at: NDArray, p: NDArray, q: NDArray, hidden: NDArray, b: NDArray, length: NDArray, width: NDArray, kind: NDArray,
 ) -> None:  # fmt: skip
     """(ENDS.16) to (ENDS.20), (ENDS.33): belief b (5, 2), length (K,), width (K',), kind (C,) of p and q.
 
-    shares (C,), of_length (C, K), of_width (C, K') are those of the fleet; loads (D, 2) have class and share, and at
-    (D, K) says where on the grid of L_k a load of it ends.
+    shares (C,), of_length (C, K), of_width (C, K') are those of the fleet; loads (D, 3) have class, share and hinge,
+    hidden (2,) the probabilities that it was seen from behind only and that it is bent, and at (D, K) says where on
+    the grid of L_k a load of it ends.
     """
-    K, W, C, D = len(p), len(q), len(shares), len(loads) if behind > 0 else 0
+    K, W, C, D = len(p), len(q), len(shares), len(loads) if hidden.any() else 0
     l, w, fit_l, fit_w, total = sums(grid_l, p), sums(grid_w, q), np.zeros(C), np.zeros(C), 0.0
     for c in range(C):
         for k in range(K):
@@ -106,7 +107,7 @@ def believe(
         for k in range(K):
             i = int(at[d, k])
             shorter = l[i, 0] + (at[d, k] - i) * (l[min(i + 1, K - 1), 0] - l[i, 0])
-            fit_l[c] += loads[d, 1] * behind * (shorter - l[k, 0]) * of_length[c, k]  # (ENDS.33)
+            fit_l[c] += loads[d, 1] * hidden[int(loads[d, 2])] * (shorter - l[k, 0]) * of_length[c, k]  # (ENDS.33)
     for c in range(C):
         kind[c] = shares[c] * fit_l[c] * fit_w[c]
         total += kind[c]
@@ -122,7 +123,7 @@ def believe(
     for d in range(D):
         c = int(loads[d, 0])
         for k in range(K):
-            h = loads[d, 1] * behind * shares[c] * fit_w[c] * of_length[c, k]
+            h = loads[d, 1] * hidden[int(loads[d, 2])] * shares[c] * fit_w[c] * of_length[c, k]
             i = int(at[d, k])
             j, f = min(i + 1, K - 1), at[d, k] - i
             for a in range(2):

@@ -93,8 +93,8 @@ def possible(u: float, lateral: float, curvature: float, fast: float) -> float:
 
 
 @compiled
-def move(m: NDArray, P: NDArray, dt: float, mode: NDArray, common: NDArray, size_walk: float, log: bool) -> None:
-    """(MODE.2) to (MODE.7) of one mode, m (7,), P (7, 7) in place.
+def move(m: NDArray, P: NDArray, dt: float, mode: NDArray, common: NDArray, size_walk: float, log: bool) -> float:
+    """(MODE.2) to (MODE.7) of one mode, m (7,), P (7, 7) in place; returns (MODE.32), its log likelihood.
 
     mode (4,): speed_walk, yaw_walk, axle, lateral; common (4,): curvature, slow_yaw, fast, bound_time.
     """
@@ -132,7 +132,8 @@ def move(m: NDArray, P: NDArray, dt: float, mode: NDArray, common: NDArray, size
     u = m[SPEED] ** 2 + P[SPEED, SPEED]
     bound = possible(u, mode[3], curvature, fast) + (slow_yaw**2 if u < SLOW**2 else 0.0)
     row, turning = P[OMEGA].copy(), m[OMEGA]
-    S = row[OMEGA] + max(bound, LEAST_BOUND) * bound_time / dt
+    R = max(bound, LEAST_BOUND) * bound_time / dt
+    S = row[OMEGA] + R
     for i in range(7):
         m[i] -= row[i] / S * turning  # (MODE.7)
         for j in range(7):
@@ -140,6 +141,7 @@ def move(m: NDArray, P: NDArray, dt: float, mode: NDArray, common: NDArray, size
     P[LENGTH, LENGTH] += size_walk**2 * dt  # (MODE.4)
     P[WIDTH, WIDTH] += size_walk**2 * dt
     symmetrize(P)
+    return -0.5 * turning**2 / S  # (MODE.32)
 
 
 @compiled

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from trackers.compiled.jit import compiled
 from trackers.compiled.tables import Found
 
-SLOWEST, SHARPEST, BEND_ERROR = 2.0, 0.9, 0.5  # as in `trackers.size.posterior`
+STRAIGHT, SLOWEST, SHARPEST, BEND_ERROR = 0.02, 2.0, 0.9, 0.5  # as in `trackers.size.posterior`
 
 
 @compiled
@@ -47,18 +47,23 @@ def edges(box: NDArray, size: NDArray, b: NDArray, anchor: NDArray, more: NDArra
 
 
 @compiled
+def curvature(rate: float, rate_std: float, speed: float) -> float:
+    """How sharply [1/m] a path bends, as far as it is certain."""
+    return max(abs(rate) - rate_std, 0.0) / max(speed, SLOWEST)
+
+
+@compiled
 def bend(
     rate: float, rate_std: float, speed: float, width: float, kind: NDArray, hinges: NDArray
 ) -> tuple[float, float]:
     """(ENDS.40): how far a front body stands out beside that behind it, to the left positive, and the variance."""
-    turning = max(abs(rate) - rate_std, 0.0)
-    mean = square = 0.0
+    bent, mean, square = curvature(rate, rate_std, speed), 0.0, 0.0
     for c in range(len(kind)):
-        sine = min(hinges[0, c] * turning / max(speed, SLOWEST), SHARPEST)
+        sine = min(hinges[0, c] * bent, SHARPEST)
         out = hinges[1, c] * sine - width / 2 * (1 - math.sqrt(1 - sine**2))
         mean += kind[c] * out
-        square += kind[c] * out**2
-    return (0.0 if turning == 0 else math.copysign(mean, rate * mean)), square - mean**2 + (BEND_ERROR * mean) ** 2
+        square += kind[c] * (out**2 + (hinges[1, c] * hinges[0, c] * rate_std / max(speed, SLOWEST)) ** 2)  # (ENDS.41)
+    return (0.0 if bent == 0 else math.copysign(mean, rate * mean)), square - mean**2 + (BEND_ERROR * mean) ** 2
 
 
 @compiled

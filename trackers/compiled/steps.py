@@ -9,7 +9,7 @@ from trackers.compiled import evidence, grids, htg, modes, size, spline
 from trackers.compiled.jit import compiled
 from trackers.compiled.linear import cholesky, wrap
 from trackers.compiled.modes import LENGTH, OMEGA, PHI, SPEED, WIDTH, metres
-from trackers.compiled.sized import around, outlined, sized
+from trackers.compiled.sized import STRAIGHT, around, curvature, outlined, sized
 from trackers.compiled.tables import UNUSABLE, Found, Rows, Tables
 
 AXLE_STD, CREEP, ROUNDING = 0.15, 1.0, 1e-9  # as in `trackers.motion.mixture` and `.turn`
@@ -59,6 +59,13 @@ def estimate(t: int, f: Found, mu: NDArray, axle: NDArray, place_std: NDArray, o
 
 
 @compiled
+def unseen(side: float, end: float, enough: float, hidden: NDArray) -> None:
+    """(ENDS.34): probabilities hidden (2,) that a body was seen from behind only, and that it is bent."""
+    few = math.exp(-abs(side) / enough)
+    hidden[0], hidden[1] = few if end < 0 else 0.0, 1 - few if side < 0 else 0.0
+
+
+@compiled
 def usable(a: NDArray) -> bool:
     """Whether all numbers are finite and not beyond `LARGEST`."""
     square = 0.0
@@ -76,19 +83,21 @@ def predict(
 
     False where some number is not finite or too large.
     """
-    length, width = np.empty(old.length.shape[1:]), np.empty(old.width.shape[1:])
+    length, width, hidden = np.empty(old.length.shape[1:]), np.empty(old.width.shape[1:]), np.empty(2)
+    fit = np.empty(len(p.modes))
     for t in range(len(which)):
         x.ahead[t] = old.ahead[t] + modes.driven(old.m[t], old.P[t], old.mu[t], dt)
         modes.mix(old.m[t], old.P[t], old.mu[t], kept, p.onset, dt, x.m[t], x.P[t], x.mu[t])
         for k in range(len(p.modes)):
-            modes.move(x.m[t, k], x.P[t, k], dt, p.modes[k], p.common, p.size_walk, p.log_size)
+            fit[k] = modes.move(x.m[t, k], x.P[t, k], dt, p.modes[k], p.common, p.size_walk, p.log_size)
+        modes.reweight(x.mu[t], fit)
         modes.moments(x.m[t], x.P[t], x.mu[t], f.m[t], f.P[t])
         x.anchor[t] = old.anchor[t]
         x.side[t] = keep * old.side[t]
         grids.forget(old.length[t], keep, over_length, length, x.length[t])
         grids.forget(old.width[t], keep, over_width, width, x.width[t])
-        behind = math.exp(-x.side[t] / p.enough_side) if x.anchor[t, 0] < 0 else 0.0  # (ENDS.34)
-        grids.believe(p.grid_l, p.grid_w, p.shares, p.of_length, p.of_width, p.loads, p.load_at, length, width, behind,
+        unseen(x.side[t], x.anchor[t, 0], p.enough_side, hidden)
+        grids.believe(p.grid_l, p.grid_w, p.shares, p.of_length, p.of_width, p.loads, p.load_at, length, width, hidden,
                       x.belief[t], x.of_length[t], x.of_width[t], x.kind[t])  # fmt: skip
         estimate(t, f, x.mu[t], p.axle, p.place_std, p.outline[which[t]], p.log_size)
         sized(t, f, x.belief[t], x.kind[t], x.anchor[t], p.outline[which[t]], p.pin, p.insets, p.hinges)
@@ -114,7 +123,7 @@ def update(
     Detections of row t are start[t] to start[t + 1] of z.
     """
     m, P, length, width = np.empty(7), np.empty((7, 7)), np.empty(x.length.shape[1:]), np.empty(x.width.shape[1:])
-    box, was, shift, std = np.empty(3), np.empty(2), np.empty(2), np.empty(2)
+    box, was, shift, std, hidden = np.empty(3), np.empty(2), np.empty(2), np.empty(2), np.empty(2)
     for t in range(len(which)):
         modes.moments(x.m[t], x.P[t], x.mu[t], f.m[t], f.P[t])
         mine, q = z[start[t] : start[t + 1]], which[t]
@@ -135,13 +144,18 @@ def update(
             was[0], was[1] = metres(f.m[t, LENGTH], p.log_size), metres(f.m[t, WIDTH], p.log_size)
             if math.cos(f.m[t, PHI] - before[2]) < 0:  # front and rear changed places
                 x.anchor[t] *= -1
-            x.side[t] += size.read(x.length[t], x.width[t], x.anchor[t], before, box, was, whole[t], mine, p.grid_l,
-                                   p.near_l, p.far_l, p.grid_w, p.near_w, p.far_w, p.sheet, p.size)  # fmt: skip
+            beside = size.read(x.length[t], x.width[t], x.anchor[t], before, box, was, whole[t], mine, p.grid_l,
+                               p.near_l, p.far_l, p.grid_w, p.near_w, p.far_w, p.sheet, p.size)  # fmt: skip
+            speed = math.hypot(f.m[t, SPEED], f.m[t, OMEGA] * was[0] * np.dot(x.mu[t], p.axle))
+            if curvature(f.m[t, OMEGA], math.sqrt(f.P[t, OMEGA, OMEGA]), speed) < STRAIGHT:
+                x.side[t] += beside
+            else:
+                x.side[t] = min(x.side[t], 0.0) - len(mine)  # (ENDS.34)
             grids.to_likelihood(x.length[t], 1.0, length)
             grids.to_likelihood(x.width[t], 1.0, width)
-            behind = math.exp(-x.side[t] / p.enough_side) if x.anchor[t, 0] < 0 else 0.0  # (ENDS.34)
+            unseen(x.side[t], x.anchor[t, 0], p.enough_side, hidden)
             grids.believe(p.grid_l, p.grid_w, p.shares, p.of_length, p.of_width, p.loads, p.load_at, length, width,
-                          behind, x.belief[t], x.of_length[t], x.of_width[t], x.kind[t])  # fmt: skip
+                          hidden, x.belief[t], x.of_length[t], x.of_width[t], x.kind[t])  # fmt: skip
             size.centre(x.length[t], x.width[t], p.grid_l[1], p.grid_w[1], x.anchor[t], box, was, x.belief[t], shift)
             for a in range(2):
                 std[a] = max(p.pin[0] * x.belief[t, 0, a], p.pin[1])

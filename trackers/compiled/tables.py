@@ -107,7 +107,7 @@ class Tables(NamedTuple):
     shares: NDArray  # (C,) of the classes
     of_length: NDArray  # (C, K)
     of_width: NDArray  # (C, K')
-    loads: NDArray  # (D, 2) class and share of those with loads
+    loads: NDArray  # (D, 3) class and share of those with loads, and whether they have a hinge
     load_at: NDArray  # (D, K) where on the grid a load ends
     enough_side: float
     pin: NDArray  # (5,) share, least, spread in a face, spread of the offsets (2)
@@ -121,7 +121,7 @@ class Tables(NamedTuple):
         """Those of `SplinePmht` or `HTGMap`, of `MotionModes` and `SizePosterior`."""
         M, r, q = motion.modes, motion.rates, size.profiles
         loads = size.prior.loads
-        at = [X @ np.arange(len(X)) for _, _, X in loads]
+        at = [X @ np.arange(len(X)) for *_, X in loads]
         offset_std = size.length.offset_std, size.width.offset_std
         sheet = np.column_stack([
             q.max_range, q.fov, q.inside, q.grazing, q.weight, q.depth, q.rounding[:, 0], q.rounding[:, 1],
@@ -134,7 +134,7 @@ class Tables(NamedTuple):
             place.size_walk, motion.course, place.log_size,
             *(_densities(place) if isinstance(place, HTGMap) else _contours(place)),
             *_axis(size.length, 0), *_axis(size.width, 1), *size.prior[:3],
-            np.reshape([one[:2] for one in loads], (-1, 2)),
+            np.reshape([one[:3] for one in loads], (-1, 3)),
             np.reshape(at, (-1, len(size.length.sizes))), size.enough_side,
             [size.pin, size.least_pin, size.face_std, *offset_std], size.prior.insets, size.prior.hinges, sheet,
             [size.outliers, size.independent, size.part_weight, size.offset_share, *offset_std],

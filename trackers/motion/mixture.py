@@ -71,9 +71,9 @@ class MotionModes:
         Pi = kept + first[:, None] * begun[..., None, :]  # (MODE.29)
         Pi[..., 0, 0] -= begun.sum(-1)  # (MODE.29)
         m, P, mu = mix(x.m, x.P, x.mu, Pi, angles=ANGLES)
-        m, P = self.modes.moved(m, P, size_of(m, place.log_size)[..., 0], dt)
+        m, P, fit = self.modes.moved(m, P, size_of(m, place.log_size)[..., 0], dt)
         P[..., [SIZE, SIZE + 1], [SIZE, SIZE + 1]] += place.size_walk**2 * dt  # (MODE.4)
-        return Mixture(mu, m, P, ahead)
+        return Mixture(reweight(mu, fit), m, P, ahead)  # (MODE.32)
 
     def corrected(self, x: Mixture, before: Gaussian, after: Gaussian, place: Any, scan: Scan) -> Mixture:
         """The modes after an update of the contour filter, which took `before` to `after`, and the range rates."""

@@ -106,8 +106,11 @@ class Modes:
         P[..., OMEGA, OMEGA] = np.minimum(own, bound)  # (MODE.8)
         return mu, m, P
 
-    def moved(self, m: NDArray, P: NDArray, length: NDArray, dt: float) -> tuple[NDArray, NDArray]:
-        """Means (..., K, 7) and covariances after dt > 0 [s]; length (..., K) [m]."""
+    def moved(self, m: NDArray, P: NDArray, length: NDArray, dt: float) -> tuple[NDArray, NDArray, NDArray]:
+        """Means (..., K, 7), covariances and log likelihoods (..., K), by the bounds of the yaw rate, after dt > 0 [s].
+
+        length (..., K) [m] is that of the body.
+        """
         d = (self.axle * length)[..., None]
         m5, F = coordinated_turn(m[..., : OMEGA + 1], dt)
         e, e_new = unit(m[..., PHI]), unit(m5[..., PHI])
@@ -133,11 +136,14 @@ class Modes:
         lateral = self._lateral**2 * np.minimum(1.0, self.fast**2 / u)  # (MODE.6)
         return np.minimum(self.curvature**2 * u, lateral / u)  # (MODE.6)
 
-    def _bounded(self, m: NDArray, P: NDArray, dt: float) -> tuple[NDArray, NDArray]:
-        """Moments after a pseudo-measurement of yaw rate 0."""
+    def _bounded(self, m: NDArray, P: NDArray, dt: float) -> tuple[NDArray, NDArray, NDArray]:
+        """Moments after a pseudo-measurement of yaw rate 0, and how likely (..., K) it is."""
         u = m[..., SPEED] ** 2 + P[..., SPEED, SPEED]
         B = np.maximum(self._possible(u) + self.slow_yaw**2 * (u < SLOW**2), LEAST_BOUND)  # (MODE.6)
         row = P[..., OMEGA]
-        gain = row / (row[..., OMEGA, None] + (B * self.bound_time / dt)[..., None])  # (MODE.7)
+        R = B * self.bound_time / dt
+        S = row[..., OMEGA] + R
+        fit = -0.5 * m[..., OMEGA] ** 2 / S  # (MODE.32)
+        gain = row / S[..., None]  # (MODE.7)
         m = m - gain * m[..., OMEGA, None]  # (MODE.7)
-        return m, symmetrize(P - gain[..., :, None] * row[..., None, :])  # (MODE.7)
+        return m, symmetrize(P - gain[..., :, None] * row[..., None, :]), fit  # (MODE.7)

@@ -48,13 +48,15 @@ class Evidence:
             self, positive=("least", "intensity", "intensity_first", "first_decay", "off_lane", "clutter_factor")
         )
 
-    def clutter(self, points: Unexplained, label: NDArray, false_alarms: NDArray) -> NDArray:
+    def clutter(self, points: Unexplained, label: NDArray, false_alarms: NDArray, crowded: bool = False) -> NDArray:
         """Clutter intensity (P,) [1/(m^2 m/s)], measured by the number of cells of each sensor in the present scan.
 
-        label (P,) are the cells, false_alarms (S,) those expected of each sensor a scan.
+        label (P,) are the cells, false_alarms (S,) those expected of each sensor a scan. In a crowded scan cells that
+        have the detections of a vehicle are not counted: most of it may be vehicles.
         """
         S = len(false_alarms)
-        pairs = np.unique((label * S + points.sensor)[points.now])
+        counted = points.now & (np.bincount(label[points.now])[label] < self.least) if crowded else points.now
+        pairs = np.unique((label * S + points.sensor)[counted])
         cells = np.bincount(pairs % S, minlength=S)
         factor = np.maximum(1.0, self.clutter_factor * cells / np.maximum(false_alarms, 1.0))  # (LIFE.4)
         return points.clutter * factor[points.sensor]  # (LIFE.4)

@@ -123,7 +123,7 @@ class Initiation:
     ) -> tuple[NDArray, Cells]:  # fmt: skip
         """Cell (P,) of each detection, and what the cells are worth."""
         label = self.linkage.label_crowd(points) if crowded else self.linkage.label(points)
-        clutter = self.evidence.clutter(points, label, false_alarms)
+        clutter = self.evidence.clutter(points, label, false_alarms, crowded)
         scans = np.where(points.now, 1.0, self.window.span / dt if dt > 0 else 1.0)
         chance = clutter * self.linkage.volume(points) * scans  # (LIFE.5)
         newcomers = self.evidence.newcomers(np.inf if crowded else time)

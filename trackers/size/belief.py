@@ -12,6 +12,8 @@ from trackers.geometry import vector
 from trackers.size.fleet import Prior
 from trackers.size.grid import Grid
 
+SHOWN = np.zeros(2)  # of `posterior`: neither seen from behind only nor bent
+
 
 class Belief(NamedTuple):
     """Posterior of size and class; axes of vectors (..., 2) are length and width."""
@@ -27,19 +29,18 @@ class Belief(NamedTuple):
 
 
 def posterior(
-    grids: tuple[Grid, Grid], fleet: Prior, length: NDArray, width: NDArray, behind: NDArray | float = 0.0
+    grids: tuple[Grid, Grid], fleet: Prior, length: NDArray, width: NDArray, hidden: NDArray = SHOWN
 ) -> Belief:
     """Belief from likelihoods length (..., K, N) and width (..., K', N'), greatest ones near 1.
 
-    behind (...) is the probability that all detections were made from behind.
+    hidden (..., 2) is the probability that all detections were made from behind, and that the body is bent.
     """
     of_length, of_width = fleet.length, fleet.width
     l, w = length.sum(-1), width.sum(-1)
     fit_l, fit_w = l @ of_length.T, w @ of_width.T  # (..., C) each, (ENDS.16)
     loads = []
-    from_behind = bool(np.any(behind))
-    for c, share, shorter in fleet.loads if from_behind else ():
-        part = share * np.asarray(behind)
+    for c, share, bent, shorter in fleet.loads if hidden.any() else ():
+        part = share * hidden[..., int(bent)]
         fit_l[..., c] += part * ((l @ shorter.T - l) @ of_length[c])  # (ENDS.33)
         loads.append((part * fleet.shares[c] * fit_w[..., c], of_length[c], shorter))
     weight = fleet.shares * fit_l * fit_w

@@ -20,7 +20,8 @@ class VehicleClass:
     share: float
     length: tuple[float, float]
     width: tuple[float, float]
-    load: tuple[float, float] = (0.0, 1.0)  # share without detections, from behind, beyond so much of the length
+    load: tuple[float, float] = (0.0, 1.0)  # share without detections, from behind or, with a hinge, in a bend, beyond
+    # so much of the length
     inset: tuple[float, float] = (0.0, 0.0)  # [m] of the ends, as detections show them, from the box: mean and std
     hinge: tuple[float, float] = (0.0, 0.0)  # [m] from a hinge back to the axle behind it, and on to the front
 
@@ -36,7 +37,7 @@ FLEET = (
     VehicleClass("van", 0.13, (5.8, 0.6), (2.03, 0.08)),
     VehicleClass("truck", 0.10, (9.0, 1.75), (2.48, 0.07), load=(0.8, 0.7)),
     VehicleClass("bus", 0.03, (12.2, 1.3), (2.55, 0.04)),
-    VehicleClass("articulated", 0.07, (16.2, 1.1), (2.55, 0.04), hinge=(7.7, 4.5)),
+    VehicleClass("articulated", 0.07, (16.2, 1.1), (2.55, 0.04), load=(0.8, 0.82), hinge=(7.7, 4.5)),
 )
 
 
@@ -85,10 +86,10 @@ class Fleet:
         """The hinges (2, C)."""
         return np.array([c.hinge for c in self.classes]).T
 
-    def behind_loads(self, lengths: NDArray) -> tuple[tuple[int, float, NDArray], ...]:
-        """Classes with loads: index, share and matrix (K, K) from a function of L_k to that of f L_k, (ENDS.33)."""
-        some = [(c, *one.load) for c, one in enumerate(self.classes) if one.load[0] > 0]
-        return tuple((c, share, _shortened(part, lengths)) for c, share, part in some)
+    def behind_loads(self, lengths: NDArray) -> tuple[tuple[int, float, bool, NDArray], ...]:
+        """Classes with loads: index, share, hinge or not, and matrix (K, K) from a function of L_k to that of f L_k."""
+        some = [(c, *one.load, one.hinge[0] > 0) for c, one in enumerate(self.classes) if one.load[0] > 0]
+        return tuple((c, share, bent, _shortened(part, lengths)) for c, share, part, bent in some)  # (ENDS.33)
 
 
 class Prior(NamedTuple):
@@ -97,7 +98,7 @@ class Prior(NamedTuple):
     shares: NDArray  # (C,)
     length: NDArray  # (C, K) probabilities given the class
     width: NDArray  # (C, K')
-    loads: tuple[tuple[int, float, NDArray], ...]  # as of `Fleet.behind_loads`
+    loads: tuple[tuple[int, float, bool, NDArray], ...]  # as of `Fleet.behind_loads`
     insets: NDArray  # (C, 2) as of `Fleet.insets`
     hinges: NDArray  # (2, C) as of `Fleet.hinges`
 

@@ -25,6 +25,7 @@ from trackers.size.hits import Boxes, Hits, hits_of
 from trackers.size.profile import Profiles
 
 SIDE = np.sin(np.radians(10.0))  # a line of sight further off the axis meets sides behind the front of a load
+STRAIGHT = 0.02  # [1/m] curvature of a path below which the front of two bodies is where the side shows it
 SLOWEST, SHARPEST = 2.0, 0.9  # [m/s] and sine of the bend from which on it is not read from the curvature
 BEND_ERROR = 0.5  # of what stands out, as a share of it
 ROLLED_ABOVE = 0.75  # steps of mean offset from which the box is moved instead
@@ -38,7 +39,7 @@ class SizeState(NamedTuple):
     width: NDArray  # (..., K', N')
     belief: Belief
     fully_visible: NDArray  # (...) bool, the next scan shows the complete object
-    side: NDArray  # (...) number of detections from another side than the front and the rear, older ones forgotten
+    side: NDArray  # (...) detections from beside it, older ones forgotten; negative: those of it in a bend
 
 
 class Pin(NamedTuple):
@@ -159,7 +160,10 @@ class SizePosterior:
             self.offset_share, around,
         )  # fmt: skip
         length, width = (with_evidence(*x) for x in zip((length, width), more, sharper.T, strict=True))
-        side = side + np.add.reduceat((np.abs(hits.sight[:, 1]) > SIDE).astype(float), start)
+        beside = np.add.reduceat((np.abs(hits.sight[:, 1]) > SIDE).astype(float), start)
+        straight = np.abs(flat(_curvature(box), axes)[rows]) < STRAIGHT
+        n = np.diff(start, append=len(row))
+        side = np.where(straight, side + beside, np.minimum(side, 0.0) - n)  # (ENDS.34)
         belief = self.belief(np.exp(length), np.exp(width), faced, side)
         step = np.array([grid.step for grid in self.grids])
         steps = np.where(np.abs(belief.offset) > ROLLED_ABOVE * step, np.round(belief.offset / step), 0.0)
@@ -239,12 +243,12 @@ class SizePosterior:
     def _bend(self, box: Estimate) -> tuple[NDArray, NDArray]:
         """How far (...) [m] a front body stands out beside that behind it, to the left positive, and the variance."""
         axle, front = self.prior.hinges
-        turning = np.sign(box.yaw_rate) * np.maximum(np.abs(box.yaw_rate) - box.yaw_rate_std, 0.0)
-        curvature = turning / np.maximum(np.hypot(*np.moveaxis(box.velocity, -1, 0)), SLOWEST)
+        curvature = _curvature(box)
         sine = np.clip(axle * curvature[..., None], -SHARPEST, SHARPEST)  # (ENDS.40)
         out = front * np.abs(sine) - box.size[..., 1:] / 2 * (1 - np.sqrt(1 - sine**2))  # (ENDS.40)
-        mean, square = (np.sum(box.class_probability * x, -1) for x in (out, out**2))
-        return np.sign(turning) * mean, square - mean**2 + (BEND_ERROR * mean) ** 2
+        turn = axle * (box.yaw_rate_std / _speed(box))[..., None]  # (ENDS.41)
+        mean, square = (np.sum(box.class_probability * x, -1) for x in (out, out**2 + (front * turn) ** 2))
+        return np.sign(curvature) * mean, square - mean**2 + (BEND_ERROR * mean) ** 2
 
     def reach(self, state: SizeState, box: Estimate) -> Estimate:
         """The box with the greatest length and width that are possible, for gates; its `size_std` is 0."""
@@ -268,8 +272,9 @@ class SizePosterior:
 
     def belief(self, length: NDArray, width: NDArray, anchor: NDArray, side: NDArray) -> Belief:
         """What likelihoods length (..., K, N) and width (..., K', N') say with the fleet."""
-        behind = np.where(anchor[..., 0] < 0, np.exp(-side / self.enough_side), 0.0)  # (ENDS.34)
-        return posterior(self.grids, self.prior, length, width, behind)
+        few = np.exp(-np.abs(side) / self.enough_side)
+        hidden = np.stack([np.where(anchor[..., 0] < 0, few, 0.0), np.where(side < 0, 1 - few, 0.0)], -1)  # (ENDS.34)
+        return posterior(self.grids, self.prior, length, width, hidden)
 
     def pin_std(self, size: NDArray) -> NDArray:
         """Standard deviation (..., 2) [m] of a size (..., 2) [m] in the filter of the place."""
@@ -278,6 +283,16 @@ class SizePosterior:
     def pinned(self, estimate: Estimate) -> Estimate:
         """The estimate that a filter of the place starts from."""
         return estimate._replace(size_std=self.pin_std(estimate.size), contour=None, class_probability=None)
+
+
+def _curvature(box: Estimate) -> NDArray:
+    """Curvature (...) [1/m] of the path, positive to the left, as far as it is certain."""
+    turning = np.sign(box.yaw_rate) * np.maximum(np.abs(box.yaw_rate) - box.yaw_rate_std, 0.0)
+    return turning / _speed(box)
+
+
+def _speed(box: Estimate) -> NDArray:
+    return np.maximum(np.hypot(*np.moveaxis(box.velocity, -1, 0)), SLOWEST)
 
 
 def _placed(state: SizeState, box: Estimate, size: NDArray, var: NDArray, out: NDArray | float = 0.0) -> Estimate:

@@ -7,6 +7,8 @@ from typing import Annotated, Any, NamedTuple
 
 import typer
 
+from studies.drivers import page as drivers
+from studies.drivers.fit import near
 from studies.page import DOCS, Docs, Page, fill
 from studies.runs import calculate
 from studies.traffic.distributions import LEVEL, SHOWN, UNITS, Distribution, distributions, table_of
@@ -21,6 +23,7 @@ from testbed.files import make_directory, write_json
 from testbed.log.text import markdown_table
 
 RESULTS = "traffic.json"
+DOCS_RESULTS = Path(__file__).parents[2] / "results"
 COMMAND = "PYTHONPATH=docs python -m studies traffic DATA --docs docs"  # DATA lies elsewhere on every machine
 
 
@@ -65,9 +68,16 @@ def read(path: Path) -> Study:
 
 def render(study: Study) -> str:
     """The page from the results."""
-    found = study.found
+    found, fit = study.found, drivers.read(DOCS_RESULTS / drivers.RESULTS)
+    rows = fit["rows"]
     return fill(
         "traffic/page.md.j2",
+        drivers=drivers.table(rows),
+        near=sum(map(near, rows)),
+        alike=sum(near(row._replace(simulated=row.default)) for row in rows),
+        statistics=len(rows),
+        followers=18,
+        together=fit["population"]["speed_unrest"],
         seeds=study.seeds,
         driven=DRIVEN[CATALOGUE],
         native=DRIVEN[NATIVE],

@@ -61,9 +61,22 @@ def picture(data: Drawn, k: int) -> Image.Image:
         color = palette.dimmed(palette.TRUTH, np.array([visible / 100]))[0]
         _ring(pen, data, where, ego, css(int(color)), 1)
     _ring(pen, data, data["ego"][k], ego, css(palette.EGO), 2)
-    names = ", ".join(tracker["name"] for tracker in data["trackers"])
-    pen.text((8, HIGH - 18), f"{data['time'][k]:5.1f} s   {data['run']['scenario']}: {names}", fill=css(palette.TRUTH))
+    pen.text((8, HIGH - 18), f"{data['time'][k]:5.1f} s   {data['run']['scenario']}", fill=css(palette.TRUTH))
+    _legend(pen, data)
     return image
+
+
+def _legend(pen: ImageDraw.ImageDraw, data: Drawn) -> None:
+    """Who is drawn in which colour, in the last line from the right."""
+    words = [("ego", css(palette.EGO)), ("truth", css(palette.TRUTH))]
+    words += [(tracker["name"], tracker["color"]) for tracker in data["trackers"]]
+    used = [any(frame[i] for frame in data["detections"]) for i in range(len(data["kinds"]))]
+    words += [(kind["name"], kind["color"]) for kind, there in zip(data["kinds"], used, strict=True) if there]
+    x = WIDE - 8.0
+    for word, color in reversed(words):
+        x -= pen.textlength(word)
+        pen.text((x, HIGH - 18), word, fill=color)
+        x -= 14
 
 
 def _on_screen(points: np.ndarray, ego: np.ndarray) -> np.ndarray:

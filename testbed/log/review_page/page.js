@@ -26,6 +26,7 @@ function go(frame) {
   el("scene").setAttribute("aria-label", "Bird's-eye view at " + time.toFixed(2) + " s");
   drawScene();
   drawCharts();
+  if (window.onstep) window.onstep(time); // of a page that shows two runs
   for (const node of document.querySelectorAll("[data-start]")) {
     node.classList.toggle("now", time >= +node.dataset.start - 0.04 && time <= +node.dataset.end + 0.04);
   }
@@ -121,7 +122,10 @@ function drawChart(canvas, lines, low, high, title) {
   }
   g.textAlign = "center";
   const every = [0.5, 1, 2, 5, 10, 20, 50, 100].find((s) => (t1 - t0) / s <= 6) || 200;
-  for (let t = Math.ceil(t0 / every) * every; t <= t1; t += every) g.fillText(t + " s", Math.min(x(t), width - 14), height - 3);
+  for (let t = Math.ceil(t0 / every) * every; t <= t1; t += every) {
+    const room = width - g.measureText(t + " s").width / 2 - 1;  // the last label ends where the picture does
+    g.fillText(t + " s", Math.min(x(t), room), height - 3);
+  }
   lines.forEach((line, i) => {
     if (!line) return;
     g.strokeStyle = run.trackers[i].color; g.lineWidth = 1.5; g.setLineDash(DASHES[i % DASHES.length]);
@@ -133,9 +137,11 @@ function drawChart(canvas, lines, low, high, title) {
   });
   g.strokeStyle = "#ffd34d"; g.lineWidth = 1;
   g.beginPath(); g.moveTo(x(run.time[view.frame]), 2); g.lineTo(x(run.time[view.frame]), height - 14); g.stroke();
-  const now = lines.map((line) => line && line[view.frame] !== null ? line[view.frame].toFixed(2) : "\u2013").join(" | ");
-  canvas.setAttribute("aria-label", title + " now: " + now);
-  canvas.parentElement.querySelector("output").textContent = now;
+  const value = (line) => line && line[view.frame] !== null ? line[view.frame].toFixed(2) : "\u2013";
+  const now = lines.map((line, i) => (lines.length > 1 ? run.trackers[i].name + " " : "") + value(line));
+  canvas.setAttribute("aria-label", title + " now: " + now.join(", "));
+  canvas.parentElement.querySelector("output").replaceChildren(...now.map((text, i) =>
+    make("span", lines.length > 1 ? { style: "color: " + run.trackers[i].color } : {}, (i ? ", " : "") + text)));
 }
 
 function fillCharts() {
@@ -157,7 +163,7 @@ function fillEvents() {
   for (const [time, level, text] of run.events) {
     const object = /veh_(\d+)/.exec(text);
     el("events").append(make("li", {}, make("button", { class: level, onclick: () => jump(time, object ? +object[1] : null) },
-      time.toFixed(1) + " s  " + (level === "INFO" ? "" : level.toLowerCase() + ": ") + text)));
+      time.toFixed(2) + " s  " + (level === "INFO" ? "" : level.toLowerCase() + ": ") + text)));
   }
 }
 

@@ -106,6 +106,10 @@ def test_each_vehicle_of_the_motorway_has_one_track():
     assert found.peak > 0
 
 
+def test_two_hundred_vehicles_that_are_in_sight_at_once_are_tracked():
+    assert growth(200, warm_up=8, steps=1).tracks == 200
+
+
 def test_perfect_tracks_cost_more_where_somebody_asks_for_scans():
     bare, scanned = (
         training.tracked_steps(training.VEHICLES, 2, watched, tracker=TRUTH).ratio for watched in (False, True)

@@ -191,9 +191,9 @@ def test_an_environment_of_highway_env_stands_in_for_a_scenario(tmp_path):
             "'highway-v7' of the testbed or of highway-env; did you mean 'highway-v",
         ),
         ("highway-v0:lane_count=3", ValueError, "highway-v0 has no config lane_count; it has action, "),
-        ("probe-brake:gab=26", ValueError, "probe-brake has no parameter gab; it has gap"),
+        ("probe-brake:gab=26", ValueError, "probe-brake has no parameter gab; it has gap, density, speed, drivers"),
         ("probe-brake:gap=2", ValueError, "gap must be a number from 6 to 60 m, got 2"),
-        ("cut-in:gap=2", ValueError, "cut-in has no parameter gap; it has none"),
+        ("cut-in:gap=2", ValueError, "cut-in has no parameter gap; it has density, speed, drivers"),
         ("json:loads", ValueError, "it must be a `scenarios.Scenario`"),
     ],
 )

@@ -6,7 +6,7 @@ import pytest
 
 from testbed.command_line.differences import NOTHING, compare_results
 from testbed.log import RunLog
-from testbed.log.difference import compare_logs
+from testbed.log.difference import compare_logs, pairs_of
 from tests.testbed.log import log_runs
 
 
@@ -113,3 +113,27 @@ def test_the_command_ends_with_one_where_runs_differ(command, log, tmp_path):
     for wrong, said in ((tmp_path / "a.json", "two logs"), (tmp_path / "none.rrd", "there is no log")):
         done = command("diff", log, wrong)
         assert (done.status, said in done.err) == (2, True)
+
+
+def test_two_trackers_are_compared_with_each_other():
+    assert pairs_of(["a", "b"], ["b", "c"]) == [("b", "b"), ("a", "c")]
+    assert pairs_of(["a"], ["b", "c"]) == [("a", "b")]
+
+
+def test_logs_of_other_trackers_part_where_their_tracks_do(log, tmp_path):
+    names = log_runs.META.trackers
+    other = {name: f"{name}-2" for name in names}
+
+    def renamed(record):
+        frame = record.frame
+        outputs = {other[name]: out for name, out in frame.outputs.items()}
+        if frame.step >= 5:
+            outputs = {name: (tracks.rows(tracks.id != 103), info) for name, (tracks, info) in outputs.items()}
+        scores = {other[name]: score for name, score in record.scores.items()}
+        return record._replace(frame=frame._replace(outputs=outputs), scores=scores)
+
+    meta = log_runs.META._replace(trackers=tuple(other.values()))
+    found = compare_logs(log, written(tmp_path / "b.rrd", renamed, meta=meta))
+    (first, *_) = [p for p in found.partings if "tracks of" in p.what]
+    assert (first.what, first.step) == (f"tracks of {names[0]} / {names[0]}-2", 5)
+    assert not any("nothing" in p.difference for p in found.partings)

@@ -17,7 +17,7 @@ def still(axle=0.5, lateral=FREE):
 
 def moved(modes, m, dt, length=4.6, P=None):
     P = 1e-18 * np.eye(7) if P is None else P
-    m, P = modes.moved(m[None], P[None], np.array([length]), dt)
+    m, P, _ = modes.moved(m[None], P[None], np.array([length]), dt)
     return m[0], P[0]
 
 
@@ -89,3 +89,13 @@ def test_at_birth_the_yaw_rate_is_what_speed_and_mode_allow():
 def test_modes_that_cannot_be_are_refused(wrong):
     with pytest.raises(ValueError, match=f"{next(iter(wrong))} must"):
         Modes(**wrong)
+
+
+def test_a_mode_whose_bound_a_yaw_rate_does_not_keep_is_unlikely():
+    """(MODE.32) by hand: at 7.5 m/s the bounds are 0.04 and 0.4 rad/s, ten times the variance in 0.1 s."""
+    modes = Modes((Mode("one", 0.0, 0.0, 0.25, 0.3), Mode("two", 0.0, 0.0, 0.25, 3.0)))
+    m, P = np.tile([0.0, 0.0, 0.0, 7.5, 0.2, 0.0, 0.0], (2, 1)), np.tile(np.diag([1e-12] * 7), (2, 1, 1))
+    P[:, OMEGA, OMEGA] = 0.04**2
+    likely = modes.moved(m, P, np.full(2, 4.6), 0.1)[2]
+    np.testing.assert_allclose(likely, -0.5 * 0.2**2 / np.array([0.0016 + 0.016, 0.0016 + 1.6]), rtol=1e-6)
+    np.testing.assert_array_equal(modes.moved(m * (np.arange(7) != OMEGA), P, np.full(2, 4.6), 0.1)[2], 0.0)

@@ -44,7 +44,7 @@ def turning(tracker, seed):
 @seeds(1, slow=(2, 3))
 def test_the_heading_follows_a_turn_from_its_onset(seed):
     error, nees, ids = turning(NOW, seed)
-    assert error < 4.5
+    assert error < 4.0
     assert nees < 3.0
     assert len(ids) == 1
 

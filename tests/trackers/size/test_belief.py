@@ -78,8 +78,8 @@ def test_seen_from_behind_a_truck_may_be_longer_than_its_load():
     width = np.exp(WIDTH.born(()) - 0.5 * ((WIDTH.sizes - 2.5) / 0.05)[:, None] ** 2)
     fleet = Fleet((VehicleClass("truck", 1.0, (9.0, 1.75), (2.48, 0.07), load=(0.5, 0.7)),))
     behind, beside = (
-        posterior(GRIDS, on_grids(fleet), length, width, 1.0),
-        posterior(GRIDS, on_grids(fleet), length, width, 0.0),
+        posterior(GRIDS, on_grids(fleet), length, width, np.array([1.0, 0.0])),
+        posterior(GRIDS, on_grids(fleet), length, width, np.array([0.0, 1.0])),
     )
     p = fleet.of_length(LENGTH.sizes)[0]
     ell = length.sum(-1)
@@ -88,6 +88,19 @@ def test_seen_from_behind_a_truck_may_be_longer_than_its_load():
     assert behind.size[0] > 8.3
     assert np.sqrt(behind.size_var[0]) > 1.0
     assert beside.size[0] == pytest.approx(6.35, abs=0.1)
+
+
+def test_in_a_bend_a_bus_may_be_the_trailer_of_a_longer_truck():
+    """Detections that end 13.3 m from the rear, (ENDS.33), of a body that is bent or not."""
+    length = np.exp(LENGTH.born(()) - 0.5 * ((LENGTH.sizes - 13.3) / 0.1)[:, None] ** 2)
+    width = np.exp(WIDTH.born(()) - 0.5 * ((WIDTH.sizes - 2.55) / 0.05)[:, None] ** 2)
+    fleet = Fleet()
+    straight, bent = (posterior(GRIDS, on_grids(fleet), length, width, np.array([0.0, p])) for p in (0.0, 1.0))
+    articulated = fleet.names.index("articulated")
+    assert straight.kind[articulated] < 0.3 < 0.6 < bent.kind[articulated]
+    assert straight.size[0] == pytest.approx(13.3, abs=0.2)
+    assert abs(bent.size[0] - 16.2) < 2 * np.sqrt(bent.size_var[0])
+    assert np.sqrt(bent.size_var[0]) > 1.0
 
 
 @pytest.mark.parametrize("load", [(1.2, 0.7), (0.5, 0.0), (0.5, 1.3)])

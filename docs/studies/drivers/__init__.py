@@ -1,0 +1,1 @@
+"""How drivers drive, of two recorded freeways and of a population: the fit of `scenarios.drivers`."""
