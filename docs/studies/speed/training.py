@@ -13,6 +13,7 @@ import gymnasium as gym
 import numpy as np
 
 from testbed.bench import IDLE, Pairs, frames_of, highway, interleaved, stepping
+from testbed.environment.sources.conditions import parse, source
 from testbed.environment.wrapper import TrackedEnv
 from testbed.frame import TRUTH
 from trackers import DEFAULT
@@ -109,7 +110,7 @@ def decisions(tracker: str, count: int) -> float:
     """Decisions a second of both environments of a vector together, after some that do not count."""
     made = gym.make_vec(
         "testbed/cut-in-v0", num_envs=2, vectorization_mode="async", vector_kwargs={"autoreset_mode": "SameStep"},
-        tracker=tracker, radar="surround",
+        tracker=source(parse(tracker), "surround", 0), radar="surround",
     )  # fmt: skip
     with closing(made) as vector:
         vector.reset(seed=0)
