@@ -25,6 +25,7 @@ from trackers.compiled.tables import (
 from trackers.estimate import Estimate
 from trackers.filter import Gaussian
 from trackers.geometry import dot, unit
+from trackers.htg.map import HTGMap, MotionSizeState
 from trackers.motion.mixture import Mixture, MotionModes
 from trackers.motion.modes import Mode, Modes
 from trackers.motion.rates import ScanRates
@@ -38,11 +39,13 @@ from trackers.size.hits import widened
 from trackers.size.likelihood import TOGETHER
 from trackers.size.posterior import SizePosterior, SizeState
 
+Place = SplineState | MotionSizeState
+
 
 class Step(NamedTuple):
     """The parts of the new state, and what is known of them."""
 
-    parts: tuple[Mixture, SplineState, SizeState]
+    parts: tuple[Mixture, Place, SizeState]
     gaussian: Gaussian  # the moments of the modes
     box: Estimate  # of place and motion
     estimate: Estimate  # with the size
@@ -51,29 +54,30 @@ class Step(NamedTuple):
 
 def supported(place: Any, motion: Any, size: Any) -> bool:
     """Whether the compiled functions say the same as these parts; no part of another class does."""
-    if (type(place), type(motion), type(size)) != (SplinePmht, MotionModes, SizePosterior):
+    if type(place) not in (SplinePmht, HTGMap) or (type(motion), type(size)) != (MotionModes, SizePosterior):
         return False
     inner = type(motion.modes), type(motion.rates), type(size.fleet), type(size.length), type(size.width)
     return (
         inner == (Modes, ScanRates, Fleet, Grid, Grid)
         and len(motion.modes.table) > 1
         and all(type(mode) is Mode for mode in motion.modes.table)
-        and (place.visibility, place.form, place.interior < 1) == ("rays", "joint", True)
+        and (type(place) is HTGMap or (place.visibility, place.form, place.interior < 1) == ("rays", "joint", True))
         and bool(np.isinf(size.profiles.inside_depth).all() and (size.profiles.hiding[:, 0] == 0).all())
     )
 
 
 class Core:
-    """The compiled form of `SplinePmht`, `MotionModes` and `SizePosterior` together.
+    """The compiled form of `SplinePmht` or `HTGMap`, `MotionModes` and `SizePosterior` together.
 
     Its methods give None for what has no compiled form: the caller goes the other way.
     """
 
-    def __init__(self, place: SplinePmht, motion: MotionModes, size: SizePosterior) -> None:
+    def __init__(self, place: Any, motion: MotionModes, size: SizePosterior) -> None:
         self.place, self.motion, self.size = place, motion, size
         self.tables = Tables.of(place, motion, size)
         self.model = Memoised(self._model)
-        self.sheets = min(len(size.sensors), len(place.sensors) or len(size.sensors))
+        of_place = len(getattr(place, "sensors", ()))
+        self.sheets = min(len(size.sensors), of_place or len(size.sensors))
 
     @classmethod
     def of(cls, place: Any, motion: Any, size: Any) -> "Core | None":
@@ -83,7 +87,7 @@ class Core:
     def __reduce__(self) -> tuple[Any, ...]:
         return Core.of, (self.place, self.motion, self.size)
 
-    def predict(self, motion: Mixture, place: SplineState, size: SizeState, dt: float) -> Step | None:
+    def predict(self, motion: Mixture, place: Place, size: SizeState, dt: float) -> Step | None:
         """The state after dt > 0 [s]."""
         which = self._which(motion, place)
         if which is None:
@@ -100,7 +104,7 @@ class Core:
             return None
         return self._step(motion, place, size, x, found, np.zeros(len(which), int))
 
-    def update(self, motion: Mixture, place: SplineState, size: SizeState, scan: Scan) -> Step | None:
+    def update(self, motion: Mixture, place: Place, size: SizeState, scan: Scan) -> Step | None:
         """The state after a scan, some of whose detections are under the mask."""
         beyond = scan.sensor.max(initial=0) >= self.sheets or scan.sensor.min(initial=0) < 0
         if beyond or scan.mask.sum(-1).max() > TOGETHER:
@@ -109,9 +113,7 @@ class Core:
         np.cumsum(scan.mask.sum(-1).reshape(-1), out=start[1:])
         return self.update_rows(motion, place, size, self._detections(scan), start)
 
-    def update_rows(
-        self, motion: Mixture, place: SplineState, size: SizeState, z: NDArray, start: NDArray
-    ) -> Step | None:
+    def update_rows(self, motion: Mixture, place: Place, size: SizeState, z: NDArray, start: NDArray) -> Step | None:
         """The same for detections z (G, 14), in columns as in `tables`; those of row t are start[t] to start[t + 1]."""
         before = self._which(motion, place)
         if before is None:
@@ -129,11 +131,11 @@ class Core:
             place = SplineState(None, None, *(a[which.reshape(lead)] for a in self.place.contours))  # type: ignore[arg-type]
         return self._step(motion, place, size, x, found, state)
 
-    def _which(self, motion: Mixture, place: SplineState) -> NDArray | None:
-        """The model (T,) of each contour; None without a track, or where a contour is another."""
+    def _which(self, motion: Mixture, place: Place) -> NDArray | None:
+        """The model (T,) of each contour, 0 of none; None without a track, or where a contour is another."""
         if not available() or place.m is not None or not motion.mu.size:
             return None
-        return self.model(*place[2:])
+        return self.model(*place[2:]) if len(place) > 2 else np.zeros(motion.mu[..., 0].size, int)
 
     def _model(self, *contour: NDArray) -> NDArray | None:
         Q, T = len(self.place.models), int(np.prod(contour[0].shape[:-2]))
@@ -168,7 +170,7 @@ class Core:
             z[:, ALONG:] = np.where(unknown, [place, place, *rates, size, size], z[:, ALONG:])
         return z
 
-    def _step(self, motion: Mixture, place: SplineState, size: SizeState, x: Rows, f: Found, state: NDArray) -> Step:
+    def _step(self, motion: Mixture, place: Place, size: SizeState, x: Rows, f: Found, state: NDArray) -> Step:
         """The new state and its estimates, with the leading axes of the old one."""
         lead, b = motion.mu.shape[:-1], x.belief
 
@@ -178,11 +180,12 @@ class Core:
         belief = Belief(*(shaped(b[:, i]) for i in range(5)), *map(shaped, x[9:]))
         side, length, width = shaped(x.side), shaped(x.length), shaped(x.width)
         new = SizeState(shaped(x.anchor), length, width, belief, size.fully_visible, side)
-        yaw_rate, l, std = shaped(f.m[:, 4].copy()), shaped(f.m[:, 5:].copy()), shaped(f.std)
-        box = Estimate(shaped(f.pose[0]), shaped(f.velocity), yaw_rate, l, shaped(f.cov[0]), std[..., 2:],
-                       std[..., 0], std[..., 1], shaped(f.contour[0]))  # fmt: skip
-        whole = Estimate(shaped(f.pose[1]), box.velocity, yaw_rate, shaped(f.size), shaped(f.cov[1]),
-                         shaped(f.size_std), *box[6:8], shaped(f.contour[1]), belief.kind.copy(),
+        yaw_rate, std = shaped(f.m[:, 4].copy()), shaped(f.std)
+        outlines = iter(map(shaped, f.contour) if f.contour.size else (None, None))
+        box = Estimate(shaped(f.pose[0]), shaped(f.velocity), yaw_rate, shaped(f.size[0]), shaped(f.cov[0]),
+                       std[..., 2:], std[..., 0], std[..., 1], next(outlines))  # fmt: skip
+        whole = Estimate(shaped(f.pose[1]), box.velocity, yaw_rate, shaped(f.size[1]), shaped(f.cov[1]),
+                         shaped(f.size_std), *box[6:8], next(outlines), belief.kind.copy(),
                          shaped(f.edge_std))  # fmt: skip
         innovation = shaped(f.eps), shaped(f.S), shaped(state == 1)
         gaussian = Gaussian(shaped(f.m), shaped(f.P))

@@ -17,7 +17,7 @@ from trackers.compiled.linear import (
     transpose,
     wrap,
 )
-from trackers.compiled.modes import LENGTH, OMEGA, PHI, SPEED, forward, reweight
+from trackers.compiled.modes import LENGTH, OMEGA, PHI, SPEED, WIDTH, forward, metres, reweight
 from trackers.compiled.tables import POSE, RANGE, RATE, RATE_ACROSS, RATE_STD, UX, UY
 
 LOST, LEAST_SIZE = -0.1, 0.8  # as in `trackers.motion.places` and `.mixture`
@@ -89,7 +89,9 @@ def correct(m: NDArray, P: NDArray, about: NDArray, s: NDArray, Lam: NDArray) ->
 
 
 @compiled
-def rates(mu: NDArray, m: NDArray, P: NDArray, axle: NDArray, z: NDArray, settings: NDArray, log_l: NDArray) -> None:
+def rates(
+    mu: NDArray, m: NDArray, P: NDArray, log: bool, axle: NDArray, z: NDArray, settings: NDArray, log_l: NDArray
+) -> None:
     """(MODE.14) to (MODE.21): all modes in place by the range rates of detections z; adds to log_l (K,).
 
     settings: std, common_std, clip.
@@ -98,7 +100,9 @@ def rates(mu: NDArray, m: NDArray, P: NDArray, axle: NDArray, z: NDArray, settin
     r, h, w, yaw, t = np.zeros((K, M)), np.zeros((K, M, 5)), np.zeros(M), 0.0, 1 / common_std**2
     unknown = np.zeros(M)
     for k in range(K):
-        ex, ey, v, omega, d = math.cos(m[k, PHI]), math.sin(m[k, PHI]), m[k, SPEED], m[k, OMEGA], axle[k] * m[k, 5]
+        ex, ey, v, omega = math.cos(m[k, PHI]), math.sin(m[k, PHI]), m[k, SPEED], m[k, OMEGA]
+        l, b = metres(m[k, LENGTH], log), metres(m[k, WIDTH], log)
+        d = axle[k] * l
         yaw += mu[k] * (omega**2 + P[k, OMEGA, OMEGA])
         for i in range(M):
             if not math.isfinite(z[i, RATE]):
@@ -106,7 +110,7 @@ def rates(mu: NDArray, m: NDArray, P: NDArray, axle: NDArray, z: NDArray, settin
             ux, uy = z[i, UX], z[i, UY]
             lx, ly = z[i, POSE] + z[i, RANGE] * ux - m[k, 0], z[i, POSE + 1] + z[i, RANGE] * uy - m[k, 1]
             along, aside = ux * ex + uy * ey, uy * ex - ux * ey
-            half = 0.5 * (abs(aside) * m[k, 5] + abs(along) * m[k, 6])
+            half = 0.5 * (abs(aside) * l + abs(along) * b)
             spread = half**2 / 3  # (MODE.16)
             gain = spread / max(spread + z[i, RATE_ACROSS] ** 2, 1e-9)  # (MODE.16)
             h[k, i, 0], h[k, i, 1], h[k, i, SPEED] = -gain * omega * uy, gain * omega * ux, along  # (MODE.15)
@@ -147,10 +151,10 @@ def rates(mu: NDArray, m: NDArray, P: NDArray, axle: NDArray, z: NDArray, settin
 
 @compiled
 def move(
-    mu: NDArray, m: NDArray, P: NDArray, mean: NDArray, cov: NDArray, m_new: NDArray, P_new: NDArray,
+    mu: NDArray, m: NDArray, P: NDArray, log: bool, mean: NDArray, cov: NDArray, m_new: NDArray, P_new: NDArray,
     axle: NDArray, z: NDArray, settings: NDArray, ahead: NDArray,
 ) -> bool:  # fmt: skip
-    """(MODE.10) to (MODE.23): modes in place, after the contour filter took their moments to m_new (7,), P_new (7, 7).
+    """(MODE.10) to (MODE.23): modes in place, after the place's filter took their moments to m_new (7,), P_new (7, 7).
 
     mean (7,) and cov (7, 7) are the moments, before and after; ahead (1,) [m] driven forward. settings (5,): std,
     common_std, clip, backwards, settled. False where something is not definite.
@@ -164,11 +168,12 @@ def move(
             m[k], P[k] = m_new, P_new
         else:
             log_l[k] = correct(m[k], P[k], mean, s, Lam)
-        m[k, LENGTH], m[k, LENGTH + 1] = max(m[k, LENGTH], LEAST_SIZE), max(m[k, LENGTH + 1], LEAST_SIZE)
+        if not log:
+            m[k, LENGTH], m[k, WIDTH] = max(m[k, LENGTH], LEAST_SIZE), max(m[k, WIDTH], LEAST_SIZE)
     for i in range(len(z)):
         measured |= math.isfinite(z[i, RATE])
     if measured:
-        rates(mu, m, P, axle, z, settings, log_l)
+        rates(mu, m, P, log, axle, z, settings, log_l)
     reweight(mu, log_l)
     ahead[0] = forward(m, P, mu, ahead[0], settings[3], settings[4], mean, cov)
     return True

@@ -18,6 +18,12 @@ SLOW, LEAST_BOUND, FULL_TURN = 3.0, 1e-6, 0.3  # as in `trackers.motion.modes`
 
 
 @compiled
+def metres(s: float, log: bool) -> float:
+    """Length or width [m] of a component of the state, which holds that or its logarithm."""
+    return math.exp(s) if log else s
+
+
+@compiled
 def moments(m: NDArray, P: NDArray, mu: NDArray, mean: NDArray, cov: NDArray) -> None:
     """(IMM.13): mean (7,) and cov (7, 7) of the mixture, the heading about that of the most likely mode."""
     K, n = m.shape
@@ -87,13 +93,13 @@ def possible(u: float, lateral: float, curvature: float, fast: float) -> float:
 
 
 @compiled
-def move(m: NDArray, P: NDArray, dt: float, mode: NDArray, common: NDArray, size_walk: float) -> float:
+def move(m: NDArray, P: NDArray, dt: float, mode: NDArray, common: NDArray, size_walk: float, log: bool) -> float:
     """(MODE.2) to (MODE.7) of one mode, m (7,), P (7, 7) in place; returns (MODE.32), its log likelihood.
 
     mode (4,): speed_walk, yaw_walk, axle, lateral; common (4,): curvature, slow_yaw, fast, bound_time.
     """
     curvature, slow_yaw, fast, bound_time = common[0], common[1], common[2], common[3]
-    d, v, omega = mode[2] * m[LENGTH], m[SPEED], m[OMEGA]
+    d, v, omega = mode[2] * metres(m[LENGTH], log), m[SPEED], m[OMEGA]
     x = omega * dt / 2
     if abs(x) < 1e-4:
         g, g1 = dt * (1 - x**2 / 6), dt**2 / 2 * (-x / 3)
@@ -190,14 +196,16 @@ def forward(
 
 @compiled
 def pin(
-    m: NDArray, P: NDArray, mu: NDArray, size: NDArray, std: NDArray, shift: NDArray, course: float,
+    m: NDArray, P: NDArray, mu: NDArray, size: NDArray, size_std: NDArray, log: bool, shift: NDArray, course: float,
     mean: NDArray, cov: NDArray,
 ) -> None:  # fmt: skip
-    """(MODE.27), (MODE.28): modes with size (2,) of standard deviation std (2,), moved by shift (2,).
+    """(MODE.27), (MODE.28): modes with size (2,) [m] of standard deviation size_std (2,), moved by shift (2,).
 
     mean (7,) and cov (7, 7) are the moments of the modes, before and after.
     """
-    gain, more = np.empty(2), np.empty(2)
+    gain, more, s, std = np.empty(2), np.empty(2), size, size_std
+    if log:
+        s, std = np.log(size), size_std / size
     for a in range(2):
         before = cov[LENGTH + a, LENGTH + a]
         gain[a], more[a] = math.sqrt(min(std[a] ** 2 / before, 1.0)), max(std[a] ** 2 - before, 0.0)
@@ -208,7 +216,7 @@ def pin(
                 P[k, b, i] *= gain[a]
             for i in range(7):
                 P[k, i, b] *= gain[a]
-            m[k, b] = size[a] + gain[a] * (m[k, b] - mean[b])
+            m[k, b] = s[a] + gain[a] * (m[k, b] - mean[b])
             P[k, b, b] += more[a]
         nx, ny = -math.sin(m[k, PHI]), math.cos(m[k, PHI])
         det = P[k, 0, 0] * P[k, 1, 1] - P[k, 0, 1] * P[k, 1, 0]

@@ -75,9 +75,9 @@ def sized(
 
     b (5, 2), kind (C,) and anchor (2,) are those of the state; insets (C, 2) and hinges (2, C) as in `Prior`.
     """
-    pose, cov, size, std, edge = f.pose[1, t], f.cov[1, t], f.size[t], f.size_std[t], f.edge_std[t]
+    pose, cov, size, std, edge = f.pose[1, t], f.cov[1, t], f.size[1, t], f.size_std[t], f.edge_std[t]
     pose[:], cov[:] = f.pose[0, t], f.cov[0, t]
-    cos, sin, l, w = math.cos(pose[2]), math.sin(pose[2]), f.m[t, 5], f.m[t, 6]
+    cos, sin, l, w = math.cos(pose[2]), math.sin(pose[2]), f.size[0, t, 0], f.size[0, t, 1]
     inset, more, place = 0.0, np.zeros(2), np.empty(2)
     for c in range(len(kind)):
         inset += kind[c] * insets[c, 0]  # (ENDS.35)
@@ -85,7 +85,7 @@ def sized(
     more[0] -= inset**2
     place[0] = cos * (cov[0, 0] * cos + cov[0, 1] * sin) + sin * (cov[1, 0] * cos + cov[1, 1] * sin)
     place[1] = sin * (cov[0, 0] * sin - cov[0, 1] * cos) - cos * (cov[1, 0] * sin - cov[1, 1] * cos)
-    edges(place, f.m[t, 5:], b, anchor, more, pin, edge)
+    edges(place, f.size[0, t], b, anchor, more, pin, edge)
     x, y = anchor[0] * (b[2, 0] + inset + (l - b[0, 0]) / 2), anchor[1] * (b[2, 1] + (w - b[0, 1]) / 2)  # (ENDS.21)
     pose[0] += cos * x - sin * y
     pose[1] += sin * x + cos * y

@@ -5,10 +5,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.compiled import evidence, grids, modes, size, spline
+from trackers.compiled import evidence, grids, htg, modes, size, spline
 from trackers.compiled.jit import compiled
 from trackers.compiled.linear import cholesky, wrap
-from trackers.compiled.modes import LENGTH, OMEGA, PHI, SPEED
+from trackers.compiled.modes import LENGTH, OMEGA, PHI, SPEED, WIDTH, metres
 from trackers.compiled.sized import STRAIGHT, around, curvature, outlined, sized
 from trackers.compiled.tables import UNUSABLE, Found, Rows, Tables
 
@@ -34,10 +34,10 @@ def velocity_cov(m: NDArray, P: NDArray, d: float, more: float, cov: NDArray) ->
 
 
 @compiled
-def estimate(t: int, f: Found, mu: NDArray, axle: NDArray, place_std: NDArray, outline: NDArray) -> None:
+def estimate(t: int, f: Found, mu: NDArray, axle: NDArray, place_std: NDArray, outline: NDArray, log: bool) -> None:
     """(MODE.24) to (MODE.26), (MODE.31): row t of the box of place and motion, from the moments of the modes in f."""
     m, P, pose, cov, velocity, std = f.m[t], f.P[t], f.pose[0, t], f.cov[0, t], f.velocity[t], f.std[t]
-    cos, sin, l, w = math.cos(m[PHI]), math.sin(m[PHI]), m[LENGTH], m[LENGTH + 1]
+    cos, sin, l, w = math.cos(m[PHI]), math.sin(m[PHI]), metres(m[LENGTH], log), metres(m[WIDTH], log)
     mean = square = 0.0
     for k in range(len(mu)):
         mean += mu[k] * axle[k]
@@ -51,7 +51,11 @@ def estimate(t: int, f: Found, mu: NDArray, axle: NDArray, place_std: NDArray, o
     outlined(outline, pose, l, w, f.contour[0, t])
     slip = (l * m[OMEGA]) ** 2 / max(m[SPEED] ** 2, CREEP**2)
     std[0], std[1] = math.sqrt(P[PHI, PHI] + AXLE_STD**2 * slip), math.sqrt(P[OMEGA, OMEGA])  # (MODE.31)
-    std[2], std[3] = math.sqrt(P[LENGTH, LENGTH]), math.sqrt(P[LENGTH + 1, LENGTH + 1])
+    std[2], std[3] = math.sqrt(P[LENGTH, LENGTH]), math.sqrt(P[WIDTH, WIDTH])
+    if log:
+        std[2] *= l
+        std[3] *= w
+    f.size[0, t, 0], f.size[0, t, 1] = l, w
 
 
 @compiled
@@ -85,7 +89,7 @@ def predict(
         x.ahead[t] = old.ahead[t] + modes.driven(old.m[t], old.P[t], old.mu[t], dt)
         modes.mix(old.m[t], old.P[t], old.mu[t], kept, p.onset, dt, x.m[t], x.P[t], x.mu[t])
         for k in range(len(p.modes)):
-            fit[k] = modes.move(x.m[t, k], x.P[t, k], dt, p.modes[k], p.common, p.size_walk)
+            fit[k] = modes.move(x.m[t, k], x.P[t, k], dt, p.modes[k], p.common, p.size_walk, p.log_size)
         modes.reweight(x.mu[t], fit)
         modes.moments(x.m[t], x.P[t], x.mu[t], f.m[t], f.P[t])
         x.anchor[t] = old.anchor[t]
@@ -95,7 +99,7 @@ def predict(
         unseen(x.side[t], x.anchor[t, 0], p.enough_side, hidden)
         grids.believe(p.grid_l, p.grid_w, p.shares, p.of_length, p.of_width, p.loads, p.load_at, length, width, hidden,
                       x.belief[t], x.of_length[t], x.of_width[t], x.kind[t])  # fmt: skip
-        estimate(t, f, x.mu[t], p.axle, p.place_std, p.outline[which[t]])
+        estimate(t, f, x.mu[t], p.axle, p.place_std, p.outline[which[t]], p.log_size)
         sized(t, f, x.belief[t], x.kind[t], x.anchor[t], p.outline[which[t]], p.pin, p.insets, p.hinges)
     return usable(x.m) and usable(x.P)
 
@@ -119,21 +123,25 @@ def update(
     Detections of row t are start[t] to start[t + 1] of z.
     """
     m, P, length, width = np.empty(7), np.empty((7, 7)), np.empty(x.length.shape[1:]), np.empty(x.width.shape[1:])
-    box, shift, std, hidden = np.empty(3), np.empty(2), np.empty(2), np.empty(2)
+    box, was, shift, std, hidden = np.empty(3), np.empty(2), np.empty(2), np.empty(2), np.empty(2)
     for t in range(len(which)):
         modes.moments(x.m[t], x.P[t], x.mu[t], f.m[t], f.P[t])
         mine, q = z[start[t] : start[t + 1]], which[t]
         if len(mine):
             before = f.m[t, :3].copy()
-            state[t] = spline.update(f.m[t], f.P[t], p.mu[q], p.Sigma[q], p.visible[q], mine, p.cover, p.spline,
-                                     p.iterations, m, P, f.eps[t], f.S[t])  # fmt: skip
+            if len(p.bins):
+                state[t] = htg.update(f.m[t], f.P[t], p.bins, p.scores, mine, p.htg, m, P, f.eps[t], f.S[t])
+            else:
+                state[t] = spline.update(f.m[t], f.P[t], p.mu[q], p.Sigma[q], p.visible[q], mine, p.cover, p.spline,
+                                         p.iterations, m, P, f.eps[t], f.S[t])  # fmt: skip
             good = state[t] < UNUSABLE and evidence.move(
-                x.mu[t], x.m[t], x.P[t], f.m[t], f.P[t], m, P, p.axle, mine, p.rates, x.ahead[t : t + 1]
+                x.mu[t], x.m[t], x.P[t], p.log_size, f.m[t], f.P[t], m, P, p.axle, mine, p.rates, x.ahead[t : t + 1]
             )
             if not good or not sound(x.P[t]):
                 state[t] = UNUSABLE
                 continue
-            box[0], box[1], box[2], was = f.m[t, 0], f.m[t, 1], wrap(f.m[t, PHI]), f.m[t, LENGTH:].copy()
+            box[0], box[1], box[2] = f.m[t, 0], f.m[t, 1], wrap(f.m[t, PHI])
+            was[0], was[1] = metres(f.m[t, LENGTH], p.log_size), metres(f.m[t, WIDTH], p.log_size)
             if math.cos(f.m[t, PHI] - before[2]) < 0:  # front and rear changed places
                 x.anchor[t] *= -1
             beside = size.read(x.length[t], x.width[t], x.anchor[t], before, box, was, whole[t], mine, p.grid_l,
@@ -151,13 +159,13 @@ def update(
             size.centre(x.length[t], x.width[t], p.grid_l[1], p.grid_w[1], x.anchor[t], box, was, x.belief[t], shift)
             for a in range(2):
                 std[a] = max(p.pin[0] * x.belief[t, 0, a], p.pin[1])
-            modes.pin(x.m[t], x.P[t], x.mu[t], x.belief[t, 0], std, shift, p.course, f.m[t], f.P[t])
+            modes.pin(x.m[t], x.P[t], x.mu[t], x.belief[t, 0], std, p.log_size, shift, p.course, f.m[t], f.P[t])
             if not (sound(x.P[t]) and usable(x.m[t]) and usable(x.P[t])):
                 state[t] = UNUSABLE
                 continue
             if len(p.mu) > 1:
                 which[t] = 1 if x.belief[t, 0, 0] > p.truck_above else 0
-        estimate(t, f, x.mu[t], p.axle, p.place_std, p.outline[which[t]])
+        estimate(t, f, x.mu[t], p.axle, p.place_std, p.outline[which[t]], p.log_size)
         sized(t, f, x.belief[t], x.kind[t], x.anchor[t], p.outline[which[t]], p.pin, p.insets, p.hinges)
 
 

@@ -5,6 +5,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.htg.bins import frames, log_masses
+from trackers.htg.map import HTGMap, bin_moments
+from trackers.htg.objective import SWITCH, information_table
 from trackers.pmht.association import columns
 from trackers.pmht.filter import TRUCK_ABOVE
 from trackers.size.grid import Grid
@@ -45,7 +48,7 @@ class Found(NamedTuple):
     contour: NDArray  # (2, T, C, 2)
     velocity: NDArray  # (T, 2)
     std: NDArray  # (T, 4) of heading, yaw rate, length, width
-    size: NDArray  # (T, 2) of the box with the size
+    size: NDArray  # (2, T, 2)
     size_std: NDArray  # (T, 2)
     edge_std: NDArray  # (T, 4)
     eps: NDArray  # (T, 2) innovation
@@ -62,7 +65,7 @@ class Found(NamedTuple):
             (2, T, C, 2),
             (T, 2),
             (T, 4),
-            (T, 2),
+            (2, T, 2),
             (T, 2),
             (T, 4),
             (T, 2),
@@ -82,6 +85,10 @@ class Tables(NamedTuple):
     rates: NDArray  # (5,) see `evidence.move`
     size_walk: float
     course: float
+    log_size: bool  # whether states hold the logarithms of length and width
+    bins: NDArray  # (B, 22) see `htg`; without rows the place is that of a contour
+    scores: NDArray  # (B, V, V, 6, 6)
+    htg: NDArray
     mu: NDArray  # (Q, 2, L) of Q models
     Sigma: NDArray  # (Q, 3, L)
     visible: NDArray  # (Q, A, L)
@@ -111,21 +118,10 @@ class Tables(NamedTuple):
 
     @classmethod
     def of(cls, place: Any, motion: Any, size: Any) -> "Tables":
-        """Those of `SplinePmht`, `MotionModes` and `SizePosterior`."""
+        """Those of `SplinePmht` or `HTGMap`, of `MotionModes` and `SizePosterior`."""
         M, r, q = motion.modes, motion.rates, size.profiles
-        p, Sigma, visible = place.contours
-        mu = np.stack([(place.N @ one).T for one in p])
         loads = size.prior.loads
         at = [X @ np.arange(len(X)) for *_, X in loads]
-        spline = [
-            place.widened,
-            place.unseen,
-            place.interior,
-            place.eps,
-            place.lost_below,
-            place.inflation,
-            place.doubt,
-        ]
         offset_std = size.length.offset_std, size.width.offset_std
         sheet = np.column_stack([
             q.max_range, q.fov, q.inside, q.grazing, q.weight, q.depth, q.rounding[:, 0], q.rounding[:, 1],
@@ -135,11 +131,10 @@ class Tables(NamedTuple):
             [[m.speed_walk, m.yaw_walk, m.axle, m.lateral] for m in M.table],
             [M.curvature, M.slow_yaw, M.fast, M.bound_time], M.axle,
             [m.onset for m in M.table], [r.std, r.common_std, r.clip, motion.backwards, motion.settled],
-            place.size_walk, motion.course,
-            mu, np.stack([columns(one) for one in Sigma]), visible, place.outline(p, Sigma), place.position_std,
-            np.reshape([(s.fov / 2, s.max_range) for s in place.sensors], (-1, 2)), spline,
-            place.iterations, TRUCK_ABOVE, *_axis(size.length, 0), *_axis(size.width, 1),
-            *size.prior[:3], np.reshape([one[:3] for one in loads], (-1, 3)),
+            place.size_walk, motion.course, place.log_size,
+            *(_densities(place) if isinstance(place, HTGMap) else _contours(place)),
+            *_axis(size.length, 0), *_axis(size.width, 1), *size.prior[:3],
+            np.reshape([one[:3] for one in loads], (-1, 3)),
             np.reshape(at, (-1, len(size.length.sizes))), size.enough_side,
             [size.pin, size.least_pin, size.face_std, *offset_std], size.prior.insets, size.prior.hinges, sheet,
             [size.outliers, size.independent, size.part_weight, size.offset_share, *offset_std],
@@ -150,8 +145,30 @@ class Tables(NamedTuple):
 def _plain(name: str, value: Any) -> Any:
     """A value as numba is to see it: one type for each field, whatever the parameters are."""
     if np.ndim(value) == 0:
-        return int(value) if name == "iterations" else float(value)
+        return value if name in ("iterations", "log_size") else float(value)
     return np.array(value, float, order="C")
+
+
+def _densities(place: HTGMap) -> tuple[Any, ...]:
+    """The fields of the place, from `bins` on, of a table of densities."""
+    table = place.model()
+    p, (mean, cov) = table.p, bin_moments(table)
+    bins = np.column_stack([p.rho, p.bounds, p.theta, p.r, log_masses(table), *frames(table), mean, columns(cov).T])
+    settings = [place.alpha, place.flat, place.size_step, 1 + place.two_starts, place.rounds, place.contest,
+                table.aspects, table.centred, table.above, *SWITCH]  # fmt: skip
+    none = (np.zeros((1, *shape)) for shape in ((2, 0), (3, 0), (0, 0), (0, 2)))
+    return bins, information_table(table), settings, *none, place.shape_std, np.zeros((0, 2)), np.zeros(7), 0, np.inf
+
+
+def _contours(place: Any) -> tuple[Any, ...]:
+    """The same of the models of a contour."""
+    p, Sigma, visible = place.contours
+    mu = np.stack([(place.N @ one).T for one in p])
+    spline = [place.widened, place.unseen, place.interior, place.eps, place.lost_below, place.inflation, place.doubt]
+    cover = np.reshape([(s.fov / 2, s.max_range) for s in place.sensors], (-1, 2))
+    none = np.zeros((0, 22)), np.zeros((0, 1, 1, 6, 6)), np.zeros(9)
+    return (*none, mu, np.stack([columns(one) for one in Sigma]), visible, place.outline(p, Sigma), place.position_std,
+            cover, spline, place.iterations, TRUCK_ABOVE)  # fmt: skip
 
 
 def _axis(grid: Grid, axis: int) -> tuple[Any, ...]:

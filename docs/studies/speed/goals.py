@@ -152,6 +152,7 @@ def measure(quick: bool, found: Sequence[Growth], progress: Callable[[float, flo
         ("20 vehicles", lambda: step(20, DEFAULT, 1.0)),
         ("perfect tracks", lambda: step(20, TRUTH, 0.8)),
         ("50 vehicles", lambda: step(50, DEFAULT, 0.6)),
+        ("no contour", lambda: [*step(20, "imm-htg", 1.2), *step(50, "imm-htg", 0.7)]),
         ("perception", lambda: [seen("cut-in", 0.35), seen("dense-traffic", 0.6)]),
         ("metrics", lambda: run("`testbed run cut-in` with metrics", (bare, off), "without", 1.05)),
         ("log", lambda: run("`testbed run cut-in` with the full log", (off, {"log": "full"}), "without a log", 1.1)),

@@ -16,9 +16,11 @@ from studies.speed.goals import Goal
 from studies.speed.growth import Growth
 from studies.speed.shares import Costs
 from studies.speed.training import Step
+from testbed.bench.compile import compile_all
 from testbed.command_line.terminal import console, progress_bar, user_input
 from testbed.files import make_directory, write_atomic
 from testbed.log.text import markdown_table
+from trackers.compiled import form as compiled_form
 
 PICTURE = "pictures/speed.png"
 
@@ -40,22 +42,26 @@ def write(docs: Path, quick: bool, progress: Callable[[float, float, str], None]
         OSError: nothing can be written there.
     """
     make_directory(docs / "pictures")
+    compile_all()
     grown = [growth.growth(objects) for objects in growth.OBJECTS[: 2 if quick else None]]
     denser = [growth.growth(growth.AMONG, each) for each in growth.DETECTIONS[: 2 if quick else None]]
     found = goals.measure(quick, grown, progress)
     steps = training.steps(3 if quick else 12)
+    rates = training.throughput(3 if quick else 40)
     with TemporaryDirectory() as out:
         parts = {name: shares.shares(name, 2 if quick else 8, out) for name in shares.SCENARIOS}
     costs = [shares.costs(vehicles, 1 if quick else 5) for vehicles in shares.VEHICLES]
     draw(costs, grown, denser, docs / PICTURE)
     page = docs / "speed.md"
-    write_atomic(page, render(docs, found, steps, [*grown, *denser], parts, costs, f"{datetime.now(UTC):%Y-%m-%d}"))
+    write_atomic(
+        page, render(docs, found, steps, rates, [*grown, *denser], parts, costs, f"{datetime.now(UTC):%Y-%m-%d}")
+    )
     return page
 
 
 def render(
-    docs: Path, found: Sequence[Goal], steps: Sequence[Step], grown: Sequence[Growth],
-    parts: Mapping[str, Mapping[str, float]], costs: Sequence[Costs], date: str,
+    docs: Path, found: Sequence[Goal], steps: Sequence[Step], rates: Mapping[str, tuple[float, float]],
+    grown: Sequence[Growth], parts: Mapping[str, Mapping[str, float]], costs: Sequence[Costs], date: str,
 ) -> str:  # fmt: skip
     """The text of the page."""
     verdicts = [[g.what, g.against, f"{g.found:.2f}", f"{g.goal:.3g}", "met" if g.met else "not met"] for g in found]
@@ -79,6 +85,13 @@ def render(
         folder=docs,
         before=before_and_after(docs / "results"),
         steps=markdown_table(("decision with", "of stock highway-v0"), [(s.what, f"{s.ratio:.2f}") for s in steps]),
+        throughput=markdown_table(
+            ("both environments, decisions a second", *(f"`{name}`" for name in rates)),
+            [
+                (form, *(f"{pair[i]:.0f}" for pair in rates.values()))
+                for i, form in enumerate(("numpy", compiled_form()))
+            ],
+        ),
         growth=markdown_table(
             ["vehicles", "detections of each", "tracks reported", "step [ms]", "of a track [us]", "peak memory [MB]"],
             growing,

@@ -1,5 +1,6 @@
 """What training pays: what a decision is made of, environments in two processes, a thousand resets in one."""
 
+import os
 import subprocess
 import sys
 from contextlib import ExitStack, closing
@@ -12,12 +13,15 @@ import gymnasium as gym
 import numpy as np
 
 from testbed.bench import IDLE, Pairs, frames_of, highway, interleaved, stepping
+from testbed.environment.sources.conditions import parse, source
 from testbed.environment.wrapper import TrackedEnv
 from testbed.frame import TRUTH
 from trackers import DEFAULT
+from trackers.compiled import REFUSED
 
 VEHICLES = 20
 RATES = (5, 2)  # scans a second, fewer than the 15 simulated frames of highway-v0
+LEARNERS = (TRUTH, "in-view", "rm-koch", "imm-htg", DEFAULT)  # what a learner may be given
 RESETS = """
 import os, resource, sys
 import gymnasium
@@ -82,6 +86,40 @@ def two_processes(count: int) -> float:
 def waiting(vector: gym.vector.VectorEnv) -> None:
     """One step of each environment of the vector, all of them idle."""
     vector.step(np.full(vector.num_envs, IDLE))
+
+
+def throughput(count: int, rounds: int = 2) -> dict[str, tuple[float, float]]:
+    """Decisions a second of cut-in, two environments with a process each: in numpy, and compiled where that can be.
+
+    Wall time, all cases in turns; of so many rounds the fastest, which other work disturbed least.
+    """
+    best = {tracker: [0.0, 0.0] for tracker in LEARNERS}
+    before = os.environ.get(REFUSED, "")
+    try:
+        for _ in range(rounds):
+            for tracker, rates in best.items():
+                for form, switch in enumerate(("off", before)):
+                    os.environ[REFUSED] = switch  # the processes of the vector inherit it
+                    rates[form] = max(rates[form], decisions(tracker, count))
+    finally:
+        os.environ[REFUSED] = before
+    return {tracker: (numpy, compiled) for tracker, (numpy, compiled) in best.items()}
+
+
+def decisions(tracker: str, count: int) -> float:
+    """Decisions a second of both environments of a vector together, after some that do not count."""
+    made = gym.make_vec(
+        "testbed/cut-in-v0", num_envs=2, vectorization_mode="async", vector_kwargs={"autoreset_mode": "SameStep"},
+        tracker=source(parse(tracker), "surround", 0), radar="surround",
+    )  # fmt: skip
+    with closing(made) as vector:
+        vector.reset(seed=0)
+        for _ in range(3):
+            waiting(vector)
+        start = perf_counter()
+        for _ in range(count):
+            waiting(vector)
+        return vector.num_envs * count / (perf_counter() - start)
 
 
 def resets(early: int, late: int) -> tuple[float, float]:

@@ -29,12 +29,23 @@ def test_the_page_says_what_was_found_and_whether_it_is_enough():
     goals = [Goal("step", "native", 1.0, 2.5), Goal("start", "numpy", 2.0, 1.25)]
     steps, grown = [Step("perfect tracks", 0.625)], [Growth(10, 6, 9, 0.005, 2e6), Growth(20, 2, 21, 0.008, 4e6)]
     parts = {"cut-in": {"radar": 0.25, "tracker": 0.75}}
-    page = render(Path("docs"), goals, steps, grown, parts, [Costs(5, 1, 2, 3.25, 4)], "today")
+    page = render(
+        Path("docs"),
+        goals,
+        steps,
+        {"truth": (400, 401.2), "rm-koch": (60, 95)},
+        grown,
+        parts,
+        [Costs(5, 1, 2, 3.25, 4)],
+        "today",
+    )
     for line in (
         "| step | native | 2.50 | 1 | not met |",
         "| start | numpy | 1.25 | 2 | met |",
         "| cut-in | 25% | 75% |",
         "| 5 | 4 | 1.0 | 2.0 | 3.2 |",
+        "| numpy | 400 | 60 |",
+        "| 401 | 95 |",
         "| perfect tracks | 0.62 |",
         "| 20 | 2 | 21 | 8.0 | 400 | 4.0 |",
         "400 us in a batch of 20 and 500 us in one of 10",
@@ -114,6 +125,12 @@ def test_resets_leave_nothing_open():
 
 def test_two_processes_step_two_environments():
     assert training.two_processes(1) > 0
+
+
+def test_decisions_are_counted_in_both_forms(monkeypatch):
+    monkeypatch.setattr(training, "LEARNERS", (TRUTH,))
+    ((numpy, compiled),) = training.throughput(1, rounds=1).values()
+    assert min(numpy, compiled) > 0
 
 
 def test_perception_takes_time():

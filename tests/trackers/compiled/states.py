@@ -16,11 +16,12 @@ from trackers.scan import Scan
 
 STATES = int(os.environ.get("STATES", 20))  # of each scenario, in the slow tests
 RADAR = find_radar("surround")
-COMPILED = find("imm-spline").on(RADAR.models)
-NUMPY = find("imm-spline", compiled=False).on(RADAR.models)
+NAMES = ("imm-spline", "imm-htg")  # of the filters that have a compiled form
+COMPILED = {name: find(name).on(RADAR.models) for name in NAMES}
+NUMPY = {name: find(name, compiled=False).on(RADAR.models) for name in NAMES}
 
 
-def recorded(scenario, decisions, seed=0):
+def recorded(name, scenario, decisions, seed=0):
     """Arguments of all calls of predict and update in a closed loop: ("predict", state, dt), ("update", state, ...)."""
     calls = []
 
@@ -35,7 +36,8 @@ def recorded(scenario, decisions, seed=0):
 
         update_among = update
 
-    tracker = MultiObjectTracker(Watched(NUMPY.place, NUMPY.motion, NUMPY.size, compiled=False), RADAR.models)
+    parts = NUMPY[name].place, NUMPY[name].motion, NUMPY[name].size
+    tracker = MultiObjectTracker(Watched(*parts, compiled=False), RADAR.models)
     with closing(gym.make(f"testbed/{scenario}-v0", tracker=tracker, radar="surround:compiled=off")) as env:
         env.reset(seed=seed)
         for _ in range(decisions):
@@ -44,14 +46,15 @@ def recorded(scenario, decisions, seed=0):
     return [call for call in calls if call[1].motion.mu.size and not (call[0] == "predict" and call[2] == 0)]
 
 
-def drawn(rng, T, M):
+def drawn(name, rng, T, M):
     """A state of T tracks that have seen something, however wild, and a scan with M detections of each, some masked."""
+    filter = NUMPY[name]
     heading = rng.uniform(-np.pi, np.pi, T) + rng.choice([0, 2 * np.pi], T)
     length = rng.choice([1.9, 4.4, 6.4, 6.6, 16.0], T)
     size = np.stack([length, 0.3 * length + 0.4], -1).clip(0.6, 2.8)
     size[:, 0] = length
     pose = np.column_stack([rng.uniform(-40, 40, (T, 2)), heading])
-    state = NUMPY.init(prior(pose, rng.normal(0, 8, (T, 2)), rng.normal(0, 0.1, T), size))
+    state = filter.init(prior(pose, rng.normal(0, 8, (T, 2)), rng.normal(0, 0.1, T), size))
     x, grids = state.motion, state.size
     m = x.m + rng.normal(0, 1, x.m.shape) * [0.3, 0.3, 0.1, 3.0, 0.1, 0.1, 0.03]
     m[rng.random(T) < 0.3, :, 3] -= 9.0  # backwards
@@ -60,12 +63,12 @@ def drawn(rng, T, M):
     ahead = rng.choice([0.0, 2.9, 3.1], T)
     length, width = (A + np.cumsum(rng.normal(0, 0.4, A.shape), -2) - rng.exponential(2, A.shape) for A in grids[1:3])
     anchor, side = rng.choice([-1.0, 0.0, 1.0], (T, 2)), rng.exponential(3.0, T)
-    belief = NUMPY.size.belief(*(np.exp(A - A.max((1, 2), keepdims=True)) for A in (length, width)), anchor, side)
+    belief = filter.size.belief(*(np.exp(A - A.max((1, 2), keepdims=True)) for A in (length, width)), anchor, side)
     size = grids._replace(
         anchor=anchor, length=length, width=width, belief=belief, side=side, fully_visible=rng.random(T) < 0.5
     )
     state = state._replace(motion=x._replace(mu=mu, m=m, P=x.P + A @ A.mT, ahead=ahead), size=size)
-    return state, detections(rng, NUMPY.estimate(state), M)
+    return state, detections(rng, filter.estimate(state), M)
 
 
 def detections(rng, box, M):
@@ -114,13 +117,15 @@ def assert_same(new, old, name="state", part=1e-8):
         assert new == old
 
 
-def check(call, part=1e-8):
+def check(name, call, part=1e-8):
     """One step of both forms, and the estimates of what comes out."""
     kind, state, *arguments = call
-    new, old = (getattr(filter, kind)(state, *arguments) for filter in (COMPILED, NUMPY))
+    compiled, numpy = COMPILED[name], NUMPY[name]
+    new, old = (getattr(filter, kind)(state, *arguments) for filter in (compiled, numpy))
     assert_same(new, old, "state", part)
     state, reference = (new, old) if kind == "predict" else (new[0], old[0])
-    assert_same(COMPILED.estimate(state), NUMPY.estimate(reference), "estimate", part)
+    assert_same(compiled.estimate(state), numpy.estimate(reference), "estimate", part)
+    assert_same(compiled.box(state), numpy.box(reference), "box", part)
     if kind == "update":
         assert_same(new[1].nis, old[1].nis, "nis", part)
-        assert_same(COMPILED.reach(state), NUMPY.reach(reference), "reach", part)
+        assert_same(compiled.reach(state), numpy.reach(reference), "reach", part)

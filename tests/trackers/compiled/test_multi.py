@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarios import SCENARIOS
-from tests.trackers.compiled.states import RADAR, STATES, assert_same
+from tests.trackers.compiled.states import NAMES, RADAR, STATES, assert_same
 from trackers import build
 from trackers.batch import concatenate, take
 from trackers.compiled import REFUSED, available
@@ -71,12 +71,13 @@ def test_a_step_from_each_state_of_a_scenario_is_the_same(name, scenario, monkey
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("scenario", SCENARIOS)
-def test_a_step_from_states_of_every_scenario_is_the_same(scenario, monkeypatch):
+def test_a_step_from_states_of_every_scenario_is_the_same(name, scenario, monkeypatch):
     """From each of 20 states; STATES=2000 takes as many of several seeds."""
     left, seed = STATES, 0
     while left > 0:
-        tracker, steps = recorded("imm-spline", scenario, left, seed)
+        tracker, steps = recorded(name, scenario, left, seed)
         check(tracker, steps, monkeypatch)
         left, seed = left - len(steps), seed + 1
 
