@@ -146,6 +146,15 @@ def sentences(entries: Sequence[Entry], track: Track) -> Iterator[str]:
         yield f"{track.name}: not resolved from a neighbour: {', '.join(tied)}"
 
 
+def incomplete(entries: Sequence[Entry], track: Track) -> Iterator[str]:
+    """Which entries have some runs of a track, and are no part of its table."""
+    cases = [case for case, _ in track.runs("", 0)]
+    for one in entries:
+        runs, wanted = sum(at[0] == track.name for at in one.at), len(cases) * len(one.seeds)
+        if 0 < runs < wanted:
+            yield f"{track.name}: {one.name} has {runs} of {wanted} runs and no rank; the same command makes the rest"
+
+
 def shown(entries: Sequence[Entry]) -> Iterator[RenderableType]:
     """Tables and sentences for a terminal."""
     chosen, left = alike(entries)
@@ -156,6 +165,7 @@ def shown(entries: Sequence[Entry]) -> Iterator[RenderableType]:
         if found.lines:
             yield terminal(found, f"{benchmark.name}, {found.caption}, {len(one.seeds)} {seeds}", narrow=True)
             yield from map(escape, sentences(chosen, track))
+        yield from map(escape, incomplete(chosen, track))
     yield from map(escape, left)
     if not is_frozen(one, benchmark):
         yield f"! not {benchmark.name} as it is frozen: the code of scenarios, sensors or measures is another"
@@ -168,4 +178,5 @@ def page(entries: Sequence[Entry]) -> str:
     for track in find(chosen[0].benchmark).tracks:
         if (found := grid(chosen, track)).lines:
             parts += [f"## {found.caption}", markdown(found), *sentences(chosen, track)]
+        parts += incomplete(chosen, track)
     return "\n\n".join([*parts, *left]) + "\n"

@@ -202,3 +202,12 @@ def test_there_is_no_other_benchmark():
     with pytest.raises(LookupError, match="no benchmark 'v9'"):
         find("v9")
     assert call("list").exit_code == 0
+
+
+def test_an_entry_that_is_not_whole_is_named_and_has_no_rank():
+    whole, part = made_up("whole", 2.0), made_up("part", 1.0)
+    part = replace(part, runs=part.runs[:5])
+    assert [ranked.entry.name for ranked in table.ranks([whole, part], V1.track("open"))] == ["whole"]
+    assert list(table.incomplete([whole, part], V1.track("open"))) == [
+        "open: part has 5 of 224 runs and no rank; the same command makes the rest"
+    ]
