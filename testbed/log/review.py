@@ -14,7 +14,6 @@ import numpy as np
 
 from testbed.files import check_target
 from testbed.log import paths
-from testbed.log.both import write as write_both
 from testbed.log.intact import damage
 from testbed.log.modes import modes_of
 from testbed.log.reader import Columns, complete, properties, span
@@ -87,6 +86,8 @@ def review(
     with TemporaryDirectory() as folder:
         shown = logs if focus is None else [write_focused(logs[0], focus, Path(folder) / Path(logs[0]).name)]
         if len(logs) == 2:
+            from testbed.log.both import write as write_both
+
             shown = [write_both(logs, Path(folder) / "both.rrd")]
         if png is not None:
             render(shown[0], png, middle(logs[0]) if at is None else at, view=view)
