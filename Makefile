@@ -120,7 +120,7 @@ regret: $(STAMP)
 		--tracker imm-spline+covariance=0.25 --tracker imm-spline+covariance=4 --seeds 240:280 --out runs/regret/caution
 	$(STUDY) regret $(foreach part,main attribution doses caution,$(part)=runs/regret/$(part)) --docs docs
 
-# Twenty trainings, about twelve CPU hours; needs the extra rl. Trainings that are there are kept.
+# Twenty trainings, about three CPU hours; needs the extra rl. Trainings that are there are kept.
 LEARNED := $(foreach tracker,truth imm-spline,$(foreach seed,0 1 2 3 4 5 6 7 8 9,runs/learned/$(tracker)-$(seed).npz))
 learned: $(LEARNED)
 	$(STUDY) learned-policies runs/learned --docs docs
