@@ -5,14 +5,9 @@ Helbing (2006), Physica A 360, is a sum of waves here, so that a driver stays a 
 the way.
 """
 
-import tomllib
-from collections.abc import Iterator
-from contextlib import contextmanager
-from contextvars import ContextVar
 from dataclasses import dataclass, fields
 from math import gamma, inf, pi
 from numbers import Real
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -20,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.lookup import look_up
+from trackers.toml_file import SUFFIX, read_table
 
 DEFAULT = "default"  # the name of no population: all drivers of a class alike
 TARGET_RATIO = 1.2  # target speed of drivers behind a leader, as a multiple of their speed
@@ -158,8 +154,6 @@ POPULATIONS = MappingProxyType({
     ),
 })  # fmt: skip
 
-driving: ContextVar[Population | None] = ContextVar("driving", default=None)  # of the stages that are being set
-
 
 def find(name: str) -> Population | None:
     """The population of that name, or of a TOML file with its fields; None for `DEFAULT`.
@@ -168,14 +162,9 @@ def find(name: str) -> Population | None:
         LookupError: no such population, or the file cannot be read.
         ValueError: the file is no TOML, or has a key or value that no population has.
     """
-    if not (isinstance(name, str) and name.endswith(".toml")):
+    if not (isinstance(name, str) and name.endswith(SUFFIX)):
         return None if name == DEFAULT else look_up(name, POPULATIONS, "population of drivers")
-    try:
-        found = tomllib.loads(Path(name).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise LookupError(f"drivers {name!r} cannot be read: {error.strerror}") from None
-    except ValueError as error:
-        raise ValueError(f"{name} is no TOML: {error}; write time_gap = [1.5, 0.3], a median and a spread") from None
+    found = read_table(name, "drivers", "write time_gap = [1.5, 0.3], a median and a spread")
     known = [one.name for one in fields(Population)]
     if unknown := found.keys() - {*known}:
         raise ValueError(f"{name} has no key {', '.join(sorted(unknown))}; it has {', '.join(known)}")
@@ -193,13 +182,3 @@ def with_drivers(scenario: str, drivers: str) -> str:
     ('cut-in:drivers=calm', 'probe-brake:gap=26,drivers=calm')
     """
     return scenario if drivers == DEFAULT else f"{scenario}{',' if '=' in scenario else ':'}drivers={drivers}"
-
-
-@contextmanager
-def driven_by(population: Population | None) -> Iterator[None]:
-    """Stages that are made meanwhile have drivers of a population."""
-    token = driving.set(population)
-    try:
-        yield
-    finally:
-        driving.reset(token)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from scenarios.drivers import DEFAULT, Population, driven_by, find
+from scenarios.drivers import DEFAULT, Population, find
 
 if TYPE_CHECKING:
     from scenarios.stage import World
@@ -90,7 +90,7 @@ class Scenario:
             known = ", ".join(self.defaults) or "none"
             raise ValueError(f"{self.name} has no parameter {', '.join(given)}; it has {known}")
         traffic = {parameter.name: checked.pop(parameter.name) for parameter in self.parameters if parameter.traffic}
-        with import_module("scenarios.stage").traffic(**traffic), driven_by(self.population):
+        with import_module("scenarios.stage").traffic(**traffic, population=self.population):
             world = self._builder()(rng, **checked)
         for vehicle in world.road.vehicles:
             if hasattr(vehicle, "table"):

@@ -11,7 +11,7 @@ from scenarios.probes import PROBES
 from scenarios.record import TRAFFIC, Scenario
 from scenarios.scenario_file import read_scenario
 from scenarios.traffic.scenario import is_replay, replayed
-from trackers.lookup import find_own, is_own, look_up, parse
+from trackers.lookup import entry_of, is_own, look_up, parse
 from trackers.toml_file import SUFFIX
 
 SCENARIOS = MappingProxyType({s.name: s for s in (
@@ -133,10 +133,7 @@ def find(name: str) -> Scenario:
     if not is_own(name, catalogue) and not (isinstance(name, str) and ":" in name):
         return look_up(name, catalogue, "scenario")
     entry, values = parse(name)
-    if entry.endswith(SUFFIX):
-        found: Any = read_scenario(entry)
-    else:
-        found = catalogue[entry] if entry in catalogue else find_own(entry, catalogue, "scenario")
+    found: Any = read_scenario(entry) if entry.endswith(SUFFIX) else entry_of(entry, catalogue, "scenario")
     if not isinstance(found, Scenario):
         raise ValueError(
             f"scenario {entry!r} is {found!r}; it must be a `scenarios.Scenario`, or, of an environment of "

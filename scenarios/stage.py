@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from itertools import cycle, islice
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from highway_env.road.road import LaneIndex
@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from scenarios.articulated import KINGPIN, OVERHANG, TRAILER, UNIT, ArticulatedCourse, ArticulatedIDM
 from scenarios.bodies import rear_extent
 from scenarios.contours import find
-from scenarios.drivers import TARGET_RATIO, Driver, balanced_target, driving, steady_gap
+from scenarios.drivers import TARGET_RATIO, Driver, Population, balanced_target, steady_gap
 from scenarios.networks import Layout
 from scenarios.roads import CachedRoad
 from scenarios.vehicles import CourseVehicle, EgoVehicle, SizedIDM
@@ -63,6 +63,7 @@ class Traffic(NamedTuple):
 
     density: float = 1.0  # vehicles of a platoon, rounded and one at least, and the inverse of their headways
     speed: float = 1.0  # of everybody: all ways are the same, and are passed in another time
+    population: Population | None = None  # of its drivers
 
 
 AS_BUILT = Traffic()
@@ -70,9 +71,9 @@ _TRAFFIC = ContextVar("traffic", default=AS_BUILT)  # of the stages that are mad
 
 
 @contextmanager
-def traffic(density: float = 1.0, speed: float = 1.0) -> Iterator[None]:
-    """Within it, stages have this traffic."""
-    before = _TRAFFIC.set(Traffic(density, speed))
+def traffic(**given: Any) -> Iterator[None]:
+    """Within it, stages have a `Traffic` of these fields."""
+    before = _TRAFFIC.set(Traffic(**given))
     try:
         yield
     finally:
@@ -99,8 +100,7 @@ class Stage:
         self.rng = rng
         self.traffic = _TRAFFIC.get()
         self._size_rng = rng.spawn(1)[0]
-        self._population = driving.get()
-        self._driver_rng = rng.spawn(1)[0] if self._population else rng
+        self._driver_rng = rng.spawn(1)[0] if self.traffic.population else rng
         self.walls = layout.walls
         self.network = layout.network
         self.road = CachedRoad(layout.network, np_random=rng, neighbour_vehicles_connected_lanes=True)
@@ -154,7 +154,8 @@ class Stage:
 
     def driver(self) -> Driver | None:
         """A driver of the population, from a stream of its own, so that all else is the same whoever drives."""
-        return None if self._population is None else self._population.draw(self._driver_rng)
+        population = self.traffic.population
+        return None if population is None else population.draw(self._driver_rng)
 
     def prescribe(self, kind: str, table: NDArray, size: ArrayLike | None = None) -> CourseVehicle:
         """Place a vehicle on a course; its size, as of `Stage.size`, is drawn unless given."""

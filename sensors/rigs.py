@@ -21,7 +21,7 @@ from sensors.ghosts import Ghosts
 from sensors.radar import Radar, Sensor, numeric
 from sensors.radar_file import read_radar
 from sensors.roadside import Roadside
-from trackers.lookup import check_types, find_own, look_up, parse, with_parameters
+from trackers.lookup import check_types, entry_of, look_up, parse, with_parameters
 from trackers.scan import DepthProfile
 from trackers.toml_file import SUFFIX
 
@@ -129,10 +129,7 @@ def find(name: str) -> Radar:
     if not isinstance(name, str):
         return look_up(name, RADARS, "radar")
     entry, values = parse(name)
-    if entry.endswith(SUFFIX):
-        radar: Any = read_radar(entry)
-    else:
-        radar = RADARS[entry] if entry in RADARS else find_own(entry, RADARS, "radar")
+    radar: Any = read_radar(entry) if entry.endswith(SUFFIX) else entry_of(entry, RADARS, "radar")
     radar = _varied(radar, name, entry, values) if isinstance(radar, Radar) else with_parameters(radar, entry, values)
     if missing := [part for part in ("models", "rate", "scan") if not hasattr(radar, part)]:
         raise ValueError(f"radar {name!r} is {radar!r}, which has no {', '.join(missing)}; make it a `sensors.Radar`")

@@ -106,6 +106,11 @@ def find_own(name: str, catalogue: Mapping[str, Any], what: str) -> Any:
     return _load(found[name].value, what)
 
 
+def entry_of(name: str, catalogue: Mapping[str, Any], what: str) -> Any:
+    """That of a catalogue, or what `find_own` finds; name has no parameters."""
+    return catalogue[name] if name in catalogue else find_own(name, catalogue, what)
+
+
 def installed(what: str) -> dict[str, EntryPoint]:
     """What installed packages have registered, by name; LookupError where two have taken one name."""
     found: dict[str, EntryPoint] = {}
@@ -171,7 +176,7 @@ def made(text: str, catalogue: Mapping[str, Any], what: str) -> Any:
     if not isinstance(text, str):
         return look_up(text, catalogue, what)
     name, parameters = parse(text)
-    return with_parameters(catalogue[name] if name in catalogue else find_own(name, catalogue, what), name, parameters)
+    return with_parameters(entry_of(name, catalogue, what), name, parameters)
 
 
 def parameters_of(made_by: Any) -> tuple[str, ...]:

@@ -43,6 +43,16 @@ def _text(value: Any) -> str:
     return repr(float(value)) if isinstance(value, float) else str(value)
 
 
+def read_table(path: str, what: str, remedy: str) -> dict[str, Any]:
+    """The table of a file that is `what` in a word; LookupError or ValueError, in one sentence, for what is none."""
+    try:
+        return tomllib.loads(Path(path).read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise LookupError(f"{what} {path!r} cannot be read: {getattr(error, 'strerror', error)}") from None
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"{path} is no TOML: {error}; {remedy}") from None
+
+
 def read_record(kind: Any, path: str, what: str, hidden: Sequence[str] = (), **others: Any) -> Any:
     """The record of a file; `what` it is in a word, which is that of `testbed WHAT show`, and values of keys not given.
 
@@ -50,12 +60,7 @@ def read_record(kind: Any, path: str, what: str, hidden: Sequence[str] = (), **o
         LookupError: the file cannot be read.
         ValueError: it is no TOML, or has a key or value that no such record has; one sentence names file and key.
     """
-    try:
-        found = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise LookupError(f"{what} {path!r} cannot be read: {getattr(error, 'strerror', error)}") from None
-    except (tomllib.TOMLDecodeError, ValueError, RecursionError) as error:
-        raise ValueError(f"{path} is no TOML: {error}; `testbed {what} show NAME` writes one") from None
+    found = read_table(path, what, f"`testbed {what} show NAME` writes one")
     return _record(kind, {"name": Path(path).stem} | others | found, path, hidden)
 
 

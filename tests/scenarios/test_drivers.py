@@ -9,11 +9,11 @@ import pytest
 
 from scenarios import find
 from scenarios.courses import Segment, follow_lane
-from scenarios.drivers import DEFAULT, POPULATIONS, Driver, Population, Unrest, driven_by
+from scenarios.drivers import DEFAULT, POPULATIONS, Driver, Population, Unrest
 from scenarios.drivers import find as find_population
 from scenarios.longitudinal import AXIS
 from scenarios.networks import straight
-from scenarios.stage import Flow, Stage
+from scenarios.stage import Flow, Stage, traffic
 from scenarios.vehicles import SizedIDM
 
 COMMITTED = Path(__file__).parents[2] / "docs/results/drivers.json"
@@ -79,7 +79,7 @@ def test_a_population_leaves_sizes_courses_and_the_ego_as_they_are_and_repeats()
 @pytest.mark.parametrize("name", POPULATIONS)
 @pytest.mark.parametrize("seed", range(3))
 def test_nobody_of_a_population_collides_behind_an_emergency_stop(name, seed):
-    with driven_by(POPULATIONS[name]):
+    with traffic(population=POPULATIONS[name]):
         stage = Stage(straight(), np.random.default_rng(seed))
         for k in range(3):
             plan = (Segment(2.0 + k), Segment(2.5, -8.0))

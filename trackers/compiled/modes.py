@@ -132,8 +132,7 @@ def move(m: NDArray, P: NDArray, dt: float, mode: NDArray, common: NDArray, size
     u = m[SPEED] ** 2 + P[SPEED, SPEED]
     bound = possible(u, mode[3], curvature, fast) + (slow_yaw**2 if u < SLOW**2 else 0.0)
     row, turning = P[OMEGA].copy(), m[OMEGA]
-    R = max(bound, LEAST_BOUND) * bound_time / dt
-    S = row[OMEGA] + R
+    S = row[OMEGA] + max(bound, LEAST_BOUND) * bound_time / dt
     for i in range(7):
         m[i] -= row[i] / S * turning  # (MODE.7)
         for j in range(7):

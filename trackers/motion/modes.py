@@ -141,8 +141,7 @@ class Modes:
         u = m[..., SPEED] ** 2 + P[..., SPEED, SPEED]
         B = np.maximum(self._possible(u) + self.slow_yaw**2 * (u < SLOW**2), LEAST_BOUND)  # (MODE.6)
         row = P[..., OMEGA]
-        R = B * self.bound_time / dt
-        S = row[..., OMEGA] + R
+        S = row[..., OMEGA] + B * self.bound_time / dt
         fit = -0.5 * m[..., OMEGA] ** 2 / S  # (MODE.32)
         gain = row / S[..., None]  # (MODE.7)
         m = m - gain * m[..., OMEGA, None]  # (MODE.7)

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenarios.courses import Segment, follow_lane
-from scenarios.drivers import Population, driven_by
+from scenarios.drivers import Population
 from scenarios.networks import WIDTH, straight
 from scenarios.paths import along
-from scenarios.stage import Flow, Stage
+from scenarios.stage import Flow, Stage, traffic
 from scenarios.traffic.fitting import direction
 from scenarios.traffic.motion import course
 from scenarios.traffic.plan import WINDOW
@@ -88,7 +88,7 @@ class Flows(NamedTuple):
 def of_population(population: Population, speed: float, braking: float, seed: int) -> list[Motion]:
     """Queues of drivers in five lanes at about a speed [m/s] behind heads on courses; the first few are left out."""
     rng = np.random.default_rng([33, seed])
-    with driven_by(population):
+    with traffic(population=population):
         stage = Stage(straight(LANES, ROAD), rng)
         axis = along((0.0, 0.0, 0.0), ((ROAD, 0.0),))
         for k in range(LANES):

@@ -29,7 +29,7 @@ def list_benchmarks() -> None:
     for benchmark in BENCHMARKS.values():
         now = "as frozen" if benchmark.digests() == frozen(benchmark) else "not as frozen"
         rows = [
-            (t.name, t.what, f"{len(list(t.runs('', 0)))} cases", f"{len(benchmark.development)} seeds", t.measure)
+            (t.name, t.what, f"{len(t.case_names)} cases", f"{len(benchmark.development)} seeds", t.measure)
             for t in benchmark.tracks
         ]
         heads = ("track", "what", "cases", "seeds", "ranked by")

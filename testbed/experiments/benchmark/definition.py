@@ -44,6 +44,11 @@ class Track:
         """Whether its drives are scored against those on the truth."""
         return SCORE in self.measures
 
+    @property
+    def case_names(self) -> list[str]:
+        """Each case as `runs` names it, which is the same for every seed."""
+        return [case for case, _ in self.runs("", 0)]
+
     def runs(self, tracker: str, seed: int) -> Iterator[tuple[str, Run]]:
         """Each run of one seed, after its case, which is CASE@RADAR where the radar is not the first."""
         for case in self.cases:

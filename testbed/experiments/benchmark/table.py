@@ -64,7 +64,7 @@ def alike(entries: Sequence[Entry]) -> tuple[list[Entry], list[str]]:
 
 def ranks(entries: Sequence[Entry], track: Track) -> list[Ranked]:
     """Entries that are complete in a track, the best mean first."""
-    cases = [case for case, _ in track.runs("", 0)]
+    cases = track.case_names
     there = [one for one in entries if one.complete(track.name, cases)]
     bad = {one.name: [badness(track.measure, v) for v in one.sample(track.name, cases, track.measure)] for one in there}
     better: dict[str, int] = dict.fromkeys(bad, 0)
@@ -79,14 +79,14 @@ def ranks(entries: Sequence[Entry], track: Track) -> list[Ranked]:
     return [Ranked(one, 1 + better[one.name], len(there) - worse[one.name]) for one in order]
 
 
-def grid(entries: Sequence[Entry], track: Track) -> Grid:
+def grid(ranked: Sequence[Ranked], track: Track) -> Grid:
     """The table of a track."""
-    cases = [case for case, _ in track.runs("", 0)]
+    cases = track.case_names
     measures = (track.measure, *BESIDE[track.name])
     lines = []
-    for ranked in ranks(entries, track):
-        one = ranked.entry
-        fields = [Field(ranked.rank)]
+    for place in ranked:
+        one = place.entry
+        fields = [Field(place.rank)]
         for measure in measures:
             found = crossed_interval(one.sample(track.name, cases, measure))
             fields.append(estimate(found, METRICS[measure].digits))
@@ -99,8 +99,7 @@ def grid(entries: Sequence[Entry], track: Track) -> Grid:
 
 def spread(entries: Sequence[Entry], track: Track) -> Spread:
     """Shares of the variance, and what the seeds resolve."""
-    pairs = list(track.runs("", 0))
-    cases = [case for case, _ in pairs]
+    cases = track.case_names
     complete = [one for one in entries if one.complete(track.name, cases)]
     tables = [np.array([badness(track.measure, v) for v in one.sample(track.name, cases, track.measure)])
               for one in complete]  # fmt: skip
@@ -128,8 +127,9 @@ def seeds_for(a: NDArray, b: NDArray, share: float = RESOLVED) -> float:
     return max(FEWEST, float(np.ceil((1.96 * each.std(ddof=1) / wanted) ** 2))) if len(each) > 1 and wanted else np.nan
 
 
-def sentences(entries: Sequence[Entry], track: Track) -> Iterator[str]:
+def sentences(ranked: Sequence[Ranked], track: Track) -> Iterator[str]:
     """What the ranks do not say, and where the variance is."""
+    entries = [place.entry for place in ranked]
     found = spread(entries, track)
     if np.isfinite(found.case):
         shares = {"scenario": found.case, "radar": found.radar, "seed": found.seed, "single run": found.rest}
@@ -140,7 +140,6 @@ def sentences(entries: Sequence[Entry], track: Track) -> Iterator[str]:
             f"{track.name}: a difference of {100 * RESOLVED:.0f} % takes {found.needed:.0f} seeds, the median over "
             f"pairs; there are {len(entries[0].seeds)}"
         )
-    ranked = ranks(entries, track)
     tied = [one.entry.name for one in ranked if one.best != one.worst]
     if tied:
         yield f"{track.name}: not resolved from a neighbour: {', '.join(tied)}"
@@ -148,7 +147,7 @@ def sentences(entries: Sequence[Entry], track: Track) -> Iterator[str]:
 
 def incomplete(entries: Sequence[Entry], track: Track) -> Iterator[str]:
     """Which entries have some runs of a track, and are no part of its table."""
-    cases = [case for case, _ in track.runs("", 0)]
+    cases = track.case_names
     for one in entries:
         runs, wanted = sum(at[0] == track.name for at in one.at), len(cases) * len(one.seeds)
         if 0 < runs < wanted:
@@ -161,10 +160,10 @@ def shown(entries: Sequence[Entry]) -> Iterator[RenderableType]:
     benchmark, one = find(chosen[0].benchmark), chosen[0]
     seeds = "development seeds" if one.phrase is None else f"seeds of the phrase {one.phrase!r}"
     for track in benchmark.tracks:
-        found = grid(chosen, track)
-        if found.lines:
+        if ranked := ranks(chosen, track):
+            found = grid(ranked, track)
             yield terminal(found, f"{benchmark.name}, {found.caption}, {len(one.seeds)} {seeds}", narrow=True)
-            yield from map(escape, sentences(chosen, track))
+            yield from map(escape, sentences(ranked, track))
         yield from map(escape, incomplete(chosen, track))
     yield from map(escape, left)
     if not is_frozen(one, benchmark):
@@ -176,7 +175,8 @@ def page(entries: Sequence[Entry]) -> str:
     chosen, left = alike(entries)
     parts = []
     for track in find(chosen[0].benchmark).tracks:
-        if (found := grid(chosen, track)).lines:
-            parts += [f"## {found.caption}", markdown(found), *sentences(chosen, track)]
+        if ranked := ranks(chosen, track):
+            found = grid(ranked, track)
+            parts += [f"## {found.caption}", markdown(found), *sentences(ranked, track)]
         parts += incomplete(chosen, track)
     return "\n\n".join([*parts, *left]) + "\n"

@@ -6,6 +6,7 @@ from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
+from testbed.log import palette
 from testbed.log.review_page.contents import contents
 
 Contents = dict[str, Any]
@@ -33,8 +34,6 @@ def same_drive(a: Contents, b: Contents) -> bool:
 
 def merged(a: Contents, b: Contents) -> Contents:
     """The first with the trackers of the second, whose shapes are numbered on; a name that both have tells the log."""
-    from testbed.log import palette
-
     a, b = deepcopy(a), deepcopy(b)
     both = {t["name"] for t in a["trackers"]} & {t["name"] for t in b["trackers"]}
     for data in (a, b):
@@ -46,13 +45,12 @@ def merged(a: Contents, b: Contents) -> Contents:
     for i, tracker in enumerate(b["trackers"], len(a["trackers"])):
         tracker["color"] = palette.css(palette.tracker(i))
         tracker["tracks"] = [[[t[0], t[1] + start, *t[2:]] for t in frame] for frame in tracker["tracks"]]
-    severity = lambda row: -row["severity"]  # noqa: E731
     return a | {
         "run": a["run"] | {"log": f"{a['run']['log']} and {b['run']['log']}"},
         "trackers": a["trackers"] + b["trackers"],
         "shapes": a["shapes"] + b["shapes"],
         "names": b["names"] | a["names"],
-        "moments": sorted(a["moments"] + b["moments"], key=severity),
+        "moments": sorted(a["moments"] + b["moments"], key=lambda row: -row["severity"]),
         "objects": a["objects"] + b["objects"],
         "events": sorted(a["events"] + [e for e in b["events"] if e not in a["events"]], key=lambda e: e[0]),
     }

@@ -169,10 +169,11 @@ def made_up(name, gospa, code="a", rng=None):
 def test_ranks_say_what_is_not_resolved():
     rng = np.random.default_rng(0)
     entries = [made_up("far", 5.0, rng=rng), made_up("a", 2.0, rng=rng), made_up("b", 2.0001, rng=rng)]
-    assert [(r.entry.name, r.rank) for r in table.ranks(entries, V1.track("open"))] == [
+    ranked = table.ranks(entries, V1.track("open"))
+    assert [(r.entry.name, r.rank) for r in ranked] == [
         ("a", "1 to 2"), ("b", "1 to 2"), ("far", "3"),
     ]  # fmt: skip
-    assert "not resolved from a neighbour: a, b" in " ".join(table.sentences(entries, V1.track("open")))
+    assert "not resolved from a neighbour: a, b" in " ".join(table.sentences(ranked, V1.track("open")))
 
 
 def test_the_variance_is_where_it_was_put():
