@@ -16,7 +16,7 @@ SITE := build/docs
 # Byte code is kept, also where the machine's default is not to.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo test test-slow test-all explore test-lowest lint types unit generated docs bench regress reproduce comparison regret faults learned clean
+.PHONY: demo test test-slow test-all explore test-lowest lint types unit generated docs bench regress reproduce comparison consistency regret faults learned clean
 
 demo: $(STAMP)
 	@echo
@@ -90,8 +90,13 @@ comparison: $(STAMP)
 	$(BIN)/testbed compare $(CLOSED) --tracker all --seeds 0:10 $(RECORD) --loop closed --reference rm-feldmann \
 		--out runs/closed
 	$(STUDY) publish runs/comparison --closed runs/closed --layers runs/layers --reference rm-feldmann
-	$(STUDY) consistency runs/comparison --docs docs
 	$(STUDY) comparison --docs docs
+
+# Ten CPU minutes; the same command goes on where it was interrupted. Seeds that no parameter was set on.
+consistency: $(STAMP)
+	$(BIN)/testbed compare all --tracker imm-spline --seeds 990:994 --duration 30 --after 3 --settle 2 --jobs -1 \
+		--out runs/consistency
+	$(STUDY) consistency runs/consistency --docs docs
 
 # Four CPU hours; the same command goes on where it was interrupted. Seeds that no parameter was set on.
 REGRET_TRACKERS := imm-spline edra-imm rm-feldmann rm-koch

@@ -8,7 +8,7 @@ import numpy as np
 from highway_env.vehicle.objects import Obstacle, RoadObject
 from numpy.typing import NDArray
 
-from scenarios.bodies import RigidPart, parts
+from scenarios.bodies import RigidPart, is_kind, parts
 from scenarios.contours import find
 from sensors.scene import Bodies, Ego, Objects, Scene
 from trackers.geometry import point_velocity, rotation, to_frame, wrap_angle
@@ -51,8 +51,8 @@ class SceneReader:
             time=env.steps / env.config["simulation_frequency"],
             dt=dt,
             ego=self._ego(env.vehicle),
-            objects=self._objects(seen, bodies),
-            bodies=_bodies(bodies),
+            objects=(objects := self._objects(seen, bodies)),
+            bodies=_bodies(bodies, objects),
             walls=_walls(env),
         )
 
@@ -117,7 +117,7 @@ def _box(bodies: list[RigidPart]) -> RigidPart:
 
 
 def _kind(vehicle: RoadObject, bodies: list[RigidPart]) -> str:
-    if isinstance(vehicle, Obstacle):
+    if is_kind(type(vehicle), Obstacle):
         return OBSTACLE
     return bodies[0].contour if len(bodies) == 1 else ARTICULATED
 
@@ -127,18 +127,24 @@ def _wrapped(pose: NDArray) -> NDArray:
     return np.concatenate([pose[..., :2], wrap_angle(pose[..., 2:])], -1)
 
 
-def _bodies(objects: Sequence[list[RigidPart]]) -> Bodies:
-    owner = [k for k, bodies in enumerate(objects) for _ in bodies]
-    flat = [b for bodies in objects for b in bodies]
-    pose = _wrapped(np.array([b.pose for b in flat]).reshape(-1, 3))
+def _bodies(parts: Sequence[list[RigidPart]], objects: Objects) -> Bodies:
+    """The bodies of all objects; where each is one body, their motion is known."""
+    owner = [k for k, bodies in enumerate(parts) for _ in bodies]
+    flat = [b for bodies in parts for b in bodies]
+    if len(flat) == len(parts) and all(map(len, parts)):
+        pose, velocity, yaw_rate = objects.pose.copy(), objects.velocity.copy(), objects.yaw_rate.copy()
+    else:
+        pose = _wrapped(np.array([b.pose for b in flat]).reshape(-1, 3))
+        velocity = np.array([b.velocity for b in flat]).reshape(-1, 2)
+        yaw_rate = np.array([b.yaw_rate for b in flat], float)
     turned = rotation(pose[:, 2]).mT
     shapes = [_shape(b.contour, *b.size.tolist()) for b in flat]
     outline = tuple(p + shape @ R for p, shape, R in zip(pose[:, :2], shapes, turned, strict=True))
     return Bodies(
         owner=np.array(owner, int),
         pose=pose,
-        velocity=np.array([b.velocity for b in flat]).reshape(-1, 2),
-        yaw_rate=np.array([b.yaw_rate for b in flat], float),
+        velocity=velocity,
+        yaw_rate=yaw_rate,
         outline=outline,
     )
 

@@ -4,6 +4,8 @@ The functions answer for any object of highway-env; the mixin `Sized` is for our
 """
 
 import math
+from collections.abc import Callable
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,6 +18,8 @@ from numpy.typing import NDArray
 from scenarios.contours import find
 from trackers.geometry import box_corners, rotation
 
+# The check of an abstract class takes longer than what it decides about.
+is_kind: Callable[[type, type], bool] = cache(issubclass)
 LONG = 6.0  # [m] a stock vehicle without a contour is a truck from this length on
 
 
@@ -43,7 +47,7 @@ def contour_of(vehicle: RoadObject) -> str:
     own = getattr(vehicle, "contour", None)
     if own is not None:
         return own
-    if not isinstance(vehicle, Vehicle):
+    if not is_kind(type(vehicle), Vehicle):
         return "box"
     return "car" if vehicle.LENGTH < LONG else "truck"
 
@@ -54,11 +58,12 @@ def motion(vehicle: RoadObject) -> tuple[NDArray, float]:
     The kinematic bicycle moves along heading + slip, which `vehicle.velocity` leaves out. Between `act` and `step` this
     is exactly the motion of the coming frame. Crashed vehicles do not steer; obstacles rest.
     """
-    if not isinstance(vehicle, Vehicle):
+    kind = type(vehicle)
+    if not is_kind(kind, Vehicle):
         return np.zeros(2), 0.0
     if hasattr(vehicle, "course_motion"):
         return vehicle.course_motion()
-    if isinstance(vehicle, BicycleVehicle):
+    if is_kind(kind, BicycleVehicle):
         v = rotation(vehicle.heading) @ np.array([float(vehicle.speed), float(vehicle.lateral_speed)])
         return v, float(vehicle.yaw_rate)
     steering = 0.0 if vehicle.crashed else float(vehicle.action["steering"])

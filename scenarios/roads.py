@@ -16,7 +16,7 @@ from highway_env.vehicle.kinematics import Vehicle
 from highway_env.vehicle.objects import Landmark
 from numpy.typing import NDArray
 
-from scenarios.bodies import reach
+from scenarios.bodies import is_kind, reach
 from scenarios.scalars import AxisLane, act, in_scalars
 
 SPACING = 2.0  # [m] between samples of a lane that is not straight; its box is widened by as much
@@ -70,9 +70,13 @@ class SiftedNetwork(RoadNetwork):
 def _closest(lanes: list[Any], position: NDArray, heading: float) -> int:
     """The first of the closest lanes along the axes; the heading adds to the distance of the place."""
     least, found = np.inf, 0
+    px, py = position.tolist() if isinstance(position, np.ndarray) else position
     for k, lane in enumerate(lanes):
-        s, r = lane.local_coordinates(position)
-        place = abs(r) + max(s - lane.length, 0) + max(0 - s, 0)
+        x, y, ux, uy, vx, vy = lane.frame
+        dx, dy = px - x, py - y
+        s, place = dx * ux + dy * uy, abs(dx * vx + dy * vy)  # as `AxisLane.local_coordinates`
+        if s < 0 or s > lane.length:
+            place += max(s - lane.length, 0) + max(0 - s, 0)
         if not place >= least:
             distance = place + 1.0 * abs(lane.local_angle(heading, s))
             if distance < least:
@@ -155,7 +159,7 @@ class CachedRoad(Road):
         lanes = self._search_lanes(lane_index)
         rows = []
         for k, v in enumerate(self.vehicles + self.objects):
-            if isinstance(v, Landmark):
+            if is_kind(type(v), Landmark):
                 continue
             for lane, offset in lanes:
                 s = self._projected(lane)[k]

@@ -14,6 +14,8 @@ from highway_env.vehicle.controller import ControlledVehicle
 from highway_env.vehicle.kinematics import Vehicle
 from numpy.typing import NDArray
 
+from scenarios.bodies import is_kind
+
 AXES = (-1.0, 0.0, 1.0)
 
 
@@ -21,13 +23,13 @@ class AxisLane(StraightLane):
     """A straight lane along an axis of the plane: products with its directions are exact, whoever adds them up."""
 
     @cached_property
-    def _frame(self) -> tuple[float, ...]:
+    def frame(self) -> tuple[float, ...]:
         """Start and both directions, as numbers of Python."""
         return tuple(map(float, (*self.start, *self.direction, *self.direction_lateral)))
 
     def local_coordinates(self, position: NDArray) -> tuple[float, float]:
         """Coordinates [m] along and across the lane, as `StraightLane`."""
-        x, y, ux, uy, vx, vy = self._frame
+        x, y, ux, uy, vx, vy = self.frame
         px, py = position.tolist() if isinstance(position, np.ndarray) else position
         dx, dy = px - x, py - y
         return dx * ux + dy * uy, dx * vx + dy * vy
@@ -43,7 +45,7 @@ class AxisLane(StraightLane):
 
     def places(self, positions: NDArray, margin: float) -> list[float | None]:
         """Coordinates [m] along the lane of positions (N, 2), None for those that are not on it."""
-        x, y, ux, uy, vx, vy = self._frame
+        x, y, ux, uy, vx, vy = self.frame
         dx, dy = positions[:, 0] - x, positions[:, 1] - y
         s, length = dx * ux + dy * uy, self.VEHICLE_LENGTH
         on = (np.abs(dx * vx + dy * vy) <= self.width / 2 + margin) & (-length <= s) & (s < self.length + length)
@@ -71,7 +73,7 @@ def stock(kind: type, *names: str) -> bool:
 def act(vehicle: Any) -> None:
     """`vehicle.act()`, in scalars where it is the method of `IDMVehicle`."""
     kind: Any = type(vehicle)
-    if not (isinstance(vehicle, IDMVehicle) and stock(kind, "act")):
+    if not (is_kind(kind, IDMVehicle) and stock(kind, "act")):
         vehicle.act()
         return
     if vehicle.crashed:
@@ -109,7 +111,7 @@ def _accelerated(vehicle: IDMVehicle, front: Any, rear: Any) -> float:
 
 def unhindered(driver: IDMVehicle, vehicle: Any) -> float:
     """`IDMVehicle.acceleration` of a vehicle [m/s^2] without a leader."""
-    if not vehicle or not isinstance(vehicle, Vehicle):
+    if not vehicle or not is_kind(type(vehicle), Vehicle):
         return 0
     target, lane = getattr(vehicle, "target_speed", 0), vehicle.lane
     if lane and lane.speed_limit is not None:

@@ -271,7 +271,7 @@ class Radar:
         alarms = false_alarms(self.column("clutter"), self.column("max_range"),
                               self.column("fov_deg", np.pi / 180), self.column("max_rate"), rng)  # fmt: skip
         got, due = join((seen, alarms)), self.due(scene.time, scene.dt)
-        got = rows(got, due[got.sensor])
+        got = got if due.all() else rows(got, due[got.sensor])
         got = got._replace(polar=fold_rates(got.polar, self.column("fold_rate")[got.sensor]))
         s = got.sensor
         mask, platform = np.ones(len(s), bool), scene.ego.platform

@@ -22,7 +22,9 @@ class Returns(NamedTuple):
 
 def join(parts: tuple[Returns, ...]) -> Returns:
     """All returns, sorted by sensor and range, so that their order says nothing of their origin."""
-    joined = Returns(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+    joined = parts[0]
+    if len(parts) > 1:
+        joined = Returns(*(np.concatenate(column) for column in zip(*parts, strict=True)))
     return rows(joined, np.lexsort((joined.polar[:, 0], joined.sensor)))
 
 
@@ -59,7 +61,9 @@ def merge_cells(returns: Returns, cell: NDArray) -> tuple[Returns, NDArray]:
 def add_noise(polar: NDArray, sigma: NDArray, rng: np.random.Generator) -> NDArray:
     """Measured range, azimuth, rate (M, 3) of true ones (M, 3), with noise of std sigma (M, 3); no range below 0."""
     r, azimuth, rate = (polar + sigma * rng.standard_normal(polar.shape)).T  # (RAD.22)
-    return np.stack([np.maximum(r, 0.0), wrap_angle(azimuth), rate], -1)
+    measured = np.empty(polar.shape)
+    measured[:, 0], measured[:, 1], measured[:, 2] = np.maximum(r, 0.0), wrap_angle(azimuth), rate
+    return measured
 
 
 def fold_rates(polar: NDArray, limit: NDArray) -> NDArray:

@@ -86,10 +86,10 @@ def _fault_of(tracks: Any) -> str:
     if len(set(tracks.id.tolist())) < count[0]:
         ids, seen = np.unique(tracks.id, return_counts=True)
         return f"id {ids[seen.argmax()]} stands for {seen.max()} of {count[0]} tracks; each needs an id of its own"
-    ones = (tracks.existence, tracks.age, tracks.hits)
-    spreads = (e.heading_std, e.yaw_rate_std)
-    parts = (np.stack(ones, -1), e.pose, e.velocity, e.yaw_rate[:, None], e.size, e.size_std, np.stack(spreads, -1))
-    table = np.concatenate(parts, -1)
+    table = np.empty((*count, len(COLUMNS)))
+    table[:, 0], table[:, 1], table[:, 2], table[:, 8] = tracks.existence, tracks.age, tracks.hits, e.yaw_rate
+    table[:, 3:6], table[:, 6:8], table[:, 9:11], table[:, 11:13] = e.pose, e.velocity, e.size, e.size_std
+    table[:, 13], table[:, 14] = e.heading_std, e.yaw_rate_std
     good = (table >= LEAST) & (table <= MOST)
     if not good.all():
         row, column = np.argwhere(~good)[0]

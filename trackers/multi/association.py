@@ -240,3 +240,10 @@ def gather(z: SortedScan, index: NDArray) -> Scan:
         return Scan(np.zeros((T, K, 3)), np.zeros((T, K), bool), np.zeros((T, K, 3)), np.zeros((T, K, 2)))
     i = np.maximum(index, 0)
     return Scan(scan.polar[i], index >= 0, scan.pose[i], scan.velocity[i], scan.noise[i], scan.sensor[i], scan.platform)
+
+
+def least(value: NDArray, owner: NDArray, T: int) -> NDArray:
+    """Least value (T,) of the detections of each track, inf without one; value (M,), owner (M,), -1 for none."""
+    found = np.full(T, np.inf)
+    np.minimum.at(found, owner[owner >= 0], value[owner >= 0])
+    return found

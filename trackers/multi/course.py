@@ -45,6 +45,7 @@ class Course:
     """Priors of the velocity: with the lane, against it, in any direction."""
 
     sigma_rate: float = 0.3  # [m/s] range rate in the fit
+    turn_std: float = 0.3  # [rad/s] yaw rate, by which range rates differ across the line of sight
     lane_std: tuple[float, float] = (12.0, 1.0)  # [m/s] along and across the lane, around the ego's speed, either way
     any_std: float = 15.0  # [m/s] of any direction, around standstill
     any_log_odds: tuple[float, float] = (-3.0, 2.0)  # of any direction against along the lane: on lanes, off them
@@ -104,10 +105,13 @@ class Course:
 
         mean (B, 2) and cov (B, 2, 2) are those of the priors.
         """
-        w, rate = W.astype(float), points.filled_rate
-        u = np.where(points.measured[:, None], points.sight, 0.0)
-        S = (w @ (u[:, :, None] * u[:, None]).reshape(-1, 4)).reshape(-1, 2, 2) / self.sigma_rate**2
-        r, square = w @ (u * rate[:, None]) / self.sigma_rate**2, w @ rate**2 / self.sigma_rate**2
+        rate, u = points.filled_rate, np.where(points.measured[:, None], points.sight, 0.0)
+        middle = (W @ points.xy) / W.sum(1)[:, None]
+        across = perpendicular(u)
+        lever = dot(points.xy, across) - middle @ across.T  # (B, P) [m]
+        w = W / (self.sigma_rate**2 + (self.turn_std * lever) ** 2)  # (LIFE.11)
+        S = (w @ (u[:, :, None] * u[:, None]).reshape(-1, 4)).reshape(-1, 2, 2)
+        r, square = w @ (u * rate[:, None]), w @ rate**2
         information = np.linalg.inv(cov) + S  # (LIFE.11)
         Sm = (S @ mean[..., None])[..., 0]
         score = r - Sm  # (LIFE.11)

@@ -4,6 +4,7 @@ Equations: docs/methods/life-cycle-of-tracks.md, section 5.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -61,12 +62,14 @@ class Reidentification:
         pose, velocity, cov = e.pose.copy(), e.velocity, e.cov.copy()
         pose[:, :2] += velocity * dt  # (LIFE.24)
         if road is not None:
-            (inside, before), (still, after) = road.locate(e.pose[:, :2]), road.locate(pose[:, :2])
+            depth, course = road.locate(np.concatenate([e.pose[:, :2], pose[:, :2]]))
+            (inside, still), (before, after) = depth.reshape(2, -1), course.reshape(2, -1)
             along = np.abs(np.cos(before - e.pose[:, 2])) > 0.7
             turn = np.where((inside > 0) & (still > 0) & along, wrap_angle(after - before), 0.0)
-            pose[:, 2] += turn
-            velocity = (rotation(turn) @ velocity[..., None])[..., 0]
-        F = np.eye(4) + dt * np.eye(4, k=2)
+            if turn.any():
+                pose[:, 2] += turn
+                velocity = (rotation(turn) @ velocity[..., None])[..., 0]
+        F = _transition(dt)
         M = rotation(pose[:, 2])
         cov = F @ cov @ F.T
         cov[:, 2:, 2:] += (M * np.square(self.wander)) @ M.mT * dt  # (LIFE.25)
@@ -98,3 +101,11 @@ class Reidentification:
         best = ratio.argmax(1)
         p = (ratio / rivals)[np.arange(B), best]  # (LIFE.28)
         return np.where(p > self.sure, best, -1)
+
+
+@lru_cache(maxsize=8)
+def _transition(dt: float) -> NDArray:
+    """Transition (4, 4) of place and velocity over dt [s]; steps have few lengths."""
+    F = np.eye(4) + dt * np.eye(4, k=2)
+    F.flags.writeable = False
+    return F

@@ -16,7 +16,7 @@ from trackers.compiled import available
 from trackers.estimate import Estimate, prior
 from trackers.filter import Abilities, Filter, Note
 from trackers.linalg import largest_eigenvalue
-from trackers.multi.association import Association, Claims, SortedScan, gather, shares
+from trackers.multi.association import Association, Claims, SortedScan, gather, least, shares
 from trackers.multi.exclusion import Exclusion
 from trackers.multi.existence import Existence
 from trackers.multi.ground import NOTHING, GroundTest, piece
@@ -96,7 +96,7 @@ class MultiObjectTracker:
         none = np.zeros(0)
         return Tracks(
             none.astype(int), none, none.astype(int), none, none.astype(bool), self.filter.init(estimate), estimate,
-            hidden=none,
+            hidden=none, noise=none,
         )  # fmt: skip
 
     def step(self, tracks: Tracks, scan: Scan, dt: float) -> tuple[Tracks, StepInfo]:
@@ -145,12 +145,14 @@ class MultiObjectTracker:
                 share = gather(z, shares(owner, len(tracks.id), self.most_detections))
                 found = guarded(self.can.update_among or self.filter.update, state, share, *around)
             state, info = found[0], reported(info, found[1])
-        hidden = tracks.hidden
-        if hidden is not None:
+        hidden, noise = tracks.hidden, tracks.noise
+        if hidden is not None and noise is not None:
             works = np.any(np.asarray(tracks.memory.out) < 0.5)
             hidden = np.where(some, 0.0, hidden + dt * (view.hidden & works))
+            noise = np.where(some, least(z.var_across, owner, len(some)), noise)
         hits = tracks.hits + some  # (MOT.26)
-        return tracks._replace(state=state, estimate=self.filter.estimate(state), hits=hits, hidden=hidden), info
+        estimate = self.filter.estimate(state)
+        return tracks._replace(state=state, estimate=estimate, hits=hits, hidden=hidden, noise=noise), info
 
     def _conclude(self, tracks: Tracks, seen: Seen, rest: Rest | None, dt: float) -> tuple[Tracks, list[Event]]:
         """The tracks after what is rare: division, death, birth and union; `rest` says what of it may happen now."""
@@ -281,6 +283,7 @@ class MultiObjectTracker:
             next_id=tracks.next_id + int((~returned).sum()),
             memory=memory,
             hidden=None if tracks.hidden is None else np.zeros(B),
+            noise=None if tracks.noise is None else least(z.var_across, births.owner, B),
         )
         events = [
             Event("returned", int(i), "where the lost vehicle should be by now")

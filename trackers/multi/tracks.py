@@ -19,7 +19,7 @@ from trackers.multi.window import EMPTY, Unexplained
 
 NO_TRACK = -1  # id in an event about a scan
 REPORT_ABOVE = 0.5  # existence probability above which a track is output, (MOT.48)
-HIDDEN, ASIDE = 0.25, 0.9  # [s] hidden, and [m] of lateral std, beyond both of which it is not, (MOT.48)
+HIDDEN, ASIDE = 0.25, 0.9  # [s] hidden, and [m] of lateral std beside noise, beyond both of which it is not, (MOT.48)
 
 
 class Event(NamedTuple):
@@ -55,6 +55,7 @@ class Tracks(NamedTuple):
     next_id: int = 0
     memory: Memory = Memory()
     hidden: NDArray | None = None  # (T,) [s] behind others since its last detection; None: it is not known
+    noise: NDArray | None = None  # (T,) [m^2] least across the line of sight, of its last detections; None: not known
 
     @property
     def reported(self) -> "Tracks":
@@ -64,11 +65,11 @@ class Tracks(NamedTuple):
     @property
     def astray(self) -> NDArray:
         """Mask (T,) of tracks behind others for a while, of which it is not known in which lane they are."""
-        if self.hidden is None:
+        if self.hidden is None or self.noise is None:
             return np.zeros(len(self.id), bool)
         n = perpendicular(unit(self.estimate.pose[:, 2]))
         var = dot(n, (self.estimate.cov[:, :2, :2] @ n[..., None])[..., 0])
-        return (self.hidden > HIDDEN) & (var > ASIDE**2)  # (MOT.48)
+        return (self.hidden > HIDDEN) & (var > ASIDE**2 + self.noise)  # (MOT.48)
 
     def rows(self, index: NDArray) -> "Tracks":
         """The tracks at index, (T,) bool or rows; `next_id` and `memory` stay. All of them are these tracks."""

@@ -121,7 +121,10 @@ function drawChart(canvas, lines, low, high, title) {
   }
   g.textAlign = "center";
   const every = [0.5, 1, 2, 5, 10, 20, 50, 100].find((s) => (t1 - t0) / s <= 6) || 200;
-  for (let t = Math.ceil(t0 / every) * every; t <= t1; t += every) g.fillText(t + " s", Math.min(x(t), width - 14), height - 3);
+  for (let t = Math.ceil(t0 / every) * every; t <= t1; t += every) {
+    const room = width - g.measureText(t + " s").width / 2 - 1;  // the last label ends where the picture does
+    g.fillText(t + " s", Math.min(x(t), room), height - 3);
+  }
   lines.forEach((line, i) => {
     if (!line) return;
     g.strokeStyle = run.trackers[i].color; g.lineWidth = 1.5; g.setLineDash(DASHES[i % DASHES.length]);
@@ -157,7 +160,7 @@ function fillEvents() {
   for (const [time, level, text] of run.events) {
     const object = /veh_(\d+)/.exec(text);
     el("events").append(make("li", {}, make("button", { class: level, onclick: () => jump(time, object ? +object[1] : null) },
-      time.toFixed(1) + " s  " + (level === "INFO" ? "" : level.toLowerCase() + ": ") + text)));
+      time.toFixed(2) + " s  " + (level === "INFO" ? "" : level.toLowerCase() + ": ") + text)));
   }
 }
 

@@ -221,10 +221,22 @@ def test_a_track_that_is_hidden_is_reported_while_its_lane_is_known():
     """Standard deviations of 1 m along and 0.5 m across are those of a lane, turned by a right angle they are not."""
     e = prior(np.array([[20.0, 0, 0], [40, 0, np.pi / 2]]), position_std=1.0)
     e.cov[:, 1, 1] = 0.25
-    tracks = tracks_of(e)
+    tracks = tracks_of(e)._replace(noise=np.full(2, 0.1))
     assert tracks.reported.id.tolist() == [0, 1]
     assert tracks._replace(hidden=np.array([0.3, 0.3])).reported.id.tolist() == [0]
     assert tracks._replace(hidden=np.array([0.2, 0.2])).reported.id.tolist() == [0, 1]
+    assert tracks._replace(hidden=np.array([0.3, 0.3]), noise=np.full(2, 0.3)).reported.id.tolist() == [0, 1]
+
+
+def test_the_noise_of_a_track_is_the_least_across_the_line_of_sight_of_its_last_detections():
+    """0.01 rad at 20 and 60 m; without a detection the noise of the last one stays."""
+    e = prior(np.array([[20.0, 0, 0], [60, 0, 0]]), position_std=0.1)
+    tracks = tracks_of(e, 0.99)._replace(hidden=np.zeros(2), noise=np.array([np.inf, np.inf]))
+    tracker = MultiObjectTracker(KnownObjects(), (RADAR,))
+    both, one = (scan_of(np.array(xy), (0.1, 0.01, 0.1)) for xy in ([[20.0, 0], [60, 0]], [[20.0, 0]]))
+    for scan in (both, one):
+        tracks, _ = tracker.step(tracks, scan, 0.1)
+        assert tracks.noise == pytest.approx([0.2**2, 0.6**2], rel=1e-6)
 
 
 @pytest.mark.parametrize(("truck", "works", "hidden"), [(True, True, 0.3), (False, True, 0.0), (True, False, 0.0)])
@@ -232,7 +244,7 @@ def test_a_track_counts_as_hidden_behind_another_and_not_in_plain_view_or_withou
     """Both are without detections for three scans, the second one behind a truck or not."""
     e = prior(np.array([[20.0, 0, np.pi / 2], [50, 0, 0]]), size=[[12.0, 2.5], [4.5, 1.9]], position_std=0.1)
     tracker = MultiObjectTracker(KnownObjects(), (RADAR,), occlude_above=0.1 if truck else 1.0)
-    tracks = tracks_of(e, 0.9999)._replace(hidden=np.zeros(2))
+    tracks = tracks_of(e, 0.9999)._replace(hidden=np.zeros(2), noise=np.zeros(2))
     scan = scan_of(np.zeros((0, 2)), (0.1, 0.01, 0.1))._replace(delivered=np.array([works]))
     for _ in range(3):
         tracks, _ = tracker.step(tracks, scan, 0.1)
