@@ -128,7 +128,8 @@ class ScenarioEnv(AbstractEnv):
         super().configure(None)
 
     def _reset(self) -> None:
-        world = self.scenario.build(self.np_random, {key: self.config[key] for key in self.scenario.defaults})
+        values = {key: self.config[key] for key in self.scenario.defaults}
+        world = self.scenario.build(self.scenario.stream(self.np_random), values)
         self.road, self.walls, self.phases = world.road, world.walls, world.phases
         self.vehicle = world.ego
         if self.config["action"]["type"] != "DiscreteMetaAction":

@@ -9,10 +9,12 @@ from importlib import import_module
 from math import inf
 from numbers import Real
 from typing import TYPE_CHECKING, Any
+from zlib import crc32
 
 import numpy as np
 
 from scenarios.drivers import DEFAULT, Population, find
+from trackers.lookup import parse
 
 if TYPE_CHECKING:
     from scenarios.stage import World
@@ -67,6 +69,11 @@ class Scenario:
             raise ValueError(f"{self.name}: duration must be positive and finite, got {self.duration!r}; give seconds")
         if isinstance(self.builder, str) and self.builder.count(":") != 1:
             raise ValueError(f"{self.name}: builder must read 'module:function', got {self.builder!r}")
+
+    def stream(self, rng: np.random.Generator) -> np.random.Generator:
+        """The generator of an episode, of its own for each scenario under one seed; parameters do not count."""
+        name = self.name if self.name.startswith("replay:") else parse(self.name)[0]
+        return np.random.default_rng([*rng.integers(2**32, size=4).tolist(), crc32(name.encode())])
 
     @property
     def population(self) -> Population | None:

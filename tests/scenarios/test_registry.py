@@ -124,3 +124,12 @@ def test_a_record_that_cannot_work_is_refused(change, message):
 def test_the_catalogue_can_be_read_without_loading_the_simulator():
     code = "import sys, scenarios; assert scenarios.SCENARIOS; sys.exit('highway_env' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_scenarios_under_one_seed_draw_their_own_numbers_and_a_parameter_changes_none():
+    def first(name):
+        return find(name).stream(np.random.default_rng(7)).random()
+
+    assert len({first(name) for name in ("cut-in", "merge", "probe-brake")}) == 3
+    assert first("probe-brake:gap=26") == first("probe-brake") == first("probe-brake:gap=20,drivers=calm")
+    assert first("cut-in") != find("cut-in").stream(np.random.default_rng(8)).random()
