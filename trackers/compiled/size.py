@@ -175,14 +175,14 @@ def in_box(box: NDArray, z: NDArray, sheet: NDArray, xy: NDArray, sight: NDArray
 def read(
     A_l: NDArray, A_w: NDArray, anchor: NDArray, was: NDArray, after: NDArray, size: NDArray, whole: bool, z: NDArray,
     grid_l: NDArray, near_l: NDArray, far_l: NDArray, grid_w: NDArray, near_w: NDArray, far_w: NDArray,
-    sheet: NDArray, settings: NDArray,
+    sheet: NDArray, settings: NDArray, stands: bool,
 ) -> int:  # fmt: skip
     """(ENDS.2) to (ENDS.11), (ENDS.38), (ENDS.39): grids A_l, A_w and anchor (2,) of a box in place, by detections z.
 
     was and after (3,) are its pose before and after the scan.
 
     sheet (S, 14): max_range, fov, inside, grazing, weight, depth (2), rounding (2, 2), least_room (2), surface.
-    settings (6,): outliers, independent, part_weight, offset_share, spread of the offsets (2).
+    settings (7,): outliers, independent, part_weight, offset_share, spread of the offsets (2), standing.
     Returns the number of detections from beside the body.
     """
     M = len(z)
@@ -223,7 +223,7 @@ def read(
             on_end[a] += facing[a] / max(facing[0] + facing[1], 1e-9) / M
         ends += abs(sight[i, 0]) * size[1] if end[i, 0] != 0 else 0.0
         sides += abs(sight[i, 1]) * size[0] if end[i, 1] != 0 else 0.0
-        weight += s[4] / M * min(1.0, settings[1] / M)  # (ENDS.9)
+        weight += s[4] / M * min(1.0, settings[6 if stands else 1] / M)  # (ENDS.9)
     p, q = np.ones(A_l.shape), np.ones(A_w.shape)
     for i in range(M):
         s, j = sheet[int(z[i, SENSOR])], as_of[i]

@@ -13,6 +13,7 @@ from trackers.compiled.sized import STRAIGHT, around, curvature, outlined, sized
 from trackers.compiled.tables import UNUSABLE, Found, Rows, Tables
 
 AXLE_STD, CREEP, ROUNDING = 0.15, 1.0, 1e-9  # as in `trackers.motion.mixture` and `.turn`
+STANDS = 1.0  # [m/s] as in `trackers.size.posterior`
 LARGEST = 1e15  # as in `trackers.validation`
 
 
@@ -144,9 +145,10 @@ def update(
             was[0], was[1] = metres(f.m[t, LENGTH], p.log_size), metres(f.m[t, WIDTH], p.log_size)
             if math.cos(f.m[t, PHI] - before[2]) < 0:  # front and rear changed places
                 x.anchor[t] *= -1
-            beside = size.read(x.length[t], x.width[t], x.anchor[t], before, box, was, whole[t], mine, p.grid_l,
-                               p.near_l, p.far_l, p.grid_w, p.near_w, p.far_w, p.sheet, p.size)  # fmt: skip
             speed = math.hypot(f.m[t, SPEED], f.m[t, OMEGA] * was[0] * np.dot(x.mu[t], p.axle))
+            beside = size.read(x.length[t], x.width[t], x.anchor[t], before, box, was, whole[t], mine, p.grid_l,
+                               p.near_l, p.far_l, p.grid_w, p.near_w, p.far_w, p.sheet, p.size,
+                               speed < STANDS)  # fmt: skip
             if curvature(f.m[t, OMEGA], math.sqrt(f.P[t, OMEGA, OMEGA]), speed) < STRAIGHT:
                 x.side[t] += beside
             else:

@@ -23,12 +23,12 @@ def facing(anchor: NDArray, size: NDArray, place: NDArray) -> NDArray:
 
 def evidence(
     grids: tuple[Grid, Grid], hits: Hits, boxes: Boxes, start: NDArray, fully_visible: NDArray,
-    outliers: float, independent: int, part_weight: float, offset_share: float, around: Around | None,
+    outliers: float, independent: int | NDArray, part_weight: float, offset_share: float, around: Around | None,
 ) -> tuple[NDArray, NDArray, NDArray]:  # fmt: skip
     """What detections add to the grids of length (H, K, N) and width (H, K', N'), and how often (H, 2) for offsets.
 
-    start (H,) is the first detection of each object, fully_visible (H,) bool whether the scan shows it completely;
-    around is the complete scan, None where it is not known.
+    start (H,) is the first detection of each object, independent (H,) how many of them count, fully_visible (H,)
+    bool whether the scan shows it completely; around is the complete scan, None where it is not known.
     """
     n = np.diff(start, append=len(hits.row))
     sides = lit(hits, boxes)

@@ -28,6 +28,7 @@ SIDE = np.sin(np.radians(10.0))  # a line of sight further off the axis meets si
 STRAIGHT = 0.02  # [1/m] curvature of a path below which the front of two bodies is where the side shows it
 SLOWEST, SHARPEST = 2.0, 0.9  # [m/s] and sine of the bend from which on it is not read from the curvature
 BEND_ERROR = 0.5  # of what stands out, as a share of it
+STANDS = 1.0  # [m/s] below which a body stands
 ROLLED_ABOVE = 0.75  # steps of mean offset from which the box is moved instead
 
 
@@ -60,6 +61,7 @@ class SizePosterior:
     width: Grid = WIDTH
     outliers: float = 0.04  # eps, share of detections of neighbours and clutter
     independent: int = 6  # n_eff: a scan with more detections counts as so many
+    standing: int = 2  # the same of a body that stands, whose places are hit again
     offset_share: float = 0.5  # of the detections beside its ends that count at least for the offset
     memory: float = 10.0  # [s]
     offset_tau: float = 2.0  # [s] time constant of the offset
@@ -73,9 +75,8 @@ class SizePosterior:
     sigma: float = 0.2  # [m] noise of detections whose scan does not state it
 
     def __post_init__(self) -> None:
-        check_numbers(
-            self, positive=("outliers", "independent", "memory", "offset_tau", "least_pin", "impossible", "sigma")
-        )
+        positive = ("outliers", "independent", "standing", "memory", "offset_tau", "least_pin", "impossible", "sigma")
+        check_numbers(self, positive=positive)
 
     @cached_property
     def grids(self) -> tuple[Grid, Grid]:
@@ -155,8 +156,10 @@ class SizePosterior:
         boxes = Boxes(pose, size, faced)
         if around is not None:
             around = around.among(rows)
+        stands = flat(np.hypot(*np.moveaxis(box.velocity, -1, 0)), axes)[rows] < STANDS
+        independent = np.where(stands, self.standing, self.independent)  # (ENDS.9)
         *more, sharper = evidence(
-            self.grids, hits, boxes, start, fully_visible, self.outliers, self.independent, self.part_weight,
+            self.grids, hits, boxes, start, fully_visible, self.outliers, independent, self.part_weight,
             self.offset_share, around,
         )  # fmt: skip
         length, width = (with_evidence(*x) for x in zip((length, width), more, sharper.T, strict=True))
