@@ -42,6 +42,7 @@ def run(
     tracker: Annotated[list[str] | None, typer.Option(help="Repeat for several, or all.")] = None,
     phrase: Phrase = None,
     track: Track = None,
+    first: Annotated[int | None, typer.Option(help="Only so many of the seeds. Without it: all.")] = None,
     jobs: options.Jobs = 1,
     dask: options.Dask = None,
     out: options.Results = Path("runs/benchmark"),
@@ -58,7 +59,7 @@ def run(
     from testbed.experiments.run import expand
     from trackers import DEFAULT
 
-    given = expand(tracker or [DEFAULT], "trackers"), phrase, tuple(track or ())
+    given = expand(tracker or [DEFAULT], "trackers"), phrase, tuple(track or ()), first
     run_study(lambda: BenchmarkRuns(name, *given, out=str(out)), jobs, dask)
 
 
