@@ -151,10 +151,10 @@ def folder_of(case: str, seed: int) -> str:
     return file_stem(case, f"seed{seed}")
 
 
-def recorded(benchmark: Benchmark, phrase: str | None, tracks: Sequence[str]) -> list[Place]:
+def recorded(benchmark: Benchmark, phrase: str | None, tracks: Sequence[str], first: int | None = None) -> list[Place]:
     """What is recorded for trackers of any origin: the runs of the tracks in open loop, on the truth."""
     names = [name for name in tracks if benchmark.track(name).loop == "open"]
-    return list(places(benchmark, TRUTH, benchmark.seeds(phrase), names))
+    return list(places(benchmark, TRUTH, benchmark.seeds(phrase)[:first], names))
 
 
 def record(place: Place, study: Study, out: Path, format: str) -> list[Path]:
