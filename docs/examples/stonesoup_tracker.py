@@ -41,6 +41,15 @@ class PlotModel(LinearGaussian):
         return self.H
 
 
+class Near(DistanceHypothesiser):
+    """Asks for the distances of near plots only: a scan of faults may have a hundred others."""
+
+    def hypothesise(self, track, detections, timestamp, **more):
+        x, y = np.asarray(track.state_vector, float).ravel()[[0, 2]]
+        near = {d for d in detections if np.hypot(d.state_vector[0] - x, d.state_vector[1] - y) < 15.0}
+        return super().hypothesise(track, near, timestamp, **more)
+
+
 class FromPlot(GaussianInitiator):
     """Begins a track with the course that range rates say, where something moves."""
 
@@ -55,9 +64,7 @@ class Soup:
     def __init__(self, accel: float = 2.0):
         motion = CombinedLinearGaussianTransitionModel([ConstantVelocity(accel)] * 2)  # [m^2/s^3]
         self.predictor, self.updater = KalmanPredictor(motion), KalmanUpdater(None)
-        self.associator = GNNWith2DAssignment(
-            DistanceHypothesiser(self.predictor, self.updater, Mahalanobis(), missed_distance=4.0)
-        )
+        self.associator = GNNWith2DAssignment(Near(self.predictor, self.updater, Mahalanobis(), missed_distance=4.0))
         self.deleter = UpdateTimeStepsDeleter(10)
 
     def start(self) -> Tracks:

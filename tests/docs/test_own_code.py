@@ -68,4 +68,4 @@ def test_a_tracker_over_another_library_keeps_all_laws_and_repeats(library, trac
         runs.append(json.loads(file.read_text())["trackers"][name])
         file.unlink()
     assert runs[0] == runs[1]
-    assert runs[0]["objects_tracked"] > 0
+    assert runs[0]["missed_percent"] < 100
