@@ -100,7 +100,8 @@ def of_track(entries: Sequence[Entry], track: Track) -> Iterator[str]:
         yield "\n".join(f"- {said}" for said in sentences(ranked, track))
         yield f"### {METRICS[track.measure].title} by case, {track.name}"
         yield markdown(by_case([place.entry for place in ranked], track))
-    yield from incomplete(entries, track)
+    if left := [f"- {said}" for said in incomplete(entries, track)]:
+        yield "\n".join(left)
 
 
 def by_case(entries: Sequence[Entry], track: Track) -> Grid:

@@ -104,9 +104,9 @@ def spread(entries: Sequence[Entry], track: Track) -> Spread:
               for one in entries if one.whole(track.name, cases)]  # fmt: skip
     base = [case.partition("@")[0] for case in cases]
     shares = np.mean([_shares(values, base) for values in tables], 0) if tables else np.full(4, np.nan)
-    needed = [seeds_for(a, b) for a, b in combinations(tables, 2)]
+    needed = [n for a, b in combinations(tables, 2) if np.isfinite(n := seeds_for(a, b))]
     case, radar, seed, rest = shares.tolist()
-    return Spread(case, radar, seed, rest, float(np.nanmedian(needed)) if needed else np.nan)
+    return Spread(case, radar, seed, rest, float(np.median(needed)) if needed else np.nan)
 
 
 def _shares(values: NDArray, base: Sequence[str]) -> NDArray:
