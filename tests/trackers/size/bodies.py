@@ -19,8 +19,8 @@ DT = 1 / 15
 
 
 def sized(place=INNER, **parameters):
-    """A filter of the place with a size posterior."""
-    return Composed(place, size=SizePosterior(**parameters))
+    """A filter of the place with a size posterior, for which bodies at rest count as if they drove."""
+    return Composed(place, size=SizePosterior(**({"standing": 6} | parameters)))
 
 
 def behind_rear(rng, n, length, width, upto=np.inf):

@@ -171,15 +171,16 @@ def test_a_sensor_that_would_have_seen_more_says_that_the_body_is_short():
 def test_of_a_body_that_stands_few_detections_of_a_scan_count():
     """It shows the same places again; the same detections of a body that drives say more."""
 
-    def length_std(speed, **parameters):
-        f, rng = sized(fleet=WHOLE, **parameters), np.random.default_rng(0)
+    def length_std(speed, standing=6):
+        f, rng = sized(fleet=WHOLE, standing=standing), np.random.default_rng(0)
         state = f.init(prior(rear_start(4.6), size=CAR, velocity=(speed, 0.0), velocity_std=0.01))
         for _ in range(15):
             state = f.update(state, scan_of(behind_rear(rng, 6, 4.6, 1.86)))[0]
         return f.estimate(state).size_std[0]
 
-    assert length_std(0.0) > 1.2 * length_std(20.0)
-    assert length_std(0.0, standing=6) == pytest.approx(length_std(20.0), rel=0.1)
+    few = SizePosterior().standing
+    assert length_std(0.0, standing=few) > 1.2 * length_std(20.0, standing=few)
+    assert length_std(0.0) == pytest.approx(length_std(20.0), rel=0.1)
 
 
 @pytest.mark.parametrize("seed", range(3))
