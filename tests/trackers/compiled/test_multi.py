@@ -124,7 +124,7 @@ def test_a_step_from_any_state_is_the_same(drive, seed, k, dt):
 def test_what_is_changed_has_all_that_is_rare(drive):
     tracker, steps = drive
     kinds, seen = set(), {"out": 0, "alarms": 0, "calm": 0, "hidden": 0}
-    for seed in range(60):
+    for seed in range(120):
         tracks, scan = changed(np.random.default_rng(seed), *steps[3 + seed % 50][:2])
         new, info = tracker.step(tracks, scan, 1 / 15)
         kinds |= {event.kind for event in info.events}
