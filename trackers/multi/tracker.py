@@ -30,7 +30,7 @@ from trackers.multi.visibility import SensorArray, Visibility, predict_visibilit
 from trackers.multi.window import Unexplained
 from trackers.parameters import check_numbers
 from trackers.scan import Scan, SensorModel
-from trackers.validation import Admitted, admit, check_step, guarded
+from trackers.validation import MAX_SPEED, Admitted, admit, check_step, guarded
 
 
 @dataclass(frozen=True)
@@ -272,6 +272,7 @@ class MultiObjectTracker:
             memory = memory._replace(lost=keep(lost, ~np.isin(lost.id, id)))
         index = shares(births.owner, B, self.most_detections)
         state, info = guarded(self.filter.update, state, gather(z, index))
+        estimate = self.filter.estimate(state)
         born = Tracks(
             id=id,
             existence=births.existence,
@@ -279,7 +280,7 @@ class MultiObjectTracker:
             age=np.zeros(B),
             confirmed=returned,
             state=state,
-            estimate=self.filter.estimate(state),
+            estimate=estimate,
             next_id=tracks.next_id + int((~returned).sum()),
             memory=memory,
             hidden=None if tracks.hidden is None else np.zeros(B),
@@ -292,6 +293,9 @@ class MultiObjectTracker:
             for i, n, back in zip(id, births.detections, returned, strict=True)
         ]
         events += [event for note in getattr(info, "notes", ()) for event in events_of(note, id)]
+        moving = (np.abs(estimate.velocity) <= MAX_SPEED).all(-1)  # noise that is claimed to be nothing makes any speed
+        if not moving.all():
+            born, events = born.rows(moving), [e for e in events if e.track in id[moving]]
         return tracks.and_born(born), events
 
     def _forgot(self, tracks: Tracks) -> tuple[Tracks, list[Event]]:

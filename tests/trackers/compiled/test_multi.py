@@ -110,7 +110,7 @@ def changed(rng, tracks, scan):
 
 @pytest.fixture(scope="module")
 def drive():
-    return recorded("imm-spline", "dense-traffic", 60, 3)
+    return recorded("imm-spline", "dense-traffic", 60, 8)
 
 
 @given(seed=st.integers(0, 2**32 - 1), k=st.integers(3, 59), dt=st.sampled_from([0.0, 1 / 15, 0.4, 3.0]))
