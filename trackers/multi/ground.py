@@ -210,8 +210,8 @@ class GroundTest:
         long = np.log(lengths[rows[:, None], cells_of(2 * half - 2 * STEP)])  # (D, 1)
         rear, front = (np.log(file[rows[:, None], cells_of(a)]) for a in (edge + half - STEP, half - STEP - edge))
         begins, ends = edge > -half, edge < half
-        dense = (S[:, b:] - S[:, :-b]) / np.maximum(X[:, b:] - X[:, :-b], 1e-9)  # of the cells beside a gap, from
-        # their first edge on
+        flank = S[:, b:] - S[:, :-b]  # detections of the cells beside a gap, from their first edge on
+        dense = np.where(flank < self.least, 0.0, flank / np.maximum(X[:, b:] - X[:, :-b], 1e-9))
         behind, ahead = (n >= self.least for n in (H, H[:, -1:] - H))
         best, gap = np.full(D, -np.inf), np.zeros((D, 2))
         for w in self.gaps:
