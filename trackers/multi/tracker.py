@@ -19,6 +19,7 @@ from trackers.linalg import largest_eigenvalue
 from trackers.multi.association import Association, Claims, SortedScan, gather, least, shares
 from trackers.multi.exclusion import Exclusion
 from trackers.multi.existence import Existence
+from trackers.multi.folding import unfolded
 from trackers.multi.ground import NOTHING, GroundTest, piece
 from trackers.multi.initiation import Births, Initiation
 from trackers.multi.leftovers import Suppression
@@ -90,6 +91,11 @@ class MultiObjectTracker:
         """The data sheets as arrays."""
         return SensorArray.of(self.sensors)
 
+    @cached_property
+    def _fold(self) -> NDArray:
+        """Range rates (S,) [m/s] beyond which those of the sensors fold."""
+        return np.array([s.fold_rate for s in self.sensors])
+
     def start(self) -> Tracks:
         """The state before the first scan: no track."""
         estimate = prior(np.zeros((0, 3)))
@@ -111,6 +117,8 @@ class MultiObjectTracker:
         life = self._compiled if len(tracks.id) and available() else None
         scan, implausible = (scan, 0) if life is not None and life.plausible(scan) else self._admit(scan)
         tracks = self._predict(tracks, dt, life)
+        if np.isfinite(self._fold).any():
+            scan = unfolded(scan, tracks, self.association, self.sensor_array, self._fold)
         seen = self._seen(tracks, scan, dt) if life is None else life.seen(tracks, scan, dt)
         updated, info = self._update(seen, life, dt)
         rest = None if life is None else life.rest(seen, updated, dt)
