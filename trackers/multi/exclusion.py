@@ -3,6 +3,7 @@
 Equations: docs/methods/multi-object-tracking.md, section 9.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -37,20 +38,32 @@ class Exclusion:
     speed: float = 1.5  # [m/s] difference
     gap: tuple[float, float, float] = (7.5, 0.8, 0.0125)  # bumper gap below min(a, b + c v^2) [m]: one vehicle
     longest: float = 20.5  # [m] of a union
+    short: float = 5.5  # [m] of a union, with centres and lengths alone, of tracks that were divided
 
     def __post_init__(self) -> None:
         check_numbers(self)
 
-    def apply(self, estimate: Estimate, score: NDArray, divided: NDArray | None = None) -> ExclusionResult:
+    def apply(
+        self,
+        estimate: Estimate,
+        score: NDArray,
+        divided: NDArray | None = None,
+        two: Callable[[Estimate, NDArray, NDArray], NDArray] | None = None,
+    ) -> ExclusionResult:
         """Go through T tracks from the best score (T,) down; each drops, or unites with, the worse ones it excludes.
 
-        divided (T,) bool: tracks with empty ground at one end, which are not united with others, however small the gap.
+        divided (T,) bool: tracks with empty ground at one end, which are united with others only to what is no longer
+        than `short`. two says of pairs, rows (P,) and (P,), which are two vehicles (P,) bool and not united.
         """
         T = len(score)
         keep, into, joined = np.ones(T, bool), np.full(T, -1), np.zeros(T, bool)
         same, one = self.overlapping(estimate), self.one_vehicle(estimate)
-        if divided is not None:
-            one &= ~(divided[:, None] | divided)
+        if divided is not None and one.any():
+            i, j = np.nonzero(one)
+            one[i, j] = ~(divided[i] | divided[j]) | (extent(estimate, i, j) < self.short)
+        if two is not None and one.any():
+            i, j = np.nonzero(one)
+            one[i, j] = ~(two(estimate, i, j) | two(estimate, j, i))
         if not (same | one).any():
             return ExclusionResult(keep, into, joined, estimate)
         estimate = take(estimate, np.arange(T))  # a copy: unions are written into it
@@ -96,6 +109,12 @@ class Exclusion:
         pairs &= pairs.T
         np.fill_diagonal(pairs, False)
         return pairs
+
+
+def extent(estimate: Estimate, a: NDArray, b: NDArray) -> NDArray:
+    """Length (P,) [m] over both of P pairs of tracks in file."""
+    d = estimate.pose[a, :2] - estimate.pose[b, :2]
+    return np.asarray(np.hypot(*d.T) + (estimate.size[a, 0] + estimate.size[b, 0]) / 2)
 
 
 def distances(a: NDArray) -> NDArray:

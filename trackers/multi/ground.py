@@ -30,6 +30,7 @@ class Ground(NamedTuple):
     origin: NDArray  # (D, 2) [m] of the cells; moves with the velocity of the track, not with its box
     seen: NDArray  # (D, CELLS) detections
     expected: NDArray  # (D, CELLS) of as many detections on one vehicle
+    hits: NDArray  # (D, CELLS) detections on any side, also where its own side is not in view
 
 
 class Split(NamedTuple):
@@ -41,7 +42,7 @@ class Split(NamedTuple):
     front: NDArray  # (D, 2) [m] from, to
 
 
-NOTHING = Ground(np.zeros(0, int), np.zeros((0, 2)), np.zeros((0, CELLS)), np.zeros((0, CELLS)))
+NOTHING = Ground(np.zeros(0, int), np.zeros((0, 2)), *(np.zeros((0, CELLS)) for _ in range(3)))
 
 
 @dataclass(frozen=True)
@@ -60,11 +61,12 @@ class GroundTest:
     stray: float = 0.1  # share of them that noise carries into a gap
     independent: float = 20.0  # a sensor with more detections of a track in a scan counts as so many
     surer: float = 3.0  # log odds from which it is two
-    least: float = 4.0  # detections on each side of the gap
+    least: float = 4.0  # detections of each of the two
     closest: float = 2.0  # [m] mean gap of a queue that stands
     headway: float = 1.0  # [s] by which the mean gap grows with the speed
     fleet: Fleet = field(default_factory=Fleet)  # whose lengths one vehicle, or two, may have
     length_std: float = 0.7  # [m] of a length, beside the spread of its class
+    width_std: float = 0.1  # [m] of a width, beside that and what is claimed of it
 
     def __post_init__(self) -> None:
         check_numbers(self)
@@ -75,13 +77,17 @@ class GroundTest:
 
     def predict(self, ground: Ground, id: NDArray, estimate: Estimate, dt: float) -> Ground:
         """What was seen of the D tracks of these ids, moved with them and faded over dt [s]; nothing of new ones."""
-        new = Ground(id, estimate.pose[:, :2].copy(), np.zeros((len(id), CELLS)), np.zeros((len(id), CELLS)))
+        new = Ground(id, estimate.pose[:, :2].copy(), *(np.zeros((len(id), CELLS)) for _ in range(3)))
         _, here, there = np.intersect1d(id, ground.id, assume_unique=True, return_indices=True)
-        origin = ground.origin[there] + estimate.velocity[here] * dt  # (LIFE.30)
-        near = np.hypot(*(origin - estimate.pose[here, :2]).T) < STEP * CELLS / 8
-        here, there = here[near], there[near]
-        new.origin[here] = origin[near]
-        new.seen[here], new.expected[here] = (np.exp(-dt / self.memory) * a[there] for a in ground[2:])  # (LIFE.30)
+        new.origin[here] = ground.origin[there] + estimate.velocity[here] * dt  # (LIFE.30)
+        for old, faded in zip(ground[2:], new[2:], strict=True):
+            faded[here] = np.exp(-dt / self.memory) * old[there]  # (LIFE.30)
+        shift = shift_of(new, estimate)[:, 0]
+        for row in np.flatnonzero(np.abs(shift) > STEP * CELLS / 8):  # the box would leave the cells
+            cells = int(np.rint(shift[row] / STEP))
+            new.origin[row] += cells * STEP * unit(estimate.pose[row, 2])
+            for faded in new[2:]:
+                faded[row] = moved(faded[row], -cells)
         return new
 
     def observe(
@@ -98,7 +104,9 @@ class GroundTest:
         shift = shift_of(ground, e)
         aside = to_frame(body, poses[:, None, :2])[:, 0, 1:]  # (G, 1) of the sensors
         density = self._density(body, size, shift[row], aside, d[row], estimate, poses, sensors.at(k))
-        cell, there, across, most = (a[row] for a in self._along(e, shift, z))
+        cell, there, across, most = self._along(e, shift, z)
+        hits = ground.hits + counts(cell, there & (np.abs(across) < most))
+        cell, there, across, most = (a[row] for a in (cell, there, across, most))
         towards = across * np.sign(aside)
         there &= (z.sensor == k[:, None]) & (towards > 0) & (towards < most)
         n = counts(cell, there) * (density > 0)
@@ -109,7 +117,7 @@ class GroundTest:
         for one, own, foretold in zip(row, weight * n, weight * total * share, strict=True):
             seen[one] += own  # (LIFE.32)
             expected[one] += foretold  # (LIFE.32)
-        return ground._replace(seen=seen, expected=expected)
+        return ground._replace(seen=seen, expected=expected, hits=hits)
 
     def _along(self, e: Estimate, shift: NDArray, z: SortedScan) -> tuple[NDArray, NDArray, NDArray, NDArray]:
         """Cells of the detections, whether they may be of a body, their place across it and the most of that [m].
@@ -145,39 +153,66 @@ class GroundTest:
         return np.repeat(np.where(sees, np.sqrt(lit) / r, 0.0), COARSE, axis=1)  # (LIFE.31)
 
     @cached_property
-    def _lengths(self) -> NDArray:
-        """Density (CELLS,) [1/m] of the lengths of vehicles, at the multiples of `STEP`."""
-        length, floor = STEP * np.arange(CELLS), self.fleet.floor
+    def _of_class(self) -> NDArray:
+        """Density (C, CELLS) [1/m] of the lengths of each class, at the multiples of `STEP`."""
         mean, std = np.array([c.length for c in self.fleet.classes]).T[..., None]
         std = np.hypot(std, self.length_std)
-        each = np.exp(-0.5 * ((length - mean) / std) ** 2) / (std * np.sqrt(2 * np.pi))
-        return (1 - floor) * self.fleet.shares @ each + floor / length[-1]  # (LIFE.35)
+        return np.asarray(np.exp(-0.5 * ((STEP * np.arange(CELLS) - mean) / std) ** 2) / (std * np.sqrt(2 * np.pi)))
 
-    def _in_file(self, speed: NDArray) -> tuple[NDArray, NDArray]:
+    def lengths(self, width: NDArray, width_std: NDArray) -> NDArray:
+        """Density (D, CELLS) [1/m] of the lengths of vehicles no wider than D tracks, at the multiples of `STEP`.
+
+        width and its std (D,) [m]. A class that is wider than the track is less likely; of one that is narrower the
+        width of the track says nothing, for where only a side is seen the width follows from the length.
+        """
+        mean, std = np.array([c.width for c in self.fleet.classes]).T
+        wider = np.maximum(mean - width[:, None], 0.0)
+        p = self.fleet.shares * np.exp(-0.5 * wider**2 / (std**2 + self.width_std**2 + width_std[:, None] ** 2))
+        p /= p.sum(1, keepdims=True)
+        return (1 - self.fleet.floor) * p @ self._of_class + self.fleet.floor / (STEP * (CELLS - 1))  # (LIFE.35)
+
+    def _in_file(self, lengths: NDArray, speed: NDArray) -> tuple[NDArray, NDArray]:
         """Densities (D, CELLS) of the gap to the next vehicle, and of the extent of one vehicle or several in file.
 
-        Both [1/m] at the multiples of `STEP`, at speeds (D,) [m/s].
+        Both [1/m] at the multiples of `STEP`, as lengths (D, CELLS) are, at speeds (D,) [m/s].
         """
         mean = (self.closest + self.headway * speed)[:, None]
         gap = np.exp(-STEP * np.arange(CELLS) / mean) / mean  # (LIFE.36)
-        one, next = np.fft.rfft(self._lengths, 8 * CELLS), np.fft.rfft(STEP**2 * gap, 8 * CELLS)
+        one, next = np.fft.rfft(lengths, 8 * CELLS), np.fft.rfft(STEP**2 * gap, 8 * CELLS)
         more = one * next
         return gap, np.fft.irfft(one * (1 + more * (1 + more * (1 + more))), 8 * CELLS)[:, :CELLS]  # (LIFE.37)
+
+    def two(self, estimate: Estimate, a: NDArray, b: NDArray) -> NDArray:
+        """Which of P pairs of tracks in file, rows a and b, are two vehicles by lengths and widths alone, bool (P,).
+
+        The width is that of the track of which it is known better.
+        """
+        rows, std = np.arange(len(a)), estimate.size_std[:, 1]
+        width = np.where(std[a] < std[b], estimate.size[a, 1], estimate.size[b, 1])
+        lengths = self.lengths(width, np.minimum(std[a], std[b]))
+        gaps, file = self._in_file(lengths, np.hypot(*estimate.velocity[a].T))
+        long = np.abs(to_frame(estimate.pose[a], estimate.pose[b, None, :2])[:, 0, 0])
+        la, lb = estimate.size[a, 0], estimate.size[b, 0]
+        one = lengths[rows, cells_of(long + (la + lb) / 2)]
+        gap = gaps[rows, cells_of(np.maximum(long - (la + lb) / 2, 0.0))]
+        ratio = np.log(file[rows, cells_of(la)] * gap * file[rows, cells_of(lb)]) - np.log(one)  # (LIFE.39)
+        return np.asarray(ratio > self.surer)
 
     def split(self, ground: Ground, estimate: Estimate) -> Split:
         """Which of D tracks are two vehicles; estimate (D,) is theirs."""
         D, b = len(ground.id), self.beside
         rows, none = np.arange(D), np.zeros((D, 1))
-        S, X = (np.concatenate([none, np.cumsum(a, 1)], 1) for a in (ground.seen, ground.expected))
+        S, X, H = (np.concatenate([none, np.cumsum(a, 1)], 1) for a in ground[2:])
         edge = STEP * (np.arange(CELLS + 1) - CELLS // 2) - shift_of(ground, estimate)  # (D, CELLS + 1) of the body
         half = estimate.size[:, :1] / 2 + STEP
-        gaps, file = self._in_file(np.sqrt(dot(estimate.velocity, estimate.velocity)))
-        long = np.log(self._lengths[cells_of(2 * half - 2 * STEP)])  # (D, 1)
+        lengths = self.lengths(estimate.size[:, 1], estimate.size_std[:, 1])
+        gaps, file = self._in_file(lengths, np.sqrt(dot(estimate.velocity, estimate.velocity)))
+        long = np.log(lengths[rows[:, None], cells_of(2 * half - 2 * STEP)])  # (D, 1)
         rear, front = (np.log(file[rows[:, None], cells_of(a)]) for a in (edge + half - STEP, half - STEP - edge))
         begins, ends = edge > -half, edge < half
         flank = S[:, b:] - S[:, :-b]  # detections of the cells beside a gap, from their first edge on
-        dense = flank / np.maximum(X[:, b:] - X[:, :-b], 1e-9)
-        enough = flank >= self.least
+        dense = np.where(flank < self.least, 0.0, flank / np.maximum(X[:, b:] - X[:, :-b], 1e-9))
+        behind, ahead = (n >= self.least for n in (H, H[:, -1:] - H))
         best, gap = np.full(D, -np.inf), np.zeros((D, 2))
         for w in self.gaps:
             last = CELLS + 1 - w - b  # edges b to this one begin a gap
@@ -186,7 +221,7 @@ class GroundTest:
             foretold = (X[:, b + w : last + w] - X[:, b:last]) * denser  # (LIFE.33)
             n = S[:, b + w : last + w] - S[:, b:last]
             ratio = (self.thin - self.stray) * foretold - np.log(self.thin / self.stray) * n  # (LIFE.34)
-            there = begins[:, left] & ends[:, b + w + b :] & enough[:, left] & enough[:, right]
+            there = begins[:, left] & ends[:, b + w + b :] & behind[:, b:last] & ahead[:, b + w : last + w]
             ratio += rear[:, b:last] + front[:, b + w : last + w] + np.log(gaps[:, w : w + 1]) - long  # (LIFE.38)
             ratio = np.where(there, ratio, -np.inf)
             k = ratio.argmax(1)
@@ -202,6 +237,12 @@ class GroundTest:
 def cells_of(length: NDArray) -> NDArray:
     """Multiple of `STEP` nearest to each length [m], within the cells."""
     return np.clip(np.rint(length / STEP), 0, CELLS - 1).astype(int)
+
+
+def moved(a: NDArray, cells: int) -> NDArray:
+    """The values (CELLS,) so many cells further ahead; others come in as 0."""
+    k = np.arange(CELLS) - cells
+    return np.where((k >= 0) & (k < CELLS), a[np.clip(k, 0, CELLS - 1)], 0.0)
 
 
 def counts(cell: NDArray, there: NDArray) -> NDArray:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.batch import keep, put, select, take
+from trackers.batch import concatenate, keep, put, select, take
 from trackers.compiled import available
 from trackers.estimate import Estimate, prior
 from trackers.filter import Abilities, Filter, Note
@@ -323,11 +323,12 @@ class MultiObjectTracker:
             return tracks._replace(memory=tracks.memory._replace(ground=ground)), []
         ground = self.ground.observe(ground, d, long, tracks.estimate, view, z, self.sensor_array)
         split = self.ground.split(ground, long)
-        memory = tracks.memory._replace(ground=keep(ground, ~split.where))
+        memory = tracks.memory._replace(ground=ground)
         if not split.where.any():
             return tracks._replace(memory=memory), []
-        split, d = take(split, split.where), d[split.where]
+        under, split, d = keep(ground, split.where), take(split, split.where), d[split.where]
         old, new_id = tracks.rows(d), tracks.next_id + np.arange(len(d))
+        memory = memory._replace(ground=concatenate([ground, under._replace(id=new_id)]))
         rear, front = (self._restart(old.state, piece(old.estimate, span)) for span in (split.rear, split.front))
         both = np.concatenate([old.id, new_id])
         memory = memory._replace(divided=np.union1d(np.intersect1d(memory.divided, tracks.id), both))
@@ -348,7 +349,8 @@ class MultiObjectTracker:
 
     def _exclude(self, tracks: Tracks) -> tuple[Tracks, list[Event]]:
         score = tracks.existence * np.minimum(tracks.hits, 50)
-        result = self.exclusion.apply(tracks.estimate, score, np.isin(tracks.id, tracks.memory.divided))
+        two = self.ground.two if self.ground else None
+        result = self.exclusion.apply(tracks.estimate, score, np.isin(tracks.id, tracks.memory.divided), two)
         if result.keep.all():
             return tracks, []
         state = tracks.state

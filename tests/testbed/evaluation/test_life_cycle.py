@@ -59,7 +59,7 @@ def test_two_seconds_without_radar_keep_all_ids(seed):
     assert set(before.tracks.reported.id) == set(after.tracks.reported.id)
 
 
-@pytest.mark.parametrize(("gap", "two", "four"), [(0.8, 2, 3), (3.0, 4, 4)])
+@pytest.mark.parametrize(("gap", "two", "four"), [(0.8, 2, 4), (3.0, 4, 5)])
 @pytest.mark.parametrize(("speed", "ego"), [(0, 4), pytest.param(2, 6, marks=SLOW)])
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=SLOW)])
 def test_of_five_cars_in_a_queue_so_many_are_held_after_two_and_four_seconds(gap, two, four, speed, ego, seed):

@@ -1,9 +1,11 @@
 """What a union of two pieces is, by hand."""
 
 import numpy as np
+import pytest
 
 from trackers import prior
 from trackers.multi.exclusion import Exclusion
+from trackers.multi.ground import GroundTest
 
 
 def test_a_union_is_less_certain_along_the_vehicle_and_in_its_length():
@@ -29,3 +31,18 @@ def test_a_duplicate_leaves_the_estimate_of_the_better_track_as_it_is():
     assert verdict.keep.tolist() == [True, False]
     np.testing.assert_array_equal(verdict.estimate.cov, twins.cov)
     np.testing.assert_array_equal(verdict.estimate.size_std, twins.size_std)
+
+
+@pytest.mark.parametrize(("length", "kept"), [(2.0, 1), (4.4, 2)])
+def test_of_what_was_divided_only_what_is_no_longer_than_a_car_is_united(length, kept):
+    """At 25 m/s, 1 m between them: two halves of one car, or two cars between which the ground was empty."""
+    x = (length + 1.0) / 2
+    pair = prior([[-x, 0, 0], [x, 0, 0]], velocity=(25.0, 0.0), size=(length, 1.8))
+    assert Exclusion().apply(pair, np.array([2.0, 1.0]), np.ones(2, bool)).keep.sum() == kept
+
+
+@pytest.mark.parametrize(("width", "std", "kept"), [(1.8, 0.1, 2), (2.5, 0.1, 1), (1.8, 0.6, 1)])
+def test_a_car_that_is_known_is_not_united_to_a_long_vehicle(width, std, kept):
+    """3 m of gap at 25 m/s; what may be as wide as a truck is one."""
+    pair = prior([[0, 0, 0], [7.4, 0, 0]], velocity=(25.0, 0.0), size=(4.4, width), size_std=(0.2, std))
+    assert Exclusion().apply(pair, np.array([2.0, 1.0]), None, GroundTest().two).keep.sum() == kept

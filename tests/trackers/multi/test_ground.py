@@ -25,8 +25,10 @@ def side_of(rng, bodies, even=False, count=14, y=4.0):
     return np.c_[x, y - 0.9 + depth] + rng.normal(0, 0.05, (len(x), 2))
 
 
-def box(centre=0.0, length=10.2, y=4.0, speed=0.0):
-    return prior([(centre, y, 0.0)], velocity=(speed, 0.0), size=(length, 1.8), position_std=0.1)
+def box(centre=0.0, length=10.2, y=4.0, speed=0.0, width=2.5):
+    """A track as wide as a truck, so that its width does not say that it is two cars."""
+    size, std = (length, width), (1.0, 0.1)
+    return prior([(centre, y, 0.0)], velocity=(speed, 0.0), size=size, size_std=std, position_std=0.1)
 
 
 def after(bodies, scans, estimate=None, seed=0, even=False, sensor=SIDE):
@@ -78,7 +80,7 @@ def test_three_in_file_become_three():
 @pytest.mark.parametrize(("tracked", "divided"), [(True, 0), (False, 1)])
 def test_a_part_that_another_vehicle_hides_is_not_empty_ground(tracked, divided):
     """A handcart in between, whose own returns keep its track; without that track the part would look empty."""
-    e = prior([(0.0, 4.0, 0.0), (0.0, 1.6, np.pi / 2)], size=[(10.2, 1.8), (1.2, 1.1)], position_std=0.1)
+    e = prior([(0.0, 4.0, 0.0), (0.0, 1.6, np.pi / 2)], size=[(10.2, 2.5), (1.2, 1.1)], position_std=0.1)
     tracker, rng = MultiObjectTracker(KnownObjects(), (SIDE,), ground=GroundTest()), np.random.default_rng(0)
     tracks, events = tracks_of(take(e, np.arange(1 + tracked)), existence=0.99), []
     for _ in range(60):
@@ -104,12 +106,12 @@ def ground_with(gap, density, length=10.0):
     """Ground of a track of that length at the origin, with `density` detections a cell but in the gap (2,) [m]."""
     inside = np.abs(PLACE) < length / 2
     seen = np.where(inside & ~((gap[0] < PLACE) & (gap[1] > PLACE)), density, 0.0)
-    return Ground(np.zeros(1, int), np.zeros((1, 2)), seen[None], np.where(inside, density, 0.0)[None])
+    return Ground(np.zeros(1, int), np.zeros((1, 2)), seen[None], np.where(inside, density, 0.0)[None], seen[None])
 
 
-def log_odds(gap, speed, length=10.0, density=1.5, **rule):
-    ground = ground_with(gap, density, length)
-    return GroundTest(gaps=(round(np.ptp(gap) / STEP),), **rule).split(ground, box(0, length, 0.0, speed)).ratio[0]
+def log_odds(gap, speed, length=10.0, density=1.5, width=2.5, **rule):
+    ground, test = ground_with(gap, density, length), GroundTest(gaps=(round(np.ptp(gap) / STEP),), **rule)
+    return test.split(ground, box(0, length, 0.0, speed, width)).ratio[0]
 
 
 def test_the_log_odds_are_those_of_sums_by_hand():
@@ -117,9 +119,11 @@ def test_the_log_odds_are_those_of_sums_by_hand():
     x, rule = STEP * np.arange(CELLS), GroundTest()
     classes, mean = rule.fleet.classes, rule.closest + rule.headway * 20.0
     std = [np.hypot(c.length[1], rule.length_std) for c in classes]
+    wider = [max(c.width[0] - 2.5, 0.0) / np.sqrt(c.width[1] ** 2 + rule.width_std**2 + 0.1**2) for c in classes]
+    share = np.array([c.share for c in classes]) * np.exp(-0.5 * np.array(wider) ** 2)
     length = sum(
-        c.share / sum(k.share for k in classes) * np.exp(-0.5 * ((x - c.length[0]) / s) ** 2) / s / np.sqrt(2 * np.pi)
-        for c, s in zip(classes, std, strict=True)
+        p * np.exp(-0.5 * ((x - c.length[0]) / s) ** 2) / s / np.sqrt(2 * np.pi)
+        for c, s, p in zip(classes, std, share / share.sum(), strict=True)
     )
     length = (1 - rule.fleet.floor) * length + rule.fleet.floor / x[-1]
     gap = np.exp(-x / mean) / mean
@@ -146,6 +150,38 @@ def test_the_faster_two_drive_the_more_must_be_seen_of_the_gap_between_them():
 def test_a_length_that_no_vehicle_has_is_two_sooner():
     """Of 19 m there is hardly any; the gap is that of two lengths that are common."""
     assert log_odds((-5.0, -4.0), 20.0, 19.0) > log_odds((-3.0, -2.0), 20.0, 15.5)
+
+
+@pytest.mark.parametrize(("width", "divided"), [(1.8, 2), (2.5, 1)])
+def test_what_is_long_and_as_narrow_as_a_car_is_two_where_the_ground_is_not_seen(width, divided):
+    """Both ends are seen, the ground between them is in no field of view."""
+    views = tuple(replace(SIDE, mount=(0.0, 0.0, a), fov=np.deg2rad(60)) for a in np.deg2rad([20.0, 160.0]))
+    tracker = MultiObjectTracker(KnownObjects(), views, ground=GroundTest())
+    rng, tracks = np.random.default_rng(0), tracks_of(box(length=12.4, width=width), existence=0.99)
+    for _ in range(20):
+        xy = side_of(rng, ((-6.2, -3.8), (3.8, 6.2)))
+        scan = scan_of(xy, NOISE, 0.0)
+        tracks, _ = tracker.step(tracks, scan._replace(sensor=(xy[:, 0] < 0).astype(int)), DT)
+    assert len(tracks.id) == divided
+
+
+def test_a_track_as_narrow_as_a_car_that_shows_no_gap_is_one():
+    assert (
+        log_odds((-1.5, 1.5), 25.0, 12.0, width=1.8) > GroundTest().surer > log_odds((0.0, 3.0), 25.0, 7.5, width=1.8)
+    )
+    full = ground_with((0.0, 0.0), 1.5, 12.0)
+    assert GroundTest().split(full, box(0, 12.0, 0.0, 25.0, 1.8)).ratio[0] < GroundTest().surer
+
+
+def test_the_cells_follow_a_box_that_grew_at_one_end():
+    """The centre moves by 6 m when a track takes in what lies behind it; what was seen of it stays where it was."""
+    test, id = GroundTest(), np.array([3])
+    ground = test.predict(NOTHING, id, box(0.0, 8.0, 0.0), 0.0)
+    ground.seen[0, CELLS // 2 + 8] = 5.0  # 2.1 m ahead of the old centre
+    ground = test.predict(ground, id, box(-6.0, 20.0, 0.0), 0.0)
+    seen = np.flatnonzero(ground.seen[0])
+    np.testing.assert_allclose(ground.origin[0, 0] + PLACE[seen], [2.125])
+    np.testing.assert_allclose(ground.seen.sum(), 5.0)
 
 
 def test_the_ground_moves_and_the_tracks_stay_where_they_were():

@@ -175,7 +175,7 @@ class Rules(NamedTuple):
                 (v.least, v.intensity, v.intensity_first, v.first_decay, v.off_lane, v.clutter_factor, v.pair_cap,
                  v.born_above, v.rate_span, v.standing_rate, v.static_least, v.static_scans, v.static_time,
                  v.static_drift),
-                (x.overlap, x.overlap_speed, x.overlap_sure, x.lane, x.speed, *x.gap),
+                (x.overlap, x.overlap_speed, x.overlap_sure, x.lane, x.speed, x.short, *x.gap),
                 (t.prune_below, t.prune_position_std, *ground),
             )),
         )  # fmt: skip

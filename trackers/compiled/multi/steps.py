@@ -84,7 +84,7 @@ def inside(box: Boxes, a: int, b: int) -> float:
 @compiled
 def in_file(box: Boxes, a: int, b: int, p: Rules) -> bool:
     """(MOT.44): whether b is in the lane of a, nearer than two vehicles drive at the speed of a."""
-    _, _, _, lane, _, most, base, slope = p.exclusion
+    _, _, _, lane, _, _, most, base, slope = p.exclusion
     c, s = math.cos(box.pose[a, 2]), math.sin(box.pose[a, 2])
     dx, dy = box.pose[b, 0] - box.pose[a, 0], box.pose[b, 1] - box.pose[a, 1]
     limit = min(most, base + slope * (box.velocity[a, 0] ** 2 + box.velocity[a, 1] ** 2))
@@ -94,8 +94,8 @@ def in_file(box: Boxes, a: int, b: int, p: Rules) -> bool:
 
 @compiled
 def apart(box: Boxes, divided: NDArray, p: Rules) -> bool:
-    """(MOT.42) to (MOT.44): whether no two tracks are one vehicle; divided (T,) bool are not united with others."""
-    overlap, overlap_speed, sure, _, speed, _, _, _ = p.exclusion
+    """(MOT.42) to (MOT.44): whether no two tracks may be one vehicle; divided (T,) bool make short ones only."""
+    overlap, overlap_speed, sure, _, speed, short, _, _, _ = p.exclusion
     for a in range(len(box.pose)):
         for b in range(a):
             d = math.hypot(box.pose[a, 0] - box.pose[b, 0], box.pose[a, 1] - box.pose[b, 1])
@@ -106,7 +106,8 @@ def apart(box: Boxes, divided: NDArray, p: Rules) -> bool:
                 if (share > overlap and v < overlap_speed) or share > sure:  # (MOT.43)
                     return False
             parallel = math.cos(box.pose[a, 2] - box.pose[b, 2]) > 0.9
-            may = v < speed and parallel and not divided[a] and not divided[b]
+            may = d + (box.size[a, 0] + box.size[b, 0]) / 2 < short or not (divided[a] or divided[b])
+            may = may and v < speed and parallel
             if may and in_file(box, a, b, p) and in_file(box, b, a, p):
                 return False
     return True
