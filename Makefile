@@ -16,7 +16,7 @@ SITE := build/docs
 # Byte code is kept, also where the machine's default is not to.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo test test-slow test-all explore test-lowest lint types unit generated docs bench regress reproduce comparison benchmark consistency regret faults learned clean
+.PHONY: demo test test-slow test-all explore test-lowest lint types unit generated docs bench regress reproduce benchmark consistency regret faults learned clean
 
 demo: $(STAMP)
 	@echo
@@ -80,22 +80,16 @@ reproduce: $(STAMP)
 	done
 	$(STUDY) verdicts
 
-# Three CPU hours or more; the same command goes on where it was interrupted.
-RECORD := --duration 60 --after 3 --settle 2 --jobs -1
-CLOSED := following hard-brake cut-in cut-out dense-traffic merge
-comparison: $(STAMP)
-	$(BIN)/testbed compare all --tracker all --seeds 0:10 $(RECORD) --reference rm-feldmann --out runs/comparison
-	$(BIN)/testbed compare all --tracker imm-spline --tracker imm-spline:size=off --tracker imm-spline:motion=off \
-		--seeds 0:8 --duration 6 --jobs -1 --out runs/layers
-	$(BIN)/testbed compare $(CLOSED) --tracker all --seeds 0:10 $(RECORD) --loop closed --reference rm-feldmann \
-		--out runs/closed
-	$(STUDY) publish runs/comparison --closed runs/closed --layers runs/layers --reference rm-feldmann
-	$(STUDY) comparison --docs docs
-
-# All trackers in the benchmark, hours; the same command goes on where it was interrupted. OPTIONS may name a cluster.
+# The comparison of record: all trackers in the benchmark, two of other libraries, and the default without its layers. It
+# takes CPU hours; the same command goes on where it was interrupted. OPTIONS may name a cluster, or `--first 2` seeds.
+# `make study-comparison DATA=runs/benchmark` writes docs/comparison.md and the figures of the README from what is there.
+LAYERS := --tracker imm-spline:size=off --tracker imm-spline:motion=off
+OTHERS := --tracker filterpy_tracker:Points --tracker stonesoup_tracker:Soup
 benchmark: $(STAMP)
-	$(BIN)/testbed benchmark run v1 --tracker all --jobs -1 $(OPTIONS) --out runs/benchmark
-	$(BIN)/testbed benchmark table runs/benchmark --out runs/benchmark/table.md
+	$(PIP) filterpy==2.0.0 stonesoup==1.9
+	PYTHONPATH=docs/examples $(BIN)/testbed benchmark run v1 --tracker all $(LAYERS) $(OTHERS) --jobs -1 $(OPTIONS) \
+		--out runs/benchmark
+	$(STUDY) comparison runs/benchmark --docs docs
 
 # Ten CPU minutes; the same command goes on where it was interrupted. Seeds that no parameter was set on.
 consistency: $(STAMP)

@@ -126,16 +126,18 @@ class Stage:
         route: str | None = None,
         size: ArrayLike | None = None,
         driver: Driver | None = None,
+        draw: bool = True,
     ) -> SizedIDM:
         """Place an IDM driver who keeps its lane, of a drawn `size`, with its initial speed as target, unless given.
 
-        One of a population has its own time gap, and unless it is given its own share of the target speed.
+        One of a population, drawn unless it is given or `draw` is false, has its own time gap, and unless it is given
+        its own share of the target speed.
         """
         at = self.network.get_lane(lane)
         pace = self.traffic.speed
         length, width = box = self.size(kind) if size is None else np.asarray(size, float)
         wanted = speed if target is None else target
-        if driver is None and (driver := self.driver()) is not None:
+        if driver is None and draw and (driver := self.driver()) is not None:
             driver = driver.within(self._gap_ahead(lane, s + extent(kind, box)[0]), speed)
             wanted *= driver.speed / driver.median_speed
         pose = (self.road, at.position(s, 0.0), at.heading_at(s), speed * pace, lane, wanted * pace)
@@ -185,7 +187,7 @@ class Stage:
         front = flow.place + self.rng.uniform(-4.0, 4.0)
         gaps = 1 + flow.spread * self.rng.uniform(size=len(sizes))
         gaps *= steady_gap(flow.speed, TARGET_RATIO * flow.speed, flow.headway)
-        drivers = [self.driver() for _ in sizes]
+        drivers = [None if flow.from_rear else self.driver() for _ in sizes]  # a maneuver relies on those ahead of it
         if own := [driver.gap(flow.speed) for driver in drivers if driver is not None]:
             gaps = np.array([*own[1:], 0.0]) / dense
         if flow.from_rear:
@@ -201,7 +203,9 @@ class Stage:
                     driver = driver.within(free, flow.speed)
                     target = driver.target(flow.speed, free)
                 placed.append(
-                    self.drive(kind, flow.lane, front - ahead, flow.speed, target, flow.headway, None, size, driver)
+                    self.drive(
+                        kind, flow.lane, front - ahead, flow.speed, target, flow.headway, None, size, driver, draw=False
+                    )
                 )
             front -= ahead + behind + gap
         return placed

@@ -21,6 +21,8 @@ from scenarios.courses import CourseTable
 from scenarios.drivers import Unrest
 from scenarios.scalars import unhindered
 
+FORESIGHT = (0.0, 3.0, 6.0, 9.0)  # [s] for which a driver of a population knows where vehicles on courses will be
+
 
 class SoftSteering:
     """Mixin: lateral control of a human driver; a lane change of 4 m takes about 4 s."""
@@ -106,8 +108,11 @@ class SizedIDM(SoftSteering, Sized, IDMVehicle):
         return bool(super().mobil(lane_index))
 
     def _near(self, vehicle: Vehicle) -> bool:
-        fixed = isinstance(vehicle, CourseVehicle)
-        return fixed and float(np.hypot(*(vehicle.position - self.position))) < self.CLEARANCE
+        if not isinstance(vehicle, CourseVehicle):
+            return False
+        there, _ = vehicle.predict_trajectory_constant_speed(FORESIGHT)
+        here = self.position + np.outer(FORESIGHT, self.velocity)
+        return bool((np.hypot(*(there - here).T) < self.CLEARANCE).any())
 
     def acceleration(
         self, ego_vehicle: Any, front_vehicle: Any | None = None, rear_vehicle: Any | None = None

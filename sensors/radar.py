@@ -111,6 +111,7 @@ class Sensor:
             sigma_azimuth=float(np.radians(self.sigma_azimuth_deg)),
             sigma_rate=self.sigma_rate,
             max_rate=min(self.max_rate, self.fold_rate),
+            fold_rate=self.fold_rate,
             count_at_15m=self.count_at_15m * self.detection_probability,  # (RAD.10)
             count_falloff=self.count_falloff,
             count_max=self.count_max * self.detection_probability,  # (RAD.10)

@@ -130,6 +130,7 @@ class SensorModel:
     sigma_azimuth: float = 0.01  # [rad]
     sigma_rate: float = 0.1  # [m/s]
     max_rate: float = 60.0  # [m/s] range rates of false alarms lie within +- this
+    fold_rate: float = np.inf  # [m/s] range rates beyond +- this come back at the other end; inf: none do
     count_at_15m: float = 9.0  # expected detections of a 3 m wide visible outline at 15 m
     count_falloff: float = 0.85  # exponent of (15 m / range)
     count_max: float = 40.0  # expected detections of one object never exceed this

@@ -1,11 +1,9 @@
 """A whole tracker of your own: association, birth and death are yours, and each track is a filter that keeps its state.
 
 `start` clears what the tracker keeps; `step` takes a scan and returns all tracks as one batch, which is checked at each
-step. A filter of another library needs `predict(dt)`, `update(z, R)`, and its mean and covariance of x, y, vx, vy;
-`StoneSoup` wraps one that way (pip install stonesoup).
+step. filterpy_tracker.py and stonesoup_tracker.py do the same with what other libraries offer.
 
     testbed check tracker whole_tracker:Nearest    (in this folder)
-    testbed run cut-in --tracker whole_tracker:Nearest:filter=StoneSoup
 """
 
 import gymnasium as gym
@@ -35,52 +33,8 @@ class Kalman:
         self.covariance = (P + P.T) / 2
 
 
-class StoneSoup:
-    """The Kalman filter of Stone Soup: its states are (x, vx, y, vy), with times of the class datetime."""
-
-    ORDER = np.ix_([0, 2, 1, 3], [0, 2, 1, 3])
-
-    def __init__(self, z):
-        from datetime import datetime
-
-        from stonesoup.models.measurement.linear import LinearGaussian
-        from stonesoup.models.transition.linear import CombinedLinearGaussianTransitionModel, ConstantVelocity
-        from stonesoup.predictor.kalman import KalmanPredictor
-        from stonesoup.types.state import GaussianState
-        from stonesoup.updater.kalman import KalmanUpdater
-
-        self.predictor = KalmanPredictor(CombinedLinearGaussianTransitionModel([ConstantVelocity(9.0)] * 2))
-        self.updater, self.model = KalmanUpdater(None), LinearGaussian
-        self.state = GaussianState([z[0], 0.0, z[1], 0.0], START[self.ORDER], timestamp=datetime(2000, 1, 1))
-
-    def predict(self, dt):
-        from datetime import timedelta
-
-        self.state = self.predictor.predict(self.state, timestamp=self.state.timestamp + timedelta(seconds=dt))
-
-    def update(self, z, R):
-        from stonesoup.types.detection import Detection
-        from stonesoup.types.hypothesis import SingleHypothesis
-
-        model = self.model(ndim_state=4, mapping=(0, 2), noise_covar=R)
-        seen = Detection(z[:, None], timestamp=self.state.timestamp, measurement_model=model)
-        self.state = self.updater.update(SingleHypothesis(self.state, seen))
-
-    @property
-    def mean(self):
-        return np.asarray(self.state.mean, float).ravel()[[0, 2, 1, 3]]
-
-    @property
-    def covariance(self):
-        P = np.asarray(self.state.covar, float)[self.ORDER]
-        return (P + P.T) / 2
-
-
 class Nearest:
     """Each detection goes to the nearest track; what is left over and close together begins a track."""
-
-    def __init__(self, filter: str = "Kalman"):
-        self.filter = {"Kalman": Kalman, "StoneSoup": StoneSoup}[filter]
 
     def start(self) -> Tracks:
         self.filters, self.rows, self.next_id = [], np.zeros((0, 4)), 0  # rows: id, existence, hits, age of each track
@@ -115,7 +69,7 @@ class Nearest:
         while len(xy):
             group = np.linalg.norm(xy - xy[0], axis=-1) < GATE
             if group.sum() >= 3:
-                self.filters.append(self.filter(xy[group].mean(0)))
+                self.filters.append(Kalman(xy[group].mean(0)))
                 self.rows = np.vstack([self.rows, [self.next_id, 0.3, 1.0, 0.0]])
                 self.next_id += 1
             xy = xy[~group]

@@ -17,7 +17,7 @@ from studies import (
 )
 from studies.calibration import page as calibration
 from studies.closed_loop import page as closed_loop
-from studies.comparison import committed, publish, refresh
+from studies.comparison import committed, refresh
 from studies.comparison import page as comparison
 from studies.consistency import page as consistency
 from studies.contours import page as contours
@@ -59,7 +59,6 @@ STUDIES: Mapping[str, Callable[..., None]] = {
     "radars": rigs_figure.main,  # a picture for docs/radars.md
     "vehicles": vehicle_figure.main,  # a picture for docs/methods
     # committed results that pages show
-    "publish": publish.main,
     "refresh": refresh.main,
     "verdicts": committed.main,
     "drivers": drivers.main,  # and a picture for docs/traffic.md

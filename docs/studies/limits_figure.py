@@ -31,13 +31,13 @@ def main(docs: Docs = DOCS) -> None:
     folds, wheels, times = figure.subplots(1, 3)
     for place, colour in zip(ASPECTS, ("#0072B2", "#D55E00"), strict=True):
         label = f"seen under {np.degrees(np.arctan2(place[1], place[0])):.0f} degrees"
-        for axis, parameters in ((folds, {"wheels": 0.3, "fold_rate": FOLD}), (wheels, {"wheels": 0.3})):
+        for axis, parameters in ((folds, {"fold_rate": FOLD}), (wheels, {"wheels": 0.3})):
             r, a, rate = polar(place, **parameters).T
             axis.plot(r * np.cos(a) - place[0], rate, ".", color=colour, markersize=3, alpha=0.4, label=label)
             axis.set(xlabel="along the car [m]", ylabel="range rate [m/s]", xlim=(-3, 3))
-    wheels.set_title("wheels = 0.3", fontsize=10)
-    folds.set_title(f"the same with fold_rate = {FOLD:g} m/s", fontsize=10)
-    wheels.legend(fontsize=8)
+    folds.set_title(f"fold_rate = {FOLD:g} m/s", fontsize=10)
+    wheels.set_title("wheels = 0.3, nothing folds", fontsize=10)
+    folds.legend(fontsize=8)
     radar = staggered(RADARS["surround"], 10.0)
     due = np.array([radar.due(k / 60, 1 / 60) for k in range(1, 25)])
     frame, sensor = np.nonzero(due)

@@ -136,6 +136,7 @@ SENSORS = Table(
         Column("sigma_rate", "m/s", "of range rate; 0.1 where it is not given", False, 1e-6, 100.0, SPEEDS),
         Column("rate", "1/s", "scans a second; compared with the times", False, 1e-3, 1e6, "leave it out if unknown"),
         Column("max_rate", "m/s", "range rates of false alarms lie within", False, 1e-3, MAX_SPEED, SPEEDS),
+        Column("fold_rate", "m/s", "range rates beyond it fold; without it none do", False, 1e-3, MAX_SPEED, SPEEDS),
         Column("count_at_15m", "", "expected detections of an object 3 m wide at 15 m", False, 1e-3, 1e6),
         Column("count_falloff", "", "exponent with which they become fewer with range", False, 0.0, 10.0),
         Column("count_max", "", "the most of one object", False, 1e-3, 1e6),

@@ -11,7 +11,7 @@ from testbed.replay.columns import TWO_SIDED
 from testbed.replay.loaded import Loaded
 from trackers.scan import DepthProfile, SensorModel
 
-OPTIONAL = ("sigma_rate", "max_rate", "count_at_15m", "count_falloff", "count_max", "clutter")
+OPTIONAL = ("sigma_rate", "max_rate", "fold_rate", "count_at_15m", "count_falloff", "count_max", "clutter")
 
 
 class SensorSheets(NamedTuple):

@@ -81,6 +81,7 @@ def _sensors(radar: RadarLike, names: tuple[str, ...]) -> Columns:
     columns: Columns = {"name": names, "x": mount[:, 0], "y": mount[:, 1], "yaw": mount[:, 2], "rate": _rates(radar)}
     least = {column.name: column.least for column in TABLES["sensors"].columns}
     columns |= {name: np.array([max(getattr(model, name), least[name]) for model in models]) for name in fixed}
+    columns["fold_rate"] = np.where(np.isinf(columns["fold_rate"]), np.nan, columns["fold_rate"])
     return columns | _profiles(models)
 
 

@@ -1,5 +1,6 @@
 """docs/own-code.md: every command of the page works in the folder of the examples."""
 
+import json
 import re
 import shlex
 import shutil
@@ -19,7 +20,7 @@ SLOW = {"bench", "compare", "regret"}
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    for file in [*(DOCS / "examples").glob("own_*.py"), DOCS / "examples" / "whole_tracker.py"]:
+    for file in (DOCS / "examples").glob("*.py"):
         shutil.copy(file, tmp_path)
     (tmp_path / "cfg.json").write_text(CONFIG)
     monkeypatch.chdir(tmp_path)
@@ -53,7 +54,18 @@ def test_the_command_works(command, folder):
         assert all(name.replace(":", "~") in results[0] for name in own)
 
 
-def test_a_filter_of_stone_soup_in_a_whole_tracker_keeps_all_laws(folder):
-    pytest.importorskip("stonesoup", reason="Stone Soup is no dependency; docs/own-code.md says what was measured")
-    done = CliRunner().invoke(app, ["check", "tracker", "whole_tracker:Nearest:filter=StoneSoup"])
+@pytest.mark.parametrize(("library", "tracker"), [("filterpy", "Points"), ("stonesoup", "Soup")])
+def test_a_tracker_over_another_library_keeps_all_laws_and_repeats(library, tracker, folder):
+    pytest.importorskip(library, reason=f"{library} is no dependency; docs/examples needs it")
+    name = f"{library}_tracker:{tracker}"
+    done = CliRunner().invoke(app, ["check", "tracker", name])
     assert done.exit_code == 0, done.output
+    runs = []
+    for _ in range(2):
+        made = CliRunner().invoke(app, ["run", "passed", "--tracker", name, "--duration", "2", "--log", "off"])
+        assert made.exit_code == 0, made.output
+        (file,) = folder.glob("runs/*.json")
+        runs.append(json.loads(file.read_text())["trackers"][name])
+        file.unlink()
+    assert runs[0] == runs[1]
+    assert runs[0]["missed_percent"] < 100

@@ -22,7 +22,7 @@ def test_no_scan_and_no_time_step_leaves_a_state_that_cannot_be_used(name, drive
     for tally in (some, most):
         assert not tally.wrong, str(tally)
         assert tally.clear[REFUSED] > 0
-    assert some.clear[DONE] > 0.7 * some.tried  # of dra-imm a spoilt scan leaves a track that ends four steps by name
+    assert some.clear[DONE] > 0.8 * some.tried
 
 
 @pytest.mark.slow

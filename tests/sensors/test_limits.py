@@ -38,7 +38,8 @@ def test_a_folding_radar_reports_the_same_places_and_its_sheet_says_so():
     assert np.abs(plain.polar[:, 2]).max() > 5.0 >= np.abs(folding.polar[:, 2]).max()
     laps = (plain.polar[:, 2] - folding.polar[:, 2]) / 10.0
     np.testing.assert_allclose(laps, np.rint(laps), atol=1e-9)
-    assert rig(fold_rate=5.0).models[0].max_rate == 5.0
+    sheet = rig(fold_rate=5.0).models[0]
+    assert sheet.max_rate == sheet.fold_rate == 5.0
 
 
 def test_merged_returns_are_less_noisy_with_the_root_of_their_number():
@@ -80,6 +81,11 @@ def test_staggered_sensors_measure_one_after_another_each_at_its_rate():
     assert (frames.sum(0) == rate).all()
     assert frames.sum(1).max() == 1  # six sensors in six frames: one in each
     assert frames[:number].any(0).all()
+    scene = traffic()
+    for frame, due in enumerate(frames[:number], 1):  # what is measured is of the instant of the frame
+        some, every = (scan(r, scene._replace(time=frame / 60.0, dt=1 / 60.0))[0] for r in (radar, find("surround")))
+        np.testing.assert_array_equal(some.delivered, due)
+        np.testing.assert_array_equal(some.polar, every.polar[due[every.sensor]])
 
 
 @pytest.mark.parametrize(("field", "value"), [("fold_rate", 0.0), ("wheels", 1.1), ("cell_power", -1.0)])

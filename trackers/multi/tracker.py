@@ -19,6 +19,7 @@ from trackers.linalg import largest_eigenvalue
 from trackers.multi.association import Association, Claims, SortedScan, gather, least, shares
 from trackers.multi.exclusion import Exclusion
 from trackers.multi.existence import Existence
+from trackers.multi.folding import unfolded
 from trackers.multi.ground import NOTHING, GroundTest, piece
 from trackers.multi.initiation import Births, Initiation
 from trackers.multi.leftovers import Suppression
@@ -30,7 +31,7 @@ from trackers.multi.visibility import SensorArray, Visibility, predict_visibilit
 from trackers.multi.window import Unexplained
 from trackers.parameters import check_numbers
 from trackers.scan import Scan, SensorModel
-from trackers.validation import Admitted, admit, check_step, guarded
+from trackers.validation import MAX_SPEED, Admitted, admit, check_step, guarded
 
 
 @dataclass(frozen=True)
@@ -90,6 +91,11 @@ class MultiObjectTracker:
         """The data sheets as arrays."""
         return SensorArray.of(self.sensors)
 
+    @cached_property
+    def _fold(self) -> NDArray:
+        """Range rates (S,) [m/s] beyond which those of the sensors fold."""
+        return np.array([s.fold_rate for s in self.sensors])
+
     def start(self) -> Tracks:
         """The state before the first scan: no track."""
         estimate = prior(np.zeros((0, 3)))
@@ -111,6 +117,8 @@ class MultiObjectTracker:
         life = self._compiled if len(tracks.id) and available() else None
         scan, implausible = (scan, 0) if life is not None and life.plausible(scan) else self._admit(scan)
         tracks = self._predict(tracks, dt, life)
+        if np.isfinite(self._fold).any():
+            scan = unfolded(scan, tracks, self.association, self.sensor_array, self._fold)
         seen = self._seen(tracks, scan, dt) if life is None else life.seen(tracks, scan, dt)
         updated, info = self._update(seen, life, dt)
         rest = None if life is None else life.rest(seen, updated, dt)
@@ -272,6 +280,7 @@ class MultiObjectTracker:
             memory = memory._replace(lost=keep(lost, ~np.isin(lost.id, id)))
         index = shares(births.owner, B, self.most_detections)
         state, info = guarded(self.filter.update, state, gather(z, index))
+        estimate = self.filter.estimate(state)
         born = Tracks(
             id=id,
             existence=births.existence,
@@ -279,7 +288,7 @@ class MultiObjectTracker:
             age=np.zeros(B),
             confirmed=returned,
             state=state,
-            estimate=self.filter.estimate(state),
+            estimate=estimate,
             next_id=tracks.next_id + int((~returned).sum()),
             memory=memory,
             hidden=None if tracks.hidden is None else np.zeros(B),
@@ -292,6 +301,9 @@ class MultiObjectTracker:
             for i, n, back in zip(id, births.detections, returned, strict=True)
         ]
         events += [event for note in getattr(info, "notes", ()) for event in events_of(note, id)]
+        moving = (np.abs(estimate.velocity) <= MAX_SPEED).all(-1)  # noise that is claimed to be nothing makes any speed
+        if not moving.all():
+            born, events = born.rows(moving), [e for e in events if e.track in id[moving]]
         return tracks.and_born(born), events
 
     def _forgot(self, tracks: Tracks) -> tuple[Tracks, list[Event]]:

@@ -51,7 +51,7 @@ class SensorArray(NamedTuple):
             fov=np.array([s.fov for s in sensors], float),
             noise=np.array([(s.sigma_range, s.sigma_azimuth, s.sigma_rate) for s in sensors], float),
             clutter=clutter,
-            clutter_density=clutter / (area * 2 * np.array([s.max_rate for s in sensors])),  # (MOT.6)
+            clutter_density=clutter / (area * 2 * np.array([min(s.max_rate, s.fold_rate) for s in sensors])),  # (MOT.6)
             clutter_density_2d=clutter / area,  # (MOT.6) without the range rate
             rates=np.array([(s.count_at_15m, s.count_falloff, s.count_max) for s in sensors], float),
             patchy=np.array([s.profile.patchy for s in sensors], bool),

@@ -1,17 +1,15 @@
 """Committed results repeated with the code at hand, bit for bit as far as their digits reach.
 
-`PYTHONPATH=docs python -m studies refresh` repeats samples of the runs of the comparison (docs/results), of the drives
-of regret and of the probes, and everything in `KEPT`: limits of probes, a small case of each paper, and drives of
-regret, with all digits. Where every number is the
-committed one, the digests in `comparison.json` become those of the code at hand. Where one is not, a table says which,
-the exit status is 1, and nothing is written.
+`PYTHONPATH=docs python -m studies refresh` repeats samples of the drives of regret and of the probes, and everything in
+`KEPT`: limits of probes, a small case of each paper, and drives of regret, with all digits. Where a number is not the
+committed one, a table says which, and the exit status is 1. Runs of the benchmark have `testbed benchmark check`.
 
 A part says what it has committed and how a piece of it is made again; `PARTS` is the only place where the rest of the
 testbed comes in.
 """
 
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from math import isclose, isnan, nan
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -22,25 +20,22 @@ import pandas as pd
 import typer
 from rich.markup import escape
 
-from studies.comparison.publish import ABOUT, KEY, read
 from studies.page import steps
 from studies.papers.cases import CASES
 from studies.probes import drives as probes
 from testbed.command_line.options import Dask, Jobs
 from testbed.command_line.tables import light_table
 from testbed.command_line.terminal import console, user_input
-from testbed.evaluation.metric import COSTS, old_names
+from testbed.evaluation.metric import old_names
 from testbed.experiments import probe as probing
-from testbed.experiments.compare import Comparison
 from testbed.experiments.engine import Engine, check, perform
-from testbed.experiments.identity import shared_digest, tracker_digest
 from testbed.experiments.pairs import KEY as DRIVE_KEY
 from testbed.experiments.pairs import Drive
 from testbed.experiments.probe import limit, parameter_of
 from testbed.experiments.regret import Regret
 from testbed.experiments.run import FAILED, Outcome, Run, outcome_of
-from testbed.experiments.store import RECORDINGS, Store
-from testbed.files import make_directory, write_json
+from testbed.experiments.store import Store
+from testbed.files import write_json
 from testbed.frame import TRUTH
 from trackers import DEFAULT
 from trackers.lookup import look_up
@@ -97,37 +92,6 @@ class Mismatch(NamedTuple):
     measure: str
     committed: float
     now: float
-
-
-def runs(results: Path) -> list[Piece]:
-    """Runs of the comparison."""
-    comparison = read(results)[0].study
-    return [Piece("runs", run.name, run.source, (run, comparison)) for run in comparison.work()]
-
-
-def runs_committed(results: Path, pieces: Sequence[Piece]) -> Iterator[Numbers]:
-    """Measures by phase; wall times are not compared."""
-    table = read(results)[0].spans
-    measures = table.columns.difference([*KEY, *COSTS], sort=False)
-    for piece in pieces:
-        own = np.logical_and.reduce([table[key] == value for key, value in _columns(*piece.arguments)])
-        rows = table[own].set_index("phase")[measures]
-        yield {f"{phase}: {key}": float(value) for phase, row in rows.iterrows() for key, value in row.items()}
-
-
-def run_again(folder: Path, run: Run, comparison: Comparison) -> Numbers:
-    """Measures of a run, after the same cast to float32."""
-    make_directory(folder / RECORDINGS)
-    return {
-        f"{row['phase']}: {key}": nan if value is None else _float32(value)
-        for row in comparison.make(run, Store(comparison, folder)).spans
-        for key, value in row.items()
-        if key not in KEY
-    }
-
-
-def _columns(run: Run, comparison: Comparison) -> Iterable[tuple[str, Any]]:
-    return comparison.columns(run).items()
 
 
 def drives(results: Path) -> list[Piece]:
@@ -225,7 +189,6 @@ def kept(results: Path, pieces: Sequence[Piece]) -> Iterator[Numbers]:
 
 
 PARTS: Mapping[str, Part] = {
-    "runs": Part(runs, runs_committed, run_again),
     "drives": Part(drives, drives_committed, drive_again),
     "probes": Part(probe_drives, probes_committed, probe_again),
     "limits": Part(limits, kept, limit_again),
@@ -233,11 +196,6 @@ PARTS: Mapping[str, Part] = {
     "exact": Part(exact_drives, kept, drive_again),
 }
 IN_KEPT = tuple(name for name, part in PARTS.items() if part.committed is kept)
-
-
-def digests(trackers: Sequence[str]) -> dict[str, str]:
-    """Those of the code at hand, by their names in `comparison.json`."""
-    return {"code": shared_digest(), **{f"code of {tracker}": tracker_digest(tracker) for tracker in trackers}}
 
 
 def draw(pieces: Sequence[Piece], sample: int, seed: int) -> list[Piece]:
@@ -296,7 +254,7 @@ def main(
     dask: Dask = None,
     keep: Annotated[bool, typer.Option("--keep", help=f"Write {KEPT} anew, and hold nothing against it.")] = False,
 ) -> None:
-    """Repeat samples of what is committed; where all is equal, write the digests of the code at hand."""
+    """Repeat samples of what is committed; exit status 1 where a number is another."""
     with user_input(), TemporaryDirectory() as folder:
         engine = Engine(jobs, dask)
         check(engine)
@@ -304,8 +262,6 @@ def main(
         pieces = [
             piece for name in chosen for piece in draw(look_up(name, PARTS, "part").pieces(results), sample, seed)
         ]
-        if "runs" in chosen:
-            _check_sample(results, [piece.group for piece in pieces if piece.part == "runs"])
         outcomes = repeat(pieces, engine, Path(folder))
     if failed := [outcome for outcome in outcomes.values() if outcome.status == FAILED]:
         for outcome in failed:
@@ -321,22 +277,10 @@ def main(
         found = [m for name in chosen for m in _differing(results, name, now)]
         if found:
             console.print(_table(found))
-            console.print("the digests are left as they were", highlight=False)
             raise typer.Exit(1)
         for name in chosen:
             equal = ", ".join(piece.name for piece in pieces if piece.part == name)
             console.print(f"equal    {name}: {equal}", soft_wrap=True, highlight=False)
-        if "runs" in chosen:
-            _write(results)
-
-
-def _check_sample(results: Path, repeated: Sequence[str]) -> None:
-    """Raise ValueError where a tracker whose code has changed has no run in the sample."""
-    _, known, _ = read(results)
-    trackers = [t for t in known["trackers"] if t not in repeated]
-    old, new = known["identity"], digests(trackers)
-    if left := [t for t in trackers if old.get(f"code of {t}") != new[f"code of {t}"]]:
-        raise ValueError(f"sample: {len(repeated)} runs leave out {', '.join(left)}, whose code has changed; take more")
 
 
 def _differing(results: Path, part: str, now: Mapping[Piece, Numbers]) -> Iterator[Mismatch]:
@@ -347,14 +291,6 @@ def _differing(results: Path, part: str, now: Mapping[Piece, Numbers]) -> Iterat
 
 def _nulls(numbers: Numbers) -> dict[str, float | None]:
     return {key: None if isnan(value) else value for key, value in numbers.items()}
-
-
-def _write(results: Path) -> None:
-    """The new digests into the settings of the results."""
-    known = read(results)[1]
-    old, new = known["identity"], digests(known["trackers"])
-    write_json(results / ABOUT, known | {"identity": old | new})
-    console.print(f"digests  {results / ABOUT}; now `make study-comparison`", soft_wrap=True, highlight=False)
 
 
 def _table(found: Sequence[Mismatch]) -> Any:

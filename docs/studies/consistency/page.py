@@ -5,7 +5,6 @@ from typing import Annotated
 
 import typer
 
-from studies.comparison.publish import stored_comparison
 from studies.consistency.figure import draw
 from studies.consistency.tables import (
     GROUPS,
@@ -18,6 +17,7 @@ from studies.consistency.tables import (
     pairs,
 )
 from studies.page import DOCS, Docs, Page, fill
+from studies.stored import stored_comparison
 from testbed.command_line.terminal import user_input
 from testbed.experiments.store import Results
 from testbed.log.text import markdown_table

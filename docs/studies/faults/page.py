@@ -6,11 +6,11 @@ from typing import Annotated
 import pandas as pd
 import typer
 
-from studies.comparison.publish import stored_comparison
 from studies.effects import effect, effects_table, facts, names, read_runs, write_runs
 from studies.faults.figure import draw
 from studies.faults.tables import FAULT, NONE, by_fault
 from studies.page import DOCS, Docs, Page, fill
+from studies.stored import stored_comparison
 from testbed.command_line.terminal import user_input
 from testbed.experiments.store import Results
 

@@ -15,6 +15,7 @@ Phrase = Annotated[
     str | None, typer.Option(help="The seeds are made from it. Without it: the development seeds, which all know.")
 ]
 Track = Annotated[list[str] | None, typer.Option(help="open, closed or faults; repeat. Without it: all.")]
+First = Annotated[int | None, typer.Option(help="Only so many of the seeds. Without it: all.")]
 
 
 @app.command("list")
@@ -42,6 +43,7 @@ def run(
     tracker: Annotated[list[str] | None, typer.Option(help="Repeat for several, or all.")] = None,
     phrase: Phrase = None,
     track: Track = None,
+    first: First = None,
     jobs: options.Jobs = 1,
     dask: options.Dask = None,
     out: options.Results = Path("runs/benchmark"),
@@ -58,7 +60,7 @@ def run(
     from testbed.experiments.run import expand
     from trackers import DEFAULT
 
-    given = expand(tracker or [DEFAULT], "trackers"), phrase, tuple(track or ())
+    given = expand(tracker or [DEFAULT], "trackers"), phrase, tuple(track or ()), first
     run_study(lambda: BenchmarkRuns(name, *given, out=str(out)), jobs, dask)
 
 
@@ -68,6 +70,7 @@ def record(
     out: Annotated[Path, typer.Option(help="Folder for the recordings.")],
     phrase: Phrase = None,
     track: Track = None,
+    first: First = None,
     format: options.Format = "csv",
 ) -> None:
     """Write the recordings of the tracks in open loop, for trackers in any language; those that are there are kept.
@@ -82,10 +85,10 @@ def record(
     with user_input():
         benchmark = find(name)
         tracks = track or [one.name for one in benchmark.tracks]
-        work = runs.recorded(benchmark, phrase, tracks)
+        study = runs.BenchmarkRuns(name, (DEFAULT,), phrase, tuple(track or ()), first, out=str(out / "drives"))
+        work = runs.recorded(benchmark, phrase, tracks, first)
         make_directory(out)
         write_json(out / runs.LISTED, {"benchmark": name, "phrase": phrase, **benchmark.digests()})
-    study = runs.BenchmarkRuns(name, (DEFAULT,), phrase, out=str(out / "drives"))
     for place in work:
         folder = runs.folder_of(place.case, place.run.seed)
         if not (out / folder / f"lanes.{format}").exists():  # the last table

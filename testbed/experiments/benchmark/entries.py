@@ -50,14 +50,15 @@ class Entry:
         """Each run by track, case and seed."""
         return {(run["track"], run["case"], run["seed"]): run for run in self.runs}
 
-    def sample(self, track: str, cases: Sequence[str], measure: str) -> list[NDArray]:
-        """Values (seeds) for each case, NaN where a run has none."""
-        found = [[self.at.get((track, case, seed), {}).get(measure) for seed in self.seeds] for case in cases]
-        return [np.array(values, float) for values in found]
+    def whole(self, track: str, cases: Sequence[str]) -> list[int]:
+        """The seeds of which every run of a track is there."""
+        return [seed for seed in self.seeds if all((track, case, seed) in self.at for case in cases)]
 
-    def complete(self, track: str, cases: Sequence[str]) -> bool:
-        """Whether every run of a track is there."""
-        return all((track, case, seed) in self.at for case in cases for seed in self.seeds)
+    def sample(self, track: str, cases: Sequence[str], measure: str) -> list[NDArray]:
+        """Values (seeds) for each case, NaN where a run has none, and for seeds that are not whole."""
+        whole = self.whole(track, cases)
+        found = [[self.at[track, c, s].get(measure) if s in whole else None for s in self.seeds] for c in cases]
+        return [np.array(values, float) for values in found]
 
     @property
     def file(self) -> str:

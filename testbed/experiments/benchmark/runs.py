@@ -23,7 +23,7 @@ from testbed.experiments.store import RECORDINGS, Results, Store
 from testbed.experiments.study import Findings, Study, Tally
 from testbed.files import file_stem, make_directory
 from testbed.frame import TRUTH, Frame
-from testbed.limits import check_names
+from testbed.limits import check_names, check_whole
 from testbed.replay.recording import RecordedFrame, Recording
 from testbed.replay.writing import write
 from trackers.json_file import read_json
@@ -54,6 +54,7 @@ class BenchmarkRuns(Study):
     trackers: tuple[str, ...]
     phrase: str | None = None  # from which the seeds are made; None: the development seeds
     only: tuple[str, ...] = ()  # tracks; none: all
+    first: int | None = None  # so many of the seeds; None: all
 
     name: ClassVar[str] = "benchmark"
     schema: ClassVar[pa.Schema] = SCHEMA
@@ -63,6 +64,8 @@ class BenchmarkRuns(Study):
         super().__post_init__()
         for name in self.only:
             self.version.track(name)
+        if self.first is not None:
+            check_whole("first", self.first, 1, len(self.version.development))
 
     @property
     def version(self) -> Benchmark:
@@ -78,8 +81,9 @@ class BenchmarkRuns(Study):
         return {p.run: p for tracker, names in asked for p in places(self.version, tracker, seeds, names)}
 
     def work(self) -> list[Run]:
-        """All runs, or those of the tracks that are asked for."""
-        return [run for run, place in self.placed.items() if not self.only or place.track in self.only]
+        """All runs, or those of the tracks and seeds that are asked for."""
+        seeds = self.version.seeds(self.phrase)[: self.first]
+        return [r for r, p in self.placed.items() if r.seed in seeds and (not self.only or p.track in self.only)]
 
     def shared(self) -> dict[str, Any]:
         """The version."""
@@ -95,8 +99,8 @@ class BenchmarkRuns(Study):
         return Rows(run)
 
     def entries(self, results: Results) -> list[Entry]:
-        """An entry for each tracker, of the runs that there are, those of other tracks too."""
-        results = Results.read(replace(self, only=())) if self.only else results
+        """An entry for each tracker, of the runs that there are, those of other tracks and seeds too."""
+        results = Results.read(replace(self, only=(), first=None)) if self.only or self.first else results
         return [
             entry(
                 self.version, name, TRACKER, self.phrase, list(_runs(self.version, results.runs, name)),
@@ -147,10 +151,10 @@ def folder_of(case: str, seed: int) -> str:
     return file_stem(case, f"seed{seed}")
 
 
-def recorded(benchmark: Benchmark, phrase: str | None, tracks: Sequence[str]) -> list[Place]:
+def recorded(benchmark: Benchmark, phrase: str | None, tracks: Sequence[str], first: int | None = None) -> list[Place]:
     """What is recorded for trackers of any origin: the runs of the tracks in open loop, on the truth."""
     names = [name for name in tracks if benchmark.track(name).loop == "open"]
-    return list(places(benchmark, TRUTH, benchmark.seeds(phrase), names))
+    return list(places(benchmark, TRUTH, benchmark.seeds(phrase)[:first], names))
 
 
 def record(place: Place, study: Study, out: Path, format: str) -> list[Path]:

@@ -63,9 +63,9 @@ def alike(entries: Sequence[Entry]) -> tuple[list[Entry], list[str]]:
 
 
 def ranks(entries: Sequence[Entry], track: Track) -> list[Ranked]:
-    """Entries that are complete in a track, the best mean first."""
+    """Entries that have whole seeds of a track, the best rank first; pairs are compared on what both have."""
     cases = track.case_names
-    there = [one for one in entries if one.complete(track.name, cases)]
+    there = [one for one in entries if one.whole(track.name, cases)]
     bad = {one.name: [badness(track.measure, v) for v in one.sample(track.name, cases, track.measure)] for one in there}
     better: dict[str, int] = dict.fromkeys(bad, 0)
     worse: dict[str, int] = dict.fromkeys(bad, 0)
@@ -75,43 +75,43 @@ def ranks(entries: Sequence[Entry], track: Track) -> list[Ranked]:
             winner, loser = (a, b) if verdict == "better" else (b, a)
             better[loser] += 1
             worse[winner] += 1
-    order = sorted(there, key=lambda one: crossed_interval(bad[one.name]).value)
-    return [Ranked(one, 1 + better[one.name], len(there) - worse[one.name]) for one in order]
+    found = [Ranked(one, 1 + better[one.name], len(there) - worse[one.name]) for one in there]
+    return sorted(found, key=lambda r: (r.best, r.worst, crossed_interval(bad[r.entry.name]).value))
 
 
 def grid(ranked: Sequence[Ranked], track: Track) -> Grid:
     """The table of a track."""
     cases = track.case_names
     measures = (track.measure, *BESIDE[track.name])
-    lines = []
-    for place in ranked:
+    lines, whole = [], [len(place.entry.whole(track.name, cases)) for place in ranked]
+    for place, count in zip(ranked, whole, strict=True):
         one = place.entry
-        fields = [Field(place.rank)]
+        fields = [Field(place.rank), Field(str(count))]
         for measure in measures:
             found = crossed_interval(one.sample(track.name, cases, measure))
             fields.append(estimate(found, METRICS[measure].digits))
         cost = one.cost.get(track.name)
         fields.append(Field("" if cost is None else f"{cost:.1f}"))
         lines.append(Line(one.name, fields))
-    heads = ["rank", *(METRICS[measure].title for measure in measures), "ms a scan"]
+    heads = ["rank", "seeds", *(METRICS[measure].title for measure in measures), "ms a scan"]
     return Grid(f"{track.name}: {track.what}", "tracker", heads, lines, words=("rank",))
 
 
 def spread(entries: Sequence[Entry], track: Track) -> Spread:
     """Shares of the variance, and what the seeds resolve."""
     cases = track.case_names
-    complete = [one for one in entries if one.complete(track.name, cases)]
     tables = [np.array([badness(track.measure, v) for v in one.sample(track.name, cases, track.measure)])
-              for one in complete]  # fmt: skip
+              for one in entries if one.whole(track.name, cases)]  # fmt: skip
     base = [case.partition("@")[0] for case in cases]
     shares = np.mean([_shares(values, base) for values in tables], 0) if tables else np.full(4, np.nan)
-    needed = [seeds_for(a, b) for a, b in combinations(tables, 2)]
+    needed = [n for a, b in combinations(tables, 2) if np.isfinite(n := seeds_for(a, b))]
     case, radar, seed, rest = shares.tolist()
-    return Spread(case, radar, seed, rest, float(np.nanmedian(needed)) if needed else np.nan)
+    return Spread(case, radar, seed, rest, float(np.median(needed)) if needed else np.nan)
 
 
 def _shares(values: NDArray, base: Sequence[str]) -> NDArray:
     """Shares (4,) of scenario, radar, seed and the rest in the sum of squares of values (cases, seeds)."""
+    values = values[:, np.isfinite(values).any(0)]
     mean, of_case, of_seed = np.nanmean(values), np.nanmean(values, 1), np.nanmean(values, 0)
     names = np.array(base)
     of_base = np.array([of_case[names == name].mean() for name in base])
@@ -122,7 +122,8 @@ def _shares(values: NDArray, base: Sequence[str]) -> NDArray:
 
 def seeds_for(a: NDArray, b: NDArray, share: float = RESOLVED) -> float:
     """Seeds, at least those of an interval, that resolve a share of the mean; values (cases, seeds) of two entries."""
-    each = np.nanmean(a - b, 0)
+    each = a - b
+    each = np.nanmean(each[:, np.isfinite(each).any(0)], 0)
     wanted = share * abs(np.nanmean([a, b]))
     return max(FEWEST, float(np.ceil((1.96 * each.std(ddof=1) / wanted) ** 2))) if len(each) > 1 and wanted else np.nan
 
@@ -146,12 +147,14 @@ def sentences(ranked: Sequence[Ranked], track: Track) -> Iterator[str]:
 
 
 def incomplete(entries: Sequence[Entry], track: Track) -> Iterator[str]:
-    """Which entries have some runs of a track, and are no part of its table."""
+    """Which entries lack runs of a track: their means are of other seeds, or they are no part of its table."""
     cases = track.case_names
     for one in entries:
         runs, wanted = sum(at[0] == track.name for at in one.at), len(cases) * len(one.seeds)
         if 0 < runs < wanted:
-            yield f"{track.name}: {one.name} has {runs} of {wanted} runs and no rank; the same command makes the rest"
+            seeds = len(one.whole(track.name, cases))
+            rank = f"{seeds} whole seeds of {len(one.seeds)}" if seeds else "no rank"
+            yield f"{track.name}: {one.name} has {runs} of {wanted} runs and {rank}; the same command makes the rest"
 
 
 def shown(entries: Sequence[Entry]) -> Iterator[RenderableType]:

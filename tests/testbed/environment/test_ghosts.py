@@ -8,12 +8,12 @@ from sensors.origin import DOUBLE, MIRROR
 from trackers.geometry import to_frame
 
 
-def mirrored(scenario, seconds):
+def mirrored(scenario, seconds, seed=0):
     """The frames of a drive, and for each the ghosts (G, 2) [m] in the frame of the ego."""
     frames = []
     env = gym.make(f"testbed/{scenario}-v0", tracker="truth", radar="surround-ghosts", planner="truth")
     env.attach(frames.append)
-    env.reset(seed=0)
+    env.reset(seed=seed)
     while frames[-1].time < seconds:
         env.step(1)
     env.close()
@@ -28,7 +28,7 @@ def test_traffic_in_the_tunnel_is_seen_behind_both_walls():
 
 
 def test_the_leader_who_swerves_beside_the_truck_is_seen_in_its_side():
-    frames, ghosts = mirrored("beside-truck", 8.0)
+    frames, ghosts = mirrored("beside-truck", 8.0, seed=2)
     shown = []
     for frame, xy in zip(frames, ghosts, strict=True):
         objects = frame.scene.objects

@@ -141,7 +141,7 @@ def test_the_drives_are_in_one_table_and_the_same_command_finds_them(first):
 def test_a_limit_decides_about_the_exit_status_and_the_case(tmp_path):
     out, xml = str(tmp_path / "out"), tmp_path / "limits.xml"
     asked = ["regret", "probe-brake", "--tracker", "rm-koch", "--seeds", "200", "--duration", "5", "--out", out]
-    for limit, status in (("progress=100", 0), ("progress=0", 1)):
+    for limit, status in (("score=1", 0), ("score=0", 1)):
         done = CliRunner().invoke(app, [*asked, "--limit", limit, "--junit", str(xml)])
         assert done.exit_code == status, done.output
         assert ("than the truth, allowed 0" in done.output) == (status == 1)

@@ -110,7 +110,7 @@ def changed(rng, tracks, scan):
 
 @pytest.fixture(scope="module")
 def drive():
-    return recorded("imm-spline", "dense-traffic", 60, 3)
+    return recorded("imm-spline", "dense-traffic", 60, 8)
 
 
 @given(seed=st.integers(0, 2**32 - 1), k=st.integers(3, 59), dt=st.sampled_from([0.0, 1 / 15, 0.4, 3.0]))
@@ -124,7 +124,7 @@ def test_a_step_from_any_state_is_the_same(drive, seed, k, dt):
 def test_what_is_changed_has_all_that_is_rare(drive):
     tracker, steps = drive
     kinds, seen = set(), {"out": 0, "alarms": 0, "calm": 0, "hidden": 0}
-    for seed in range(60):
+    for seed in range(120):
         tracks, scan = changed(np.random.default_rng(seed), *steps[3 + seed % 50][:2])
         new, info = tracker.step(tracks, scan, 1 / 15)
         kinds |= {event.kind for event in info.events}

@@ -118,7 +118,7 @@ def test_a_free_run_gives_the_same_tracks_and_events(name):
     with closing(
         gym.make("testbed/following-v0", config={"duration": 25.0}, tracker=Listening(), radar="surround")
     ) as env:
-        env.reset(seed=1)
+        env.reset(seed=0)
         while len(scans) < most and not any(env.step(1)[2:4]):
             pass
     assert len(scans) >= most

@@ -195,7 +195,7 @@ def test_the_table_goes_into_a_page(made, tmp_path):
     done = call("table", made / "runs", "--out", tmp_path / "table.md")
     assert done.exit_code == 0, done.output
     page = Path(tmp_path / "table.md").read_text()
-    assert "| `rm-koch` | 1 |" in page
+    assert "| `rm-koch` | 1 | 2 |" in page
     assert page.count("## ") == 3
 
 
@@ -205,10 +205,31 @@ def test_there_is_no_other_benchmark():
     assert call("list").exit_code == 0
 
 
-def test_an_entry_that_is_not_whole_is_named_and_has_no_rank():
+def test_an_entry_without_a_whole_seed_is_named_and_has_no_rank():
     whole, part = made_up("whole", 2.0), made_up("part", 1.0)
     part = replace(part, runs=part.runs[:5])
     assert [ranked.entry.name for ranked in table.ranks([whole, part], V1.track("open"))] == ["whole"]
     assert list(table.incomplete([whole, part], V1.track("open"))) == [
         "open: part has 5 of 224 runs and no rank; the same command makes the rest"
     ]
+
+
+def test_an_entry_of_fewer_seeds_is_held_against_others_on_these():
+    whole, part = made_up("whole", 2.0), made_up("part", 2.1)
+    part = replace(part, runs=part.runs[: 28 * 3 + 1])  # the run of the fourth seed counts nowhere
+    ranked = table.ranks([whole, part], V1.track("open"))
+    assert [(r.entry.name, r.rank) for r in ranked] == [("whole", "1"), ("part", "2")]
+    grid = table.grid(ranked, V1.track("open"))
+    assert [line.fields[1].text for line in grid.lines] == ["8", "3"]
+    assert grid.lines[1].fields[2].text == f"{np.mean([run['gospa'] for run in part.runs[:-1]]):.2f}"
+    assert "part has 85 of 224 runs and 3 whole seeds of 8" in " ".join(table.incomplete([part], V1.track("open")))
+    assert np.isfinite(table.spread([whole, part], V1.track("open"))).all()
+
+
+def test_the_first_seeds_alone_are_made_and_the_same_folder_goes_on(tiny, tmp_path):
+    one = ["run", "tiny", "--tracker", "rm-koch", "--track", "faults", "--out", tmp_path]
+    for count, more in ((1, ["--first", 1]), (2, [])):
+        done = call(*one, *more)
+        assert done.exit_code == 0, done.output
+        assert len(read(tmp_path / "tiny_rm-koch_development.json").runs) == count
+    assert "first must be at most 2" in call(*one, "--first", 3).output
