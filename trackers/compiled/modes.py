@@ -49,16 +49,20 @@ def moments(m: NDArray, P: NDArray, mu: NDArray, mean: NDArray, cov: NDArray) ->
 
 
 @compiled
-def begun(m: NDArray, mu: NDArray, onset: NDArray, dt: float, stays: float, share: NDArray) -> float:
+def begun(
+    m: NDArray, P: NDArray, mu: NDArray, onset: NDArray, told: float, dt: float, stays: float, share: NDArray
+) -> float:
     """(MODE.29): probabilities share (K,) that the modes begin from the first one within dt, and their sum.
 
-    stays is the probability to be in the first one still, by the chain.
+    told is `Modes.told_std`, stays the probability to be in the first one still, by the chain.
     """
+    nx, ny = -math.sin(m[0, PHI]), math.cos(m[0, PHI])
+    across = nx * (P[0, PX, PX] * nx + P[0, PX, PY] * ny) + ny * (P[0, PY, PX] * nx + P[0, PY, PY] * ny)
     speed = total = 0.0
     for k in range(len(mu)):
         speed += mu[k] * m[k, SPEED]
         total += onset[k]
-    slow = min(1.0, abs(speed) / SLOW)
+    slow = told**2 / (told**2 + across) * min(1.0, abs(speed) / SLOW)  # (MODE.33)
     some = min(1 - math.exp(-total * slow * dt), stays / 2)
     for k in range(len(mu)):
         share[k] = some * onset[k] * slow / max(total * slow, 1e-9)
@@ -67,13 +71,13 @@ def begun(m: NDArray, mu: NDArray, onset: NDArray, dt: float, stays: float, shar
 
 @compiled
 def mix(
-    m: NDArray, P: NDArray, mu: NDArray, kept: float, onset: NDArray, dt: float, m_new: NDArray, P_new: NDArray,
-    c: NDArray,
+    m: NDArray, P: NDArray, mu: NDArray, kept: float, onset: NDArray, told: float, dt: float, m_new: NDArray,
+    P_new: NDArray, c: NDArray,
 ) -> None:  # fmt: skip
     """(IMM.9), (IMM.10), (MODE.29): the start of each mode and its predicted probability c (K,)."""
     K = len(mu)
     w, share = np.empty(K), np.empty(K)
-    total = begun(m, mu, onset, dt, kept + (1 - kept) / K, share)
+    total = begun(m, P, mu, onset, told, dt, kept + (1 - kept) / K, share)
     for j in range(K):
         c[j] = 0.0
         for i in range(K):
@@ -96,7 +100,7 @@ def possible(u: float, lateral: float, curvature: float, fast: float) -> float:
 def move(m: NDArray, P: NDArray, dt: float, mode: NDArray, common: NDArray, size_walk: float, log: bool) -> float:
     """(MODE.2) to (MODE.7) of one mode, m (7,), P (7, 7) in place; returns (MODE.32), its log likelihood.
 
-    mode (4,): speed_walk, yaw_walk, axle, lateral; common (4,): curvature, slow_yaw, fast, bound_time.
+    mode (4,): speed_walk, yaw_walk, axle, lateral; common (5,) begins with curvature, slow_yaw, fast, bound_time.
     """
     curvature, slow_yaw, fast, bound_time = common[0], common[1], common[2], common[3]
     d, v, omega = mode[2] * metres(m[LENGTH], log), m[SPEED], m[OMEGA]

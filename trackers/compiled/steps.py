@@ -88,7 +88,7 @@ def predict(
     fit = np.empty(len(p.modes))
     for t in range(len(which)):
         x.ahead[t] = old.ahead[t] + modes.driven(old.m[t], old.P[t], old.mu[t], dt)
-        modes.mix(old.m[t], old.P[t], old.mu[t], kept, p.onset, dt, x.m[t], x.P[t], x.mu[t])
+        modes.mix(old.m[t], old.P[t], old.mu[t], kept, p.onset, p.common[4], dt, x.m[t], x.P[t], x.mu[t])
         for k in range(len(p.modes)):
             fit[k] = modes.move(x.m[t, k], x.P[t, k], dt, p.modes[k], p.common, p.size_walk, p.log_size)
         modes.reweight(x.mu[t], fit)

@@ -79,7 +79,7 @@ class Tables(NamedTuple):
     """Parameters of a filter of the place, motion modes and a size posterior."""
 
     modes: NDArray  # (K, 4) speed_walk, yaw_walk, axle, lateral
-    common: NDArray  # (4,) curvature, slow_yaw, fast, bound_time
+    common: NDArray  # (5,) curvature, slow_yaw, fast, bound_time, told_std
     axle: NDArray  # (K,)
     onset: NDArray  # (K,)
     rates: NDArray  # (5,) see `evidence.move`
@@ -129,7 +129,7 @@ class Tables(NamedTuple):
         ])  # fmt: skip
         values = (
             [[m.speed_walk, m.yaw_walk, m.axle, m.lateral] for m in M.table],
-            [M.curvature, M.slow_yaw, M.fast, M.bound_time], M.axle,
+            [M.curvature, M.slow_yaw, M.fast, M.bound_time, M.told_std], M.axle,
             [m.onset for m in M.table], [r.std, r.common_std, r.clip, motion.backwards, motion.settled],
             place.size_walk, motion.course, place.log_size,
             *(_densities(place) if isinstance(place, HTGMap) else _contours(place)),

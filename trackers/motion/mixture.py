@@ -67,7 +67,9 @@ class MotionModes:
         ahead = x.ahead + (x.mu * np.maximum(slowest, 0.0)).sum(-1) * dt  # (MODE.30)
         first = np.eye(len(self.modes.table))[0]
         kept = chain(len(first), self.stay, dt / self.step)
-        begun = self.modes.begun((x.mu * x.m[..., SPEED]).sum(-1), dt, kept[0, 0])
+        n = perpendicular(unit(x.m[..., 0, PHI]))
+        across = dot(n, (x.P[..., 0, :2, :2] @ n[..., None])[..., 0])
+        begun = self.modes.begun((x.mu * x.m[..., SPEED]).sum(-1), across, dt, kept[0, 0])
         Pi = kept + first[:, None] * begun[..., None, :]  # (MODE.29)
         Pi[..., 0, 0] -= begun.sum(-1)  # (MODE.29)
         m, P, mu = mix(x.m, x.P, x.mu, Pi, angles=ANGLES)

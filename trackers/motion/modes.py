@@ -39,8 +39,8 @@ FIVE = (
     Mode("straight", 0.1, 0.003, 0.25, 0.3),
     Mode("bend", 0.2, 0.03, 0.25, 3.0),
     Mode("brake", 2.0, 0.05, 0.25, 3.0),
-    Mode("turn-centre", 0.3, 0.3, 0.0, 4.0, 0.15),
-    Mode("turn-axle", 0.3, 0.3, 0.5, 4.0, 0.15),
+    Mode("turn-centre", 0.3, 0.3, 0.0, 4.0, 2.0),
+    Mode("turn-axle", 0.3, 0.3, 0.5, 4.0, 2.0),
 )
 
 
@@ -54,6 +54,7 @@ class Modes:
     fast: float = 10.0  # [m/s] from which on the acceleration across falls with the speed
     bound_time: float = 1.0  # [s] in which the bound of the yaw rate counts as one measurement
     birth_yaw_std: float = 0.3  # [rad/s] of all modes but the first, which has the prior's
+    told_std: float = 0.05  # [m] of the place across the body, at which turns begin half as often
     first: float = 0.69  # probability of the first mode at birth; the others share the rest
 
     def __post_init__(self) -> None:
@@ -73,12 +74,15 @@ class Modes:
         """Lambda (K,)."""
         return np.array([mode.axle for mode in self.table])
 
-    def begun(self, speed: NDArray, dt: float, stays: float = 1.0) -> NDArray:
+    def begun(self, speed: NDArray, across: NDArray, dt: float, stays: float = 1.0) -> NDArray:
         """Probabilities (..., K) that the modes begin from the first one within dt [s], at a speed (...) [m/s].
 
-        stays is the probability to be in the first mode still, by the chain: at most half of it is left in a long gap.
+        across (...) [m^2] is the variance of the place across the body: where it is little known, an onset cannot be
+        told. stays is the probability to be in the first mode still, by the chain: at most half of it is left in a
+        long gap.
         """
-        onset = self._onset * np.minimum(1.0, np.abs(speed) / SLOW)[..., None]
+        told = self.told_std**2 / (self.told_std**2 + across)  # (MODE.33)
+        onset = self._onset * (told * np.minimum(1.0, np.abs(speed) / SLOW))[..., None]
         total = onset.sum(-1, keepdims=True)
         some = np.minimum(1 - np.exp(-total * dt), stays / 2)
         return some * onset / np.maximum(total, 1e-9)  # (MODE.29)

@@ -190,10 +190,10 @@ def test_a_heading_that_was_driven_along_is_not_turned_round_by_the_sign_of_a_sp
 
 
 def test_turns_begin_at_their_rate_whatever_the_time_step():
-    modes = Modes()
-    quarter, whole = (modes.begun(np.array(8.0), dt) for dt in (0.05, 0.2))
+    modes, tenth = Modes(), np.array(9 * Modes().told_std ** 2)
+    quarter, whole = (modes.begun(np.array(8.0), tenth, dt) for dt in (0.05, 0.2))
     assert whole.sum() == pytest.approx(1 - (1 - quarter.sum()) ** 4)
-    assert whole.sum() == pytest.approx(1 - np.exp(-0.2 * sum(mode.onset for mode in FIVE)))
+    assert whole.sum() == pytest.approx(1 - np.exp(-0.02 * sum(mode.onset for mode in FIVE)))
     assert (whole[[mode.onset == 0 for mode in FIVE]] == 0).all()
     g = SPLINE.place.gaussian(SPLINE.place.init(prior((30.0, 0.0, 0.0), velocity=(8.0, 0.0))))
     x = SPLINE.motion.born(g)
@@ -201,10 +201,31 @@ def test_turns_begin_at_their_rate_whatever_the_time_step():
     livelier = Modes(tuple(replace(mode, onset=4 * mode.onset) for mode in FIVE))
     mu = [MotionModes(modes=m).predicted(x, SPLINE.place, 0.1).mu for m in (modes, livelier)]
     assert all(one.sum() == pytest.approx(1.0) for one in mu)
-    fast, slow, standing = (livelier.begun(np.array(v), 0.1) - modes.begun(np.array(v), 0.1) for v in (8.0, 0.3, 0.0))
+    across = x.P[0, 1, 1]
+    fast, slow, standing = (
+        livelier.begun(np.array(v), across, 0.1) - modes.begun(np.array(v), across, 0.1) for v in (8.0, 0.3, 0.0)
+    )
     assert (mu[1] - mu[0])[3:] == pytest.approx(fast[3:])
     assert (slow[3:] < 0.2 * fast[3:]).all()
     assert (standing == 0).all()
+
+
+def test_turns_begin_where_they_could_be_told():
+    modes = Modes()
+    seen, half, hidden = (
+        modes.begun(np.array(8.0), np.array(std**2), 0.01).sum() for std in (0.0, modes.told_std, 1.0)
+    )
+    assert half == pytest.approx(seen / 2, rel=0.02)
+    assert hidden < 0.01 * seen
+    g = SPLINE.place.gaussian(SPLINE.place.init(prior((30.0, 0.0, 0.5), velocity=(8.0, 0.0))))
+    x = SPLINE.motion.born(g)
+    along, aside = (np.array([f(0.5) for f in one]) for one in ((np.cos, np.sin), (lambda a: -np.sin(a), np.cos)))
+    turning = []
+    for axis in (along, aside):
+        P = x.P.copy()
+        P[..., :2, :2] = 1e-4 * np.eye(2) + np.outer(axis, axis)
+        turning.append(SPLINE.motion.predicted(x._replace(P=P, mu=np.eye(5)[0]), SPLINE.place, 0.05).mu[3:].sum())
+    assert turning[0] > 5 * turning[1]  # what is not known along the body does not matter
 
 
 @pytest.mark.parametrize("dt", [0.01, 0.5, 1.0, 2.0, 3.0, 10.0])
