@@ -148,13 +148,16 @@ def sentences(ranked: Sequence[Ranked], track: Track) -> Iterator[str]:
 
 def incomplete(entries: Sequence[Entry], track: Track) -> Iterator[str]:
     """Which entries lack runs of a track: their means are of other seeds, or they are no part of its table."""
-    cases = track.case_names
+    cases, alike = track.case_names, dict[str, list[str]]()
     for one in entries:
         runs, wanted = sum(at[0] == track.name for at in one.at), len(cases) * len(one.seeds)
         if 0 < runs < wanted:
             seeds = len(one.whole(track.name, cases))
             rank = f"{seeds} whole seeds of {len(one.seeds)}" if seeds else "no rank"
-            yield f"{track.name}: {one.name} has {runs} of {wanted} runs and {rank}; the same command makes the rest"
+            alike.setdefault(f"{runs} of {wanted} runs and {rank}", []).append(one.name)
+    for what, names in alike.items():
+        who = f"all {len(names)} entries" if len(names) == len(entries) > 1 else ", ".join(names)
+        yield f"{track.name}: {who} {'has' if len(names) == 1 else 'have'} {what}; the same command makes the rest"
 
 
 def shown(entries: Sequence[Entry]) -> Iterator[RenderableType]:
