@@ -9,9 +9,11 @@ from tests.trackers.motion.moments import inward, recorded, watch
 NOW, BEFORE = moments.tracker(), moments.tracker(blind=True, sure=True, lazy=True)
 
 
-def seeds(*quick, slow=()):
-    """Seeds as parameters, those of `slow` marked so."""
-    return pytest.mark.parametrize("seed", [*quick, *(pytest.param(s, marks=pytest.mark.slow) for s in slow)])
+def seeds(*quick, slow=(), failing=()):
+    """Seeds as parameters, those of `slow` marked so; those of `failing` are known not to keep the bounds."""
+    marks = [(slow, ()), (failing, (pytest.mark.xfail(strict=True, reason="not yet as good as it is to be"),))]
+    rare = (pytest.param(s, marks=(pytest.mark.slow, *more)) for some, more in marks for s in some)
+    return pytest.mark.parametrize("seed", [*quick, *rare])
 
 
 def beside(tracker, seed):
@@ -21,12 +23,12 @@ def beside(tracker, seed):
     return np.mean(moment.across[w, 1]), np.ptp(moment.offset[w]), np.abs(moment.offset[w]).max()
 
 
-@seeds(1, slow=(2, 3, 4, 5))
+@seeds(2, slow=(4, 6), failing=(1, 3, 5))
 def test_a_vehicle_that_is_passed_stays_in_its_lane(seed):
     across, drift, offset = beside(NOW, seed)
-    assert abs(across) < 0.15
-    assert drift < 0.65
-    assert offset < 0.5
+    assert abs(across) < 0.12
+    assert drift < 0.4
+    assert offset < 0.3
 
 
 def test_what_lies_out_of_view_was_taken_for_a_drift():
@@ -41,10 +43,10 @@ def turning(tracker, seed):
     return np.degrees(np.abs(turn).max()), np.mean((turn / std) ** 2), set(moment.track[w])
 
 
-@seeds(1, slow=(2, 3))
+@seeds(1, slow=(3, 4), failing=(2,))
 def test_the_heading_follows_a_turn_from_its_onset(seed):
     error, nees, ids = turning(NOW, seed)
-    assert error < 4.5
+    assert error < 4.0
     assert nees < 3.0
     assert len(ids) == 1
 
