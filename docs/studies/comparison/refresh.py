@@ -55,7 +55,7 @@ EXACT = (  # scenario, planner, condition, seed
     ("probe-brake", "mpc-cautious", "edra-imm+drop:0.2", 203),
     ("probe-jam", "idm", "truth", 204),
 )
-OLD = old_names("drives")  # of metrics of drives
+OLD = old_names("drives")  # of metrics of drives, in `KEPT`
 SHOWN = 40  # rows of the table
 SEARCHED = 1e-5  # relative: a paper's descent ends elsewhere on another processor, once 1.3e-7 apart
 DIGITS = 9  # significant; that tell a float32 from its neighbours
@@ -110,7 +110,7 @@ def drives_committed(results: Path, pieces: Sequence[Piece]) -> Iterator[Numbers
     """Measures of the drive and errors of its tracker; CPU times are not compared."""
     for piece in pieces:
         drive, folder = piece.arguments
-        table = pd.read_parquet(results / "regret" / folder / "drives.parquet").rename(columns=OLD)
+        table = pd.read_parquet(results / "regret" / folder / "drives.parquet")
         own = table[np.logical_and.reduce([table[key] == value for key, value in drive._asdict().items()])]
         (row,) = own.drop(columns=[*DRIVE_KEY, "cpu"]).to_dict("records")
         yield row
@@ -143,7 +143,7 @@ def probes_committed(results: Path, pieces: Sequence[Piece]) -> Iterator[Numbers
     known = json.loads((results / "probes.json").read_text())["drives"]
     for piece in pieces:
         probe, seed = piece.arguments
-        yield {OLD.get(key, key): value for key, value in known[probe][seed].items()}
+        yield known[probe][seed]
 
 
 def probe_again(folder: Path, probe: str, seed: int) -> Numbers:

@@ -10,7 +10,6 @@ import typer
 from studies.page import DOCS, Docs, Page, fill
 from studies.regret.caution import differences
 from testbed.command_line.terminal import console, user_input
-from testbed.evaluation.metric import old_names
 from testbed.experiments.pairs import KEY, SCORE, Attribution, Cell, scored
 from testbed.experiments.regret import DRIVES, PAIRS, write_table
 from testbed.experiments.report import figures_regret
@@ -24,7 +23,6 @@ from testbed.files import make_directory
 from testbed.log.text import markdown_table
 from trackers import DEFAULT
 
-OLD = old_names("drives")
 ABOUT = "about.txt"  # in docs/results/regret, written by hand: of which code the drives are, and what they say
 PARTS = ("main", "attribution", "doses", "caution")  # folders of docs/results/regret
 
@@ -80,7 +78,7 @@ def publish(folders: Sequence[Path], place: Path) -> None:
             if not (folder / name).exists():
                 raise ValueError(f"{folder} has no {name}; make it with `testbed regret --out {folder}`")
     for name, keys in ((DRIVES, [*KEY]), (PAIRS, ["reference", *KEY])):
-        table = joined([pd.read_parquet(folder / name).rename(columns=OLD) for folder in folders], keys)
+        table = joined([pd.read_parquet(folder / name) for folder in folders], keys)
         make_directory(place)
         write_table(table, place / name)
     console.print(f"tables   {place}", soft_wrap=True)
@@ -100,7 +98,7 @@ def joined(tables: Sequence[pd.DataFrame], keys: list[str]) -> pd.DataFrame:
 
 def load(place: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
     """The tables of drives and of pairs."""
-    drives, pairs = (pd.read_parquet(place / name).rename(columns=OLD) for name in (DRIVES, PAIRS))
+    drives, pairs = (pd.read_parquet(place / name) for name in (DRIVES, PAIRS))
     return scored(drives, pairs)
 
 
