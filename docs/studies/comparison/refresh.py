@@ -30,9 +30,9 @@ from testbed.evaluation.metric import old_names
 from testbed.experiments import probe as probing
 from testbed.experiments.engine import Engine, check, perform
 from testbed.experiments.pairs import KEY as DRIVE_KEY
-from testbed.experiments.pairs import Drive
+from testbed.experiments.pairs import SCORE, Drive
 from testbed.experiments.probe import limit, parameter_of
-from testbed.experiments.regret import Regret
+from testbed.experiments.regret import DRIVES, Regret
 from testbed.experiments.run import FAILED, Outcome, Run, outcome_of
 from testbed.experiments.store import Store
 from testbed.files import write_json
@@ -58,6 +58,7 @@ EXACT = (  # scenario, planner, condition, seed
 OLD = old_names("drives")  # of metrics of drives, in `KEPT`
 SHOWN = 40  # rows of the table
 SEARCHED = 1e-5  # relative: a paper's descent ends elsewhere on another processor, once 1.3e-7 apart
+NOT_ALONE = ("cpu", SCORE)  # not compared: the time differs, the score needs the drive on the truth too
 DIGITS = 9  # significant; that tell a float32 from its neighbours
 Numbers = dict[str, float]
 
@@ -98,21 +99,20 @@ def drives(results: Path) -> list[Piece]:
     """Drives of all parts of the study of regret."""
     return [
         Piece("drives", f"{folder.name}: {drive.name}", drive.condition, (drive, folder.name))
-        for folder in sorted((results / "regret").iterdir())
+        for folder in sorted(place.parent for place in (results / "regret").glob(f"*/{DRIVES}"))
         for drive in (
-            Drive(*row)
-            for row in pd.read_parquet(folder / "drives.parquet")[[*DRIVE_KEY]].itertuples(index=False, name=None)
+            Drive(*row) for row in pd.read_parquet(folder / DRIVES)[[*DRIVE_KEY]].itertuples(index=False, name=None)
         )
     ]
 
 
 def drives_committed(results: Path, pieces: Sequence[Piece]) -> Iterator[Numbers]:
-    """Measures of the drive and errors of its tracker; CPU times are not compared."""
+    """Measures of the drive and errors of its tracker."""
     for piece in pieces:
         drive, folder = piece.arguments
-        table = pd.read_parquet(results / "regret" / folder / "drives.parquet")
+        table = pd.read_parquet(results / "regret" / folder / DRIVES)
         own = table[np.logical_and.reduce([table[key] == value for key, value in drive._asdict().items()])]
-        (row,) = own.drop(columns=[*DRIVE_KEY, "cpu"]).to_dict("records")
+        (row,) = own.drop(columns=[*DRIVE_KEY, *NOT_ALONE]).to_dict("records")
         yield row
 
 
@@ -120,7 +120,9 @@ def drive_again(folder: Path, drive: Drive, *part: str) -> Numbers:
     """The same of a drive made now."""
     study = Regret((drive.scenario,), (drive.planner,), (DEFAULT,), (drive.seed,))
     (found,) = study.make(study.run(drive), Store(study, folder)).spans
-    return {key: nan if value is None else float(value) for key, value in found.items() if key not in ("phase", "cpu")}
+    return {
+        key: nan if value is None else float(value) for key, value in found.items() if key not in ("phase", *NOT_ALONE)
+    }
 
 
 def exact_drives(results: Path) -> list[Piece]:

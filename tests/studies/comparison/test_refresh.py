@@ -22,6 +22,7 @@ def test_each_part_is_repeated_and_a_changed_number_of_it_is_shown(part, tmp_pat
     for name in ("probes.json", KEPT):
         shutil.copy(committed / name, tmp_path)
     shutil.copytree(committed / "regret" / "doses", tmp_path / "regret" / "doses")
+    shutil.copy(committed / "regret" / "about.txt", tmp_path / "regret")
     monkeypatch.setattr(refresh_module, "CASES", {"hoher2022": refresh_module.CASES["hoher2022"]})
     refresh(tmp_path, 1, part)
     assert f"equal    {part}: " in capsys.readouterr().out
