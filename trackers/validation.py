@@ -272,7 +272,7 @@ def usable(new: Any, old: Any, lead: tuple[int, ...]) -> NDArray:
     if not values:
         return good
     every = np.concatenate(values, axis=None)
-    if np.vdot(every, every) <= LARGEST**2:  # the usual case, decided at little cost
+    if np.abs(every).max(initial=0.0) <= LARGEST:  # the usual case, decided at little cost
         return good
     for value in values:
         good = good & (np.abs(value) <= LARGEST).all(tuple(range(len(lead), np.ndim(value))))

@@ -125,8 +125,8 @@ class Association:
         for a density that is even over the box. false_alarms (S,) are those of the data sheets, with which those of
         this scan are compared; None: the clutter is that of the data sheets.
         """
-        track, detection, log_box = self._inside_gate(estimate, z)
-        log_rate, near = self._rate_gate(estimate, z, track, detection)
+        track, detection, log_box = self.inside_gate(estimate, z)
+        log_rate, near = self.inside_rate_gate(estimate, z, track, detection)
         track, detection, log_box, log_rate = (a[near] for a in (track, detection, log_box, log_rate))
         if log_spatial is not None:
             log_box = log_spatial(state, z.scan, track, detection)
@@ -154,7 +154,7 @@ class Association:
         sheet = np.maximum(false_alarms, 1.0)
         return np.where(alarms > self.alarms[0] + self.alarms[1] * sheet, alarms / sheet, 1.0)  # (MOT.49)
 
-    def _inside_gate(self, estimate: Estimate, z: SortedScan) -> tuple[NDArray, NDArray, NDArray]:
+    def inside_gate(self, estimate: Estimate, z: SortedScan) -> tuple[NDArray, NDArray, NDArray]:
         """Pairs (G,) inside the position gate, and the log density (G,) [1/m^2] of a box blurred by all noise."""
         M = rotation(estimate.pose[:, 2])
         P = (M.mT @ estimate.cov[:, :2, :2] @ M).diagonal(axis1=-2, axis2=-1)
@@ -198,7 +198,7 @@ class Association:
         rows[there] = np.concatenate(found).astype(int)
         return rows, there
 
-    def _rate_gate(
+    def inside_rate_gate(
         self, estimate: Estimate, z: SortedScan, track: NDArray, detection: NDArray
     ) -> tuple[NDArray, NDArray]:
         """Log density (G,) [s/m] of the ground range rates, 0 where not measured, and whether inside the rate gate."""

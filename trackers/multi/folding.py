@@ -32,11 +32,11 @@ def unfolded(scan: Scan, tracks: Tracks, association: Association, sensors: Sens
     aim = np.zeros(M)
     aim[order] = np.where(z.static, 0.0, dot(z.sight, traffic))  # (MOT.51)
     if len(tracks.id):
-        track, j, log_p = association._inside_gate(box, z)
+        track, j, log_p = association.inside_gate(box, z)
         u, xy = z.sight[j], z.xy[j]
         ghat = over_ground(u, box.velocity[track], box.yaw_rate[track], xy - box.pose[track, :2])
         pairs = z._replace(xy=xy, sight=u, rate=z.rate[j] + laps(ghat - z.rate[j], fold[order[j]]))
-        log_rate, near = association._rate_gate(box, pairs, track, np.arange(len(j)))
+        log_rate, near = association.inside_rate_gate(box, pairs, track, np.arange(len(j)))
         best = np.argsort(np.where(near, log_p + log_rate, -np.inf), kind="stable")
         best = best[near[best]]
         aim[order[j[best]]] = ghat[best]  # the best comes last, (MOT.51)

@@ -4,17 +4,19 @@ Equations: docs/methods/size-from-both-ends.md, sections 1 and 4. A[k, n] is the
 density of all detections so far given size L_k and offset o_n.
 """
 
+import math
 from dataclasses import dataclass, fields
 from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
 
 from trackers.parameters import check_numbers
 
 VACATED = -300.0  # [nat] log likelihood of cells that nothing is known of, below the maximum
 LEAST = 1e-300  # probabilities below this count as this before their logarithm is taken
+TIMES = 12  # digits of a second that count: steps are differences of times, and differ in what is behind
+TERMS = 19  # of a series whose terms fall as 1 / n!
 
 
 @dataclass(frozen=True)
@@ -75,7 +77,7 @@ class Grid:
 
     def transition(self, dt: float, offset_tau: float, lost_rate: float) -> NDArray:
         """Probabilities (N, N) of the offset after dt [s] (columns) given the one before (rows)."""
-        return _transition(self, dt, offset_tau, lost_rate)
+        return _transition(self, round(dt, TIMES), offset_tau, lost_rate)
 
     def rolled(self, A: NDArray, steps: NDArray) -> NDArray:
         """A (T, K, N) about boxes whose anchor end was moved out by whole steps (T,) int; A itself without a step."""
@@ -102,16 +104,36 @@ class Grid:
 
 @lru_cache(maxsize=256)
 def _transition(grid: Grid, dt: float, offset_tau: float, lost_rate: float) -> NDArray:
+    rate, powers = _jumps(grid, offset_tau)
+    halvings = max(0, math.ceil(math.log2(max(rate * dt, 1.0))))
+    mean = rate * dt / 2**halvings
+    poisson = np.cumprod(np.r_[np.exp(-mean), mean / np.arange(1, TERMS)])
+    P = np.einsum("n,nij->ij", poisson, powers)
+    for _ in range(halvings):
+        P = P @ P
+    kept = np.exp(-lost_rate * dt)
+    return kept * P + (1 - kept) / len(P)  # (ENDS.14)
+
+
+@lru_cache(maxsize=32)
+def _jumps(grid: Grid, offset_tau: float) -> tuple[float, NDArray]:
+    """Greatest rate [1/s] at which a cell is left, and the powers (TERMS, N, N) of the matrix of jumps at this rate.
+
+    With as many jumps as a Poisson variable says, exp(Q dt) is a sum of positive terms (uniformization). That of scipy
+    wakes threads, which for a while take a core each.
+    """
     o, h = grid.offsets, grid.step
-    N = len(o)
     jump = grid.offset_std**2 / offset_tau / h**2  # rate [1/s] of steps either way that the spread needs
     pull = o / (h * offset_tau)  # rate [1/s] of steps back to the box
     up = np.maximum(jump - pull / 2, np.maximum(-pull, 0.0))  # (ENDS.13)
     down = up + pull  # (ENDS.13)
     up[-1] = down[0] = 0.0
-    Q = np.diag(up[:-1], 1) + np.diag(down[1:], -1) - np.diag(up + down)
-    kept = np.exp(-lost_rate * dt)
-    return kept * np.maximum(expm(Q * dt), 0.0) + (1 - kept) / N  # (ENDS.14)
+    rate = float((up + down).max())
+    J = (np.diag(up[:-1], 1) + np.diag(down[1:], -1) + np.diag(rate - up - down)) / rate
+    powers = [np.eye(len(o))]
+    while len(powers) < TERMS:
+        powers.append(powers[-1] @ J)
+    return rate, np.array(powers)
 
 
 LENGTH = Grid(first=1.75, last=19.5, reach=2.5, step=0.25, birth_std=1.2, offset_std=0.2, span=12.0)

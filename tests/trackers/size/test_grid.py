@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from trackers.size.evidence import with_evidence
 from trackers.size.grid import LENGTH, WIDTH, Grid
@@ -75,6 +76,26 @@ def test_the_offset_returns_to_the_box_as_its_process_says(grid):
     np.testing.assert_allclose(P @ P, grid.transition(2 * dt, tau, 0.0), atol=1e-12)
     still = grid.transition(100 * tau, tau, 0.0)[0]
     assert np.sqrt(still @ o**2) == pytest.approx(grid.offset_std, rel=0.05)
+
+
+@GRIDS
+@pytest.mark.parametrize("dt", [1e-6, 1 / 15, 0.4, 60.0])
+def test_the_transition_is_the_exponential_of_the_rates_of_its_steps(grid, dt):
+    """Rates from the transition over the shortest step, with an error of a 10^-6 of them."""
+    tau, short = 2.0, 1e-9
+    Q = (grid.transition(short, tau, 0.0) - np.eye(len(grid.offsets))) / short
+    P = grid.transition(dt, tau, 0.0)
+    np.testing.assert_allclose(P, expm(Q * dt), atol=2e-6 * min(dt, 1.0))
+    half = grid.transition(round(dt / 2, 12), tau, 0.0)
+    np.testing.assert_allclose(P, half @ half, atol=1e-10)
+    assert P.min() >= 0
+
+
+@GRIDS
+def test_steps_that_differ_by_rounding_have_one_transition(grid):
+    times = np.arange(400) / 15
+    found = {grid.transition(float(dt), 2.0, 1e-3).tobytes() for dt in np.diff(times)}
+    assert len(found) == 1
 
 
 def test_a_misplaced_box_is_allowed_for():
