@@ -136,7 +136,7 @@ def test_detections_beside_an_end_count_more_often_for_the_offset_than_those_on_
     f, scan = sized().size, scan_of(draw(np.random.default_rng(0), 36, 12.0, 2.5))
     rows, box = np.zeros(36, int), Boxes(np.array([pose]), np.array([[12.0, 2.5]]), -np.ones((1, 2)))
     hits = hits_of(scan, (np.arange(36),), rows, box.pose, f.profiles, f.sigma)
-    *_, sharper = evidence(f.grids, hits, box, rows[:1], np.ones(1, bool), 0.04, 6, 0.3, f.offset_share, None)
+    *_, sharper, _ = evidence(f.grids, hits, box, rows[:1], np.ones(1, bool), 0.04, 6, 0.3, f.offset_share, None)
     np.testing.assert_allclose(sharper, [often])
 
 
