@@ -150,6 +150,14 @@ def rates(
 
 
 @compiled
+def positive(m: NDArray, log: bool) -> None:
+    """Modes m (K, 7) in place with sizes of `LEAST_SIZE` at least."""
+    if not log:
+        for k in range(len(m)):
+            m[k, LENGTH], m[k, WIDTH] = max(m[k, LENGTH], LEAST_SIZE), max(m[k, WIDTH], LEAST_SIZE)
+
+
+@compiled
 def move(
     mu: NDArray, m: NDArray, P: NDArray, log: bool, mean: NDArray, cov: NDArray, m_new: NDArray, P_new: NDArray,
     axle: NDArray, z: NDArray, settings: NDArray, ahead: NDArray,
@@ -168,12 +176,12 @@ def move(
             m[k], P[k] = m_new, P_new
         else:
             log_l[k] = correct(m[k], P[k], mean, s, Lam)
-        if not log:
-            m[k, LENGTH], m[k, WIDTH] = max(m[k, LENGTH], LEAST_SIZE), max(m[k, WIDTH], LEAST_SIZE)
+    positive(m, log)
     for i in range(len(z)):
         measured |= math.isfinite(z[i, RATE])
     if measured:
         rates(mu, m, P, log, axle, z, settings, log_l)
+        positive(m, log)
     reweight(mu, log_l)
     ahead[0] = forward(m, P, mu, ahead[0], settings[3], settings[4], mean, cov)
     return True

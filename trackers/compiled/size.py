@@ -17,6 +17,7 @@ from trackers.compiled.vector import exponentials, logarithms
 WIDER = 1.0  # [m] as in `trackers.size.hidden`
 ROLLED_ABOVE = 0.75  # as in `trackers.size.posterior`
 SIDE = math.sin(math.radians(10.0))
+LEAST_SHOWN, LEAST = 0.05, 1e-300  # as in `trackers.size.evidence` and `.grid`
 
 
 @compiled
@@ -127,6 +128,22 @@ def add(A: NDArray, p: NDArray, weight: float, sharper: float, part: float, cut:
 
 
 @compiled
+def loosen(A: NDArray, grid: NDArray, share: float, birth_std: float) -> None:
+    """(ENDS.42): A (K, N) in place, of a share of whose probability the offset is that of a new object."""
+    K, N = A.shape
+    top, born, p = A.max(), np.empty(N), np.empty(N)
+    for n in range(N):
+        born[n] = math.exp(-0.5 * ((grid[2] + grid[1] * n) / birth_std) ** 2)
+    born /= born.sum()
+    for k in range(K):
+        for n in range(N):
+            p[n] = math.exp(A[k, n] - top)
+        total = p.sum()
+        for n in range(N):
+            A[k, n] = math.log(max(p[n] + share * (total * born[n] - p[n]), LEAST)) + top
+
+
+@compiled
 def moved_back(
     was: NDArray, box: NDArray, z: NDArray, sheet: NDArray, std: NDArray, reach: NDArray, xy: NDArray, place: NDArray
 ) -> NDArray:
@@ -182,7 +199,8 @@ def read(
     was and after (3,) are its pose before and after the scan.
 
     sheet (S, 14): max_range, fov, inside, grazing, weight, depth (2), rounding (2, 2), least_room (2), surface.
-    settings (7,): outliers, independent, part_weight, offset_share, spread of the offsets (2), standing.
+    settings (9,): outliers, independent, part_weight, offset_share, spread of the offsets (2), standing, unseen_share,
+    spread of the offset of the length at birth.
     Returns the number of detections from beside the body.
     """
     M = len(z)
@@ -197,7 +215,7 @@ def read(
     end, shown, cut, as_of = np.zeros((M, 2), np.int64), np.zeros((M, 2)), np.zeros(M, np.bool_), np.empty(M, np.int64)
     N, W, D, V = near_l.shape[1], near_w.shape[1], far_l.shape[1], far_w.shape[1]
     rooms_l, rooms_fl, rooms_w, rooms_fw = np.empty((M, N)), np.empty((M, D)), np.empty((M, W)), np.empty((M, V))
-    seen, ends, sides, weight = np.ones((M, 2)), 0.0, 0.0, 0.0
+    seen, ends, sides, weight, unseen = np.ones((M, 2)), 0.0, 0.0, 0.0, 0.0
     for i in range(M):
         s, first, pose = sheet[int(z[i, SENSOR])], i, z[i, POSE : POSE + 3]
         for j in range(i - 1, -1, -1):
@@ -212,6 +230,7 @@ def read(
                                   rooms_fl[i])  # fmt: skip
                 seen[i, 0] = room(1, anchor, size, place[i], box, pose, s[0], s[1], grid_w, near_w, far_w, rooms_w[i],
                                   rooms_fw[i])  # fmt: skip
+        unseen += 1 / M if seen[i, 0] < LEAST_SHOWN else 0.0
         for a in range(2):
             beyond = anchor[a] * place[i, a]
             end[i, a] = 1 if beyond > size[a] / 2 else (-1 if beyond < -size[a] / 2 else 0)
@@ -234,6 +253,8 @@ def read(
         multiply(grid_w, settings[0], q, size[1] / 2 - anchor[1] * xy[i, 1], std[i, 1],
                  f * shown[i, 1], end[i, 1] < 0, s[12], s[5:7], s[9:11], rooms_w[j], rooms_fw[j], cut[i])  # fmt: skip
     sharper = (max(1.0, settings[3] * (1 - on_end[0]) / weight), max(1.0, settings[3] * (1 - on_end[1]) / weight))
+    if unseen > 0 and settings[7] > 0:
+        loosen(A_l, grid_l, settings[7] * unseen, settings[8])
     add(A_l, p, weight, sharper[0], 1.0, False)
     add(A_w, q, weight, sharper[1], settings[2], not whole and sides < ends)
     return aside

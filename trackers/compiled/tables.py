@@ -114,7 +114,7 @@ class Tables(NamedTuple):
     insets: NDArray  # (C, 2)
     hinges: NDArray  # (2, C)
     sheet: NDArray  # (S, 14) see `size.read`
-    size: NDArray  # (7,) see `size.read`
+    size: NDArray  # (9,) see `size.read`
 
     @classmethod
     def of(cls, place: Any, motion: Any, size: Any) -> "Tables":
@@ -137,7 +137,8 @@ class Tables(NamedTuple):
             np.reshape([one[:3] for one in loads], (-1, 3)),
             np.reshape(at, (-1, len(size.length.sizes))), size.enough_side,
             [size.pin, size.least_pin, size.face_std, *offset_std], size.prior.insets, size.prior.hinges, sheet,
-            [size.outliers, size.independent, size.part_weight, size.offset_share, *offset_std, size.standing],
+            [size.outliers, size.independent, size.part_weight, size.offset_share, *offset_std, size.standing,
+             size.unseen_share, size.length.birth_std],
         )  # fmt: skip
         return cls(*map(_plain, cls._fields, values))
 

@@ -80,11 +80,10 @@ class MotionModes:
     def corrected(self, x: Mixture, before: Gaussian, after: Gaussian, place: Any, scan: Scan) -> Mixture:
         """The modes after an update of the contour filter, which took `before` to `after`, and the range rates."""
         m, P, log_l = corrected(x.m, x.P, likelihood(before, after), after)
-        if not place.log_size:
-            m[..., SIZE:] = np.maximum(m[..., SIZE:], LEAST_SIZE)
+        m = positive(m, place.log_size)
         size = size_of(m, place.log_size)
         m, P, more = self.rates.correct(x.mu, m, P, Body(self.modes.axle * size[..., 0], size), scan)
-        return x._replace(mu=reweight(x.mu, log_l + more), m=m, P=P)  # (MODE.22)
+        return x._replace(mu=reweight(x.mu, log_l + more), m=positive(m, place.log_size), P=P)  # (MODE.22)
 
     def forward(self, x: Mixture) -> tuple[Mixture, Gaussian, NDArray]:
         """The modes, turned round where (...) the body would move backwards too fast, their moments, and where."""
@@ -141,6 +140,11 @@ class MotionModes:
 def size_of(m: NDArray, log: bool) -> NDArray:
     """Length and width (..., 2) [m] of means m (..., 7), which hold their logarithms or themselves."""
     return np.exp(m[..., SIZE:]) if log else m[..., SIZE:]
+
+
+def positive(m: NDArray, log: bool) -> NDArray:
+    """Means m (..., 7) with sizes of `LEAST_SIZE` at least: places and, by correlation, range rates may extrapolate."""
+    return m if log else np.concatenate([m[..., :SIZE], np.maximum(m[..., SIZE:], LEAST_SIZE)], -1)
 
 
 def resized(x: Mixture, old: Gaussian, new: Gaussian) -> Mixture:

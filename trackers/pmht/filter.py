@@ -169,6 +169,7 @@ class SplinePmht:
                 m, P = self.form.update(state.m, prior, ellipses.mu, E, z)
             np.maximum(m[..., LENGTH:], LEAST_SIZE, out=m[..., LENGTH:])
         m, P = self.rates.correct(m, P, scan, xy)  # (RR.4)
+        np.maximum(m[..., LENGTH:], LEAST_SIZE, out=m[..., LENGTH:])  # by correlation with the speed
         new = state._replace(m=m, P=P)
         return new if n.all() else select(n > 0, new, state), info
 

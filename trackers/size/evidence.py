@@ -10,6 +10,9 @@ from trackers.size.grid import Grid
 from trackers.size.hidden import Around, open_rooms
 from trackers.size.hits import Boxes, Hits, Lit, depths, lit
 from trackers.size.likelihood import log_likelihood
+from trackers.size.visible import Room
+
+LEAST_SHOWN = 0.05  # share of an end in view, below which it is out of view
 
 
 def facing(anchor: NDArray, size: NDArray, place: NDArray) -> NDArray:
@@ -24,15 +27,18 @@ def facing(anchor: NDArray, size: NDArray, place: NDArray) -> NDArray:
 def evidence(
     grids: tuple[Grid, Grid], hits: Hits, boxes: Boxes, start: NDArray, fully_visible: NDArray,
     outliers: float, independent: int | NDArray, part_weight: float, offset_share: float, around: Around | None,
-) -> tuple[NDArray, NDArray, NDArray]:  # fmt: skip
+) -> tuple[NDArray, NDArray, NDArray, NDArray]:  # fmt: skip
     """What detections add to the grids of length (H, K, N) and width (H, K', N'), and how often (H, 2) for offsets.
+
+    The fourth array (H,) is the share of them whose sensors have the anchor end of the length out of view.
 
     start (H,) is the first detection of each object, independent (H,) how many of them count, fully_visible (H,)
     bool whether the scan shows it completely; around is the complete scan, None where it is not known.
     """
     n = np.diff(start, append=len(hits.row))
     sides = lit(hits, boxes)
-    both = depths(hits, boxes, sides, open_rooms(grids, hits, boxes, sides, around))
+    rooms = open_rooms(grids, hits, boxes, sides, around)
+    both = depths(hits, boxes, sides, rooms)
     of_length, of_width = (log_likelihood(grid, z, start, outliers) for grid, z in zip(grids, both, strict=True))
     weight = np.add.reduceat(hits.sensor.weight, start) / n * np.minimum(1.0, independent / n)  # (ENDS.9)
     cut = ~fully_visible & width_is_cut(hits, boxes, sides, start)
@@ -41,7 +47,19 @@ def evidence(
     on_end = np.add.reduceat(sides.shown / np.maximum(sides.shown.sum(-1, keepdims=True), 1e-9), start) / n[:, None]
     sharper = np.maximum(1.0, offset_share * (1 - on_end) / weight[:, None])  # (ENDS.39)
     weight = weight[:, None, None]
-    return weight * of_length, weight * of_width, sharper
+    unseen = np.add.reduceat(_out_of_view(rooms[1], hits), start) / n
+    return weight * of_length, weight * of_width, sharper, unseen
+
+
+def _out_of_view(across: list[Room], hits: Hits) -> NDArray:
+    """1 for each of G detections whose sensor has the end of the box out of view that the cells `across` lie on.
+
+    Of sensors whose detections hide it is not known why an end is not seen: 0.
+    """
+    out = np.zeros(len(hits.row))
+    for room in across:
+        out[room.rows] = (room.share < LEAST_SHOWN) & (hits.sensor.hiding[room.rows, 0] == 0)
+    return out
 
 
 def with_evidence(A: NDArray, log_p: NDArray, sharper: NDArray) -> NDArray:

@@ -79,6 +79,18 @@ class Grid:
         """Probabilities (N, N) of the offset after dt [s] (columns) given the one before (rows)."""
         return _transition(self, round(dt, TIMES), offset_tau, lost_rate)
 
+    def loosened(self, A: NDArray, share: NDArray) -> NDArray:
+        """A (T, K, N) where of a share (T,) of the probability of each size the offset is that of a new object."""
+        some = share > 0
+        if not some.any():
+            return A
+        new, top = A.copy(), A[some].max((-2, -1), keepdims=True)
+        born = np.exp(-0.5 * (self.offsets / self.birth_std) ** 2)
+        p = np.exp(A[some] - top)
+        p += share[some, None, None] * (p.sum(-1, keepdims=True) * (born / born.sum()) - p)  # (ENDS.42)
+        new[some] = np.log(np.maximum(p, LEAST)) + top
+        return new
+
     def rolled(self, A: NDArray, steps: NDArray) -> NDArray:
         """A (T, K, N) about boxes whose anchor end was moved out by whole steps (T,) int; A itself without a step."""
         if not steps.any():

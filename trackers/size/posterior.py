@@ -63,6 +63,7 @@ class SizePosterior:
     independent: int = 6  # n_eff: a scan with more detections counts as so many
     standing: int = 2  # the same of a body that stands, whose places are hit again
     offset_share: float = 0.5  # of the detections beside its ends that count at least for the offset
+    unseen_share: float = 0.1  # by which a scan with the anchor end of the length out of view loosens its offset
     memory: float = 10.0  # [s]
     offset_tau: float = 2.0  # [s] time constant of the offset
     lost_rate: float = 1.5e-3  # [1/s] at which a box is misplaced
@@ -158,10 +159,11 @@ class SizePosterior:
             around = around.among(rows)
         stands = flat(np.hypot(*np.moveaxis(box.velocity, -1, 0)), axes)[rows] < STANDS
         independent = np.where(stands, self.standing, self.independent)  # (ENDS.9)
-        *more, sharper = evidence(
+        *more, sharper, unseen = evidence(
             self.grids, hits, boxes, start, fully_visible, self.outliers, independent, self.part_weight,
             self.offset_share, around,
         )  # fmt: skip
+        length = self.length.loosened(length, self.unseen_share * unseen)  # (ENDS.42)
         length, width = (with_evidence(*x) for x in zip((length, width), more, sharper.T, strict=True))
         beside = np.add.reduceat((np.abs(hits.sight[:, 1]) > SIDE).astype(float), start)
         straight = np.abs(flat(_curvature(box), axes)[rows]) < STRAIGHT

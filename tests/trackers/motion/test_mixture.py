@@ -18,6 +18,7 @@ from trackers.geometry import rotation, unit, wrap_angle
 from trackers.motion.mixture import MotionModes, without_rates
 from trackers.motion.modes import FIVE, Modes
 from trackers.motion.rates import Body, ScanRates
+from trackers.range_rate import RangeRates
 
 BASES = ("htg-map", "pmht-spline", "pmht-spline-adaptive")
 EITHER = pytest.mark.parametrize("base", BASES)
@@ -288,6 +289,19 @@ def yaw_rate_nees(azimuth_std, runs=300, yaw_rate=0.4, seed=5):
 def test_the_noise_of_a_far_place_is_not_evidence_that_a_body_does_not_turn():
     assert 0.5 < yaw_rate_nees(0.015).mean() < 1.6
     assert yaw_rate_nees(1e-6).mean() > 5.0
+
+
+@pytest.mark.parametrize("filter", [SPLINE, find("pmht-spline", rates=RangeRates(weight=1.0))], ids=["modes", "alone"])
+def test_range_rates_make_no_size_negative(filter):
+    state = filter.init(prior((30.0, 0.0, 0.0), velocity=(8.0, 0.0), size=(1.4, CAR[1]), size_std=(3.0, 0.1)))
+    can = Abilities.of(filter)
+    g = can.gaussian(state)
+    P = g.P.copy()
+    P[3, 3], P[3, 5] = 1.0, 0.98 * 3.0  # a short body that was seen to pass: its speed is known like its length
+    state = can.with_gaussian(state, g._replace(P=P + np.triu(P, 1).T))
+    scan = seen_body(np.random.default_rng(0), np.array([30.0, 0.0]), np.array(0.0), np.array([5.0, 0.0]), 0.0, 30)
+    state, _ = filter.update(state, scan)
+    assert (filter.estimate(state).size > 0).all()
 
 
 def test_a_range_rate_of_a_wheel_is_an_outlier_for_all_modes_alike():

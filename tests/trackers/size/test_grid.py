@@ -10,6 +10,19 @@ from trackers.size.grid import LENGTH, WIDTH, Grid
 GRIDS = pytest.mark.parametrize("grid", [LENGTH, WIDTH], ids=["length", "width"])
 
 
+def test_a_loosened_offset_is_that_of_a_new_object_and_sizes_are_as_likely_as_before():
+    A = np.concatenate([blob(LENGTH, 2.25, 0.0), blob(LENGTH, 4.5, 0.25)])
+    new = LENGTH.loosened(A, np.array([0.0, 1.0]))
+    np.testing.assert_array_equal(new[0], A[0])
+    np.testing.assert_allclose(np.exp(new[1]).sum(-1), np.exp(A[1]).sum(-1))
+    mean, cov = moments(LENGTH, new[1])
+    born = LENGTH.born((1,))[0]
+    of_birth = moments(LENGTH, born)
+    np.testing.assert_allclose(mean[0], of_birth[0][0], atol=1e-9)
+    np.testing.assert_allclose(cov[0, 0], of_birth[1][0, 0])
+    np.testing.assert_allclose(cov[0, 1], 0.0, atol=1e-9)
+
+
 def moments(grid, A):
     """Mean and covariance of (near end, size) under exp A (K, N)."""
     p = np.exp(A - A.max())

@@ -136,8 +136,18 @@ def test_detections_beside_an_end_count_more_often_for_the_offset_than_those_on_
     f, scan = sized().size, scan_of(draw(np.random.default_rng(0), 36, 12.0, 2.5))
     rows, box = np.zeros(36, int), Boxes(np.array([pose]), np.array([[12.0, 2.5]]), -np.ones((1, 2)))
     hits = hits_of(scan, (np.arange(36),), rows, box.pose, f.profiles, f.sigma)
-    *_, sharper = evidence(f.grids, hits, box, rows[:1], np.ones(1, bool), 0.04, 6, 0.3, f.offset_share, None)
+    *_, sharper, _ = evidence(f.grids, hits, box, rows[:1], np.ones(1, bool), 0.04, 6, 0.3, f.offset_share, None)
     np.testing.assert_allclose(sharper, [often])
+
+
+@pytest.mark.parametrize(("fov", "unseen"), [(28.0, 1.0), (90.0, 0.0)])
+def test_the_near_end_is_out_of_view_where_the_field_of_view_ends_before_it(fov, unseen):
+    f = replace(sized().size, sensors=(SensorModel(max_range=200.0, fov=np.radians(fov)),))
+    scan = scan_of(np.stack([np.linspace(21.0, 26.5, 8), np.full(8, 5.1)], -1))  # the rear is at 15 m and 18 degrees
+    rows, box = np.zeros(8, int), Boxes(np.array([[21.0, 6.25, 0.0]]), np.array([[12.0, 2.5]]), -np.ones((1, 2)))
+    hits = hits_of(scan, (np.arange(8),), rows, box.pose, f.profiles, f.sigma)
+    *_, found = evidence(f.grids, hits, box, rows[:1], np.ones(1, bool), 0.04, 6, 0.3, f.offset_share, None)
+    np.testing.assert_allclose(found, unseen)
 
 
 @pytest.mark.parametrize("seed", range(3))
