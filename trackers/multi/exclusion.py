@@ -62,8 +62,8 @@ class Exclusion:
             i, j = np.nonzero(one)
             one[i, j] = ~(divided[i] | divided[j]) | (extent(estimate, i, j) < self.short)
         if two is not None and one.any():
-            i, j = np.nonzero(one)
-            one[i, j] = ~(two(estimate, i, j) | two(estimate, j, i))
+            i, j = np.nonzero(np.triu(one))
+            one[i, j] = one[j, i] = ~two(estimate, i, j)
         if not (same | one).any():
             return ExclusionResult(keep, into, joined, estimate)
         estimate = take(estimate, np.arange(T))  # a copy: unions are written into it

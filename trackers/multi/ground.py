@@ -54,12 +54,12 @@ class GroundTest:
     above: float = 0.5  # existence from which it is looked at
     aside: float = 0.4  # [m] beside the box, up to which detections count as its own
     rate: float = 2.0  # [m/s] difference of the range rate up to which they do
-    gaps: tuple[int, ...] = (2, 3, 4, 6, 8, 12, 16, 24, 32, 40, 48)  # [cells] widths of empty ground that are tried
+    gaps: tuple[int, ...] = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 40, 48)  # [cells] widths of empty ground that are tried
     beside: int = 6  # [cells] on each side of the gap, from which the density in it is foretold
     denser: float = 2.5  # most by which more detections than expected beside a gap, no wider than that, count for it
     thin: float = 0.5  # share of the expected detections that one vehicle may show in a stretch
     stray: float = 0.1  # share of them that noise carries into a gap
-    independent: float = 20.0  # a sensor with more detections of a track in a scan counts as so many
+    independent: float = 60.0  # a sensor with more detections of a track in a scan counts as so many
     surer: float = 3.0  # log odds from which it is two
     least: float = 4.0  # detections of each of the two
     closest: float = 2.0  # [m] mean gap of a queue that stands
@@ -222,6 +222,7 @@ class GroundTest:
             n = S[:, b + w : last + w] - S[:, b:last]
             ratio = (self.thin - self.stray) * foretold - np.log(self.thin / self.stray) * n  # (LIFE.34)
             there = begins[:, left] & ends[:, b + w + b :] & behind[:, b:last] & ahead[:, b + w : last + w]
+            there &= (ratio > 0) | (w > 1)  # a gap of one cell must have been seen
             ratio += rear[:, b:last] + front[:, b + w : last + w] + np.log(gaps[:, w : w + 1]) - long  # (LIFE.38)
             ratio = np.where(there, ratio, -np.inf)
             k = ratio.argmax(1)
