@@ -274,6 +274,8 @@ METRICS: Mapping[str, Metric] = MappingProxyType({metric.key: metric for metric 
 
 ALIASES: Mapping[tuple[str, str], str] = MappingProxyType(
     {  # kind of file, key in files that were made before -> key
+        ("comparison", "J"): "drive_value",
+        ("comparison", "drive_score"): "drive_value",
         ("drives", "J"): "drive_value",
         ("drives", "drive_score"): "drive_value",
         ("drives", "collided"): "collisions",  # a crash ends an episode, so there is one or none

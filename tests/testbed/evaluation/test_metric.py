@@ -136,6 +136,8 @@ def test_committed_drives_hold_metrics_under_their_keys_and_no_old_name_is_one()
     columns = {name for file in files for name in pq.read_schema(file).names} - beside
     assert files
     assert columns <= METRICS.keys()
-    assert old_names("drives")
-    assert not old_names("drives").keys() & METRICS.keys()
+    for kind in ("drives", "comparison"):
+        assert old_names(kind)
+        assert not old_names(kind).keys() & METRICS.keys()
+        assert set(old_names(kind).values()) <= METRICS.keys()
     assert set(ALIASES.values()) <= METRICS.keys()
