@@ -57,14 +57,18 @@ class Grid:
         K, N = len(self.sizes), len(self.offsets)
         return self.offsets[0] - self.sizes[0] + self.step * np.arange(1 - K, N)
 
+    @cached_property
+    def log_offset(self) -> NDArray:
+        """Log density (N,) of the offset of a new object, but for a constant."""
+        return np.asarray(-0.5 * (self.offsets / self.birth_std) ** 2)
+
     def born(self, lead: tuple[int, ...]) -> NDArray:
         """A (..., K, N) of objects without a detection: all sizes alike, the offset that of a new object."""
-        flat = np.zeros((*lead, len(self.sizes), len(self.offsets)))
-        return flat - 0.5 * (self.offsets / self.birth_std) ** 2  # (ENDS.1)
+        return np.zeros((*lead, len(self.sizes), len(self.offsets))) + self.log_offset  # (ENDS.1)
 
     def restarted(self, log_sizes: NDArray) -> NDArray:
         """A (..., K, N) from log likelihoods (..., K) of the sizes; the offset is that of a new object."""
-        return log_sizes[..., None] - 0.5 * (self.offsets / self.birth_std) ** 2  # (ENDS.24)
+        return log_sizes[..., None] + self.log_offset  # (ENDS.24)
 
     def predicted(self, A: NDArray, dt: float, memory: float, offset_tau: float, lost_rate: float) -> NDArray:
         """Probabilities (..., K, N), greatest one near 1, after dt [s]; their logarithms are the new A.
@@ -85,7 +89,7 @@ class Grid:
         if not some.any():
             return A
         new, top = A.copy(), A[some].max((-2, -1), keepdims=True)
-        born = np.exp(-0.5 * (self.offsets / self.birth_std) ** 2)
+        born = np.exp(self.log_offset)
         p = np.exp(A[some] - top)
         p += share[some, None, None] * (p.sum(-1, keepdims=True) * (born / born.sum()) - p)  # (ENDS.42)
         new[some] = np.log(np.maximum(p, LEAST)) + top
