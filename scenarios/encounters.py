@@ -161,7 +161,7 @@ def merge(rng: np.random.Generator, gap: float) -> World:
 def oncoming(rng: np.random.Generator, room: float) -> World:
     """An oncoming car passes a tractor in the ego's lane and returns late; on its own lane a van follows."""
     stage = Stage(networks.two_way(), rng)
-    speed, there, tractor = rng.uniform(26.0, 28.0), rng.uniform(7.5, 8.5), 3.0
+    speed, there, tractor = rng.uniform(26.5, 28.0), rng.uniform(7.5, 8.5), 3.0
     onset, out, back, beside = rng.uniform(0.5, 1.0), 2.6, 2.4, 2.4
     returns = onset + out + beside  # [s] when it begins to
     stage.ego(("a", "b", 0), START, speed)

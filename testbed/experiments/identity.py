@@ -59,9 +59,14 @@ def shared_digest() -> str:
     return code_digest([*_world(), *map(_file, closure(ROOTS))])
 
 
-def world_digest() -> str:
-    """The same without any tracker: of scenarios, sensors, planners and measures."""
-    return code_digest(_world())
+def world_digest(scenarios: Iterable[str]) -> str:
+    """The same without any tracker: of scenarios, sensors, planners and measures.
+
+    Where none of the scenarios is a probe, the table of the probes and what builds only them do not count.
+    """
+    builders, probing = ({s.builder.partition(":")[0] for s in table.values()} for table in (SCENARIOS, PROBES))
+    idle = set() if PROBES.keys() & set(scenarios) else {"scenarios.probes", *probing} - builders
+    return code_digest(path for path in _world() if path not in set(map(_file, idle)))
 
 
 def _world() -> list[Path]:

@@ -89,7 +89,8 @@ class Benchmark:
     def digests(self) -> dict[str, str]:
         """Short digests of the definition, and of the code of scenarios, sensors, planner and measures."""
         text = repr(self.definition())
-        return {"definition": sha256(text.encode()).hexdigest()[:12], "code": world_digest()}
+        scenarios = {split_faults(case)[0] for track in self.tracks for case in track.cases}
+        return {"definition": sha256(text.encode()).hexdigest()[:12], "code": world_digest(scenarios)}
 
 
 SCORE = "score"

@@ -48,6 +48,15 @@ def test_the_catalogue_itself_counts_for_nobody():
     assert "trackers.registry" not in everything
 
 
+def test_what_builds_probes_alone_counts_only_where_a_scenario_is_a_probe(monkeypatch):
+    counted = []
+    monkeypatch.setattr(identity, "code_digest", lambda paths: counted.append({path.stem for path in paths}))
+    identity.world_digest(["cut-in", "merge"])
+    identity.world_digest(["cut-in", "probe-merge"])
+    assert counted[1] - counted[0] == {"encounters", "probes"}
+    assert {"registry", "junctions", "longitudinal", "driving", "rescan"} < counted[0]
+
+
 def test_a_reworded_and_moved_module_keeps_its_digest(tmp_path):
     (tmp_path / "koch.py").write_text(SOURCE)
     (tmp_path / "filters").mkdir()
