@@ -64,7 +64,7 @@ def world_digest(scenarios: Iterable[str]) -> str:
 
     Where none of the scenarios is a probe, the table of the probes and what builds only them do not count.
     """
-    builders, probing = ({s.builder.partition(":")[0] for s in table.values()} for table in (SCENARIOS, PROBES))
+    builders, probing = ({str(s.builder).partition(":")[0] for s in table.values()} for table in (SCENARIOS, PROBES))
     idle = set() if PROBES.keys() & set(scenarios) else {"scenarios.probes", *probing} - builders
     return code_digest(path for path in _world() if path not in set(map(_file, idle)))
 

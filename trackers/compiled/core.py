@@ -40,6 +40,7 @@ from trackers.size.likelihood import TOGETHER
 from trackers.size.posterior import SizePosterior, SizeState
 
 Place = SplineState | MotionSizeState
+FLOAT, BOOL = np.dtype(float), np.dtype(bool)
 
 
 class Step(NamedTuple):
@@ -122,8 +123,8 @@ class Core:
 
         T, which = len(before), before.copy()
         x, found, state = Rows(*(a.copy() for a in rows_of(motion, size, T))), self._found(T), np.zeros(T, int)
-        whole = plain(size.fully_visible, (T,), bool)
-        update_all(x, which, whole, self._known(z), start, self.tables, found, state)
+        complete = whole(size.fully_visible, BOOL).reshape(T)
+        update_all(x, which, complete, self._known(z), start, self.tables, found, state)
         if (state == UNUSABLE).any():
             return None
         if (which != before).any():
@@ -184,22 +185,22 @@ class Core:
         outlines = iter(map(shaped, f.contour) if f.contour.size else (None, None))
         box = Estimate(shaped(f.pose[0]), shaped(f.velocity), yaw_rate, shaped(f.size[0]), shaped(f.cov[0]),
                        std[..., 2:], std[..., 0], std[..., 1], next(outlines))  # fmt: skip
-        whole = Estimate(shaped(f.pose[1]), box.velocity, yaw_rate, shaped(f.size[1]), shaped(f.cov[1]),
+        sized = Estimate(shaped(f.pose[1]), box.velocity, yaw_rate, shaped(f.size[1]), shaped(f.cov[1]),
                          shaped(f.size_std), *box[6:8], next(outlines), belief.kind.copy(),
                          shaped(f.edge_std))  # fmt: skip
         innovation = shaped(f.eps), shaped(f.S), shaped(state == 1)
         gaussian = Gaussian(shaped(f.m), shaped(f.P))
-        return Step((Mixture(*map(shaped, x[:4])), place, new), gaussian, box, whole, innovation)
+        return Step((Mixture(*map(shaped, x[:4])), place, new), gaussian, box, sized, innovation)
 
 
 def rows_of(motion: Mixture, size: SizeState, T: int) -> Rows:
     """The states of T tracks, with one leading axis."""
     b, lead = size.belief, motion.mu.ndim - 1
-    belief = np.stack(b[:5], -2)
-    values = (*motion, size.anchor, size.length, size.width, size.side, belief, *b[5:])
-    return Rows(*(plain(a, (T, *a.shape[lead:]), float) for a in values))
+    values = [whole(a).reshape((T, *a.shape[lead:])) for a in (*motion, *size[:3], size.side, *b[5:])]
+    values.insert(8, np.concatenate(b[:5], -1).reshape(T, 5, 2))
+    return Rows(*values)
 
 
-def plain(a: NDArray, shape: tuple[int, ...], kind: type) -> NDArray:
-    """The array with this shape and type, in one piece that may be written into: numba compiles for each layout."""
-    return (a if a.flags.carray and a.dtype == kind else np.array(a, kind, order="C")).reshape(shape)
+def whole(a: NDArray, kind: np.dtype = FLOAT) -> NDArray:
+    """The array with this type, in one piece that may be written into: numba compiles for each layout."""
+    return a if a.flags.carray and a.dtype is kind else np.array(a, kind, order="C")

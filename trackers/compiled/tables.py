@@ -72,7 +72,8 @@ class Found(NamedTuple):
             (T, 2, 2),
         )
         none = cls(*map(np.zeros, shapes))
-        return none._replace(S=none.S + np.eye(2))
+        none.S[:] = np.eye(2)
+        return none
 
 
 class Tables(NamedTuple):

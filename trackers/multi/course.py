@@ -37,6 +37,7 @@ class Motion(NamedTuple):
     heading_std: NDArray  # (B,) [rad]
 
 
+Told = tuple[NDArray, NDArray, NDArray]  # information (B, 2, 2), its vector (B, 2), weighed sum of squares (B,)
 Fit = tuple[NDArray, NDArray, NDArray]  # velocity (B, 2), covariance (B, 2, 2), log evidence (B,)
 
 
@@ -73,13 +74,12 @@ class Course:
         broad = np.broadcast_to(self.any_std**2 * np.eye(2), lane.shape)
         odds = np.where(lanes.on_lane, *self.any_log_odds)
         priors = ((along, lane, 0.0), (-along, lane, 0.0), (np.zeros_like(along), broad, odds))
-        fits = [self._fit(points, W, mean, cov) for mean, cov, _ in priors]
+        told = self._told(points, W)
+        fits = [fit(told, mean, cov) for mean, cov, _ in priors]
         best = np.argmax([fit[2] + odds for fit, (*_, odds) in zip(fits, priors, strict=True)], 0)  # (LIFE.14)
         b = np.arange(len(W))
         velocity, cov = (np.stack([fit[k] for fit in fits])[best, b] for k in (0, 1))
-        still = self._fit(
-            points, W, np.zeros_like(along), np.broadcast_to(self.standing_std**2 * np.eye(2), lane.shape)
-        )
+        still = fit(told, np.zeros_like(along), np.broadcast_to(self.standing_std**2 * np.eye(2), lane.shape))
         either = mixture(still, fits[0])
         velocity = np.where(standing[:, None], either[0], velocity)
         cov = np.where(standing[:, None, None], either[1], cov)
@@ -100,26 +100,31 @@ class Course:
         std = np.sqrt(power[:, 0] / np.maximum(power[:, 1], self.above**2))  # (LIFE.15)
         return Motion(velocity, cov, heading, np.clip(np.where(slow, self.slow_std, std), *self.std_bounds))
 
-    def _fit(self, points: Unexplained, W: NDArray, mean: NDArray, cov: NDArray) -> Fit:
-        """Velocity (B, 2), covariance (B, 2, 2) and log evidence (B,) of the range rates under Gaussian priors.
-
-        mean (B, 2) and cov (B, 2, 2) are those of the priors.
-        """
+    def _told(self, points: Unexplained, W: NDArray) -> Told:
+        """What the range rates of the cells W (B, P) say of the velocity, whatever its prior."""
         rate, u = points.filled_rate, np.where(points.measured[:, None], points.sight, 0.0)
         middle = (W @ points.xy) / W.sum(1)[:, None]
         across = perpendicular(u)
         lever = dot(points.xy, across) - middle @ across.T  # (B, P) [m]
         w = W / (self.sigma_rate**2 + (self.turn_std * lever) ** 2)  # (LIFE.11)
         S = (w @ (u[:, :, None] * u[:, None]).reshape(-1, 4)).reshape(-1, 2, 2)
-        r, square = w @ (u * rate[:, None]), w @ rate**2
-        information = np.linalg.inv(cov) + S  # (LIFE.11)
-        Sm = (S @ mean[..., None])[..., 0]
-        score = r - Sm  # (LIFE.11)
-        posterior = np.linalg.inv(information)  # (LIFE.12)
-        shift = (posterior @ score[..., None])[..., 0]  # (LIFE.12)
-        chi2 = square - (2 * r * mean - Sm * mean + score * shift).sum(-1)  # (LIFE.13)
-        log_det = np.linalg.slogdet(information)[1] + np.linalg.slogdet(cov)[1]  # (LIFE.13)
-        return mean + shift, posterior, -0.5 * (chi2 + log_det)
+        return S, w @ (u * rate[:, None]), w @ rate**2
+
+
+def fit(told: Told, mean: NDArray, cov: NDArray) -> Fit:
+    """Velocity (B, 2), covariance (B, 2, 2) and log evidence (B,) of what range rates told, under Gaussian priors.
+
+    mean (B, 2) and cov (B, 2, 2) are those of the priors.
+    """
+    S, r, square = told
+    information = np.linalg.inv(cov) + S  # (LIFE.11)
+    Sm = (S @ mean[..., None])[..., 0]
+    score = r - Sm  # (LIFE.11)
+    posterior = np.linalg.inv(information)  # (LIFE.12)
+    shift = (posterior @ score[..., None])[..., 0]  # (LIFE.12)
+    chi2 = square - (2 * r * mean - Sm * mean + score * shift).sum(-1)  # (LIFE.13)
+    log_det = np.linalg.slogdet(information)[1] + np.linalg.slogdet(cov)[1]  # (LIFE.13)
+    return mean + shift, posterior, -0.5 * (chi2 + log_det)
 
 
 def mixture(a: Fit, b: Fit) -> tuple[NDArray, NDArray]:

@@ -201,38 +201,32 @@ class GroundTest:
     def split(self, ground: Ground, estimate: Estimate) -> Split:
         """Which of D tracks are two vehicles; estimate (D,) is theirs."""
         D, b = len(ground.id), self.beside
-        rows, none = np.arange(D), np.zeros((D, 1))
+        rows, none = np.arange(D)[:, None], np.zeros((D, 1))
         S, X, H = (np.concatenate([none, np.cumsum(a, 1)], 1) for a in ground[2:])
         edge = STEP * (np.arange(CELLS + 1) - CELLS // 2) - shift_of(ground, estimate)  # (D, CELLS + 1) of the body
         half = estimate.size[:, :1] / 2 + STEP
         lengths = self.lengths(estimate.size[:, 1], estimate.size_std[:, 1])
         gaps, file = self._in_file(lengths, np.sqrt(dot(estimate.velocity, estimate.velocity)))
-        long = np.log(lengths[rows[:, None], cells_of(2 * half - 2 * STEP)])  # (D, 1)
-        rear, front = (np.log(file[rows[:, None], cells_of(a)]) for a in (edge + half - STEP, half - STEP - edge))
+        long = np.log(lengths[rows, cells_of(2 * half - 2 * STEP)])  # (D, 1)
+        rear, front = (np.log(file[rows, cells_of(a)]) for a in (edge + half - STEP, half - STEP - edge))
         begins, ends = edge > -half, edge < half
         flank = S[:, b:] - S[:, :-b]  # detections of the cells beside a gap, from their first edge on
         dense = np.where(flank < self.least, 0.0, flank / np.maximum(X[:, b:] - X[:, :-b], 1e-9))
         behind, ahead = (n >= self.least for n in (H, H[:, -1:] - H))
-        best, gap = np.full(D, -np.inf), np.zeros((D, 2))
-        for w in self.gaps:
-            last = CELLS + 1 - w - b  # edges b to this one begin a gap
-            left, right = slice(0, last - b), slice(b + w, last + w)  # first edges of what is beside it
-            denser = np.minimum(np.minimum(dense[:, left], dense[:, right]), self.denser if w <= b else 1.0)
-            foretold = (X[:, b + w : last + w] - X[:, b:last]) * denser  # (LIFE.33)
-            n = S[:, b + w : last + w] - S[:, b:last]
-            ratio = (self.thin - self.stray) * foretold - np.log(self.thin / self.stray) * n  # (LIFE.34)
-            there = begins[:, left] & ends[:, b + w + b :] & behind[:, b:last] & ahead[:, b + w : last + w]
-            there &= (ratio > 0) | (w > 1)  # a gap of one cell must have been seen
-            ratio += rear[:, b:last] + front[:, b + w : last + w] + np.log(gaps[:, w : w + 1]) - long  # (LIFE.38)
-            ratio = np.where(there, ratio, -np.inf)
-            k = ratio.argmax(1)
-            top = ratio[rows, k]
-            better = top > best
-            best = np.where(better, top, best)
-            found = vector(edge[rows, b + k], edge[rows, b + k + w])
-            gap = np.where(better[:, None], found, gap)
+        w, edges = np.array(self.gaps)[:, None], np.arange(b, CELLS + 1 - b)  # (W, 1), (P,)
+        first, end = edges + 0 * w, np.minimum(edges + w, CELLS - b)  # (W, P) edges where a gap begins and ends
+        denser = np.minimum(dense[:, first - b], dense[:, end])  # (D, W, P)
+        foretold = (X[:, end] - X[:, first]) * np.minimum(denser, np.where(w <= b, self.denser, 1.0))  # (LIFE.33)
+        n = S[:, end] - S[:, first]
+        ratio = (self.thin - self.stray) * foretold - np.log(self.thin / self.stray) * n  # (LIFE.34)
+        there = begins[:, first - b] & ends[:, end + b] & behind[:, first] & ahead[:, end] & (edges + w <= CELLS - b)
+        there &= (ratio > 0) | (w > 1)  # a gap of one cell must have been seen
+        ratio += rear[:, first] + front[:, end] + np.log(gaps[:, w]) - long[..., None]  # (LIFE.38)
+        ratio = np.where(there, ratio, -np.inf).reshape(D, -1)
+        best = ratio.argmax(1)[:, None]
+        ratio, gap = ratio[rows, best][:, 0], edge[rows, np.stack([first, end], -1).reshape(-1, 2)[best[:, 0]]]
         end = estimate.size[:, 0] / 2
-        return Split(best > self.surer, best, vector(-end, gap[:, 0]), vector(gap[:, 1], end))
+        return Split(ratio > self.surer, ratio, vector(-end, gap[:, 0]), vector(gap[:, 1], end))
 
 
 def cells_of(length: NDArray) -> NDArray:

@@ -92,9 +92,10 @@ class MultiObjectTracker:
         return SensorArray.of(self.sensors)
 
     @cached_property
-    def _fold(self) -> NDArray:
-        """Range rates (S,) [m/s] beyond which those of the sensors fold."""
-        return np.array([s.fold_rate for s in self.sensors])
+    def _fold(self) -> NDArray | None:
+        """Range rates (S,) [m/s] beyond which those of the sensors fold; None where none does."""
+        fold = np.array([s.fold_rate for s in self.sensors])
+        return fold if np.isfinite(fold).any() else None
 
     def start(self) -> Tracks:
         """The state before the first scan: no track."""
@@ -117,7 +118,7 @@ class MultiObjectTracker:
         life = self._compiled if len(tracks.id) and available() else None
         scan, implausible = (scan, 0) if life is not None and life.plausible(scan) else self._admit(scan)
         tracks = self._predict(tracks, dt, life)
-        if np.isfinite(self._fold).any():
+        if self._fold is not None:
             scan = unfolded(scan, tracks, self.association, self.sensor_array, self._fold)
         seen = self._seen(tracks, scan, dt) if life is None else life.seen(tracks, scan, dt)
         updated, info = self._update(seen, life, dt)

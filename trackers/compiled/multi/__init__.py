@@ -6,10 +6,9 @@ This module does not import numba; see `trackers.compiled`. What is rare stays n
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from trackers.compiled import available
-from trackers.compiled.core import plain
+from trackers.compiled.core import whole
 from trackers.composed import Composed, informed
 from trackers.estimate import Estimate
 from trackers.filter import Abilities
@@ -148,8 +147,3 @@ class Life:
         b = size.belief
         return self.Sizes(*map(whole, (box.pose, box.size, box.cov, size.anchor, b.size, b.offset, b.offset_var,
                                        b.length, b.width)))  # fmt: skip
-
-
-def whole(a: NDArray) -> NDArray:
-    """The array of numbers in one piece that may be written into."""
-    return plain(a, a.shape, float)
