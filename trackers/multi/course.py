@@ -3,6 +3,7 @@
 One radar sees one component of the velocity. Equations: docs/methods/life-cycle-of-tracks.md, section 3.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -38,7 +39,7 @@ class Motion(NamedTuple):
 
 
 Told = tuple[NDArray, NDArray, NDArray]  # information (B, 2, 2), its vector (B, 2), weighed sum of squares (B,)
-Fit = tuple[NDArray, NDArray, NDArray]  # velocity (B, 2), covariance (B, 2, 2), log evidence (B,)
+Fit = tuple[NDArray, NDArray, NDArray]  # velocity (..., B, 2), covariance (..., B, 2, 2), log evidence (..., B)
 
 
 @dataclass(frozen=True)
@@ -72,15 +73,14 @@ class Course:
         M = np.stack([unit(lanes.direction), perpendicular(unit(lanes.direction))], -1)
         lane = M * np.square(self.lane_std) @ M.mT
         broad = np.broadcast_to(self.any_std**2 * np.eye(2), lane.shape)
-        odds = np.where(lanes.on_lane, *self.any_log_odds)
-        priors = ((along, lane, 0.0), (-along, lane, 0.0), (np.zeros_like(along), broad, odds))
-        told = self._told(points, W)
-        fits = [fit(told, mean, cov) for mean, cov, _ in priors]
-        best = np.argmax([fit[2] + odds for fit, (*_, odds) in zip(fits, priors, strict=True)], 0)  # (LIFE.14)
-        b = np.arange(len(W))
-        velocity, cov = (np.stack([fit[k] for fit in fits])[best, b] for k in (0, 1))
-        still = fit(told, np.zeros_like(along), np.broadcast_to(self.standing_std**2 * np.eye(2), lane.shape))
-        either = mixture(still, fits[0])
+        standing_cov = np.broadcast_to(self.standing_std**2 * np.eye(2), lane.shape)
+        none, odds = np.zeros(len(W)), np.where(lanes.on_lane, *self.any_log_odds)
+        still = np.zeros_like(along)
+        priors = np.stack([along, -along, still, still]), np.stack([lane, lane, broad, standing_cov])
+        fits = fit(self._told(points, W), *priors)  # (4, B, ...)
+        best, b = np.argmax(fits[2][:3] + np.stack([none, none, odds]), 0), np.arange(len(W))  # (LIFE.14)
+        velocity, cov = fits[0][best, b], fits[1][best, b]
+        either = mixture(*([a[k] for a in fits] for k in (3, 0)))
         velocity = np.where(standing[:, None], either[0], velocity)
         cov = np.where(standing[:, None, None], either[1], cov)
         motion = self._with_heading(velocity, cov, lanes.direction, (best < 2) | standing)
@@ -112,9 +112,9 @@ class Course:
 
 
 def fit(told: Told, mean: NDArray, cov: NDArray) -> Fit:
-    """Velocity (B, 2), covariance (B, 2, 2) and log evidence (B,) of what range rates told, under Gaussian priors.
+    """Velocity (..., B, 2), covariance and log evidence of what range rates told, under Gaussian priors.
 
-    mean (B, 2) and cov (B, 2, 2) are those of the priors.
+    mean (..., B, 2) and cov (..., B, 2, 2) are those of the priors.
     """
     S, r, square = told
     information = np.linalg.inv(cov) + S  # (LIFE.11)
@@ -127,7 +127,7 @@ def fit(told: Told, mean: NDArray, cov: NDArray) -> Fit:
     return mean + shift, posterior, -0.5 * (chi2 + log_det)
 
 
-def mixture(a: Fit, b: Fit) -> tuple[NDArray, NDArray]:
+def mixture(a: Sequence[NDArray], b: Sequence[NDArray]) -> tuple[NDArray, NDArray]:
     """Mean (B, 2) and covariance (B, 2, 2) of two Gaussians weighed by their evidence."""
     w = expit(b[2] - a[2])[:, None]  # (LIFE.29)
     d = b[0] - a[0]
