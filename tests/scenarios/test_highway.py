@@ -65,7 +65,7 @@ def test_nobody_crashes_while_the_ego_drives_cautiously(name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(1, 5))
+@pytest.mark.parametrize("seed", [1, 2])
 @every_scenario
 def test_nobody_crashes_under_other_seeds(name, seed):
     env, truncated = drive(name, seed)

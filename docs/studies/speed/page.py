@@ -1,6 +1,5 @@
 """docs/speed.md: what tracking costs beside the simulation."""
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -83,7 +82,6 @@ def render(
     return fill(
         "speed/page.md.j2",
         folder=docs,
-        before=before_and_after(docs / "results"),
         steps=markdown_table(("decision with", "of stock highway-v0"), [(s.what, f"{s.ratio:.2f}") for s in steps]),
         throughput=markdown_table(
             ("both environments, decisions a second", *(f"`{name}`" for name in rates)),
@@ -107,16 +105,3 @@ def render(
         shares=markdown_table(["scenario", *names], rows),
         costs=markdown_table(["vehicles", "tracks reported", "highway-env [ms]", "radar [ms]", "tracker [ms]"], cost),
     )
-
-
-def before_and_after(results: Path) -> str:
-    """What a frame took before and after, from the committed results; nothing where there are none."""
-    path = results / "speed-before.json"
-    if not path.exists():
-        return ""
-    found = json.loads(path.read_text())
-    parts = {name: found[name] for name in shares.SCENARIOS}
-    heads = ["", *(f"{name}, {when}" for name in parts for when in ("before", "after"))]
-    rows = [[part, *(f"{ms:.1f}" for row in parts.values() for ms in row[part])] for part in parts[shares.SCENARIOS[0]]]
-    facts = {key: found[key] for key in ("measured", "before", "after")}
-    return fill("speed/before.md.j2", **facts, table=markdown_table(heads, rows))

@@ -1,6 +1,5 @@
 """The page of speed: verdicts and tables from made figures, ratios from real but short work."""
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +8,7 @@ import pytest
 from studies.speed import training
 from studies.speed.goals import Goal, growing
 from studies.speed.growth import Growth, exponent, growth, motorway
-from studies.speed.page import before_and_after, render
+from studies.speed.page import render
 from studies.speed.shares import Costs, shares
 from studies.speed.training import Step
 from testbed.bench import Pairs
@@ -53,16 +52,6 @@ def test_the_page_says_what_was_found_and_whether_it_is_enough():
     ):
         assert line in page
     assert page.startswith("# Speed\n")
-
-
-def test_before_and_after_are_those_of_the_result(tmp_path):
-    results = Path(__file__).parents[3] / "docs" / "results"
-    found = json.loads((results / "speed-before.json").read_text())
-    text = before_and_after(results)
-    for part in found["cut-in"]:
-        figures = [f"{ms:.1f}" for scenario in ("cut-in", "dense-traffic") for ms in found[scenario][part]]
-        assert f"| {part} | {' | '.join(figures)} |" in text
-    assert before_and_after(tmp_path) == ""
 
 
 def test_a_table_has_a_rule_below_its_heads():
