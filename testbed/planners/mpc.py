@@ -32,13 +32,14 @@ from testbed.planners.prediction import (
     things_on,
 )
 from testbed.planners.track_vehicle import TrackVehicle, track_vehicles
-from trackers.geometry import unit, wrap_angle
+from trackers.geometry import dot, perpendicular, unit, wrap_angle
 from trackers.multi.tracks import REPORT_ABOVE
 
 STEP = 0.2  # [s] between the instants of a prediction
 FIRST = np.array([-8.0, -7, -6, -5, -4, -3, -2, -1, -0.5, 0, 0.5, 1, 2])  # [m/s^2] before the switch
 THEN = np.array([-8.0, -5, -2.5, -1, 0, 1])  # [m/s^2] after it
 SWITCH = np.array([0.6, 1.4])  # [s]
+ASIDE = 1.0  # [m] between the middles of a lane that ends and the next one, from which it is another lane
 COLLIDES = 0.5  # [m] gaps below this count as a collision
 SLOWEST = 1.0  # [m/s] at lower speeds it steers with the gains of this one: a standing vehicle cannot turn
 MOST = np.pi / 4  # [rad] of the angle towards the path
@@ -114,6 +115,7 @@ class Mpc:
     doubt: float = 0.2  # changes of lane up to this probability are no reason to brake
     last_brake: float = 5.0  # [m/s^2] before what was never seen
     last_reaction: float = 0.4  # [s] before that braking
+    merge_time: float = 4.0  # [s] before the end of a lane in which it moves over to the next one
 
     def __post_init__(self) -> None:
         check_choice("margin", self.margin, MARGINS)
@@ -144,6 +146,7 @@ class Mpc:
         core: Any = env.unwrapped
         ego, network = core.vehicle, core.road.network
         path = path_ahead(network, ego.lane_index, getattr(ego, "route", None), ego.position, self.reach)
+        path = merging(path, self.merge_time * max(float(ego.speed), SLOWEST))
         ahead = self.ahead(ego, path, self.obstacles(env))
         lowest, highest = _action_type(env).acceleration_range
         profiles = np.clip(_profiles(self._times), lowest, highest)
@@ -270,6 +273,20 @@ def huber(error: NDArray, bound: float) -> NDArray:
     """
     small = np.minimum(np.abs(error), bound)
     return small * (2 * np.abs(error) - small)
+
+
+def merging(path: LanePath, way: float) -> LanePath:
+    """The path, which moves over to the next lane within the last way [m] of one that ends; the same where none does."""
+    left = perpendicular(unit(path.heading[:-1]))
+    aside = dot(left, np.diff(path.points, axis=0))
+    k = int(np.abs(aside).argmax())  # the last point on a lane that ends
+    if np.abs(aside[k]) < ASIDE:
+        return path
+    done = np.clip(1 - (path.arc[k] - path.arc[: k + 1]) / way, 0.0, 1.0)
+    points = path.points.copy()
+    points[: k + 1] += (aside[k] * done**2 * (3 - 2 * done))[:, None] * left[: k + 1]  # (PLAN.18)
+    heading = np.unwrap(np.arctan2(*np.gradient(points, path.arc, axis=0).T[::-1]))
+    return path._replace(points=points, heading=heading, bend=np.gradient(heading, path.arc))
 
 
 def _profiles(times: NDArray) -> NDArray:

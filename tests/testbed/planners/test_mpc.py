@@ -5,8 +5,11 @@ import numpy as np
 import pytest
 from highway_env.vehicle.kinematics import Vehicle
 
-from testbed.planners.mpc import Obstacles, on_belief_road, steering_angle
-from testbed.planners.prediction import Others, path_ahead
+from testbed.experiments.probe import BLIND, driven
+from testbed.experiments.run import Run
+from testbed.frame import TRUTH
+from testbed.planners.mpc import Obstacles, merging, on_belief_road, steering_angle
+from testbed.planners.prediction import LanePath, Others, path_ahead
 from testbed.planners.registry import find, settings
 from tests.testbed.planners.roads import world
 
@@ -182,6 +185,37 @@ def test_it_follows_bent_roads_and_routes(name):
         done = crashed or over
     assert not crashed
     assert max(offsets) < 0.6
+
+
+def straight(points):
+    arc = 2.0 * np.arange(len(points))
+    return LanePath(points, np.zeros(len(arc)), arc, np.zeros(len(arc)), np.full(len(arc), np.inf), 0.0)
+
+
+def test_a_lane_that_ends_is_left_in_time():
+    """The lane ends after 40 m, the next one lies 4 m to the right: half of that is done half of 20 m before."""
+    x = 2.0 * np.arange(31)
+    path = straight(np.stack([x, np.where(x > 40.0, -4.0, 0.0)], -1))
+    moved = merging(path, 20.0)
+    y = dict(zip(x, moved.points[:, 1], strict=True))
+    assert [y[20.0], y[30.0], y[40.0], y[60.0]] == pytest.approx([0.0, -2.0, -4.0, -4.0])
+    assert np.diff(moved.points[:, 1]).min() > -0.7  # no step is left
+    assert moved.heading[[5, 30]] == pytest.approx([0.0, 0.0])
+    assert moved.heading.min() == pytest.approx(np.arctan(-1.5 * 4.0 / 20.0), abs=0.01)
+    np.testing.assert_array_equal(moved.arc, path.arc)
+
+
+def test_a_path_without_end_of_a_lane_stays_as_it_is():
+    x = 2.0 * np.arange(31)
+    path = straight(np.stack([x, np.where(x > 40.0, 0.9, 0.0)], -1))
+    assert merging(path, 20.0) is path
+
+
+@pytest.mark.parametrize("seed", [910, 911])
+def test_it_merges_on_the_road_and_crashes_if_it_sees_nothing(seed):
+    truth, blind = (driven(Run("probe-merge", seed, source, "mpc", warm_up=1.0)) for source in (TRUTH, BLIND))
+    assert truth["off_road"] == truth["collisions"] == 0
+    assert blind["collisions"] > 0
 
 
 def test_pedals_never_drive_backwards():
