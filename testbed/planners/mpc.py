@@ -276,7 +276,7 @@ def huber(error: NDArray, bound: float) -> NDArray:
 
 
 def merging(path: LanePath, way: float) -> LanePath:
-    """The path, which moves over to the next lane within the last way [m] of one that ends; the same where none does."""
+    """The path, which leaves a lane that ends for the next one within the last way [m]; itself where none ends."""
     left = perpendicular(unit(path.heading[:-1]))
     aside = dot(left, np.diff(path.points, axis=0))
     k = int(np.abs(aside).argmax())  # the last point on a lane that ends
