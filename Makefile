@@ -107,12 +107,13 @@ CAUTION := probe-reveal probe-pullout
 REGRET := $(BIN)/testbed regret --jobs -1
 regret: $(STAMP)
 	$(REGRET) $(REGRET_PLANNERS:%=--planner %) $(REGRET_TRACKERS:%=--tracker %) --seeds 200:220 --out runs/regret/main
+	$(REGRET) probe-merge --planner idm-keen $(REGRET_TRACKERS:%=--tracker %) --seeds 200:220 --out runs/regret/merge
 	$(REGRET) $(ATTRIBUTION) --planner mpc --tracker imm-spline --tracker rm-feldmann --attribute --seeds 200:205 \
 		--out runs/regret/attribution
 	$(REGRET) $(REGRET_DOSES:%=--inject %) --seeds 200:205 --out runs/regret/doses
 	$(REGRET) $(CAUTION) --planner mpc --planner mpc-cautious --tracker imm-spline \
 		--tracker imm-spline+covariance=0.25 --tracker imm-spline+covariance=4 --seeds 240:280 --out runs/regret/caution
-	$(STUDY) regret $(foreach part,main attribution doses caution,$(part)=runs/regret/$(part)) --docs docs
+	$(STUDY) regret $(foreach part,main attribution doses caution,$(part)=runs/regret/$(part)) main=runs/regret/merge --docs docs
 
 # Twenty trainings, about three CPU hours; needs the extra rl. Trainings that are there are kept.
 LEARNED := $(foreach tracker,truth imm-spline,$(foreach seed,0 1 2 3 4 5 6 7 8 9,runs/learned/$(tracker)-$(seed).npz))
