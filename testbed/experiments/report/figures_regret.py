@@ -49,9 +49,10 @@ def _regret_up(axis: Axes, title: str, xlabel: str) -> None:
     axis.set(title=title, xlabel=xlabel, ylabel="regret (score)")
 
 
-def _legend(figure: Figure, axis: Axes, columns: int) -> None:
-    """What is drawn in one panel, each label once."""
-    handles = dict(zip(*reversed(axis.get_legend_handles_labels()), strict=False))
+def _legend(figure: Figure, columns: int) -> None:
+    """What is drawn in any panel, each label once."""
+    drawn = [axis.get_legend_handles_labels() for axis in figure.axes]
+    handles = {label: handle for found in drawn for handle, label in zip(*found, strict=True)}
     figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=columns)
 
 
@@ -71,7 +72,7 @@ def by_scenario(cells: Sequence[Cell]) -> Figure:
             axis.plot([-mean.high, -mean.low], [y, y], color=style.color)
             axis.plot(-mean.value, y, style.marker, color=style.color, label=cell.planner)
         _names_down(axis, trackers, scenario, "regret (score)")
-    _legend(figure, axes[0], len(planners))
+    _legend(figure, len(planners))
     return figure
 
 
@@ -90,7 +91,7 @@ def attribution_bars(found: Sequence[Attribution]) -> Figure:
                 ends[cost > 0] += cost
             axis.plot(-a.total.value, y, "o", color="black", markerfacecolor="white")
         _names_down(axis, [a.tracker for a in rows], ", ".join(driven), "regret against in-view (score)")
-    _legend(figure, axes[0], len(GROUPS))
+    _legend(figure, len(GROUPS))
     return figure
 
 
@@ -106,7 +107,7 @@ def against_errors(table: pd.DataFrame) -> Figure:
             part = table[table["condition"] == name]
             axis.plot(part[key], part["regret"], styles[name].marker, color=styles[name].color, label=name, alpha=0.8)
         _regret_up(axis, f"{metric.label}: rho {known[key].rho:+.2f}", metric.title)
-    _legend(figure, axes[0], min(6, len(trackers)))
+    _legend(figure, min(6, len(trackers)))
     return figure
 
 
@@ -128,5 +129,5 @@ def dose_response(cells: Sequence[Cell]) -> Figure:
             axis.plot(x, y[0], label=line, marker=styles[line].marker, **styles[line].line)
             axis.fill_between(x, y[1], y[2], color=styles[line].color, alpha=0.15, linewidth=0)
         _regret_up(axis, name, f"{name} [{DOSE_UNITS[name]}]")
-    _legend(figure, axes[0], min(4, len(lines)))
+    _legend(figure, min(4, len(lines)))
     return figure

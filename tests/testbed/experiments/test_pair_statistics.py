@@ -19,7 +19,7 @@ from testbed.experiments.pairs import (
     error_and_regret,
     worst_pairs,
 )
-from testbed.experiments.report.figures_regret import DOSE_UNITS, dose_response
+from testbed.experiments.report.figures_regret import DOSE_UNITS, by_scenario, dose_response
 from testbed.experiments.report.words import one_sided, unresolved_pairs
 
 SEEDS = range(8)
@@ -155,6 +155,14 @@ def test_a_dose_on_either_side_of_none_is_drawn_in_order():
     (line, _) = dose_response(found).axes[0].lines
     assert line.get_xdata().tolist() == [-1.0, 0.0, 0.5, 1.0]
     assert line.get_ydata() == pytest.approx([-0.3, 0.0, 0.1, 0.2])
+
+
+def test_a_planner_that_drives_in_one_probe_alone_is_in_the_legend():
+    worth = change([np.full(8, 0.1)])
+    found = [Cell(f"probe-{where}", planner, "imm-spline", "score", worth)
+             for where, planner in (("brake", "idm"), ("merge", "idm"), ("merge", "idm-keen"))]  # fmt: skip
+    (legend,) = by_scenario(found).legends
+    assert [text.get_text() for text in legend.get_texts()] == ["idm", "idm-keen"]
 
 
 def test_every_injected_error_has_a_unit_in_the_figure():
