@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from trackers.batch import Memoised, select
 from trackers.estimate import Estimate
 from trackers.filter import CONTOUR, LEARNING, SMOOTHED, Abilities, Gaussian, Note
-from trackers.linalg import inverse
+from trackers.linalg import quadratic
 from trackers.motion.mixture import ANGLES, Mixture, MotionModes, followed, resized, without_rates
 from trackers.pmht.joint import notes_of
 from trackers.scan import Scan, SensorModel
@@ -337,7 +337,7 @@ class Composed:
 def informed(found: Any, n: NDArray) -> ComposedInfo:
     """The information of a compiled step with n (...) detections."""
     eps, S, lost = found.innovation
-    nis = np.where(n > 0, ((inverse(S) @ eps[..., None])[..., 0] * eps).sum(-1), np.nan)
+    nis = np.where(n > 0, quadratic(eps, S), np.nan)
     return ComposedInfo(n, eps, S, nis, found.parts[0].mu, notes_of(lost))
 
 

@@ -66,7 +66,8 @@ def world_digest(scenarios: Iterable[str]) -> str:
     """
     builders, probing = ({str(s.builder).partition(":")[0] for s in table.values()} for table in (SCENARIOS, PROBES))
     idle = set() if PROBES.keys() & set(scenarios) else {"scenarios.probes", *probing} - builders
-    return code_digest(path for path in _world() if path not in set(map(_file, idle)))
+    left_out = set(map(_file, idle))
+    return code_digest(path for path in _world() if path not in left_out)
 
 
 def _world() -> list[Path]:

@@ -196,9 +196,9 @@ class Core:
 def rows_of(motion: Mixture, size: SizeState, T: int) -> Rows:
     """The states of T tracks, with one leading axis."""
     b, lead = size.belief, motion.mu.ndim - 1
-    values = [whole(a).reshape((T, *a.shape[lead:])) for a in (*motion, *size[:3], size.side, *b[5:])]
-    values.insert(8, np.concatenate(b[:5], -1).reshape(T, 5, 2))
-    return Rows(*values)
+    belief = np.concatenate(b[:5], -1).reshape(*motion.mu.shape[:-1], 5, 2)
+    values = (*motion, size.anchor, size.length, size.width, size.side, belief, *b[5:])
+    return Rows(*(whole(a).reshape((T, *a.shape[lead:])) for a in values))
 
 
 def whole(a: NDArray, kind: np.dtype = FLOAT) -> NDArray:

@@ -214,17 +214,17 @@ class GroundTest:
         dense = np.where(flank < self.least, 0.0, flank / np.maximum(X[:, b:] - X[:, :-b], 1e-9))
         behind, ahead = (n >= self.least for n in (H, H[:, -1:] - H))
         w, edges = np.array(self.gaps)[:, None], np.arange(b, CELLS + 1 - b)  # (W, 1), (P,)
-        first, end = edges + 0 * w, np.minimum(edges + w, CELLS - b)  # (W, P) edges where a gap begins and ends
-        denser = np.minimum(dense[:, first - b], dense[:, end])  # (D, W, P)
-        foretold = (X[:, end] - X[:, first]) * np.minimum(denser, np.where(w <= b, self.denser, 1.0))  # (LIFE.33)
-        n = S[:, end] - S[:, first]
+        first, last = edges + 0 * w, np.minimum(edges + w, CELLS - b)  # (W, P) edges where a gap begins and ends
+        denser = np.minimum(dense[:, first - b], dense[:, last])  # (D, W, P)
+        foretold = (X[:, last] - X[:, first]) * np.minimum(denser, np.where(w <= b, self.denser, 1.0))  # (LIFE.33)
+        n = S[:, last] - S[:, first]
         ratio = (self.thin - self.stray) * foretold - np.log(self.thin / self.stray) * n  # (LIFE.34)
-        there = begins[:, first - b] & ends[:, end + b] & behind[:, first] & ahead[:, end] & (edges + w <= CELLS - b)
+        there = begins[:, first - b] & ends[:, last + b] & behind[:, first] & ahead[:, last] & (edges + w <= CELLS - b)
         there &= (ratio > 0) | (w > 1)  # a gap of one cell must have been seen
-        ratio += rear[:, first] + front[:, end] + np.log(gaps[:, w]) - long[..., None]  # (LIFE.38)
+        ratio += rear[:, first] + front[:, last] + np.log(gaps[:, w]) - long[..., None]  # (LIFE.38)
         ratio = np.where(there, ratio, -np.inf).reshape(D, -1)
         best = ratio.argmax(1)[:, None]
-        ratio, gap = ratio[rows, best][:, 0], edge[rows, np.stack([first, end], -1).reshape(-1, 2)[best[:, 0]]]
+        ratio, gap = ratio[rows, best][:, 0], edge[rows, np.stack([first, last], -1).reshape(-1, 2)[best[:, 0]]]
         end = estimate.size[:, 0] / 2
         return Split(ratio > self.surer, ratio, vector(-end, gap[:, 0]), vector(gap[:, 1], end))
 
