@@ -18,6 +18,7 @@ WIDER = 1.0  # [m] as in `trackers.size.hidden`
 ROLLED_ABOVE = 0.75  # as in `trackers.size.posterior`
 SIDE = math.sin(math.radians(10.0))
 LEAST_SHOWN, LEAST = 0.05, 1e-300  # as in `trackers.size.evidence` and `.grid`
+NOTHING = 1e-9  # as in `trackers.size.visible`
 
 
 @compiled
@@ -64,7 +65,7 @@ def room(
             share += min(max(size[axis] - edge, 0.0), step) - min(max(-edge, 0.0), step)
     np.dot(shown, near, near_room)
     np.dot(shown, far, far_room)
-    return share / size[axis]
+    return share / size[axis] if share > NOTHING * size[axis] else 0.0
 
 
 @compiled

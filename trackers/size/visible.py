@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from trackers.geometry import wrap_angle
 from trackers.size.grid import Grid
 
+NOTHING = 1e-9  # share of a face that is rounding: a face of which nothing else is in view has no detections
+
 
 class Cells(NamedTuple):
     """C cells along an axis; depths [m] are counted from the anchor end of the box."""
@@ -56,7 +58,8 @@ def room(grid: Grid, cells: Cells, seen: NDArray, rows: NDArray, size: NDArray) 
     """
     near, far = shares_of_cells(grid, cells)
     inner, outer = (np.clip(x - cells.edges, 0.0, cells.step) for x in (np.zeros(1), size[:, None]))
-    return Room(rows, seen @ near, seen @ far, (seen * (outer - inner)).sum(-1) / size)  # (ENDS.8)
+    share = (seen * (outer - inner)).sum(-1) / size  # (ENDS.8)
+    return Room(rows, seen @ near, seen @ far, np.where(share > NOTHING, share, 0.0))
 
 
 @lru_cache(maxsize=16)

@@ -11,9 +11,10 @@ from trackers.batch import stack
 from trackers.geometry import unit
 from trackers.scan import DepthProfile
 from trackers.size.grid import LENGTH, WIDTH
-from trackers.size.hidden import Around, open_rooms
+from trackers.size.hidden import CELLS, Around, open_rooms
 from trackers.size.hits import Boxes, hits_of, lit
 from trackers.size.profile import Profiles
+from trackers.size.visible import room
 
 STEP = np.radians(0.2)
 OUTLINE = DepthProfile(inside=0.02, surface_std=0.05, weight=0.35, least_room=(0.5, 0.1), hides_within=0.7 * STEP)
@@ -83,6 +84,14 @@ def test_an_end_outside_of_the_field_of_view_has_no_room():
     whole = Profiles.of((SensorModel(max_range=200.0, fov=2.0),))
     inside = hits_of(scan, (np.arange(2),), np.zeros(2, int), boxes.pose, whole, 0.2)
     assert open_rooms(GRIDS, inside, boxes, lit(inside, boxes), None) == [[], []]
+
+
+@pytest.mark.parametrize("size", [0.8, np.nextafter(0.8, 1.0)])
+def test_a_face_of_which_rounding_is_in_view_is_not_seen(size):
+    """A motorcycle as wide as thirteen cells, where the sensor sees what is beyond: width and last cell may differ."""
+    beyond = CELLS[1].edges[None] > 0.75
+    got = room(GRIDS[1], CELLS[1], beyond, np.array([0]), np.array([size]))
+    np.testing.assert_array_equal(got.share, 0.0)
 
 
 def test_owners_are_those_of_the_objects_that_count():
