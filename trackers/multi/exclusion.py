@@ -52,15 +52,19 @@ class Exclusion:
     ) -> ExclusionResult:
         """Go through T tracks from the best score (T,) down; each drops, or unites with, the worse ones it excludes.
 
-        divided (T,) bool: tracks with empty ground at one end, which are united with others only to what is no longer
-        than `short`. two says of pairs, rows (P,) and (P,), which are two vehicles (P,) bool and not united.
+        divided (T, 2) bool: tracks with empty ground behind and before them. Over it they are united with others only
+        to what is no longer than `short`, elsewhere with what hardly any gap separates. two says of pairs, rows (P,)
+        and (P,), which are two vehicles (P,) bool and not united.
         """
         T = len(score)
         keep, into, joined = np.ones(T, bool), np.full(T, -1), np.zeros(T, bool)
         same, one = self.overlapping(estimate), self.one_vehicle(estimate)
         if divided is not None and one.any():
             i, j = np.nonzero(one)
-            one[i, j] = ~(divided[i] | divided[j]) | (extent(estimate, i, j) < self.short)
+            free = ~(divided[i, ahead(estimate, i, j)] | divided[j, ahead(estimate, j, i)])
+            alone = ~(divided[i].any(-1) | divided[j].any(-1))
+            one[i, j] = alone | (free & self._touching(estimate, i, j)) | (extent(estimate, i, j) < self.short)
+            one &= one.T
         if two is not None and one.any():
             i, j = np.nonzero(np.triu(one))
             one[i, j] = one[j, i] = ~two(estimate, i, j)
@@ -109,6 +113,19 @@ class Exclusion:
         pairs &= pairs.T
         np.fill_diagonal(pairs, False)
         return pairs
+
+    def _touching(self, estimate: Estimate, a: NDArray, b: NDArray) -> NDArray:
+        """Whether the gap of P pairs in file is one that nobody keeps at their speed, even in a column, (P,)."""
+        along = np.abs(to_frame(estimate.pose[a], estimate.pose[b, None, :2])[:, 0, 0])
+        _, base, slope = self.gap
+        limit = np.minimum(base, slope * (estimate.velocity[a] ** 2).sum(-1))  # (MOT.52)
+        return np.asarray(along - (estimate.size[a, 0] + estimate.size[b, 0]) / 2 < limit)
+
+
+def ahead(estimate: Estimate, a: NDArray, b: NDArray) -> NDArray:
+    """Whether the second of P pairs of tracks is ahead of the first, int (P,)."""
+    d = estimate.pose[b, :2] - estimate.pose[a, :2]
+    return (np.sum(d * unit(estimate.pose[a, 2]), -1) > 0).astype(int)
 
 
 def extent(estimate: Estimate, a: NDArray, b: NDArray) -> NDArray:

@@ -26,7 +26,7 @@ from trackers.multi.leftovers import Suppression
 from trackers.multi.outage import SensorOutage, without
 from trackers.multi.reidentification import LostTracks, Reidentification
 from trackers.multi.road import RoadMap
-from trackers.multi.tracks import NO_TRACK, REPORT_ABOVE, Event, Rest, Seen, StepInfo, Tracks
+from trackers.multi.tracks import BEFORE, BEHIND, NO_TRACK, REPORT_ABOVE, Event, Rest, Seen, StepInfo, Tracks
 from trackers.multi.visibility import SensorArray, Visibility, predict_visibility
 from trackers.multi.window import Unexplained
 from trackers.parameters import check_numbers
@@ -331,8 +331,10 @@ class MultiObjectTracker:
         old, new_id = tracks.rows(d), tracks.next_id + np.arange(len(d))
         memory = memory._replace(ground=concatenate([ground, under._replace(id=new_id)]))
         rear, front = (self._restart(old.state, piece(old.estimate, span)) for span in (split.rear, split.front))
-        both = np.concatenate([old.id, new_id])
-        memory = memory._replace(divided=np.union1d(np.intersect1d(memory.divided, tracks.id), both))
+        part = dict(zip(old.id.tolist(), new_id.tolist(), strict=True))  # front parts: what was before the whole is so
+        ends = {(part.get(i, i) if end == BEFORE else i, end) for i, end in memory.divided.tolist() if i in tracks.id}
+        ends |= {(i, BEFORE) for i in part} | {(i, BEHIND) for i in part.values()}
+        memory = memory._replace(divided=np.array(sorted(ends)))
         born = old._replace(
             id=new_id,
             age=np.zeros(len(d)),
@@ -351,7 +353,7 @@ class MultiObjectTracker:
     def _exclude(self, tracks: Tracks) -> tuple[Tracks, list[Event]]:
         score = tracks.existence * np.minimum(tracks.hits, 50)
         two = self.ground.two if self.ground else None
-        result = self.exclusion.apply(tracks.estimate, score, np.isin(tracks.id, tracks.memory.divided), two)
+        result = self.exclusion.apply(tracks.estimate, score, tracks.divided, two)
         if result.keep.all():
             return tracks, []
         state = tracks.state

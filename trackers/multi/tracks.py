@@ -18,6 +18,7 @@ from trackers.multi.visibility import Visibility
 from trackers.multi.window import EMPTY, Unexplained
 
 NO_TRACK = -1  # id in an event about a scan
+BEHIND, BEFORE = 0, 1  # where there is empty ground at a track
 REPORT_ABOVE = 0.5  # existence probability above which a track is output, (MOT.48)
 HIDDEN, ASIDE = 0.25, 0.9  # [s] hidden, and [m] of lateral std beside noise, beyond both of which it is not, (MOT.48)
 
@@ -39,7 +40,7 @@ class Memory(NamedTuple):
     out: NDArray | None = None  # (S,) probability that a sensor delivered nothing in the last scan; None before it
     lost: LostTracks | None = None  # confirmed tracks that died; None before the first
     ground: Ground = NOTHING  # what was seen along the long tracks
-    divided: NDArray = np.zeros(0, int)  # (A,) ids of tracks with empty ground at one end
+    divided: NDArray = np.zeros((0, 2), int)  # (A, 2) ids of tracks, and at which end there is empty ground
 
 
 class Tracks(NamedTuple):
@@ -56,6 +57,12 @@ class Tracks(NamedTuple):
     memory: Memory = Memory()
     hidden: NDArray | None = None  # (T,) [s] behind others since its last detection; None: it is not known
     noise: NDArray | None = None  # (T,) [m^2] least across the line of sight, of its last detections; None: not known
+
+    @property
+    def divided(self) -> NDArray:
+        """Whether there is empty ground behind and before each track, bool (T, 2)."""
+        id, end = self.memory.divided.T
+        return np.asarray(((self.id[:, None] == id)[..., None] & (end[:, None] == [BEHIND, BEFORE])).any(1))
 
     @property
     def reported(self) -> "Tracks":

@@ -38,7 +38,20 @@ def test_of_what_was_divided_only_what_is_no_longer_than_a_car_is_united(length,
     """At 25 m/s, 1 m between them: two halves of one car, or two cars between which the ground was empty."""
     x = (length + 1.0) / 2
     pair = prior([[-x, 0, 0], [x, 0, 0]], velocity=(25.0, 0.0), size=(length, 1.8))
-    assert Exclusion().apply(pair, np.array([2.0, 1.0]), np.ones(2, bool)).keep.sum() == kept
+    assert Exclusion().apply(pair, np.array([2.0, 1.0]), np.ones((2, 2), bool)).keep.sum() == kept
+
+
+@pytest.mark.parametrize(("behind", "before"), [([False, True], [False, False]), ([False, False], [True, False])])
+@pytest.mark.parametrize(
+    ("heading", "gap", "speed", "kept"),
+    [(0.0, 0.5, 25.0, 2), (np.pi, 0.5, 25.0, 1), (np.pi, 0.9, 25.0, 2), (np.pi, 0.1, 2.5, 2), (np.pi, 0.1, 3.5, 1)],
+)
+def test_at_the_other_end_of_empty_ground_what_touches_is_united(behind, before, heading, gap, speed, kept):
+    """Empty behind the front one, or before the rear one; where they are turned round the ground is elsewhere."""
+    x = (5.0 + gap) / 2
+    pair = prior([[-x, 0, heading], [x, 0, heading]], velocity=(speed * np.cos(heading), 0.0), size=(5.0, 1.8))
+    ground = np.stack([behind, before], -1)
+    assert Exclusion().apply(pair, np.array([2.0, 1.0]), ground).keep.sum() == kept
 
 
 @pytest.mark.parametrize(("width", "std", "kept"), [(1.8, 0.1, 2), (2.5, 0.1, 1), (1.8, 0.6, 1)])

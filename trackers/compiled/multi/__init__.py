@@ -127,10 +127,9 @@ class Life:
     def rest(self, seen: Seen, updated: Tracks, dt: float) -> Rest:
         """Existence and leftovers of a step, whose tracks have their estimates after the update."""
         memory, tracks = seen.tracks.memory, seen.tracks
-        divided = np.isin(tracks.id, memory.divided) if len(memory.divided) else np.zeros(len(tracks.id), bool)
         found = self.finish(self._boxes(updated.estimate), tracks.existence, seen.info.log_ratio, seen.owner,
                             self._detections(seen.z), self.Pool(*memory.unexplained), float(seen.z.scan.platform[2]),
-                            memory.time + dt, float(dt), divided, self.rules)  # fmt: skip
+                            memory.time + dt, float(dt), tracks.divided, self.rules)  # fmt: skip
         return Rest(found[0], found[1], Unexplained(*found[2]), *found[3:])
 
     def _detections(self, z: SortedScan) -> Any:

@@ -82,19 +82,26 @@ def inside(box: Boxes, a: int, b: int) -> float:
 
 
 @compiled
-def in_file(box: Boxes, a: int, b: int, p: Rules) -> bool:
-    """(MOT.44): whether b is in the lane of a, nearer than two vehicles drive at the speed of a."""
+def in_file(box: Boxes, a: int, b: int, touching: bool, p: Rules) -> bool:
+    """(MOT.44), (MOT.52): whether b is in the lane of a, nearer than two vehicles, or those of a column, drive."""
     _, _, _, lane, _, _, most, base, slope = p.exclusion
     c, s = math.cos(box.pose[a, 2]), math.sin(box.pose[a, 2])
     dx, dy = box.pose[b, 0] - box.pose[a, 0], box.pose[b, 1] - box.pose[a, 1]
-    limit = min(most, base + slope * (box.velocity[a, 0] ** 2 + box.velocity[a, 1] ** 2))
+    more = slope * (box.velocity[a, 0] ** 2 + box.velocity[a, 1] ** 2)
     gap = abs(c * dx + s * dy) - (box.size[a, 0] + box.size[b, 0]) / 2
-    return abs(c * dy - s * dx) < lane and gap < limit
+    return abs(c * dy - s * dx) < lane and gap < (min(base, more) if touching else min(most, base + more))
+
+
+@compiled
+def ahead(box: Boxes, a: int, b: int) -> int:
+    """Whether b is ahead of a."""
+    c, s = math.cos(box.pose[a, 2]), math.sin(box.pose[a, 2])
+    return int(c * (box.pose[b, 0] - box.pose[a, 0]) + s * (box.pose[b, 1] - box.pose[a, 1]) > 0)
 
 
 @compiled
 def apart(box: Boxes, divided: NDArray, p: Rules) -> bool:
-    """(MOT.42) to (MOT.44): whether no two tracks may be one vehicle; divided (T,) bool make short ones only."""
+    """(MOT.42) to (MOT.44): whether no two tracks may be one vehicle; over divided ends (T, 2) bool short ones only."""
     overlap, overlap_speed, sure, _, speed, short, _, _, _ = p.exclusion
     for a in range(len(box.pose)):
         for b in range(a):
@@ -106,9 +113,11 @@ def apart(box: Boxes, divided: NDArray, p: Rules) -> bool:
                 if (share > overlap and v < overlap_speed) or share > sure:  # (MOT.43)
                     return False
             parallel = math.cos(box.pose[a, 2] - box.pose[b, 2]) > 0.9
-            may = d + (box.size[a, 0] + box.size[b, 0]) / 2 < short or not (divided[a] or divided[b])
-            may = may and v < speed and parallel
-            if may and in_file(box, a, b, p) and in_file(box, b, a, p):
+            long = d + (box.size[a, 0] + box.size[b, 0]) / 2 >= short
+            some = long and (divided[a].any() or divided[b].any())
+            if some and (divided[a, ahead(box, a, b)] or divided[b, ahead(box, b, a)]):
+                continue
+            if v < speed and parallel and in_file(box, a, b, some, p) and in_file(box, b, a, some, p):
                 return False
     return True
 
