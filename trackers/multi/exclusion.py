@@ -117,9 +117,9 @@ class Exclusion:
     def _touching(self, estimate: Estimate, a: NDArray, b: NDArray) -> NDArray:
         """Whether the gap of P pairs in file is one that nobody keeps at their speed, even in a column, (P,)."""
         along = np.abs(to_frame(estimate.pose[a], estimate.pose[b, None, :2])[:, 0, 0])
+        gap = along - (estimate.size[a, 0] + estimate.size[b, 0]) / 2
         _, base, slope = self.gap
-        limit = np.minimum(base, slope * (estimate.velocity[a] ** 2).sum(-1))  # (MOT.52)
-        return np.asarray(along - (estimate.size[a, 0] + estimate.size[b, 0]) / 2 < limit)
+        return np.asarray((gap < base) & (slope * (estimate.velocity[a] ** 2).sum(-1) > base))  # (MOT.52)
 
 
 def ahead(estimate: Estimate, a: NDArray, b: NDArray) -> NDArray:

@@ -44,7 +44,7 @@ def test_of_what_was_divided_only_what_is_no_longer_than_a_car_is_united(length,
 @pytest.mark.parametrize(("behind", "before"), [([False, True], [False, False]), ([False, False], [True, False])])
 @pytest.mark.parametrize(
     ("heading", "gap", "speed", "kept"),
-    [(0.0, 0.5, 25.0, 2), (np.pi, 0.5, 25.0, 1), (np.pi, 0.9, 25.0, 2), (np.pi, 0.1, 2.5, 2), (np.pi, 0.1, 3.5, 1)],
+    [(0.0, 0.5, 25.0, 2), (np.pi, 0.5, 25.0, 1), (np.pi, 0.9, 25.0, 2), (np.pi, 0.1, 7.9, 2), (np.pi, 0.1, 8.1, 1)],
 )
 def test_at_the_other_end_of_empty_ground_what_touches_is_united(behind, before, heading, gap, speed, kept):
     """Empty behind the front one, or before the rear one; where they are turned round the ground is elsewhere."""

@@ -89,7 +89,8 @@ def in_file(box: Boxes, a: int, b: int, touching: bool, p: Rules) -> bool:
     dx, dy = box.pose[b, 0] - box.pose[a, 0], box.pose[b, 1] - box.pose[a, 1]
     more = slope * (box.velocity[a, 0] ** 2 + box.velocity[a, 1] ** 2)
     gap = abs(c * dx + s * dy) - (box.size[a, 0] + box.size[b, 0]) / 2
-    return abs(c * dy - s * dx) < lane and gap < (min(base, more) if touching else min(most, base + more))
+    near = gap < base and more > base if touching else gap < min(most, base + more)
+    return near and abs(c * dy - s * dx) < lane
 
 
 @compiled
