@@ -15,7 +15,7 @@ from scenarios.bodies import motion
 from trackers.geometry import rotation
 from trackers.multi.tracks import REPORT_ABOVE, Tracks
 
-CLASSES = 7  # car, van, truck, bus, articulated, tractor, motorcycle
+CLASSES = ("car", "van", "truck", "bus", "articulated", "tractor", "motorcycle")
 UPPER = np.triu_indices(4)  # of a covariance of x, y, vx, vy
 MEAN = ("x", "y", "cos_h", "sin_h", "vx", "vy", "yaw_rate", "length", "width")
 COVARIANCE = ("xx", "xy", "xvx", "xvy", "yy", "yvx", "yvy", "vxvx", "vxvy", "vyvy")
@@ -32,7 +32,7 @@ class Rows(NamedTuple):
     """The nearest tracks, padded to K rows."""
 
     tracks: NDArray  # (K, 30) see `COLUMNS`
-    class_probability: NDArray  # (K, 7), zeros where the tracker has no classes
+    class_probability: NDArray  # (K, 7) of `CLASSES`, zeros where the tracker has no classes
     mask: NDArray  # (K,) int8, 1 where there is a track
     id: NDArray  # (K,) int, -1 where there is none
 
@@ -46,6 +46,9 @@ def track_rows(tracks: Tracks, pose: NDArray, velocity: NDArray, size: int, abov
         velocity: (2,) [m/s] of the ego, world frame.
         size: K; of more tracks the nearest are taken.
         above: existence from which on a track is taken, exclusive.
+
+    Raises:
+        ValueError: class probabilities without names, and not of the seven `CLASSES`.
     """
     estimate = tracks.estimate
     offset = estimate.pose[:, :2] - pose[:2]
@@ -65,11 +68,24 @@ def track_rows(tracks: Tracks, pose: NDArray, velocity: NDArray, size: int, abov
     table[:n, 21:23] = estimate.size_std[order]
     table[:n, 23], table[:n, 24] = tracks.existence[order], tracks.age[order]
     table[:n, 25], table[:n, 26:] = tracks.existence[order] > REPORT_ABOVE, estimate.edges[order]
-    classes, ids, mask = np.zeros((size, CLASSES), np.float32), np.full(size, NONE), np.zeros(size, np.int8)
-    if estimate.class_probability is not None:
-        classes[:n] = estimate.class_probability[order]
+    classes, ids, mask = np.zeros((size, len(CLASSES)), np.float32), np.full(size, NONE), np.zeros(size, np.int8)
+    for name, p in _class_probabilities(tracks):
+        classes[:n, CLASSES.index(name)] = p[order]
     ids[:n], mask[:n] = tracks.id[order], 1
     return Rows(table, classes, mask, ids)
+
+
+def _class_probabilities(tracks: Tracks) -> list[tuple[str, NDArray]]:
+    """Names of those of `CLASSES` that the tracker knows, and the probabilities (T,) of each."""
+    p, names = tracks.estimate.class_probability, tracks.memory.classes or CLASSES
+    if p is None:
+        return []
+    if p.shape[-1] != len(names):
+        raise ValueError(
+            f"class_probability has {p.shape[-1]} columns for the classes {', '.join(names)}; give "
+            "Tracks.memory.classes the names of its columns"
+        )
+    return [(name, column) for name, column in zip(names, p.T, strict=True) if name in CLASSES]
 
 
 def observed(
@@ -124,7 +140,7 @@ class TrackObservation(gym.Wrapper, gym.utils.RecordConstructorArgs):
             {
                 "ego": Box(-np.inf, np.inf, (3,), np.float32),
                 "tracks": Box(-np.inf, np.inf, (size, len(COLUMNS)), np.float32),
-                "class_probability": Box(0.0, 1.0, (size, CLASSES), np.float32),
+                "class_probability": Box(0.0, 1.0, (size, len(CLASSES)), np.float32),
                 "mask": MultiBinary(size),
             }
         )

@@ -1,8 +1,9 @@
-"""The arithmetic of the benchmarks, on made figures."""
+"""The arithmetic of the benchmarks, on made figures, and every benchmark once, as small as it can be."""
 
 import numpy as np
 import pytest
 
+from testbed import bench
 from testbed.bench import Pairs, interleaved
 
 
@@ -54,3 +55,16 @@ def test_a_few_disturbed_pairs_change_nothing():
 def test_a_slower_machine_gives_the_same_share():
     slow = Pairs(np.array([4.0, 12.0, 4.0]), np.array([5.0, 15.0, 5.0]))
     assert slow.share == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize(
+    ("part", "size", "rows"),
+    [("perception", 1, 3), ("closed_loop", 1, 2), ("ghosts", 1, 4), ("logging", 1.0, 2), ("roads", 1, 4),
+     ("rays", 1, 2), ("decisions", 1, 8), ("filters", 1, 6)],
+)  # fmt: skip
+def test_every_benchmark_has_its_rows(part, size, rows):
+    table = getattr(bench, part)(size)
+    assert table.row_count == rows
+    times = [cell for column in table.columns if "[ms" in str(column.header) for cell in column.cells]
+    assert times
+    assert all(float(x) > 0 for cell in times for x in cell.split(","))

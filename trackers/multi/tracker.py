@@ -26,7 +26,7 @@ from trackers.multi.leftovers import Suppression
 from trackers.multi.outage import SensorOutage, without
 from trackers.multi.reidentification import LostTracks, Reidentification
 from trackers.multi.road import RoadMap
-from trackers.multi.tracks import BEFORE, BEHIND, NO_TRACK, REPORT_ABOVE, Event, Rest, Seen, StepInfo, Tracks
+from trackers.multi.tracks import BEFORE, BEHIND, NO_TRACK, REPORT_ABOVE, Event, Memory, Rest, Seen, StepInfo, Tracks
 from trackers.multi.visibility import SensorArray, Visibility, predict_visibility
 from trackers.multi.window import Unexplained
 from trackers.parameters import check_numbers
@@ -103,7 +103,7 @@ class MultiObjectTracker:
         none = np.zeros(0)
         return Tracks(
             none.astype(int), none, none.astype(int), none, none.astype(bool), self.filter.init(estimate), estimate,
-            hidden=none, noise=none,
+            memory=Memory(classes=self.can.classes), hidden=none, noise=none,
         )  # fmt: skip
 
     def step(self, tracks: Tracks, scan: Scan, dt: float) -> tuple[Tracks, StepInfo]:

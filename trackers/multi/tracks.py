@@ -41,6 +41,7 @@ class Memory(NamedTuple):
     lost: LostTracks | None = None  # confirmed tracks that died; None before the first
     ground: Ground = NOTHING  # what was seen along the long tracks
     divided: NDArray = np.zeros((0, 2), int)  # (A, 2) ids of tracks, and at which end there is empty ground
+    classes: tuple[str, ...] | None = None  # names of the columns of `Estimate.class_probability`; None: not known
 
 
 class Tracks(NamedTuple):

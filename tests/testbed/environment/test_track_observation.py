@@ -5,11 +5,13 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
+from sensors import RADARS
 from testbed import TrackObservation
-from testbed.environment.track_observation import COLUMNS, track_rows
+from testbed.environment.track_observation import CLASSES, COLUMNS, track_rows
+from trackers import TRACKERS, build
 from trackers.estimate import Estimate, prior
 from trackers.geometry import rotation
-from trackers.multi.tracks import Tracks
+from trackers.multi.tracks import Memory, Tracks
 
 EGO = np.array([10.0, 5.0, 0.3])
 EGO_VELOCITY = np.array([20.0, 4.0])
@@ -66,6 +68,36 @@ def test_columns_by_hand():
     assert row == pytest.approx({name: expected.get(name, 0.0) for name in COLUMNS}, abs=1e-6)
     np.testing.assert_array_equal(rows.class_probability, [np.eye(7)[2], np.zeros(7)])
     np.testing.assert_array_equal(rows.id, [7, -1])
+
+
+def test_classes_stand_in_their_columns_whatever_the_order_of_the_tracker():
+    tracks = tracks_at(np.array([[30.0, 2.0], [9.0, 9.0]]))
+    p = np.array([[0.1, 0.2, 0.7], [0.5, 0.5, 0.0]])
+    known = tracks._replace(estimate=tracks.estimate._replace(class_probability=p))
+    named = known._replace(memory=Memory(classes=("motorcycle", "cyclist", "van")))
+    rows = track_rows(named, EGO, EGO_VELOCITY, 2, 0.1)
+    expected = {100: [0, 0.7, 0, 0, 0, 0, 0.1], 101: [0, 0, 0, 0, 0, 0, 0.5]}  # "cyclist" has no column
+    np.testing.assert_allclose(rows.class_probability, [expected[i] for i in rows.id], rtol=1e-6)
+    with pytest.raises(ValueError, match=r"class_probability has 3 columns for the classes car, .*memory\.classes"):
+        track_rows(known, EGO, EGO_VELOCITY, 2, 0.1)
+
+
+@pytest.mark.parametrize("name", TRACKERS)
+def test_every_tracker_names_the_classes_of_its_estimates(name):
+    tracker = build(name, RADARS["surround"].models)
+    p = tracker.filter.estimate(tracker.filter.init(prior(np.zeros((1, 3))))).class_probability
+    names = tracker.start().memory.classes
+    assert names is None if p is None else p.shape == (1, len(names))
+    assert {*CLASSES}.issuperset(names or ())
+
+
+def test_the_default_tracker_is_observed_with_its_classes():
+    with TrackObservation(gym.make("testbed/cut-in-v0", warm_up=1.0)) as env:
+        observation, _ = env.reset(seed=0)
+        assert observation in env.observation_space
+        sums = observation["class_probability"].sum(-1)
+        np.testing.assert_allclose(sums, observation["mask"], atol=1e-5)
+        assert sums.any()
 
 
 def test_the_nearest_are_kept_in_order_of_distance_and_those_that_hardly_exist_are_not():
