@@ -44,12 +44,12 @@ def random_scan(
 def leaves(value: Any, name: str = "") -> Iterator[tuple[str, NDArray]]:
     """Arrays of a state, an estimate, a tuple of such or a plain array, with their names: "inner.P".
 
-    What is None has none.
+    What is None, and a string, has none.
     """
     if isinstance(value, tuple):
         for key, part in zip(getattr(value, "_fields", map(str, range(len(value)))), value, strict=True):
             yield from leaves(part, f"{name}.{key}" if name else key)
-    elif value is not None:
+    elif not (value is None or isinstance(value, str)):
         yield name or "array", np.asarray(value)
 
 
