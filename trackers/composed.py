@@ -73,7 +73,8 @@ class Composed:
     def abilities(self) -> Abilities:
         """What it offers beyond the four methods: that of its parts."""
         names = ["log_spatial", "restart", "learn_where"]
-        names += ["reach", "update_among", "classes"] if self.size is not None else [*SMOOTHED, "resize", "shift"]
+        sized = ["reach", "update_among", "loosen", "classes"]
+        names += sized if self.size is not None else [*SMOOTHED, "resize", "shift"]
         return Abilities(**{name: getattr(self, name) for name in names}, on_sensors=self.on)
 
     @property
@@ -178,6 +179,10 @@ class Composed:
             place = self._can.learn_where(self._filled(state), where)
             state = state._replace(place=place if self._own else self._kept(state.motion, place))
         return state if self.size is None else state._replace(size=state.size._replace(fully_visible=where))
+
+    def loosen(self, state: ComposedState, where: NDArray) -> ComposedState:
+        """State of which the near end of the objects where (...) is true may lie elsewhere: others hide it."""
+        return state._replace(size=self.size.loosened(state.size, where))
 
     def restart(self, state: ComposedState, estimate: Estimate) -> ComposedState:
         """State that starts again from an estimate, as of the union of two tracks; the width seen so far stays."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from trackers.compiled.jit import compiled
 from trackers.compiled.tables import Found
 
-STRAIGHT, SLOWEST, SHARPEST, BEND_ERROR = 0.02, 2.0, 0.9, 0.5  # as in `trackers.size.posterior`
+STRAIGHT, SLOWEST, SHARPEST, BEND_ERROR, OUTLINE = 0.02, 2.0, 0.9, 0.5, 2.5  # as in `trackers.size.posterior`
 
 
 @compiled
@@ -39,7 +39,7 @@ def edges(box: NDArray, size: NDArray, b: NDArray, anchor: NDArray, more: NDArra
     box (2,) has the variances of the place along its axes, more (2,) those of the inset; pin as in `Tables`.
     """
     for a in range(2):
-        known = pin[3 + a] ** 2 + (2 * max(pin[0] * size[a], pin[1])) ** 2
+        known = pin[3 + a] ** 2 + (OUTLINE * max(pin[0] * size[a], pin[1])) ** 2
         rest = more[a] + pin[2] ** 2 + max(box[a] - known, 0.0)
         near, far = b[3, a] + rest, 2 * b[4, a] - b[3, a] + b[1, a] / 2 + rest
         edge[2 * a] = math.sqrt(near if anchor[a] > 0 else far)

@@ -145,6 +145,10 @@ class MultiObjectTracker:
         """The tracks after their detections, with the existence before them, and the report."""
         tracks, z, _, owner, view, info = seen
         state, some = tracks.state, info.detections > 0
+        lost = some & view.end_hidden
+        if self.can.loosen is not None and lost.any():
+            state = self.can.loosen(state, lost)
+            seen = seen._replace(tracks=tracks._replace(state=state))
         if some.any():
             found = None if life is None else life.update(seen)
             if found is None:

@@ -17,6 +17,7 @@ STEPS = (np.arange(RAYS) + 0.5) / RAYS  # places of the rays, as shares of the s
 NEARER = 1.0  # [m] an occluder must be this much nearer on the same ray; else a duplicate would hide its twin
 MANY = 32  # pairs of sensor and track from which on rays are cast at the boxes in their direction only
 SHADOW = 0.5  # [m] added to an occluder on every side: tracks of half hidden vehicles lie beside their vehicles
+LEAST_END = 0.5  # share of the rays on front and rear below which the near end of a box is hidden
 
 
 class SensorArray(NamedTuple):
@@ -72,6 +73,7 @@ class Visibility(NamedTuple):
     share: NDArray  # (S, T) share of the rays on the box that no occluder stops
     complete: NDArray  # (T,) visible share of the span of the uncut box, by the sensor that sees most of it
     hidden: NDArray  # (T,) bool, no ray of any sensor, be it out or not, reaches the box
+    end_hidden: NDArray  # (T,) bool, hardly a ray of any sensor reaches the end, front or rear, that faces it
 
 
 def ray_box(origin: NDArray, direction: NDArray, pose: NDArray, size: NDArray) -> NDArray:
@@ -114,7 +116,7 @@ def predict_visibility(
     S, T = len(sensors.max_range), len(estimate.yaw_rate)
     expected, share = np.zeros((S, T)), np.zeros((S, T))
     if T == 0:
-        return Visibility(expected, np.zeros(0, bool), share, np.zeros(0), np.zeros(0, bool))
+        return Visibility(expected, np.zeros(0, bool), share, np.zeros(0), np.zeros(0, bool), np.zeros(0, bool))
     poses = sensors.poses(platform)
     low, high, nearest = angular_spans(estimate, poses)
     edge, uncut = sensors.fov[:, None] / 2, high - low
@@ -125,8 +127,15 @@ def predict_visibility(
     bearing = (poses[s, 2] + low[s, t])[:, None] + span[:, None] * STEPS  # (MOT.9)
     cast = first_hits if len(s) >= MANY else first_hits_of_few
     own, first = cast(poses[s], unit(bearing), t, estimate, np.flatnonzero(occluder))
-    sees = (first > own - NEARER - SHADOW) & (own < sensors.max_range[s, None])  # (MOT.10)
+    near = own < sensors.max_range[s, None]
+    sees = (first > own - NEARER - SHADOW) & near  # (MOT.10)
     share[s, t] = sees.sum(-1) / RAYS
+    at = poses[s, None, :2] + np.where(near, own, 0.0)[..., None] * unit(bearing)
+    x, y = np.moveaxis(np.abs(to_frame(estimate.pose[t], at)) / estimate.size[t, None], -1, 0)
+    on_end = near & (x > y)
+    of_end = np.full((S, T), -1.0)  # of a sensor to which no end is turned
+    of_end[s, t] = np.where(on_end.any(-1), (on_end & sees).sum(-1) / np.maximum(on_end.sum(-1), 1), -1.0)
+    end_hidden = (of_end.max(0) >= 0) & (of_end.max(0) < LEAST_END)  # (MOT.53)
     complete = (share * (high - low) / uncut).max(0)  # (MOT.12)
     visible = sees.any(-1)
     s, t = s[visible], t[visible]
@@ -134,7 +143,7 @@ def predict_visibility(
     distance = np.where(sees, own, np.inf).min(-1, initial=np.inf)
     rate = sensors.expected_count(s, distance, span * distance)  # the outline as a chord at that distance
     expected[s, t] = rate_factor * rate * np.minimum(1.0, 3 * share[s, t])  # (MOT.11)
-    return Visibility(expected, np.asarray(in_view.any(axis=0)), share, complete, share.max(0) == 0)
+    return Visibility(expected, np.asarray(in_view.any(axis=0)), share, complete, share.max(0) == 0, end_hidden)
 
 
 def first_hits_of_few(

@@ -29,6 +29,7 @@ STRAIGHT = 0.02  # [1/m] curvature of a path below which the front of two bodies
 SLOWEST, SHARPEST = 2.0, 0.9  # [m/s] and sine of the bend from which on it is not read from the curvature
 BEND_ERROR = 0.5  # of what stands out, as a share of it
 STANDS = 1.0  # [m/s] below which a body stands
+OUTLINE = 2.5  # pins of the size that the place of the inner filter is uncertain by, as it does not know the outline
 ROLLED_ABOVE = 0.75  # steps of mean offset from which the box is moved instead
 
 
@@ -64,6 +65,7 @@ class SizePosterior:
     standing: int = 2  # the same of a body that stands, whose places are hit again
     offset_share: float = 0.5  # of the detections beside its ends that count at least for the offset
     unseen_share: float = 0.1  # by which a scan with the anchor end of the length out of view loosens its offset
+    hidden_share: float = 0.2  # the same of a scan in which others hide that end
     memory: float = 10.0  # [s]
     offset_tau: float = 2.0  # [s] time constant of the offset
     lost_rate: float = 1.5e-3  # [1/s] at which a box is misplaced
@@ -203,6 +205,13 @@ class SizePosterior:
         reach = np.minimum(followed, [grid.offset_std for grid in self.grids])
         return np.clip(body, -reach, reach)  # (ENDS.38)
 
+    def loosened(self, state: SizeState, where: NDArray) -> SizeState:
+        """The state before a scan in which others hide the near end of the objects where (...) is true."""
+        axes = where.ndim
+        share = self.hidden_share * where.reshape(-1)
+        length = self.length.loosened(flat(state.length, axes), share)  # (ENDS.42)
+        return state._replace(length=length.reshape(state.length.shape))
+
     def restarted(self, state: SizeState, size: NDArray) -> SizeState:
         """The state of objects that start again with a size (..., 2) [m]; the width seen so far stays."""
         l = size[..., :1]
@@ -238,7 +247,7 @@ class SizePosterior:
         b = state.belief
         M = rotation(box.pose[..., 2])
         place = np.sum(M * (box.cov[..., :2, :2] @ M), -2)
-        known = np.array([grid.offset_std for grid in self.grids]) ** 2 + (2 * self.pin_std(box.size)) ** 2
+        known = np.array([grid.offset_std for grid in self.grids]) ** 2 + (OUTLINE * self.pin_std(box.size)) ** 2
         more = out_var + self.face_std**2 + np.maximum(place - known, 0.0)  # (ENDS.36)
         near = b.offset_var + more  # (ENDS.36)
         far = 2 * b.centre_var - b.offset_var + b.size_var / 2 + more  # (ENDS.37)

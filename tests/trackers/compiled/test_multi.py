@@ -124,7 +124,7 @@ def test_a_step_from_any_state_is_the_same(drive, seed, k, dt):
 
 def test_what_is_changed_has_all_that_is_rare(drive):
     tracker, steps = drive
-    kinds, seen = set(), {"out": 0, "alarms": 0, "calm": 0, "hidden": 0}
+    kinds, seen = set(), {"out": 0, "alarms": 0, "calm": 0, "hidden": 0, "end": 0}
     for seed in range(120):
         tracks, scan = changed(np.random.default_rng(seed), *steps[3 + seed % 50][:2])
         new, info = tracker.step(tracks, scan, 1 / 15)
@@ -133,6 +133,8 @@ def test_what_is_changed_has_all_that_is_rare(drive):
         seen["alarms"] += len(scan.mask) > len(steps[3 + seed % 50][1].mask)
         seen["calm"] += not {event.kind for event in info.events} - {"confirmed"}
         seen["hidden"] += ((info.expected == 0) & info.in_view).any()
+        view = tracker._seen(tracker._predict(tracks, 1 / 15), scan, 1 / 15).view
+        seen["end"] += (view.end_hidden & (info.detections > 0)).any()
     assert {"born", "died", "merged", "lost"} <= kinds
     assert min(seen.values()) > 3
 

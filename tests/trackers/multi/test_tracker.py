@@ -334,6 +334,23 @@ def test_a_box_is_complete_but_for_what_an_edge_cuts_off_and_others_hide():
     assert view.complete[3] == 0
 
 
+def test_the_near_end_is_hidden_where_another_box_stands_before_it():
+    """A truck in the next lane, a car close behind it that hides its rear, not its side, and one far behind it."""
+    truck = np.array([40.0, 4.0, 0.0])
+    cars = [np.array([truck[0] - 6 - 2.3 - gap, 4.0, 0.0]) for gap in (3.0, 30.0)]
+    size, sensors = [[12.0, 2.5], [4.6, 1.86]], SensorArray.of((RADAR,))
+    for car, hidden in zip(cars, (True, False), strict=True):
+        e = prior(np.array([truck, car]), size=size)
+        view = predict_visibility(e, np.array([False, True]), sensors, np.zeros(6))
+        np.testing.assert_array_equal(view.end_hidden, [hidden, False])
+        assert view.share[0, 0] > 0
+        assert not predict_visibility(e, np.zeros(2, bool), sensors, np.zeros(6)).end_hidden.any()
+    beside = prior(np.array([[20.0, 0.0, np.pi / 2], [15.0, 0.0, np.pi / 2]]), size=[[12.0, 2.5], [3.0, 1.0]])
+    view = predict_visibility(beside, np.array([False, True]), sensors, np.zeros(6))
+    assert view.share[0, 0] < 1
+    assert not view.end_hidden.any()  # no end is turned to the sensor
+
+
 def test_existence_by_hand():
     ex = Existence()
     np.testing.assert_allclose(np.exp(ex.log_ratio(np.zeros(2), np.array([0.0, 1.0]), np.zeros(2))), [1, 1.5**-2])

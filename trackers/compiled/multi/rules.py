@@ -63,6 +63,7 @@ class View(NamedTuple):
     share: NDArray  # (S, T)
     complete: NDArray  # (T,)
     hidden: NDArray  # (T,) bool
+    end_hidden: NDArray  # (T,) bool
     out: NDArray  # (S,)
 
 

@@ -9,7 +9,7 @@ from trackers.compiled.linear import wrap
 from trackers.compiled.multi.jit import compiled
 from trackers.compiled.multi.rules import Boxes, Detections, Lanes, Rules, View
 
-RAYS, NEARER, SHADOW = 9, 1.0, 0.5  # as in `trackers.multi.visibility`
+RAYS, NEARER, SHADOW, LEAST_END = 9, 1.0, 0.5, 0.5  # as in `trackers.multi.visibility`
 
 
 @compiled
@@ -102,9 +102,11 @@ def span(x: NDArray, size: NDArray, cos: float, sin: float, sensor: NDArray) -> 
 
 @compiled
 def see(box: Boxes, occluder: NDArray, platform: NDArray, p: Rules) -> View:
-    """(MOT.8) to (MOT.12): what working sensors should see of T predicted tracks; occluder (T,) bool hide others."""
+    """(MOT.8) to (MOT.12), (MOT.53): what sensors should see of T predicted tracks; occluder (T,) bool hide others."""
     s, S, T = p.sheets, len(p.sheets.fov), len(box.pose)
-    v = View(np.zeros((S, T)), np.zeros(T, np.bool_), np.zeros((S, T)), np.zeros(T), np.ones(T, np.bool_), np.zeros(S))
+    no, yes = np.zeros(T, np.bool_), np.ones(T, np.bool_)
+    v = View(np.zeros((S, T)), no, np.zeros((S, T)), np.zeros(T), yes, no.copy(), np.zeros(S))
+    of_end = np.full(T, -1.0)  # as of a track of which no end is turned to a sensor
     cos, sin, sensor = np.cos(box.pose[:, 2]), np.sin(box.pose[:, 2]), np.empty(3)
     c, n = math.cos(platform[2]), math.sin(platform[2])
     for k in range(S):
@@ -117,7 +119,7 @@ def see(box: Boxes, occluder: NDArray, platform: NDArray, p: Rules) -> View:
             low, high = max(low, -edge), min(high, edge)
             if not (high > low and nearest < s.max_range[k]):
                 continue
-            seen, first = 0, np.inf
+            seen, ends, ends_seen, first = 0, 0, 0, np.inf
             for ray in range(RAYS):
                 bearing = (sensor[2] + low) + (high - low) * ((ray + 0.5) / RAYS)  # (MOT.9)
                 dx, dy, own, shadow = math.cos(bearing), math.sin(bearing), np.inf, np.inf
@@ -134,15 +136,23 @@ def see(box: Boxes, occluder: NDArray, platform: NDArray, p: Rules) -> View:
                         own = r
                     elif r > 0:
                         shadow = min(shadow, r)
-                if shadow > own - NEARER - SHADOW and own < s.max_range[k]:  # (MOT.10)
-                    seen, first = seen + 1, min(first, own)
+                if not own < s.max_range[k]:
+                    continue
+                x, y = sensor[0] + own * dx - box.pose[t, 0], sensor[1] + own * dy - box.pose[t, 1]
+                on_end = abs(cos[t] * x + sin[t] * y) * box.size[t, 1] > abs(cos[t] * y - sin[t] * x) * box.size[t, 0]
+                ends += on_end
+                if shadow > own - NEARER - SHADOW:  # (MOT.10)
+                    seen, ends_seen, first = seen + 1, ends_seen + on_end, min(first, own)
             v.in_view[t], v.share[k, t] = True, seen / RAYS
+            of_end[t] = max(of_end[t], ends_seen / ends if ends else -1.0)
             v.complete[t] = max(v.complete[t], seen / RAYS * (high - low) / uncut)  # (MOT.12)
             if seen:
                 v.hidden[t] = False
                 rate = s.rates[k, 0] * (15.0 / max(first, 1.0)) ** s.rates[k, 1] * math.sqrt((high - low) * first / 3)
                 share = min(1.0, 3 * v.share[k, t])
                 v.expected[k, t] = p.occlusion[2] * min(rate, s.rates[k, 2]) * share  # (MOT.11)
+    for t in range(T):
+        v.end_hidden[t] = 0 <= of_end[t] < LEAST_END  # (MOT.53)
     return v
 
 
