@@ -72,9 +72,8 @@ class Composed:
     @property
     def abilities(self) -> Abilities:
         """What it offers beyond the four methods: that of its parts."""
-        names = ["log_spatial", "restart", "learn_where"]
-        sized = ["reach", "update_among", "loosen", "classes"]
-        names += sized if self.size is not None else [*SMOOTHED, "resize", "shift"]
+        names = ["log_spatial", "restart", "learn_where", "classes"]
+        names += ["reach", "update_among", "loosen"] if self.size is not None else [*SMOOTHED, "resize", "shift"]
         return Abilities(**{name: getattr(self, name) for name in names}, on_sensors=self.on)
 
     @property

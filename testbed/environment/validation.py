@@ -127,4 +127,7 @@ def _fault_of_rest(tracks: Tracks) -> str:
         return "contour has a point that is not finite"
     if p is not None and not (np.shape(p)[:1] == count and (p >= 0).all() and (p <= 1 + ROUNDING).all()):
         return "class_probability must be (T, C) of probabilities within 0 and 1"
+    names = tracks.memory.classes
+    if p is not None and names is not None and np.shape(p)[1:] != (len(names),):
+        return f"class_probability has the shape {np.shape(p)}, and memory.classes names {', '.join(names)}"
     return ""

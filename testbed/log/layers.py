@@ -147,9 +147,7 @@ def detection_rows(frame: Frame, trackers: Iterable[str]) -> Rows:
     }
 
 
-def tracker_rows(
-    name: str, tracks: Tracks, info: StepInfo, modes: Sequence[str] = (), classes: Sequence[str] = (), index: int = 0
-) -> Rows:
+def tracker_rows(name: str, tracks: Tracks, info: StepInfo, modes: Sequence[str] = (), index: int = 0) -> Rows:
     """Boxes or contours, 95 % ellipses of the centre, headings and ids of the reported tracks; the others thin.
 
     The label is the id, then the most likely of the motion models `modes`, then the class if its probability is above
@@ -160,7 +158,7 @@ def tracker_rows(
     tracks = tracks.reported
     estimate = tracks.estimate
     outline = box_corners(estimate.pose, estimate.size) if estimate.contour is None else estimate.contour
-    labels = _labels(tracks, info, modes, classes)
+    labels = _labels(tracks, info, modes)
     cov = estimate.cov[:, :2, :2]
     known = np.isfinite(cov).all((-2, -1))  # not of tracks from files without covariances
     ellipse = ellipse_points(estimate.pose[known, :2], CONFIDENCE_RADIUS**2 * cov[known], 17)
@@ -209,11 +207,11 @@ def no_change_rows(name: str) -> Rows:
     return {paths.tracker(name, layer): dict(nothing) for layer in paths.CHANGE_LAYERS}
 
 
-def _labels(tracks: Tracks, info: StepInfo, modes: Sequence[str], classes: Sequence[str]) -> list[str]:
+def _labels(tracks: Tracks, info: StepInfo, modes: Sequence[str]) -> list[str]:
     moves = {track: modes[int(p.argmax())] for track, p in probabilities(info, modes).items()}
     ids = tracks.id.tolist()
     known = dict.fromkeys(ids, "")
-    p = tracks.estimate.class_probability
+    p, classes = tracks.estimate.class_probability, tracks.memory.classes
     if classes and p is not None:
         known |= {i: classes[int(own.argmax())] for i, own in zip(ids, p, strict=True) if own.max() > LIKELY}
     return [" ".join(filter(None, (str(i), moves.get(i), known[i]))) for i in ids]

@@ -1,4 +1,4 @@
-"""Motion models and classes in the log: their names, and probabilities where a tracker mixes several models."""
+"""Motion models in the log: their names, and probabilities where a tracker mixes several models."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -19,11 +19,6 @@ def mode_names(tracker: str) -> tuple[str, ...]:
         if len(named) > 1:
             return named
     return ()
-
-
-def class_names(tracker: str) -> tuple[str, ...]:
-    """Names of the classes between which a tracker of the table decides; none where it does not classify."""
-    return next((filter.classes for filter in _layers(tracker) if getattr(filter, "classes", None)), ())
 
 
 def _layers(tracker: str) -> Iterator[Any]:

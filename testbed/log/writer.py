@@ -15,7 +15,7 @@ import numpy as np
 from sensors.scene import Objects
 from testbed.frame import Frame, FrameScore
 from testbed.log import layers, palette, paths, road_shape
-from testbed.log.modes import class_names, modes_of
+from testbed.log.modes import modes_of
 from testbed.log.record import RoadGeometry, RunMeta, SmoothedTracks
 from testbed.log.text import (
     Table,
@@ -82,7 +82,6 @@ class RunLog:
         self._shown: tuple[int, ...] = ()  # objects with a page of their own
         self._asked: int | None = None  # by `focus_on`
         self._modes = modes_of(meta.trackers)
-        self._classes = {name: class_names(name) for name in meta.trackers}
         self._road, self._middle = RoadGeometry(), road_shape.strip_middle(RoadGeometry())
         self._sensors: tuple[SensorModel, ...] = ()
         self._metrics: dict[str, tuple[str, ...]] = {}
@@ -299,7 +298,7 @@ class RunLog:
         )
         for index, name in enumerate(self.meta.trackers):
             tracks, info = frame.outputs[name]
-            rows |= layers.tracker_rows(name, tracks, info, self._modes[name], self._classes[name], index)
+            rows |= layers.tracker_rows(name, tracks, info, self._modes[name], index)
             rows |= self._changes(name, tracks, info)
         if self._walls is None or not np.array_equal(self._walls, frame.scene.walls):
             self._walls = np.array(frame.scene.walls)

@@ -126,16 +126,18 @@ def predict_visibility(
     span = (high - low)[s, t]
     bearing = (poses[s, 2] + low[s, t])[:, None] + span[:, None] * STEPS  # (MOT.9)
     cast = first_hits if len(s) >= MANY else first_hits_of_few
-    own, first = cast(poses[s], unit(bearing), t, estimate, np.flatnonzero(occluder))
+    ray = unit(bearing)
+    own, first = cast(poses[s], ray, t, estimate, np.flatnonzero(occluder))
     near = own < sensors.max_range[s, None]
     sees = (first > own - NEARER - SHADOW) & near  # (MOT.10)
     share[s, t] = sees.sum(-1) / RAYS
-    at = poses[s, None, :2] + np.where(near, own, 0.0)[..., None] * unit(bearing)
+    at = poses[s, None, :2] + np.where(near, own, 0.0)[..., None] * ray
     x, y = np.moveaxis(np.abs(to_frame(estimate.pose[t], at)) / estimate.size[t, None], -1, 0)
     on_end = near & (x > y)
-    of_end = np.full((S, T), -1.0)  # of a sensor to which no end is turned
-    of_end[s, t] = np.where(on_end.any(-1), (on_end & sees).sum(-1) / np.maximum(on_end.sum(-1), 1), -1.0)
-    end_hidden = (of_end.max(0) >= 0) & (of_end.max(0) < LEAST_END)  # (MOT.53)
+    ends, of_end = on_end.sum(-1), np.full((S, T), -1.0)  # share of the rays on ends; of a sensor without any: -1
+    of_end[s, t] = np.where(ends > 0, (on_end & sees).sum(-1) / np.maximum(ends, 1), -1.0)
+    most = of_end.max(0)
+    end_hidden = (most >= 0) & (most < LEAST_END)  # (MOT.53)
     complete = (share * (high - low) / uncut).max(0)  # (MOT.12)
     visible = sees.any(-1)
     s, t = s[visible], t[visible]

@@ -147,6 +147,11 @@ def test_what_a_step_returns_fits_the_scan_and_may_be_known_exactly():
         check_output((None, output[1]), 3, "t", "step 4")
     singular = tracks._replace(estimate=tracks.estimate._replace(cov=np.zeros((1, 4, 4))))
     check_output((singular, output[1]), 3, "t", "step 4")  # what is known exactly
+    classified = tracks._replace(estimate=tracks.estimate._replace(class_probability=np.array([[0.4, 0.6]])))
+    check_output((classified, output[1]), 3, "t", "step 4")  # without names
+    named = classified._replace(memory=tracks.memory._replace(classes=("car", "bus", "van")))
+    with pytest.raises(WrongTracks, match=r"class_probability has the shape \(1, 2\), and .* names car, bus, van$"):
+        check_output((named, output[1]), 3, "t", "step 4")
 
 
 def test_a_start_that_returns_no_tracks_is_refused(user):

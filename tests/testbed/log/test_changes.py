@@ -1,13 +1,15 @@
 """Contours that a tracker has learned, in the log: drawn where the track was, removed after a second, and an event."""
 
 import numpy as np
+import pytest
 
 from testbed.log import RunLog, paths, reader
 from testbed.log.layers import change_rows, tracker_rows
-from testbed.log.modes import class_names, mode_names
+from testbed.log.modes import mode_names
 from tests.testbed.log import log_content, log_runs
+from trackers import SensorModel, build
 from trackers.geometry import to_frame
-from trackers.multi.tracks import Event
+from trackers.multi.tracks import Event, Memory
 
 RING = np.array([[2.0, 1.0], [-2.0, 1.0], [-2.0, -1.0], [2.0, -1.0]])
 PAIR = np.stack([RING, 0.8 * RING])
@@ -70,15 +72,23 @@ def test_the_class_of_a_track_stands_behind_its_id_where_it_is_likely():
     p = np.tile([0.5, 0.5], (len(tracks.id), 1))
     p[0] = [0.2, 0.8]
     known = tracks._replace(estimate=tracks.estimate._replace(class_probability=p))
-    labels = tracker_rows(NAME, known, info, classes=("car", "bus"))[paths.tracker(NAME, "center")]["Points2D:labels"]
+    named = known._replace(memory=Memory(classes=("car", "bus")))
+    labels = tracker_rows(NAME, named, info)[paths.tracker(NAME, "center")]["Points2D:labels"]
     shown = tracks.reported.id.tolist()
     assert labels == [f"{i} bus" if i == tracks.id[0] else str(i) for i in shown]
     assert tracker_rows(NAME, known, info)[paths.tracker(NAME, "center")]["Points2D:labels"] == [str(i) for i in shown]
 
 
-def test_models_of_contours_are_no_motion_models_and_classes_have_names():
+def test_models_of_contours_are_no_motion_models():
     assert mode_names("pmht-spline") == ()
     assert mode_names("edra-imm") == ("cv", "ca", "ct")
-    assert "tractor" in class_names("pmht-spline-adaptive")
-    assert class_names("pmht-spline") == class_names("mine") == ()
-    assert "bus" in class_names("pmht-spline:size=ends")
+
+
+@pytest.mark.parametrize(
+    ("tracker", "known"),
+    [("pmht-spline-adaptive", "tractor"), ("pmht-spline", None), ("pmht-spline:size=ends", "bus"),
+     ("pmht-spline-adaptive:motion=on", "tractor")],
+)  # fmt: skip
+def test_the_classes_of_a_tracker_have_names(tracker, known):
+    names = build(tracker, (SensorModel(),)).start().memory.classes
+    assert names is None if known is None else known in names
