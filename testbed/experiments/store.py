@@ -22,7 +22,7 @@ import pyarrow.parquet as pq
 
 from testbed.experiments.run import FOUND, Outcome, Run, outcome_of
 from testbed.experiments.study import WHOLE_RUN, Kept, Study
-from testbed.files import atomic_file, make_directory, write_json
+from testbed.files import atomic_file, compiled, make_directory, write_json
 from testbed.replay import recording as recordings
 from trackers.json_file import read_json
 
@@ -151,7 +151,7 @@ class Store:
             writer.write_table(table)
             seconds = {**kept.seconds, "writing": perf_counter() - start}
             known = {"layout": VERSION, "rows": table.num_rows, "content": content(table), "run": work.key}
-            known |= {"spans": list(kept.spans), "seconds": seconds, **kept.more}
+            known |= {"spans": list(kept.spans), "seconds": seconds, "compiled": compiled(), **kept.more}
             text = json.dumps(known, allow_nan=False).encode()
             writer.add_key_value_metadata({META: text, CHECKSUM: _checksum(text)})  # pages have theirs, this has not
 
@@ -283,6 +283,11 @@ class Results:
     def runs(self) -> pd.DataFrame:
         """One row a run, without the phases."""
         return self.spans[self.spans["phase"] == WHOLE_RUN]
+
+    @property
+    def compiled(self) -> str:
+        """What the processes that made the runs had run in compiled form, each of what they say once."""
+        return "; ".join(sorted({str(meta["compiled"]) for meta in self.metas.values() if "compiled" in meta}))
 
     @cached_property
     def seconds(self) -> pd.DataFrame:

@@ -76,11 +76,12 @@ class Entry:
 
 
 def entry(
-    benchmark: Benchmark, name: str, kind: str, phrase: str | None, runs: Sequence[dict[str, Any]], **more: Any
-) -> Entry:
-    """An entry of the present code."""
+    benchmark: Benchmark, name: str, kind: str, phrase: str | None, runs: Sequence[dict[str, Any]], compiled: str,
+    **more: Any,
+) -> Entry:  # fmt: skip
+    """An entry of the present code; compiled says what the processes that made the runs had in compiled form."""
     shared = benchmark.name, name, kind, phrase, benchmark.seeds(phrase), benchmark.digests()
-    return Entry(*shared, tuple(runs), **more, made=provenance())
+    return Entry(*shared, tuple(runs), **more, made={**provenance(), "compiled": compiled})
 
 
 def read(path: Path) -> Entry:

@@ -104,7 +104,7 @@ class BenchmarkRuns(Study):
         return [
             entry(
                 self.version, name, TRACKER, self.phrase, list(_runs(self.version, results.runs, name)),
-                cost=_cost(results, name), code=_code(name),
+                results.compiled, cost=_cost(results, name), code=_code(name),
             )
             for name in self.trackers
         ]  # fmt: skip
@@ -210,7 +210,7 @@ class ScoredTracks(RecordedComparison):
         files = sorted(str(source.path) for _, _, source in self.tracks)
         code = {"files": files_digest(files), "recordings": files_digest(self.recordings)}
         runs = list(_runs(version, rows[rows["track"].notna()], self.trackers[0]))
-        return entry(version, self.trackers[0], TRACKS, self.phrase, runs, code=code)
+        return entry(version, self.trackers[0], TRACKS, self.phrase, runs, results.compiled, code=code)
 
     def judge(self, results: Results, tally: Tally) -> Findings:
         """The table of the entry."""

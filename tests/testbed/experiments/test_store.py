@@ -15,7 +15,8 @@ import pytest
 from rich.console import Console
 from rich.progress import Progress
 
-from testbed.experiments import command
+from testbed import files
+from testbed.experiments import command, store
 from testbed.experiments.command import calculated, carry_out, execute, shuffled
 from testbed.experiments.engine import Engine
 from testbed.experiments.run import DONE, FAILED, FOUND
@@ -49,6 +50,14 @@ def test_what_is_there_is_found_and_not_made_again(made):
     assert (tally.done, tally.found) == (0, 6)
     assert before == {p: p.stat().st_mtime_ns for p in Path(made.out).rglob("*.*")}
     assert make(FIRST, made, Path(made.out)).status == FOUND
+
+
+def test_results_say_what_ran_compiled_where_they_were_made(made, monkeypatch):
+    assert Results.read(made).compiled == files.compiled()
+    monkeypatch.setattr(store, "compiled", lambda: "radar by numba 1.0")
+    more = replace(made, count=8)
+    execute(more, Engine())
+    assert Results.read(more).compiled == "; ".join(sorted([files.compiled(), "radar by numba 1.0"]))
 
 
 def test_other_work_joins_the_folder(made):

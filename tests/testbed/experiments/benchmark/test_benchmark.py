@@ -11,9 +11,11 @@ import pytest
 from typer.testing import CliRunner
 
 from testbed.cli import app
+from testbed.experiments import store
 from testbed.experiments.benchmark import definition, runs, table
 from testbed.experiments.benchmark.definition import BENCHMARKS, find, frozen
 from testbed.experiments.benchmark.entries import Entry, read
+from testbed.experiments.rows import SCHEMA
 
 V1 = BENCHMARKS["v1"]
 TINY = replace(
@@ -90,6 +92,8 @@ def test_an_entry_is_made_again_bit_for_bit(made):
         ("open", "passed"), ("open", "passed@imaging"), ("closed", "passed"), ("faults", "passed+drop:0.2"),
     }  # fmt: skip
     assert 0 < one.at["closed", "passed", 1000]["score"] <= 1
+    ran = {store.read_meta(path, SCHEMA)["compiled"] for path in (made / "runs" / "rows").iterdir()}
+    assert one.made["compiled"] == "; ".join(sorted(ran))
     done = call("check", entry_of(made), "--runs", 3, "--out", made / "again")
     assert done.exit_code == 0, done.output
     assert "3 of 8 runs" in done.output
