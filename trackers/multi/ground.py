@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from trackers.estimate import Estimate
 from trackers.geometry import dot, to_frame, to_world, unit, vector, wrap_angle
 from trackers.multi.association import SortedScan
+from trackers.multi.beside import BesideTest
 from trackers.multi.visibility import SensorArray, Visibility, ray_box
 from trackers.parameters import check_numbers
 from trackers.size.fleet import Fleet
@@ -67,6 +68,7 @@ class GroundTest:
     fleet: Fleet = field(default_factory=Fleet)  # whose lengths one vehicle, or two, may have
     length_std: float = 0.7  # [m] of a length, beside the spread of its class
     width_std: float = 0.1  # [m] of a width, beside that and what is claimed of it
+    lanes: BesideTest = field(default_factory=BesideTest)  # of two that are not in file
 
     def __post_init__(self) -> None:
         check_numbers(self)

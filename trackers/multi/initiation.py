@@ -3,6 +3,7 @@
 Equations: docs/methods/life-cycle-of-tracks.md, sections 2 and 3.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -14,6 +15,7 @@ from trackers.batch import take
 from trackers.estimate import Estimate, prior
 from trackers.geometry import perpendicular, unit
 from trackers.multi.association import SortedScan
+from trackers.multi.beside import Taken
 from trackers.multi.cells import Linkage, cut
 from trackers.multi.course import Course, Lanes
 from trackers.multi.evidence import Cells, Evidence
@@ -49,6 +51,7 @@ class Initiation:
     most_births: int = 40  # of a scan
     crowd: int = 400  # more candidates than this in a scan are not remembered
     past_weight: float = 0.3  # of a detection of an earlier scan in the mean place
+    begin: float = 0.1  # share of the detections of many scans before the near end, by noise
     depth: float = 0.85  # mean of the detections, as a share of the way from the centre to the visible outline
     cut_gap: float = 0.3  # [m] least gap across at which a cell that is wider than any vehicle is cut
     window: Window = field(default_factory=Window)
@@ -151,9 +154,30 @@ class Initiation:
 
     def sized(self, births: Births, size: NDArray, size_std: NDArray) -> Estimate:
         """Estimates (B,) of births whose size (B, 2) [m] and its std (B, 2) are known from elsewhere."""
-        pose = births.estimate.pose.copy()
-        pose[:, :2] = births.mean - self.depth * visible_offset(pose, size, births.place)  # (LIFE.17)
-        return births.estimate._replace(pose=pose, size=size, size_std=size_std)
+        return self._behind(births.estimate._replace(size=size, size_std=size_std), births.mean, births.place)
+
+    def apart(self, whole: Estimate, seen: Sequence[Taken]) -> Estimate:
+        """Estimates (D,) of vehicles of which this was seen, one record each, moving as whole (D,) does.
+
+        The near end is where the detections begin, which lie all along a long vehicle.
+        """
+        along = unit(np.arctan2(whole.velocity[:, 1], whole.velocity[:, 0]))
+        x = [one.xy @ u for one, u in zip(seen, along, strict=True)]
+        size, size_std = self.sizes.of(np.array([np.ptp(each) for each in x]))
+        mean, place = (np.array([getattr(one, name).mean(0) for one in seen]) for name in ("xy", "place"))
+        away = np.sign(np.sum((mean - place) * along, -1))
+        near = np.array([np.quantile(each * side, self.begin) * side for each, side in zip(x, away, strict=True)])
+        off = near + away * size[:, 0] / 2 - np.sum(mean * along, -1)  # (LIFE.43)
+        pose = np.concatenate([mean + off[:, None] * along, np.arctan2(along[:, 1], along[:, 0])[:, None]], -1)
+        cov = np.zeros(whole.cov.shape)
+        cov[:, :2, :2], cov[:, 2:, 2:] = _spread(along, size), whole.cov[:, 2:, 2:]
+        return whole._replace(pose=pose, size=size, size_std=size_std, cov=cov, contour=None, class_probability=None)
+
+    def _behind(self, estimate: Estimate, mean: NDArray, place: NDArray) -> Estimate:
+        """The boxes where detections about the means (B, 2) [m] from sensors at places (B, 2) have them."""
+        pose = estimate.pose.copy()
+        pose[:, :2] = mean - self.depth * visible_offset(pose, estimate.size, place)  # (LIFE.17)
+        return estimate._replace(pose=pose)
 
     def _start(
         self, points: Unexplained, W: NDArray, mean: NDArray, place: NDArray, standing: NDArray, lanes: Lanes
@@ -169,13 +193,17 @@ class Initiation:
         length -= np.where(of_now, axis, np.inf).min(0, initial=np.inf)
         size, size_std = self.sizes.of(length)
         pose = np.concatenate([mean, motion.heading[:, None]], -1)
-        pose[:, :2] -= self.depth * visible_offset(pose, size, place)  # (LIFE.17)
         born = prior(
             pose, velocity=motion.velocity, size=size, size_std=size_std, heading_std=motion.heading_std,
             yaw_rate_std=0.1,
         )  # fmt: skip
-        M = np.stack([along, perpendicular(along)], -1)
-        spread = (0.2 * size) ** 2 + 0.2**2  # (LIFE.18)
-        born.cov[:, :2, :2] = (M * spread[:, None]) @ M.mT
+        born.cov[:, :2, :2] = _spread(along, size)
         born.cov[:, 2:, 2:] = motion.cov
-        return born, length
+        return self._behind(born, mean, place), length
+
+
+def _spread(along: NDArray, size: NDArray) -> NDArray:
+    """Covariances (B, 2, 2) [m^2] of centres of boxes of a size (B, 2) [m], along unit vectors (B, 2) and across."""
+    M = np.stack([along, perpendicular(along)], -1)
+    spread = (0.2 * size) ** 2 + 0.2**2  # (LIFE.18)
+    return np.asarray((M * spread[:, None]) @ M.mT)

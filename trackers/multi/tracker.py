@@ -4,6 +4,7 @@ Order of a step and equations: docs/methods/multi-object-tracking.md. The tracke
 `Tracks`, which `step` takes and returns.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -17,6 +18,8 @@ from trackers.estimate import Estimate, prior
 from trackers.filter import Abilities, Filter, Note
 from trackers.linalg import largest_eigenvalue
 from trackers.multi.association import Association, Claims, SortedScan, gather, least, shares
+from trackers.multi.beside import NOTHING as NO_DETECTIONS
+from trackers.multi.beside import BesideTest, parts
 from trackers.multi.exclusion import Exclusion
 from trackers.multi.existence import Existence
 from trackers.multi.folding import unfolded
@@ -169,8 +172,8 @@ class MultiObjectTracker:
 
     def _conclude(self, tracks: Tracks, seen: Seen, rest: Rest | None, dt: float) -> tuple[Tracks, list[Event]]:
         """The tracks after what is rare: division, death, birth and union; `rest` says what of it may happen now."""
-        view, z = seen.view, seen.z
-        tracks, divided = self._divide(tracks, view, z, dt) if rest is None or rest.long else self._forgot(tracks)
+        z = seen.z
+        tracks, divided = self._divide(tracks, seen, dt) if rest is None or rest.long else self._forgot(tracks)
         rest = None if divided else rest
         candidate = (
             self.suppression.candidates(z, seen.owner, tracks.estimate, tracks.existence)
@@ -236,6 +239,10 @@ class MultiObjectTracker:
         lost = None if memory.lost is None else self.reidentification.predict(memory.lost, dt, self.road)
         return tracks._replace(memory=memory._replace(time=time, unexplained=window, lost=lost))
 
+    def _begun(self, state: object, tracks: int, z: SortedScan, owner: NDArray) -> tuple[object, Any]:
+        """The state of new tracks after their first detections, which have these owners (M,), and the information."""
+        return guarded(self.filter.update, state, gather(z, shares(owner, tracks, self.most_detections)))
+
     def _restart(self, state: object, estimate: Estimate) -> object:
         """State that starts again from an estimate."""
         return self.filter.init(estimate) if self.can.restart is None else self.can.restart(state, estimate)
@@ -283,8 +290,7 @@ class MultiObjectTracker:
             hits = hits + np.where(returned, old.hits, 0)
             id = np.where(returned, old.id, tracks.next_id + np.cumsum(~returned) - 1)
             memory = memory._replace(lost=keep(lost, ~np.isin(lost.id, id)))
-        index = shares(births.owner, B, self.most_detections)
-        state, info = guarded(self.filter.update, state, gather(z, index))
+        state, info = self._begun(state, B, z, births.owner)
         estimate = self.filter.estimate(state)
         born = Tracks(
             id=id,
@@ -312,33 +318,70 @@ class MultiObjectTracker:
         return tracks.and_born(born), events
 
     def _forgot(self, tracks: Tracks) -> tuple[Tracks, list[Event]]:
-        """The tracks where none is long: nothing is remembered of the ground under them."""
-        if not len(tracks.memory.ground.id):
+        """The tracks where none is long: nothing is remembered of the ground under them, nor of what they took."""
+        memory = tracks.memory
+        if not len(memory.ground.id) and not len(memory.taken.id):
             return tracks, []
-        return tracks._replace(memory=tracks.memory._replace(ground=NOTHING)), []
+        return tracks._replace(memory=memory._replace(ground=NOTHING, taken=NO_DETECTIONS)), []
 
-    def _divide(self, tracks: Tracks, view: Visibility, z: SortedScan, dt: float) -> tuple[Tracks, list[Event]]:
-        """The tracks after those with empty ground in them became two; the rear part keeps the id."""
+    def _divide(self, tracks: Tracks, seen: Seen, dt: float) -> tuple[Tracks, list[Event]]:
+        """The tracks after those that are two vehicles became two: the rear part keeps the id."""
         if not self.ground:  # None, or off in the name of a tracker
             return tracks, []
         d = self.ground.examined(tracks.estimate, tracks.existence)
-        long = take(tracks.estimate, d)
-        ground = self.ground.predict(tracks.memory.ground, tracks.id[d], long, dt)
         if not len(d):
-            return tracks._replace(memory=tracks.memory._replace(ground=ground)), []
-        ground = self.ground.observe(ground, d, long, tracks.estimate, view, z, self.sensor_array)
-        split = self.ground.split(ground, long)
+            return self._forgot(tracks)
+        tracks, in_file = self._divide_in_file(self.ground, tracks, d, seen, dt)
+        tracks, beside = self._divide_beside(self.ground.lanes, tracks, d, seen, dt)
+        return tracks, [*in_file, *beside]
+
+    def _divide_in_file(
+        self, test: GroundTest, tracks: Tracks, d: NDArray, seen: Seen, dt: float
+    ) -> tuple[Tracks, list[Event]]:
+        """The tracks after those with empty ground in them became two, of the long ones with rows d (D,)."""
+        long = take(tracks.estimate, d)
+        ground = test.predict(tracks.memory.ground, tracks.id[d], long, dt)
+        ground = test.observe(ground, d, long, tracks.estimate, seen.view, seen.z, self.sensor_array)
+        split = test.split(ground, long)
         memory = tracks.memory._replace(ground=ground)
         if not split.where.any():
             return tracks._replace(memory=memory), []
         under, split, d = keep(ground, split.where), take(split, split.where), d[split.where]
         old, new_id = tracks.rows(d), tracks.next_id + np.arange(len(d))
         memory = memory._replace(ground=concatenate([ground, under._replace(id=new_id)]))
-        rear, front = (self._restart(old.state, piece(old.estimate, span)) for span in (split.rear, split.front))
         part = dict(zip(old.id.tolist(), new_id.tolist(), strict=True))  # front parts: what was before the whole is so
         ends = {(part.get(i, i) if end == BEFORE else i, end) for i, end in memory.divided.tolist() if i in tracks.id}
         ends |= {(i, BEFORE) for i in part} | {(i, BEHIND) for i in part.values()}
         memory = memory._replace(divided=np.array(sorted(ends)))
+        rear, front = (self._restart(old.state, piece(old.estimate, span)) for span in (split.rear, split.front))
+        gaps = split.front[:, 0] - split.rear[:, 1]
+        return self._two(tracks, d, rear, front, memory, [f"{g:.1f} m of empty ground in it" for g in gaps])
+
+    def _divide_beside(
+        self, test: BesideTest, tracks: Tracks, d: NDArray, seen: Seen, dt: float
+    ) -> tuple[Tracks, list[Event]]:
+        """The tracks after those that took detections of two lanes became two, of the long ones with rows d (D,)."""
+        memory, velocity = tracks.memory, tracks.estimate.velocity
+        taken = test.observe(memory.taken, d, tracks.id, seen.z, seen.owner, dt)
+        step = test.step(taken, tracks.id[d], velocity[d])
+        d, across, velocity = d[step.where], step.across[step.where], step.velocity[step.where]
+        id = tracks.id[d]
+        ground = keep(memory.ground, ~np.isin(memory.ground.id, id))
+        memory = memory._replace(taken=keep(taken, ~np.isin(taken.id, id)), ground=ground)
+        if not len(d):
+            return tracks._replace(memory=memory), []
+        whole = take(tracks.estimate, d)._replace(velocity=velocity)
+        rear, front = (
+            self._begun(self.filter.init(self.initiation.apart(whole, own)), len(d), seen.z, owner)[0]
+            for own, owner in parts(taken, step, id, len(seen.z.rate))
+        )
+        return self._two(tracks, d, rear, front, memory, [f"detections of lanes {abs(a):.1f} m apart" for a in across])
+
+    def _two(
+        self, tracks: Tracks, d: NDArray, rear: object, front: object, memory: Memory, why: Sequence[str]
+    ) -> tuple[Tracks, list[Event]]:
+        """The tracks with those of rows d (D,) as two of these states (D,) each, and the events with the reasons."""
+        old, new_id = tracks.rows(d), tracks.next_id + np.arange(len(d))
         born = old._replace(
             id=new_id,
             age=np.zeros(len(d)),
@@ -349,8 +392,8 @@ class MultiObjectTracker:
         )
         state = put(tracks.state, d, rear)
         events = [
-            Event("divided", int(i), f"{g:.1f} m of empty ground in it; the front part is track {n}")
-            for i, n, g in zip(old.id, new_id, split.front[:, 0] - split.rear[:, 1], strict=True)
+            Event("divided", int(i), f"{reason}; the front part is track {n}")
+            for i, n, reason in zip(old.id, new_id, why, strict=True)
         ]
         return tracks._replace(state=state, estimate=self.filter.estimate(state)).and_born(born), events
 

@@ -12,6 +12,8 @@ from trackers.batch import concatenate, take
 from trackers.estimate import Estimate
 from trackers.geometry import dot, perpendicular, unit
 from trackers.multi.association import SortedScan
+from trackers.multi.beside import NOTHING as NO_DETECTIONS
+from trackers.multi.beside import Taken
 from trackers.multi.ground import NOTHING, Ground
 from trackers.multi.reidentification import LostTracks
 from trackers.multi.visibility import Visibility
@@ -40,6 +42,7 @@ class Memory(NamedTuple):
     out: NDArray | None = None  # (S,) probability that a sensor delivered nothing in the last scan; None before it
     lost: LostTracks | None = None  # confirmed tracks that died; None before the first
     ground: Ground = NOTHING  # what was seen along the long tracks
+    taken: Taken = NO_DETECTIONS  # what these took far away
     divided: NDArray = np.zeros((0, 2), int)  # (A, 2) ids of tracks, and at which end there is empty ground
     classes: tuple[str, ...] | None = None  # names of the columns of `Estimate.class_probability`; None: not known
 

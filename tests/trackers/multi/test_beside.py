@@ -1,0 +1,180 @@
+"""Long tracks far away: two vehicles in neighbouring lanes are told from one that is seen from behind and aside."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis.strategies import floats
+
+from tests.trackers.multi.known_objects import KnownObjects, scan_of, tracks_of
+from trackers import MultiObjectTracker, SensorModel, prior
+from trackers.multi.association import Association
+from trackers.multi.beside import NOTHING, BesideTest, Taken
+from trackers.multi.ground import GroundTest
+from trackers.multi.initiation import Initiation
+from trackers.multi.visibility import SensorArray
+
+DT = 1 / 15
+FRONT = SensorModel(
+    max_range=220.0, fov=0.4, sigma_azimuth=0.008, count_at_15m=7.0, count_falloff=0.6, clutter=1.5
+)  # 1.1 m across at 140 m
+NOISE = (0.2, 0.008, 0.1)
+IN_FILE_NEVER = GroundTest(surer=1e9)
+SPEED = 20.0  # [m/s] along x, of all vehicles
+
+
+class MovingObjects(KnownObjects):
+    """The same, but they move."""
+
+    def predict(self, state, dt):
+        pose = state.pose.copy()
+        pose[..., :2] += dt * state.velocity
+        return state._replace(pose=pose)
+
+
+def truck(rng, count):
+    """A rear of 2.5 m at 103 m, and sometimes the right side, of a truck in the lane at 4 m."""
+    rear = np.c_[np.full(count, 103.0), 4.0 + rng.uniform(-1.25, 1.25, count)]
+    side = np.c_[rng.uniform(103.0, 115.0, count), np.full(count, 2.75)]
+    return np.where(rng.random((count, 1)) < 0.3, side, rear)
+
+
+def car(rng, count):
+    """A rear of 1.8 m at 112 m in the lane at 0 m."""
+    return np.c_[np.full(count, 112.0), rng.uniform(-0.9, 0.9, count)]
+
+
+def seen(rng, bodies, further):
+    """Detections of the bodies, three each, with noise; all of it further away by so much [m]."""
+    xy = np.concatenate([body(rng, 3) for body in bodies])
+    xy[:, 0] += further
+    r, a = np.hypot(*xy.T), np.arctan2(xy[:, 1], xy[:, 0]) + rng.normal(0, NOISE[1], len(xy))
+    r = r + rng.normal(0, NOISE[0], len(xy))
+    return np.c_[r * np.cos(a), r * np.sin(a)]
+
+
+def after(bodies, scans, seed=0, further=0.0, y=2.0, ground=IN_FILE_NEVER):
+    """The tracks after so many scans of the bodies, or as soon as one is divided, the divisions, and how far all is.
+
+    One track of 13 m has all of it at first.
+    """
+    rng, events = np.random.default_rng(seed), []
+    tracker = MultiObjectTracker(MovingObjects(), (FRONT,), ground=ground)
+    one = prior(
+        [(109.5 + further, y, 0.0)], velocity=(SPEED, 0.0), size=(13.0, 2.6), size_std=(1.0, 0.1), position_std=0.3
+    )
+    tracks = tracks_of(one, existence=0.99)
+    for _ in range(scans):
+        further += SPEED * DT
+        tracks, info = tracker.step(tracks, scan_of(seen(rng, bodies, further), NOISE), DT)
+        found = [e for e in info.events if e.kind == "divided"]
+        assert not found or not len(tracks.memory.taken.id)  # what was taken is forgotten, each begins anew
+        events += found
+        if found:
+            break
+    return tracks, events, further
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_truck_and_a_car_of_the_next_lane_become_two_tracks(seed):
+    tracks, events, further = after((truck, car), 45, seed)
+    assert [(e.track, e.reason.split(" of lanes ")[0]) for e in events] == [(0, "detections")]
+    assert events[0].reason.endswith("m apart; the front part is track 1")
+    assert tracks.id.tolist() == [0, 1]
+    assert tracks.confirmed.all()
+    np.testing.assert_allclose(tracks.estimate.pose[:, 1], [4.0, 0.0], atol=1.2)
+    near = tracks.estimate.pose[:, 0] - tracks.estimate.size[:, 0] / 2 - further
+    np.testing.assert_allclose(near, [103.0, 112.0], atol=2.0)  # about the cut they are mixed
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_truck_seen_from_behind_and_aside_stays_one(seed):
+    _, events, _ = after((truck, truck), 75, seed, y=4.0)
+    assert events == []
+
+
+def test_where_detections_are_sharp_nothing_is_taken_from_the_next_lane():
+    """Below 60 m the noise is less than 0.5 m, and a step across is a turned or a bent body."""
+    tracks, events, further = after((truck, car), 30, further=-90.0)
+    assert further < -45
+    assert events == []
+    assert len(tracks.memory.taken.id) == 0
+
+
+def test_without_the_test_they_stay_one():
+    """The negative twin: with the same scans."""
+    never = replace(IN_FILE_NEVER, lanes=BesideTest(surer=1e9))
+    assert after((truck, car), 45, ground=never)[1] == []
+
+
+def lanes_of(each, speed=20.0, course=0.0):
+    """Each so many detections of two lanes 4 m apart, in turn over two seconds; all turned by a course [rad]."""
+    age = np.repeat(np.linspace(2.0, 0.0, each), 2)
+    ahead = np.tile([False, True], each)
+    xy = np.c_[np.where(ahead, 9.0, 0.0) - speed * age, np.where(ahead, 4.0, 0.0)] + [120.0, 0.0]
+    turn = np.array([[np.cos(course), np.sin(course)], [-np.sin(course), np.cos(course)]])
+    P = 2 * each
+    return Taken(np.full(P, 7), xy @ turn, np.full(P, 0.64), np.zeros((P, 2)), age, np.arange(P)), ahead
+
+
+def test_the_step_is_that_of_means_by_hand():
+    """Twelve detections a lane, of variance 0.64 + 0.36, weigh 6: 2.5 / sqrt(2 / 6); both groups move along x.
+
+    The velocity of the track does not.
+    """
+    taken, ahead = lanes_of(12)
+    sure = (4.0 - 1.5) / np.sqrt(2 / 6)
+    velocity = np.array([[18.0, 8.0]])
+    for surer, found in ((sure - 0.01, True), (sure + 0.01, False)):
+        step = BesideTest(surer=surer).step(taken, np.array([7]), velocity)
+        assert step.where.tolist() == [found]
+        np.testing.assert_array_equal(step.ahead, ahead & found)
+    np.testing.assert_allclose(step.across, [4.0])
+    np.testing.assert_allclose(step.velocity, [[np.hypot(18.0, 8.0), 0.0]], atol=1e-9)
+    np.testing.assert_allclose(step.xy[:, 0], taken.xy[:, 0] + taken.age * np.hypot(18.0, 8.0))
+    for options in ({"lanes": (4.5, 6.0)}, {"fast": 25.0}, {"least": 13}, {"wide": 3.0}):
+        assert not BesideTest(**options).step(taken, np.array([7]), velocity).where.any()
+    earlier = taken._replace(row=np.where(ahead, -1, taken.row))
+    assert not BesideTest().step(earlier, np.array([7]), velocity).where.any()  # one of them has none in this scan
+
+
+@given(course=floats(-3.1, 3.1))
+def test_the_step_is_the_same_in_every_direction(course):
+    taken, ahead = lanes_of(15, course=course)
+    velocity = 20.0 * np.array([[np.cos(course), np.sin(course)]])
+    step = BesideTest().step(taken, np.array([7]), velocity)
+    assert step.where.tolist() == [True]
+    np.testing.assert_array_equal(step.ahead, ahead)
+    np.testing.assert_allclose(step.across, [4.0], atol=1e-6)
+
+
+def test_what_was_taken_is_forgotten_with_time_and_with_its_track():
+    test, id = BesideTest(memory=0.25), np.array([4, 9])
+    scan = scan_of([(140.0, 0.0), (150.0, 1.0), (20.0, 0.0)], NOISE)
+    z, _ = Association().prepare(scan, SensorArray.of((FRONT,)))
+    owner = np.argsort(np.argsort(z.xy[:, 0])) - 1  # of the one at 20 m none, of those at 140 and 150 m rows 0 and 1
+    both, none = np.arange(2), np.full(3, -1)
+    taken = test.observe(NOTHING, both, id, z, owner, 0.1)
+    assert taken.id.tolist() == [4, 9]
+    assert (taken.row >= 0).all()
+    later = test.observe(taken, both, id, z, none, 0.1)
+    np.testing.assert_array_equal(later.xy, taken.xy)
+    assert later.row.tolist() == [-1, -1]
+    np.testing.assert_allclose(later.age, 0.1)
+    assert test.observe(taken, both[:1], id, z, none, 0.1).id.tolist() == [4]  # 9 is not long any more
+    assert len(test.observe(later, both, id, z, none, 0.2).id) == 0
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_part_begins_where_its_detections_do(side):
+    """A truck of which the near end and much of the side were seen, ahead of the sensor and behind it."""
+    x = side * np.concatenate([np.full(20, 100.0), np.linspace(100.0, 111.0, 20)])
+    none = np.zeros((40, 2))
+    taken = Taken(np.zeros(40, int), np.c_[x, np.full(40, 3.0)], np.ones(40), none, np.zeros(40), np.arange(40))
+    whole = prior([(side * 104.0, 1.0, 0.1)], velocity=(20.0, 0.0), size=(13.0, 2.6), position_std=0.3)
+    own = Initiation().apart(whole, [taken])
+    assert own.size.tolist() == [[12.0, 2.5]]
+    np.testing.assert_allclose(own.pose, [[side * 106.0, 3.0, 0.0]], atol=1e-9)
+    np.testing.assert_array_equal(own.velocity, whole.velocity)
+    assert np.linalg.eigvalsh(own.cov).min() > 0

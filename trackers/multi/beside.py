@@ -1,0 +1,150 @@
+"""A long track far away: one vehicle, or two in neighbouring lanes that noise across the line of sight joins.
+
+There the gate of a track reaches over the next lane, and what it takes from that lane starts no track of its own. Along
+the line of sight detections are sharp: where those behind and those ahead lie in different lanes, there are two
+vehicles. Equations: docs/methods/life-cycle-of-tracks.md, section 7.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.batch import concatenate, keep, take
+from trackers.geometry import perpendicular
+from trackers.multi.association import SortedScan
+from trackers.parameters import check_numbers
+
+
+class Taken(NamedTuple):
+    """P noisy detections that long tracks took in the last scans."""
+
+    id: NDArray  # (P,) int, of the track
+    xy: NDArray  # (P, 2) [m] where it was seen
+    var: NDArray  # (P,) [m^2] noise across the line of sight
+    place: NDArray  # (P, 2) [m] of the sensor
+    age: NDArray  # (P,) [s]
+    row: NDArray  # (P,) int, in the sorted scan; -1 of earlier ones
+
+
+NOTHING = Taken(np.zeros(0, int), np.zeros((0, 2)), np.zeros(0), np.zeros((0, 2)), np.zeros(0), np.zeros(0, int))
+
+
+class Step(NamedTuple):
+    """Which of D tracks took detections of two lanes."""
+
+    where: NDArray  # (D,) bool
+    across: NDArray  # (D,) [m] from the lane of those behind to that of those ahead, positive to the left
+    velocity: NDArray  # (D, 2) [m/s] of both
+    ahead: NDArray  # (P,) bool, which of the detections of these tracks are those ahead
+    xy: NDArray  # (P, 2) [m] where they should be now
+
+
+@dataclass(frozen=True)
+class BesideTest:
+    """When a long track is two vehicles in neighbouring lanes."""
+
+    memory: float = 3.0  # [s]
+    noisy: float = 0.5  # [m] least noise across of a detection: below it no gate reaches over the next lane
+    wide: float = 1.0  # [m] least spread across the line of sight, beside the noise, of what may be of two lanes
+    fast: float = 8.0  # [m/s] below it a body with a hinge may bend so far
+    body: float = 0.6  # [m] standard deviation across a vehicle of what is seen of it
+    within: float = 1.5  # [m] between the means of two parts of one vehicle, as of its rear and of a side, at most
+    lanes: tuple[float, float] = (2.3, 6.0)  # [m] between the means of two vehicles
+    independent: float = 0.5  # share of the detections: those of one scan are not independent
+    surer: float = 4.0  # standard deviations beyond `within` from which it is two
+    least: int = 4  # detections of each of the two
+
+    def __post_init__(self) -> None:
+        check_numbers(self, positive=("least",))
+
+    def observe(self, taken: Taken, d: NDArray, id: NDArray, z: SortedScan, owner: NDArray, dt: float) -> Taken:
+        """What the tracks with rows d (D,) of ids id (T,) took, after a scan of M detections with their owners (M,)."""
+        old = taken._replace(age=taken.age + dt, row=np.full(len(taken.id), -1))
+        old = keep(old, np.isin(old.id, id[d]) & (old.age < self.memory))
+        new = np.flatnonzero(np.isin(owner, d) & (z.var_across > self.noisy**2))
+        of_scan = Taken(id[owner[new]], z.xy[new], z.var_across[new], z.scan.pose[new, :2], np.zeros(len(new)), new)
+        return concatenate([old, of_scan])
+
+    def step(self, taken: Taken, id: NDArray, velocity: NDArray) -> Step:
+        """Which of the tracks with ids (D,) and velocities (D, 2) [m/s] took detections of two lanes.
+
+        Both vehicles have a detection in this scan, so that they can start from it.
+        """
+        where, across, ahead = np.zeros(len(id), bool), np.zeros(len(id)), np.zeros(len(taken.id), bool)
+        velocity, xy = velocity.copy(), taken.xy.copy()
+        for k in range(len(id)):
+            mine, speed = np.flatnonzero(taken.id == id[k]), np.hypot(*velocity[k])
+            if len(mine) < 2 * self.least or speed < self.fast or not self._wide(take(taken, mine)):
+                continue
+            where[k], across[k], along, front = self._lanes(take(taken, mine), speed, velocity[k] / speed)
+            velocity[k] = speed * along
+            xy[mine] += taken.age[mine, None] * velocity[k]
+            ahead[mine] = front & where[k]
+        return Step(where, across, velocity, ahead, xy)
+
+    def _wide(self, mine: Taken) -> bool:
+        """Whether detections spread over more than a vehicle across the mean line of sight: most do not."""
+        sight = (mine.xy - mine.place).mean(0)
+        y = (mine.xy - mine.place) @ perpendicular(sight) / np.hypot(*sight)
+        return bool(y.var() > mine.var.mean() + self.wide**2)  # (LIFE.44)
+
+    def _lanes(self, mine: Taken, speed: float, along: NDArray) -> tuple[bool, float, NDArray, NDArray]:
+        """Whether detections lie in two lanes, how far apart these are, along which unit vector, which are ahead (P,).
+
+        The direction of the track may be the way from one vehicle to the other, so it is that in which the detections
+        moved, and then that in which both groups did.
+        """
+        found, across, ahead = False, 0.0, np.zeros(len(mine.id), bool)
+        for _ in range(2):
+            along, std = self._course(mine, along, ahead)  # (LIFE.40)
+            xy = mine.xy + speed * mine.age[:, None] * along  # (LIFE.41)
+            x, y = xy @ along, xy @ perpendicular(along)
+            order = np.argsort(x, kind="stable")
+            found, across, first = self._cut(x[order], y[order], mine.var[order], std / speed)
+            ahead = np.zeros(len(mine.id), bool)
+            ahead[order[first:]] = True
+        now = mine.row >= 0
+        return found and bool(now[ahead].any() and now[~ahead].any()), across, along, ahead
+
+    def _course(self, mine: Taken, along: NDArray, ahead: NDArray) -> tuple[NDArray, float]:
+        """Unit vector (2,) along which detections of two groups moved, and the std [m/s] of the speed across it.
+
+        Without a time between them it is `along`.
+        """
+        t, xy = -mine.age, mine.xy.copy()
+        for group in (ahead, ~ahead):
+            if group.any():
+                t, xy = t - np.where(group, t[group].mean(), 0.0), xy - np.where(group[:, None], xy[group].mean(0), 0.0)
+        total = np.maximum(t @ t, 1e-9)
+        v = t @ xy / total  # (LIFE.40)
+        along = v / np.hypot(*v) if np.hypot(*v) > 0 else along
+        y = (xy - t[:, None] * v) @ perpendicular(along)
+        return along, float(y.std() / np.sqrt(self.independent * total))  # (LIFE.40)
+
+    def _cut(self, x: NDArray, y: NDArray, var: NDArray, turn: float) -> tuple[bool, float, int]:
+        """Whether detections (P,) in the order of x lie in two lanes, how far apart these are, the first one ahead.
+
+        turn [rad] is the standard deviation of the direction of x.
+        """
+        w = self.independent / (var + self.body**2)
+        W, X, Y = np.cumsum(w), np.cumsum(w * x), np.cumsum(w * y)
+        last = np.arange(self.least - 1, len(y) - self.least)  # the last one behind
+        behind, ahead = W[last], W[-1] - W[last]
+        along, across = ((S[-1] - S[last]) / ahead - S[last] / behind for S in (X, Y))  # (LIFE.42)
+        sure = (np.abs(across) - self.within) / np.sqrt(1 / behind + 1 / ahead + (turn * along) ** 2)  # (LIFE.42)
+        k = int(sure.argmax())
+        found = sure[k] > self.surer and self.lanes[0] < abs(across[k]) < self.lanes[1]
+        return bool(found), float(across[k]), int(last[k]) + 1
+
+
+def parts(taken: Taken, step: Step, id: NDArray, detections: int) -> Iterator[tuple[list[Taken], NDArray]]:
+    """Behind and then ahead, what each of the tracks with ids (D,) took there, and the owners (M,) of this scan."""
+    moved = taken._replace(xy=step.xy)
+    for side in (~step.ahead, step.ahead):
+        owner = np.full(detections, -1)
+        for k, i in enumerate(id):
+            owner[taken.row[(taken.id == i) & side & (taken.row >= 0)]] = k
+        yield [take(moved, (taken.id == i) & side) for i in id], owner
