@@ -62,9 +62,12 @@ class BesideTest:
 
     def observe(self, taken: Taken, d: NDArray, id: NDArray, z: SortedScan, owner: NDArray, dt: float) -> Taken:
         """What the tracks with rows d (D,) of ids id (T,) took, after a scan of M detections with their owners (M,)."""
+        new = np.flatnonzero((owner >= 0) & (z.var_across > self.noisy**2))
+        new = new[np.isin(owner[new], d)]
+        if not len(new) and not len(taken.id):
+            return NOTHING
         old = taken._replace(age=taken.age + dt, row=np.full(len(taken.id), -1))
         old = keep(old, np.isin(old.id, id[d]) & (old.age < self.memory))
-        new = np.flatnonzero(np.isin(owner, d) & (z.var_across > self.noisy**2))
         of_scan = Taken(id[owner[new]], z.xy[new], z.var_across[new], z.scan.pose[new, :2], np.zeros(len(new)), new)
         return concatenate([old, of_scan])
 
@@ -77,7 +80,9 @@ class BesideTest:
         velocity, xy = velocity.copy(), taken.xy.copy()
         for k in range(len(id)):
             mine, speed = np.flatnonzero(taken.id == id[k]), np.hypot(*velocity[k])
-            if len(mine) < 2 * self.least or speed < self.fast or not self._wide(take(taken, mine)):
+            if len(mine) < 2 * self.least or speed < self.fast:
+                continue
+            if not self._wide(taken.xy[mine] - taken.place[mine], taken.var[mine]):
                 continue
             where[k], across[k], along, front = self._lanes(take(taken, mine), speed, velocity[k] / speed)
             velocity[k] = speed * along
@@ -85,11 +90,11 @@ class BesideTest:
             ahead[mine] = front & where[k]
         return Step(where, across, velocity, ahead, xy)
 
-    def _wide(self, mine: Taken) -> bool:
-        """Whether detections spread over more than a vehicle across the mean line of sight: most do not."""
-        sight = (mine.xy - mine.place).mean(0)
-        y = (mine.xy - mine.place) @ perpendicular(sight) / np.hypot(*sight)
-        return bool(y.var() > mine.var.mean() + self.wide**2)  # (LIFE.44)
+    def _wide(self, away: NDArray, var: NDArray) -> bool:
+        """Whether detections (P, 2) [m] from their sensors spread by more than a vehicle across the line of sight."""
+        sight = away.mean(0)
+        y = away @ perpendicular(sight) / np.hypot(*sight)
+        return bool(y.var() > var.mean() + self.wide**2)  # (LIFE.44)
 
     def _lanes(self, mine: Taken, speed: float, along: NDArray) -> tuple[bool, float, NDArray, NDArray]:
         """Whether detections lie in two lanes, how far apart these are, along which unit vector, which are ahead (P,).

@@ -364,12 +364,12 @@ class MultiObjectTracker:
         memory, velocity = tracks.memory, tracks.estimate.velocity
         taken = test.observe(memory.taken, d, tracks.id, seen.z, seen.owner, dt)
         step = test.step(taken, tracks.id[d], velocity[d])
+        if not step.where.any():
+            return tracks._replace(memory=memory._replace(taken=taken)), []
         d, across, velocity = d[step.where], step.across[step.where], step.velocity[step.where]
         id = tracks.id[d]
         ground = keep(memory.ground, ~np.isin(memory.ground.id, id))
         memory = memory._replace(taken=keep(taken, ~np.isin(taken.id, id)), ground=ground)
-        if not len(d):
-            return tracks._replace(memory=memory), []
         whole = take(tracks.estimate, d)._replace(velocity=velocity)
         rear, front = (
             self._begun(self.filter.init(self.initiation.apart(whole, own)), len(d), seen.z, owner)[0]
