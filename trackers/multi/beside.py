@@ -50,6 +50,7 @@ class BesideTest:
     noisy: float = 0.5  # [m] least noise across of a detection: below it no gate reaches over the next lane
     wide: float = 1.0  # [m] least spread across the line of sight, beside the noise, of what may be of two lanes
     fast: float = 8.0  # [m/s] below it a body with a hinge may bend so far
+    curved: float = 1.0  # [m/s^2] across, from which on the way is curved, and nothing is said of it
     body: float = 0.6  # [m] standard deviation across a vehicle of what is seen of it
     within: float = 1.5  # [m] between the means of two parts of one vehicle, as of its rear and of a side, at most
     lanes: tuple[float, float] = (2.3, 6.0)  # [m] between the means of two vehicles
@@ -102,9 +103,9 @@ class BesideTest:
         The direction of the track may be the way from one vehicle to the other, so it is that in which the detections
         moved, and then that in which both groups did.
         """
-        found, across, ahead = False, 0.0, np.zeros(len(mine.id), bool)
+        found, across, ahead, straight = False, 0.0, np.zeros(len(mine.id), bool), True
         for _ in range(2):
-            along, std = self._course(mine, along, ahead)  # (LIFE.40)
+            along, std, straight = self._course(mine, along, ahead)  # (LIFE.40)
             xy = mine.xy + speed * mine.age[:, None] * along  # (LIFE.41)
             x, y = xy @ along, xy @ perpendicular(along)
             order = np.argsort(x, kind="stable")
@@ -112,22 +113,23 @@ class BesideTest:
             ahead = np.zeros(len(mine.id), bool)
             ahead[order[first:]] = True
         now = mine.row >= 0
-        return found and bool(now[ahead].any() and now[~ahead].any()), across, along, ahead
+        return found and straight and bool(now[ahead].any() and now[~ahead].any()), across, along, ahead
 
-    def _course(self, mine: Taken, along: NDArray, ahead: NDArray) -> tuple[NDArray, float]:
-        """Unit vector (2,) along which detections of two groups moved, and the std [m/s] of the speed across it.
+    def _course(self, mine: Taken, along: NDArray, ahead: NDArray) -> tuple[NDArray, float, bool]:
+        """Unit vector (2,) along which detections of two groups moved, the std [m/s] of their speed across it.
 
-        Without a time between them it is `along`.
+        And whether they moved straight ahead. Without a time between them the vector is `along`.
         """
-        t, xy = -mine.age, mine.xy.copy()
-        for group in (ahead, ~ahead):
-            if group.any():
-                t, xy = t - np.where(group, t[group].mean(), 0.0), xy - np.where(group[:, None], xy[group].mean(0), 0.0)
+        t, xy = apart(-mine.age, ahead), apart(mine.xy, ahead)
         total = np.maximum(t @ t, 1e-9)
         v = t @ xy / total  # (LIFE.40)
         along = v / np.hypot(*v) if np.hypot(*v) > 0 else along
         y = (xy - t[:, None] * v) @ perpendicular(along)
-        return along, float(y.std() / np.sqrt(self.independent * total))  # (LIFE.40)
+        q = apart(mine.age**2 / 2, ahead)
+        q = q - (q @ t / total) * t
+        bend, sharp = q @ y / max(q @ q, 1e-9), y.std() / np.sqrt(self.independent * max(q @ q, 1e-9))
+        straight = abs(bend) < max(self.curved, 2 * sharp)  # (LIFE.45)
+        return along, float(y.std() / np.sqrt(self.independent * total)), bool(straight)  # (LIFE.40)
 
     def _cut(self, x: NDArray, y: NDArray, var: NDArray, turn: float) -> tuple[bool, float, int]:
         """Whether detections (P,) in the order of x lie in two lanes, how far apart these are, the first one ahead.
@@ -143,6 +145,14 @@ class BesideTest:
         k = int(sure.argmax())
         found = sure[k] > self.surer and self.lanes[0] < abs(across[k]) < self.lanes[1]
         return bool(found), float(across[k]), int(last[k]) + 1
+
+
+def apart(values: NDArray, ahead: NDArray) -> NDArray:
+    """Values (P, ...) less the mean of their group, of those ahead (P,) bool or of the others."""
+    values = values.copy()
+    for group in (ahead, ~ahead):
+        values[group] -= values[group].mean(0) if group.any() else 0.0
+    return values
 
 
 def parts(taken: Taken, step: Step, id: NDArray, detections: int) -> Iterator[tuple[list[Taken], NDArray]]:

@@ -149,6 +149,16 @@ def test_the_step_is_the_same_in_every_direction(course):
     np.testing.assert_allclose(step.across, [4.0], atol=1e-6)
 
 
+def test_a_vehicle_that_turns_is_one():
+    """Its rear was seen, then its front: moved straight ahead they are in two lanes, 4 m/s^2 across for three seconds."""
+    age = np.linspace(3.0, 0.0, 60)
+    x, y = 18.0 * -age + np.where(age > 1.0, -2.0, 2.0), 2.0 * age**2
+    taken = Taken(np.full(60, 7), np.c_[x + 120.0, y], np.full(60, 0.3), np.zeros((60, 2)), age, np.arange(60))
+    ask = taken, np.array([7]), np.array([[18.0, 0.0]])
+    assert not BesideTest().step(*ask).where.any()
+    assert BesideTest(curved=20.0).step(*ask).where.all()  # the negative twin
+
+
 def test_what_was_taken_is_forgotten_with_time_and_with_its_track():
     test, id = BesideTest(memory=0.25), np.array([4, 9])
     scan = scan_of([(140.0, 0.0), (150.0, 1.0), (20.0, 0.0)], NOISE)
