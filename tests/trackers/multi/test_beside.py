@@ -150,7 +150,7 @@ def test_the_step_is_the_same_in_every_direction(course):
 
 
 def test_a_vehicle_that_turns_is_one():
-    """Its rear was seen, then its front: moved straight ahead they are in two lanes, 4 m/s^2 across for three seconds."""
+    """Its rear was seen, then its front: moved straight ahead they are in two lanes, 4 m/s^2 across for 3 s."""
     age = np.linspace(3.0, 0.0, 60)
     x, y = 18.0 * -age + np.where(age > 1.0, -2.0, 2.0), 2.0 * age**2
     taken = Taken(np.full(60, 7), np.c_[x + 120.0, y], np.full(60, 0.3), np.zeros((60, 2)), age, np.arange(60))
