@@ -8,6 +8,7 @@ import typer
 
 from studies.effects import Factor, effects_table, names, read_runs, write_runs
 from studies.learned.drives import ENVIRONMENT, FIRST, drives, policies
+from studies.learned.figure import draw
 from studies.learned.trainings import section
 from studies.page import DOCS, Docs, Page, fill
 from testbed.command_line.options import Dask, Jobs
@@ -57,4 +58,6 @@ def main(
         path = docs / "results" / RESULTS
         if folder is not None:
             write_runs(drives(policies(folder), out, Engine(jobs, dask)), path)
-        Page("learned-policies", docs).write(render(read_runs(path, "give the folder of the policies")))
+        page, table = Page("learned-policies", docs), read_runs(path, "give the folder of the policies")
+        draw(table, page.picture("learned-policies"))
+        page.write(render(table))

@@ -38,9 +38,9 @@ def improvement(a: NDArray, b: NDArray, axis: int = -1) -> NDArray:
     return (apart.mean((-2, -1)) + 1) / 2
 
 
-def profile(values: NDArray, above: float) -> float:
-    """Share of trainings (n,) with more than a score."""
-    return float((values > above).mean())
+def profile(values: NDArray, above: float, axis: int = -1) -> NDArray:
+    """Share (...) of trainings (..., n) with more than a score."""
+    return np.asarray((values > above).mean(axis))
 
 
 def needed(a: NDArray, b: NDArray, difference: float = WANTED) -> int:
@@ -57,9 +57,16 @@ def section(table: pd.DataFrame) -> str:
     """The table of kinds, driven on tracks, and what follows."""
     tracker = next(name for name in names(table, "tracker") if name != TRUTH)
     of = {kind: scores(table, kind, tracker) for kind in (TRUTH, tracker)}
-    head = ("trained on", "trainings", "interquartile mean", *(f"share above {x:g}" for x in ABOVE))
+    head = (
+        "trained on",
+        "trainings",
+        "interquartile mean",
+        "minus on the truth",
+        *(f"share above {x:g}" for x in ABOVE),
+    )
     rows = [
         (f"`{kind}`", str(len(found)), spell(bootstrap_interval([found], interquartile_mean), 1),
+         spell(bootstrap_interval([found - scores(table, kind, TRUTH)]), 1),
          *(f"{profile(found, x):.2f}" for x in ABOVE))
         for kind, found in of.items()
     ]  # fmt: skip

@@ -1,8 +1,11 @@
 """Statistics over trainings: by hand, and against each other."""
 
 import numpy as np
+import pandas as pd
 import pytest
+from matplotlib.image import imread
 
+from studies.learned.figure import draw
 from studies.learned.trainings import improvement, needed, profile, section
 from testbed.evaluation.intervals import bootstrap_interval
 from tests.studies.learned.test_page import DOCS, RESULTS, read_runs
@@ -29,6 +32,33 @@ def test_as_many_trainings_as_are_said_to_be_needed_resolve_the_difference():
     a, b = 3 * rng.normal(size=(2000, n)), 2 + rng.normal(size=(2000, n))
     z = (b.mean(1) - a.mean(1)) / np.sqrt(10 / n)
     assert (z > 1.96).mean() == pytest.approx(0.8, abs=0.03)
+
+
+def test_a_training_on_tracks_is_compared_with_itself_on_the_truth():
+    """Returns 10, 14 and 12 on tracks, each 2 less than on the truth, though the means of kinds would hide it."""
+    rows = [
+        {
+            "scenario": k,
+            "tracker": kind,
+            "driven": on,
+            "seed": 1000,
+            "reward": of + extra + (2.0 if on == "truth" else 0.0),
+        }
+        for k, of in enumerate((10.0, 14.0, 12.0))
+        for kind, extra in (("truth", 0.0), ("imm-spline", 3.0))
+        for on in ("truth", "imm-spline")
+    ]
+    cells = [[c.strip() for c in line.split("|")] for line in section(pd.DataFrame(rows)).splitlines() if "`" in line]
+    assert [row[1:5] for row in cells[:2]] == [
+        ["`truth`", "3", cells[0][3], "-2.0 [-2.0, -2.0]"], ["`imm-spline`", "3", cells[1][3], "-2.0 [-2.0, -2.0]"],
+    ]  # fmt: skip
+    assert cells[0][3].startswith("12.0 [")
+    assert cells[1][3].startswith("15.0 [")
+
+
+def test_the_picture_shows_each_kind_on_each_source(tmp_path):
+    path = draw(read_runs(DOCS / "results" / RESULTS, ""), tmp_path / "learned.png")
+    assert imread(path).std() > 0
 
 
 def test_the_committed_trainings_have_a_row_a_kind():
