@@ -5,7 +5,7 @@ the line of sight detections are sharp: where those behind and those ahead lie i
 vehicles. Equations: docs/methods/life-cycle-of-tracks.md, section 7.
 """
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -32,14 +32,13 @@ class Taken(NamedTuple):
 NOTHING = Taken(np.zeros(0, int), np.zeros((0, 2)), np.zeros(0), np.zeros((0, 2)), np.zeros(0), np.zeros(0, int))
 
 
-class Step(NamedTuple):
-    """Which of D tracks took detections of two lanes."""
+class Pair(NamedTuple):
+    """A track that is two vehicles, which share its speed."""
 
-    where: NDArray  # (D,) bool
-    across: NDArray  # (D,) [m] from the lane of those behind to that of those ahead, positive to the left
-    velocity: NDArray  # (D, 2) [m/s] of both
-    ahead: NDArray  # (P,) bool, which of the detections of these tracks are those ahead
-    xy: NDArray  # (P, 2) [m] where they should be now
+    track: int  # place among those that were asked about
+    across: float  # [m] from the lane of the one behind to that of the one ahead, positive to the left
+    velocity: NDArray  # (2,) [m/s] of both
+    parts: tuple[Taken, Taken]  # of the one behind and of the one ahead, where they should be now
 
 
 @dataclass(frozen=True)
@@ -72,24 +71,21 @@ class BesideTest:
         of_scan = Taken(id[owner[new]], z.xy[new], z.var_across[new], z.scan.pose[new, :2], np.zeros(len(new)), new)
         return concatenate([old, of_scan])
 
-    def step(self, taken: Taken, id: NDArray, velocity: NDArray) -> Step:
-        """Which of the tracks with ids (D,) and velocities (D, 2) [m/s] took detections of two lanes.
+    def pairs(self, taken: Taken, id: NDArray, velocity: NDArray) -> list[Pair]:
+        """Those of the tracks with ids (D,) and velocities (D, 2) [m/s] that took detections of two lanes.
 
         Both vehicles have a detection in this scan, so that they can start from it.
         """
-        where, across, ahead = np.zeros(len(id), bool), np.zeros(len(id)), np.zeros(len(taken.id), bool)
-        velocity, xy = velocity.copy(), taken.xy.copy()
-        for k in range(len(id)):
-            mine, speed = np.flatnonzero(taken.id == id[k]), np.hypot(*velocity[k])
+        found = []
+        for k, speed in enumerate(np.hypot(*velocity.T)):
+            mine = np.flatnonzero(taken.id == id[k])
             if len(mine) < 2 * self.least or speed < self.fast:
                 continue
-            if not self._wide(taken.xy[mine] - taken.place[mine], taken.var[mine]):
-                continue
-            where[k], across[k], along, front = self._lanes(take(taken, mine), speed, velocity[k] / speed)
-            velocity[k] = speed * along
-            xy[mine] += taken.age[mine, None] * velocity[k]
-            ahead[mine] = front & where[k]
-        return Step(where, across, velocity, ahead, xy)
+            if self._wide(taken.xy[mine] - taken.place[mine], taken.var[mine]):
+                two, across, along, parts = self._apart(take(taken, mine), speed, velocity[k] / speed)
+                if two and all((part.row >= 0).any() for part in parts):
+                    found.append(Pair(k, across, speed * along, parts))
+        return found
 
     def _wide(self, away: NDArray, var: NDArray) -> bool:
         """Whether detections (P, 2) [m] from their sensors spread by more than a vehicle across the line of sight."""
@@ -97,35 +93,33 @@ class BesideTest:
         y = away @ perpendicular(sight) / np.hypot(*sight)
         return bool(y.var() > var.mean() + self.wide**2)  # (LIFE.44)
 
-    def _lanes(self, mine: Taken, speed: float, along: NDArray) -> tuple[bool, float, NDArray, NDArray]:
-        """Whether detections lie in two lanes, how far apart these are, along which unit vector, which are ahead (P,).
+    def _apart(self, mine: Taken, speed: float, along: NDArray) -> tuple[bool, float, NDArray, tuple[Taken, Taken]]:
+        """Whether detections lie in two lanes, how far apart these are, along which unit vector, and both parts.
 
         The direction of the track may be the way from one vehicle to the other, so it is that in which the detections
         moved, and then that in which both groups did.
         """
-        found, across, ahead, straight = False, 0.0, np.zeros(len(mine.id), bool), True
+        ahead = np.zeros(len(mine.id), bool)
         for _ in range(2):
             along, std, straight = self._course(mine, along, ahead)  # (LIFE.40)
-            xy = mine.xy + speed * mine.age[:, None] * along  # (LIFE.41)
-            x, y = xy @ along, xy @ perpendicular(along)
+            now = mine._replace(xy=mine.xy + mine.age[:, None] * (speed * along))  # (LIFE.41)
+            x, y = now.xy @ along, now.xy @ perpendicular(along)
             order = np.argsort(x, kind="stable")
             found, across, first = self._cut(x[order], y[order], mine.var[order], std / speed)
-            ahead = np.zeros(len(mine.id), bool)
-            ahead[order[first:]] = True
-        now = mine.row >= 0
-        return found and straight and bool(now[ahead].any() and now[~ahead].any()), across, along, ahead
+            ahead[order] = np.arange(len(order)) >= first
+        return found and straight, across, along, (take(now, ~ahead), take(now, ahead))
 
     def _course(self, mine: Taken, along: NDArray, ahead: NDArray) -> tuple[NDArray, float, bool]:
         """Unit vector (2,) along which detections of two groups moved, the std [m/s] of their speed across it.
 
         And whether they moved straight ahead. Without a time between them the vector is `along`.
         """
-        t, xy = apart(-mine.age, ahead), apart(mine.xy, ahead)
+        t, xy = centred(-mine.age, ahead), centred(mine.xy, ahead)
         total = np.maximum(t @ t, 1e-9)
         v = t @ xy / total  # (LIFE.40)
         along = v / np.hypot(*v) if np.hypot(*v) > 0 else along
         y = (xy - t[:, None] * v) @ perpendicular(along)
-        q = apart(mine.age**2 / 2, ahead)
+        q = centred(mine.age**2 / 2, ahead)
         q = q - (q @ t / total) * t
         bend, sharp = q @ y / max(q @ q, 1e-9), y.std() / np.sqrt(self.independent * max(q @ q, 1e-9))
         straight = abs(bend) < max(self.curved, 2 * sharp)  # (LIFE.45)
@@ -147,7 +141,7 @@ class BesideTest:
         return bool(found), float(across[k]), int(last[k]) + 1
 
 
-def apart(values: NDArray, ahead: NDArray) -> NDArray:
+def centred(values: NDArray, ahead: NDArray) -> NDArray:
     """Values (P, ...) less the mean of their group, of those ahead (P,) bool or of the others."""
     values = values.copy()
     for group in (ahead, ~ahead):
@@ -155,11 +149,9 @@ def apart(values: NDArray, ahead: NDArray) -> NDArray:
     return values
 
 
-def parts(taken: Taken, step: Step, id: NDArray, detections: int) -> Iterator[tuple[list[Taken], NDArray]]:
-    """Behind and then ahead, what each of the tracks with ids (D,) took there, and the owners (M,) of this scan."""
-    moved = taken._replace(xy=step.xy)
-    for side in (~step.ahead, step.ahead):
-        owner = np.full(detections, -1)
-        for k, i in enumerate(id):
-            owner[taken.row[(taken.id == i) & side & (taken.row >= 0)]] = k
-        yield [take(moved, (taken.id == i) & side) for i in id], owner
+def owners(parts: Sequence[Taken], detections: int) -> NDArray:
+    """The part that each of the detections (M,) of this scan belongs to, -1 for none."""
+    owner = np.full(detections, -1)
+    for k, part in enumerate(parts):
+        owner[part.row[part.row >= 0]] = k
+    return owner

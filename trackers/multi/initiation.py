@@ -156,8 +156,8 @@ class Initiation:
         """Estimates (B,) of births whose size (B, 2) [m] and its std (B, 2) are known from elsewhere."""
         return self._behind(births.estimate._replace(size=size, size_std=size_std), births.mean, births.place)
 
-    def apart(self, whole: Estimate, seen: Sequence[Taken]) -> Estimate:
-        """Estimates (D,) of vehicles of which this was seen, one record each, moving as whole (D,) does.
+    def parted(self, whole: Estimate, seen: Sequence[Taken]) -> Estimate:
+        """Estimates (D,) of parts of whole (D,), of which this was seen, one record each; they move as whole does.
 
         The near end is where the detections begin, which lie all along a long vehicle.
         """

@@ -19,7 +19,7 @@ from trackers.filter import Abilities, Filter, Note
 from trackers.linalg import largest_eigenvalue
 from trackers.multi.association import Association, Claims, SortedScan, gather, least, shares
 from trackers.multi.beside import NOTHING as NO_DETECTIONS
-from trackers.multi.beside import BesideTest, parts
+from trackers.multi.beside import BesideTest, owners
 from trackers.multi.exclusion import Exclusion
 from trackers.multi.existence import Existence
 from trackers.multi.folding import unfolded
@@ -239,8 +239,8 @@ class MultiObjectTracker:
         lost = None if memory.lost is None else self.reidentification.predict(memory.lost, dt, self.road)
         return tracks._replace(memory=memory._replace(time=time, unexplained=window, lost=lost))
 
-    def _begun(self, state: object, tracks: int, z: SortedScan, owner: NDArray) -> tuple[object, Any]:
-        """The state of new tracks after their first detections, which have these owners (M,), and the information."""
+    def _begun(self, state: object, z: SortedScan, owner: NDArray, tracks: int) -> tuple[object, Any]:
+        """The state of so many new tracks after their first detections, of owners (M,), and the information."""
         return guarded(self.filter.update, state, gather(z, shares(owner, tracks, self.most_detections)))
 
     def _restart(self, state: object, estimate: Estimate) -> object:
@@ -290,7 +290,7 @@ class MultiObjectTracker:
             hits = hits + np.where(returned, old.hits, 0)
             id = np.where(returned, old.id, tracks.next_id + np.cumsum(~returned) - 1)
             memory = memory._replace(lost=keep(lost, ~np.isin(lost.id, id)))
-        state, info = self._begun(state, B, z, births.owner)
+        state, info = self._begun(state, z, births.owner, B)
         estimate = self.filter.estimate(state)
         born = Tracks(
             id=id,
@@ -349,11 +349,11 @@ class MultiObjectTracker:
         under, split, d = keep(ground, split.where), take(split, split.where), d[split.where]
         old, new_id = tracks.rows(d), tracks.next_id + np.arange(len(d))
         memory = memory._replace(ground=concatenate([ground, under._replace(id=new_id)]))
+        rear, front = (self._restart(old.state, piece(old.estimate, span)) for span in (split.rear, split.front))
         part = dict(zip(old.id.tolist(), new_id.tolist(), strict=True))  # front parts: what was before the whole is so
         ends = {(part.get(i, i) if end == BEFORE else i, end) for i, end in memory.divided.tolist() if i in tracks.id}
         ends |= {(i, BEFORE) for i in part} | {(i, BEHIND) for i in part.values()}
         memory = memory._replace(divided=np.array(sorted(ends)))
-        rear, front = (self._restart(old.state, piece(old.estimate, span)) for span in (split.rear, split.front))
         gaps = split.front[:, 0] - split.rear[:, 1]
         return self._two(tracks, d, rear, front, memory, [f"{g:.1f} m of empty ground in it" for g in gaps])
 
@@ -361,21 +361,22 @@ class MultiObjectTracker:
         self, test: BesideTest, tracks: Tracks, d: NDArray, seen: Seen, dt: float
     ) -> tuple[Tracks, list[Event]]:
         """The tracks after those that took detections of two lanes became two, of the long ones with rows d (D,)."""
-        memory, velocity = tracks.memory, tracks.estimate.velocity
+        memory, M = tracks.memory, len(seen.z.rate)
         taken = test.observe(memory.taken, d, tracks.id, seen.z, seen.owner, dt)
-        step = test.step(taken, tracks.id[d], velocity[d])
-        if not step.where.any():
+        pairs = test.pairs(taken, tracks.id[d], tracks.estimate.velocity[d])
+        if not pairs:
             return tracks._replace(memory=memory._replace(taken=taken)), []
-        d, across, velocity = d[step.where], step.across[step.where], step.velocity[step.where]
+        d = d[[pair.track for pair in pairs]]
         id = tracks.id[d]
         ground = keep(memory.ground, ~np.isin(memory.ground.id, id))
         memory = memory._replace(taken=keep(taken, ~np.isin(taken.id, id)), ground=ground)
-        whole = take(tracks.estimate, d)._replace(velocity=velocity)
+        whole = take(tracks.estimate, d)._replace(velocity=np.array([pair.velocity for pair in pairs]))
         rear, front = (
-            self._begun(self.filter.init(self.initiation.apart(whole, own)), len(d), seen.z, owner)[0]
-            for own, owner in parts(taken, step, id, len(seen.z.rate))
+            self._begun(self.filter.init(self.initiation.parted(whole, own)), seen.z, owners(own, M), len(d))[0]
+            for own in zip(*(pair.parts for pair in pairs), strict=True)
         )
-        return self._two(tracks, d, rear, front, memory, [f"detections of lanes {abs(a):.1f} m apart" for a in across])
+        why = [f"detections of lanes {abs(pair.across):.1f} m apart" for pair in pairs]
+        return self._two(tracks, d, rear, front, memory, why)
 
     def _two(
         self, tracks: Tracks, d: NDArray, rear: object, front: object, memory: Memory, why: Sequence[str]

@@ -57,13 +57,8 @@ def section(table: pd.DataFrame) -> str:
     """The table of kinds, driven on tracks, and what follows."""
     tracker = next(name for name in names(table, "tracker") if name != TRUTH)
     of = {kind: scores(table, kind, tracker) for kind in (TRUTH, tracker)}
-    head = (
-        "trained on",
-        "trainings",
-        "interquartile mean",
-        "minus on the truth",
-        *(f"share above {x:g}" for x in ABOVE),
-    )
+    above = [f"share above {x:g}" for x in ABOVE]
+    head = ("trained on", "trainings", "interquartile mean", "minus on the truth", *above)
     rows = [
         (f"`{kind}`", str(len(found)), spell(bootstrap_interval([found], interquartile_mean), 1),
          spell(bootstrap_interval([found - scores(table, kind, TRUTH)]), 1),

@@ -10,7 +10,7 @@ from hypothesis.strategies import floats
 from tests.trackers.multi.known_objects import KnownObjects, scan_of, tracks_of
 from trackers import MultiObjectTracker, SensorModel, prior
 from trackers.multi.association import Association
-from trackers.multi.beside import NOTHING, BesideTest, Taken
+from trackers.multi.beside import NOTHING, BesideTest, Taken, owners
 from trackers.multi.ground import GroundTest
 from trackers.multi.initiation import Initiation
 from trackers.multi.visibility import SensorArray
@@ -126,27 +126,30 @@ def test_the_step_is_that_of_means_by_hand():
     taken, ahead = lanes_of(12)
     sure = (4.0 - 1.5) / np.sqrt(2 / 6)
     velocity = np.array([[18.0, 8.0]])
-    for surer, found in ((sure - 0.01, True), (sure + 0.01, False)):
-        step = BesideTest(surer=surer).step(taken, np.array([7]), velocity)
-        assert step.where.tolist() == [found]
-        np.testing.assert_array_equal(step.ahead, ahead & found)
-    np.testing.assert_allclose(step.across, [4.0])
-    np.testing.assert_allclose(step.velocity, [[np.hypot(18.0, 8.0), 0.0]], atol=1e-9)
-    np.testing.assert_allclose(step.xy[:, 0], taken.xy[:, 0] + taken.age * np.hypot(18.0, 8.0))
+    speed, id = np.hypot(18.0, 8.0), np.array([7])
+    assert BesideTest(surer=sure + 0.01).pairs(taken, id, velocity) == []
+    (pair,) = BesideTest(surer=sure - 0.01).pairs(taken, id, velocity)
+    assert pair.track == 0
+    assert pair.across == pytest.approx(4.0)
+    np.testing.assert_allclose(pair.velocity, [speed, 0.0], atol=1e-9)
+    for part, own in zip(pair.parts, (~ahead, ahead), strict=True):
+        np.testing.assert_array_equal(part.row, taken.row[own])
+        np.testing.assert_allclose(part.xy[:, 0], taken.xy[own, 0] + taken.age[own] * speed)
     for options in ({"lanes": (4.5, 6.0)}, {"fast": 25.0}, {"least": 13}, {"wide": 3.0}):
-        assert not BesideTest(**options).step(taken, np.array([7]), velocity).where.any()
+        assert BesideTest(**options).pairs(taken, id, velocity) == []
+    np.testing.assert_array_equal(owners(pair.parts, 30), [*ahead, *[-1] * 6])
     earlier = taken._replace(row=np.where(ahead, -1, taken.row))
-    assert not BesideTest().step(earlier, np.array([7]), velocity).where.any()  # one of them has none in this scan
+    np.testing.assert_array_equal(owners((earlier,), 24), np.where(ahead, -1, 0))
+    assert BesideTest().pairs(earlier, id, velocity) == []  # one of them has none in this scan
 
 
 @given(course=floats(-3.1, 3.1))
 def test_the_step_is_the_same_in_every_direction(course):
     taken, ahead = lanes_of(15, course=course)
     velocity = 20.0 * np.array([[np.cos(course), np.sin(course)]])
-    step = BesideTest().step(taken, np.array([7]), velocity)
-    assert step.where.tolist() == [True]
-    np.testing.assert_array_equal(step.ahead, ahead)
-    np.testing.assert_allclose(step.across, [4.0], atol=1e-6)
+    (pair,) = BesideTest().pairs(taken, np.array([7]), velocity)
+    np.testing.assert_array_equal(pair.parts[1].row, taken.row[ahead])
+    assert pair.across == pytest.approx(4.0, abs=1e-6)
 
 
 def test_a_vehicle_that_turns_is_one():
@@ -155,8 +158,8 @@ def test_a_vehicle_that_turns_is_one():
     x, y = 18.0 * -age + np.where(age > 1.0, -2.0, 2.0), 2.0 * age**2
     taken = Taken(np.full(60, 7), np.c_[x + 120.0, y], np.full(60, 0.3), np.zeros((60, 2)), age, np.arange(60))
     ask = taken, np.array([7]), np.array([[18.0, 0.0]])
-    assert not BesideTest().step(*ask).where.any()
-    assert BesideTest(curved=20.0).step(*ask).where.all()  # the negative twin
+    assert BesideTest().pairs(*ask) == []
+    assert len(BesideTest(curved=20.0).pairs(*ask)) == 1  # the negative twin
 
 
 def test_what_was_taken_is_forgotten_with_time_and_with_its_track():
@@ -168,6 +171,7 @@ def test_what_was_taken_is_forgotten_with_time_and_with_its_track():
     taken = test.observe(NOTHING, both, id, z, owner, 0.1)
     assert taken.id.tolist() == [4, 9]
     assert (taken.row >= 0).all()
+    assert test.observe(NOTHING, both[:1], id, z, owner, 0.1).id.tolist() == [4]  # 9 is not long
     later = test.observe(taken, both, id, z, none, 0.1)
     np.testing.assert_array_equal(later.xy, taken.xy)
     assert later.row.tolist() == [-1, -1]
@@ -183,7 +187,7 @@ def test_a_part_begins_where_its_detections_do(side):
     none = np.zeros((40, 2))
     taken = Taken(np.zeros(40, int), np.c_[x, np.full(40, 3.0)], np.ones(40), none, np.zeros(40), np.arange(40))
     whole = prior([(side * 104.0, 1.0, 0.1)], velocity=(20.0, 0.0), size=(13.0, 2.6), position_std=0.3)
-    own = Initiation().apart(whole, [taken])
+    own = Initiation().parted(whole, [taken])
     assert own.size.tolist() == [[12.0, 2.5]]
     np.testing.assert_allclose(own.pose, [[side * 106.0, 3.0, 0.0]], atol=1e-9)
     np.testing.assert_array_equal(own.velocity, whole.velocity)
