@@ -12,6 +12,7 @@ from studies.speed.page import render
 from studies.speed.shares import Costs, shares
 from studies.speed.training import Step
 from testbed.bench import Pairs
+from testbed.environment.wrapper import TrackedEnv
 from testbed.frame import TRUTH
 from testbed.log.text import markdown_table
 
@@ -99,11 +100,18 @@ def test_two_hundred_vehicles_that_are_in_sight_at_once_are_tracked():
     assert growth(200, warm_up=8, steps=1).tracks == 200
 
 
-def test_perfect_tracks_cost_more_where_somebody_asks_for_scans():
-    bare, scanned = (
-        training.tracked_steps(training.VEHICLES, 2, watched, tracker=TRUTH).ratio for watched in (False, True)
-    )
-    assert 0 < bare < scanned
+def test_perfect_tracks_are_scanned_only_where_somebody_watches(monkeypatch):
+    made = []
+
+    def kept(*args, **settings):
+        made.append(TrackedEnv(*args, **settings))
+        return made[-1]
+
+    monkeypatch.setattr(training, "TrackedEnv", kept)
+    for watched in (False, True):
+        training.tracked_steps(2, 2, watched, tracker=TRUTH)
+    bare, scanned = (env.costs[TRUTH].scans for env in made)
+    assert (bare, scanned) == (0, 1 + 2 * 15)  # that of the reset, and each frame of two decisions
 
 
 def test_resets_leave_nothing_open():
