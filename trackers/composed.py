@@ -73,7 +73,9 @@ class Composed:
     def abilities(self) -> Abilities:
         """What it offers beyond the four methods: that of its parts."""
         names = ["log_spatial", "restart", "learn_where", "classes"]
-        names += ["reach", "update_among", "loosen"] if self.size is not None else [*SMOOTHED, "resize", "shift"]
+        names += (
+            ["reach", "update_among", "loosen", "quiet"] if self.size is not None else [*SMOOTHED, "resize", "shift"]
+        )
         return Abilities(**{name: getattr(self, name) for name in names}, on_sensors=self.on)
 
     @property
@@ -183,9 +185,13 @@ class Composed:
         """State of which the near end of the objects where (...) is true may lie elsewhere: others hide it."""
         return state._replace(size=self.size.loosened(state.size, where))
 
+    def quiet(self, state: ComposedState, rows: NDArray, length: NDArray, log_p: NDArray) -> ComposedState:
+        """State after sensors were silent, with a log probability log_p (R, C) if rows (R,) have length (R, C) [m]."""
+        return state._replace(size=self.size.quieted(state.size, rows, length, log_p))
+
     def restart(self, state: ComposedState, estimate: Estimate) -> ComposedState:
         """State that starts again from an estimate, as of the union of two tracks; the width seen so far stays."""
-        size = None if self.size is None else self.size.restarted(state.size, estimate.size)
+        size = None if self.size is None else self.size.restarted(state.size, estimate.size, estimate.size_std)
         return self._started(self._restarted(self._filled(state), estimate), size)
 
     def gaussian(self, state: ComposedState) -> Gaussian:

@@ -15,8 +15,9 @@ from trackers.compiled.tables import POSE, RANGE, SENSOR, SIZE_ACROSS, SIZE_ALON
 from trackers.compiled.vector import exponentials, logarithms
 
 WIDER = 1.0  # [m] as in `trackers.size.hidden`
-ROLLED_ABOVE = 0.75  # as in `trackers.size.posterior`
+FAR, ROLLED_ABOVE = 2.5, 0.75  # as in `trackers.size.posterior`
 SIDE = math.sin(math.radians(10.0))
+ACROSS = 10  # places, as in `trackers.size.evidence`
 LEAST_SHOWN, LEAST = 0.05, 1e-300  # as in `trackers.size.evidence` and `.grid`
 NOTHING = 1e-9  # as in `trackers.size.visible`
 
@@ -69,14 +70,35 @@ def room(
 
 
 @compiled
+def seen_end(front: float, box: NDArray, size: NDArray, z: NDArray, sheet: NDArray) -> float:
+    """Share of the detections z whose sensors have some of an end in view, +1 the front, -1 the rear."""
+    seen = 0
+    for i in range(len(z)):
+        s = sheet[int(z[i, SENSOR])]
+        for k in range(ACROSS):
+            y = 0.45 * size[1] * (2 * k / (ACROSS - 1) - 1)
+            if in_view(front * size[0] / 2, y, box, z[i, POSE : POSE + 3], s[0], s[1]):
+                seen += 1
+                break
+    return seen / len(z)
+
+
+@compiled
 def face_anchor(
-    A_l: NDArray, A_w: NDArray, grid_l: NDArray, grid_w: NDArray, size: NDArray, place: NDArray, anchor: NDArray
-) -> None:
-    """(ENDS.11), (ENDS.23): anchor (2,) of a body that sensors at the mean place (2,) face, and its grids, in place."""
+    A_l: NDArray, A_w: NDArray, grid_l: NDArray, grid_w: NDArray, size: NDArray, place: NDArray, anchor: NDArray,
+    unsure: bool, box: NDArray, z: NDArray, sheet: NDArray,
+) -> None:  # fmt: skip
+    """(ENDS.11), (ENDS.23), (ENDS.43): anchor (2,) of a body that sensors at the mean place (2,) face, and its grids.
+
+    In place; unsure is whether its length is, box (3,) its pose, z its detections.
+    """
     for a in range(2):
         before = anchor[a]
         if abs(place[a]) > size[a] / 2 or before == 0:
             anchor[a] = -1.0 if place[a] < 0 else 1.0
+        open = a == 0 and unsure and abs(place[0]) > FAR * size[0]
+        if open and seen_end(anchor[0], box, size, z, sheet) == 0:
+            anchor[0] *= -1 if seen_end(-anchor[0], box, size, z, sheet) >= 0.5 else 1  # (ENDS.43)
         if anchor[a] * before < 0:
             if a == 0:
                 flip(A_l, grid_l, size[0])
@@ -193,15 +215,15 @@ def in_box(box: NDArray, z: NDArray, sheet: NDArray, xy: NDArray, sight: NDArray
 def read(
     A_l: NDArray, A_w: NDArray, anchor: NDArray, was: NDArray, after: NDArray, size: NDArray, whole: bool, z: NDArray,
     grid_l: NDArray, near_l: NDArray, far_l: NDArray, grid_w: NDArray, near_w: NDArray, far_w: NDArray,
-    sheet: NDArray, settings: NDArray, stands: bool,
+    sheet: NDArray, settings: NDArray, stands: bool, length_var: float,
 ) -> int:  # fmt: skip
     """(ENDS.2) to (ENDS.11), (ENDS.38), (ENDS.39): grids A_l, A_w and anchor (2,) of a box in place, by detections z.
 
     was and after (3,) are its pose before and after the scan.
 
     sheet (S, 14): max_range, fov, inside, grazing, weight, depth (2), rounding (2, 2), least_room (2), surface.
-    settings (9,): outliers, independent, part_weight, offset_share, spread of the offsets (2), standing, unseen_share,
-    spread of the offset of the length at birth.
+    settings (10,): outliers, independent, part_weight, offset_share, spread of the offsets (2), standing, unseen_share,
+    spread of the offset of the length at birth, open_above.
     Returns the number of detections from beside the body.
     """
     M = len(z)
@@ -212,7 +234,7 @@ def read(
     for i in range(M):
         for a in range(2):
             middle[a] += place[i, a] / M
-    face_anchor(A_l, A_w, grid_l, grid_w, size, middle, anchor)
+    face_anchor(A_l, A_w, grid_l, grid_w, size, middle, anchor, length_var > settings[9] ** 2, box, z, sheet)
     end, shown, cut, as_of = np.zeros((M, 2), np.int64), np.zeros((M, 2)), np.zeros(M, np.bool_), np.empty(M, np.int64)
     N, W, D, V = near_l.shape[1], near_w.shape[1], far_l.shape[1], far_w.shape[1]
     rooms_l, rooms_fl, rooms_w, rooms_fw = np.empty((M, N)), np.empty((M, D)), np.empty((M, W)), np.empty((M, V))
@@ -231,12 +253,12 @@ def read(
                                   rooms_fl[i])  # fmt: skip
                 seen[i, 0] = room(1, anchor, size, place[i], box, pose, s[0], s[1], grid_w, near_w, far_w, rooms_w[i],
                                   rooms_fw[i])  # fmt: skip
-        unseen += 1 / M if seen[i, 0] < LEAST_SHOWN else 0.0
         for a in range(2):
             beyond = anchor[a] * place[i, a]
             end[i, a] = 1 if beyond > size[a] / 2 else (-1 if beyond < -size[a] / 2 else 0)
             if end[i, a] != 0:
                 shown[i, a] = abs(sight[i, a]) ** (1 - s[3]) * size[1 - a] * seen[i, a]  # (ENDS.4)
+        unseen += 1 / M if seen[i, 0] < LEAST_SHOWN and end[i, 0] > 0 else 0.0
         facing = (abs(sight[i, 0]) ** (1 - s[3]) * size[1] if end[i, 0] != 0 else 0.0,
                   abs(sight[i, 1]) ** (1 - s[3]) * size[0] if end[i, 1] != 0 else 0.0)  # fmt: skip
         for a in range(2):

@@ -148,7 +148,7 @@ def update(
             speed = math.hypot(f.m[t, SPEED], f.m[t, OMEGA] * was[0] * np.dot(x.mu[t], p.axle))
             beside = size.read(x.length[t], x.width[t], x.anchor[t], before, box, was, whole[t], mine, p.grid_l,
                                p.near_l, p.far_l, p.grid_w, p.near_w, p.far_w, p.sheet, p.size,
-                               speed < STANDS)  # fmt: skip
+                               speed < STANDS, x.belief[t, 1, 0])  # fmt: skip
             if curvature(f.m[t, OMEGA], math.sqrt(f.P[t, OMEGA, OMEGA]), speed) < STRAIGHT:
                 x.side[t] += beside
             else:

@@ -139,7 +139,7 @@ class Tables(NamedTuple):
             np.reshape(at, (-1, len(size.length.sizes))), size.enough_side,
             [size.pin, size.least_pin, size.face_std, *offset_std], size.prior.insets, size.prior.hinges, sheet,
             [size.outliers, size.independent, size.part_weight, size.offset_share, *offset_std, size.standing,
-             size.unseen_share, size.length.birth_std],
+             size.unseen_share, size.length.birth_std, size.open_above],
         )  # fmt: skip
         return cls(*map(_plain, cls._fields, values))
 

@@ -21,7 +21,8 @@ from trackers.size.fleet import Fleet
 
 STEP, CELLS = 0.25, 128  # [m] and number of the cells along a track: 16 m to both sides of the origin
 PLACE = STEP * (np.arange(CELLS) - CELLS // 2 + 0.5)  # [m] of the cells
-COARSE = 4  # cells for which one ray decides whether they are seen
+LEAST_HITS = 0.5  # below which a cell has none
+COARSE = 4  # cells for which one ray decides whether others hide them
 
 
 class Ground(NamedTuple):
@@ -41,6 +42,7 @@ class Split(NamedTuple):
     ratio: NDArray  # (D,) log odds
     rear: NDArray  # (D, 2) [m] from, to
     front: NDArray  # (D, 2) [m] from, to
+    bare: NDArray  # (D, 2) [m] at the outer ends, of the rear and of the front one, in which nothing was detected
 
 
 NOTHING = Ground(np.zeros(0, int), np.zeros((0, 2)), *(np.zeros((0, CELLS)) for _ in range(3)))
@@ -64,6 +66,10 @@ class GroundTest:
     surer: float = 3.0  # log odds from which it is two
     least: float = 4.0  # detections of each of the two
     closest: float = 2.0  # [m] mean gap of a queue that stands
+    strays: float = 0.05  # share of the detections of one of the two that may lie beyond its end
+    slack: float = 0.5  # [m] to which ends lie beyond the outermost others
+    beyond: float = 1.0  # [m] ahead or behind, where no sensor looks if an end is open
+    open_std: float = 2.0  # [m] of the length of one with an open end
     headway: float = 1.0  # [s] by which the mean gap grows with the speed
     fleet: Fleet = field(default_factory=Fleet)  # whose lengths one vehicle, or two, may have
     length_std: float = 0.7  # [m] of a length, beside the spread of its class
@@ -142,17 +148,17 @@ class GroundTest:
         The boxes, body (G, 3), size (G, 2), shift (G, 1) and rows d (G,) among all tracks, are seen by sensors at poses
         (G, 3), which lie aside (G, 1) [m] of their axes; all of that is of pairs, so are the data sheets.
         """
-        x = PLACE.reshape(-1, COARSE).mean(-1) - shift  # (G, C) in the body frame
-        half = size[:, 1:] / 2
-        v = to_world(body, vector(x, np.sign(aside) * half)) - poses[:, None, :2]  # (G, C, 2)
+        half, x = size[:, 1:] / 2, PLACE - shift  # (G, CELLS) in the body frame
+        v = to_world(body, vector(x, np.sign(aside) * half)) - poses[:, None, :2]  # (G, CELLS, 2)
         r = np.hypot(v[..., 0], v[..., 1])
         sees = np.abs(wrap_angle(np.arctan2(v[..., 1], v[..., 0]) - poses[:, 2:])) < sensor.fov[:, None] / 2
         sees &= (r < sensor.max_range[:, None]) & (np.abs(x) < size[:, :1] / 2 + STEP)
-        hit = ray_box(poses[:, :2], v / r[..., None], estimate.pose, estimate.size)
+        some = slice(COARSE // 2, None, COARSE)
+        hit = ray_box(poses[:, :2], v[:, some] / r[:, some, None], estimate.pose, estimate.size)
         hit[np.arange(len(d)), :, d] = np.inf
-        sees &= hit.min(-1) > r
+        sees &= np.repeat(hit.min(-1) > r[:, some], COARSE, axis=1)
         lit = np.maximum(np.abs(aside) - half, 0.0) / r  # sine of the angle under which the side is seen
-        return np.repeat(np.where(sees, np.sqrt(lit) / r, 0.0), COARSE, axis=1)  # (LIFE.31)
+        return np.where(sees, np.sqrt(lit) / r, 0.0)  # (LIFE.31)
 
     @cached_property
     def _of_class(self) -> NDArray:
@@ -228,7 +234,30 @@ class GroundTest:
         best = ratio.argmax(1)[:, None]
         ratio, gap = ratio[rows, best][:, 0], edge[rows, np.stack([first, last], -1).reshape(-1, 2)[best[:, 0]]]
         end = estimate.size[:, 0] / 2
-        return Split(ratio > self.surer, ratio, vector(-end, gap[:, 0]), vector(gap[:, 1], end))
+        first, last = first.ravel()[best[:, 0]], last.ravel()[best[:, 0]]
+        end, rows = estimate.size[:, 0] / 2, rows[:, 0]
+        bare = self._bare(np.stack([H[rows, first], H[:, -1] - H[rows, last]], -1), H, edge, gap, end)
+        return Split(ratio > self.surer, ratio, vector(-end, gap[:, 0]), vector(gap[:, 1], end), bare)
+
+    def pieces(
+        self, split: Split, estimate: Estimate, sensors: SensorArray, platform: NDArray
+    ) -> tuple[Estimate, Estimate]:
+        """The rear and the front one of D boxes that are two; platform (6,) carries the sensors."""
+        x = (estimate.size[:, :1] / 2 + self.beyond) * np.array([-1.0, 1.0])
+        v = to_world(estimate.pose, vector(x, np.zeros(x.shape)))[:, :, None] - sensors.poses(platform)[:, :2]
+        azimuth = np.arctan2(v[..., 1], v[..., 0]) - sensors.poses(platform)[:, 2]
+        sees = (np.abs(wrap_angle(azimuth)) < sensors.fov / 2) & (np.hypot(v[..., 0], v[..., 1]) < sensors.max_range)
+        std = np.where(sees.any(-1), 0.0, self.open_std)  # (D, 2), (LIFE.47)
+        rear = piece(estimate, split.rear, split.bare[:, 0], std[:, 0])
+        return rear, piece(estimate, split.front, -split.bare[:, 1], std[:, 1])
+
+    def _bare(self, n: NDArray, H: NDArray, edge: NDArray, gap: NDArray, end: NDArray) -> NDArray:
+        """What of the outer ends (D, 2) [m] has no detections; n (D, 2) are those of both, H all of them added up."""
+        rows, some = np.arange(len(end)), np.maximum(self.strays * n, LEAST_HITS)
+        rear = edge[rows, (H[:, 1:] > some[:, :1]).argmax(1)]
+        front = edge[rows, CELLS - (H[:, -1:] - H[:, :-1] > some[:, 1:])[:, ::-1].argmax(1)]
+        outermost = vector(np.minimum(rear, gap[:, 0]) + end, end - np.maximum(front, gap[:, 1]))
+        return np.maximum(outermost - self.slack, 0.0)  # (LIFE.46)
 
 
 def cells_of(length: NDArray) -> NDArray:
@@ -255,10 +284,14 @@ def shift_of(ground: Ground, estimate: Estimate) -> NDArray:
     return dot(estimate.pose[:, :2] - ground.origin, unit(estimate.pose[:, 2]))[:, None]
 
 
-def piece(estimate: Estimate, span: NDArray) -> Estimate:
-    """The boxes cut to span (D, 2) [m] along their headings, from their centres."""
-    pose, size, std = estimate.pose.copy(), estimate.size.copy(), estimate.size_std.copy()
-    pose[:, :2] += span.mean(1)[:, None] * unit(pose[:, 2])
-    size[:, 0] = np.maximum(np.ptp(span, axis=1), 1.5)
-    std[:, 0] = np.maximum(0.1 * size[:, 0], 0.3)
-    return estimate._replace(pose=pose, size=size, size_std=std, contour=None)
+def piece(estimate: Estimate, span: NDArray, bare: NDArray, std: NDArray) -> Estimate:
+    """The boxes cut to span (D, 2) [m] along their headings, from their centres.
+
+    They may be shorter by bare (D,) [m], negative ahead, and have a length that is as uncertain, and by std (D,) [m].
+    """
+    pose, size, size_std = estimate.pose.copy(), estimate.size.copy(), estimate.size_std.copy()
+    pose[:, :2] += (span.mean(1) + bare / 4)[:, None] * unit(pose[:, 2])
+    size[:, 0] = np.maximum(np.ptp(span, axis=1) - np.abs(bare) / 2, 1.5)  # (LIFE.47)
+    size_std[:, 0] = np.maximum(0.1 * size[:, 0], 0.3)
+    size_std[:, 0] = np.sqrt(size_std[:, 0] ** 2 + (bare / 2) ** 2 + std**2)  # (LIFE.47)
+    return estimate._replace(pose=pose, size=size, size_std=size_std, contour=None)

@@ -23,12 +23,13 @@ from trackers.multi.beside import BesideTest, owners
 from trackers.multi.exclusion import Exclusion
 from trackers.multi.existence import Existence
 from trackers.multi.folding import unfolded
-from trackers.multi.ground import NOTHING, GroundTest, piece
+from trackers.multi.ground import NOTHING, GroundTest
 from trackers.multi.initiation import Births, Initiation
 from trackers.multi.leftovers import Suppression
 from trackers.multi.outage import SensorOutage, without
 from trackers.multi.reidentification import LostTracks, Reidentification
 from trackers.multi.road import RoadMap
+from trackers.multi.silence import Quiet, Silence
 from trackers.multi.tracks import BEFORE, BEHIND, NO_TRACK, REPORT_ABOVE, Event, Memory, Rest, Seen, StepInfo, Tracks
 from trackers.multi.visibility import SensorArray, Visibility, predict_visibility
 from trackers.multi.window import Unexplained
@@ -58,6 +59,7 @@ class MultiObjectTracker:
     rate_factor: float = 0.8  # of the data sheets' expected counts
     complete_above: float = 0.75  # visible share of an object's span from which an update teaches its class
     road: RoadMap | None = None  # map of the lanes; without it no standing vehicle is born
+    silence: Silence | None = field(default_factory=Silence)  # None: says nothing
     ground: GroundTest | None = None  # divides long tracks over empty ground; None: they stay one
 
     def __post_init__(self) -> None:
@@ -152,6 +154,10 @@ class MultiObjectTracker:
         if self.can.loosen is not None and lost.any():
             state = self.can.loosen(state, lost)
             seen = seen._replace(tracks=tracks._replace(state=state))
+        quiet = None if self.silence is None else self._quiet(self.silence, seen, some)
+        if self.can.quiet is not None and quiet is not None:
+            state = self.can.quiet(state, *quiet)
+            seen = seen._replace(tracks=tracks._replace(state=state))
         if some.any():
             found = None if life is None else life.update(seen)
             if found is None:
@@ -169,6 +175,22 @@ class MultiObjectTracker:
         hits = tracks.hits + some  # (MOT.26)
         estimate = self.filter.estimate(state)
         return tracks._replace(state=state, estimate=estimate, hits=hits, hidden=hidden, noise=noise), info
+
+    def _quiet(self, silence: Silence, seen: Seen, some: NDArray) -> Quiet | None:
+        """What the silence of sensors says of tracks with other detections, some (T,) bool, to a filter that hears."""
+        tracks = seen.tracks
+        rows = silence.asked(tracks.estimate, some)
+        if not len(rows) or self.can.quiet is None or self.can.reach is None:
+            return None
+        longest, out = self.can.reach(take(tracks.state, rows)), np.asarray(tracks.memory.out)
+        return silence.quiet(
+            rows, longest, tracks.estimate, self._hides(tracks), seen.z, seen.owner, out, self.sensor_array,
+            self.rate_factor,
+        )  # fmt: skip
+
+    def _hides(self, tracks: Tracks) -> NDArray:
+        """Which tracks (T,) bool are sure enough to hide others."""
+        return (tracks.existence > self.occlude_above) & (tracks.hits > self.occlude_hits)
 
     def _conclude(self, tracks: Tracks, seen: Seen, rest: Rest | None, dt: float) -> tuple[Tracks, list[Event]]:
         """The tracks after what is rare: division, death, birth and union; `rest` says what of it may happen now."""
@@ -221,8 +243,9 @@ class MultiObjectTracker:
 
     def _view(self, tracks: Tracks, scan: Scan) -> tuple[Visibility, NDArray]:
         """What the sensors should see of the predicted tracks, and the probability (S,) that each delivers nothing."""
-        occluder = (tracks.existence > self.occlude_above) & (tracks.hits > self.occlude_hits)
-        view = predict_visibility(tracks.estimate, occluder, self.sensor_array, scan.platform, self.rate_factor)
+        view = predict_visibility(
+            tracks.estimate, self._hides(tracks), self.sensor_array, scan.platform, self.rate_factor
+        )
         if scan.delivered is not None:
             out = 1.0 - scan.delivered
         else:
@@ -349,7 +372,8 @@ class MultiObjectTracker:
         under, split, d = keep(ground, split.where), take(split, split.where), d[split.where]
         old, new_id = tracks.rows(d), tracks.next_id + np.arange(len(d))
         memory = memory._replace(ground=concatenate([ground, under._replace(id=new_id)]))
-        rear, front = (self._restart(old.state, piece(old.estimate, span)) for span in (split.rear, split.front))
+        boxes = test.pieces(split, old.estimate, self.sensor_array, seen.z.scan.platform)
+        rear, front = (self._restart(old.state, box) for box in boxes)
         part = dict(zip(old.id.tolist(), new_id.tolist(), strict=True))  # front parts: what was before the whole is so
         ends = {(part.get(i, i) if end == BEFORE else i, end) for i, end in memory.divided.tolist() if i in tracks.id}
         ends |= {(i, BEFORE) for i in part} | {(i, BEHIND) for i in part.values()}

@@ -59,8 +59,8 @@ class SensorArray(NamedTuple):
         )
 
     def expected_count(self, sensor: NDArray, distance: NDArray, outline: NDArray) -> NDArray:
-        """Detections (G,) expected of a visible outline (G,) [m] at distance (G,) [m] from the sensor (G,) int."""
-        at_15m, falloff, most = self.rates[sensor].T
+        """Detections (...) expected of a visible outline (...) [m] at distance (...) [m] from the sensor (...) int."""
+        at_15m, falloff, most = np.moveaxis(self.rates[sensor], -1, 0)
         count = at_15m * (15.0 / np.maximum(distance, 1.0)) ** falloff * np.sqrt(outline / 3.0)
         return np.minimum(count, most)  # (MOT.11) without its factors
 

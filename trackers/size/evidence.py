@@ -6,12 +6,14 @@ Equations: docs/methods/size-from-both-ends.md, sections 1 to 3.
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.geometry import to_world, vector
 from trackers.size.grid import Grid
 from trackers.size.hidden import Around, open_rooms
 from trackers.size.hits import Boxes, Hits, Lit, depths, lit
 from trackers.size.likelihood import log_likelihood
-from trackers.size.visible import Room
+from trackers.size.visible import Room, in_view
 
+ACROSS = np.linspace(-0.9, 0.9, 10)  # places on an end, in halves of the width
 LEAST_SHOWN = 0.05  # share of an end in view, below which it is out of view
 
 
@@ -22,6 +24,22 @@ def facing(anchor: NDArray, size: NDArray, place: NDArray) -> NDArray:
     """
     nearer = np.where(place < 0, -1.0, 1.0)
     return np.where((np.abs(place) > size / 2) | (anchor == 0), nearer, anchor)
+
+
+def open_near_end(hits: Hits, boxes: Boxes, start: NDArray) -> NDArray:
+    """Mask (H,) of the boxes whose anchor end, front or rear, no sensor has in view, and half of them the other one."""
+    near, far = (_seen(hits, boxes, end) for end in (1, -1))
+    n = np.diff(start, append=len(hits.row))
+    return ~np.logical_or.reduceat(near, start) & (np.add.reduceat(far.astype(float), start) >= n / 2)  # (ENDS.43)
+
+
+def _seen(hits: Hits, boxes: Boxes, end: int) -> NDArray:
+    """Mask (G,) of the detections whose sensors have some of an end in view: +1 the anchor end, -1 the other."""
+    half = boxes.size / 2
+    y = half[:, 1:] * ACROSS
+    x = np.broadcast_to(end * boxes.anchor[:, :1] * half[:, :1], y.shape)
+    points = to_world(boxes.pose, vector(x, y))[hits.row]
+    return np.asarray(in_view(points, hits.pose, hits.sensor.max_range, hits.sensor.fov).any(-1))
 
 
 def evidence(
@@ -47,7 +65,7 @@ def evidence(
     on_end = np.add.reduceat(sides.shown / np.maximum(sides.shown.sum(-1, keepdims=True), 1e-9), start) / n[:, None]
     sharper = np.maximum(1.0, offset_share * (1 - on_end) / weight[:, None])  # (ENDS.39)
     weight = weight[:, None, None]
-    unseen = np.add.reduceat(_out_of_view(rooms[1], hits), start) / n
+    unseen = np.add.reduceat(_out_of_view(rooms[1], hits) * (sides.end[:, 0] > 0), start) / n
     return weight * of_length, weight * of_width, sharper, unseen
 
 

@@ -17,7 +17,7 @@ from trackers.parameters import check_numbers
 from trackers.scan import Scan, SensorModel
 from trackers.size import spatial
 from trackers.size.belief import Belief, posterior
-from trackers.size.evidence import evidence, facing, with_evidence
+from trackers.size.evidence import evidence, facing, open_near_end, with_evidence
 from trackers.size.fleet import Fleet, Prior
 from trackers.size.grid import LENGTH, WIDTH, Grid
 from trackers.size.hidden import Around
@@ -30,6 +30,7 @@ SLOWEST, SHARPEST = 2.0, 0.9  # [m/s] and sine of the bend from which on it is n
 BEND_ERROR = 0.5  # of what stands out, as a share of it
 STANDS = 1.0  # [m/s] below which a body stands
 OUTLINE = 2.5  # pins of the size that the place of the inner filter is uncertain by, as it does not know the outline
+FAR = 2.5  # lengths from which on both ends are about as near to a sensor
 ROLLED_ABOVE = 0.75  # steps of mean offset from which the box is moved instead
 
 
@@ -65,6 +66,7 @@ class SizePosterior:
     standing: int = 2  # the same of a body that stands, whose places are hit again
     offset_share: float = 0.5  # of the detections beside its ends that count at least for the offset
     unseen_share: float = 0.1  # by which a scan with the anchor end of the length out of view loosens its offset
+    open_above: float = 0.4  # [m] standard deviation of a length that is counted from the end in view; inf: never
     hidden_share: float = 0.2  # the same of a scan in which others hide that end
     memory: float = 10.0  # [s]
     offset_tau: float = 2.0  # [s] time constant of the offset
@@ -79,7 +81,7 @@ class SizePosterior:
 
     def __post_init__(self) -> None:
         positive = ("outliers", "independent", "standing", "memory", "offset_tau", "least_pin", "impossible", "sigma")
-        check_numbers(self, positive=positive)
+        check_numbers(self, positive=positive, unlimited=("open_above",))
 
     @cached_property
     def grids(self) -> tuple[Grid, Grid]:
@@ -152,6 +154,9 @@ class SizePosterior:
         pose = np.concatenate([to_world(pose, back[:, None])[:, 0], pose[:, 2:]], -1)
         place = np.add.reduceat(hits.place, start, axis=0) / np.diff(start, append=len(row))[:, None]
         faced = facing(anchor, size, place)
+        unsure = flat(state.belief.size_var, axes)[rows, 0] > self.open_above**2
+        unsure &= np.abs(place[:, 0]) > FAR * size[:, 0]
+        faced[unsure & open_near_end(hits, Boxes(pose, size, faced), start), 0] *= -1  # (ENDS.43)
         for axis, A in enumerate((length, width)):
             other = (faced * anchor)[:, axis] < 0
             if other.any():
@@ -212,10 +217,17 @@ class SizePosterior:
         length = self.length.loosened(flat(state.length, axes), share)  # (ENDS.42)
         return state._replace(length=length.reshape(state.length.shape))
 
-    def restarted(self, state: SizeState, size: NDArray) -> SizeState:
+    def quieted(self, state: SizeState, rows: NDArray, length: NDArray, log_p: NDArray) -> SizeState:
+        """The state after silence."""
+        A = state.length.copy()
+        for t, L, q in zip(rows, length, log_p):
+            A[t] += np.interp(self.length.sizes, L, q)[:, None]
+        return state._replace(length=A)
+
+    def restarted(self, state: SizeState, size: NDArray, size_std: NDArray) -> SizeState:
         """The state of objects that start again with a size (..., 2) [m]; the width seen so far stays."""
         l = size[..., :1]
-        std = np.maximum(0.15 * l, 0.3)
+        std = np.maximum(np.maximum(0.15 * l, 0.3), size_std[..., :1])
         length = self.length.restarted(-0.5 * ((self.length.sizes - l) / std) ** 2)  # (ENDS.24)
         top = state.width.max((-2, -1), keepdims=True)
         of_width = np.exp(state.width - top).sum(-1)

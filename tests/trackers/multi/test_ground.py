@@ -10,6 +10,7 @@ from trackers import MultiObjectTracker, SensorModel, prior
 from trackers.batch import take
 from trackers.multi.ground import CELLS, NOTHING, PLACE, STEP, Ground, GroundTest
 from trackers.multi.tracks import BEFORE, BEHIND
+from trackers.multi.visibility import SensorArray
 from trackers.scan import DepthProfile
 
 DT = 1 / 15
@@ -56,11 +57,11 @@ def test_two_cars_in_a_queue_held_for_one_become_two_and_stay_so(seed):
 
 
 @pytest.mark.parametrize("even", [False, True])
-@pytest.mark.parametrize("seed", range(3))
-def test_one_long_vehicle_stays_one_however_its_detections_spread_along_it(seed, even):
-    tracks, events = after(LONG, 150, seed=seed, even=even)
-    assert events == []
-    assert tracks.id.tolist() == [0]
+def test_one_long_vehicle_stays_one_however_its_detections_spread_along_it(even):
+    """In ten seconds of each of eight drives; log odds of 3 come up by chance in about one of thirty."""
+    ends = [after(LONG, 150, seed=seed, even=even) for seed in range(8)]
+    assert sum(len(events) for _, events in ends) <= 1
+    assert sum(tracks.id.tolist() == [0] for tracks, _ in ends) >= 7
 
 
 def test_a_stretch_without_detections_is_no_gap_where_these_are_patchy():
@@ -103,6 +104,20 @@ def test_a_part_out_of_the_field_of_view_is_not_empty_ground():
         scan = scan_of(xy, NOISE, 0.0)
         tracks, info = tracker.step(tracks, scan._replace(sensor=(xy[:, 0] < 0).astype(int)), DT)
         assert not [e for e in info.events if e.kind == "divided"]
+
+
+@pytest.mark.parametrize("aside", [0.0, 0.3, 0.6, 0.9])
+def test_detections_are_expected_up_to_the_edge_of_a_view_and_no_further(aside):
+    """Of a side 3.1 m beside a radar that looks 60 degrees to both sides, wherever the cells of the track lie."""
+    sensor = replace(SIDE, mount=(0.0, 0.0, np.pi / 2), fov=np.deg2rad(120))
+    tracker = MultiObjectTracker(KnownObjects(), (sensor,), ground=GroundTest())
+    tracks = tracks_of(box(aside, length=13.0, width=1.8), existence=0.99)
+    xy = np.stack([np.linspace(-5.0, 5.0, 9), np.full(9, 3.15)], -1)
+    tracks, _ = tracker.step(tracks, scan_of(xy, NOISE, 0.0), DT)
+    ground, edge = tracks.memory.ground, 3.1 * np.tan(np.deg2rad(60))
+    x = ground.origin[0, 0] + PLACE
+    assert (np.abs(x[ground.expected[0] > 0]) < edge).all()
+    assert (np.abs(x[ground.expected[0] == 0]) > edge - STEP).all()
 
 
 def ground_with(gap, density, length=10.0):
@@ -153,6 +168,41 @@ def test_the_faster_two_drive_the_more_must_be_seen_of_the_gap_between_them():
 def test_a_length_that_no_vehicle_has_is_two_sooner():
     """Of 19 m there is hardly any; the gap is that of two lengths that are common."""
     assert log_odds((-5.0, -4.0), 20.0, 19.0) > log_odds((-3.0, -2.0), 20.0, 15.5)
+
+
+def divided_at(gap, stray, fov, length=12.0):
+    """The parts of a track with detections up to 1 m ahead, and `stray` 5 m ahead, beside a radar that looks so far."""
+    ground, estimate = ground_with(gap, 1.5, length), box(0, length, 4.0, 0.0, 1.8)
+    hits = np.where(PLACE < 1.0, ground.seen, 0.0)
+    hits[0, PLACE == 4.875] = stray
+    test = GroundTest(gaps=(round(np.ptp(gap) / STEP),))
+    split = test.split(ground._replace(hits=hits), estimate)
+    assert split.where.all()
+    sensors = SensorArray.of((replace(SIDE, mount=(0.0, 0.0, np.pi / 2), fov=fov),))
+    return test.pieces(split, estimate, sensors, np.zeros(6))
+
+
+def test_a_part_whose_end_was_never_hit_may_be_shorter():
+    """From the gap to the front, -2 to 6 m, with the last of many detections 1 m ahead: 4.5 m of it are bare."""
+    rear, front = divided_at((-3.0, -2.0), 0.0, 2 * np.pi)
+    np.testing.assert_allclose([rear.pose[0, 0], rear.size[0, 0], rear.size_std[0, 0]], [-4.5, 3.0, 0.3])
+    np.testing.assert_allclose([front.pose[0, 0], front.size[0, 0]], [2.0 - 4.5 / 4, 8.0 - 4.5 / 2])
+    assert front.size_std[0, 0] == pytest.approx(np.hypot(0.1 * 5.75, 4.5 / 2))
+
+
+def test_a_single_detection_far_out_does_not_make_an_end():
+    _, with_stray = divided_at((-3.0, -2.0), 0.6, 2 * np.pi)
+    _, without = divided_at((-3.0, -2.0), 0.0, 2 * np.pi)
+    np.testing.assert_array_equal(with_stray.size, without.size)
+    _, seen = divided_at((-3.0, -2.0), 3.0, 2 * np.pi)
+    assert seen.size[0, 0] > without.size[0, 0] + 1
+
+
+@pytest.mark.parametrize(("fov", "more"), [(2 * np.pi, 0.0), (2 * np.arctan(6.9 / 4.0), 2.0)])
+def test_a_part_whose_end_lies_where_no_sensor_looks_may_have_any_length(fov, more):
+    rear, _ = divided_at((-3.0, -2.0), 0.0, fov)
+    assert rear.size_std[0, 0] == pytest.approx(np.hypot(0.3, more))
+    assert rear.size[0, 0] == pytest.approx(3.0)
 
 
 @pytest.mark.parametrize(("width", "divided"), [(1.8, 2), (2.5, 1)])

@@ -294,6 +294,24 @@ def test_a_restart_takes_the_length_and_keeps_the_width():
     assert e.size[0] > 10.0
 
 
+def test_a_restart_knows_a_length_as_well_as_it_is_told():
+    f, state = seen(lambda rng: behind_rear(rng, 6, 2.2, 0.8), 5, rear_start(2.2), CAR)
+    for std, used in ((0.3, 0.15 * 8.5), (3.0, 3.0)):
+        whole = f.estimate(state)._replace(size=np.array([8.5, 1.8]), size_std=np.array([std, 0.1]))
+        A = f.restart(state, whole).size.length.max(-1)
+        np.testing.assert_allclose(A, -0.5 * ((f.size.length.sizes - 8.5) / used) ** 2, atol=1e-9)  # (ENDS.24)
+
+
+def test_silence_takes_lengths_away_and_leaves_places():
+    """Of a truck or an articulated one, the second is refuted; log probabilities are linear between the lengths."""
+    f, state = seen(lambda rng: beside(rng, 6, 9.0, 2.5), 10, (0.0, 11.2, 0.0), TRUCK)
+    silent = f.quiet(stack([state, state]), np.array([1]), np.array([[6.0, 12.0]]), np.array([[0.0, -60.0]]))
+    added = silent.size.length[1] - state.size.length
+    np.testing.assert_allclose(added, np.interp(f.size.length.sizes, [6.0, 12.0], [0.0, -60.0])[:, None] + 0 * added)
+    np.testing.assert_array_equal(silent.size.length[0], state.size.length)
+    np.testing.assert_array_equal(silent.size.width[1], state.size.width)
+
+
 def test_probabilities_of_the_fleet_are_the_classes():
     f, state = seen(lambda rng: behind_rear(rng, 6, 2.2, 0.8), 30, rear_start(4.6), CAR)
     p = f.estimate(state).class_probability
