@@ -11,13 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.estimate import Estimate
-from trackers.geometry import rotation, to_frame, unit, vector
+from trackers.geometry import rotation, to_frame, unit, vector, wrap_angle
 from trackers.multi.association import SortedScan
 from trackers.multi.visibility import NEARER, SHADOW, SensorArray, angular_spans, entered, first_hits_of_few
 from trackers.parameters import check_numbers
 
 LENGTHS = 12  # that are tried, from SHORTEST up to the greatest that is possible
 SHORTEST = 1.5  # [m]
+REACH = 20.0  # [m] no vehicle reaches further from its centre
 RAYS = 24  # over the part of the longest box that is in view
 
 
@@ -42,7 +43,7 @@ class Pairs(NamedTuple):
 class Silence:
     """When the silence of a sensor speaks against a length, and how loud."""
 
-    unsure: float = 0.3  # [m] standard deviation of a length from which on it is asked for
+    unsure: float = 0.5  # [m] standard deviation of a length from which on it is asked for
     weight: float = 0.5  # of a scan: what no model of a radar has right is the same in the next one
     dispersion: float = 2.0  # k of the negative binomial count
     least: float = 0.1  # probability of silence, however many detections are expected
@@ -51,9 +52,25 @@ class Silence:
     def __post_init__(self) -> None:
         check_numbers(self, positive=("dispersion", "least"))
 
-    def asked(self, estimate: Estimate, some: NDArray) -> NDArray:
-        """Rows (R,) of the tracks with detections, some (T,) bool, whose length is not sure."""
-        return np.flatnonzero(some & (estimate.size_std[:, 0] > self.unsure))
+    def asked(
+        self, estimate: Estimate, some: NDArray, z: SortedScan, owner: NDArray, out: NDArray, sensors: SensorArray
+    ) -> NDArray:
+        """Rows (R,) of the tracks with detections, some (T,) bool, of which silence may say something.
+
+        The length of such a one is not sure, and some sensor that works and has no detection of it might see it, were
+        it as long as vehicles are.
+        """
+        rows = np.flatnonzero(some & (estimate.size_std[:, 0] > self.unsure))
+        if not len(rows):
+            return rows
+        poses, heard = sensors.poses(z.scan.platform), np.zeros((len(out), len(some)), bool)
+        heard[z.sensor[owner >= 0], owner[owner >= 0]] = True
+        v = estimate.pose[rows, :2] - poses[:, None, :2]  # (S, R, 2)
+        r = np.hypot(v[..., 0], v[..., 1])
+        wide = sensors.fov[:, None] / 2 + np.where(r > REACH, np.arcsin(REACH / np.maximum(r, REACH)), np.pi)
+        sees = np.abs(wrap_angle(np.arctan2(v[..., 1], v[..., 0]) - poses[:, 2:])) < wide
+        sees &= (r < sensors.max_range[:, None] + REACH) & (out[:, None] < 0.5) & ~heard[:, rows]
+        return rows[sees.any(0)]
 
     def quiet(
         self, rows: NDArray, longest: Estimate, estimate: Estimate, occluder: NDArray, z: SortedScan, owner: NDArray,

@@ -179,13 +179,15 @@ class MultiObjectTracker:
     def _quiet(self, silence: Silence, seen: Seen, some: NDArray) -> Quiet | None:
         """What the silence of sensors says of tracks with other detections, some (T,) bool, to a filter that hears."""
         tracks = seen.tracks
-        rows = silence.asked(tracks.estimate, some)
-        if not len(rows) or self.can.quiet is None or self.can.reach is None:
+        reach, out = self.can.reach, np.asarray(tracks.memory.out)
+        if self.can.quiet is None or reach is None:
             return None
-        longest, out = self.can.reach(take(tracks.state, rows)), np.asarray(tracks.memory.out)
+        rows = silence.asked(tracks.estimate, some, seen.z, seen.owner, out, self.sensor_array)
+        if not len(rows):
+            return None
         return silence.quiet(
-            rows, longest, tracks.estimate, self._hides(tracks), seen.z, seen.owner, out, self.sensor_array,
-            self.rate_factor,
+            rows, take(reach(tracks.state), rows), tracks.estimate, self._hides(tracks), seen.z, seen.owner, out,
+            self.sensor_array, self.rate_factor,
         )  # fmt: skip
 
     def _hides(self, tracks: Tracks) -> NDArray:

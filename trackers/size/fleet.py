@@ -34,7 +34,7 @@ class VehicleClass:
 FLEET = (
     VehicleClass("motorcycle", 0.05, (2.2, 0.15), (0.82, 0.08), inset=(0.28, 0.12)),
     VehicleClass("car", 0.62, (4.45, 0.42), (1.83, 0.09)),
-    VehicleClass("van", 0.13, (5.8, 0.6), (2.03, 0.08)),
+    VehicleClass("van", 0.13, (5.8, 0.6), (2.03, 0.08), load=(0.1, 0.5)),
     VehicleClass("truck", 0.10, (9.0, 1.75), (2.48, 0.07), load=(0.8, 0.7)),
     VehicleClass("bus", 0.03, (12.2, 1.3), (2.55, 0.04)),
     VehicleClass("articulated", 0.07, (16.2, 1.1), (2.55, 0.04), load=(0.8, 0.82), hinge=(7.7, 4.5)),

@@ -61,7 +61,7 @@ class SizePosterior:
     fleet: Fleet = field(default_factory=Fleet)
     length: Grid = LENGTH
     width: Grid = WIDTH
-    outliers: float = 0.04  # eps, share of detections of neighbours and clutter
+    outliers: float = 0.015  # eps, share of detections of neighbours and clutter
     independent: int = 6  # n_eff: a scan with more detections counts as so many
     standing: int = 2  # the same of a body that stands, whose places are hit again
     offset_share: float = 0.5  # of the detections beside its ends that count at least for the offset

@@ -100,9 +100,41 @@ def test_what_others_hide_says_nothing():
     assert (said(both, occluder=[1]).log_p == 0).all()
 
 
+def asked(estimate, some=None, out=(0.0, 0.0), owner=(0, 0)):
+    """The tracks of which silence may say something, where the radar beside has detections that `owner` own."""
+    array = SensorArray.of(SENSORS)
+    z, _ = Association().prepare(scan_of([(3.0, 2.75), (4.0, 2.75)], NOISE)._replace(sensor=np.zeros(2, int)), array)
+    some = np.ones(len(estimate.pose), bool) if some is None else some
+    return Silence().asked(estimate, some, z, np.array(owner), np.array(out), array).tolist()
+
+
 def test_only_tracks_with_detections_and_an_unsure_length_are_asked_for():
-    e = prior(np.zeros((3, 3)), size_std=[(0.2, 0.1), (0.5, 0.1), (0.5, 0.1)])
-    assert Silence().asked(e, np.array([True, True, False])).tolist() == [1]
+    place = np.tile([REAR + 4.0, 4.0, 0.0], (3, 1))
+    e = prior(place, size=(8.0, 2.5), size_std=[(0.4, 0.1), (0.6, 0.1), (0.6, 0.1)])
+    assert asked(e, np.array([True, True, False])) == [1]
+
+
+def test_tracks_that_no_silent_radar_might_see_are_not_asked_for():
+    assert asked(truck(8.0)) == [0]
+    assert asked(truck(8.0), out=(0.0, 0.9)) == []
+    behind = truck(8.0)._replace(pose=np.array([[-30.0, 4.0, 0.0]]))
+    assert asked(behind) == []
+    assert asked(behind, owner=(-1, -1)) == []  # its front might reach to -10 m, where no view begins
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_all_of_which_silence_says_something_are_asked_for(seed):
+    rng = np.random.default_rng(seed)
+    pose = np.c_[rng.uniform(-40, 170, 200), rng.uniform(-30, 30, 200), rng.uniform(-np.pi, np.pi, 200)]
+    found = 0
+    for one in pose:
+        estimate = prior([one], size=[(8.0, 2.5)], size_std=(2.0, 0.1))
+        c = one[:2] + (MOST - 8.0) / 2 * np.array([np.cos(one[2]), np.sin(one[2])])
+        longest = prior([(*c, one[2])], size=[(MOST, 2.5)])
+        if said(estimate, longest) is not None:
+            found += 1
+            assert asked(estimate) == [0]
+    assert found > 10
 
 
 class Hearing(KnownObjects):
