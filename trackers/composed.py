@@ -73,9 +73,8 @@ class Composed:
     def abilities(self) -> Abilities:
         """What it offers beyond the four methods: that of its parts."""
         names = ["log_spatial", "restart", "learn_where", "classes"]
-        names += (
-            ["reach", "update_among", "loosen", "quiet"] if self.size is not None else [*SMOOTHED, "resize", "shift"]
-        )
+        sized, moving = ["reach", "update_among", "loosen", "quiet"], [*SMOOTHED, "resize", "shift"]
+        names += moving if self.size is None else sized
         return Abilities(**{name: getattr(self, name) for name in names}, on_sensors=self.on)
 
     @property
@@ -190,7 +189,7 @@ class Composed:
         return state._replace(size=self.size.quieted(state.size, rows, length, log_p))
 
     def restart(self, state: ComposedState, estimate: Estimate) -> ComposedState:
-        """State that starts again from an estimate, as of the union of two tracks; the width seen so far stays."""
+        """State that starts again from an estimate, as of the union of two tracks or of a part; the width stays."""
         size = None if self.size is None else self.size.restarted(state.size, estimate.size, estimate.size_std)
         return self._started(self._restarted(self._filled(state), estimate), size)
 

@@ -18,6 +18,7 @@ from trackers.multi.beside import BesideTest
 from trackers.multi.visibility import SensorArray, Visibility, ray_box
 from trackers.parameters import check_numbers
 from trackers.size.fleet import Fleet
+from trackers.size.visible import in_view
 
 STEP, CELLS = 0.25, 128  # [m] and number of the cells along a track: 16 m to both sides of the origin
 PLACE = STEP * (np.arange(CELLS) - CELLS // 2 + 0.5)  # [m] of the cells
@@ -42,7 +43,6 @@ class Split(NamedTuple):
     ratio: NDArray  # (D,) log odds
     rear: NDArray  # (D, 2) [m] from, to
     front: NDArray  # (D, 2) [m] from, to
-    bare: NDArray  # (D, 2) [m] at the outer ends, of the rear and of the front one, in which nothing was detected
 
 
 NOTHING = Ground(np.zeros(0, int), np.zeros((0, 2)), *(np.zeros((0, CELLS)) for _ in range(3)))
@@ -66,11 +66,11 @@ class GroundTest:
     surer: float = 3.0  # log odds from which it is two
     least: float = 4.0  # detections of each of the two
     closest: float = 2.0  # [m] mean gap of a queue that stands
+    headway: float = 1.0  # [s] by which the mean gap grows with the speed
     strays: float = 0.05  # share of the detections of one of the two that may lie beyond its end
     slack: float = 0.5  # [m] to which ends lie beyond the outermost others
     beyond: float = 1.0  # [m] ahead or behind, where no sensor looks if an end is open
     open_std: float = 2.0  # [m] of the length of one with an open end
-    headway: float = 1.0  # [s] by which the mean gap grows with the speed
     fleet: Fleet = field(default_factory=Fleet)  # whose lengths one vehicle, or two, may have
     length_std: float = 0.7  # [m] of a length, beside the spread of its class
     width_std: float = 0.1  # [m] of a width, beside that and what is claimed of it
@@ -234,30 +234,27 @@ class GroundTest:
         best = ratio.argmax(1)[:, None]
         ratio, gap = ratio[rows, best][:, 0], edge[rows, np.stack([first, last], -1).reshape(-1, 2)[best[:, 0]]]
         end = estimate.size[:, 0] / 2
-        first, last = first.ravel()[best[:, 0]], last.ravel()[best[:, 0]]
-        end, rows = estimate.size[:, 0] / 2, rows[:, 0]
-        bare = self._bare(np.stack([H[rows, first], H[:, -1] - H[rows, last]], -1), H, edge, gap, end)
-        return Split(ratio > self.surer, ratio, vector(-end, gap[:, 0]), vector(gap[:, 1], end), bare)
+        return Split(ratio > self.surer, ratio, vector(-end, gap[:, 0]), vector(gap[:, 1], end))
 
     def pieces(
-        self, split: Split, estimate: Estimate, sensors: SensorArray, platform: NDArray
+        self, ground: Ground, split: Split, estimate: Estimate, sensors: SensorArray, platform: NDArray
     ) -> tuple[Estimate, Estimate]:
         """The rear and the front one of D boxes that are two; platform (6,) carries the sensors."""
-        x = (estimate.size[:, :1] / 2 + self.beyond) * np.array([-1.0, 1.0])
-        v = to_world(estimate.pose, vector(x, np.zeros(x.shape)))[:, :, None] - sensors.poses(platform)[:, :2]
-        azimuth = np.arctan2(v[..., 1], v[..., 0]) - sensors.poses(platform)[:, 2]
-        sees = (np.abs(wrap_angle(azimuth)) < sensors.fov / 2) & (np.hypot(v[..., 0], v[..., 1]) < sensors.max_range)
-        std = np.where(sees.any(-1), 0.0, self.open_std)  # (D, 2), (LIFE.47)
-        rear = piece(estimate, split.rear, split.bare[:, 0], std[:, 0])
-        return rear, piece(estimate, split.front, -split.bare[:, 1], std[:, 1])
+        half, x = estimate.size[:, :1] / 2, PLACE - shift_of(ground, estimate)
+        rear = self._bare(half, x, ground.hits * (x < split.rear[:, 1:]))
+        front = self._bare(half, -x[:, ::-1], (ground.hits * (x > split.front[:, :1]))[:, ::-1])
+        outside = (half + self.beyond) * np.array([-1.0, 1.0])
+        places = to_world(estimate.pose, vector(outside, np.zeros(outside.shape))).reshape(1, -1, 2)
+        sees = in_view(places, sensors.poses(platform), sensors.max_range, sensors.fov).any(0)
+        std = np.where(sees, 0.0, self.open_std).reshape(-1, 2)  # (LIFE.47)
+        return piece(estimate, split.rear, rear, std[:, 0]), piece(estimate, split.front, -front, std[:, 1])
 
-    def _bare(self, n: NDArray, H: NDArray, edge: NDArray, gap: NDArray, end: NDArray) -> NDArray:
-        """What of the outer ends (D, 2) [m] has no detections; n (D, 2) are those of both, H all of them added up."""
-        rows, some = np.arange(len(end)), np.maximum(self.strays * n, LEAST_HITS)
-        rear = edge[rows, (H[:, 1:] > some[:, :1]).argmax(1)]
-        front = edge[rows, CELLS - (H[:, -1:] - H[:, :-1] > some[:, 1:])[:, ::-1].argmax(1)]
-        outermost = vector(np.minimum(rear, gap[:, 0]) + end, end - np.maximum(front, gap[:, 1]))
-        return np.maximum(outermost - self.slack, 0.0)  # (LIFE.46)
+    def _bare(self, half: NDArray, x: NDArray, hits: NDArray) -> NDArray:
+        """How far (D,) [m] inwards of the ends -half (D, 1) most hits (D, CELLS) in cells at x (D, CELLS) [m] begin."""
+        n = np.cumsum(hits, 1)
+        k = (n > np.maximum(self.strays * n[:, -1:], LEAST_HITS)).argmax(1)
+        outermost = x[np.arange(len(x)), k] - STEP / 2
+        return np.maximum(outermost + half[:, 0] - self.slack, 0.0)  # (LIFE.46)
 
 
 def cells_of(length: NDArray) -> NDArray:

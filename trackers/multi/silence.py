@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from trackers.estimate import Estimate
 from trackers.geometry import rotation, to_frame, unit, vector, wrap_angle
 from trackers.multi.association import SortedScan
-from trackers.multi.visibility import NEARER, SHADOW, SensorArray, angular_spans, entered, first_hits_of_few
+from trackers.multi.visibility import NEARER, SHADOW, SensorArray, angular_spans, entered, first_shadows
 from trackers.parameters import check_numbers
 
 LENGTHS = 12  # that are tried, from SHORTEST up to the greatest that is possible
@@ -122,7 +122,7 @@ class Silence:
         half = vector(length, np.broadcast_to(size[:, 1:], length.shape)) / 2
         bearing = poses[s, 2:] + pairs.low[:, None] + pairs.span[:, None] * (np.arange(RAYS) + 0.5) / RAYS
         ray, turn = unit(bearing), rotation(longest.pose[r, 2])  # (P, B, 2), (P, 2, 2)
-        first = first_hits_of_few(poses[s], ray, rows[r], estimate, np.flatnonzero(occluder))[1]
+        first = first_shadows(poses[s], ray, rows[r], estimate, np.flatnonzero(occluder))
         origin = (poses[s, None, :2] - centre[r]) @ turn
         own = entered(origin[:, :, None], (ray @ turn)[:, None], half[r][:, :, None])  # (P, C, B)
         sees = (first[:, None] > own - NEARER - SHADOW) & (own < sensors.max_range[s, None, None])  # (MOT.10)

@@ -29,7 +29,7 @@ from trackers.multi.leftovers import Suppression
 from trackers.multi.outage import SensorOutage, without
 from trackers.multi.reidentification import LostTracks, Reidentification
 from trackers.multi.road import RoadMap
-from trackers.multi.silence import Quiet, Silence
+from trackers.multi.silence import Silence
 from trackers.multi.tracks import BEFORE, BEHIND, NO_TRACK, REPORT_ABOVE, Event, Memory, Rest, Seen, StepInfo, Tracks
 from trackers.multi.visibility import SensorArray, Visibility, predict_visibility
 from trackers.multi.window import Unexplained
@@ -59,7 +59,7 @@ class MultiObjectTracker:
     rate_factor: float = 0.8  # of the data sheets' expected counts
     complete_above: float = 0.75  # visible share of an object's span from which an update teaches its class
     road: RoadMap | None = None  # map of the lanes; without it no standing vehicle is born
-    silence: Silence | None = field(default_factory=Silence)  # None: says nothing
+    silence: Silence | None = field(default_factory=Silence)  # of radars about lengths; None: says nothing
     ground: GroundTest | None = None  # divides long tracks over empty ground; None: they stay one
 
     def __post_init__(self) -> None:
@@ -153,11 +153,8 @@ class MultiObjectTracker:
         lost = some & view.end_hidden
         if self.can.loosen is not None and lost.any():
             state = self.can.loosen(state, lost)
-            seen = seen._replace(tracks=tracks._replace(state=state))
-        quiet = None if self.silence is None else self._quiet(self.silence, seen, some)
-        if self.can.quiet is not None and quiet is not None:
-            state = self.can.quiet(state, *quiet)
-            seen = seen._replace(tracks=tracks._replace(state=state))
+        state = self._quieted(state, seen, some)
+        seen = seen._replace(tracks=tracks._replace(state=state))
         if some.any():
             found = None if life is None else life.update(seen)
             if found is None:
@@ -176,19 +173,19 @@ class MultiObjectTracker:
         estimate = self.filter.estimate(state)
         return tracks._replace(state=state, estimate=estimate, hits=hits, hidden=hidden, noise=noise), info
 
-    def _quiet(self, silence: Silence, seen: Seen, some: NDArray) -> Quiet | None:
-        """What the silence of sensors says of tracks with other detections, some (T,) bool, to a filter that hears."""
-        tracks = seen.tracks
-        reach, out = self.can.reach, np.asarray(tracks.memory.out)
-        if self.can.quiet is None or reach is None:
-            return None
+    def _quieted(self, state: Any, seen: Seen, some: NDArray) -> Any:
+        """The state after what the silence of sensors says of tracks with other detections, some (T,) bool."""
+        tracks, out, can, silence = seen.tracks, np.asarray(seen.tracks.memory.out), self.can, self.silence
+        if silence is None or can.quiet is None or can.reach is None:
+            return state
         rows = silence.asked(tracks.estimate, some, seen.z, seen.owner, out, self.sensor_array)
         if not len(rows):
-            return None
-        return silence.quiet(
-            rows, take(reach(tracks.state), rows), tracks.estimate, self._hides(tracks), seen.z, seen.owner, out,
+            return state
+        quiet = silence.quiet(
+            rows, take(can.reach(tracks.state), rows), tracks.estimate, self._hides(tracks), seen.z, seen.owner, out,
             self.sensor_array, self.rate_factor,
         )  # fmt: skip
+        return state if quiet is None else can.quiet(state, *quiet)
 
     def _hides(self, tracks: Tracks) -> NDArray:
         """Which tracks (T,) bool are sure enough to hide others."""
@@ -374,7 +371,7 @@ class MultiObjectTracker:
         under, split, d = keep(ground, split.where), take(split, split.where), d[split.where]
         old, new_id = tracks.rows(d), tracks.next_id + np.arange(len(d))
         memory = memory._replace(ground=concatenate([ground, under._replace(id=new_id)]))
-        boxes = test.pieces(split, old.estimate, self.sensor_array, seen.z.scan.platform)
+        boxes = test.pieces(under, split, old.estimate, self.sensor_array, seen.z.scan.platform)
         rear, front = (self._restart(old.state, box) for box in boxes)
         part = dict(zip(old.id.tolist(), new_id.tolist(), strict=True))  # front parts: what was before the whole is so
         ends = {(part.get(i, i) if end == BEFORE else i, end) for i, end in memory.divided.tolist() if i in tracks.id}

@@ -152,13 +152,15 @@ def first_hits_of_few(
     pose: NDArray, direction: NDArray, t: NDArray, estimate: Estimate, occluder: NDArray
 ) -> tuple[NDArray, NDArray]:
     """`first_hits` by casting all rays at all boxes."""
-    T = len(estimate.yaw_rate)
-    boxes = np.concatenate([estimate.pose, estimate.pose[occluder]])
-    sizes = np.concatenate([estimate.size, estimate.size[occluder] + 2 * SHADOW])
-    hit = ray_box(pose[:, :2], direction, boxes, sizes)  # (G, K, T + O)
-    own, shadow = hit[np.arange(len(t)), :, t], hit[..., T:]  # (G, K), (G, K, O)
+    own = ray_box(pose[:, :2], direction, estimate.pose, estimate.size)[np.arange(len(t)), :, t]
+    return own, first_shadows(pose, direction, t, estimate, occluder)
+
+
+def first_shadows(pose: NDArray, direction: NDArray, t: NDArray, estimate: Estimate, occluder: NDArray) -> NDArray:
+    """The second of `first_hits` alone, (G, K) [m]."""
+    shadow = ray_box(pose[:, :2], direction, estimate.pose[occluder], estimate.size[occluder] + 2 * SHADOW)  # (G, K, O)
     itself = t[:, None] == occluder
-    return own, np.where(itself[:, None] | (shadow == 0), np.inf, shadow).min(-1, initial=np.inf)
+    return np.where(itself[:, None] | (shadow == 0), np.inf, shadow).min(-1, initial=np.inf)
 
 
 def first_hits(

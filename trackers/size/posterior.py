@@ -3,9 +3,9 @@
 Equations: docs/methods/size-from-both-ends.md.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,8 +66,8 @@ class SizePosterior:
     standing: int = 2  # the same of a body that stands, whose places are hit again
     offset_share: float = 0.5  # of the detections beside its ends that count at least for the offset
     unseen_share: float = 0.1  # by which a scan with the anchor end of the length out of view loosens its offset
-    open_above: float = 0.4  # [m] standard deviation of a length that is counted from the end in view; inf: never
     hidden_share: float = 0.2  # the same of a scan in which others hide that end
+    open_above: float = 0.4  # [m] standard deviation of a length that is counted from the end in view; inf: never
     memory: float = 10.0  # [s]
     offset_tau: float = 2.0  # [s] time constant of the offset
     lost_rate: float = 1.5e-3  # [1/s] at which a box is misplaced
@@ -82,6 +82,11 @@ class SizePosterior:
     def __post_init__(self) -> None:
         positive = ("outliers", "independent", "standing", "memory", "offset_tau", "least_pin", "impossible", "sigma")
         check_numbers(self, positive=positive, unlimited=("open_above",))
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {
+            one.name: getattr(self, one.name) for one in fields(self)
+        }  # copies work out the fleet on the grids anew
 
     @cached_property
     def grids(self) -> tuple[Grid, Grid]:
@@ -156,7 +161,8 @@ class SizePosterior:
         faced = facing(anchor, size, place)
         unsure = flat(state.belief.size_var, axes)[rows, 0] > self.open_above**2
         unsure &= np.abs(place[:, 0]) > FAR * size[:, 0]
-        faced[unsure & open_near_end(hits, Boxes(pose, size, faced), start), 0] *= -1  # (ENDS.43)
+        if unsure.any():
+            faced[unsure & open_near_end(hits, Boxes(pose, size, faced), start), 0] *= -1  # (ENDS.43)
         for axis, A in enumerate((length, width)):
             other = (faced * anchor)[:, axis] < 0
             if other.any():
@@ -218,14 +224,14 @@ class SizePosterior:
         return state._replace(length=length.reshape(state.length.shape))
 
     def quieted(self, state: SizeState, rows: NDArray, length: NDArray, log_p: NDArray) -> SizeState:
-        """The state after silence."""
+        """The state after silence of log probability log_p (R, C), were the length of rows (R,) length (R, C) [m]."""
         A = state.length.copy()
-        for t, L, q in zip(rows, length, log_p):
-            A[t] += np.interp(self.length.sizes, L, q)[:, None]
+        for t, L, q in zip(rows, length, log_p, strict=True):
+            A[t] += np.interp(self.length.sizes, L, q)[:, None]  # (ENDS.44)
         return state._replace(length=A)
 
     def restarted(self, state: SizeState, size: NDArray, size_std: NDArray) -> SizeState:
-        """The state of objects that start again with a size (..., 2) [m]; the width seen so far stays."""
+        """The state of objects that start again with a size (..., 2) [m] and its std; the width seen so far stays."""
         l = size[..., :1]
         std = np.maximum(np.maximum(0.15 * l, 0.3), size_std[..., :1])
         length = self.length.restarted(-0.5 * ((self.length.sizes - l) / std) ** 2)  # (ENDS.24)

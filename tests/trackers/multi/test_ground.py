@@ -176,10 +176,11 @@ def divided_at(gap, stray, fov, length=12.0):
     hits = np.where(PLACE < 1.0, ground.seen, 0.0)
     hits[0, PLACE == 4.875] = stray
     test = GroundTest(gaps=(round(np.ptp(gap) / STEP),))
-    split = test.split(ground._replace(hits=hits), estimate)
+    ground = ground._replace(hits=hits)
+    split = test.split(ground, estimate)
     assert split.where.all()
     sensors = SensorArray.of((replace(SIDE, mount=(0.0, 0.0, np.pi / 2), fov=fov),))
-    return test.pieces(split, estimate, sensors, np.zeros(6))
+    return test.pieces(ground, split, estimate, sensors, np.zeros(6))
 
 
 def test_a_part_whose_end_was_never_hit_may_be_shorter():

@@ -1,7 +1,5 @@
 """Silence of a radar ahead about the length of a truck beside, whose front no radar has in view; by many rays."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -33,7 +31,7 @@ def said(estimate=None, longest=None, more=(), out=(0.0, 0.0), occluder=(), sile
     sensor = np.array([0] * 4 + [s for _, s in more])
     array = SensorArray.of(SENSORS)
     z, order = Association().prepare(scan_of(xy, NOISE)._replace(sensor=sensor), array)
-    owner = np.where(np.array([0] * 4 + [-1] * len(more)) == 0, 0, -1)[order]
+    owner = np.array([0] * 4 + [-1] * len(more))[order]
     hides = np.isin(np.arange(len(estimate.pose)), occluder)
     return (silence or Silence()).quiet(
         np.array([0]), longest, estimate, hides, z, owner, np.array(out), array, rate_factor=0.8
@@ -169,7 +167,7 @@ def test_the_filter_hears_it_before_its_update(silence, delivered, heard):
 
 
 def test_a_louder_scan_says_more_of_the_same():
-    one, two = (said(silence=replace(Silence(), weight=w)).log_p for w in (0.5, 1.0))
+    one, two = (said(silence=Silence(weight=w)).log_p for w in (0.5, 1.0))
     np.testing.assert_allclose(two, 2 * one)
 
 
