@@ -78,10 +78,12 @@ class Exclusion:
             rivals[a] = False
             for b in np.flatnonzero(rivals & (same[a] | one[a])):
                 if not same[a, b]:
-                    if joined[a] or union_length(estimate, a, b) > self.longest:
+                    length = union_length(estimate, a, b)
+                    if joined[a] or length > self.longest:
                         continue
-                    unite(estimate, a, b)
-                    joined[a] = True
+                    if length > estimate.size[a, 0] + estimate.size_std[a, 0]:  # (MOT.58)
+                        unite(estimate, a, b)
+                        joined[a] = True
                 keep[b], into[b] = False, a
         return ExclusionResult(keep, into, joined, estimate)
 
