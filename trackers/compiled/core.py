@@ -178,9 +178,9 @@ class Core:
         def shaped(a: NDArray) -> NDArray:
             return a if len(lead) == 1 else a.reshape((*lead, *a.shape[1:]))
 
-        belief = Belief(*(shaped(b[:, i]) for i in range(5)), *map(shaped, x[9:]))
-        side, length, width = shaped(x.side), shaped(x.length), shaped(x.width)
-        new = SizeState(shaped(x.anchor), length, width, belief, size.fully_visible, side)
+        belief = Belief(*(shaped(b[:, i]) for i in range(5)), *map(shaped, (x.of_length, x.of_width, x.kind)))
+        anchor, length, width, *seen = map(shaped, x[4:10])
+        new = SizeState(anchor, length, width, belief, size.fully_visible, *seen)
         yaw_rate, std = shaped(f.m[:, 4].copy()), shaped(f.std)
         outlines = iter(map(shaped, f.contour) if f.contour.size else (None, None))
         box = Estimate(shaped(f.pose[0]), shaped(f.velocity), yaw_rate, shaped(f.size[0]), shaped(f.cov[0]),
@@ -197,7 +197,7 @@ def rows_of(motion: Mixture, size: SizeState, T: int) -> Rows:
     """The states of T tracks, with one leading axis."""
     b, lead = size.belief, motion.mu.ndim - 1
     belief = np.concatenate(b[:5], -1).reshape(*motion.mu.shape[:-1], 5, 2)
-    values = (*motion, size.anchor, size.length, size.width, size.side, belief, *b[5:])
+    values = (*motion, size.anchor, size.length, size.width, size.behind, size.bent, size.aside, belief, *b[5:])
     return Rows(*(whole(a).reshape((T, *a.shape[lead:])) for a in values))
 
 

@@ -16,6 +16,7 @@ from trackers.compiled.linear import step as normal
 from trackers.compiled.vector import exponentials, logarithms
 
 VACATED, LEAST = -300.0, 1e-260  # `trackers.size.grid` has a smaller one, whose products are no normal numbers
+UNLIKELY = 100.0  # [nat] as in `trackers.size.belief`
 
 
 @compiled
@@ -85,17 +86,53 @@ def grid_moments(grid: NDArray, p: NDArray, c: NDArray, of_row: NDArray, b: NDAr
 
 
 @compiled
-def believe(
-    grid_l: NDArray, grid_w: NDArray, shares: NDArray, of_length: NDArray, of_width: NDArray, loads: NDArray,
-    at: NDArray, p: NDArray, q: NDArray, hidden: NDArray, b: NDArray, length: NDArray, width: NDArray, kind: NDArray,
-) -> None:  # fmt: skip
-    """(ENDS.16) to (ENDS.20), (ENDS.33): belief b (5, 2), length (K,), width (K',), kind (C,) of p and q.
+def before(total: NDArray, depth: float, step: float) -> float:
+    """How many detections lie before a depth [m], where total (D,) lie before the end of a cell of a step [m]."""
+    cell = int(depth / step)
+    part = depth / step - cell
+    return (1 - part) * total[cell] + part * total[min(cell + 1, len(total) - 1)]
 
-    shares (C,), of_length (C, K), of_width (C, K') are those of the fleet; loads (D, 3) have class, share and hinge,
-    hidden (2,) the probabilities that it was seen from behind only and that it is bent, and at (D, K) says where on
-    the grid of L_k a load of it ends.
+
+@compiled
+def with_loads(grid: NDArray, of_length: NDArray, loads: NDArray, behind: NDArray) -> NDArray:
+    """(ENDS.47): probabilities (C, K) of the lengths given the class, and what detections behind (2, D) say of loads.
+
+    loads (B, 7) are class, share, part, and logarithms of ratios as of `Load.log_ratios`.
     """
-    K, W, C, D = len(p), len(q), len(shares), len(loads) if hidden.any() else 0
+    if not behind.any():
+        return of_length
+    p, total, K = of_length.copy(), behind.copy(), of_length.shape[1]
+    for h in range(2):
+        for i in range(1, total.shape[1]):
+            total[h, i] += total[h, i - 1]
+    log_q, q, work = np.empty(K), np.empty(K), np.empty(K, np.int64)
+    for load in loads:
+        log_q[:] = 0.0
+        for h in range(2):
+            for k in range(K if total[h, -1] > 0 else 0):
+                L = grid[0] + grid[1] * k
+                shown = before(total[h], load[2] * L, grid[1])
+                log_q[k] += load[3 + h] * shown + load[5 + h] * (before(total[h], L, grid[1]) - shown)
+        exponentials(np.minimum(np.maximum(log_q, -UNLIKELY), UNLIKELY), q, work)
+        for k in range(K):
+            p[int(load[0]), k] *= 1 + load[1] * (q[k] - 1)
+    return p
+
+
+@compiled
+def believe(
+    grid_l: NDArray, grid_w: NDArray, shares: NDArray, fleet: NDArray, of_width: NDArray, loads: NDArray,
+    bends: NDArray, at: NDArray, p: NDArray, q: NDArray, behind: NDArray, bent: float, b: NDArray, length: NDArray,
+    width: NDArray, kind: NDArray,
+) -> None:  # fmt: skip
+    """(ENDS.16) to (ENDS.20), (ENDS.33), (ENDS.47): belief b (5, 2), length (K,), width (K',), kind (C,) of p and q.
+
+    shares (C,), fleet (C, K) and of_width (C, K') are those of the fleet; loads and behind as in `with_loads`;
+    bends (D, 2) have class and share, bent is the probability of that, and at (D, K) says where on the grid of L_k a
+    load of it ends.
+    """
+    of_length, D = with_loads(grid_l, fleet, loads, behind), len(bends) if bent > 0 else 0
+    K, W, C = len(p), len(q), len(shares)
     l, w, fit_l, fit_w, total = sums(grid_l, p), sums(grid_w, q), np.zeros(C), np.zeros(C), 0.0
     for c in range(C):
         for k in range(K):
@@ -103,11 +140,12 @@ def believe(
         for k in range(W):
             fit_w[c] += w[k, 0] * of_width[c, k]
     for d in range(D):
-        c = int(loads[d, 0])
+        c, straight = int(bends[d, 0]), fit_l[int(bends[d, 0])]
+        fit_l[c] -= bends[d, 1] * bent * straight
         for k in range(K):
             i = int(at[d, k])
             shorter = l[i, 0] + (at[d, k] - i) * (l[min(i + 1, K - 1), 0] - l[i, 0])
-            fit_l[c] += loads[d, 1] * hidden[int(loads[d, 2])] * (shorter - l[k, 0]) * of_length[c, k]  # (ENDS.33)
+            fit_l[c] += bends[d, 1] * bent * shorter * fleet[c, k]  # (ENDS.33)
     for c in range(C):
         kind[c] = shares[c] * fit_l[c] * fit_w[c]
         total += kind[c]
@@ -121,16 +159,17 @@ def believe(
             in_w[k] += shares[c] * fit_l[c] * of_width[c, k]  # (ENDS.17)
         joint_w[k, 0], joint_w[k, 1] = w[k, 0] * in_w[k], w[k, 1] * in_w[k]
     for d in range(D):
-        c = int(loads[d, 0])
+        c = int(bends[d, 0])
         for k in range(K):
-            h = loads[d, 1] * hidden[int(loads[d, 2])] * shares[c] * fit_w[c] * of_length[c, k]
+            h = bends[d, 1] * bent * shares[c] * fit_w[c]
             i = int(at[d, k])
             j, f = min(i + 1, K - 1), at[d, k] - i
             for a in range(2):
-                joint_l[k, a] += h * ((1 - f) * l[i, a] + f * l[j, a] - l[k, a])  # (ENDS.33)
-            in_l[i] += h * (1 - f)
-            in_l[j] += h * f
-            in_l[k] -= h
+                shorter = (1 - f) * l[i, a] + f * l[j, a]
+                joint_l[k, a] += h * (fleet[c, k] * shorter - of_length[c, k] * l[k, a])  # (ENDS.33)
+            in_l[i] += h * (1 - f) * fleet[c, k]
+            in_l[j] += h * f * fleet[c, k]
+            in_l[k] -= h * of_length[c, k]
     for c in range(C):
         kind[c] /= total
     of_axis = np.empty((2, 5))

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from trackers.compiled.grids import flip, multiply, roll
 from trackers.compiled.jit import compiled
-from trackers.compiled.linear import wrap
+from trackers.compiled.linear import bell, wrap
 from trackers.compiled.tables import POSE, RANGE, SENSOR, SIZE_ACROSS, SIZE_ALONG, UX, UY
 from trackers.compiled.vector import exponentials, logarithms
 
 WIDER = 1.0  # [m] as in `trackers.size.hidden`
 FAR, ROLLED_ABOVE = 2.5, 0.75  # as in `trackers.size.posterior`
-SIDE = math.sin(math.radians(10.0))
+SIDE, BESIDE = math.sin(math.radians(10.0)), 0.5  # as in `trackers.size.evidence` and `.posterior`
 ACROSS = 10  # places, as in `trackers.size.evidence`
 LEAST_SHOWN, LEAST = 0.05, 1e-300  # as in `trackers.size.evidence` and `.grid`
 NOTHING = 1e-9  # as in `trackers.size.visible`
@@ -193,42 +193,63 @@ def moved_back(
 
 
 @compiled
-def in_box(box: NDArray, z: NDArray, sheet: NDArray, xy: NDArray, sight: NDArray, place: NDArray, std: NDArray) -> int:
+def in_box(
+    box: NDArray, z: NDArray, sheet: NDArray, xy: NDArray, sight: NDArray, place: NDArray, std: NDArray
+) -> tuple[int, int]:
     """(ENDS.6): places, lines of sight, places of the sensor and noise (M, 2) in the axes of a box (3,).
 
-    Returns the number of detections that lie off the axis.
+    Returns the numbers of detections that were made off the axis, and from beside the body.
     """
-    cos, sin, aside = math.cos(box[2]), math.sin(box[2]), 0
+    cos, sin, aside, beside = math.cos(box[2]), math.sin(box[2]), 0, 0
     for i in range(len(z)):
         ux, uy, dx, dy = z[i, UX], z[i, UY], z[i, POSE] - box[0], z[i, POSE + 1] - box[1]
         sight[i, 0], sight[i, 1] = cos * ux + sin * uy, cos * uy - sin * ux
         place[i, 0], place[i, 1] = cos * dx + sin * dy, cos * dy - sin * dx
         aside += 1 if abs(sight[i, 1]) > SIDE else 0
+        beside += 1 if abs(sight[i, 1]) > BESIDE else 0
         for a in range(2):
             xy[i, a] = place[i, a] + z[i, RANGE] * sight[i, a]
             var = (z[i, SIZE_ALONG] * sight[i, a]) ** 2 + (z[i, SIZE_ACROSS] * sight[i, 1 - a]) ** 2
             std[i, a] = math.sqrt(var + sheet[int(z[i, SENSOR]), 13] ** 2)
-    return aside
+    return aside, beside
+
+
+@compiled
+def from_behind(
+    grid: NDArray, depth: float, sigma: float, face: float, aslant: bool, across: float, length: float,
+    face_std: NDArray, weight: float, behind: NDArray,
+) -> None:  # fmt: skip
+    """(ENDS.45): adds one detection of a depth [m] before the rear to those behind (2, D) along the body, in place.
+
+    face is its probability to be of the rear, whose detections have mean and spread face_std (2,); across is the sine
+    of its line of sight to the axis, aslant whether a side is in view.
+    """
+    cell = max(math.ceil(depth / grid[1]), 0)
+    if cell < behind.shape[1]:
+        even, var = (1 - face) / length, sigma**2 + face_std[1] ** 2
+        on_face = face * bell(-0.5 * (depth - face_std[0]) ** 2 / var) / math.sqrt(2 * math.pi * var)
+        square = max(1 - abs(across) / SIDE, 0.0) if aslant else 1.0
+        behind[1 if aslant else 0, cell] += weight * square * even / max(even + on_face, LEAST)
 
 
 @compiled
 def read(
-    A_l: NDArray, A_w: NDArray, anchor: NDArray, was: NDArray, after: NDArray, size: NDArray, whole: bool, z: NDArray,
-    grid_l: NDArray, near_l: NDArray, far_l: NDArray, grid_w: NDArray, near_w: NDArray, far_w: NDArray,
-    sheet: NDArray, settings: NDArray, stands: bool, length_var: float,
-) -> int:  # fmt: skip
-    """(ENDS.2) to (ENDS.11), (ENDS.38), (ENDS.39): grids A_l, A_w and anchor (2,) of a box in place, by detections z.
+    A_l: NDArray, A_w: NDArray, behind: NDArray, anchor: NDArray, was: NDArray, after: NDArray, size: NDArray,
+    whole: bool, z: NDArray, grid_l: NDArray, near_l: NDArray, far_l: NDArray, grid_w: NDArray, near_w: NDArray,
+    far_w: NDArray, sheet: NDArray, settings: NDArray, stands: bool, length_var: float,
+) -> tuple[int, int]:  # fmt: skip
+    """(ENDS.2) to (ENDS.11), (ENDS.38), (ENDS.39), (ENDS.45): grids A_l, A_w, behind (2, D) and anchor (2,) in place.
 
-    was and after (3,) are its pose before and after the scan.
+    z are detections of a box, was and after (3,) its pose before and after the scan.
 
     sheet (S, 14): max_range, fov, inside, grazing, weight, depth (2), rounding (2, 2), least_room (2), surface.
     settings (10,): outliers, independent, part_weight, offset_share, spread of the offsets (2), standing, unseen_share,
     spread of the offset of the length at birth, open_above.
-    Returns the number of detections from beside the body.
+    Returns the numbers of detections that were made off the axis, and from beside the body.
     """
     M = len(z)
     xy, sight, place, std = np.empty((M, 2)), np.empty((M, 2)), np.empty((M, 2)), np.empty((M, 2))
-    aside = in_box(after, z, sheet, xy, sight, place, std)
+    off_axis, beside = in_box(after, z, sheet, xy, sight, place, std)
     box, on_end = moved_back(was, after, z, sheet, std, settings[4:6], xy, place), np.zeros(2)
     middle = np.zeros(2)
     for i in range(M):
@@ -275,12 +296,15 @@ def read(
                  f * shown[i, 0], end[i, 0] < 0, s[11], s[5:7], s[7:9], rooms_l[j], rooms_fl[j], cut[i])  # fmt: skip
         multiply(grid_w, settings[0], q, size[1] / 2 - anchor[1] * xy[i, 1], std[i, 1],
                  f * shown[i, 1], end[i, 1] < 0, s[12], s[5:7], s[9:11], rooms_w[j], rooms_fw[j], cut[i])  # fmt: skip
+        if anchor[0] < 0 and end[i, 0] > 0:
+            from_behind(grid_l, size[0] / 2 - anchor[0] * xy[i, 0], std[i, 0], f * shown[i, 0], end[i, 1] != 0,
+                        sight[i, 1], size[0], s[5:7], weight, behind)  # fmt: skip
     sharper = (max(1.0, settings[3] * (1 - on_end[0]) / weight), max(1.0, settings[3] * (1 - on_end[1]) / weight))
     if unseen > 0 and settings[7] > 0:
         loosen(A_l, grid_l, settings[7] * unseen, settings[8])
     add(A_l, p, weight, sharper[0], 1.0, False)
     add(A_w, q, weight, sharper[1], settings[2], not whole and sides < ends)
-    return aside
+    return off_axis, beside
 
 
 @compiled

@@ -9,9 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.compiled.jit import compiled
-from trackers.compiled.tables import Found
+from trackers.compiled.tables import Found, Tables
 
-STRAIGHT, SLOWEST, SHARPEST, BEND_ERROR, OUTLINE = 0.02, 2.0, 0.9, 0.5, 2.5  # as in `trackers.size.posterior`
+STRAIGHT, SLOWEST, SHARPEST, BEND_ERROR, ROUNDING_ERROR, OUTLINE = (
+    0.02,
+    2.0,
+    0.9,
+    0.5,
+    0.5,
+    2.5,
+)  # as in `trackers.size.posterior`
 
 
 @compiled
@@ -33,15 +40,19 @@ def outlined(outline: NDArray, pose: NDArray, length: float, width: float, conto
 
 
 @compiled
-def edges(box: NDArray, size: NDArray, b: NDArray, anchor: NDArray, more: NDArray, pin: NDArray, edge: NDArray) -> None:
+def edges(
+    box: NDArray, size: NDArray, b: NDArray, anchor: NDArray, more: NDArray, far_var: float, pin: NDArray, edge: NDArray
+) -> None:  # fmt: skip
     """(ENDS.36), (ENDS.37): standard deviations edge (4,) of front, rear, left, right.
 
-    box (2,) has the variances of the place along its axes, more (2,) those of the inset; pin as in `Tables`.
+    box (2,) has the variances of the place along its axes, more (2,) those of the inset, far_var that of what the far
+    end of the length is rounded by; pin as in `Tables`.
     """
     for a in range(2):
         known = pin[3 + a] ** 2 + (OUTLINE * max(pin[0] * size[a], pin[1])) ** 2
         rest = more[a] + pin[2] ** 2 + max(box[a] - known, 0.0)
         near, far = b[3, a] + rest, 2 * b[4, a] - b[3, a] + b[1, a] / 2 + rest
+        far += far_var if a == 0 else 0.0
         edge[2 * a] = math.sqrt(near if anchor[a] > 0 else far)
         edge[2 * a + 1] = math.sqrt(near if anchor[a] < 0 else far)
 
@@ -67,36 +78,50 @@ def bend(
 
 
 @compiled
-def sized(
-    t: int, f: Found, b: NDArray, kind: NDArray, anchor: NDArray, outline: NDArray, pin: NDArray, insets: NDArray,
-    hinges: NDArray,
-) -> None:  # fmt: skip
-    """(ENDS.20), (ENDS.21), (ENDS.35) to (ENDS.41): row t of the box with the size, from that of place and motion.
+def rounded(
+    var: float, kind: NDArray, anchor: float, aside: float, enough: float, roundings: NDArray
+) -> tuple[float, float]:
+    """(ENDS.48): how much a body reaches beyond the detections at its far end, and the variance; var of its length."""
+    mean = square = 0.0
+    for c in range(len(kind) if anchor != 0 else 0):
+        x = max(1 - var / roundings[2, c], 0.0) * roundings[0 if anchor < 0 else 1, c] * math.exp(-aside / enough)
+        mean += kind[c] * x
+        square += kind[c] * x**2
+    return mean, square - mean**2 + (ROUNDING_ERROR * mean) ** 2
 
-    b (5, 2), kind (C,) and anchor (2,) are those of the state; insets (C, 2) and hinges (2, C) as in `Prior`.
+
+@compiled
+def sized(
+    t: int, f: Found, b: NDArray, kind: NDArray, anchor: NDArray, aside: float, outline: NDArray, p: Tables
+) -> None:  # fmt: skip
+    """(ENDS.20), (ENDS.21), (ENDS.35) to (ENDS.41), (ENDS.48): row t of the box with the size, from that without.
+
+    b (5, 2), kind (C,), anchor (2,) and aside are those of the state.
     """
     pose, cov, size, std, edge = f.pose[1, t], f.cov[1, t], f.size[1, t], f.size_std[t], f.edge_std[t]
     pose[:], cov[:] = f.pose[0, t], f.cov[0, t]
     cos, sin, l, w = math.cos(pose[2]), math.sin(pose[2]), f.size[0, t, 0], f.size[0, t, 1]
     inset, more, place = 0.0, np.zeros(2), np.empty(2)
     for c in range(len(kind)):
-        inset += kind[c] * insets[c, 0]  # (ENDS.35)
-        more[0] += kind[c] * insets[c, 1]
+        inset += kind[c] * p.insets[c, 0]  # (ENDS.35)
+        more[0] += kind[c] * p.insets[c, 1]
     more[0] -= inset**2
+    far, far_var = rounded(b[1, 0], kind, anchor[0], aside, p.enough_aside, p.roundings)
+    length = b[0, 0] + far
     place[0] = cos * (cov[0, 0] * cos + cov[0, 1] * sin) + sin * (cov[1, 0] * cos + cov[1, 1] * sin)
     place[1] = sin * (cov[0, 0] * sin - cov[0, 1] * cos) - cos * (cov[1, 0] * sin - cov[1, 1] * cos)
-    edges(place, f.size[0, t], b, anchor, more, pin, edge)
-    x, y = anchor[0] * (b[2, 0] + inset + (l - b[0, 0]) / 2), anchor[1] * (b[2, 1] + (w - b[0, 1]) / 2)  # (ENDS.21)
+    edges(place, f.size[0, t], b, anchor, more, far_var, p.pin, edge)
+    x, y = anchor[0] * (b[2, 0] + inset + (l - length) / 2), anchor[1] * (b[2, 1] + (w - b[0, 1]) / 2)  # (ENDS.21)
     pose[0] += cos * x - sin * y
     pose[1] += sin * x + cos * y
-    around(cov, cos, sin, b[4, 0] + more[0], b[4, 1])  # (ENDS.20)
-    outlined(outline, pose, b[0, 0], b[0, 1], f.contour[1, t])
+    around(cov, cos, sin, b[4, 0] + more[0] + far_var / 4, b[4, 1])  # (ENDS.20)
+    outlined(outline, pose, length, b[0, 1], f.contour[1, t])
     speed = math.hypot(f.velocity[t, 0], f.velocity[t, 1])
-    out, var = bend(f.m[t, 4], f.std[t, 1], speed, b[0, 1], kind, hinges)
+    out, var = bend(f.m[t, 4], f.std[t, 1], speed, b[0, 1], kind, p.hinges)
     pose[0] -= sin * out / 2  # (ENDS.41)
     pose[1] += cos * out / 2
     around(cov, cos, sin, 0.0, var / 4)
-    size[0], size[1] = b[0, 0], b[0, 1] + abs(out)
-    std[0], std[1] = math.sqrt(b[1, 0]), math.sqrt(b[1, 1] + var)
+    size[0], size[1] = length, b[0, 1] + abs(out)
+    std[0], std[1] = math.sqrt(b[1, 0] + far_var), math.sqrt(b[1, 1] + var)
     side = 2 if out > 0 else 3
     edge[side] = math.sqrt(edge[side] ** 2 + var)

@@ -60,13 +60,6 @@ def estimate(t: int, f: Found, mu: NDArray, axle: NDArray, place_std: NDArray, o
 
 
 @compiled
-def unseen(side: float, end: float, enough: float, hidden: NDArray) -> None:
-    """(ENDS.34): probabilities hidden (2,) that a body was seen from behind only, and that it is bent."""
-    few = math.exp(-abs(side) / enough)
-    hidden[0], hidden[1] = few if end < 0 else 0.0, 1 - few if side < 0 else 0.0
-
-
-@compiled
 def usable(a: NDArray) -> bool:
     """Whether all numbers are finite and not beyond `LARGEST`."""
     square = 0.0
@@ -84,7 +77,7 @@ def predict(
 
     False where some number is not finite or too large.
     """
-    length, width, hidden = np.empty(old.length.shape[1:]), np.empty(old.width.shape[1:]), np.empty(2)
+    length, width = np.empty(old.length.shape[1:]), np.empty(old.width.shape[1:])
     fit = np.empty(len(p.modes))
     for t in range(len(which)):
         x.ahead[t] = old.ahead[t] + modes.driven(old.m[t], old.P[t], old.mu[t], dt)
@@ -94,14 +87,14 @@ def predict(
         modes.reweight(x.mu[t], fit)
         modes.moments(x.m[t], x.P[t], x.mu[t], f.m[t], f.P[t])
         x.anchor[t] = old.anchor[t]
-        x.side[t] = keep * old.side[t]
+        x.behind[t], x.bent[t], x.aside[t] = keep * old.behind[t], keep * old.bent[t], keep * old.aside[t]
         grids.forget(old.length[t], keep, over_length, length, x.length[t])
         grids.forget(old.width[t], keep, over_width, width, x.width[t])
-        unseen(x.side[t], x.anchor[t, 0], p.enough_side, hidden)
-        grids.believe(p.grid_l, p.grid_w, p.shares, p.of_length, p.of_width, p.loads, p.load_at, length, width, hidden,
-                      x.belief[t], x.of_length[t], x.of_width[t], x.kind[t])  # fmt: skip
+        bent = 1 - math.exp(-x.bent[t] / p.enough_bent)  # (ENDS.34)
+        grids.believe(p.grid_l, p.grid_w, p.shares, p.of_length, p.of_width, p.loads, p.bends, p.bend_at, length,
+                      width, x.behind[t], bent, x.belief[t], x.of_length[t], x.of_width[t], x.kind[t])  # fmt: skip
         estimate(t, f, x.mu[t], p.axle, p.place_std, p.outline[which[t]], p.log_size)
-        sized(t, f, x.belief[t], x.kind[t], x.anchor[t], p.outline[which[t]], p.pin, p.insets, p.hinges)
+        sized(t, f, x.belief[t], x.kind[t], x.anchor[t], x.aside[t], p.outline[which[t]], p)
     return usable(x.m) and usable(x.P)
 
 
@@ -124,7 +117,7 @@ def update(
     Detections of row t are start[t] to start[t + 1] of z.
     """
     m, P, length, width = np.empty(7), np.empty((7, 7)), np.empty(x.length.shape[1:]), np.empty(x.width.shape[1:])
-    box, was, shift, std, hidden = np.empty(3), np.empty(2), np.empty(2), np.empty(2), np.empty(2)
+    box, was, shift, std = np.empty(3), np.empty(2), np.empty(2), np.empty(2)
     for t in range(len(which)):
         modes.moments(x.m[t], x.P[t], x.mu[t], f.m[t], f.P[t])
         mine, q = z[start[t] : start[t + 1]], which[t]
@@ -145,19 +138,21 @@ def update(
             was[0], was[1] = metres(f.m[t, LENGTH], p.log_size), metres(f.m[t, WIDTH], p.log_size)
             if math.cos(f.m[t, PHI] - before[2]) < 0:  # front and rear changed places
                 x.anchor[t] *= -1
+                x.behind[t] = 0.0
             speed = math.hypot(f.m[t, SPEED], f.m[t, OMEGA] * was[0] * np.dot(x.mu[t], p.axle))
-            beside = size.read(x.length[t], x.width[t], x.anchor[t], before, box, was, whole[t], mine, p.grid_l,
-                               p.near_l, p.far_l, p.grid_w, p.near_w, p.far_w, p.sheet, p.size,
-                               speed < STANDS, x.belief[t, 1, 0])  # fmt: skip
+            off_axis, beside = size.read(x.length[t], x.width[t], x.behind[t], x.anchor[t], before, box, was, whole[t],
+                                         mine, p.grid_l, p.near_l, p.far_l, p.grid_w, p.near_w, p.far_w, p.sheet,
+                                         p.size, speed < STANDS, x.belief[t, 1, 0])  # fmt: skip
+            x.aside[t] += beside
             if curvature(f.m[t, OMEGA], math.sqrt(f.P[t, OMEGA, OMEGA]), speed) < STRAIGHT:
-                x.side[t] += beside
+                x.bent[t] = max(x.bent[t] - off_axis, 0.0)
             else:
-                x.side[t] = min(x.side[t], 0.0) - len(mine)  # (ENDS.34)
+                x.bent[t] += len(mine)  # (ENDS.34)
             grids.to_likelihood(x.length[t], 1.0, length)
             grids.to_likelihood(x.width[t], 1.0, width)
-            unseen(x.side[t], x.anchor[t, 0], p.enough_side, hidden)
-            grids.believe(p.grid_l, p.grid_w, p.shares, p.of_length, p.of_width, p.loads, p.load_at, length, width,
-                          hidden, x.belief[t], x.of_length[t], x.of_width[t], x.kind[t])  # fmt: skip
+            bent = 1 - math.exp(-x.bent[t] / p.enough_bent)  # (ENDS.34)
+            grids.believe(p.grid_l, p.grid_w, p.shares, p.of_length, p.of_width, p.loads, p.bends, p.bend_at, length,
+                          width, x.behind[t], bent, x.belief[t], x.of_length[t], x.of_width[t], x.kind[t])  # fmt: skip
             size.centre(x.length[t], x.width[t], p.grid_l[1], p.grid_w[1], x.anchor[t], box, was, x.belief[t], shift)
             for a in range(2):
                 std[a] = max(p.pin[0] * x.belief[t, 0, a], p.pin[1])
@@ -168,7 +163,7 @@ def update(
             if len(p.mu) > 1:
                 which[t] = 1 if x.belief[t, 0, 0] > p.truck_above else 0
         estimate(t, f, x.mu[t], p.axle, p.place_std, p.outline[which[t]], p.log_size)
-        sized(t, f, x.belief[t], x.kind[t], x.anchor[t], p.outline[which[t]], p.pin, p.insets, p.hinges)
+        sized(t, f, x.belief[t], x.kind[t], x.anchor[t], x.aside[t], p.outline[which[t]], p)
 
 
 predict_all = compiled.first(predict, "prediction of tracks", 8)

@@ -31,7 +31,9 @@ class Rows(NamedTuple):
     anchor: NDArray  # (T, 2)
     length: NDArray  # (T, K, N)
     width: NDArray  # (T, K', N')
-    side: NDArray  # (T,)
+    behind: NDArray  # (T, 2, D)
+    bent: NDArray  # (T,)
+    aside: NDArray  # (T,)
     belief: NDArray  # (T, 5, 2) size, its variance, offset, its variance, variance of the centre
     of_length: NDArray  # (T, K)
     of_width: NDArray  # (T, K')
@@ -108,11 +110,14 @@ class Tables(NamedTuple):
     shares: NDArray  # (C,) of the classes
     of_length: NDArray  # (C, K)
     of_width: NDArray  # (C, K')
-    loads: NDArray  # (D, 3) class and share of those with loads, and whether they have a hinge
-    load_at: NDArray  # (D, K) where on the grid a load ends
-    enough_side: float
+    loads: NDArray  # (B, 7) of the classes with loads, see `grids.with_loads`
+    bends: NDArray  # (B', 2) class and share of those with a hinge
+    bend_at: NDArray  # (B', K) where on the grid a load of them ends
+    enough_bent: float
+    enough_aside: float
     pin: NDArray  # (5,) share, least, spread in a face, spread of the offsets (2)
     insets: NDArray  # (C, 2)
+    roundings: NDArray  # (3, C)
     hinges: NDArray  # (2, C)
     sheet: NDArray  # (S, 14) see `size.read`
     size: NDArray  # (9,) see `size.read`
@@ -121,8 +126,8 @@ class Tables(NamedTuple):
     def of(cls, place: Any, motion: Any, size: Any) -> "Tables":
         """Those of `SplinePmht` or `HTGMap`, of `MotionModes` and `SizePosterior`."""
         M, r, q = motion.modes, motion.rates, size.profiles
-        loads = size.prior.loads
-        at = [X @ np.arange(len(X)) for *_, X in loads]
+        bends, K = size.prior.bends, len(size.length.sizes)
+        at = [X @ np.arange(K) for *_, X in bends]
         offset_std = size.length.offset_std, size.width.offset_std
         sheet = np.column_stack([
             q.max_range, q.fov, q.inside, q.grazing, q.weight, q.depth, q.rounding[:, 0], q.rounding[:, 1],
@@ -135,9 +140,10 @@ class Tables(NamedTuple):
             place.size_walk, motion.course, place.log_size,
             *(_densities(place) if isinstance(place, HTGMap) else _contours(place)),
             *_axis(size.length, 0), *_axis(size.width, 1), *size.prior[:3],
-            np.reshape([one[:3] for one in loads], (-1, 3)),
-            np.reshape(at, (-1, len(size.length.sizes))), size.enough_side,
-            [size.pin, size.least_pin, size.face_std, *offset_std], size.prior.insets, size.prior.hinges, sheet,
+            np.reshape([(c, *load[:2], *load.log_ratios.ravel()) for c, load in size.prior.loads], (-1, 7)),
+            np.reshape([one[:2] for one in bends], (-1, 2)), np.reshape(at, (-1, K)),
+            size.enough_bent, size.enough_aside,
+            [size.pin, size.least_pin, size.face_std, *offset_std], *size.prior[-3:], sheet,
             [size.outliers, size.independent, size.part_weight, size.offset_share, *offset_std, size.standing,
              size.unseen_share, size.length.birth_std, size.open_above],
         )  # fmt: skip

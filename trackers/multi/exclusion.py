@@ -49,12 +49,14 @@ class Exclusion:
         score: NDArray,
         divided: NDArray | None = None,
         two: Callable[[Estimate, NDArray, NDArray], NDArray] | None = None,
+        reaches: bool = False,
     ) -> ExclusionResult:
         """Go through T tracks from the best score (T,) down; each drops, or unites with, the worse ones it excludes.
 
         divided (T, 2) bool: tracks with empty ground behind and before them. Over it they are united with others only
         to what is no longer than `short`, elsewhere with what hardly any gap separates. two says of pairs, rows (P,)
-        and (P,), which are two vehicles (P,) bool and not united.
+        and (P,), which are two vehicles (P,) bool and not united. reaches: the gates of tracks reach as far as they may
+        be long, so that a union within that changes none.
         """
         T = len(score)
         keep, into, joined = np.ones(T, bool), np.full(T, -1), np.zeros(T, bool)
@@ -81,7 +83,7 @@ class Exclusion:
                     length = union_length(estimate, a, b)
                     if joined[a] or length > self.longest:
                         continue
-                    if length > estimate.size[a, 0] + estimate.size_std[a, 0]:  # (MOT.58)
+                    if not reaches or length > estimate.size[a, 0] + estimate.size_std[a, 0]:  # (MOT.58)
                         unite(estimate, a, b)
                         joined[a] = True
                 keep[b], into[b] = False, a

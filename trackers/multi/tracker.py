@@ -424,7 +424,7 @@ class MultiObjectTracker:
     def _exclude(self, tracks: Tracks) -> tuple[Tracks, list[Event]]:
         score = tracks.existence * np.minimum(tracks.hits, 50)
         two = self.ground.two if self.ground else None
-        result = self.exclusion.apply(tracks.estimate, score, tracks.divided, two)
+        result = self.exclusion.apply(tracks.estimate, score, tracks.divided, two, self.can.reach is not None)
         if result.keep.all():
             return tracks, []
         state = tracks.state

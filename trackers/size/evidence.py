@@ -3,17 +3,20 @@
 Equations: docs/methods/size-from-both-ends.md, sections 1 to 3.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from trackers.geometry import to_world, vector
-from trackers.size.grid import Grid
+from trackers.size.grid import LEAST, Grid
 from trackers.size.hidden import Around, open_rooms
 from trackers.size.hits import Boxes, Hits, Lit, depths, lit
-from trackers.size.likelihood import log_likelihood
+from trackers.size.likelihood import Depths, log_likelihood
 from trackers.size.visible import Room, in_view
 
 ACROSS = np.linspace(-0.9, 0.9, 10)  # places on an end, in halves of the width
+SIDE = np.sin(np.radians(10.0))  # a line of sight further off the axis meets sides ahead of a load
 LEAST_SHOWN = 0.05  # share of an end in view, below which it is out of view
 
 
@@ -42,13 +45,21 @@ def _seen(hits: Hits, boxes: Boxes, end: int) -> NDArray:
     return np.asarray(in_view(points, hits.pose, hits.sensor.max_range, hits.sensor.fov).any(-1))
 
 
+class Said(NamedTuple):
+    """What a scan says of H objects."""
+
+    length: NDArray  # (H, K, N) added to the grid of the length
+    width: NDArray  # (H, K', N')
+    sharper: NDArray  # (H, 2) how often it counts for offsets
+    unseen: NDArray  # (H,) share of the detections whose sensors have the anchor end of the length out of view
+    behind: NDArray  # (H, 2, D) detections along it as of `from_behind`
+
+
 def evidence(
     grids: tuple[Grid, Grid], hits: Hits, boxes: Boxes, start: NDArray, fully_visible: NDArray,
     outliers: float, independent: int | NDArray, part_weight: float, offset_share: float, around: Around | None,
-) -> tuple[NDArray, NDArray, NDArray, NDArray]:  # fmt: skip
-    """What detections add to the grids of length (H, K, N) and width (H, K', N'), and how often (H, 2) for offsets.
-
-    The fourth array (H,) is the share of them whose sensors have the anchor end of the length out of view.
+) -> Said:  # fmt: skip
+    """What detections say of the size of H objects.
 
     start (H,) is the first detection of each object, independent (H,) how many of them count, fully_visible (H,)
     bool whether the scan shows it completely; around is the complete scan, None where it is not known.
@@ -64,9 +75,30 @@ def evidence(
         of_width[cut] = part_weight * np.maximum.accumulate(of_width[cut], axis=1)  # (ENDS.10)
     on_end = np.add.reduceat(sides.shown / np.maximum(sides.shown.sum(-1, keepdims=True), 1e-9), start) / n[:, None]
     sharper = np.maximum(1.0, offset_share * (1 - on_end) / weight[:, None])  # (ENDS.39)
+    behind = from_behind(grids[0], hits, boxes, sides, both[0], weight)
     weight = weight[:, None, None]
     unseen = np.add.reduceat(_out_of_view(rooms[1], hits) * (sides.end[:, 0] > 0), start) / n
-    return weight * of_length, weight * of_width, sharper, unseen
+    return Said(weight * of_length, weight * of_width, sharper, unseen, behind)
+
+
+def from_behind(grid: Grid, hits: Hits, boxes: Boxes, sides: Lit, z: Depths, weight: NDArray) -> NDArray:
+    """Detections (H, 2, D) that lie along the bodies and were made from behind, weight (H,) each, (ENDS.45).
+
+    They are counted in cells of the grid's step, by their depths from the rear: where the rear alone is in view, and
+    where a side is in view, too, which count less the further off the axis they were made. Sensors whose detections of
+    the inside are not even over the body have none.
+    """
+    out = np.zeros((len(boxes.pose), 2, grid.depths))
+    even = np.where(np.isinf(z.inside), (1 - z.face) / boxes.size[hits.row, 0], 0.0)
+    var = z.sigma**2 + z.behind[:, 1] ** 2
+    on_face = z.face * np.exp(-0.5 * (z.depth - z.behind[:, 0]) ** 2 / var) / np.sqrt(2 * np.pi * var)
+    aslant = sides.end[:, 1] != 0
+    square = np.where(aslant, np.maximum(1 - np.abs(hits.sight[:, 1]) / SIDE, 0.0), 1.0)
+    n = weight[hits.row] * square * even / np.maximum(even + on_face, LEAST)
+    cell = np.maximum(np.ceil(z.depth / grid.step).astype(int), 0)
+    some = np.flatnonzero((boxes.anchor[hits.row, 0] < 0) & (sides.end[:, 0] > 0) & (cell < grid.depths))
+    np.add.at(out, (hits.row[some], aslant[some].astype(int), cell[some]), n[some])  # (ENDS.45)
+    return out
 
 
 def _out_of_view(across: list[Room], hits: Hits) -> NDArray:

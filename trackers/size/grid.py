@@ -57,6 +57,11 @@ class Grid:
         K, N = len(self.sizes), len(self.offsets)
         return self.offsets[0] - self.sizes[0] + self.step * np.arange(1 - K, N)
 
+    @property
+    def depths(self) -> int:
+        """How many cells D there are behind an end, up to the greatest size; the first is what lies before it."""
+        return round(self.last / self.step) + 1
+
     @cached_property
     def log_offset(self) -> NDArray:
         """Log density (N,) of the offset of a new object, but for a constant."""

@@ -17,17 +17,18 @@ from trackers.parameters import check_numbers
 from trackers.scan import Scan, SensorModel
 from trackers.size import spatial
 from trackers.size.belief import Belief, posterior
-from trackers.size.evidence import evidence, facing, open_near_end, with_evidence
+from trackers.size.evidence import SIDE, evidence, facing, open_near_end, with_evidence
 from trackers.size.fleet import Fleet, Prior
 from trackers.size.grid import LENGTH, WIDTH, Grid
 from trackers.size.hidden import Around
 from trackers.size.hits import Boxes, Hits, hits_of
 from trackers.size.profile import Profiles
 
-SIDE = np.sin(np.radians(10.0))  # a line of sight further off the axis meets sides behind the front of a load
 STRAIGHT = 0.02  # [1/m] curvature of a path below which the front of two bodies is where the side shows it
 SLOWEST, SHARPEST = 2.0, 0.9  # [m/s] and sine of the bend from which on it is not read from the curvature
+ROUNDING_ERROR = 0.5  # of what a far end is rounded by, as a share of it
 BEND_ERROR = 0.5  # of what stands out, as a share of it
+BESIDE = 0.5  # sine of the angle off the axis from which on the far end is seen as it is
 STANDS = 1.0  # [m/s] below which a body stands
 OUTLINE = 2.5  # pins of the size that the place of the inner filter is uncertain by, as it does not know the outline
 FAR = 2.5  # lengths from which on both ends are about as near to a sensor
@@ -42,7 +43,9 @@ class SizeState(NamedTuple):
     width: NDArray  # (..., K', N')
     belief: Belief
     fully_visible: NDArray  # (...) bool, the next scan shows the complete object
-    side: NDArray  # (...) detections from beside it, older ones forgotten; negative: those of it in a bend
+    behind: NDArray  # (..., 2, D) detections along it that were made from behind, older ones forgotten
+    bent: NDArray  # (...) detections of it in a bend, older ones forgotten
+    aside: NDArray  # (...) detections from beside it, older ones forgotten
 
 
 class Pin(NamedTuple):
@@ -75,7 +78,8 @@ class SizePosterior:
     least_pin: float = 0.02  # [m]
     face_std: float = 0.03  # [m] how well it is known where in a face its detections are
     part_weight: float = 0.3  # of scans that show a part of the width
-    enough_side: float = 5.0  # detections from beside an object after which they show all of its length
+    enough_bent: float = 5.0  # detections of a body in a bend after which it is taken for bent
+    enough_aside: float = 5.0  # detections from beside it after which its far end is seen as it is
     impossible: float = 1e-3  # probability of a greater size above which the gates reach so far
     sigma: float = 0.2  # [m] noise of detections whose scan does not state it
 
@@ -106,9 +110,9 @@ class SizePosterior:
     def born(self, lead: tuple[int, ...]) -> SizeState:
         """The state of new objects with these leading axes: the fleet is the prior of their size."""
         length, width = self.length.born(lead), self.width.born(lead)
-        anchor, side = np.zeros((*lead, 2)), np.zeros(lead)
-        belief = self.belief(np.exp(length), np.exp(width), anchor, side)
-        return SizeState(anchor, length, width, belief, np.ones(lead, bool), side)
+        behind, none = np.zeros((*lead, 2, self.length.depths)), np.zeros(lead)
+        belief = self.belief(np.exp(length), np.exp(width), behind, none)
+        return SizeState(np.zeros((*lead, 2)), length, width, belief, np.ones(lead, bool), behind, none, none)
 
     def predicted(self, state: SizeState, dt: float) -> SizeState:
         """The state after dt > 0 [s]: detections are forgotten, the offset spreads."""
@@ -116,9 +120,9 @@ class SizePosterior:
             grid.predicted(A, dt, self.memory, self.offset_tau, self.lost_rate)
             for grid, A in zip(self.grids, (state.length, state.width), strict=True)
         )
-        side = np.exp(-dt / self.memory) * state.side
-        belief = self.belief(p, q, state.anchor, side)
-        return SizeState(state.anchor, np.log(p), np.log(q), belief, state.fully_visible, side)
+        behind, bent, aside = (np.exp(-dt / self.memory) * a for a in state[-3:])
+        belief = self.belief(p, q, behind, bent)
+        return SizeState(state.anchor, np.log(p), np.log(q), belief, state.fully_visible, behind, bent, aside)
 
     def corrected(
         self, state: SizeState, before: NDArray, box: Estimate, scan: Scan, around: Around | None
@@ -140,7 +144,8 @@ class SizePosterior:
         axes = len(lead)
         turned = np.cos(box.pose[..., 2] - before[..., 2]) < 0  # front and rear changed places
         facing_before = np.where(turned[..., None], -state.anchor, state.anchor)
-        pose, was, size, anchor, length, width, fully_visible, side = (
+        behind = np.where(turned[..., None, None], 0.0, state.behind)
+        pose, was, size, anchor, length, width, fully_visible, behind, bent, aside = (
             flat(a, axes)[rows]
             for a in (
                 box.pose,
@@ -150,7 +155,9 @@ class SizePosterior:
                 state.length,
                 state.width,
                 state.fully_visible,
-                state.side,
+                behind,
+                state.bent,
+                state.aside,
             )
         )
         hits = hits_of(scan, index, row, pose, self.profiles, self.sigma)
@@ -172,17 +179,19 @@ class SizePosterior:
             around = around.among(rows)
         stands = flat(np.hypot(*np.moveaxis(box.velocity, -1, 0)), axes)[rows] < STANDS
         independent = np.where(stands, self.standing, self.independent)  # (ENDS.9)
-        *more, sharper, unseen = evidence(
+        said = evidence(
             self.grids, hits, boxes, start, fully_visible, self.outliers, independent, self.part_weight,
             self.offset_share, around,
         )  # fmt: skip
-        length = self.length.loosened(length, self.unseen_share * unseen)  # (ENDS.42)
-        length, width = (with_evidence(*x) for x in zip((length, width), more, sharper.T, strict=True))
+        length = self.length.loosened(length, self.unseen_share * said.unseen)  # (ENDS.42)
+        length, width = (with_evidence(*x) for x in zip((length, width), said[:2], said.sharper.T, strict=True))
         beside = np.add.reduceat((np.abs(hits.sight[:, 1]) > SIDE).astype(float), start)
         straight = np.abs(flat(_curvature(box), axes)[rows]) < STRAIGHT
         n = np.diff(start, append=len(row))
-        side = np.where(straight, side + beside, np.minimum(side, 0.0) - n)  # (ENDS.34)
-        belief = self.belief(np.exp(length), np.exp(width), faced, side)
+        bent = np.where(straight, np.maximum(bent - beside, 0.0), bent + n)  # (ENDS.34)
+        behind = behind + said.behind  # (ENDS.45)
+        aside = aside + np.add.reduceat((np.abs(hits.sight[:, 1]) > BESIDE).astype(float), start)
+        belief = self.belief(np.exp(length), np.exp(width), behind, bent)
         step = np.array([grid.step for grid in self.grids])
         steps = np.where(np.abs(belief.offset) > ROLLED_ABOVE * step, np.round(belief.offset / step), 0.0)
         length, width = (
@@ -197,7 +206,9 @@ class SizePosterior:
             width=written(state.width, rows, width, axes),
             belief=Belief(*(written(old, rows, b, axes) for old, b in zip(state.belief, belief, strict=True))),
             fully_visible=state.fully_visible,
-            side=written(state.side, rows, side, axes),
+            behind=written(state.behind, rows, behind, axes),
+            bent=written(state.bent, rows, bent, axes),
+            aside=written(state.aside, rows, aside, axes),
         )
         size = written(box.size, rows, belief.size, axes)
         body = written(np.zeros(box.size.shape), rows, body, axes)
@@ -240,27 +251,39 @@ class SizePosterior:
         width = self.width.restarted(np.log(np.maximum(of_width, 1e-300)))  # (ENDS.24)
         width = width - width.max((-2, -1), keepdims=True)
         length = length - length.max((-2, -1), keepdims=True)
-        side = np.maximum(state.side, 2 * self.enough_side)  # the length is that of complete bodies
-        belief = self.belief(np.exp(length), np.exp(width), state.anchor, side)
-        return SizeState(state.anchor, length, width, belief, state.fully_visible, side)
+        behind, bent = np.zeros(state.behind.shape), np.zeros(state.bent.shape)  # the length is that of complete bodies
+        belief = self.belief(np.exp(length), np.exp(width), behind, bent)
+        return SizeState(state.anchor, length, width, belief, state.fully_visible, behind, bent, state.aside)
 
     def estimate(self, state: SizeState, box: Estimate) -> Estimate:
         """The box with size, class, and the place of the centre between both ends, and how well each edge is known."""
         b = state.belief
         inset, square = np.moveaxis(b.kind @ self.prior.insets, -1, 0)  # (ENDS.35)
         out, out_var = (vector(x, np.zeros(x.shape)) for x in (inset, square - inset**2))
-        placed = _placed(state, box, b.size, b.centre_var + out_var, out)
+        more, more_var = self._rounded(state)
+        size = b.size + more
+        placed = _placed(state, box, size, b.centre_var + out_var + more_var / 4, out)
         contour = box.contour
         if contour is not None:
-            scale = (b.size / box.size)[..., None, :]
+            scale = (size / box.size)[..., None, :]
             contour = to_world(placed.pose, to_frame(box.pose, contour) * scale)
-        kind, edge_std = b.kind.copy(), self._edge_std(state, box, out_var)
+        kind, edge_std = b.kind.copy(), self._edge_std(state, box, out_var, more_var)
         whole = placed._replace(
-            size_std=np.sqrt(b.size_var), contour=contour, class_probability=kind, edge_std=edge_std
+            size_std=np.sqrt(b.size_var + more_var), contour=contour, class_probability=kind, edge_std=edge_std
         )
         return _widened(whole, *self._bend(whole))
 
-    def _edge_std(self, state: SizeState, box: Estimate, out_var: NDArray) -> NDArray:
+    def _rounded(self, state: SizeState) -> tuple[NDArray, NDArray]:
+        """How much (..., 2) [m] the body reaches beyond the detections at its far end, and the variance."""
+        b, (front, rear, var) = state.belief, self.prior.roundings
+        known = np.maximum(1 - b.size_var[..., :1] / var, 0.0)
+        by_class = known * np.where(state.anchor[..., :1] < 0, front, rear)
+        by_class = by_class * np.exp(-state.aside / self.enough_aside)[..., None] * (state.anchor[..., :1] != 0)
+        mean, square = (np.sum(b.kind * x, -1) for x in (by_class, by_class**2))  # (ENDS.48)
+        rest = square - mean**2 + (ROUNDING_ERROR * mean) ** 2
+        return vector(mean, np.zeros(mean.shape)), vector(rest, np.zeros(mean.shape))
+
+    def _edge_std(self, state: SizeState, box: Estimate, out_var: NDArray, more_var: NDArray) -> NDArray:
         """Standard deviations (..., 4) [m] of the edges, by the grids, which know them better than the box alone."""
         b = state.belief
         M = rotation(box.pose[..., 2])
@@ -268,7 +291,7 @@ class SizePosterior:
         known = np.array([grid.offset_std for grid in self.grids]) ** 2 + (OUTLINE * self.pin_std(box.size)) ** 2
         more = out_var + self.face_std**2 + np.maximum(place - known, 0.0)  # (ENDS.36)
         near = b.offset_var + more  # (ENDS.36)
-        far = 2 * b.centre_var - b.offset_var + b.size_var / 2 + more  # (ENDS.37)
+        far = 2 * b.centre_var - b.offset_var + b.size_var / 2 + more_var + more  # (ENDS.37)
         front, rear = (np.where(state.anchor * end > 0, near, far) for end in (1, -1))
         return np.sqrt(np.stack([front, rear], -1).reshape(*front.shape[:-1], 4))
 
@@ -302,11 +325,10 @@ class SizePosterior:
         place = (M.mT @ box.cov[:, :2, :2] @ M).diagonal(axis1=-2, axis2=-1)
         return spatial.log_spatial(self.grids, hits, boxes, state.belief, place)
 
-    def belief(self, length: NDArray, width: NDArray, anchor: NDArray, side: NDArray) -> Belief:
-        """What likelihoods length (..., K, N) and width (..., K', N') say with the fleet."""
-        few = np.exp(-np.abs(side) / self.enough_side)
-        hidden = np.stack([np.where(anchor[..., 0] < 0, few, 0.0), np.where(side < 0, 1 - few, 0.0)], -1)  # (ENDS.34)
-        return posterior(self.grids, self.prior, length, width, hidden)
+    def belief(self, length: NDArray, width: NDArray, behind: NDArray, bent: NDArray) -> Belief:
+        """What likelihoods length (..., K, N) and width (..., K', N') say with the fleet; others as in the state."""
+        bends = 1 - np.exp(-bent / self.enough_bent)  # (ENDS.34)
+        return posterior(self.grids, self.prior, length, width, behind, bends)
 
     def pin_std(self, size: NDArray) -> NDArray:
         """Standard deviation (..., 2) [m] of a size (..., 2) [m] in the filter of the place."""

@@ -62,10 +62,18 @@ def drawn(name, rng, T, M):
     mu = rng.dirichlet(np.ones(x.mu.shape[-1]) * rng.choice([0.1, 3.0]), T)
     ahead = rng.choice([0.0, 2.9, 3.1], T)
     length, width = (A + np.cumsum(rng.normal(0, 0.4, A.shape), -2) - rng.exponential(2, A.shape) for A in grids[1:3])
-    anchor, side = rng.choice([-1.0, 0.0, 1.0], (T, 2)), rng.exponential(3.0, T)
-    belief = filter.size.belief(*(np.exp(A - A.max((1, 2), keepdims=True)) for A in (length, width)), anchor, side)
+    anchor, bent = rng.choice([-1.0, 0.0, 1.0], (T, 2)), rng.choice([0.0, 1.0, 9.0], T)
+    behind = rng.exponential(rng.choice([0.0, 0.1, 3.0], (T, 2, 1)), (T, 2, filter.size.length.depths))
+    belief = filter.size.belief(*(np.exp(A - A.max((1, 2), keepdims=True)) for A in (length, width)), behind, bent)
     size = grids._replace(
-        anchor=anchor, length=length, width=width, belief=belief, side=side, fully_visible=rng.random(T) < 0.5
+        anchor=anchor,
+        length=length,
+        width=width,
+        belief=belief,
+        behind=behind,
+        bent=bent,
+        fully_visible=rng.random(T) < 0.5,
+        aside=rng.choice([0.0, 2.0, 20.0], T),
     )
     state = state._replace(motion=x._replace(mu=mu, m=m, P=x.P + A @ A.mT, ahead=ahead), size=size)
     return state, detections(rng, filter.estimate(state), M)

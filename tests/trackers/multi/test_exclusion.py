@@ -33,11 +33,11 @@ def test_a_duplicate_leaves_the_estimate_of_the_better_track_as_it_is():
     np.testing.assert_array_equal(verdict.estimate.size_std, twins.size_std)
 
 
-@pytest.mark.parametrize(("std", "restarts"), [(1.7, False), (0.4, True)])
-def test_a_union_that_is_no_longer_than_a_track_may_be_leaves_it_as_it_is(std, restarts):
-    """4.5 m, and another track of which 1.4 m lie beyond: (MOT.58)."""
+@pytest.mark.parametrize(("std", "reaches", "restarts"), [(1.7, True, False), (0.4, True, True), (1.7, False, True)])
+def test_a_union_that_is_no_longer_than_a_track_may_be_leaves_it_as_it_is(std, reaches, restarts):
+    """4.5 m, and another track of which 1.4 m lie beyond: (MOT.58), of filters whose gates reach so far."""
     pair = prior([[0, 0, 0], [0.75, 1.0, 0]], velocity=(8.0, 0.0), size=[[4.5, 1.0], [5.8, 1.0]], size_std=(std, 0.3))
-    verdict = Exclusion().apply(pair, np.array([2.0, 1.0]))
+    verdict = Exclusion().apply(pair, np.array([2.0, 1.0]), reaches=reaches)
     assert verdict.keep.tolist() == [True, False]
     assert verdict.joined.tolist() == [restarts, False]
     assert (verdict.estimate.size[0, 0] > 4.5) == restarts

@@ -6,13 +6,12 @@ import numpy as np
 
 from trackers import Scan, find, prior
 from trackers.composed import Composed
-from trackers.size.fleet import FLEET, Fleet
+from trackers.size.fleet import FLEET, Fleet, Load
 from trackers.size.posterior import SizePosterior
 
 INNER = replace(find("htg-map"), shape_std=(0.03, 0.05))
-WHOLE = Fleet(
-    tuple(replace(c, load=(0.0, 1.0), inset=(0.0, 0.0)) for c in FLEET)
-)  # detections fill all of these bodies
+ROUNDED = Fleet(tuple(replace(c, load=Load(), inset=(0.0, 0.0)) for c in FLEET))
+WHOLE = Fleet(tuple(replace(c, rounding=(0.0, 0.0)) for c in ROUNDED.classes))  # detections fill all of these bodies
 NEAR = 25.0  # [m] distance of the rear end
 NOISE = 0.1  # [m]
 DT = 1 / 15

@@ -1,10 +1,12 @@
 """Posterior of size and class against enumeration of all classes, lengths and widths."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from trackers.size.belief import posterior
-from trackers.size.fleet import FLEET, Fleet, Prior, VehicleClass
+from trackers.size.belief import posterior, with_loads
+from trackers.size.fleet import FLEET, Fleet, Load, Prior, VehicleClass
 from trackers.size.grid import LENGTH, WIDTH
 
 GRIDS = (LENGTH, WIDTH)
@@ -72,22 +74,68 @@ def test_a_width_says_which_lengths_are_likely():
     assert got.kind[:3].sum() < 0.01
 
 
-def test_seen_from_behind_a_truck_may_be_longer_than_its_load():
-    """Detections that end 6.3 m from the rear: a truck of 6.3 m, or one of 9 m whose cab is hidden, (ENDS.33)."""
-    length = np.exp(LENGTH.born(()) - 0.5 * ((LENGTH.sizes - 6.3) / 0.1)[:, None] ** 2)
+TRUCK = VehicleClass("truck", 1.0, (9.0, 1.75), (2.48, 0.07), load=Load(0.5, 0.7, 0.3, 0.6))
+
+
+def spread(upto, before, beyond, view=0):
+    """Detections (2, D) in cells, of one view: so many evenly before a depth [m], and as many in the 3 m beyond it."""
+    depth, n = LENGTH.step * np.arange(LENGTH.depths), np.zeros((2, LENGTH.depths))
+    inside, ahead = (depth > 0) & (depth <= upto), (depth > upto) & (depth <= upto + 3.0)
+    n[view] = before * inside / inside.sum() + beyond * ahead / ahead.sum()
+    return n
+
+
+@pytest.mark.parametrize(("view", "ahead"), [(0, 0.3), (1, 0.6)])
+def test_a_load_weighs_each_detection_from_behind_by_where_it_lies(view, ahead):
+    """(ENDS.46), (ENDS.47) by hand, detection by detection, in the middle of cells of which none is cut."""
+    rng, n = np.random.default_rng(0), np.zeros((2, LENGTH.depths))
+    cell = rng.integers(1, LENGTH.depths, 30)
+    np.add.at(n[view], cell, 1.0)
+    got = with_loads(LENGTH, on_grids(Fleet((TRUCK,))), n)[0]
+    depth = (cell - 0.5) * LENGTH.step
+    for k in np.flatnonzero(np.isclose(0.7 * LENGTH.sizes / LENGTH.step % 1, 0.0)):  # loads end with a cell
+        L = LENGTH.sizes[k]
+        density = np.where(depth < 0.7 * L, 1.0, ahead) / (0.7 + 0.3 * ahead)
+        q = 0.5 + 0.5 * np.prod(density[depth < L])
+        assert got[k] == pytest.approx(Fleet((TRUCK,)).of_length(LENGTH.sizes)[0, k] * q)
+
+
+def test_the_density_with_a_load_is_one_over_the_body():
+    part, ratio = TRUCK.load.part, np.exp(TRUCK.load.log_ratios)
+    np.testing.assert_allclose(part * ratio[0] + (1 - part) * ratio[1], 1.0)
+
+
+def test_a_truck_is_longer_than_what_fills_its_load_and_not_if_its_cab_is_seen():
+    """40 detections that end 6.3 m from the rear are of a truck of 9 m if cabs hardly show, and of 6.3 m if they do.
+
+    Of a cab that shows, a fifth of them makes it 9 m.
+    """
     width = np.exp(WIDTH.born(()) - 0.5 * ((WIDTH.sizes - 2.5) / 0.05)[:, None] ** 2)
-    fleet = Fleet((VehicleClass("truck", 1.0, (9.0, 1.75), (2.48, 0.07), load=(0.5, 0.7)),))
-    behind, beside = (
-        posterior(GRIDS, on_grids(fleet), length, width, np.array([1.0, 0.0])),
-        posterior(GRIDS, on_grids(fleet), length, width, np.array([0.0, 1.0])),
-    )
-    p = fleet.of_length(LENGTH.sizes)[0]
-    ell = length.sum(-1)
-    joint = p * (ell + np.interp(0.7 * LENGTH.sizes, LENGTH.sizes, ell)) / 2
-    np.testing.assert_allclose(behind.length, joint / joint.sum(), atol=1e-9)
-    assert behind.size[0] > 8.3
-    assert np.sqrt(behind.size_var[0]) > 1.0
-    assert beside.size[0] == pytest.approx(6.35, abs=0.1)
+    fleet, better = (on_grids(Fleet((replace(TRUCK, load=Load(0.9, 0.7, ahead)),))) for ahead in (0.05, 0.3))
+
+    def size(n, fleet=fleet):
+        """Mean length by detections (2, D) that are even over the body but for loads, and without these."""
+        depth = LENGTH.step * (np.arange(LENGTH.depths) - 0.5)
+        inside = depth < LENGTH.sizes[:, None]
+        log_l = np.where(inside, -np.log(LENGTH.sizes)[:, None], -6.0) @ n.sum(0)
+        length = np.exp(LENGTH.born(()) + log_l[:, None] - log_l.max())
+        return posterior(GRIDS, fleet, length, width, n).size[0], posterior(GRIDS, fleet, length, width).size[0]
+
+    hidden, blind = size(spread(6.3, 40.0, 0.0))
+    assert hidden > 7.8
+    assert blind < 7.0
+    assert size(spread(6.3, 40.0, 0.0), better)[0] < 7.5
+    assert size(spread(6.3, 32.0, 8.0), better)[0] == pytest.approx(9.3, abs=0.4)
+
+
+def test_that_a_body_is_bent_and_what_its_load_shows_are_one_mixture():
+    """All of the probability of a class, however a load and a bend weigh the lengths: none is negative."""
+    rng = np.random.default_rng(2)
+    (length, width), n = drawn(rng, (5,)), rng.exponential(3.0, (5, 2, LENGTH.depths))
+    got = posterior(GRIDS, on_grids(Fleet()), length, width, n, rng.random(5))
+    for p in (got.kind, got.length, got.width):
+        assert (p >= 0).all()
+        np.testing.assert_allclose(p.sum(-1), 1.0, rtol=1e-12)
 
 
 def test_in_a_bend_a_bus_may_be_the_trailer_of_a_longer_truck():
@@ -95,7 +143,7 @@ def test_in_a_bend_a_bus_may_be_the_trailer_of_a_longer_truck():
     length = np.exp(LENGTH.born(()) - 0.5 * ((LENGTH.sizes - 13.3) / 0.1)[:, None] ** 2)
     width = np.exp(WIDTH.born(()) - 0.5 * ((WIDTH.sizes - 2.55) / 0.05)[:, None] ** 2)
     fleet = Fleet()
-    straight, bent = (posterior(GRIDS, on_grids(fleet), length, width, np.array([0.0, p])) for p in (0.0, 1.0))
+    straight, bent = (posterior(GRIDS, on_grids(fleet), length, width, bent=np.array(p)) for p in (0.0, 1.0))
     articulated = fleet.names.index("articulated")
     assert straight.kind[articulated] < 0.3 < 0.6 < bent.kind[articulated]
     assert straight.size[0] == pytest.approx(13.3, abs=0.2)
@@ -103,10 +151,10 @@ def test_in_a_bend_a_bus_may_be_the_trailer_of_a_longer_truck():
     assert np.sqrt(bent.size_var[0]) > 1.0
 
 
-@pytest.mark.parametrize("load", [(1.2, 0.7), (0.5, 0.0), (0.5, 1.3)])
+@pytest.mark.parametrize("load", [(1.2, 0.7), (0.5, 0.0), (0.5, 1.3), (0.5, 0.7, 0.0), (0.5, 0.7, 0.2, 1.1)])
 def test_a_load_that_is_no_share_is_refused(load):
     with pytest.raises(ValueError, match="load"):
-        VehicleClass("truck", 1.0, (9.0, 1.75), (2.48, 0.07), load=load)
+        VehicleClass("truck", 1.0, (9.0, 1.75), (2.48, 0.07), load=Load(*load))
 
 
 def test_a_fleet_without_shares_is_refused():

@@ -136,8 +136,8 @@ def test_detections_beside_an_end_count_more_often_for_the_offset_than_those_on_
     f, scan = sized().size, scan_of(draw(np.random.default_rng(0), 36, 12.0, 2.5))
     rows, box = np.zeros(36, int), Boxes(np.array([pose]), np.array([[12.0, 2.5]]), -np.ones((1, 2)))
     hits = hits_of(scan, (np.arange(36),), rows, box.pose, f.profiles, f.sigma)
-    *_, sharper, _ = evidence(f.grids, hits, box, rows[:1], np.ones(1, bool), 0.04, 6, 0.3, f.offset_share, None)
-    np.testing.assert_allclose(sharper, [often])
+    said = evidence(f.grids, hits, box, rows[:1], np.ones(1, bool), 0.04, 6, 0.3, f.offset_share, None)
+    np.testing.assert_allclose(said.sharper, [often])
 
 
 @pytest.mark.parametrize(("fov", "unseen"), [(28.0, 1.0), (90.0, 0.0)])
@@ -146,8 +146,8 @@ def test_the_near_end_is_out_of_view_where_the_field_of_view_ends_before_it(fov,
     scan = scan_of(np.stack([np.linspace(21.0, 26.5, 8), np.full(8, 5.1)], -1))  # the rear is at 15 m and 18 degrees
     rows, box = np.zeros(8, int), Boxes(np.array([[21.0, 6.25, 0.0]]), np.array([[12.0, 2.5]]), -np.ones((1, 2)))
     hits = hits_of(scan, (np.arange(8),), rows, box.pose, f.profiles, f.sigma)
-    *_, found = evidence(f.grids, hits, box, rows[:1], np.ones(1, bool), 0.04, 6, 0.3, f.offset_share, None)
-    np.testing.assert_allclose(found, unseen)
+    said = evidence(f.grids, hits, box, rows[:1], np.ones(1, bool), 0.04, 6, 0.3, f.offset_share, None)
+    np.testing.assert_allclose(said.unseen, unseen)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -205,7 +205,7 @@ def test_one_scan_leaves_the_length_open_and_the_centre_with_it(seed):
 def test_twice_the_evidence_is_not_less_certain(length, width):
     f, state = seen(lambda rng: behind_rear(rng, 6, length, width), 15, rear_start(4.6), CAR)
     likelihoods = (np.exp(2 * (A - A.max())) for A in (state.size.length, state.size.width))
-    twice = f.size.belief(*likelihoods, state.size.anchor, state.size.side)
+    twice = f.size.belief(*likelihoods, state.size.behind, state.size.bent)
     assert (twice.size_var <= state.size.belief.size_var).all()
 
 
