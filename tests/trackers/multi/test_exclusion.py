@@ -1,9 +1,11 @@
 """What a union of two pieces is, by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from trackers import prior
+from trackers import Scan, SensorModel, build, prior
 from trackers.multi.exclusion import Exclusion
 from trackers.multi.ground import GroundTest
 
@@ -69,3 +71,20 @@ def test_a_car_that_is_known_is_not_united_to_a_long_vehicle(width, std, kept):
     """3 m of gap at 25 m/s; what may be as wide as a truck is one."""
     pair = prior([[0, 0, 0], [7.4, 0, 0]], velocity=(25.0, 0.0), size=(4.4, width), size_std=(0.2, std))
     assert Exclusion().apply(pair, np.array([2.0, 1.0]), None, GroundTest().two).keep.sum() == kept
+
+
+@pytest.mark.parametrize(
+    ("name", "reaches"), [("imm-spline", True), ("imm-spline:size=off", False), ("rm-koch", False)]
+)
+def test_the_gates_of_filters_with_sizes_of_their_own_reach_as_far_as_their_tracks_may_be_long(name, reaches):
+    told = []
+
+    class Watched(Exclusion):
+        def apply(self, *args):
+            told.append(args[4])
+            return super().apply(*args)
+
+    tracker = replace(build(name, (SensorModel(),)), exclusion=Watched())
+    xy = np.array([[20.0, 0.0], [20.1, 0.4], [20.2, -0.4], [21.0, 0.2]])
+    tracker.step(tracker.start(), Scan.from_xy(xy), 0.1)
+    assert told == [reaches]
