@@ -14,7 +14,6 @@ from trackers.size.grid import LENGTH
 from trackers.size.hits import Boxes, hits_of
 
 CAR, TRUCK = (4.4, 1.8), (9.0, 2.5)
-AXIS, FAR_OFF = (0.0, 0.5), (3.0, 0.5)  # [m] of the sensor from the axis of a body, half a width
 
 
 def counted(xy, anchor=-1.0, profile=None, size=TRUCK, pose=(NEAR + 4.5, 0.0, 0.0)):
@@ -113,12 +112,8 @@ def test_what_was_seen_from_behind_is_forgotten_when_a_body_turns_out_to_face_th
     for _ in range(5):
         state = f.update(f.predict(state, DT), scan_of(behind_rear(rng, 6, 9.0, 2.5)))[0]
     before = state.size.behind.sum()
-    turned = f.estimate(state)._replace(pose=f.estimate(state).pose + np.array([0.0, 0.0, np.pi]))
-    after, _ = f.size.corrected(state.size, state_pose(f, state), turned, scan_of(behind_rear(rng, 3, 9.0, 2.5)), None)
+    box = f.estimate(state)
+    turned = box._replace(pose=box.pose + np.array([0.0, 0.0, np.pi]))
+    after, _ = f.size.corrected(state.size, box.pose, turned, scan_of(behind_rear(rng, 3, 9.0, 2.5)), None)
     assert before > 1.0
     assert after.behind.sum() < 0.1
-
-
-def state_pose(f, state):
-    """The pose of the box."""
-    return f.estimate(state).pose
