@@ -105,14 +105,16 @@ def with_loads(grid: NDArray, of_length: NDArray, loads: NDArray, behind: NDArra
     for h in range(2):
         for i in range(1, total.shape[1]):
             total[h, i] += total[h, i - 1]
-    log_q, q, work = np.empty(K), np.empty(K), np.empty(K, np.int64)
+    log_q, q, work, whole = np.empty(K), np.empty(K), np.empty(K, np.int64), np.empty((2, K))
+    for h in range(2):
+        for k in range(K):
+            whole[h, k] = before(total[h], grid[0] + grid[1] * k, grid[1])
     for load in loads:
         log_q[:] = 0.0
         for h in range(2):
             for k in range(K if total[h, -1] > 0 else 0):
-                L = grid[0] + grid[1] * k
-                shown = before(total[h], load[2] * L, grid[1])
-                log_q[k] += load[3 + h] * shown + load[5 + h] * (before(total[h], L, grid[1]) - shown)
+                shown = before(total[h], load[2] * (grid[0] + grid[1] * k), grid[1])
+                log_q[k] += load[3 + h] * shown + load[5 + h] * (whole[h, k] - shown)
         exponentials(np.minimum(np.maximum(log_q, -UNLIKELY), UNLIKELY), q, work)
         for k in range(K):
             p[int(load[0]), k] *= 1 + load[1] * (q[k] - 1)
@@ -128,8 +130,8 @@ def believe(
     """(ENDS.16) to (ENDS.20), (ENDS.33), (ENDS.47): belief b (5, 2), length (K,), width (K',), kind (C,) of p and q.
 
     shares (C,), fleet (C, K) and of_width (C, K') are those of the fleet; loads and behind as in `with_loads`;
-    bends (D, 2) have class and share, bent is the probability of that, and at (D, K) says where on the grid of L_k a
-    load of it ends.
+    bends (B', 2) have class and share, bent is the probability of that, and at (B', K) says where on the grid of L_k
+    a load of it ends.
     """
     of_length, D = with_loads(grid_l, fleet, loads, behind), len(bends) if bent > 0 else 0
     K, W, C = len(p), len(q), len(shares)

@@ -200,18 +200,18 @@ def in_box(
 
     Returns the numbers of detections that were made off the axis, and from beside the body.
     """
-    cos, sin, aside, beside = math.cos(box[2]), math.sin(box[2]), 0, 0
+    cos, sin, off_axis, beside = math.cos(box[2]), math.sin(box[2]), 0, 0
     for i in range(len(z)):
         ux, uy, dx, dy = z[i, UX], z[i, UY], z[i, POSE] - box[0], z[i, POSE + 1] - box[1]
         sight[i, 0], sight[i, 1] = cos * ux + sin * uy, cos * uy - sin * ux
         place[i, 0], place[i, 1] = cos * dx + sin * dy, cos * dy - sin * dx
-        aside += 1 if abs(sight[i, 1]) > SIDE else 0
+        off_axis += 1 if abs(sight[i, 1]) > SIDE else 0
         beside += 1 if abs(sight[i, 1]) > BESIDE else 0
         for a in range(2):
             xy[i, a] = place[i, a] + z[i, RANGE] * sight[i, a]
             var = (z[i, SIZE_ALONG] * sight[i, a]) ** 2 + (z[i, SIZE_ACROSS] * sight[i, 1 - a]) ** 2
             std[i, a] = math.sqrt(var + sheet[int(z[i, SENSOR]), 13] ** 2)
-    return aside, beside
+    return off_axis, beside
 
 
 @compiled

@@ -11,14 +11,8 @@ from numpy.typing import NDArray
 from trackers.compiled.jit import compiled
 from trackers.compiled.tables import Found, Tables
 
-STRAIGHT, SLOWEST, SHARPEST, BEND_ERROR, ROUNDING_ERROR, OUTLINE = (
-    0.02,
-    2.0,
-    0.9,
-    0.5,
-    0.5,
-    2.5,
-)  # as in `trackers.size.posterior`
+STRAIGHT, SLOWEST, SHARPEST, OUTLINE = 0.02, 2.0, 0.9, 2.5  # as in `trackers.size.posterior`
+BEND_ERROR, ROUNDING_ERROR = 0.5, 0.5  # as there
 
 
 @compiled
