@@ -12,6 +12,7 @@ from trackers.htg.learned import HTGLearned, HTGMoment
 from trackers.htg.map import HTGMap
 from trackers.htg.online import HTGOnline
 from trackers.lookup import check_types, find_own, is_own, look_up, parameters_of, parse, with_parameters
+from trackers.multi.association import Association
 from trackers.multi.ground import GroundTest
 from trackers.multi.tracker import MultiObjectTracker
 from trackers.pmht import AdaptiveSpline, Learner, SplinePmht, Walk
@@ -44,7 +45,7 @@ SPLINE = SplinePmht(
 DRA = DataRegion(models=("cv",), prior="uniform", parameters="alone", centre_std=0.4)  # as in rm-vmm
 DRA_IMM = replace(DRA, models=("cv", "ca", "ct"), parameters="road", form="soft")  # as good here, and cheaper
 
-GROUND = MappingProxyType({"ground": GroundTest()})
+OURS = MappingProxyType({"ground": GroundTest(), "association": Association(static_inside=(0.5, 1.2))})
 
 TRACKERS: Mapping[str, Entry] = MappingProxyType(
     {
@@ -99,13 +100,13 @@ TRACKERS: Mapping[str, Entry] = MappingProxyType(
                 "imm-htg",
                 composed(HTGMap(shape_std=(0.03, 0.05)), size="ends", motion=True),  # the size has its own uncertainty
                 "ours: htg-map for the place, motion modes and size from both ends around it; docs/layers.md",
-                GROUND,
+                OURS,
             ),
             Entry(
                 "imm-spline",
                 composed(SPLINE, size="ends", motion=True),
                 "ours: the same around pmht-spline, which has a contour",
-                GROUND,
+                OURS,
             ),
         )
     }

@@ -36,7 +36,7 @@ class SortedScan(NamedTuple):
     var_across: NDArray  # (M,) [m^2] noise across it
     sensor: NDArray  # (M,) int
     static: NDArray  # (M,) bool, the range rate is that of something that stands still
-    in_lane: NDArray  # (M,) bool, static and inside a lane of the map, where walls do not stand
+    in_lane: NDArray  # (M,) bool, static and so far inside a lane of the map that it is of no wall
     clutter: NDArray  # (M,) intensity [1/(m^2 m/s)], or [1/m^2] where the rate is not measured
 
 
@@ -64,7 +64,7 @@ class Association:
     alarm_cell: tuple[float, float, float] = (5.0, 5.0, 4.0)  # [m, m, m/s] in which they count as one
     static_rate: float = 0.4  # [m/s] least threshold below which a detection counts as static
     static_density: tuple[float, float] = (0.02, 0.002)  # [1/(m^2 m/s)] of returns of what stands: anywhere, in lanes
-    static_inside: float = 0.5  # [m] least depth inside a lane for that
+    static_inside: tuple[float, float] = (0.5, 0.5)  # [m] depth inside a lane for that; most for births
 
     def __post_init__(self) -> None:
         check_numbers(self, positive=("position_gate", "rate_gate", "rate_std"))
@@ -92,9 +92,13 @@ class Association:
         clutter = np.where(np.isnan(rate), sensors.clutter_density_2d[sensor], sensors.clutter_density[sensor])
         xy, var_along = sorted_scan.points(sight), noise[:, 0] ** 2  # (MOT.3)
         var_across = (sorted_scan.polar[:, 0] * noise[:, 1]) ** 2  # (MOT.3)
-        in_lane = static.copy()
-        in_lane[static] = False if road is None else road.locate(xy[static])[0] > self.static_inside  # (MOT.28)
-        of_static = np.where(in_lane, self.static_density[1], self.static_density[0])
+        depth, course = np.full(len(xy), -np.inf), np.zeros(len(xy))
+        if road is not None:
+            depth[static], course[static] = road.locate(xy[static])
+        side, (least, most) = cross(unit(course), sight), self.static_inside
+        sigma = np.sqrt(var_along * side**2 + var_across * (1 - side**2))
+        in_lane = static & (depth > np.minimum(least + sigma, most))  # (MOT.28)
+        of_static = np.where(depth > least, self.static_density[1], self.static_density[0])
         return SortedScan(
             scan=sorted_scan,
             xy=xy,

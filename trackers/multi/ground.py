@@ -5,7 +5,7 @@ are some on both sides, there are two. Equations: docs/methods/life-cycle-of-tra
 """
 
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -71,6 +71,8 @@ class GroundTest:
     slack: float = 0.5  # [m] to which ends lie beyond the outermost others
     beyond: float = 1.0  # [m] ahead or behind, where no sensor looks if an end is open
     open_std: float = 2.0  # [m] of the length of one with an open end
+    settled: float = 1.0  # [s] age from which a track may begin with empty ground
+    unreached: float = 2.5  # [m] of empty ground up to which its size is corrected without a new start
     fleet: Fleet = field(default_factory=Fleet)  # whose lengths one vehicle, or two, may have
     length_std: float = 0.7  # [m] of a length, beside the spread of its class
     width_std: float = 0.1  # [m] of a width, beside that and what is claimed of it
@@ -219,12 +221,16 @@ class GroundTest:
         rear, front = (np.log(file[rows, cells_of(a)]) for a in (edge + half - STEP, half - STEP - edge))
         begins, ends = edge > -half, edge < half
         flank = S[:, b:] - S[:, :-b]  # detections of the cells beside a gap, from their first edge on
-        dense = np.where(flank < self.least, 0.0, flank / np.maximum(X[:, b:] - X[:, :-b], 1e-9))
+        own = X[:, b:] - X[:, :-b]
+        dense = np.where(flank < self.least, 0.0, flank / np.maximum(own, 1e-9))
+        dense = np.where(own < self.least, np.inf, dense)  # out of view: the other side counts alone
         behind, ahead = (n >= self.least for n in (H, H[:, -1:] - H))
         w, edges = np.array(self.gaps)[:, None], np.arange(b, CELLS + 1 - b)  # (W, 1), (P,)
         first, last = edges + 0 * w, np.minimum(edges + w, CELLS - b)  # (W, P) edges where a gap begins and ends
-        denser = np.minimum(dense[:, first - b], dense[:, last])  # (D, W, P)
-        foretold = (X[:, last] - X[:, first]) * np.minimum(denser, np.where(w <= b, self.denser, 1.0))  # (LIFE.33)
+        l, r = dense[:, first - b], dense[:, last]  # (D, W, P)
+        denser, both = np.minimum(l, r), np.isfinite(np.maximum(l, r))
+        denser = np.where(np.isfinite(denser), np.minimum(denser, np.where((w <= b) & both, self.denser, 1.0)), 0.0)
+        foretold = (X[:, last] - X[:, first]) * denser  # (LIFE.33)
         n = S[:, last] - S[:, first]
         ratio = (self.thin - self.stray) * foretold - np.log(self.thin / self.stray) * n  # (LIFE.34)
         there = begins[:, first - b] & ends[:, last + b] & behind[:, first] & ahead[:, last] & (edges + w <= CELLS - b)
@@ -240,21 +246,50 @@ class GroundTest:
         self, ground: Ground, split: Split, estimate: Estimate, sensors: SensorArray, platform: NDArray
     ) -> tuple[Estimate, Estimate]:
         """The rear and the front one of D boxes that are two; platform (6,) carries the sensors."""
-        half, x = estimate.size[:, :1] / 2, PLACE - shift_of(ground, estimate)
-        rear = self._bare(half, x, ground.hits * (x < split.rear[:, 1:]))
-        front = self._bare(half, -x[:, ::-1], (ground.hits * (x > split.front[:, :1]))[:, ::-1])
-        outside = (half + self.beyond) * np.array([-1.0, 1.0])
+        x, spans = PLACE - shift_of(ground, estimate), (split.rear, split.front)
+        own = (ground.hits * (span[:, :1] - STEP < x) * (x < span[:, 1:] + STEP) for span in spans)
+        bare = (self._bare(x, hits, span) for hits, span in zip(own, spans, strict=True))
+        std = np.where(self._looked_at(estimate, sensors, platform), 0.0, self.open_std).T  # (LIFE.47)
+        rear, front = map(partial(piece, estimate), spans, bare, std)
+        return rear, front
+
+    def cut(
+        self, ground: Ground, estimate: Estimate, hidden: NDArray, sensors: SensorArray, platform: NDArray
+    ) -> tuple[NDArray, Estimate]:
+        """Which of D boxes begin with empty ground, bool (D,), and the boxes without it.
+
+        hidden (D,) bool are those of which others hide the end that faces the sensors; platform (6,) carries these.
+        """
+        half = estimate.size[:, 0] / 2
+        along, aside = to_frame(estimate.pose, platform[None, None, :2])[:, 0].T
+        faced, span = np.stack([along < 0, along > 0], -1), vector(-half, half)
+        bare = self._bare(PLACE - shift_of(ground, estimate), ground.hits, span)
+        b, n, rows = (bare * faced).sum(1), ground.hits.sum(1), np.arange(len(half))
+        rest = 2 * half - b
+        density = np.log(self.lengths(estimate.size[:, 1], estimate.size_std[:, 1]))
+        ratio = density[rows, cells_of(rest)] - density[rows, cells_of(2 * half)]
+        ratio += (self.thin - self.stray) * n * b / np.maximum(rest, STEP)  # (LIFE.48)
+        faces = (np.abs(along) - half > np.abs(aside)) & ~hidden
+        faces &= (self._looked_at(estimate, sensors, platform) & faced).any(1)
+        rear_first = b[:, None] * faced * np.array([1.0, -1.0])
+        shorter = piece(estimate, span + rear_first, bare * ~faced, np.zeros(len(half)))
+        return faces & (b > self.unreached) & (ratio > self.surer), shorter
+
+    def _looked_at(self, estimate: Estimate, sensors: SensorArray, platform: NDArray) -> NDArray:
+        """Which ends (D, 2), rear and front, lie where a sensor looks, with what is `beyond` of them."""
+        outside = (estimate.size[:, :1] / 2 + self.beyond) * np.array([-1.0, 1.0])
         places = to_world(estimate.pose, vector(outside, np.zeros(outside.shape))).reshape(1, -1, 2)
         sees = in_view(places, sensors.poses(platform), sensors.max_range, sensors.fov).any(0)
-        std = np.where(sees, 0.0, self.open_std).reshape(-1, 2)  # (LIFE.47)
-        return piece(estimate, split.rear, rear, std[:, 0]), piece(estimate, split.front, -front, std[:, 1])
+        return np.asarray(sees.reshape(-1, 2))
 
-    def _bare(self, half: NDArray, x: NDArray, hits: NDArray) -> NDArray:
-        """How far (D,) [m] inwards of the ends -half (D, 1) most hits (D, CELLS) in cells at x (D, CELLS) [m] begin."""
-        n = np.cumsum(hits, 1)
-        k = (n > np.maximum(self.strays * n[:, -1:], LEAST_HITS)).argmax(1)
-        outermost = x[np.arange(len(x)), k] - STEP / 2
-        return np.maximum(outermost + half[:, 0] - self.slack, 0.0)  # (LIFE.46)
+    def _bare(self, x: NDArray, hits: NDArray, span: NDArray) -> NDArray:
+        """How far (D, 2) [m] inwards of ends span (D, 2) most hits (D, CELLS) in cells at x (D, CELLS) [m] begin."""
+        rows, n = np.arange(len(x)), np.cumsum(hits, 1)
+        few = np.maximum(self.strays * n[:, -1:], LEAST_HITS)
+        first, last = (n > few).argmax(1), CELLS - 1 - (n[:, -1:] - n + hits > few)[:, ::-1].argmax(1)
+        some = n[:, -1] > few[:, 0]
+        inwards = vector(x[rows, first] - STEP / 2 - span[:, 0], span[:, 1] - x[rows, last] - STEP / 2)
+        return np.maximum(inwards - self.slack, 0.0) * some[:, None]  # (LIFE.46)
 
 
 def cells_of(length: NDArray) -> NDArray:
@@ -284,11 +319,12 @@ def shift_of(ground: Ground, estimate: Estimate) -> NDArray:
 def piece(estimate: Estimate, span: NDArray, bare: NDArray, std: NDArray) -> Estimate:
     """The boxes cut to span (D, 2) [m] along their headings, from their centres.
 
-    They may be shorter by bare (D,) [m], negative ahead, and have a length that is as uncertain, and by std (D,) [m].
+    They may be shorter by bare (D, 2) [m] at both ends, and have a length that is as uncertain, and by std (D,) [m].
     """
     pose, size, size_std = estimate.pose.copy(), estimate.size.copy(), estimate.size_std.copy()
-    pose[:, :2] += (span.mean(1) + bare / 4)[:, None] * unit(pose[:, 2])
-    size[:, 0] = np.maximum(np.ptp(span, axis=1) - np.abs(bare) / 2, 1.5)  # (LIFE.47)
+    low, high = bare.T
+    pose[:, :2] += (span.mean(1) + (low - high) / 4)[:, None] * unit(pose[:, 2])
+    size[:, 0] = np.maximum(np.ptp(span, axis=1) - (low + high) / 2, 1.5)  # (LIFE.47)
     size_std[:, 0] = np.maximum(0.1 * size[:, 0], 0.3)
-    size_std[:, 0] = np.sqrt(size_std[:, 0] ** 2 + (bare / 2) ** 2 + std**2)  # (LIFE.47)
+    size_std[:, 0] = np.sqrt(size_std[:, 0] ** 2 + (bare**2).sum(1) / 4 + std**2)  # (LIFE.47)
     return estimate._replace(pose=pose, size=size, size_std=size_std, contour=None)

@@ -365,20 +365,37 @@ class MultiObjectTracker:
         ground = test.predict(tracks.memory.ground, tracks.id[d], long, dt)
         ground = test.observe(ground, d, long, tracks.estimate, seen.view, seen.z, self.sensor_array)
         split = test.split(ground, long)
+        hidden, platform = seen.view.end_hidden[d], seen.z.scan.platform
+        empty, shorter = test.cut(ground, long, hidden, self.sensor_array, platform)
+        empty &= ~split.where & (tracks.age[d] > test.settled)
         memory = tracks.memory._replace(ground=ground)
+        tracks, events = self._cut(tracks._replace(memory=memory), d[empty], take(shorter, empty))
         if not split.where.any():
-            return tracks._replace(memory=memory), []
+            return tracks, events
         under, split, d = keep(ground, split.where), take(split, split.where), d[split.where]
         old, new_id = tracks.rows(d), tracks.next_id + np.arange(len(d))
         memory = memory._replace(ground=concatenate([ground, under._replace(id=new_id)]))
-        boxes = test.pieces(under, split, old.estimate, self.sensor_array, seen.z.scan.platform)
+        boxes = test.pieces(under, split, old.estimate, self.sensor_array, platform)
         rear, front = (self._restart(old.state, box) for box in boxes)
         part = dict(zip(old.id.tolist(), new_id.tolist(), strict=True))  # front parts: what was before the whole is so
         ends = {(part.get(i, i) if end == BEFORE else i, end) for i, end in memory.divided.tolist() if i in tracks.id}
         ends |= {(i, BEFORE) for i in part} | {(i, BEHIND) for i in part.values()}
         memory = memory._replace(divided=np.array(sorted(ends)))
         gaps = split.front[:, 0] - split.rear[:, 1]
-        return self._two(tracks, d, rear, front, memory, [f"{g:.1f} m of empty ground in it" for g in gaps])
+        tracks, divided = self._two(tracks, d, rear, front, memory, [f"{g:.1f} m of empty ground in it" for g in gaps])
+        return tracks, [*events, *divided]
+
+    def _cut(self, tracks: Tracks, d: NDArray, shorter: Estimate) -> tuple[Tracks, list[Event]]:
+        """The tracks with those of rows d (C,) started again from shorter boxes (C,), and the events."""
+        if not len(d):
+            return tracks, []
+        state = put(tracks.state, d, self._restart(take(tracks.state, d), shorter))
+        less = tracks.estimate.size[d, 0] - shorter.size[:, 0]
+        events = [
+            Event("cut", int(i), f"{m:.1f} m at its near end were never hit")
+            for i, m in zip(tracks.id[d], less, strict=True)
+        ]
+        return tracks._replace(state=state, estimate=self.filter.estimate(state)), events
 
     def _divide_beside(
         self, test: BesideTest, tracks: Tracks, d: NDArray, seen: Seen, dt: float

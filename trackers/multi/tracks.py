@@ -28,7 +28,7 @@ HIDDEN, ASIDE = 0.25, 0.9  # [s] hidden, and [m] of lateral std beside noise, be
 class Event(NamedTuple):
     """One decision about one track, or about a scan."""
 
-    kind: str  # born, confirmed, merged, divided, died, returned, or that of a `Note`; of a scan: implausible, crowded
+    kind: str  # born, confirmed, merged, divided, cut, died, returned, or of a `Note`; of a scan: implausible, crowded
     track: int  # id; NO_TRACK of a scan
     reason: str  # one readable clause
     contours: NDArray | None = None  # (2, C, 2) [m] outlines on the body's axes, before and after a change

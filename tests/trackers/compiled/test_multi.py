@@ -20,6 +20,7 @@ from trackers.compiled.multi import supported
 from trackers.estimate import prior
 from trackers.geometry import rotation
 from trackers.multi.exclusion import Exclusion
+from trackers.multi.road import RoadMap
 from trackers.scan import Scan
 from trackers.validation import admit
 
@@ -96,6 +97,8 @@ def changed(rng, tracks, scan):
     out = rng.choice([0.0, 0.4, 0.9], len(RADAR.models)) if rng.random() < 0.5 else None
     tracks = tracks._replace(existence=existence, memory=tracks.memory._replace(divided=divided, out=out))
     polar, mask, noise = scan.polar.copy(), scan.mask & (rng.random(M) < rng.choice([1.0, 0.5, 0.0])), scan.noise.copy()
+    still = rng.random(M) < rng.choice([0.0, 0.3])
+    polar[still, 2] -= scan.ground_rate[still]
     polar[rng.random(M) < rng.choice([0.0, 0.3]), 2] = np.nan
     noise[rng.random(M) < rng.choice([0.0, 0.2])] = np.nan
     polar[:, :2] *= rng.normal(1, rng.choice([0.0, 0.02]), (M, 2))
@@ -111,7 +114,10 @@ def changed(rng, tracks, scan):
 
 @pytest.fixture(scope="module")
 def drive():
-    return recorded("imm-spline", "dense-traffic", 60, 8)
+    """With a map of its road, which the tracker of a user is not given by the environment."""
+    tracker, steps = recorded("imm-spline", "dense-traffic", 60, 8)
+    lanes = [([(-1000.0, y), (5000.0, y)], 4.0) for y in (0.0, 4.0, 8.0, 12.0)]
+    return replace(tracker, road=RoadMap.of(lanes)), steps
 
 
 @given(seed=st.integers(0, 2**32 - 1), k=st.integers(3, 59), dt=st.sampled_from([0.0, 1 / 15, 0.4, 3.0]))

@@ -5,6 +5,9 @@ import pytest
 
 from tests.trackers.multi.known_objects import KnownObjects, scan_of, tracks_of
 from trackers import MultiObjectTracker, SensorModel, prior
+from trackers.multi.association import Association
+from trackers.multi.road import RoadMap
+from trackers.multi.visibility import SensorArray
 
 QUIET = SensorModel(max_range=200.0, fov=np.pi, clutter=0.01)  # whatever falls into the gates is owned
 
@@ -106,3 +109,31 @@ def test_what_lies_close_together_counts_once_and_what_has_no_range_rate_never(r
     ]
     scan = scan_of([(46.6, 0.0), *there], (0.1, 0.001, 0.1), np.r_[20.0, np.full(400, rate)])
     assert owners(box(50, 0), scan, SensorModel(max_range=250.0, fov=np.pi, clutter=1.0), 0.0005)[0] == owner
+
+
+@pytest.mark.parametrize(
+    ("at", "sigma_azimuth", "deep"),
+    [
+        ((50.0, 1.3), 0.002, True),  # 0.7 m inside the edge, 0.1 m of noise across the lane
+        ((50.0, 1.3), 0.01, False),  # 0.5 m of noise
+        ((50.0, 0.9), 0.01, True),
+        ((50.0, 0.7), 0.1, True),  # 1.3 m inside, 5 m of noise: more than 1.2 m is never asked for
+        ((1.3, 50.0), 0.01, False),  # beside the radar: off the lane
+    ],
+)
+def test_the_noisier_what_stands_the_deeper_in_a_lane_it_must_lie_for_a_birth(at, sigma_azimuth, deep):
+    road = RoadMap.of([([(-100.0, 0.0), (100.0, 0.0)], 4.0)])
+    scan, sheets = scan_of([at], (0.1, sigma_azimuth, 0.1), 0.0), SensorArray.of((QUIET,))
+    z, _ = Association(static_inside=(0.5, 1.2)).prepare(scan, sheets, road)
+    plain, _ = Association().prepare(scan, sheets, road)
+    assert z.in_lane.tolist() == [deep]
+    assert plain.in_lane.tolist() == [at[0] > 40]
+    assert z.clutter.tolist() == plain.clutter.tolist()
+
+
+def test_the_noise_across_a_lane_is_what_counts():
+    """A lane that is crossed 50 m ahead: along the line of sight the radar is sharp."""
+    road = RoadMap.of([([(50.0, -100.0), (50.0, 100.0)], 4.0)])
+    scan = scan_of([(48.7, 0.0)], (0.1, 0.02, 0.1), 0.0)
+    z, _ = Association(static_inside=(0.5, 1.2)).prepare(scan, SensorArray.of((QUIET,)), road)
+    assert z.in_lane.tolist() == [True]

@@ -213,7 +213,7 @@ def test_what_is_long_and_as_narrow_as_a_car_is_two_where_the_ground_is_not_seen
     tracker = MultiObjectTracker(KnownObjects(), views, ground=GroundTest())
     rng, tracks = np.random.default_rng(0), tracks_of(box(length=12.4, width=width), existence=0.99)
     for _ in range(20):
-        xy = side_of(rng, ((-6.2, -3.8), (3.8, 6.2)))
+        xy = side_of(rng, ((-6.2, -2.7), (2.7, 6.2)))
         scan = scan_of(xy, NOISE, 0.0)
         tracks, _ = tracker.step(tracks, scan._replace(sensor=(xy[:, 0] < 0).astype(int)), DT)
     assert len(tracks.id) == divided
@@ -244,3 +244,81 @@ def test_the_ground_moves_and_the_tracks_stay_where_they_were():
     ground = test.predict(ground, np.array([3]), long, 0.1)
     np.testing.assert_allclose(ground.origin, [[31.0, 0.0]])
     np.testing.assert_array_equal(long.pose[0, :2], [30.0, 0.0])
+
+
+def test_a_side_of_the_gap_that_was_in_no_view_says_nothing_of_it():
+    """The other side alone tells how many detections to expect; one that was in view and dark still does not."""
+    test, estimate = GroundTest(gaps=(8,)), box(0.0, 10.0, 0.0, 20.0)
+    known = ground_with((-1.0, 1.0), 4.0)
+    behind = PLACE < -1.0
+    unseen = known._replace(seen=known.seen * ~behind, expected=known.expected * ~behind)
+    dark = known._replace(seen=known.seen * ~behind)
+    both, one, neither = (test.split(ground, estimate).ratio[0] for ground in (known, unseen, dark))
+    assert one == pytest.approx(both, rel=0.2)
+    assert one > test.surer > neither
+
+
+def test_a_part_may_also_be_shorter_at_the_gap():
+    """The front part begins at the gap, at -2 m, and its detections 3 m ahead: 5 m less `slack` of it are bare."""
+    ground, estimate = ground_with((-3.0, -2.0), 1.5, 12.0), box(0, 12.0, 4.0, 0.0, 1.8)
+    hits = np.where((PLACE > -3.0) & (PLACE < 3.0), 0.0, ground.seen)
+    test = GroundTest(gaps=(4,), strays=0.0)
+    sensors = SensorArray.of((replace(SIDE, mount=(0.0, 0.0, np.pi / 2)),))
+    split = test.split(ground, estimate)
+    rear, front = test.pieces(ground._replace(hits=hits), split, estimate, sensors, np.zeros(6))
+    np.testing.assert_allclose([rear.size[0, 0], front.size[0, 0]], [3.0, 8.0 - 4.5 / 2])
+    np.testing.assert_allclose(front.pose[0, 0], 2.0 + 4.5 / 4)
+
+
+def cut_of(at=(20.0, 0.0), near=0.0, hidden=False, fov=2 * np.pi, count=1.0, rule=None):
+    """Whether a box from -8 to 8 m is cut, and its rest: detections from -6 to 0 m, and `near` of them 7 m ahead.
+
+    The radar lies `at` (2,) [m] and looks back along the axis.
+    """
+    hits = np.where((PLACE > -6.0) & (PLACE < 0.0), count, 0.0)
+    hits[PLACE == 6.875] = near
+    ground = Ground(np.zeros(1, int), np.zeros((1, 2)), 0 * hits[None], 0 * hits[None], hits[None])
+    view = SensorArray.of((replace(SIDE, mount=(0.0, 0.0, np.pi), max_range=60.0, fov=fov),))
+    platform = np.array([*at, 0.0, 0.0, 0.0, 0.0])
+    where, rest = (rule or GroundTest()).cut(ground, box(0.0, 16.0, 0.0), np.array([hidden]), view, platform)
+    return where[0], rest
+
+
+def test_the_end_that_faces_the_radar_is_cut_where_it_was_never_hit():
+    """7.5 m of it, slack taken off; the far end, of which 1.5 m are bare, may be there and out of sight."""
+    cut, rest = cut_of(rule=GroundTest(strays=0.0))
+    assert cut
+    assert cut_of()[0]
+    np.testing.assert_allclose(rest.size[0, 0], 16.0 - 7.5 - 1.5 / 2)
+    np.testing.assert_allclose(rest.pose[0, 0], (-8.0 + 0.5) / 2 + 1.5 / 4)
+    assert not cut_of((-20.0, 0.0))[0]  # from behind 1.5 m are bare, which the size layer corrects
+
+
+@pytest.mark.parametrize(
+    "how",
+    [
+        {"near": 2.0},  # it was hit
+        {"near": 20.0, "count": 10.0},  # hit often, and a little short: the size layer corrects it
+        {"hidden": True},
+        {"fov": np.deg2rad(20.0), "at": (30.0, 20.0)},  # out of view
+        {"at": (12.0, 6.0)},  # beside it an end is seen at a grazing angle
+        {"count": 0.1},  # 2.4 detections
+    ],
+)
+def test_an_end_that_may_be_there_is_not_cut(how):
+    assert not cut_of(**how)[0]
+
+
+@pytest.mark.parametrize(("age", "cut"), [(0.3, 0), (3.0, 1)])
+def test_a_track_that_begins_with_empty_ground_starts_again_without_it_once_it_is_settled(age, cut):
+    """A car and empty road before it, up to where one that drove away was once part of the track."""
+    tracker = MultiObjectTracker(KnownObjects(), (replace(SIDE, max_range=60.0),), ground=GroundTest())
+    tracks = tracks_of(box(-20.0, length=16.0), existence=0.99)._replace(age=np.array([age]))
+    rng, events = np.random.default_rng(0), []
+    for _ in range(8):
+        xy = np.c_[rng.uniform(-27.0, -22.0, 12), 4.0 + rng.uniform(-0.9, 0.9, 12)]
+        tracks, info = tracker.step(tracks, scan_of(xy, NOISE, 0.0), DT)
+        events += [e for e in info.events if e.kind == "cut"]
+    assert len(events) == cut
+    assert tracks.id.tolist() == [0]
+    assert (tracks.estimate.size[0, 0] < 10.0) == bool(cut)

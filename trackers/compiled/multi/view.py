@@ -42,7 +42,7 @@ def sort(
 ) -> Detections:
     """(MOT.1) to (MOT.6), (MOT.28): the detections of a scan in this order (M,), and what association needs of them."""
     M, s = len(order), p.sheets
-    rate_least, anywhere, in_lanes, inside = p.static
+    rate_least, anywhere, in_lanes, least, most = p.static
     z = Detections(
         np.empty((M, 3)), np.empty((M, 3)), np.empty((M, 2)), np.empty((M, 3)), np.empty(M, np.int64),
         np.empty((M, 2)), np.empty((M, 2)), np.empty(M), np.empty(M), np.empty(M), np.empty(M, np.bool_),
@@ -67,9 +67,13 @@ def sort(
         z.var_along[i], z.var_across[i] = z.noise[i, 0] ** 2, (z.polar[i, 0] * z.noise[i, 1]) ** 2  # (MOT.3)
         unknown = math.isnan(z.rate[i])
         z.clutter[i] = s.clutter_density_2d[z.sensor[i]] if unknown else s.clutter_density[z.sensor[i]]
-        z.in_lane[i] = z.static[i] and p.lanes.known and locate(z.xy[i, 0], z.xy[i, 1], p.lanes)[0] > inside
+        z.in_lane[i] = False
         if z.static[i]:
-            z.clutter[i] += in_lanes if z.in_lane[i] else anywhere  # (MOT.6), (MOT.28)
+            depth, course = locate(z.xy[i, 0], z.xy[i, 1], p.lanes) if p.lanes.known else (-np.inf, 0.0)
+            side = math.cos(course) * uy - math.sin(course) * ux
+            across = math.sqrt(z.var_along[i] * side**2 + z.var_across[i] * (1 - side**2))
+            z.in_lane[i] = depth > min(least + across, most)  # (MOT.28)
+            z.clutter[i] += in_lanes if depth > least else anywhere  # (MOT.6)
     return z
 
 
