@@ -221,16 +221,12 @@ class GroundTest:
         rear, front = (np.log(file[rows, cells_of(a)]) for a in (edge + half - STEP, half - STEP - edge))
         begins, ends = edge > -half, edge < half
         flank = S[:, b:] - S[:, :-b]  # detections of the cells beside a gap, from their first edge on
-        own = X[:, b:] - X[:, :-b]
-        dense = np.where(flank < self.least, 0.0, flank / np.maximum(own, 1e-9))
-        dense = np.where(own < self.least, np.inf, dense)  # out of view: the other side counts alone
+        dense = np.where(flank < self.least, 0.0, flank / np.maximum(X[:, b:] - X[:, :-b], 1e-9))
         behind, ahead = (n >= self.least for n in (H, H[:, -1:] - H))
         w, edges = np.array(self.gaps)[:, None], np.arange(b, CELLS + 1 - b)  # (W, 1), (P,)
         first, last = edges + 0 * w, np.minimum(edges + w, CELLS - b)  # (W, P) edges where a gap begins and ends
-        l, r = dense[:, first - b], dense[:, last]  # (D, W, P)
-        denser, both = np.minimum(l, r), np.isfinite(np.maximum(l, r))
-        denser = np.where(np.isfinite(denser), np.minimum(denser, np.where((w <= b) & both, self.denser, 1.0)), 0.0)
-        foretold = (X[:, last] - X[:, first]) * denser  # (LIFE.33)
+        denser = np.minimum(dense[:, first - b], dense[:, last])  # (D, W, P)
+        foretold = (X[:, last] - X[:, first]) * np.minimum(denser, np.where(w <= b, self.denser, 1.0))  # (LIFE.33)
         n = S[:, last] - S[:, first]
         ratio = (self.thin - self.stray) * foretold - np.log(self.thin / self.stray) * n  # (LIFE.34)
         there = begins[:, first - b] & ends[:, last + b] & behind[:, first] & ahead[:, last] & (edges + w <= CELLS - b)
