@@ -97,7 +97,7 @@ class Association:
             depth[static], course[static] = road.locate(xy[static])
         side, (least, most) = cross(unit(course), sight), self.static_inside
         sigma = np.sqrt(var_along * side**2 + var_across * (1 - side**2))
-        in_lane = static & (depth > np.minimum(least + sigma, most))  # (MOT.28)
+        in_lane = static & (depth > np.minimum(np.maximum(least, 1.25 * sigma), most))  # (MOT.28)
         of_static = np.where(depth > least, self.static_density[1], self.static_density[0])
         return SortedScan(
             scan=sorted_scan,

@@ -115,8 +115,8 @@ def test_what_lies_close_together_counts_once_and_what_has_no_range_rate_never(r
     ("at", "sigma_azimuth", "deep"),
     [
         ((50.0, 1.3), 0.002, True),  # 0.7 m inside the edge, 0.1 m of noise across the lane
-        ((50.0, 1.3), 0.01, False),  # 0.5 m of noise
-        ((50.0, 0.9), 0.01, True),
+        ((50.0, 1.3), 0.012, False),  # 0.6 m of noise
+        ((50.0, 1.2), 0.012, True),
         ((50.0, 0.7), 0.1, True),  # 1.3 m inside, 5 m of noise: more than 1.2 m is never asked for
         ((1.3, 50.0), 0.01, False),  # beside the radar: off the lane
     ],

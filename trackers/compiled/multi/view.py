@@ -72,7 +72,7 @@ def sort(
             depth, course = locate(z.xy[i, 0], z.xy[i, 1], p.lanes) if p.lanes.known else (-np.inf, 0.0)
             side = math.cos(course) * uy - math.sin(course) * ux
             across = math.sqrt(z.var_along[i] * side**2 + z.var_across[i] * (1 - side**2))
-            z.in_lane[i] = depth > min(least + across, most)  # (MOT.28)
+            z.in_lane[i] = depth > min(max(least, 1.25 * across), most)  # (MOT.28)
             z.clutter[i] += in_lanes if depth > least else anywhere  # (MOT.6)
     return z
 
