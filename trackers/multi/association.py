@@ -23,6 +23,7 @@ from trackers.range_rate import over_ground
 from trackers.scan import Scan
 
 FEW_PAIRS = 2000  # pairs of track and detection up to which all are gated, without a search for those nearby
+DEEPER = 1.25  # deviations of the noise across a lane, so far inside of which a birth is of no wall
 
 
 class SortedScan(NamedTuple):
@@ -92,13 +93,14 @@ class Association:
         clutter = np.where(np.isnan(rate), sensors.clutter_density_2d[sensor], sensors.clutter_density[sensor])
         xy, var_along = sorted_scan.points(sight), noise[:, 0] ** 2  # (MOT.3)
         var_across = (sorted_scan.polar[:, 0] * noise[:, 1]) ** 2  # (MOT.3)
-        depth, course = np.full(len(xy), -np.inf), np.zeros(len(xy))
+        depth, deep = np.full(len(xy), -np.inf), np.full(len(xy), np.inf)
         if road is not None:
-            depth[static], course[static] = road.locate(xy[static])
-        side, (least, most) = cross(unit(course), sight), self.static_inside
-        sigma = np.sqrt(var_along * side**2 + var_across * (1 - side**2))
-        in_lane = static & (depth > np.minimum(np.maximum(least, 1.25 * sigma), most))  # (MOT.28)
-        of_static = np.where(depth > least, self.static_density[1], self.static_density[0])
+            depth[static], course = road.locate(xy[static])
+            along = cross(unit(course), sight[static]) ** 2  # share of the noise along the line of sight
+            sigma = np.sqrt(var_along[static] * along + var_across[static] * (1 - along))
+            deep[static] = np.minimum(np.maximum(self.static_inside[0], DEEPER * sigma), self.static_inside[1])
+        in_lane = depth > deep  # (MOT.28)
+        of_static = np.where(depth > self.static_inside[0], self.static_density[1], self.static_density[0])
         return SortedScan(
             scan=sorted_scan,
             xy=xy,

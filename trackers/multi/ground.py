@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.batch import take
 from trackers.estimate import Estimate
 from trackers.geometry import dot, to_frame, to_world, unit, vector, wrap_angle
 from trackers.multi.association import SortedScan
@@ -18,6 +19,7 @@ from trackers.multi.beside import BesideTest
 from trackers.multi.visibility import SensorArray, Visibility, ray_box
 from trackers.parameters import check_numbers
 from trackers.size.fleet import Fleet
+from trackers.size.grid import LENGTH
 from trackers.size.visible import in_view
 
 STEP, CELLS = 0.25, 128  # [m] and number of the cells along a track: 16 m to both sides of the origin
@@ -72,7 +74,7 @@ class GroundTest:
     beyond: float = 1.0  # [m] ahead or behind, where no sensor looks if an end is open
     open_std: float = 2.0  # [m] of the length of one with an open end
     settled: float = 1.0  # [s] age from which a track may begin with empty ground
-    unreached: float = 2.5  # [m] of empty ground up to which its size is corrected without a new start
+    unreached: float = LENGTH.reach  # [m] of empty ground up to which its size is corrected without a new start
     fleet: Fleet = field(default_factory=Fleet)  # whose lengths one vehicle, or two, may have
     length_std: float = 0.7  # [m] of a length, beside the spread of its class
     width_std: float = 0.1  # [m] of a width, beside that and what is claimed of it
@@ -250,26 +252,27 @@ class GroundTest:
         return rear, front
 
     def cut(
-        self, ground: Ground, estimate: Estimate, hidden: NDArray, sensors: SensorArray, platform: NDArray
+        self, ground: Ground, estimate: Estimate, asked: NDArray, sensors: SensorArray, platform: NDArray
     ) -> tuple[NDArray, Estimate]:
-        """Which of D boxes begin with empty ground, bool (D,), and the boxes without it.
+        """Which of D boxes begin with empty ground, bool (D,), and these C boxes without it.
 
-        hidden (D,) bool are those of which others hide the end that faces the sensors; platform (6,) carries these.
+        Of those asked for (D,) bool none hides the end that faces the sensors, which platform (6,) carries.
         """
         half = estimate.size[:, 0] / 2
         along, aside = to_frame(estimate.pose, platform[None, None, :2])[:, 0].T
         faced, span = np.stack([along < 0, along > 0], -1), vector(-half, half)
         bare = self._bare(PLACE - shift_of(ground, estimate), ground.hits, span)
-        b, n, rows = (bare * faced).sum(1), ground.hits.sum(1), np.arange(len(half))
-        rest = 2 * half - b
-        density = np.log(self.lengths(estimate.size[:, 1], estimate.size_std[:, 1]))
-        ratio = density[rows, cells_of(rest)] - density[rows, cells_of(2 * half)]
-        ratio += (self.thin - self.stray) * n * b / np.maximum(rest, STEP)  # (LIFE.48)
-        faces = (np.abs(along) - half > np.abs(aside)) & ~hidden
-        faces &= (self._looked_at(estimate, sensors, platform) & faced).any(1)
-        rear_first = b[:, None] * faced * np.array([1.0, -1.0])
-        shorter = piece(estimate, span + rear_first, bare * ~faced, np.zeros(len(half)))
-        return faces & (b > self.unreached) & (ratio > self.surer), shorter
+        b = (bare * faced).sum(1)
+        where = asked & (b > self.unreached) & (np.abs(along) - half > np.abs(aside))
+        if where.any():
+            n, rows, rest = ground.hits.sum(1), np.arange(len(half)), 2 * half - b
+            density = np.log(self.lengths(estimate.size[:, 1], estimate.size_std[:, 1]))
+            ratio = density[rows, cells_of(rest)] - density[rows, cells_of(2 * half)]
+            ratio += (self.thin - self.stray) * n * b / np.maximum(rest, STEP)  # (LIFE.48)
+            where &= (self._looked_at(estimate, sensors, platform) & faced).any(1) & (ratio > self.surer)
+        span += b[:, None] * faced * np.array([1.0, -1.0])
+        far = bare * ~faced
+        return where, piece(take(estimate, where), span[where], far[where], np.zeros(where.sum()))
 
     def _looked_at(self, estimate: Estimate, sensors: SensorArray, platform: NDArray) -> NDArray:
         """Which ends (D, 2), rear and front, lie where a sensor looks, with what is `beyond` of them."""

@@ -365,11 +365,10 @@ class MultiObjectTracker:
         ground = test.predict(tracks.memory.ground, tracks.id[d], long, dt)
         ground = test.observe(ground, d, long, tracks.estimate, seen.view, seen.z, self.sensor_array)
         split = test.split(ground, long)
-        hidden, platform = seen.view.end_hidden[d], seen.z.scan.platform
-        empty, shorter = test.cut(ground, long, hidden, self.sensor_array, platform)
-        empty &= ~split.where & (tracks.age[d] > test.settled)
-        memory = tracks.memory._replace(ground=ground)
-        tracks, events = self._cut(tracks._replace(memory=memory), d[empty], take(shorter, empty))
+        platform, memory = seen.z.scan.platform, tracks.memory._replace(ground=ground)
+        asked = ~seen.view.end_hidden[d] & ~split.where & (tracks.age[d] > test.settled)
+        empty, shorter = test.cut(ground, long, asked, self.sensor_array, platform)
+        tracks, events = self._cut(tracks._replace(memory=memory), d[empty], shorter)
         if not split.where.any():
             return tracks, events
         under, split, d = keep(ground, split.where), take(split, split.where), d[split.where]

@@ -268,7 +268,7 @@ def cut_of(at=(20.0, 0.0), near=0.0, hidden=False, fov=2 * np.pi, count=1.0, rul
     ground = Ground(np.zeros(1, int), np.zeros((1, 2)), 0 * hits[None], 0 * hits[None], hits[None])
     view = SensorArray.of((replace(SIDE, mount=(0.0, 0.0, np.pi), max_range=60.0, fov=fov),))
     platform = np.array([*at, 0.0, 0.0, 0.0, 0.0])
-    where, rest = (rule or GroundTest()).cut(ground, box(0.0, 16.0, 0.0), np.array([hidden]), view, platform)
+    where, rest = (rule or GroundTest()).cut(ground, box(0.0, 16.0, 0.0), np.array([not hidden]), view, platform)
     return where[0], rest
 
 

@@ -10,6 +10,7 @@ from trackers.compiled.multi.jit import compiled
 from trackers.compiled.multi.rules import Boxes, Detections, Lanes, Rules, View
 
 RAYS, NEARER, SHADOW, LEAST_END = 9, 1.0, 0.5, 0.5  # as in `trackers.multi.visibility`
+DEEPER = 1.25  # as in `trackers.multi.association`
 
 
 @compiled
@@ -72,7 +73,7 @@ def sort(
             depth, course = locate(z.xy[i, 0], z.xy[i, 1], p.lanes) if p.lanes.known else (-np.inf, 0.0)
             side = math.cos(course) * uy - math.sin(course) * ux
             across = math.sqrt(z.var_along[i] * side**2 + z.var_across[i] * (1 - side**2))
-            z.in_lane[i] = depth > min(max(least, 1.25 * across), most)  # (MOT.28)
+            z.in_lane[i] = depth > min(max(least, DEEPER * across), most)  # (MOT.28)
             z.clutter[i] += in_lanes if depth > least else anywhere  # (MOT.6)
     return z
 
