@@ -36,6 +36,7 @@ class Ground(NamedTuple):
     seen: NDArray  # (D, CELLS) detections
     expected: NDArray  # (D, CELLS) of as many detections on one vehicle
     hits: NDArray  # (D, CELLS) detections on any side, also where its own side is not in view
+    end_on: NDArray  # (D, CELLS) those of sensors that see more of an end than of a side
 
 
 class Split(NamedTuple):
@@ -47,7 +48,12 @@ class Split(NamedTuple):
     front: NDArray  # (D, 2) [m] from, to
 
 
-NOTHING = Ground(np.zeros(0, int), np.zeros((0, 2)), *(np.zeros((0, CELLS)) for _ in range(3)))
+def untouched(id: NDArray, origin: NDArray) -> Ground:
+    """Ground of D tracks of which nothing was seen."""
+    return Ground(id, origin, *(np.zeros((len(id), CELLS)) for _ in Ground._fields[2:]))
+
+
+NOTHING = untouched(np.zeros(0, int), np.zeros((0, 2)))
 
 
 @dataclass(frozen=True)
@@ -61,6 +67,7 @@ class GroundTest:
     rate: float = 2.0  # [m/s] difference of the range rate up to which they do
     gaps: tuple[int, ...] = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 40, 48)  # [cells] widths of empty ground that are tried
     beside: int = 6  # [cells] on each side of the gap, from which the density in it is foretold
+    face: int = 4  # [cells] at both ends of a box that is seen end-on, where its face may be
     denser: float = 2.5  # most by which more detections than expected beside a gap, no wider than that, count for it
     thin: float = 0.5  # share of the expected detections that one vehicle may show in a stretch
     stray: float = 0.1  # share of them that noise carries into a gap
@@ -89,7 +96,7 @@ class GroundTest:
 
     def predict(self, ground: Ground, id: NDArray, estimate: Estimate, dt: float) -> Ground:
         """What was seen of the D tracks of these ids, moved with them and faded over dt [s]; nothing of new ones."""
-        new = Ground(id, estimate.pose[:, :2].copy(), *(np.zeros((len(id), CELLS)) for _ in range(3)))
+        new = untouched(id, estimate.pose[:, :2].copy())
         _, here, there = np.intersect1d(id, ground.id, assume_unique=True, return_indices=True)
         new.origin[here] = ground.origin[there] + estimate.velocity[here] * dt  # (LIFE.30)
         for old, faded in zip(ground[2:], new[2:], strict=True):
@@ -117,7 +124,11 @@ class GroundTest:
         aside = to_frame(body, poses[:, None, :2])[:, 0, 1:]  # (G, 1) of the sensors
         density = self._density(body, size, shift[row], aside, d[row], estimate, poses, sensors.at(k))
         cell, there, across, most = self._along(e, shift, z)
-        hits = ground.hits + counts(cell, there & (np.abs(across) < most))
+        own = there & (np.abs(across) < most)
+        narrow = end_on(e, sensors.poses(z.scan.platform)) & ~sensors.patchy
+        ground = ground._replace(
+            hits=ground.hits + counts(cell, own), end_on=ground.end_on + counts(cell, own & narrow[:, z.sensor])
+        )
         cell, there, across, most = (a[row] for a in (cell, there, across, most))
         towards = across * np.sign(aside)
         there &= (z.sensor == k[:, None]) & (towards > 0) & (towards < most)
@@ -129,7 +140,7 @@ class GroundTest:
         for one, own, foretold in zip(row, weight * n, weight * total * share, strict=True):
             seen[one] += own  # (LIFE.32)
             expected[one] += foretold  # (LIFE.32)
-        return ground._replace(seen=seen, expected=expected, hits=hits)
+        return ground._replace(seen=seen, expected=expected)
 
     def _along(self, e: Estimate, shift: NDArray, z: SortedScan) -> tuple[NDArray, NDArray, NDArray, NDArray]:
         """Cells of the detections, whether they may be of a body, their place across it and the most of that [m].
@@ -214,7 +225,7 @@ class GroundTest:
         """Which of D tracks are two vehicles; estimate (D,) is theirs."""
         D, b = len(ground.id), self.beside
         rows, none = np.arange(D)[:, None], np.zeros((D, 1))
-        S, X, H = (np.concatenate([none, np.cumsum(a, 1)], 1) for a in ground[2:])
+        S, X, H, E = (np.concatenate([none, np.cumsum(a, 1)], 1) for a in ground[2:])
         edge = STEP * (np.arange(CELLS + 1) - CELLS // 2) - shift_of(ground, estimate)  # (D, CELLS + 1) of the body
         half = estimate.size[:, :1] / 2 + STEP
         lengths = self.lengths(estimate.size[:, 1], estimate.size_std[:, 1])
@@ -229,8 +240,12 @@ class GroundTest:
         first, last = edges + 0 * w, np.minimum(edges + w, CELLS - b)  # (W, P) edges where a gap begins and ends
         denser = np.minimum(dense[:, first - b], dense[:, last])  # (D, W, P)
         foretold = (X[:, last] - X[:, first]) * np.minimum(denser, np.where(w <= b, self.denser, 1.0))  # (LIFE.33)
-        n = S[:, last] - S[:, first]
-        ratio = (self.thin - self.stray) * foretold - np.log(self.thin / self.stray) * n  # (LIFE.34)
+        ratio = self._empty(foretold, S[:, last] - S[:, first])
+        deep = estimate.size[:, :1] / 2 - self.face * STEP
+        low, high = ((edge < x).sum(1)[:, None, None] for x in (-deep, deep))
+        inside = np.minimum(self._even(E, low, first), self._even(E, last, high)) * (last - first)  # (LIFE.49)
+        other = self._empty(inside, E[:, last] - E[:, first])
+        ratio = np.where(inside > 0, np.maximum(ratio, other), ratio)  # (LIFE.49)
         there = begins[:, first - b] & ends[:, last + b] & behind[:, first] & ahead[:, last] & (edges + w <= CELLS - b)
         there &= (ratio > 0) | (w > 1)  # a gap of one cell must have been seen
         ratio += rear[:, first] + front[:, last] + np.log(gaps[:, w]) - long[..., None]  # (LIFE.38)
@@ -239,6 +254,15 @@ class GroundTest:
         ratio, gap = ratio[rows, best][:, 0], edge[rows, np.stack([first, last], -1).reshape(-1, 2)[best[:, 0]]]
         end = estimate.size[:, 0] / 2
         return Split(ratio > self.surer, ratio, vector(-end, gap[:, 0]), vector(gap[:, 1], end))
+
+    def _empty(self, foretold: NDArray, n: NDArray) -> NDArray:
+        """Log likelihood ratio of empty ground, where n detections were seen and those foretold are of one vehicle."""
+        return np.asarray((self.thin - self.stray) * foretold - np.log(self.thin / self.stray) * n)  # (LIFE.34)
+
+    def _even(self, n: NDArray, first: NDArray, last: NDArray) -> NDArray:
+        """Detections a cell (D, W, P) from edge first to edge last, of sums n (D, CELLS + 1); 0 of few cells."""
+        rows, cells = np.arange(len(n))[:, None, None], last - first
+        return np.where(cells < self.beside, 0.0, (n[rows, last] - n[rows, first]) / np.maximum(cells, 1))
 
     def pieces(
         self, ground: Ground, split: Split, estimate: Estimate, sensors: SensorArray, platform: NDArray
@@ -289,6 +313,12 @@ class GroundTest:
         some = n[:, -1] > few[:, 0]
         inwards = vector(x[rows, first] - STEP / 2 - span[:, 0], span[:, 1] - x[rows, last] - STEP / 2)
         return np.maximum(inwards - self.slack, 0.0) * some[:, None]  # (LIFE.46)
+
+
+def end_on(estimate: Estimate, poses: NDArray) -> NDArray:
+    """Which of S sensors at poses (S, 3) see a face, as wide as the box, wider than a side of D boxes, bool (D, S)."""
+    away = to_frame(estimate.pose, poses[None, :, :2])
+    return np.asarray(estimate.size[:, :1] * np.abs(away[..., 1]) < estimate.size[:, 1:] * np.sqrt(dot(away, away)))
 
 
 def cells_of(length: NDArray) -> NDArray:

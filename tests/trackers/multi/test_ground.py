@@ -8,13 +8,14 @@ import pytest
 from tests.trackers.multi.known_objects import KnownObjects, scan_of, tracks_of
 from trackers import MultiObjectTracker, SensorModel, prior
 from trackers.batch import take
-from trackers.multi.ground import CELLS, NOTHING, PLACE, STEP, Ground, GroundTest
+from trackers.multi.ground import CELLS, NOTHING, PLACE, STEP, GroundTest, end_on, untouched
 from trackers.multi.tracks import BEFORE, BEHIND
 from trackers.multi.visibility import SensorArray
 from trackers.scan import DepthProfile
 
 DT = 1 / 15
 SIDE = SensorModel(max_range=30.0, fov=2 * np.pi, sigma_azimuth=0.02, count_at_15m=7.0, count_falloff=0.6, clutter=1.5)
+AHEAD = replace(SIDE, max_range=100.0, fov=1.0, sigma_azimuth=0.005)
 NOISE = (0.15, 0.02, 0.1)
 CARS, LONG = ((-5.0, -0.5), (0.5, 5.0)), ((-5.0, 5.0),)  # [m] along the lane
 
@@ -124,7 +125,8 @@ def ground_with(gap, density, length=10.0):
     """Ground of a track of that length at the origin, with `density` detections a cell but in the gap (2,) [m]."""
     inside = np.abs(PLACE) < length / 2
     seen = np.where(inside & ~((gap[0] < PLACE) & (gap[1] > PLACE)), density, 0.0)
-    return Ground(np.zeros(1, int), np.zeros((1, 2)), seen[None], np.where(inside, density, 0.0)[None], seen[None])
+    ground = untouched(np.zeros(1, int), np.zeros((1, 2)))
+    return ground._replace(seen=seen[None], expected=np.where(inside, density, 0.0)[None], hits=seen[None])
 
 
 def log_odds(gap, speed, length=10.0, density=1.5, width=2.5, **rule):
@@ -152,6 +154,71 @@ def test_the_log_odds_are_those_of_sums_by_hand():
     evidence = (rule.thin - rule.stray) * 4 * 1.5  # four cells, nothing seen
     expected = evidence + 2 * np.log(file[18]) + np.log(gap[4]) - np.log(length[40])
     assert log_odds((-0.5, 0.5), 20.0) == pytest.approx(expected, rel=1e-6)
+
+
+def test_what_is_seen_end_on_is_compared_with_what_both_parts_show_of_their_insides():
+    """16 m, the 8 m in the middle are empty: 3 m of each part count, with 1 and 2 detections a cell, not the faces."""
+    test, half = GroundTest(gaps=(32,)), 8.0
+    shown = np.where(PLACE < 0, 1.0, 2.0) * ((np.abs(PLACE) > 4.0) & (np.abs(PLACE) < half))
+    shown += 50.0 * ((np.abs(PLACE) > half - 1.0) & (np.abs(PLACE) < half))
+    ground = untouched(np.zeros(1, int), np.zeros((1, 2)))._replace(hits=shown[None])
+    estimate = box(0, 16.0, 0.0, 25.0)
+    prior = test.split(ground, estimate).ratio[0]
+    evidence = test.split(ground._replace(end_on=shown[None]), estimate).ratio[0] - prior
+    assert evidence == pytest.approx((test.thin - test.stray) * 1.0 * 32)
+    stray = np.where(np.abs(PLACE) < 1.0, 0.25, shown)[None]
+    less = test.split(ground._replace(end_on=stray), estimate).ratio[0] - prior
+    assert less == pytest.approx(evidence - 2.0 * np.log(test.thin / test.stray))
+
+
+def test_a_face_says_nothing_of_the_inside():
+    """Of the rear part only the face is seen: how many detections its inside would give is not known."""
+    shown = np.where((np.abs(PLACE + 7.5) < 0.5) | (np.abs(PLACE - 6.0) < 2.0), 3.0, 0.0)
+    ground = untouched(np.zeros(1, int), np.zeros((1, 2)))._replace(hits=shown[None])
+    test, estimate = GroundTest(gaps=(32,)), box(0, 16.0, 0.0, 25.0)
+    with_end = test.split(ground._replace(end_on=shown[None]), estimate).ratio
+    np.testing.assert_array_equal(with_end, test.split(ground, estimate).ratio)
+
+
+def test_end_on_a_face_looks_wider_than_a_side():
+    """10 m by 2.5 m at a distance of 40 m: from 10 m aside both look alike."""
+    poses = np.array([[-40.0, y, 0.0] for y in (0.0, 9.0, -11.0)] + [[0.0, 20.0, 0.0]])
+    np.testing.assert_array_equal(end_on(box(0.0, 10.0, 0.0), poses), [[True, True, False, False]])
+
+
+def ahead(bodies, scans, sensor=AHEAD, seed=0):
+    """Tracks after so many scans of bodies in the lane of the radar, of rears and insides, and their events."""
+    rng, events = np.random.default_rng(seed), []
+    tracker = MultiObjectTracker(KnownObjects(), (sensor,), ground=GroundTest())
+    low, high = np.array(bodies).T
+    tracks = tracks_of(box((low[0] + high[-1]) / 2, high[-1] - low[0] + 0.2, 0.0), existence=0.99)
+    for _ in range(scans):
+        n = rng.poisson(0.25 * (high - low))
+        x = np.concatenate([rng.uniform(*b, k) for b, k in zip(bodies, n, strict=True)] + [np.repeat(low, 2)])
+        xy = np.c_[x, rng.uniform(-0.9, 0.9, len(x))] + rng.normal(0, 0.05, (len(x), 2))
+        tracks, info = tracker.step(tracks, scan_of(xy, NOISE, 0.0), DT)
+        events += [e.kind for e in info.events if e.kind in ("divided", "merged")]
+    return tracks, events
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_two_in_file_that_are_seen_from_behind_become_two(seed):
+    tracks, events = ahead(((30.0, 34.5), (40.0, 44.5)), 30, seed=seed)
+    assert events == ["divided"]
+    np.testing.assert_allclose(np.sort(tracks.estimate.pose[:, 0]), [32.25, 42.25], atol=0.8)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_one_long_vehicle_that_is_seen_from_behind_stays_one(seed):
+    tracks, events = ahead(((30.0, 44.5),), 150, seed=seed)
+    assert events == []
+    assert tracks.id.tolist() == [0]
+
+
+def test_patchy_sensors_say_nothing_of_what_they_see_end_on():
+    tracks, events = ahead(((30.0, 34.5), (40.0, 44.5)), 30, replace(AHEAD, profile=DepthProfile(patchy=True)))
+    assert events == []
+    assert tracks.id.tolist() == [0]
 
 
 def test_the_same_empty_ground_divides_two_cars_and_not_a_cab_from_its_load():
@@ -265,7 +332,7 @@ def cut_of(at=(20.0, 0.0), near=0.0, hidden=False, fov=2 * np.pi, count=1.0, rul
     """
     hits = np.where((PLACE > -6.0) & (PLACE < 0.0), count, 0.0)
     hits[PLACE == 6.875] = near
-    ground = Ground(np.zeros(1, int), np.zeros((1, 2)), 0 * hits[None], 0 * hits[None], hits[None])
+    ground = untouched(np.zeros(1, int), np.zeros((1, 2)))._replace(hits=hits[None])
     view = SensorArray.of((replace(SIDE, mount=(0.0, 0.0, np.pi), max_range=60.0, fov=fov),))
     platform = np.array([*at, 0.0, 0.0, 0.0, 0.0])
     where, rest = (rule or GroundTest()).cut(ground, box(0.0, 16.0, 0.0), np.array([not hidden]), view, platform)
