@@ -171,11 +171,12 @@ def test_what_is_seen_end_on_is_compared_with_what_both_parts_show_of_their_insi
     assert less == pytest.approx(evidence - 2.0 * np.log(test.thin / test.stray))
 
 
-def test_a_face_says_nothing_of_the_inside():
-    """Of the rear part only the face is seen: how many detections its inside would give is not known."""
-    shown = np.where((np.abs(PLACE + 7.5) < 0.5) | (np.abs(PLACE - 6.0) < 2.0), 3.0, 0.0)
+@pytest.mark.parametrize("inside", [0.0, 1.0])
+def test_a_face_says_nothing_of_the_inside(inside):
+    """Of the rear part only the face is seen, and 1 m: how many detections its inside would give is not known."""
+    shown = np.where((np.abs(PLACE + 7.5) < 0.5 + inside) | (np.abs(PLACE - 2.0) < 6.0), 3.0, 0.0)
     ground = untouched(np.zeros(1, int), np.zeros((1, 2)))._replace(hits=shown[None])
-    test, estimate = GroundTest(gaps=(32,)), box(0, 16.0, 0.0, 25.0)
+    test, estimate = GroundTest(gaps=(round((3.0 - inside) / STEP),)), box(0, 16.0, 0.0, 25.0)
     with_end = test.split(ground._replace(end_on=shown[None]), estimate).ratio
     np.testing.assert_array_equal(with_end, test.split(ground, estimate).ratio)
 
