@@ -124,10 +124,11 @@ class GroundTest:
         aside = to_frame(body, poses[:, None, :2])[:, 0, 1:]  # (G, 1) of the sensors
         density = self._density(body, size, shift[row], aside, d[row], estimate, poses, sensors.at(k))
         cell, there, across, most = self._along(e, shift, z)
-        own = there & (np.abs(across) < most)
+        of_body = there & (np.abs(across) < most)
         narrow = end_on(e, sensors.poses(z.scan.platform)) & ~sensors.patchy
         ground = ground._replace(
-            hits=ground.hits + counts(cell, own), end_on=ground.end_on + counts(cell, own & narrow[:, z.sensor])
+            hits=ground.hits + counts(cell, of_body),
+            end_on=ground.end_on + counts(cell, of_body & narrow[:, z.sensor]),
         )
         cell, there, across, most = (a[row] for a in (cell, there, across, most))
         towards = across * np.sign(aside)
@@ -233,19 +234,14 @@ class GroundTest:
         long = np.log(lengths[rows, cells_of(2 * half - 2 * STEP)])  # (D, 1)
         rear, front = (np.log(file[rows, cells_of(a)]) for a in (edge + half - STEP, half - STEP - edge))
         begins, ends = edge > -half, edge < half
-        flank = S[:, b:] - S[:, :-b]  # detections of the cells beside a gap, from their first edge on
-        dense = np.where(flank < self.least, 0.0, flank / np.maximum(X[:, b:] - X[:, :-b], 1e-9))
         behind, ahead = (n >= self.least for n in (H, H[:, -1:] - H))
         w, edges = np.array(self.gaps)[:, None], np.arange(b, CELLS + 1 - b)  # (W, 1), (P,)
         first, last = edges + 0 * w, np.minimum(edges + w, CELLS - b)  # (W, P) edges where a gap begins and ends
-        denser = np.minimum(dense[:, first - b], dense[:, last])  # (D, W, P)
-        foretold = (X[:, last] - X[:, first]) * np.minimum(denser, np.where(w <= b, self.denser, 1.0))  # (LIFE.33)
-        ratio = self._empty(foretold, S[:, last] - S[:, first])
+        ratio = self._of_sides(S, X, first, last)
         deep = estimate.size[:, :1] / 2 - self.face * STEP
         low, high = ((edge < x).sum(1)[:, None, None] for x in (-deep, deep))
-        inside = np.minimum(self._even(E, low, first), self._even(E, last, high)) * (last - first)  # (LIFE.49)
-        other = self._empty(inside, E[:, last] - E[:, first])
-        ratio = np.where(inside > 0, np.maximum(ratio, other), ratio)  # (LIFE.49)
+        other, known = self._of_insides(E, low, high, first, last)
+        ratio = np.where(known, np.maximum(ratio, other), ratio)  # (LIFE.49)
         there = begins[:, first - b] & ends[:, last + b] & behind[:, first] & ahead[:, last] & (edges + w <= CELLS - b)
         there &= (ratio > 0) | (w > 1)  # a gap of one cell must have been seen
         ratio += rear[:, first] + front[:, last] + np.log(gaps[:, w]) - long[..., None]  # (LIFE.38)
@@ -255,14 +251,36 @@ class GroundTest:
         end = estimate.size[:, 0] / 2
         return Split(ratio > self.surer, ratio, vector(-end, gap[:, 0]), vector(gap[:, 1], end))
 
+    def _of_sides(self, S: NDArray, X: NDArray, first: NDArray, last: NDArray) -> NDArray:
+        """Log likelihood ratio (D, W, P) of empty ground from edges first to last (W, P), by the sides in view.
+
+        S and X (D, CELLS + 1) are sums of the detections and of those expected of one vehicle.
+        """
+        b = self.beside
+        flank = S[:, b:] - S[:, :-b]  # detections of the cells beside a gap, from their first edge on
+        dense = np.where(flank < self.least, 0.0, flank / np.maximum(X[:, b:] - X[:, :-b], 1e-9))
+        denser = np.minimum(dense[:, first - b], dense[:, last])  # (D, W, P)
+        most = np.where(last - first <= b, self.denser, 1.0)
+        return self._empty((X[:, last] - X[:, first]) * np.minimum(denser, most), S[:, last] - S[:, first])  # (LIFE.33)
+
+    def _of_insides(
+        self, E: NDArray, low: NDArray, high: NDArray, first: NDArray, last: NDArray
+    ) -> tuple[NDArray, NDArray]:
+        """The same by detections of what is seen end-on, whose sums are E (D, CELLS + 1), and where it is known.
+
+        The insides of the vehicles begin at edge low and end at edge high (D, 1, 1).
+        """
+        rows = np.arange(len(E))[:, None, None]
+        even = [
+            np.where(to - at < self.beside, 0.0, (E[rows, to] - E[rows, at]) / np.maximum(to - at, 1))
+            for at, to in ((low, first), (last, high))
+        ]
+        foretold = np.minimum(even[0], even[1]) * (last - first)  # (LIFE.49)
+        return self._empty(foretold, E[:, last] - E[:, first]), foretold > 0
+
     def _empty(self, foretold: NDArray, n: NDArray) -> NDArray:
         """Log likelihood ratio of empty ground, where n detections were seen and those foretold are of one vehicle."""
         return np.asarray((self.thin - self.stray) * foretold - np.log(self.thin / self.stray) * n)  # (LIFE.34)
-
-    def _even(self, n: NDArray, first: NDArray, last: NDArray) -> NDArray:
-        """Detections a cell (D, W, P) from edge first to edge last, of sums n (D, CELLS + 1); 0 of few cells."""
-        rows, cells = np.arange(len(n))[:, None, None], last - first
-        return np.where(cells < self.beside, 0.0, (n[rows, last] - n[rows, first]) / np.maximum(cells, 1))
 
     def pieces(
         self, ground: Ground, split: Split, estimate: Estimate, sensors: SensorArray, platform: NDArray
