@@ -119,13 +119,14 @@ class GroundTest:
         """
         looks = (view.expected[:, d] > 0) & ~sensors.patchy[:, None]
         k, row = np.nonzero(looks)  # G pairs of sensor and track, one sensor after the other
-        poses, body, size = sensors.poses(z.scan.platform)[k], e.pose[row], e.size[row]
+        places = sensors.poses(z.scan.platform)
+        poses, body, size = places[k], e.pose[row], e.size[row]
         shift = shift_of(ground, e)
         aside = to_frame(body, poses[:, None, :2])[:, 0, 1:]  # (G, 1) of the sensors
         density = self._density(body, size, shift[row], aside, d[row], estimate, poses, sensors.at(k))
         cell, there, across, most = self._along(e, shift, z)
         of_body = there & (np.abs(across) < most)
-        narrow = end_on(e, sensors.poses(z.scan.platform)) & ~sensors.patchy
+        narrow = end_on(e, places) & ~sensors.patchy
         ground = ground._replace(
             hits=ground.hits + counts(cell, of_body),
             end_on=ground.end_on + counts(cell, of_body & narrow[:, z.sensor]),
@@ -228,7 +229,8 @@ class GroundTest:
         rows, none = np.arange(D)[:, None], np.zeros((D, 1))
         S, X, H, E = (np.concatenate([none, np.cumsum(a, 1)], 1) for a in ground[2:])
         edge = STEP * (np.arange(CELLS + 1) - CELLS // 2) - shift_of(ground, estimate)  # (D, CELLS + 1) of the body
-        half = estimate.size[:, :1] / 2 + STEP
+        end = estimate.size[:, :1] / 2
+        half, deep = end + STEP, end - self.face * STEP
         lengths = self.lengths(estimate.size[:, 1], estimate.size_std[:, 1])
         gaps, file = self._in_file(lengths, np.sqrt(dot(estimate.velocity, estimate.velocity)))
         long = np.log(lengths[rows, cells_of(2 * half - 2 * STEP)])  # (D, 1)
@@ -238,7 +240,6 @@ class GroundTest:
         w, edges = np.array(self.gaps)[:, None], np.arange(b, CELLS + 1 - b)  # (W, 1), (P,)
         first, last = edges + 0 * w, np.minimum(edges + w, CELLS - b)  # (W, P) edges where a gap begins and ends
         ratio = self._of_sides(S, X, first, last)
-        deep = estimate.size[:, :1] / 2 - self.face * STEP
         low, high = ((edge < x).sum(1)[:, None, None] for x in (-deep, deep))
         other, known = self._of_insides(E, low, high, first, last)
         ratio = np.where(known, np.maximum(ratio, other), ratio)  # (LIFE.49)
@@ -248,8 +249,7 @@ class GroundTest:
         ratio = np.where(there, ratio, -np.inf).reshape(D, -1)
         best = ratio.argmax(1)[:, None]
         ratio, gap = ratio[rows, best][:, 0], edge[rows, np.stack([first, last], -1).reshape(-1, 2)[best[:, 0]]]
-        end = estimate.size[:, 0] / 2
-        return Split(ratio > self.surer, ratio, vector(-end, gap[:, 0]), vector(gap[:, 1], end))
+        return Split(ratio > self.surer, ratio, vector(-end[:, 0], gap[:, 0]), vector(gap[:, 1], end[:, 0]))
 
     def _of_sides(self, S: NDArray, X: NDArray, first: NDArray, last: NDArray) -> NDArray:
         """Log likelihood ratio (D, W, P) of empty ground from edges first to last (W, P), by the sides in view.

@@ -34,15 +34,20 @@ def box(centre=0.0, length=10.2, y=4.0, speed=0.0, width=2.5):
     return prior([(centre, y, 0.0)], velocity=(speed, 0.0), size=size, size_std=std, position_std=0.1)
 
 
-def after(bodies, scans, estimate=None, seed=0, even=False, sensor=SIDE):
-    """The tracks after so many scans of the bodies, and the events of them all."""
+def stepped(draw, scans, estimate, sensor, seed=0):
+    """The tracks after so many scans of what draw(rng) gives, and which of them were divided and merged."""
     rng, events = np.random.default_rng(seed), []
     tracker = MultiObjectTracker(KnownObjects(), (sensor,), ground=GroundTest())
-    tracks = tracks_of(box() if estimate is None else estimate, existence=0.99)
+    tracks = tracks_of(estimate, existence=0.99)
     for _ in range(scans):
-        tracks, info = tracker.step(tracks, scan_of(side_of(rng, bodies, even), NOISE, 0.0), DT)
+        tracks, info = tracker.step(tracks, scan_of(draw(rng), NOISE, 0.0), DT)
         events += info.events
     return tracks, [e for e in events if e.kind in ("divided", "merged")]
+
+
+def after(bodies, scans, estimate=None, seed=0, even=False, sensor=SIDE):
+    """The tracks after so many scans of bodies beside the radar, and their events."""
+    return stepped(lambda rng: side_of(rng, bodies, even), scans, box() if estimate is None else estimate, sensor, seed)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -188,18 +193,17 @@ def test_end_on_a_face_looks_wider_than_a_side():
 
 
 def ahead(bodies, scans, sensor=AHEAD, seed=0):
-    """Tracks after so many scans of bodies in the lane of the radar, of rears and insides, and their events."""
-    rng, events = np.random.default_rng(seed), []
-    tracker = MultiObjectTracker(KnownObjects(), (sensor,), ground=GroundTest())
+    """Tracks after so many scans of bodies in the lane of the radar, of rears and insides, and kinds of events."""
     low, high = np.array(bodies).T
-    tracks = tracks_of(box((low[0] + high[-1]) / 2, high[-1] - low[0] + 0.2, 0.0), existence=0.99)
-    for _ in range(scans):
+
+    def draw(rng):
         n = rng.poisson(0.25 * (high - low))
         x = np.concatenate([rng.uniform(*b, k) for b, k in zip(bodies, n, strict=True)] + [np.repeat(low, 2)])
-        xy = np.c_[x, rng.uniform(-0.9, 0.9, len(x))] + rng.normal(0, 0.05, (len(x), 2))
-        tracks, info = tracker.step(tracks, scan_of(xy, NOISE, 0.0), DT)
-        events += [e.kind for e in info.events if e.kind in ("divided", "merged")]
-    return tracks, events
+        return np.c_[x, rng.uniform(-0.9, 0.9, len(x))] + rng.normal(0, 0.05, (len(x), 2))
+
+    estimate = box((low[0] + high[-1]) / 2, high[-1] - low[0] + 0.2, 0.0)
+    tracks, events = stepped(draw, scans, estimate, sensor, seed)
+    return tracks, [e.kind for e in events]
 
 
 @pytest.mark.parametrize("seed", range(3))
