@@ -45,7 +45,9 @@ SPLINE = SplinePmht(
 DRA = DataRegion(models=("cv",), prior="uniform", parameters="alone", centre_std=0.4)  # as in rm-vmm
 DRA_IMM = replace(DRA, models=("cv", "ca", "ct"), parameters="road", form="soft")  # as good here, and cheaper
 
-OURS = MappingProxyType({"ground": GroundTest(), "association": Association(static_inside=(0.5, 1.2))})
+OURS = MappingProxyType(
+    {"ground": GroundTest(), "edge_sigmas": 1.0, "association": Association(static_inside=(0.5, 1.2))}
+)
 
 TRACKERS: Mapping[str, Entry] = MappingProxyType(
     {

@@ -85,6 +85,7 @@ class GroundTest:
     fleet: Fleet = field(default_factory=Fleet)  # whose lengths one vehicle, or two, may have
     length_std: float = 0.7  # [m] of a length, beside the spread of its class
     width_std: float = 0.1  # [m] of a width, beside that and what is claimed of it
+    widths_apart: float = 0.5  # [m] standard deviation of the difference of the widths of two vehicles
     lanes: BesideTest = field(default_factory=BesideTest)  # of two that are not in file
 
     def __post_init__(self) -> None:
@@ -122,17 +123,18 @@ class GroundTest:
         places = sensors.poses(z.scan.platform)
         poses, body, size = places[k], e.pose[row], e.size[row]
         shift = shift_of(ground, e)
-        aside = to_frame(body, poses[:, None, :2])[:, 0, 1:]  # (G, 1) of the sensors
-        density = self._density(body, size, shift[row], aside, d[row], estimate, poses, sensors.at(k))
+        away = to_frame(body, poses[:, None, :2])[:, 0]  # (G, 2) of the sensors
+        narrow = end_on(e, places) & ~sensors.patchy
+        density = self._density(body, size, shift[row], away[:, 1:], d[row], estimate, poses, sensors.at(k))
+        density *= ~(narrow[row, k][:, None] & self._on_face(PLACE - shift[row], away[:, :1], size[:, :1] / 2))
         cell, there, across, most = self._along(e, shift, z)
         of_body = there & (np.abs(across) < most)
-        narrow = end_on(e, places) & ~sensors.patchy
         ground = ground._replace(
             hits=ground.hits + counts(cell, of_body),
             end_on=ground.end_on + counts(cell, of_body & narrow[:, z.sensor]),
         )
         cell, there, across, most = (a[row] for a in (cell, there, across, most))
-        towards = across * np.sign(aside)
+        towards = across * np.sign(away[:, 1:])
         there &= (z.sensor == k[:, None]) & (towards > 0) & (towards < most)
         n = counts(cell, there) * (density > 0)
         total = n.sum(1, keepdims=True)
@@ -155,6 +157,10 @@ class GroundTest:
         along = np.abs(body[..., 0]) < e.size[:, :1] / 2 + STEP
         most = e.size[:, 1:] / 2 + self.aside + np.sqrt(z.var_across)
         return cell, rate & along & (cell >= 0) & (cell < CELLS), body[..., 1], most
+
+    def _on_face(self, x: NDArray, along: NDArray, half: NDArray) -> NDArray:
+        """Places x (G, CELLS) where the face of a box may be that is turned to a sensor at along (G, 1), all in [m]."""
+        return np.sign(along) * x > half - self.face * STEP
 
     def _density(
         self, body: NDArray, size: NDArray, shift: NDArray, aside: NDArray, d: NDArray, estimate: Estimate,
@@ -210,10 +216,10 @@ class GroundTest:
     def two(self, estimate: Estimate, a: NDArray, b: NDArray) -> NDArray:
         """Which of P pairs of tracks in file, rows a and b, are two vehicles by lengths and widths alone, bool (P,).
 
-        The width is that of the track of which it is known better.
+        The width of one vehicle is that of the track of which it is known better.
         """
-        rows, std = np.arange(len(a)), estimate.size_std[:, 1]
-        width = np.where(std[a] < std[b], estimate.size[a, 1], estimate.size[b, 1])
+        rows, wide, std = np.arange(len(a)), estimate.size[:, 1], estimate.size_std[:, 1]
+        width = np.where(std[a] < std[b], wide[a], wide[b])
         lengths = self.lengths(width, np.minimum(std[a], std[b]))
         gaps, file = self._in_file(lengths, np.hypot(*estimate.velocity[a].T))
         long = np.abs(to_frame(estimate.pose[a], estimate.pose[b, None, :2])[:, 0, 0])
@@ -221,6 +227,10 @@ class GroundTest:
         one = lengths[rows, cells_of(long + (la + lb) / 2)]
         gap = gaps[rows, cells_of(np.maximum(long - (la + lb) / 2, 0.0))]
         ratio = np.log(file[rows, cells_of(la)] * gap * file[rows, cells_of(lb)]) - np.log(one)  # (LIFE.39)
+        var = std[a] ** 2 + std[b] ** 2 + self.width_std**2
+        other = var + self.widths_apart**2
+        unlike = 0.5 * ((wide[a] - wide[b]) ** 2 * (1 / var - 1 / other) - np.log(other / var))  # (LIFE.50)
+        ratio += np.maximum(unlike, 0.0)
         return np.asarray(ratio > self.surer)
 
     def split(self, ground: Ground, estimate: Estimate) -> Split:

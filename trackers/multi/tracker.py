@@ -30,7 +30,7 @@ from trackers.multi.outage import SensorOutage, without
 from trackers.multi.reidentification import LostTracks, Reidentification
 from trackers.multi.road import RoadMap
 from trackers.multi.silence import Silence
-from trackers.multi.tracks import BEFORE, BEHIND, NO_TRACK, REPORT_ABOVE, Event, Memory, Rest, Seen, StepInfo, Tracks
+from trackers.multi.tracks import NO_TRACK, REPORT_ABOVE, Event, Memory, Rest, Seen, StepInfo, Tracks
 from trackers.multi.visibility import SensorArray, Visibility, predict_visibility
 from trackers.multi.window import Unexplained
 from trackers.parameters import check_numbers
@@ -57,6 +57,7 @@ class MultiObjectTracker:
     occlude_above: float = 0.6  # existence of a track that may hide others
     occlude_hits: int = 4  # and its hits, to be exceeded
     rate_factor: float = 0.8  # of the data sheets' expected counts
+    edge_sigmas: float = 0.0  # of the place of a track: so near to the edge of a field of view nothing is expected
     complete_above: float = 0.75  # visible share of an object's span from which an update teaches its class
     road: RoadMap | None = None  # map of the lanes; without it no standing vehicle is born
     silence: Silence | None = field(default_factory=Silence)  # of radars about lengths; None: says nothing
@@ -243,7 +244,7 @@ class MultiObjectTracker:
     def _view(self, tracks: Tracks, scan: Scan) -> tuple[Visibility, NDArray]:
         """What the sensors should see of the predicted tracks, and the probability (S,) that each delivers nothing."""
         view = predict_visibility(
-            tracks.estimate, self._hides(tracks), self.sensor_array, scan.platform, self.rate_factor
+            tracks.estimate, self._hides(tracks), self.sensor_array, scan.platform, self.rate_factor, self.edge_sigmas
         )
         if scan.delivered is not None:
             out = 1.0 - scan.delivered
@@ -376,10 +377,9 @@ class MultiObjectTracker:
         memory = memory._replace(ground=concatenate([ground, under._replace(id=new_id)]))
         boxes = test.pieces(under, split, old.estimate, self.sensor_array, platform)
         rear, front = (self._restart(old.state, box) for box in boxes)
-        part = dict(zip(old.id.tolist(), new_id.tolist(), strict=True))  # front parts: what was before the whole is so
-        ends = {(part.get(i, i) if end == BEFORE else i, end) for i, end in memory.divided.tolist() if i in tracks.id}
-        ends |= {(i, BEFORE) for i in part} | {(i, BEHIND) for i in part.values()}
-        memory = memory._replace(divided=np.array(sorted(ends)))
+        part, there = dict(zip(old.id.tolist(), new_id.tolist(), strict=True)), set(tracks.id.tolist())
+        pairs = {(part.get(i, i), j) for i, j in memory.divided.tolist() if {i, j} <= there} | set(part.items())
+        memory = memory._replace(divided=np.array(sorted(pairs)))  # what was before a whole is before its front part
         gaps = split.front[:, 0] - split.rear[:, 1]
         tracks, divided = self._two(tracks, d, rear, front, memory, [f"{g:.1f} m of empty ground in it" for g in gaps])
         return tracks, [*events, *divided]

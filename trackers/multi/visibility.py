@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.estimate import Estimate
-from trackers.geometry import box_corners, compose, cross, dot, rotation, to_frame, unit, wrap_angle
+from trackers.geometry import box_corners, compose, cross, dot, perpendicular, rotation, to_frame, unit, wrap_angle
 from trackers.scan import SensorModel
 
 RAYS = 9
@@ -106,12 +106,14 @@ def entered(o: NDArray, d: NDArray, half: NDArray) -> NDArray:
 
 
 def predict_visibility(
-    estimate: Estimate, occluder: NDArray, sensors: SensorArray, platform: NDArray, rate_factor: float = 0.8
-) -> Visibility:
+    estimate: Estimate, occluder: NDArray, sensors: SensorArray, platform: NDArray, rate_factor: float = 0.8,
+    edge_sigmas: float = 0.0,
+) -> Visibility:  # fmt: skip
     """Expected detections of T tracks by S sensors.
 
     estimate (T,) predicted tracks, occluder (T,) bool those sure enough to hide others, platform (6,) the odometry.
-    rate_factor scales the counts of the data sheets.
+    rate_factor scales the counts of the data sheets. What lies within edge_sigmas standard deviations of the azimuth of
+    a track from the edge of a field of view gives none.
     """
     S, T = len(sensors.max_range), len(estimate.yaw_rate)
     expected, share = np.zeros((S, T)), np.zeros((S, T))
@@ -120,7 +122,10 @@ def predict_visibility(
     poses = sensors.poses(platform)
     low, high, nearest = angular_spans(estimate, poses)
     edge, uncut = sensors.fov[:, None] / 2, high - low
+    unsure = np.where(edge < np.pi, edge_sigmas, 0.0) * azimuth_std(estimate, poses) if edge_sigmas else 0.0
+    sure = np.minimum(high, edge - unsure) - np.maximum(low, unsure - edge)
     low, high = np.maximum(low, -edge), np.minimum(high, edge)  # (MOT.8)
+    sure = np.clip(sure, 0.0, np.maximum(high - low, 0.0))  # (MOT.59)
     in_view = (high > low) & (nearest < sensors.max_range[:, None])
     s, t = np.nonzero(in_view)  # G pairs
     span = (high - low)[s, t]
@@ -141,9 +146,9 @@ def predict_visibility(
     complete = (share * (high - low) / uncut).max(0)  # (MOT.12)
     visible = sees.any(-1)
     s, t = s[visible], t[visible]
-    span, sees, own = span[visible], sees[visible], own[visible]
+    sees, own = sees[visible], own[visible]
     distance = np.where(sees, own, np.inf).min(-1, initial=np.inf)
-    rate = sensors.expected_count(s, distance, span * distance)  # the outline as a chord at that distance
+    rate = sensors.expected_count(s, distance, sure[s, t] * distance)  # the outline as a chord at that distance
     expected[s, t] = rate_factor * rate * np.minimum(1.0, 3 * share[s, t])  # (MOT.11)
     return Visibility(expected, np.asarray(in_view.any(axis=0)), share, complete, share.max(0) == 0, end_hidden)
 
@@ -190,6 +195,14 @@ def in_the_way(pose: NDArray, direction: NDArray, own: NDArray, boxes: NDArray, 
     beside = np.arcsin(np.minimum(radius / np.maximum(distance, 1e-9), 1.0))
     wide = (distance < 1.01 * radius) | (away < half + beside + 1e-6)
     return wide & (distance - radius < own.max(-1, keepdims=True) + 1e-6)
+
+
+def azimuth_std(estimate: Estimate, poses: NDArray) -> NDArray:
+    """Standard deviations (S, T) [rad] of the azimuths of T centres from sensors (S, 3)."""
+    d = estimate.pose[:, :2] - poses[:, None, :2]
+    n = perpendicular(d)
+    var = dot(n, (estimate.cov[:, :2, :2] @ n[..., None])[..., 0])
+    return np.asarray(np.sqrt(var) / np.maximum(dot(d, d), 1.0))
 
 
 def angular_spans(estimate: Estimate, poses: NDArray) -> tuple[NDArray, NDArray, NDArray]:

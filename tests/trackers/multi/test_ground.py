@@ -9,7 +9,6 @@ from tests.trackers.multi.known_objects import KnownObjects, scan_of, tracks_of
 from trackers import MultiObjectTracker, SensorModel, prior
 from trackers.batch import take
 from trackers.multi.ground import CELLS, NOTHING, PLACE, STEP, GroundTest, end_on, untouched
-from trackers.multi.tracks import BEFORE, BEHIND
 from trackers.multi.visibility import SensorArray
 from trackers.scan import DepthProfile
 
@@ -58,7 +57,7 @@ def test_two_cars_in_a_queue_held_for_one_become_two_and_stay_so(seed):
     order = np.argsort(tracks.estimate.pose[:, 0])
     np.testing.assert_allclose(tracks.estimate.pose[order, 0], [-2.8, 2.8], atol=0.4)
     np.testing.assert_allclose(tracks.estimate.size[:, 0], 4.6, atol=0.6)
-    assert tracks.memory.divided.tolist() == [[0, BEFORE], [1, BEHIND]]
+    assert tracks.memory.divided.tolist() == [[0, 1]]
     assert tracks.confirmed.all()
 
 
@@ -83,8 +82,7 @@ def test_three_in_file_become_three():
     assert [e.kind for e in events] == ["divided", "divided"]
     np.testing.assert_allclose(np.sort(tracks.estimate.pose[:, 0]), [-5, 0, 5], atol=0.5)
     rear, middle, front = tracks.id[np.argsort(tracks.estimate.pose[:, 0])]
-    ends = [(rear, BEFORE), (middle, BEHIND), (middle, BEFORE), (front, BEHIND)]
-    assert set(map(tuple, tracks.memory.divided)) == set(ends)
+    assert set(map(tuple, tracks.memory.divided)) == {(rear, middle), (middle, front)}
 
 
 @pytest.mark.parametrize(("tracked", "divided"), [(True, 0), (False, 1)])
@@ -218,6 +216,21 @@ def test_one_long_vehicle_that_is_seen_from_behind_stays_one(seed):
     tracks, events = ahead(((30.0, 44.5),), 150, seed=seed)
     assert events == []
     assert tracks.id.tolist() == [0]
+
+
+def test_the_face_of_a_vehicle_does_not_foretell_what_its_side_shows():
+    """A truck 4 m aside: many detections of its rear, few along the side, some of its front wheels."""
+
+    def rear_and_side(rng):
+        n, wheels = rng.poisson([1.0, 1.0])
+        rear = np.c_[30.0 + rng.exponential(0.1, 10), rng.uniform(2.8, 5.2, 10)]
+        x = np.r_[rng.uniform(31.0, 42.0, n), rng.uniform(40.0, 41.0, wheels)]
+        side = np.c_[x, 2.8 + rng.exponential(0.1, n + wheels)]
+        return np.concatenate([rear, side]) + rng.normal(0, 0.05, (10 + n + wheels, 2))
+
+    truck = box(36.0, length=12.0)
+    ends = [stepped(rear_and_side, 60, truck, AHEAD, seed) for seed in range(8)]
+    assert [events for _, events in ends] == [[]] * 8
 
 
 def test_patchy_sensors_say_nothing_of_what_they_see_end_on():

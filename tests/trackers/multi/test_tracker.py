@@ -21,7 +21,7 @@ from trackers.multi.exclusion import GRID, Exclusion
 from trackers.multi.existence import Existence
 from trackers.multi.tracker import events_of
 from trackers.multi.tracks import NO_TRACK, Tracks
-from trackers.multi.visibility import SensorArray, predict_visibility, ray_box
+from trackers.multi.visibility import SensorArray, angular_spans, predict_visibility, ray_box
 from trackers.multi.window import EMPTY
 
 CARS = [(30, 0, 0, 25.0), (50, 4, 0, 28.0), (60, -4, 0, 22.0)]
@@ -332,6 +332,25 @@ def test_a_box_is_complete_but_for_what_an_edge_cuts_off_and_others_hide():
     assert 0.2 < view.complete[1] < 0.8
     assert view.complete[2] < 0.75
     assert view.complete[3] == 0
+
+
+def test_where_a_box_may_be_out_of_view_nothing_is_expected_of_it():
+    """(MOT.59): half a box beyond the edge of the view, its place known to 0.5 m; one in the middle of the view."""
+    edge = 20.0 * np.tan(RADAR.fov / 2)
+    e = prior(np.array([[20.0 + 2.3, edge, 0], [20.0, 0.0, 0.0]]), position_std=0.5)
+    sensors, idle = SensorArray.of((RADAR,)), np.zeros(2, bool)
+    certain, unsure, vague = (
+        predict_visibility(e, idle, sensors, np.zeros(6), edge_sigmas=k).expected[0] for k in (0.0, 1.0, 9.0)
+    )
+    low, high, _ = angular_spans(e, np.array([RADAR.mount]))
+    half, std = RADAR.fov / 2, 0.5 / np.hypot(*(e.pose[0, :2] - RADAR.mount[:2]))
+    np.testing.assert_allclose(unsure[0] / certain[0], np.sqrt((half - std - low[0, 0]) / (half - low[0, 0])))
+    assert vague[0] == 0
+    assert certain[1] == unsure[1] == vague[1] > 0
+    assert high[0, 0] > half
+    behind = prior(np.array([[-20.0, 0.5, 0.0]]), position_std=0.5), idle[:1]
+    around = SensorArray.of((replace(RADAR, fov=2 * np.pi),))  # has no edge
+    assert len({predict_visibility(*behind, around, np.zeros(6), edge_sigmas=k).expected[0, 0] for k in (0, 3)}) == 1
 
 
 def test_the_near_end_is_hidden_where_another_box_stands_before_it():

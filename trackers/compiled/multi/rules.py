@@ -169,7 +169,7 @@ class Rules(NamedTuple):
                 (e.life_visible, e.life_hidden, e.life_silent, e.life_outside, e.dispersion, e.miss_floor, e.pair_cap,
                  e.missing, *e.bounds, e.most),
                 (o.begins, o.lasts, o.dispersion, o.clutter_share),
-                (t.occlude_above, t.occlude_hits, t.rate_factor),
+                (t.occlude_above, t.occlude_hits, t.rate_factor, t.edge_sigmas),
                 (s.along, s.across, s.above, s.end_along, s.end_across, s.end_rate),
                 (w.span, w.span_standing, w.along_sight, w.beyond, w.moving, w.beside_lane, t.initiation.crowd),
                 (l.along, l.across, l.rate, l.rate_between),

@@ -49,7 +49,7 @@ def seen(
     before (S,) is the probability that each sensor was out; if `told`, that it is so now.
     """
     T, S = len(existence), len(p.sheets.fov)
-    occlude_above, occlude_hits, _ = p.occlusion
+    occlude_above, occlude_hits, _, _ = p.occlusion
     z = sort(order, polar, pose, velocity, noise, sensor, p)
     view = see(box, (existence > occlude_above) & (hits > occlude_hits), platform, p)
     heard, alive = np.zeros(S, np.bool_), np.empty(T)
@@ -94,15 +94,8 @@ def in_file(box: Boxes, a: int, b: int, touching: bool, p: Rules) -> bool:
 
 
 @compiled
-def ahead(box: Boxes, a: int, b: int) -> int:
-    """Whether b is ahead of a."""
-    c, s = math.cos(box.pose[a, 2]), math.sin(box.pose[a, 2])
-    return int(c * (box.pose[b, 0] - box.pose[a, 0]) + s * (box.pose[b, 1] - box.pose[a, 1]) > 0)
-
-
-@compiled
 def apart(box: Boxes, divided: NDArray, p: Rules) -> bool:
-    """(MOT.42) to (MOT.44): whether no two tracks may be one vehicle; over divided ends (T, 2) bool short ones only."""
+    """(MOT.42) to (MOT.44): whether no two tracks may be one vehicle; divided pairs (T, T) bool only short ones."""
     overlap, overlap_speed, sure, _, speed, short, _, _, _ = p.exclusion
     for a in range(len(box.pose)):
         for b in range(a):
@@ -116,7 +109,7 @@ def apart(box: Boxes, divided: NDArray, p: Rules) -> bool:
             parallel = math.cos(box.pose[a, 2] - box.pose[b, 2]) > 0.9
             long = d + (box.size[a, 0] + box.size[b, 0]) / 2 >= short
             some = long and (divided[a].any() or divided[b].any())
-            if some and (divided[a, ahead(box, a, b)] or divided[b, ahead(box, b, a)]):
+            if long and divided[a, b]:
                 continue
             if v < speed and parallel and in_file(box, a, b, some, p) and in_file(box, b, a, some, p):
                 return False

@@ -106,6 +106,14 @@ def span(x: NDArray, size: NDArray, cos: float, sin: float, sensor: NDArray) -> 
 
 
 @compiled
+def azimuth_std(x: NDArray, cov: NDArray, sensor: NDArray) -> float:
+    """Standard deviation [rad] of the azimuth of a centre x (3,) from a sensor (3,)."""
+    dx, dy = x[0] - sensor[0], x[1] - sensor[1]
+    var = dy * (dy * cov[0, 0] - dx * cov[0, 1]) - dx * (dy * cov[1, 0] - dx * cov[1, 1])
+    return math.sqrt(var) / max(dx * dx + dy * dy, 1.0)
+
+
+@compiled
 def see(box: Boxes, occluder: NDArray, platform: NDArray, p: Rules) -> View:
     """(MOT.8) to (MOT.12), (MOT.53): what sensors should see of T predicted tracks; occluder (T,) bool hide others."""
     s, S, T = p.sheets, len(p.sheets.fov), len(box.pose)
@@ -114,6 +122,7 @@ def see(box: Boxes, occluder: NDArray, platform: NDArray, p: Rules) -> View:
     of_end = np.full(T, -1.0)  # as of a track of which no end is turned to a sensor
     cos, sin, sensor = np.cos(box.pose[:, 2]), np.sin(box.pose[:, 2]), np.empty(3)
     c, n = math.cos(platform[2]), math.sin(platform[2])
+    _, _, rate_factor, edge_sigmas = p.occlusion
     for k in range(S):
         x, y = s.mount[k, 0], s.mount[k, 1]
         sensor[0], sensor[1] = platform[0] + (c * x - n * y), platform[1] + (n * x + c * y)
@@ -121,7 +130,10 @@ def see(box: Boxes, occluder: NDArray, platform: NDArray, p: Rules) -> View:
         for t in range(T):
             low, high, nearest = span(box.pose[t], box.size[t], cos[t], sin[t], sensor)
             uncut = high - low
+            unsure = edge_sigmas * azimuth_std(box.pose[t], box.cov[t], sensor) if edge < math.pi else 0.0
+            sure = min(high, edge - unsure) - max(low, unsure - edge)
             low, high = max(low, -edge), min(high, edge)
+            sure = min(max(sure, 0.0), high - low)  # (MOT.59)
             if not (high > low and nearest < s.max_range[k]):
                 continue
             seen, ends, ends_seen, first = 0, 0, 0, np.inf
@@ -153,9 +165,9 @@ def see(box: Boxes, occluder: NDArray, platform: NDArray, p: Rules) -> View:
             v.complete[t] = max(v.complete[t], seen / RAYS * (high - low) / uncut)  # (MOT.12)
             if seen:
                 v.hidden[t] = False
-                rate = s.rates[k, 0] * (15.0 / max(first, 1.0)) ** s.rates[k, 1] * math.sqrt((high - low) * first / 3)
+                rate = s.rates[k, 0] * (15.0 / max(first, 1.0)) ** s.rates[k, 1] * math.sqrt(sure * first / 3)
                 share = min(1.0, 3 * v.share[k, t])
-                v.expected[k, t] = p.occlusion[2] * min(rate, s.rates[k, 2]) * share  # (MOT.11)
+                v.expected[k, t] = rate_factor * min(rate, s.rates[k, 2]) * share  # (MOT.11)
     for t in range(T):
         v.end_hidden[t] = 0 <= of_end[t] < LEAST_END  # (MOT.53)
     return v
