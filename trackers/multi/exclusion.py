@@ -53,8 +53,8 @@ class Exclusion:
     ) -> ExclusionResult:
         """Go through T tracks from the best score (T,) down; each drops, or unites with, the worse ones it excludes.
 
-        divided (T, T) bool: pairs with empty ground between them. They are united only to what is no longer than
-        `short`, each of them with others only where hardly any gap separates them. two says of pairs, rows (P,)
+        divided (T, 2) bool: tracks with empty ground behind and before them. Over it they are united with others only
+        to what is no longer than `short`, elsewhere with what hardly any gap separates. two says of pairs, rows (P,)
         and (P,), which are two vehicles (P,) bool and not united. reaches: the gates of tracks reach as far as they may
         be long, so that a union within that changes none.
         """
@@ -63,7 +63,7 @@ class Exclusion:
         same, one = self.overlapping(estimate), self.one_vehicle(estimate)
         if divided is not None and one.any():
             i, j = np.nonzero(one)
-            free = ~divided[i, j]
+            free = ~(divided[i, ahead(estimate, i, j)] | divided[j, ahead(estimate, j, i)])
             alone = ~(divided[i].any(-1) | divided[j].any(-1))
             one[i, j] = alone | (free & self._touching(estimate, i, j)) | (extent(estimate, i, j) < self.short)
             one &= one.T
@@ -124,6 +124,12 @@ class Exclusion:
         gap = along - (estimate.size[a, 0] + estimate.size[b, 0]) / 2
         _, base, slope = self.gap
         return np.asarray((gap < base) & (slope * (estimate.velocity[a] ** 2).sum(-1) > base))  # (MOT.52)
+
+
+def ahead(estimate: Estimate, a: NDArray, b: NDArray) -> NDArray:
+    """Whether the second of P pairs of tracks is ahead of the first, int (P,)."""
+    d = estimate.pose[b, :2] - estimate.pose[a, :2]
+    return (np.sum(d * unit(estimate.pose[a, 2]), -1) > 0).astype(int)
 
 
 def extent(estimate: Estimate, a: NDArray, b: NDArray) -> NDArray:

@@ -85,7 +85,6 @@ class GroundTest:
     fleet: Fleet = field(default_factory=Fleet)  # whose lengths one vehicle, or two, may have
     length_std: float = 0.7  # [m] of a length, beside the spread of its class
     width_std: float = 0.1  # [m] of a width, beside that and what is claimed of it
-    widths_apart: float = 0.5  # [m] standard deviation of the difference of the widths of two vehicles
     lanes: BesideTest = field(default_factory=BesideTest)  # of two that are not in file
 
     def __post_init__(self) -> None:
@@ -216,10 +215,10 @@ class GroundTest:
     def two(self, estimate: Estimate, a: NDArray, b: NDArray) -> NDArray:
         """Which of P pairs of tracks in file, rows a and b, are two vehicles by lengths and widths alone, bool (P,).
 
-        The width of one vehicle is that of the track of which it is known better.
+        The width is that of the track of which it is known better.
         """
-        rows, wide, std = np.arange(len(a)), estimate.size[:, 1], estimate.size_std[:, 1]
-        width = np.where(std[a] < std[b], wide[a], wide[b])
+        rows, std = np.arange(len(a)), estimate.size_std[:, 1]
+        width = np.where(std[a] < std[b], estimate.size[a, 1], estimate.size[b, 1])
         lengths = self.lengths(width, np.minimum(std[a], std[b]))
         gaps, file = self._in_file(lengths, np.hypot(*estimate.velocity[a].T))
         long = np.abs(to_frame(estimate.pose[a], estimate.pose[b, None, :2])[:, 0, 0])
@@ -227,10 +226,6 @@ class GroundTest:
         one = lengths[rows, cells_of(long + (la + lb) / 2)]
         gap = gaps[rows, cells_of(np.maximum(long - (la + lb) / 2, 0.0))]
         ratio = np.log(file[rows, cells_of(la)] * gap * file[rows, cells_of(lb)]) - np.log(one)  # (LIFE.39)
-        var = std[a] ** 2 + std[b] ** 2 + self.width_std**2
-        other = var + self.widths_apart**2
-        unlike = 0.5 * ((wide[a] - wide[b]) ** 2 * (1 / var - 1 / other) - np.log(other / var))  # (LIFE.50)
-        ratio += np.maximum(unlike, 0.0)
         return np.asarray(ratio > self.surer)
 
     def split(self, ground: Ground, estimate: Estimate) -> Split:

@@ -30,7 +30,7 @@ from trackers.multi.outage import SensorOutage, without
 from trackers.multi.reidentification import LostTracks, Reidentification
 from trackers.multi.road import RoadMap
 from trackers.multi.silence import Silence
-from trackers.multi.tracks import NO_TRACK, REPORT_ABOVE, Event, Memory, Rest, Seen, StepInfo, Tracks
+from trackers.multi.tracks import BEFORE, BEHIND, NO_TRACK, REPORT_ABOVE, Event, Memory, Rest, Seen, StepInfo, Tracks
 from trackers.multi.visibility import SensorArray, Visibility, predict_visibility
 from trackers.multi.window import Unexplained
 from trackers.parameters import check_numbers
@@ -277,7 +277,7 @@ class MultiObjectTracker:
         own = claims.owner[claims.detection] == claims.track
         log_gain = np.minimum(np.log1p(claims.gain[own]), self.existence.pair_cap)  # (MOT.24)
         evidence = np.bincount(claims.track[own], weights=log_gain, minlength=T)
-        Gam = view.expected.sum(0)
+        Gam = (view.expected * view.certain).sum(0)
         log_ratio = self.existence.log_ratio(n, Gam, evidence)
         return StepInfo(np.zeros(0, int), tracks.id, Gam, view.in_view, n, log_ratio, np.full(T, np.nan), ())
 
@@ -377,9 +377,10 @@ class MultiObjectTracker:
         memory = memory._replace(ground=concatenate([ground, under._replace(id=new_id)]))
         boxes = test.pieces(under, split, old.estimate, self.sensor_array, platform)
         rear, front = (self._restart(old.state, box) for box in boxes)
-        part, there = dict(zip(old.id.tolist(), new_id.tolist(), strict=True)), set(tracks.id.tolist())
-        pairs = {(part.get(i, i), j) for i, j in memory.divided.tolist() if {i, j} <= there} | set(part.items())
-        memory = memory._replace(divided=np.array(sorted(pairs)))  # what was before a whole is before its front part
+        part = dict(zip(old.id.tolist(), new_id.tolist(), strict=True))  # front parts: what was before the whole is so
+        ends = {(part.get(i, i) if end == BEFORE else i, end) for i, end in memory.divided.tolist() if i in tracks.id}
+        ends |= {(i, BEFORE) for i in part} | {(i, BEHIND) for i in part.values()}
+        memory = memory._replace(divided=np.array(sorted(ends)))
         gaps = split.front[:, 0] - split.rear[:, 1]
         tracks, divided = self._two(tracks, d, rear, front, memory, [f"{g:.1f} m of empty ground in it" for g in gaps])
         return tracks, [*events, *divided]

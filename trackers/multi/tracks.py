@@ -20,6 +20,7 @@ from trackers.multi.visibility import Visibility
 from trackers.multi.window import EMPTY, Unexplained
 
 NO_TRACK = -1  # id in an event about a scan
+BEHIND, BEFORE = 0, 1  # where there is empty ground at a track
 REPORT_ABOVE = 0.5  # existence probability above which a track is output, (MOT.48)
 HIDDEN, ASIDE = 0.25, 0.9  # [s] hidden, and [m] of lateral std beside noise, beyond both of which it is not, (MOT.48)
 
@@ -42,7 +43,7 @@ class Memory(NamedTuple):
     lost: LostTracks | None = None  # confirmed tracks that died; None before the first
     ground: Ground = NOTHING  # what was seen along the long tracks
     taken: Taken = NO_DETECTIONS  # what these took far away
-    divided: NDArray = np.zeros((0, 2), int)  # (A, 2) ids of rear and front tracks with empty ground between
+    divided: NDArray = np.zeros((0, 2), int)  # (A, 2) ids of tracks, and at which end there is empty ground
     classes: tuple[str, ...] | None = None  # names of the columns of `Estimate.class_probability`; None: not known
 
 
@@ -63,9 +64,9 @@ class Tracks(NamedTuple):
 
     @property
     def divided(self) -> NDArray:
-        """Pairs (T, T) bool of tracks with empty ground between them."""
-        rear, front = (self.id[:, None] == id for id in self.memory.divided.T)  # (T, A)
-        return np.asarray((rear @ front.T) | (front @ rear.T))
+        """Whether there is empty ground behind and before each track, bool (T, 2)."""
+        id, end = self.memory.divided.T
+        return np.asarray(((self.id[:, None] == id)[..., None] & (end[:, None] == [BEHIND, BEFORE])).any(1))
 
     @property
     def reported(self) -> "Tracks":

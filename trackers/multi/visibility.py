@@ -74,6 +74,7 @@ class Visibility(NamedTuple):
     complete: NDArray  # (T,) visible share of the span of the uncut box, by the sensor that sees most of it
     hidden: NDArray  # (T,) bool, no ray of any sensor, be it out or not, reaches the box
     end_hidden: NDArray  # (T,) bool, hardly a ray of any sensor reaches the end, front or rear, that faces it
+    certain: NDArray  # (S, T) share of what is expected that is in view also where the place of the track is wrong
 
 
 def ray_box(origin: NDArray, direction: NDArray, pose: NDArray, size: NDArray) -> NDArray:
@@ -113,19 +114,19 @@ def predict_visibility(
 
     estimate (T,) predicted tracks, occluder (T,) bool those sure enough to hide others, platform (6,) the odometry.
     rate_factor scales the counts of the data sheets. What lies within edge_sigmas standard deviations of the azimuth of
-    a track from the edge of a field of view gives none.
+    a track from the edge of a field of view is not certain.
     """
     S, T = len(sensors.max_range), len(estimate.yaw_rate)
     expected, share = np.zeros((S, T)), np.zeros((S, T))
     if T == 0:
-        return Visibility(expected, np.zeros(0, bool), share, np.zeros(0), np.zeros(0, bool), np.zeros(0, bool))
+        return Visibility(expected, np.zeros(0, bool), share, np.zeros(0), np.zeros(0, bool), np.zeros(0, bool), share)
     poses = sensors.poses(platform)
     low, high, nearest = angular_spans(estimate, poses)
     edge, uncut = sensors.fov[:, None] / 2, high - low
     unsure = np.where(edge < np.pi, edge_sigmas, 0.0) * azimuth_std(estimate, poses) if edge_sigmas else 0.0
     sure = np.minimum(high, edge - unsure) - np.maximum(low, unsure - edge)
     low, high = np.maximum(low, -edge), np.minimum(high, edge)  # (MOT.8)
-    sure = np.clip(sure, 0.0, np.maximum(high - low, 0.0))  # (MOT.59)
+    certain = np.sqrt(np.clip(sure / np.maximum(high - low, 1e-9), 0.0, 1.0))  # (MOT.59)
     in_view = (high > low) & (nearest < sensors.max_range[:, None])
     s, t = np.nonzero(in_view)  # G pairs
     span = (high - low)[s, t]
@@ -146,11 +147,13 @@ def predict_visibility(
     complete = (share * (high - low) / uncut).max(0)  # (MOT.12)
     visible = sees.any(-1)
     s, t = s[visible], t[visible]
-    sees, own = sees[visible], own[visible]
+    span, sees, own = span[visible], sees[visible], own[visible]
     distance = np.where(sees, own, np.inf).min(-1, initial=np.inf)
-    rate = sensors.expected_count(s, distance, sure[s, t] * distance)  # the outline as a chord at that distance
+    rate = sensors.expected_count(s, distance, span * distance)  # the outline as a chord at that distance
     expected[s, t] = rate_factor * rate * np.minimum(1.0, 3 * share[s, t])  # (MOT.11)
-    return Visibility(expected, np.asarray(in_view.any(axis=0)), share, complete, share.max(0) == 0, end_hidden)
+    return Visibility(
+        expected, np.asarray(in_view.any(axis=0)), share, complete, share.max(0) == 0, end_hidden, certain
+    )
 
 
 def first_hits_of_few(

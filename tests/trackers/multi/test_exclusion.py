@@ -50,34 +50,20 @@ def test_of_what_was_divided_only_what_is_no_longer_than_a_car_is_united(length,
     """At 25 m/s, 1 m between them: two halves of one car, or two cars between which the ground was empty."""
     x = (length + 1.0) / 2
     pair = prior([[-x, 0, 0], [x, 0, 0]], velocity=(25.0, 0.0), size=(length, 1.8))
-    assert Exclusion().apply(pair, np.array([2.0, 1.0]), ~np.eye(2, dtype=bool)).keep.sum() == kept
+    assert Exclusion().apply(pair, np.array([2.0, 1.0]), np.ones((2, 2), bool)).keep.sum() == kept
 
 
+@pytest.mark.parametrize(("behind", "before"), [([False, True], [False, False]), ([False, False], [True, False])])
 @pytest.mark.parametrize(
-    ("between", "gap", "speed", "united"),
-    [
-        ((0, 1), 0.5, 25.0, False),
-        ((0, 2), 0.5, 25.0, True),
-        ((1, 2), 0.5, 25.0, True),
-        ((0, 2), 0.9, 25.0, False),
-        ((0, 2), 0.1, 7.9, False),
-        ((0, 2), 0.1, 8.1, True),
-    ],
+    ("heading", "gap", "speed", "kept"),
+    [(0.0, 0.5, 25.0, 2), (np.pi, 0.5, 25.0, 1), (np.pi, 0.9, 25.0, 2), (np.pi, 0.1, 7.9, 2), (np.pi, 0.1, 8.1, 1)],
 )
-def test_of_two_tracks_with_a_third_behind_empty_ground_what_touches_is_united(between, gap, speed, united):
-    """A truck in two pieces, 0 and 1, and a car 30 m away, 2, from which one of them was divided."""
-    x = np.array([0.0, 5.0 + gap, 35.0])
-    three = prior(np.stack([x, 0 * x, 0 * x], -1), velocity=(speed, 0.0), size=(5.0, 1.8))
-    divided = np.zeros((3, 3), bool)
-    divided[between] = divided[between[::-1]] = True
-    assert Exclusion().apply(three, np.array([3.0, 2.0, 1.0]), divided).keep.tolist() == [True, not united, True]
-
-
-@pytest.mark.parametrize(("widths", "std", "kept"), [((2.5, 1.8), 0.1, 2), ((2.5, 2.4), 0.1, 1), ((2.5, 1.8), 0.4, 1)])
-def test_what_is_not_as_wide_as_the_other_is_another_vehicle(widths, std, kept):
-    """7 m and 5 m, 3 m of gap at 25 m/s, (LIFE.50): by lengths alone one articulated vehicle."""
-    pair = prior([[0, 0, 0], [9.0, 0, 0]], velocity=(25.0, 0.0), size=np.c_[[7.0, 5.0], widths], size_std=(0.2, std))
-    assert Exclusion().apply(pair, np.array([2.0, 1.0]), None, GroundTest().two).keep.sum() == kept
+def test_at_the_other_end_of_empty_ground_what_touches_is_united(behind, before, heading, gap, speed, kept):
+    """Empty behind the front one, or before the rear one; where they are turned round the ground is elsewhere."""
+    x = (5.0 + gap) / 2
+    pair = prior([[-x, 0, heading], [x, 0, heading]], velocity=(speed * np.cos(heading), 0.0), size=(5.0, 1.8))
+    ground = np.stack([behind, before], -1)
+    assert Exclusion().apply(pair, np.array([2.0, 1.0]), ground).keep.sum() == kept
 
 
 @pytest.mark.parametrize(("width", "std", "kept"), [(1.8, 0.1, 2), (2.5, 0.1, 1), (1.8, 0.6, 1)])

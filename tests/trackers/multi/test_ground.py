@@ -9,6 +9,7 @@ from tests.trackers.multi.known_objects import KnownObjects, scan_of, tracks_of
 from trackers import MultiObjectTracker, SensorModel, prior
 from trackers.batch import take
 from trackers.multi.ground import CELLS, NOTHING, PLACE, STEP, GroundTest, end_on, untouched
+from trackers.multi.tracks import BEFORE, BEHIND
 from trackers.multi.visibility import SensorArray
 from trackers.scan import DepthProfile
 
@@ -57,7 +58,7 @@ def test_two_cars_in_a_queue_held_for_one_become_two_and_stay_so(seed):
     order = np.argsort(tracks.estimate.pose[:, 0])
     np.testing.assert_allclose(tracks.estimate.pose[order, 0], [-2.8, 2.8], atol=0.4)
     np.testing.assert_allclose(tracks.estimate.size[:, 0], 4.6, atol=0.6)
-    assert tracks.memory.divided.tolist() == [[0, 1]]
+    assert tracks.memory.divided.tolist() == [[0, BEFORE], [1, BEHIND]]
     assert tracks.confirmed.all()
 
 
@@ -82,7 +83,8 @@ def test_three_in_file_become_three():
     assert [e.kind for e in events] == ["divided", "divided"]
     np.testing.assert_allclose(np.sort(tracks.estimate.pose[:, 0]), [-5, 0, 5], atol=0.5)
     rear, middle, front = tracks.id[np.argsort(tracks.estimate.pose[:, 0])]
-    assert set(map(tuple, tracks.memory.divided)) == {(rear, middle), (middle, front)}
+    ends = [(rear, BEFORE), (middle, BEHIND), (middle, BEFORE), (front, BEHIND)]
+    assert set(map(tuple, tracks.memory.divided)) == set(ends)
 
 
 @pytest.mark.parametrize(("tracked", "divided"), [(True, 0), (False, 1)])

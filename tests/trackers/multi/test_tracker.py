@@ -334,23 +334,35 @@ def test_a_box_is_complete_but_for_what_an_edge_cuts_off_and_others_hide():
     assert view.complete[3] == 0
 
 
-def test_where_a_box_may_be_out_of_view_nothing_is_expected_of_it():
+def test_what_is_expected_of_a_box_that_may_be_out_of_view_is_not_certain():
     """(MOT.59): half a box beyond the edge of the view, its place known to 0.5 m; one in the middle of the view."""
     edge = 20.0 * np.tan(RADAR.fov / 2)
     e = prior(np.array([[20.0 + 2.3, edge, 0], [20.0, 0.0, 0.0]]), position_std=0.5)
     sensors, idle = SensorArray.of((RADAR,)), np.zeros(2, bool)
-    certain, unsure, vague = (
-        predict_visibility(e, idle, sensors, np.zeros(6), edge_sigmas=k).expected[0] for k in (0.0, 1.0, 9.0)
-    )
-    low, high, _ = angular_spans(e, np.array([RADAR.mount]))
+    views = [predict_visibility(e, idle, sensors, np.zeros(6), edge_sigmas=k) for k in (0.0, 1.0, 9.0)]
+    low, _, _ = angular_spans(e, np.array([RADAR.mount]))
     half, std = RADAR.fov / 2, 0.5 / np.hypot(*(e.pose[0, :2] - RADAR.mount[:2]))
-    np.testing.assert_allclose(unsure[0] / certain[0], np.sqrt((half - std - low[0, 0]) / (half - low[0, 0])))
-    assert vague[0] == 0
-    assert certain[1] == unsure[1] == vague[1] > 0
-    assert high[0, 0] > half
-    behind = prior(np.array([[-20.0, 0.5, 0.0]]), position_std=0.5), idle[:1]
+    share = np.sqrt((half - std - low[0, 0]) / (half - low[0, 0]))
+    np.testing.assert_allclose([view.certain[0, 0] for view in views], [1.0, share, 0.0])
+    assert [view.certain[0, 1] for view in views] == [1.0, 1.0, 1.0]
+    assert len({view.expected[0, 0] for view in views}) == 1
     around = SensorArray.of((replace(RADAR, fov=2 * np.pi),))  # has no edge
-    assert len({predict_visibility(*behind, around, np.zeros(6), edge_sigmas=k).expected[0, 0] for k in (0, 3)}) == 1
+    behind = prior(np.array([[-20.0, 0.5, 0.0]]), position_std=0.5)
+    assert predict_visibility(behind, idle[:1], around, np.zeros(6), edge_sigmas=3.0).certain[0, 0] == 1.0
+
+
+@pytest.mark.parametrize(("edge_sigmas", "lives"), [(0.0, False), (1.0, True)])
+def test_a_track_at_the_edge_of_the_view_does_not_die_of_silence(edge_sigmas, lives):
+    """A corner of its box is in view by 0.1 degrees; its place is known to 0.4 m."""
+    y = 20.0 * np.tan(RADAR.fov / 2 - np.deg2rad(0.1)) + 0.95
+    tracker = MultiObjectTracker(KnownObjects(), (replace(RADAR, mount=(0.0, 0.0, 0.0)),), edge_sigmas=edge_sigmas)
+    box = prior([[20.0 - 2.3, y, 0.0]], size=(4.6, 1.9), position_std=0.4)
+    tracks = tracks_of(box, existence=0.95)
+    for _ in range(10):
+        tracks, _ = tracker.step(
+            tracks, scan_of(np.zeros((0, 2)), (0.1, 0.01, 0.1), 0.0)._replace(delivered=np.ones(1, bool)), 0.1
+        )
+    assert (len(tracks.id) == 1 and tracks.existence[0] > 0.5) == lives
 
 
 def test_the_near_end_is_hidden_where_another_box_stands_before_it():

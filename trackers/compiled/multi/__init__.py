@@ -122,7 +122,7 @@ class Life:
         info = StepInfo(
             np.zeros(0, int), tracks.id, c.expected, v.in_view, c.number, c.log_ratio, np.full(T, np.nan), ()
         )
-        return Seen(tracks, sorted_scan, order, c.owner, Visibility(*v[:6]), info)
+        return Seen(tracks, sorted_scan, order, c.owner, Visibility(*v[:7]), info)
 
     def rest(self, seen: Seen, updated: Tracks, dt: float) -> Rest:
         """Existence and leftovers of a step, whose tracks have their estimates after the update."""

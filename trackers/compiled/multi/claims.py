@@ -206,7 +206,7 @@ def claim(g: Boxes, x: Sizes, z: Detections, v: View, alive: NDArray, p: Rules) 
             evidence[owner[j]] += min(math.log1p(best_gain[j]), cap)  # (MOT.24)
     for t in range(T):
         for s in range(len(v.expected)):
-            expected[t] += v.expected[s, t]
+            expected[t] += v.expected[s, t] * v.certain[s, t]
         seen = min(max(evidence[t] - missing * min(expected[t], 6.0), least), most)  # (MOT.24)
         missed = math.log(max((1 + expected[t] / k) ** -k, floor))  # (MOT.23)
         log_ratio[t] = seen if count[t] > 0 else missed

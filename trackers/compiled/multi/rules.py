@@ -64,6 +64,7 @@ class View(NamedTuple):
     complete: NDArray  # (T,)
     hidden: NDArray  # (T,) bool
     end_hidden: NDArray  # (T,) bool
+    certain: NDArray  # (S, T)
     out: NDArray  # (S,)
 
 

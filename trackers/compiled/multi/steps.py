@@ -94,8 +94,15 @@ def in_file(box: Boxes, a: int, b: int, touching: bool, p: Rules) -> bool:
 
 
 @compiled
+def ahead(box: Boxes, a: int, b: int) -> int:
+    """Whether b is ahead of a."""
+    c, s = math.cos(box.pose[a, 2]), math.sin(box.pose[a, 2])
+    return int(c * (box.pose[b, 0] - box.pose[a, 0]) + s * (box.pose[b, 1] - box.pose[a, 1]) > 0)
+
+
+@compiled
 def apart(box: Boxes, divided: NDArray, p: Rules) -> bool:
-    """(MOT.42) to (MOT.44): whether no two tracks may be one vehicle; divided pairs (T, T) bool only short ones."""
+    """(MOT.42) to (MOT.44): whether no two tracks may be one vehicle; over divided ends (T, 2) bool short ones only."""
     overlap, overlap_speed, sure, _, speed, short, _, _, _ = p.exclusion
     for a in range(len(box.pose)):
         for b in range(a):
@@ -109,7 +116,7 @@ def apart(box: Boxes, divided: NDArray, p: Rules) -> bool:
             parallel = math.cos(box.pose[a, 2] - box.pose[b, 2]) > 0.9
             long = d + (box.size[a, 0] + box.size[b, 0]) / 2 >= short
             some = long and (divided[a].any() or divided[b].any())
-            if long and divided[a, b]:
+            if some and (divided[a, ahead(box, a, b)] or divided[b, ahead(box, b, a)]):
                 continue
             if v < speed and parallel and in_file(box, a, b, some, p) and in_file(box, b, a, some, p):
                 return False

@@ -118,7 +118,7 @@ def see(box: Boxes, occluder: NDArray, platform: NDArray, p: Rules) -> View:
     """(MOT.8) to (MOT.12), (MOT.53): what sensors should see of T predicted tracks; occluder (T,) bool hide others."""
     s, S, T = p.sheets, len(p.sheets.fov), len(box.pose)
     no, yes = np.zeros(T, np.bool_), np.ones(T, np.bool_)
-    v = View(np.zeros((S, T)), no, np.zeros((S, T)), np.zeros(T), yes, no.copy(), np.zeros(S))
+    v = View(np.zeros((S, T)), no, np.zeros((S, T)), np.zeros(T), yes, no.copy(), np.zeros((S, T)), np.zeros(S))
     of_end = np.full(T, -1.0)  # as of a track of which no end is turned to a sensor
     cos, sin, sensor = np.cos(box.pose[:, 2]), np.sin(box.pose[:, 2]), np.empty(3)
     c, n = math.cos(platform[2]), math.sin(platform[2])
@@ -133,7 +133,6 @@ def see(box: Boxes, occluder: NDArray, platform: NDArray, p: Rules) -> View:
             unsure = edge_sigmas * azimuth_std(box.pose[t], box.cov[t], sensor) if edge < math.pi else 0.0
             sure = min(high, edge - unsure) - max(low, unsure - edge)
             low, high = max(low, -edge), min(high, edge)
-            sure = min(max(sure, 0.0), high - low)  # (MOT.59)
             if not (high > low and nearest < s.max_range[k]):
                 continue
             seen, ends, ends_seen, first = 0, 0, 0, np.inf
@@ -161,11 +160,12 @@ def see(box: Boxes, occluder: NDArray, platform: NDArray, p: Rules) -> View:
                 if shadow > own - NEARER - SHADOW:  # (MOT.10)
                     seen, ends_seen, first = seen + 1, ends_seen + on_end, min(first, own)
             v.in_view[t], v.share[k, t] = True, seen / RAYS
+            v.certain[k, t] = math.sqrt(min(max(sure / max(high - low, 1e-9), 0.0), 1.0))  # (MOT.59)
             of_end[t] = max(of_end[t], ends_seen / ends if ends else -1.0)
             v.complete[t] = max(v.complete[t], seen / RAYS * (high - low) / uncut)  # (MOT.12)
             if seen:
                 v.hidden[t] = False
-                rate = s.rates[k, 0] * (15.0 / max(first, 1.0)) ** s.rates[k, 1] * math.sqrt(sure * first / 3)
+                rate = s.rates[k, 0] * (15.0 / max(first, 1.0)) ** s.rates[k, 1] * math.sqrt((high - low) * first / 3)
                 share = min(1.0, 3 * v.share[k, t])
                 v.expected[k, t] = rate_factor * min(rate, s.rates[k, 2]) * share  # (MOT.11)
     for t in range(T):
