@@ -57,7 +57,7 @@ class MultiObjectTracker:
     occlude_above: float = 0.6  # existence of a track that may hide others
     occlude_hits: int = 4  # and its hits, to be exceeded
     rate_factor: float = 0.8  # of the data sheets' expected counts
-    edge_sigmas: float = 0.0  # of the place of a track: so near to the edge of a field of view nothing is expected
+    edge_sigmas: float = 0.0  # of the place of a track: what is so near to the edge of a view is not sure to be in it
     complete_above: float = 0.75  # visible share of an object's span from which an update teaches its class
     road: RoadMap | None = None  # map of the lanes; without it no standing vehicle is born
     silence: Silence | None = field(default_factory=Silence)  # of radars about lengths; None: says nothing
