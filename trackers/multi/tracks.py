@@ -105,7 +105,7 @@ class StepInfo(NamedTuple):
 
     owner: NDArray  # (M,) id of the track that owns each detection, -1 for none
     track: NDArray  # (T,) ids of the predicted tracks
-    expected: NDArray  # (T,) expected detections, predicted occlusion included
+    expected: NDArray  # (T,) expected detections of what is certain to be in view, occlusion included
     in_view: NDArray  # (T,) bool, inside some field of view
     detections: NDArray  # (T,) number of detections that the track owns
     log_ratio: NDArray  # (T,) log likelihood ratio of the existence update

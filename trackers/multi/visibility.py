@@ -123,10 +123,10 @@ def predict_visibility(
     poses = sensors.poses(platform)
     low, high, nearest = angular_spans(estimate, poses)
     edge, uncut = sensors.fov[:, None] / 2, high - low
+    low, high = np.maximum(low, -edge), np.minimum(high, edge)  # (MOT.8)
     unsure = np.where(edge < np.pi, edge_sigmas, 0.0) * azimuth_std(estimate, poses) if edge_sigmas else 0.0
     sure = np.minimum(high, edge - unsure) - np.maximum(low, unsure - edge)
-    low, high = np.maximum(low, -edge), np.minimum(high, edge)  # (MOT.8)
-    certain = np.sqrt(np.clip(sure / np.maximum(high - low, 1e-9), 0.0, 1.0))  # (MOT.59)
+    certain = np.sqrt(np.maximum(sure, 0.0) / np.maximum(high - low, 1e-9))  # (MOT.59)
     in_view = (high > low) & (nearest < sensors.max_range[:, None])
     s, t = np.nonzero(in_view)  # G pairs
     span = (high - low)[s, t]

@@ -130,8 +130,6 @@ def see(box: Boxes, occluder: NDArray, platform: NDArray, p: Rules) -> View:
         for t in range(T):
             low, high, nearest = span(box.pose[t], box.size[t], cos[t], sin[t], sensor)
             uncut = high - low
-            unsure = edge_sigmas * azimuth_std(box.pose[t], box.cov[t], sensor) if edge < math.pi else 0.0
-            sure = min(high, edge - unsure) - max(low, unsure - edge)
             low, high = max(low, -edge), min(high, edge)
             if not (high > low and nearest < s.max_range[k]):
                 continue
@@ -160,7 +158,9 @@ def see(box: Boxes, occluder: NDArray, platform: NDArray, p: Rules) -> View:
                 if shadow > own - NEARER - SHADOW:  # (MOT.10)
                     seen, ends_seen, first = seen + 1, ends_seen + on_end, min(first, own)
             v.in_view[t], v.share[k, t] = True, seen / RAYS
-            v.certain[k, t] = math.sqrt(min(max(sure / max(high - low, 1e-9), 0.0), 1.0))  # (MOT.59)
+            unsure = edge_sigmas * azimuth_std(box.pose[t], box.cov[t], sensor) if edge < math.pi else 0.0
+            sure = min(high, edge - unsure) - max(low, unsure - edge)
+            v.certain[k, t] = math.sqrt(max(sure, 0.0) / max(high - low, 1e-9))  # (MOT.59)
             of_end[t] = max(of_end[t], ends_seen / ends if ends else -1.0)
             v.complete[t] = max(v.complete[t], seen / RAYS * (high - low) / uncut)  # (MOT.12)
             if seen:
