@@ -46,7 +46,12 @@ DRA = DataRegion(models=("cv",), prior="uniform", parameters="alone", centre_std
 DRA_IMM = replace(DRA, models=("cv", "ca", "ct"), parameters="road", form="soft")  # as good here, and cheaper
 
 OURS = MappingProxyType(
-    {"ground": GroundTest(), "edge_sigmas": 1.0, "association": Association(static_inside=(0.5, 1.2))}
+    {
+        "ground": GroundTest(),
+        "edge_sigmas": 1.0,
+        "as_whole": True,
+        "association": Association(static_inside=(0.5, 1.2)),
+    }
 )
 
 TRACKERS: Mapping[str, Entry] = MappingProxyType(

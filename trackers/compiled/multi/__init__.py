@@ -6,6 +6,7 @@ This module does not import numba; see `trackers.compiled`. What is rare stays n
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from trackers.compiled import available
 from trackers.compiled.core import whole
@@ -54,9 +55,10 @@ class Life:
 
     def __init__(self, tracker: Any) -> None:
         from trackers.compiled.multi.rules import Boxes, Detections, Limits, Pool, Rules, Sizes
-        from trackers.compiled.multi.steps import finish_all, plausible_all, see_all, share_all
+        from trackers.compiled.multi.steps import finish_all, plausible_all, see_all, share_all, turn_all
 
         self.limited, self.see, self.share, self.finish = plausible_all, see_all, share_all, finish_all
+        self.turn = turn_all
         self.Boxes, self.Detections, self.Pool, self.Sizes = Boxes, Detections, Pool, Sizes
         self.rules, self.limits, self.filter = Rules.of(tracker), Limits.of(), tracker.filter
         self.sensors, self.most, self.complete = len(tracker.sensors), tracker.most_detections, tracker.complete_above
@@ -91,12 +93,20 @@ class Life:
         found = self.core.predict(*state, dt) if self.core is not None and dt > 0 else None
         return None if found is None else self.filter.remembered(found)
 
-    def update(self, seen: Seen) -> tuple[Any, Any] | None:
-        """State and information of the filter after the detections that tracks own."""
+    def update(self, seen: Seen, occluder: NDArray | None) -> tuple[Any, Any] | None:
+        """State and information of the filter after the detections that tracks own.
+
+        occluder (T,) bool are the tracks that hide others; None: detections of what is partly hidden stay as they are.
+        """
         if self.core is None:
             return None
         T, (motion, place, size) = len(seen.tracks.id), seen.tracks.state
-        rows, start = self.share(seen.owner, self._detections(seen.z), T, self.most)
+        z = self._detections(seen.z)
+        if occluder is not None:
+            box, platform = self._boxes(seen.tracks.estimate), whole(seen.z.scan.platform)
+            sight, rate = self.turn(seen.owner, z, box, occluder, seen.view.share, platform, self.rules)
+            z = z._replace(sight=sight, rate=rate)
+        rows, start = self.share(seen.owner, z, T, self.most)
         size = size._replace(fully_visible=seen.view.complete > self.complete)
         found = self.core.update_rows(motion, place, size, rows, start)
         return None if found is None else (self.filter.remembered(found), informed(found, np.diff(start)))

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from trackers.compiled.multi.claims import claim, reach, share
 from trackers.compiled.multi.jit import compiled
 from trackers.compiled.multi.leftovers import candidates, gather, quiet, remembered
+from trackers.compiled.multi.partial import turned
 from trackers.compiled.multi.rules import Boxes, Claimed, Detections, Limits, Pool, Rules, Sizes, View
 from trackers.compiled.multi.view import see, silence, sort, survive, within
 
@@ -146,4 +147,5 @@ def rest(
 see_all = compiled.first(seen, "claims of tracks", 20)
 finish_all = compiled.first(rest, "leftovers of tracks", 15)
 share_all = compiled.first(share, "shares of tracks", 2)
+turn_all = compiled.first(turned, "turns of detections", 3)
 plausible_all = compiled.first(plausible, "limits of scans", 2)
