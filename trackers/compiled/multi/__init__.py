@@ -104,7 +104,7 @@ class Life:
         z = self._detections(seen.z)
         if occluder is not None:
             box, platform = self._boxes(seen.tracks.estimate), whole(seen.z.scan.platform)
-            sight, rate = self.turn(seen.owner, z, box, occluder, seen.view.share, platform, self.rules)
+            sight, rate = self.turn(seen.owner, z, box, occluder, seen.view.share, platform, self.rules.sheets.mount)
             z = z._replace(sight=sight, rate=rate)
         rows, start = self.share(seen.owner, z, T, self.most)
         size = size._replace(fully_visible=seen.view.complete > self.complete)
