@@ -47,8 +47,11 @@ scan
 layers
 own-code
 own-recordings
+own-tracks
 real-traffic
 reviewing
+benchmark
+citing
 results
 comparing
 regression
@@ -115,7 +118,7 @@ def adapt_page(app: Sphinx, page: str, source: list[str]) -> None:
     if page == root_doc:
         source[0] += CONTENTS
     api = relpath("docs/api", page.rpartition("/")[0] or ".")
-    source[0] = CODE.sub(lambda m: f"]({api}/{m[1].replace('/', '.')}.rst)", source[0])
+    source[0] = CODE.sub(lambda m: f"]({api}/{m[1].removesuffix('/__init__').replace('/', '.')}.rst)", source[0])
 
 
 def adapt_docstring(app: Sphinx, what: str, name: str, thing: Any, options: Any, lines: list[str]) -> None:

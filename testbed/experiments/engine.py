@@ -49,7 +49,7 @@ def perform(
     engine: Engine,
     reads: Callable[..., Sequence[Path]] = nothing,
 ) -> Generator[Outcome]:
-    """Outcomes of function(*task) in the order in which they are finished. Close the iterator to stop early.
+    """Outcomes of `function(*task)` in the order in which they are finished. Close the iterator to stop early.
 
     A task whose worker is killed again and again is reported as failed, and stops no other.
 
@@ -57,7 +57,7 @@ def perform(
         function: writes nowhere but in the folder of the task.
         tasks: tuples, of which the last element is that folder.
         engine: where they are done.
-        reads: the paths in its folder that function(*task) reads where they are there.
+        reads: the paths in its folder that `function(*task)` reads where they are there.
 
     Raises:
         ValueError, OSError: in one sentence, for a cluster that cannot be used, or was lost.

@@ -32,7 +32,7 @@ def broken(page: Path, text: str) -> list[str]:
         name, _, anchor = link.partition("#")
         target = page if not name else (page.parent / name).resolve()
         headed = not anchor or (target.suffix == ".md" and target.is_file() and anchor in anchors(target.read_text()))
-        if not target.exists() or not headed:
+        if not target.is_file() or not headed:  # the site has no page of a folder
             found.append(link)
     return found
 
@@ -42,7 +42,9 @@ def test_every_link_leads_somewhere(page):
     assert broken(page, page.read_text()) == []
 
 
-@pytest.mark.parametrize("link", ["nowhere.md", "index.md#no-such-heading", "#neither", "../testbed/no_such.py"])
+@pytest.mark.parametrize(
+    "link", ["nowhere.md", "index.md#no-such-heading", "#neither", "../testbed/no_such.py", "results"]
+)
 def test_a_broken_link_is_found(link):
     assert broken(ROOT / "docs" / "index.md", f"# Head\n\n[text]({link})") == [link]
 
@@ -51,6 +53,13 @@ def test_every_page_is_on_the_index():
     linked = set(targets((ROOT / "docs" / "index.md").read_text()))
     pages = {str(page.relative_to(ROOT / "docs")) for page in (ROOT / "docs").rglob("*.md")}
     assert pages - linked == {"index.md"}
+
+
+def test_every_page_is_in_the_contents_of_the_site():
+    contents = re.findall(r"^[\w./*-]+$", (ROOT / "docs" / "conf.py").read_text(), re.M)
+    pages = {str(page.relative_to(ROOT / "docs").with_suffix("")) for page in (ROOT / "docs").rglob("*.md")}
+    listed = {page for page in pages if page in contents or f"{Path(page).parent}/*" in contents}
+    assert pages - listed == {"index"}
 
 
 def torn(text: str) -> list[str]:
