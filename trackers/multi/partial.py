@@ -49,4 +49,4 @@ def as_if_whole(
     polar[own, 1] = wrap_angle(polar[own, 1] - blurred * shift[of_pair])  # (MOT.62)
     scan = z.scan._replace(polar=polar)
     sight = scan.sight
-    return z._replace(scan=scan, sight=sight, xy=scan.points(sight))
+    return z._replace(scan=scan, sight=sight, xy=scan.points(sight), rate=scan.rates(sight))

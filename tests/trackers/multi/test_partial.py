@@ -1,6 +1,6 @@
 """Detections of a vehicle of which others hide a part; against integrals by many draws, and a car behind a car."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -20,30 +20,30 @@ NOISE = (0.15, 0.01, 0.1)
 FACE = 100.0 - 2.3  # [m] from the radar to the rear side of the vehicle in question
 
 
-def turn(places, std=1e-5, size=(4.6, 1.8), hides=True, share=0.5, noise=NOISE):
+def turn(places, std=1e-5, hides=True, share=0.5, noise=NOISE):
     """Angle [rad] by which a detection straight ahead, of the first track, is turned; places (T, 2) of all tracks."""
     places = np.reshape(places, (-1, 2))
-    estimate = prior(np.c_[places, np.zeros(len(places))], size=[size] * len(places), position_std=std)
+    estimate = prior(np.c_[places, np.zeros(len(places))], size=[(4.6, 1.8)] * len(places), position_std=std)
     array = SensorArray.of((AHEAD,))
     z, _ = Association().prepare(scan_of([(FACE, 0.0)], noise), array)
     occluder = np.full(len(places), hides)
     new = as_if_whole(z, np.zeros(1, int), estimate, occluder, np.full((1, len(places)), share), array)
     np.testing.assert_allclose(new.xy, new.scan.points(new.sight))
+    np.testing.assert_allclose(new.rate, new.scan.rates(new.sight))
     np.testing.assert_array_equal(new.scan.polar[:, [0, 2]], z.scan.polar[:, [0, 2]])
     return new.scan.polar[0, 1] - z.scan.polar[0, 1]
 
 
-def blurred(noise, size=1.8):
+def blurred(noise):
     """(MOT.62) of the vehicle in question."""
-    half = np.arctan2(size / 2, FACE)
+    half = np.arctan2(0.9, FACE)
     return noise**2 / (half**2 / 3 + noise**2)
 
 
-def beside(edge, distance=50.0, size=(4.6, 1.8)):
-    """Place of a vehicle whose left edge is seen `edge` [rad] left of the middle of the vehicle in question."""
-    near = distance - size[0] / 2
-    y = near * np.tan(edge) - size[1] / 2 if edge < 0 else (distance + size[0] / 2) * np.tan(edge) - size[1] / 2
-    return distance, y
+def beside(edge):
+    """Place of a vehicle 50 m ahead whose left edge is seen `edge` [rad] left of the middle of the one in question."""
+    corner = 50.0 + (-2.3 if edge >= 0 else 2.3)  # the one that is seen furthest to the left
+    return 50.0, corner * np.tan(edge) - 0.9
 
 
 def test_of_a_vehicle_whose_right_half_is_hidden_detections_lie_a_quarter_of_its_width_to_the_left():
@@ -99,7 +99,6 @@ def test_unsure_edges_are_those_of_many_draws(y, std):
     assert turn([(100.0, 0.0), (50.0, y)], std=std) == pytest.approx(expected, abs=0.03 * np.arctan2(0.9, FACE))
 
 
-@dataclass
 class HalfHidden(Road):
     """The first car hides the right half of the second one: of that only the left half has detections."""
 

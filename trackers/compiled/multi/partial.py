@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from trackers.compiled.linear import ndtr, wrap
 from trackers.compiled.multi.jit import compiled
 from trackers.compiled.multi.rules import Boxes, Detections
-from trackers.compiled.multi.view import NEARER, azimuth_std, span
+from trackers.compiled.multi.view import NEARER, azimuth_std, span, stand
 
 PLACES, LEAST_SEEN, LEAST_STD = 16, 0.02, 1e-6  # as in `trackers.multi.partial`
 FAR = 9.0  # standard deviations from an edge where nothing of a box hides anything
@@ -25,15 +25,12 @@ def turned(
     """
     sight, rate = z.sight.copy(), z.rate.copy()
     shift, half, sensor = np.full(share.shape, np.nan), np.empty(share.shape), np.empty(3)
-    c, n = math.cos(platform[2]), math.sin(platform[2])
     for i in range(len(owner)):
         t, s = owner[i], z.sensor[i]
         if t < 0 or share[s, t] >= 1:
             continue
         if math.isnan(shift[s, t]):
-            x, y = mount[s, 0], mount[s, 1]
-            sensor[0], sensor[1] = platform[0] + (c * x - n * y), platform[1] + (n * x + c * y)
-            sensor[2] = platform[2] + mount[s, 2]
+            stand(mount[s], platform, sensor)
             shift[s, t], half[s, t] = shift_of(t, box, occluder, sensor)
         noise = z.noise[i, 1] ** 2
         blurred = noise / (half[s, t] ** 2 / 3 + noise)  # (MOT.62)
@@ -47,8 +44,8 @@ def turned(
 def shift_of(t: int, box: Boxes, occluder: NDArray, sensor: NDArray) -> tuple[float, float]:
     """(MOT.60), (MOT.61) of one track for a sensor (3,), and half the width [rad] of its box."""
     low, high, nearest = span_of(t, box, sensor)
-    middle, half, seen = (low + high) / 2, (high - low) / 2, np.ones(PLACES)
-    std = azimuth_std(box.pose[t], box.cov[t], sensor)
+    middle, half, std = (low + high) / 2, (high - low) / 2, azimuth_std(box.pose[t], box.cov[t], sensor)
+    place, seen = 2 * half * ((np.arange(PLACES) + 0.5) / PLACES - 0.5), np.ones(PLACES)
     for o in range(len(box.pose)):
         dx, dy = box.pose[o, 0] - sensor[0], box.pose[o, 1] - sensor[1]
         distance, radius = math.hypot(dx, dy), math.hypot(box.size[o, 0], box.size[o, 1]) / 2
@@ -62,12 +59,9 @@ def shift_of(t: int, box: Boxes, occluder: NDArray, sensor: NDArray) -> tuple[fl
         if other_nearest + NEARER < nearest:
             to_other, beside = wrap((other_low + other_high) / 2 - middle), (other_high - other_low) / 2
             for k in range(PLACES):
-                to_edge = to_other - 2 * half * ((k + 0.5) / PLACES - 0.5)
+                to_edge = to_other - place[k]
                 seen[k] *= 1 - (ndtr((to_edge + beside) / of_edge) - ndtr((to_edge - beside) / of_edge))
-    moment = 0.0
-    for k in range(PLACES):
-        moment += 2 * half * ((k + 0.5) / PLACES - 0.5) * seen[k]
-    return moment / PLACES / max(seen.mean(), LEAST_SEEN), half
+    return (place * seen).mean() / max(seen.mean(), LEAST_SEEN), half
 
 
 @compiled

@@ -114,6 +114,15 @@ def azimuth_std(x: NDArray, cov: NDArray, sensor: NDArray) -> float:
 
 
 @compiled
+def stand(mount: NDArray, platform: NDArray, sensor: NDArray) -> None:
+    """Pose sensor (3,), in place, of a sensor at mount (3,) on a platform (6,)."""
+    c, n = math.cos(platform[2]), math.sin(platform[2])
+    sensor[0] = platform[0] + (c * mount[0] - n * mount[1])
+    sensor[1] = platform[1] + (n * mount[0] + c * mount[1])
+    sensor[2] = platform[2] + mount[2]
+
+
+@compiled
 def see(box: Boxes, occluder: NDArray, platform: NDArray, p: Rules) -> View:
     """(MOT.8) to (MOT.12), (MOT.53): what sensors should see of T predicted tracks; occluder (T,) bool hide others."""
     s, S, T = p.sheets, len(p.sheets.fov), len(box.pose)
@@ -121,12 +130,10 @@ def see(box: Boxes, occluder: NDArray, platform: NDArray, p: Rules) -> View:
     v = View(np.zeros((S, T)), no, np.zeros((S, T)), np.zeros(T), yes, no.copy(), np.zeros((S, T)), np.zeros(S))
     of_end = np.full(T, -1.0)  # as of a track of which no end is turned to a sensor
     cos, sin, sensor = np.cos(box.pose[:, 2]), np.sin(box.pose[:, 2]), np.empty(3)
-    c, n = math.cos(platform[2]), math.sin(platform[2])
     _, _, rate_factor, edge_sigmas = p.occlusion
     for k in range(S):
-        x, y = s.mount[k, 0], s.mount[k, 1]
-        sensor[0], sensor[1] = platform[0] + (c * x - n * y), platform[1] + (n * x + c * y)
-        sensor[2], edge = platform[2] + s.mount[k, 2], s.fov[k] / 2
+        stand(s.mount[k], platform, sensor)
+        edge = s.fov[k] / 2
         for t in range(T):
             low, high, nearest = span(box.pose[t], box.size[t], cos[t], sin[t], sensor)
             uncut = high - low
