@@ -73,6 +73,7 @@ class Composed:
     def abilities(self) -> Abilities:
         """What it offers beyond the four methods: that of its parts."""
         names = ["log_spatial", "restart", "learn_where", "classes"]
+        names += [] if self.motion is None else ["on_lanes"]
         sized, moving = ["reach", "update_among", "loosen", "quiet"], [*SMOOTHED, "resize", "shift"]
         names += moving if self.size is None else sized
         return Abilities(**{name: getattr(self, name) for name in names}, on_sensors=self.on)
@@ -179,6 +180,10 @@ class Composed:
             place = self._can.learn_where(self._filled(state), where)
             state = state._replace(place=place if self._own else self._kept(state.motion, place))
         return state if self.size is None else state._replace(size=state.size._replace(fully_visible=where))
+
+    def on_lanes(self, state: ComposedState, curvature: NDArray) -> ComposedState:
+        """State of objects whose lanes bend so, curvature (...) [1/m], positive to the left."""
+        return state._replace(motion=state.motion._replace(curvature=curvature))
 
     def loosen(self, state: ComposedState, where: NDArray) -> ComposedState:
         """State of which the near end of the objects where (...) is true may lie elsewhere: others hide it."""

@@ -81,6 +81,7 @@ class Abilities(NamedTuple):
     update_among: Method = None  # (state, scan, every (M,), owner (M,)): update that knows what others hide
     learn_where: Method = None  # (state, where (...)): state whose next scan shows these objects completely
     quiet: Method = None  # (state, rows (R,), length (R, C) [m], log_p (R, C)): state after so improbable a silence
+    on_lanes: Method = None  # (state, curvature (...) [1/m]): state of objects whose lanes bend so
     loosen: Method = None  # (state, where (...)): state of which the near end of these objects may lie elsewhere
 
     # Another place or size, everything else kept, and a new start

@@ -179,7 +179,7 @@ class Core:
             return a if len(lead) == 1 else a.reshape((*lead, *a.shape[1:]))
 
         belief = Belief(*(shaped(b[:, i]) for i in range(5)), *map(shaped, (x.of_length, x.of_width, x.kind)))
-        anchor, length, width, *seen = map(shaped, x[4:10])
+        anchor, length, width, *seen = map(shaped, x[5:11])
         new = SizeState(anchor, length, width, belief, size.fully_visible, *seen)
         yaw_rate, std = shaped(f.m[:, 4].copy()), shaped(f.std)
         outlines = iter(map(shaped, f.contour) if f.contour.size else (None, None))
@@ -190,7 +190,7 @@ class Core:
                          shaped(f.edge_std))  # fmt: skip
         innovation = shaped(f.eps), shaped(f.S), shaped(state == 1)
         gaussian = Gaussian(shaped(f.m), shaped(f.P))
-        return Step((Mixture(*map(shaped, x[:4])), place, new), gaussian, box, sized, innovation)
+        return Step((Mixture(*map(shaped, x[:5])), place, new), gaussian, box, sized, innovation)
 
 
 def rows_of(motion: Mixture, size: SizeState, T: int) -> Rows:

@@ -165,7 +165,7 @@ def move(
     """(MODE.10) to (MODE.23): modes in place, after the place's filter took their moments to m_new (7,), P_new (7, 7).
 
     mean (7,) and cov (7, 7) are the moments, before and after; ahead (1,) [m] driven forward. settings (5,): std,
-    common_std, clip, backwards, settled. False where something is not definite.
+    common_std, clip, backwards, backed. False where something is not definite.
     """
     s, Lam, log_l, measured = np.empty(7), np.empty((7, 7)), np.zeros(len(mu)), False
     least = likelihood(mean, cov, m_new, P_new, s, Lam)

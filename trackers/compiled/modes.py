@@ -97,7 +97,9 @@ def possible(u: float, lateral: float, curvature: float, fast: float) -> float:
 
 
 @compiled
-def move(m: NDArray, P: NDArray, dt: float, mode: NDArray, common: NDArray, size_walk: float, log: bool) -> float:
+def move(
+    m: NDArray, P: NDArray, dt: float, mode: NDArray, common: NDArray, size_walk: float, log: bool, bend: float
+) -> float:
     """(MODE.2) to (MODE.7) of one mode, m (7,), P (7, 7) in place; returns (MODE.32), its log likelihood.
 
     mode (4,): speed_walk, yaw_walk, axle, lateral; common (5,) begins with curvature, slow_yaw, fast, bound_time.
@@ -135,16 +137,16 @@ def move(m: NDArray, P: NDArray, dt: float, mode: NDArray, common: NDArray, size
             P[i, j] += dt * (mode[0] ** 2 * speed[i] * speed[j] + walk**2 * yaw[i] * yaw[j])
     u = m[SPEED] ** 2 + P[SPEED, SPEED]
     bound = possible(u, mode[3], curvature, fast) + (slow_yaw**2 if u < SLOW**2 else 0.0)
-    row, turning = P[OMEGA].copy(), m[OMEGA]
-    S = row[OMEGA] + max(bound, LEAST_BOUND) * bound_time / dt
+    row, off = P[OMEGA] - bend * P[SPEED], m[OMEGA] - bend * m[SPEED]  # (MODE.34)
+    S = row[OMEGA] - bend * row[SPEED] + max(bound, LEAST_BOUND) * bound_time / dt
     for i in range(7):
-        m[i] -= row[i] / S * turning  # (MODE.7)
+        m[i] -= row[i] / S * off  # (MODE.7)
         for j in range(7):
             P[i, j] -= row[i] / S * row[j]
     P[LENGTH, LENGTH] += size_walk**2 * dt  # (MODE.4)
     P[WIDTH, WIDTH] += size_walk**2 * dt
     symmetrize(P)
-    return -0.5 * turning**2 / S  # (MODE.32)
+    return -0.5 * off**2 / S  # (MODE.32)
 
 
 @compiled
@@ -170,20 +172,21 @@ def driven(m: NDArray, P: NDArray, mu: NDArray, dt: float) -> float:
     """(MODE.30): how far the body has driven forward for certain."""
     ahead = 0.0
     for k in range(len(mu)):
-        ahead += mu[k] * max(m[k, SPEED] - 2 * math.sqrt(P[k, SPEED, SPEED]), 0.0)
+        sure = max(abs(m[k, SPEED]) - 2 * math.sqrt(P[k, SPEED, SPEED]), 0.0)
+        ahead += mu[k] * math.copysign(sure, m[k, SPEED])
     return ahead * dt
 
 
 @compiled
 def forward(
-    m: NDArray, P: NDArray, mu: NDArray, ahead: float, backwards: float, settled: float, mean: NDArray, cov: NDArray
+    m: NDArray, P: NDArray, mu: NDArray, ahead: float, backwards: float, backed: float, mean: NDArray, cov: NDArray
 ) -> float:
     """(MODE.9), (MODE.23): moments mean (7,), cov (7, 7) of the modes, turned round where the body would reverse.
 
     ahead is how far it has driven forward; returns that afterwards.
     """
     moments(m, P, mu, mean, cov)
-    wrong = mean[SPEED] < -backwards and ahead < settled
+    wrong = mean[SPEED] < -backwards and ahead < -backed
     if wrong and -mean[SPEED] > 3 * math.sqrt(cov[SPEED, SPEED]):
         ahead = 0.0
         for k in range(len(mu)):

@@ -80,10 +80,11 @@ def predict(
     length, width = np.empty(old.length.shape[1:]), np.empty(old.width.shape[1:])
     fit = np.empty(len(p.modes))
     for t in range(len(which)):
+        x.curvature[t] = bend = old.curvature[t]
         x.ahead[t] = old.ahead[t] + modes.driven(old.m[t], old.P[t], old.mu[t], dt)
         modes.mix(old.m[t], old.P[t], old.mu[t], kept, p.onset, p.common[4], dt, x.m[t], x.P[t], x.mu[t])
         for k in range(len(p.modes)):
-            fit[k] = modes.move(x.m[t, k], x.P[t, k], dt, p.modes[k], p.common, p.size_walk, p.log_size)
+            fit[k] = modes.move(x.m[t, k], x.P[t, k], dt, p.modes[k], p.common, p.size_walk, p.log_size, bend)
         modes.reweight(x.mu[t], fit)
         modes.moments(x.m[t], x.P[t], x.mu[t], f.m[t], f.P[t])
         x.anchor[t] = old.anchor[t]

@@ -28,6 +28,7 @@ class Rows(NamedTuple):
     m: NDArray  # (T, K, 7)
     P: NDArray  # (T, K, 7, 7)
     ahead: NDArray  # (T,)
+    curvature: NDArray  # (T,)
     anchor: NDArray  # (T, 2)
     length: NDArray  # (T, K, N)
     width: NDArray  # (T, K', N')
@@ -136,7 +137,7 @@ class Tables(NamedTuple):
         values = (
             [[m.speed_walk, m.yaw_walk, m.axle, m.lateral] for m in M.table],
             [M.curvature, M.slow_yaw, M.fast, M.bound_time, M.told_std], M.axle,
-            [m.onset for m in M.table], [r.std, r.common_std, r.clip, motion.backwards, motion.settled],
+            [m.onset for m in M.table], [r.std, r.common_std, r.clip, motion.backwards, motion.backed],
             place.size_walk, motion.course, place.log_size,
             *(_densities(place) if isinstance(place, HTGMap) else _contours(place)),
             *_axis(size.length, 0), *_axis(size.width, 1), *size.prior[:3],

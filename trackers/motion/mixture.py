@@ -34,7 +34,8 @@ class Mixture(NamedTuple):
     mu: NDArray  # (..., K)
     m: NDArray  # (..., K, 7)
     P: NDArray  # (..., K, 7, 7)
-    ahead: NDArray  # (...) [m] driven forward for certain, since its heading was last turned round
+    ahead: NDArray  # (...) [m] driven for certain, forward positive, since its heading was last turned round
+    curvature: NDArray  # (...) [1/m] of the lane that it keeps, positive to the left
 
     def gaussian(self) -> Gaussian:
         """The moments of all modes together."""
@@ -51,20 +52,21 @@ class MotionModes:
     step: float = 0.1  # [s]
     course: float = 0.3  # share of a shift across the body that is taken for motion
     backwards: float = 2.0  # [m/s] faster than this nothing reverses; its heading is wrong
-    settled: float = 3.0  # [m] driven forward, from which on the heading is not wrong: the speed is
+    backed: float = 0.5  # [m] driven backwards, from which on the heading is wrong: less may be the speed
 
     def __post_init__(self) -> None:
-        check_numbers(self, positive=("step",), unlimited=("settled",))
+        check_numbers(self, positive=("step",))
         chain(len(self.modes.table), self.stay, 1.0)
 
     def born(self, g: Gaussian) -> Mixture:
         """The modes as at birth."""
-        return Mixture(*self.modes.at_birth(*g), np.zeros(g.m.shape[:-1]))
+        none = np.zeros(g.m.shape[:-1])
+        return Mixture(*self.modes.at_birth(*g), none, none)
 
     def predicted(self, x: Mixture, place: Any, dt: float) -> Mixture:
         """The modes after dt > 0 [s]: mixing, then the motion of each; place is the contour filter."""
-        slowest = x.m[..., SPEED] - 2 * np.sqrt(x.P[..., SPEED, SPEED])
-        ahead = x.ahead + (x.mu * np.maximum(slowest, 0.0)).sum(-1) * dt  # (MODE.30)
+        v, sure = x.m[..., SPEED], np.maximum(np.abs(x.m[..., SPEED]) - 2 * np.sqrt(x.P[..., SPEED, SPEED]), 0.0)
+        ahead = x.ahead + (x.mu * np.sign(v) * sure).sum(-1) * dt  # (MODE.30)
         first = np.eye(len(self.modes.table))[0]
         kept = chain(len(first), self.stay, dt / self.step)
         n = perpendicular(unit(x.m[..., 0, PHI]))
@@ -73,9 +75,9 @@ class MotionModes:
         Pi = kept + first[:, None] * begun[..., None, :]  # (MODE.29)
         Pi[..., 0, 0] -= begun.sum(-1)  # (MODE.29)
         m, P, mu = mix(x.m, x.P, x.mu, Pi, angles=ANGLES)
-        m, P, fit = self.modes.moved(m, P, size_of(m, place.log_size)[..., 0], dt)
+        m, P, fit = self.modes.moved(m, P, size_of(m, place.log_size)[..., 0], dt, x.curvature)
         P[..., [SIZE, SIZE + 1], [SIZE, SIZE + 1]] += place.size_walk**2 * dt  # (MODE.4)
-        return Mixture(reweight(mu, fit), m, P, ahead)  # (MODE.32)
+        return Mixture(reweight(mu, fit), m, P, ahead, x.curvature)  # (MODE.32)
 
     def corrected(self, x: Mixture, before: Gaussian, after: Gaussian, place: Any, scan: Scan) -> Mixture:
         """The modes after an update of the contour filter, which took `before` to `after`, and the range rates."""
@@ -89,7 +91,7 @@ class MotionModes:
         """The modes, turned round where (...) the body would move backwards too fast, their moments, and where."""
         g = x.gaussian()
         v, std = g.m[..., SPEED], np.sqrt(g.P[..., SPEED, SPEED])
-        turned = np.asarray((v < -self.backwards) & (-v > 3 * std) & (x.ahead < self.settled))  # (MODE.23)
+        turned = np.asarray((v < -self.backwards) & (-v > 3 * std) & (x.ahead < -self.backed))  # (MODE.23)
         if not turned.any():
             return x, g, turned
         sign = np.where(turned[..., None] & (np.arange(x.m.shape[-1]) == SPEED), -1.0, 1.0)[..., None, :]

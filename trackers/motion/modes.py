@@ -110,10 +110,12 @@ class Modes:
         P[..., OMEGA, OMEGA] = np.minimum(own, bound)  # (MODE.8)
         return mu, m, P
 
-    def moved(self, m: NDArray, P: NDArray, length: NDArray, dt: float) -> tuple[NDArray, NDArray, NDArray]:
+    def moved(
+        self, m: NDArray, P: NDArray, length: NDArray, dt: float, curvature: NDArray | float = 0.0
+    ) -> tuple[NDArray, NDArray, NDArray]:
         """Means (..., K, 7), covariances and log likelihoods (..., K), by the bounds of the yaw rate, after dt > 0 [s].
 
-        length (..., K) [m] is that of the body.
+        length (..., K) [m] is that of the body, curvature (...) [1/m] that of its lane.
         """
         d = (self.axle * length)[..., None]
         m5, F = coordinated_turn(m[..., : OMEGA + 1], dt)
@@ -132,7 +134,7 @@ class Modes:
         speed[..., :2], speed[..., SPEED] = dt / 2 * e, 1.0  # (MODE.4)
         yaw[..., :2], yaw[..., PHI], yaw[..., OMEGA] = d * dt / 2 * n_new, dt / 2, 1.0  # (MODE.4)
         P += dt * (a[:, None, None] ** 2 * outer(speed) + (q**2)[..., None, None] * outer(yaw))  # (MODE.4)
-        return self._bounded(np.concatenate([m5, m[..., OMEGA + 1 :]], -1), P, dt)
+        return self._bounded(np.concatenate([m5, m[..., OMEGA + 1 :]], -1), P, dt, np.asarray(curvature)[..., None])
 
     def _possible(self, u: NDArray) -> NDArray:
         """Variance (..., K) of the yaw rate that a mean square speed u (..., K) [m^2/s^2] allows."""
@@ -140,13 +142,14 @@ class Modes:
         lateral = self._lateral**2 * np.minimum(1.0, self.fast**2 / u)  # (MODE.6)
         return np.minimum(self.curvature**2 * u, lateral / u)  # (MODE.6)
 
-    def _bounded(self, m: NDArray, P: NDArray, dt: float) -> tuple[NDArray, NDArray, NDArray]:
-        """Moments after a pseudo-measurement of yaw rate 0, and how likely (..., K) it is."""
+    def _bounded(self, m: NDArray, P: NDArray, dt: float, curvature: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+        """Moments after a pseudo-measurement of the yaw rate of the lane, and how likely (..., K) it is."""
         u = m[..., SPEED] ** 2 + P[..., SPEED, SPEED]
         B = np.maximum(self._possible(u) + self.slow_yaw**2 * (u < SLOW**2), LEAST_BOUND)  # (MODE.6)
-        row = P[..., OMEGA]
-        S = row[..., OMEGA] + B * self.bound_time / dt
-        fit = -0.5 * m[..., OMEGA] ** 2 / S  # (MODE.32)
+        off = m[..., OMEGA] - curvature * m[..., SPEED]  # (MODE.34)
+        row = P[..., OMEGA] - curvature[..., None] * P[..., SPEED]  # (MODE.34)
+        S = row[..., OMEGA] - curvature * row[..., SPEED] + B * self.bound_time / dt
+        fit = -0.5 * off**2 / S  # (MODE.32)
         gain = row / S[..., None]  # (MODE.7)
-        m = m - gain * m[..., OMEGA, None]  # (MODE.7)
+        m = m - gain * off[..., None]  # (MODE.7)
         return m, symmetrize(P - gain[..., :, None] * row[..., None, :]), fit  # (MODE.7)

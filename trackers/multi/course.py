@@ -23,10 +23,7 @@ class Lanes(NamedTuple):
     direction: NDArray  # (B,) [rad] of the lane, of the ego off the lanes
     on_lane: NDArray  # (B,) bool
     ego_speed: float  # [m/s]
-
-    def rows(self, index: NDArray) -> "Lanes":
-        """The lanes at the cells with these rows, int or bool."""
-        return self._replace(direction=self.direction[index], on_lane=self.on_lane[index])
+    curvature: NDArray | None = None  # (B,) [1/m] of the lane, positive to the left; None: not asked for
 
 
 class Motion(NamedTuple):
@@ -77,7 +74,7 @@ class Course:
         none, odds = np.zeros(len(W)), np.where(lanes.on_lane, *self.any_log_odds)
         still = np.zeros_like(along)
         priors = np.stack([along, -along, still, still]), np.stack([lane, lane, broad, standing_cov])
-        fits = fit(self._told(points, W), *priors)  # (4, B, ...)
+        fits = fit(self._told(points, W, lanes), *priors)  # (4, B, ...)
         best, b = np.argmax(fits[2][:3] + np.stack([none, none, odds]), 0), np.arange(len(W))  # (LIFE.14)
         velocity, cov = fits[0][best, b], fits[1][best, b]
         either = mixture(*([a[k] for a in fits] for k in (3, 0)))
@@ -100,15 +97,19 @@ class Course:
         std = np.sqrt(power[:, 0] / np.maximum(power[:, 1], self.above**2))  # (LIFE.15)
         return Motion(velocity, cov, heading, np.clip(np.where(slow, self.slow_std, std), *self.std_bounds))
 
-    def _told(self, points: Unexplained, W: NDArray) -> Told:
+    def _told(self, points: Unexplained, W: NDArray, lanes: Lanes) -> Told:
         """What the range rates of the cells W (B, P) say of the velocity, whatever its prior."""
         rate, u = points.filled_rate, np.where(points.measured[:, None], points.sight, 0.0)
         middle = (W @ points.xy) / W.sum(1)[:, None]
         across = perpendicular(u)
         lever = dot(points.xy, across) - middle @ across.T  # (B, P) [m]
         w = W / (self.sigma_rate**2 + (self.turn_std * lever) ** 2)  # (LIFE.11)
-        S = (w @ (u[:, :, None] * u[:, None]).reshape(-1, 4)).reshape(-1, 2, 2)
-        return S, w @ (u * rate[:, None]), w @ rate**2
+        if lanes.curvature is None:
+            S = (w @ (u[:, :, None] * u[:, None]).reshape(-1, 4)).reshape(-1, 2, 2)
+            return S, w @ (u * rate[:, None]), w @ rate**2
+        turn = -(lanes.curvature[:, None] * lever)[..., None] * unit(lanes.direction)[:, None]  # (B, P, 2)
+        v = w[..., None] * (u + turn)  # (LIFE.50)
+        return v.mT @ (u + turn), (v * rate[:, None]).sum(1), w @ rate**2
 
 
 def fit(told: Told, mean: NDArray, cov: NDArray) -> Fit:

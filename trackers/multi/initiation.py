@@ -3,8 +3,9 @@
 Equations: docs/methods/life-cycle-of-tracks.md, sections 2 and 3.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -13,13 +14,13 @@ from scipy.special import expit
 
 from trackers.batch import take
 from trackers.estimate import Estimate, prior
-from trackers.geometry import perpendicular, unit
+from trackers.geometry import dot, perpendicular, unit
 from trackers.multi.association import SortedScan
 from trackers.multi.beside import Taken
 from trackers.multi.cells import Linkage, cut
 from trackers.multi.course import Course, Lanes
 from trackers.multi.evidence import Cells, Evidence
-from trackers.multi.road import RoadMap
+from trackers.multi.road import Bends, RoadMap
 from trackers.multi.sizes import BirthSize
 from trackers.multi.window import EMPTY, Unexplained, Window, join
 from trackers.parameters import check_numbers
@@ -71,12 +72,12 @@ class Initiation:
 
     def births(
         self, z: SortedScan, candidate: NDArray, points: Unexplained, false_alarms: NDArray, time: float, dt: float,
-        road: RoadMap | None = None,
+        road: RoadMap | None = None, bends: Bends | None = None,
     ) -> Births:  # fmt: skip
         """New tracks from the candidates (M,) bool of a scan and the window before it, in the order of their place.
 
         false_alarms (S,) are those expected of each sensor a scan, time [s] since the first scan, dt [s] since the one
-        before.
+        before. What is born on one of `bends` turns with it.
         """
         j = self._born_here(z, np.flatnonzero(candidate), road)
         crowd = len(j) if len(j) > self.crowd else 0
@@ -84,7 +85,8 @@ class Initiation:
         pool = now if crowd else join(points, now)
         if not len(pool.rate):
             return self._none(len(z.rate), pool, crowd)
-        label, cells = self._cells(z, pool, false_alarms, time, dt, road, crowd > 0)
+        lanes = partial(self._lanes, z, road, bends)
+        label, cells = self._cells(z, pool, false_alarms, time, dt, lanes, crowd > 0)
         best = np.argsort(-cells.log_odds, kind="stable")[: self.most_births]
         best = best[np.isfinite(cells.log_odds[best])]
         if not len(best):
@@ -95,7 +97,7 @@ class Initiation:
         mean = weight @ pool.xy
         order = np.lexsort((mean[:, 1], mean[:, 0]))
         best, W, mean, place = best[order], W[order], mean[order], weight[order] @ pool.place
-        estimate, length = self._start(pool, W, mean, place, cells.standing[best], self._lanes(z, road, mean))
+        estimate, length = self._start(pool, W, mean, place, cells.standing[best], lanes(mean))
         row, column = np.nonzero(W[:, len(pool.rate) - len(j) :])
         owner = np.full(len(z.rate), -1)
         owner[j[column]] = row
@@ -121,8 +123,8 @@ class Initiation:
         return Births(EMPTY_ESTIMATE, none, xy, xy, none, count, count, np.full(detections, -1), points, crowd)
 
     def _cells(
-        self, z: SortedScan, points: Unexplained, false_alarms: NDArray, time: float, dt: float, road: RoadMap | None,
-        crowded: bool,
+        self, z: SortedScan, points: Unexplained, false_alarms: NDArray, time: float, dt: float,
+        lanes: Callable[[NDArray], Lanes], crowded: bool,
     ) -> tuple[NDArray, Cells]:  # fmt: skip
         """Cell (P,) of each detection, and what the cells are worth."""
         label = self.linkage.label_crowd(points) if crowded else self.linkage.label(points)
@@ -131,17 +133,21 @@ class Initiation:
         chance = clutter * self.linkage.volume(points) * scans  # (LIFE.5)
         newcomers = self.evidence.newcomers(np.inf if crowded else time)
         cells = self.evidence.judge(points, label, clutter, chance, newcomers)
-        cut = self._cut(z, points, label, cells, road)
+        cut = self._cut(points, label, cells, lanes)
         if cut.max(initial=-1) > label.max(initial=-1):
             return cut, self.evidence.judge(points, cut, clutter, chance, newcomers)
         return label, cells
 
-    def _lanes(self, z: SortedScan, road: RoadMap | None, mean: NDArray) -> Lanes:
+    def _lanes(self, z: SortedScan, road: RoadMap | None, bends: Bends | None, mean: NDArray) -> Lanes:
         heading = float(z.scan.platform[2])
         speed = float(z.scan.platform[3:5] @ unit(heading))
-        return Lanes(*self.window.courses(mean, road, heading), speed)
+        lanes = Lanes(*self.window.courses(mean, road, heading), speed)
+        if bends is None:
+            return lanes
+        pose = np.concatenate([mean, lanes.direction[:, None]], -1)
+        return lanes._replace(curvature=bends.at(pose, self.window.beside_lane))
 
-    def _cut(self, z: SortedScan, points: Unexplained, label: NDArray, cells: Cells, road: RoadMap | None) -> NDArray:
+    def _cut(self, points: Unexplained, label: NDArray, cells: Cells, lanes: Callable[[NDArray], Lanes]) -> NDArray:
         """Labels (P,) after those cells that may be born and are wider than any vehicle are cut."""
         least = self.evidence.least  # both parts need enough for a birth
         wide = np.flatnonzero(np.isfinite(cells.log_odds) & (cells.detections >= 2 * least))
@@ -149,7 +155,7 @@ class Initiation:
             return label
         W = label == wide[:, None]
         mean = W @ points.xy / cells.detections[wide, None]
-        heading = self.course.of(points, W, self._lanes(z, road, mean), cells.standing[wide]).heading
+        heading = self.course.of(points, W, lanes(mean), cells.standing[wide]).heading
         return cut(points, label, wide, heading, self.widest, least, self.cut_gap)
 
     def sized(self, births: Births, size: NDArray, size_std: NDArray) -> Estimate:
@@ -193,9 +199,10 @@ class Initiation:
         length -= np.where(of_now, axis, np.inf).min(0, initial=np.inf)
         size, size_std = self.sizes.of(length)
         pose = np.concatenate([mean, motion.heading[:, None]], -1)
+        turns = 0.0 if lanes.curvature is None else lanes.curvature * dot(motion.velocity, unit(lanes.direction))
         born = prior(
-            pose, velocity=motion.velocity, size=size, size_std=size_std, heading_std=motion.heading_std,
-            yaw_rate_std=0.1,
+            pose, velocity=motion.velocity, yaw_rate=turns, size=size, size_std=size_std,
+            heading_std=motion.heading_std, yaw_rate_std=0.1,
         )  # fmt: skip
         born.cov[:, :2, :2] = _spread(along, size)
         born.cov[:, 2:, 2:] = motion.cov

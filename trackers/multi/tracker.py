@@ -29,7 +29,7 @@ from trackers.multi.leftovers import Suppression
 from trackers.multi.outage import SensorOutage, without
 from trackers.multi.partial import as_if_whole
 from trackers.multi.reidentification import LostTracks, Reidentification
-from trackers.multi.road import RoadMap
+from trackers.multi.road import Bends, RoadMap
 from trackers.multi.silence import Silence
 from trackers.multi.tracks import BEFORE, BEHIND, NO_TRACK, REPORT_ABOVE, Event, Memory, Rest, Seen, StepInfo, Tracks
 from trackers.multi.visibility import SensorArray, Visibility, predict_visibility
@@ -100,6 +100,11 @@ class MultiObjectTracker:
         return SensorArray.of(self.sensors)
 
     @cached_property
+    def _bends(self) -> Bends | None:
+        """How the lanes bend; None where none does, or the filter does not ask for it."""
+        return None if self.can.on_lanes is None else Bends.of(self.road)
+
+    @cached_property
     def _fold(self) -> NDArray | None:
         """Range rates (S,) [m/s] beyond which those of the sensors fold; None where none does."""
         fold = np.array([s.fold_rate for s in self.sensors])
@@ -145,8 +150,11 @@ class MultiObjectTracker:
         return tracks_new, info._replace(owner=owner, events=tuple(events), implausible=int(implausible))
 
     def _predict(self, tracks: Tracks, dt: float, life: Any = None) -> Tracks:
-        state = None if life is None else life.predict(tracks.state, dt)
-        state = self.filter.predict(tracks.state, dt) if state is None else state
+        before = tracks.state
+        if self._bends is not None and self.can.on_lanes is not None:
+            before = self.can.on_lanes(before, self._bends.at(tracks.estimate.pose))  # (MODE.34)
+        state = None if life is None else life.predict(before, dt)
+        state = self.filter.predict(before, dt) if state is None else state
         return tracks._replace(state=state, estimate=self.filter.estimate(state), age=tracks.age + dt)
 
     def _update(self, seen: Seen, life: Any, dt: float) -> tuple[Tracks, StepInfo]:
@@ -293,7 +301,7 @@ class MultiObjectTracker:
         points = self.initiation.window.predict(memory.unexplained, dt)
         points = keep(points, self.suppression.unexplained(points, tracks.estimate, tracks.existence))
         births = self.initiation.births(
-            z, candidate, points, self.sensor_array.clutter, memory.time + dt, dt, self.road
+            z, candidate, points, self.sensor_array.clutter, memory.time + dt, dt, self.road, self._bends
         )
         tracks = self._waited(tracks, births.unexplained, dt)
         events = []

@@ -60,7 +60,7 @@ def drawn(name, rng, T, M):
     m[rng.random(T) < 0.3, :, 3] -= 9.0  # backwards
     A = rng.normal(0, 0.3, x.P.shape) * np.sqrt(np.einsum("...ii->...i", x.P))[..., None]
     mu = rng.dirichlet(np.ones(x.mu.shape[-1]) * rng.choice([0.1, 3.0]), T)
-    ahead = rng.choice([0.0, 2.9, 3.1], T)
+    ahead, curvature = rng.choice([0.0, -0.4, -0.6], T), rng.choice([0.0, 0.03, -0.15], T)
     length, width = (A + np.cumsum(rng.normal(0, 0.4, A.shape), -2) - rng.exponential(2, A.shape) for A in grids[1:3])
     anchor, bent = rng.choice([-1.0, 0.0, 1.0], (T, 2)), rng.choice([0.0, 1.0, 9.0], T)
     behind = rng.exponential(rng.choice([0.0, 0.1, 3.0], (T, 2, 1)), (T, 2, filter.size.length.depths))
@@ -75,7 +75,7 @@ def drawn(name, rng, T, M):
         fully_visible=rng.random(T) < 0.5,
         aside=rng.choice([0.0, 2.0, 20.0], T),
     )
-    state = state._replace(motion=x._replace(mu=mu, m=m, P=x.P + A @ A.mT, ahead=ahead), size=size)
+    state = state._replace(motion=x._replace(mu=mu, m=m, P=x.P + A @ A.mT, ahead=ahead, curvature=curvature), size=size)
     return state, detections(rng, filter.estimate(state), M)
 
 

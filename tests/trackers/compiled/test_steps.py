@@ -72,7 +72,7 @@ def test_what_is_drawn_has_all_that_is_rare_and_is_compiled(name):
         turn = np.cos(filter.estimate(new).pose[:, 2] - filter.estimate(state).pose[:, 2]) < 0
         seen["turned"] += (turn & some).any()
         backwards = filter.gaussian(new).m[:, 3] < -filter.motion.backwards
-        seen["driven"] += (backwards & (new.motion.ahead > filter.motion.settled) & some).any()
+        seen["driven"] += (backwards & (new.motion.ahead > -filter.motion.backed) & some).any()
         seen["flipped"] += (new.size.anchor * state.size.anchor < 0).any()
         seen["cut"] += (
             (filter.size.width.sizes[0] < new.size.belief.size[:, 1]) & ~state.size.fully_visible & some

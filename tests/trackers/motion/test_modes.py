@@ -99,3 +99,33 @@ def test_a_mode_whose_bound_a_yaw_rate_does_not_keep_is_unlikely():
     likely = modes.moved(m, P, np.full(2, 4.6), 0.1)[2]
     np.testing.assert_allclose(likely, -0.5 * 0.2**2 / np.array([0.0016 + 0.016, 0.0016 + 1.6]), rtol=1e-6)
     np.testing.assert_array_equal(modes.moved(m * (np.arange(7) != OMEGA), P, np.full(2, 4.6), 0.1)[2], 0.0)
+
+
+@pytest.mark.parametrize("curvature", [0.03, -0.02, 0.0])
+def test_straight_on_a_bend_means_to_turn_as_the_lane_does(curvature):
+    """(MODE.34): 10 m/s along a lane of a curvature is a yaw rate of ten times that, and the speed stays."""
+    modes = Modes((Mode("straight", 0.1, 0.003, 0.25, 0.3),))
+    m, P = np.array([[0.0, 0.0, 0.0, 10.0, 0.0, 0.0, 0.0]]), np.diag([0.1, 0.1, 1e-4, 0.01, 0.01, 0.01, 0.01])[None]
+    fit = []
+    for _ in range(40):
+        m, P, likely = modes.moved(m, P, np.array([4.6]), 0.1, np.array(curvature))
+        fit.append(likely[0])
+    np.testing.assert_allclose(m[0, [SPEED, OMEGA]], [10.0, 10.0 * curvature], atol=0.03)
+    assert fit[-1] > -0.01
+    assert bool(fit[0] < -0.1) is (curvature != 0)
+
+
+def test_the_yaw_rate_of_a_lane_is_measured_as_any_other_quantity():
+    """The textbook update of a measurement 0 of omega - c v, with the variance that it has."""
+    rng, c, dt = np.random.default_rng(0), 0.05, 0.1
+    modes, still_modes = Modes((Mode("one", 0.0, 0.0, 0.25, 3.0),)), still(0.25)
+    A = 0.1 * rng.normal(size=(7, 7))
+    m, P = np.array([3.0, -2.0, 0.7, 8.0, 0.1, 4.0, 1.8]), A @ A.T + 1e-3 * np.eye(7)
+    m0, P0 = moved(still_modes, m, dt, P=P)  # (MODE.2) to (MODE.4) alone
+    h = np.array([0.0, 0.0, 0.0, -c, 1.0, 0.0, 0.0])
+    R = (3.0**2 * min(1.0, 100 / (u := m0[SPEED] ** 2 + P0[SPEED, SPEED])) / u) * 1.0 / dt
+    gain = P0 @ h / (h @ P0 @ h + R)
+    got = modes.moved(m[None], P[None], np.array([4.6]), dt, np.array(c))
+    np.testing.assert_allclose(got[0][0], m0 - gain * (h @ m0), rtol=1e-9)
+    np.testing.assert_allclose(got[1][0], P0 - np.outer(gain, h @ P0), rtol=1e-7, atol=1e-12)
+    np.testing.assert_allclose(got[2][0], -0.5 * (h @ m0) ** 2 / (h @ P0 @ h + R), rtol=1e-9)  # (MODE.32)

@@ -4,7 +4,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from trackers.multi.road import RoadMap
+from trackers.geometry import rotation
+from trackers.multi.road import Bends, RoadMap
 
 BEND = [[0.0, 0.0], [100.0, 0.0], [100.0, 50.0]]
 coordinates = st.floats(-200, 200)
@@ -69,3 +70,60 @@ def test_a_repeated_point_of_a_centre_line_changes_nothing():
     xy = np.array([[10.0, 1.0], [50.0, 0.5], [70.0, -3.0]])
     for one, other in zip(clean.locate(xy), repeated.locate(xy), strict=True):
         np.testing.assert_array_equal(one, other)
+
+
+def arc(radius, turn=1.0, step=4.0):
+    """Points (P, 2) on a circle to the left, from the origin eastwards."""
+    angle = np.linspace(0.0, turn, round(turn * radius / step) + 1)
+    return radius * np.c_[np.sin(angle), 1 - np.cos(angle)]
+
+
+def on(line, share=0.5, offset=0.0):
+    """The pose (1, 3) of a body that drives along a line, at a share of it, so far [m] to the left."""
+    k = round(share * (len(line) - 2))
+    d = line[k + 1] - line[k]
+    course = np.arctan2(d[1], d[0])
+    return np.array([[*((line[k] + line[k + 1]) / 2 + offset * np.array([-np.sin(course), np.cos(course)])), course]])
+
+
+@given(st.floats(25, 2000), st.sampled_from([-1, 1]), st.floats(-np.pi, np.pi), st.floats(0, 1))
+def test_the_curvature_of_a_circle_is_one_over_its_radius(radius, side, angle, share):
+    line = (arc(radius, min(1.0, 200 / radius)) * [1, side]) @ rotation(angle).T + [30.0, -70.0]
+    road = RoadMap.of([([[500.0, 0], [900.0, 0]], 4.0), (line, 4.0)])
+    bends, pose = Bends.of(road), on(line, share)
+    np.testing.assert_allclose(bends.at(pose), side / radius, rtol=0.05)  # of pieces of 4 m
+    np.testing.assert_allclose(
+        bends.at(pose + np.array([0, 0, np.pi])), -side / radius, rtol=0.05
+    )  # the other way round
+    np.testing.assert_array_equal(bends.at(pose + np.array([0, 0, np.pi / 2])), 0.0)  # across
+    np.testing.assert_array_equal(bends.at(np.array([[700.0, 0.0, 0.0]])), 0.0)  # the straight lane
+
+
+def test_off_the_lane_there_is_no_curvature_unless_asked_for():
+    line = arc(100.0)
+    bends = Bends.of(RoadMap.of([(line, 4.0)]))
+    assert abs(bends.at(on(line, offset=1.9)) - 0.01) < 1e-4
+    assert bends.at(on(line, offset=2.5)) == 0.0
+    assert abs(bends.at(on(line, offset=2.5), beside=1.0) - 0.01) < 1e-4
+
+
+def test_lanes_of_a_map_do_not_bend_into_each_other():
+    """Each has the curvature that it has alone, also where one begins at the other's end, or is one piece."""
+    lines = [arc(50.0), [[0.0, 200.0], [0.0, 300.0]], arc(80.0) * [1, -1] + [300.0, 0.0]]
+    together = Bends.of(RoadMap.of([(line, 4.0) for line in lines])).curvature
+    alone = [Bends.of(RoadMap.of([(line, 4.0)])) for line in lines]
+    np.testing.assert_allclose(together, np.concatenate([alone[0].curvature, [0.0], alone[2].curvature]))
+    assert alone[1] is None
+
+
+def test_a_rough_line_is_nearly_straight_and_a_corner_is_no_circle_of_nothing():
+    rng = np.random.default_rng(0)
+    rough = np.c_[np.arange(0.0, 400.0), 0.02 * rng.standard_normal(400)]  # a lane that was measured each metre
+    assert np.abs(Bends.of(RoadMap.of([(rough, 4.0)])).curvature[10:-10]).max() < 0.003
+    corner = Bends.of(RoadMap.of([(np.array([[0.0, 0], [4, 0], [8, 0], [8, 4], [8, 8]]), 4.0)])).curvature
+    assert 0.05 < np.abs(corner).max() <= 0.15
+
+
+def test_where_all_lanes_are_straight_there_are_no_bends():
+    for road in (None, RoadMap.of([]), RoadMap.of([([[0, 0], [50, 20], [100, 40]], 4.0)])):
+        assert Bends.of(road) is None
