@@ -31,6 +31,14 @@ def in_view(x: float, y: float, box: NDArray, pose: NDArray, max_range: float, f
 
 
 @compiled
+def blurred(z: NDArray, sight: NDArray, size: NDArray, fov: float) -> float:
+    """(ENDS.49): the field of view, wider by as much as the noise of a detection z hides where its body ends."""
+    half = 0.5 * (abs(sight[1]) * size[0] + abs(sight[0]) * size[1])
+    noise = z[SIZE_ACROSS] ** 2
+    return fov + 2 * z[SIZE_ACROSS] / max(z[RANGE], 1e-9) * noise / max(noise + half**2 / 3, 1e-9)
+
+
+@compiled
 def cut_off(box: NDArray, size: NDArray, pose: NDArray, max_range: float, fov: float) -> bool:
     """Whether range or field of view of a sensor may cut off a part of the body."""
     for a in (-0.5, 0.5):
@@ -70,14 +78,15 @@ def room(
 
 
 @compiled
-def seen_end(front: float, box: NDArray, size: NDArray, z: NDArray, sheet: NDArray) -> float:
+def seen_end(front: float, box: NDArray, size: NDArray, z: NDArray, sight: NDArray, sheet: NDArray) -> float:
     """Share of the detections z whose sensors have some of an end in view, +1 the front, -1 the rear."""
     seen = 0
     for i in range(len(z)):
         s = sheet[int(z[i, SENSOR])]
+        fov = blurred(z[i], sight[i], size, s[1])
         for k in range(ACROSS):
             y = 0.45 * size[1] * (2 * k / (ACROSS - 1) - 1)
-            if in_view(front * size[0] / 2, y, box, z[i, POSE : POSE + 3], s[0], s[1]):
+            if in_view(front * size[0] / 2, y, box, z[i, POSE : POSE + 3], s[0], fov):
                 seen += 1
                 break
     return seen / len(z)
@@ -86,7 +95,7 @@ def seen_end(front: float, box: NDArray, size: NDArray, z: NDArray, sheet: NDArr
 @compiled
 def face_anchor(
     A_l: NDArray, A_w: NDArray, grid_l: NDArray, grid_w: NDArray, size: NDArray, place: NDArray, anchor: NDArray,
-    unsure: bool, box: NDArray, z: NDArray, sheet: NDArray,
+    unsure: bool, box: NDArray, z: NDArray, sight: NDArray, sheet: NDArray,
 ) -> None:  # fmt: skip
     """(ENDS.11), (ENDS.23), (ENDS.43): anchor (2,) of a body that sensors at the mean place (2,) face, and its grids.
 
@@ -97,8 +106,8 @@ def face_anchor(
         if abs(place[a]) > size[a] / 2 or before == 0:
             anchor[a] = -1.0 if place[a] < 0 else 1.0
         open = a == 0 and unsure and abs(place[0]) > FAR * size[0]
-        if open and seen_end(anchor[0], box, size, z, sheet) == 0:
-            anchor[0] *= -1 if seen_end(-anchor[0], box, size, z, sheet) >= 0.5 else 1  # (ENDS.43)
+        if open and seen_end(anchor[0], box, size, z, sight, sheet) == 0:
+            anchor[0] *= -1 if seen_end(-anchor[0], box, size, z, sight, sheet) >= 0.5 else 1  # (ENDS.43)
         if anchor[a] * before < 0:
             if a == 0:
                 flip(A_l, grid_l, size[0])
@@ -255,7 +264,7 @@ def read(
     for i in range(M):
         for a in range(2):
             middle[a] += place[i, a] / M
-    face_anchor(A_l, A_w, grid_l, grid_w, size, middle, anchor, length_var > settings[9] ** 2, box, z, sheet)
+    face_anchor(A_l, A_w, grid_l, grid_w, size, middle, anchor, length_var > settings[9] ** 2, box, z, sight, sheet)
     end, shown, cut, as_of = np.zeros((M, 2), np.int64), np.zeros((M, 2)), np.zeros(M, np.bool_), np.empty(M, np.int64)
     N, W, D, V = near_l.shape[1], near_w.shape[1], far_l.shape[1], far_w.shape[1]
     rooms_l, rooms_fl, rooms_w, rooms_fw = np.empty((M, N)), np.empty((M, D)), np.empty((M, W)), np.empty((M, V))
@@ -268,11 +277,12 @@ def read(
         if first < i:  # of the same sensor
             cut[i], seen[i, 0], seen[i, 1] = cut[first], seen[first, 0], seen[first, 1]
         else:
-            cut[i] = cut_off(box, size, pose, s[0], s[1])
+            fov = blurred(z[i], sight[i], size, s[1])
+            cut[i] = cut_off(box, size, pose, s[0], fov)
             if cut[i]:
-                seen[i, 1] = room(0, anchor, size, place[i], box, pose, s[0], s[1], grid_l, near_l, far_l, rooms_l[i],
+                seen[i, 1] = room(0, anchor, size, place[i], box, pose, s[0], fov, grid_l, near_l, far_l, rooms_l[i],
                                   rooms_fl[i])  # fmt: skip
-                seen[i, 0] = room(1, anchor, size, place[i], box, pose, s[0], s[1], grid_w, near_w, far_w, rooms_w[i],
+                seen[i, 0] = room(1, anchor, size, place[i], box, pose, s[0], fov, grid_w, near_w, far_w, rooms_w[i],
                                   rooms_fw[i])  # fmt: skip
         for a in range(2):
             beyond = anchor[a] * place[i, a]

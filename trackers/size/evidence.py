@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from trackers.geometry import to_world, vector
 from trackers.size.grid import LEAST, Grid
 from trackers.size.hidden import Around, open_rooms
-from trackers.size.hits import Boxes, Hits, Lit, depths, lit
+from trackers.size.hits import Boxes, Hits, Lit, depths, lit, views
 from trackers.size.likelihood import Depths, log_likelihood
 from trackers.size.visible import Room, in_view
 
@@ -42,7 +42,7 @@ def _seen(hits: Hits, boxes: Boxes, end: int) -> NDArray:
     y = half[:, 1:] * ACROSS
     x = np.broadcast_to(end * boxes.anchor[:, :1] * half[:, :1], y.shape)
     points = to_world(boxes.pose, vector(x, y))[hits.row]
-    return np.asarray(in_view(points, hits.pose, hits.sensor.max_range, hits.sensor.fov).any(-1))
+    return np.asarray(in_view(points, hits.pose, hits.sensor.max_range, views(hits, boxes)).any(-1))
 
 
 class Said(NamedTuple):

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from trackers.geometry import box_corners, to_world, wrap_angle
 from trackers.scan import Scan
 from trackers.size.grid import Grid
-from trackers.size.hits import Boxes, Hits, Lit
+from trackers.size.hits import Boxes, Hits, Lit, views
 from trackers.size.visible import Cells, Room, in_view, room
 
 CELLS = (Cells(-2.5, 0.25, 98), Cells(-0.5, 0.1, 39))  # along the side, and across the end
@@ -43,7 +43,8 @@ def open_rooms(
     """
     key = hits.row * (hits.which.max() + 1) + hits.which
     _, first, pair = np.unique(key, return_index=True, return_inverse=True)  # P pairs of object and sensor
-    cut = _cut_off(hits, boxes, first)
+    fov = views(hits, boxes)
+    cut = _cut_off(hits, boxes, first, fov[first])
     hides = np.zeros(len(first), bool) if around is None else hits.sensor.hiding[first, 0] > 0
     rooms: list[list[Room]] = []
     for axis, grid in enumerate(grids):
@@ -53,7 +54,7 @@ def open_rooms(
             continue
         g, rows = first[looks], np.flatnonzero(looks[pair])
         points = _on_face(hits, boxes, g, axis)
-        seen = in_view(points, hits.pose[g], hits.sensor.max_range[g], hits.sensor.fov[g])
+        seen = in_view(points, hits.pose[g], hits.sensor.max_range[g], fov[g])
         seen[:, : -DEEPER[axis]] &= seen[:, DEEPER[axis] :].copy()  # (ENDS.8)
         if around is not None and hides[looks].any():
             seen &= ~_hidden(points, hits, g, around)  # (ENDS.29)
@@ -62,10 +63,10 @@ def open_rooms(
     return rooms
 
 
-def _cut_off(hits: Hits, boxes: Boxes, g: NDArray) -> NDArray:
-    """Mask (P,) of the detections g (P,) of bodies that range or field of view of their sensors may cut off."""
+def _cut_off(hits: Hits, boxes: Boxes, g: NDArray, fov: NDArray) -> NDArray:
+    """Mask (P,) of the detections g (P,) of bodies that range or field of view (P,) of their sensors may cut off."""
     corners = box_corners(boxes.pose, boxes.size + 2 * WIDER)[hits.row[g]]
-    return np.asarray(~in_view(corners, hits.pose[g], hits.sensor.max_range[g], hits.sensor.fov[g]).all(-1))
+    return np.asarray(~in_view(corners, hits.pose[g], hits.sensor.max_range[g], fov).all(-1))
 
 
 def _on_face(hits: Hits, boxes: Boxes, g: NDArray, axis: int) -> NDArray:

@@ -34,6 +34,7 @@ class Hits(NamedTuple):
     place: NDArray  # (G, 2) [m] of the sensor in these axes
     pose: NDArray  # (G, 3) of the sensor in the world
     sigma: NDArray  # (G, 2) [m] noise along the axes, roughness of the surface included
+    polar: NDArray  # (G, 2) [m] range, and noise across the line of sight
     which: NDArray  # (G,) int, sensor
     sensor: Profiles  # (G,)
 
@@ -61,7 +62,17 @@ def hits_of(
     across = np.where(np.isnan(noise[:, 1]), sigma, polar[:, 0] * noise[:, 1])
     var = (along[:, None] * sight) ** 2 + (across[:, None] * sight[:, ::-1]) ** 2  # (ENDS.6)
     std = np.sqrt(var + sensor.surface_std[:, None] ** 2)  # (ENDS.6)
-    return Hits(row, place + polar[:, :1] * sight, sight, place, mount, std, which, sensor)
+    return Hits(
+        row, place + polar[:, :1] * sight, sight, place, mount, std, np.stack([polar[:, 0], across], -1), which, sensor
+    )
+
+
+def views(hits: Hits, boxes: Boxes) -> NDArray:
+    """Fields of view (G,) [rad], wider by as much as the noise of the detections hides where their bodies end."""
+    r, noise = hits.polar.T
+    half = 0.5 * (np.abs(hits.sight[:, ::-1]) * boxes.size[hits.row]).sum(-1)
+    hides = noise**2 / np.maximum(noise**2 + half**2 / 3, 1e-9)
+    return hits.sensor.fov + 2 * noise / np.maximum(r, 1e-9) * hides  # (ENDS.49)
 
 
 class Lit(NamedTuple):

@@ -12,7 +12,7 @@ from trackers.geometry import unit
 from trackers.scan import DepthProfile
 from trackers.size.grid import LENGTH, WIDTH
 from trackers.size.hidden import CELLS, Around, open_rooms
-from trackers.size.hits import Boxes, hits_of, lit
+from trackers.size.hits import Boxes, hits_of, lit, views
 from trackers.size.profile import Profiles
 from trackers.size.visible import room
 
@@ -84,6 +84,34 @@ def test_an_end_outside_of_the_field_of_view_has_no_room():
     whole = Profiles.of((SensorModel(max_range=200.0, fov=2.0),))
     inside = hits_of(scan, (np.arange(2),), np.zeros(2, int), boxes.pose, whole, 0.2)
     assert open_rooms(GRIDS, inside, boxes, lit(inside, boxes), None) == [[], []]
+
+
+def edge_of_view(distance, beyond, noise=0.0087):
+    """Shares of the side of a car, its heading 5 degrees off the line of sight, that are open at the edge of a view.
+
+    The middle of its box lies so many metres beyond the edge; and by how much the field of view is wider.
+    """
+    edge = np.radians(10.0)
+    centre = distance * unit(edge) + beyond * unit(edge + np.pi / 2)
+    boxes = Boxes(np.array([[*centre, edge + np.radians(5.0)]]), np.array([[4.5, 1.8]]), np.array([[-1.0, -1.0]]))
+    scan = Scan.from_xy(np.array([(distance - 2.0) * unit(edge - 0.001)]), noise=(0.1, noise, np.nan))
+    hits = hits_of(scan, (np.zeros(1, int),), np.zeros(1, int), boxes.pose, NARROW, 0.2)
+    (of_length,), _ = open_rooms(GRIDS, hits, boxes, lit(hits, boxes), None)
+    return of_length.share[0], views(hits, boxes)[0] - 2 * edge
+
+
+NARROW = Profiles.of((SensorModel(max_range=200.0, fov=np.radians(20.0)),))
+
+
+def test_far_away_noise_hides_where_a_view_ends_and_near_by_it_does_not():
+    """The side of a car lies 0.2 m beyond the edge; at 130 m that may as well be the noise of its place."""
+    for distance, beyond, seen in ((130.0, -0.7, True), (130.0, 4.0, False), (12.0, -0.7, False)):
+        share, wider = edge_of_view(distance, beyond)
+        assert bool(share > 0.9) is seen
+        assert seen or share < 0.1
+        noise, half = 0.0087 * (distance - 2.0), 0.5 * (4.5 * np.sin(np.radians(5.06)) + 1.8 * np.cos(np.radians(5.06)))
+        assert wider == pytest.approx(2 * 0.0087 * noise**2 / (noise**2 + half**2 / 3), rel=1e-3)  # (ENDS.49)
+    assert edge_of_view(130.0, -0.7, noise=1e-4)[0] < 0.5  # the twin: a radar without noise knows
 
 
 @pytest.mark.parametrize("size", [0.8, np.nextafter(0.8, 1.0)])
