@@ -13,6 +13,7 @@ from trackers.compiled.tables import Found, Tables
 
 STRAIGHT, SLOWEST, SHARPEST, OUTLINE = 0.02, 2.0, 0.9, 2.5  # as in `trackers.size.posterior`
 BEND_ERROR, ROUNDING_ERROR = 0.5, 0.5  # as there
+TINY = 1e-12  # [m^2] as there
 
 
 @compiled
@@ -22,6 +23,16 @@ def around(cov: NDArray, cos: float, sin: float, along: float, across: float) ->
     cov[1, 1] += along * sin * sin + across * cos * cos
     cov[0, 1] += (along - across) * cos * sin
     cov[1, 0] = cov[0, 1]
+
+
+@compiled
+def scaled(cov: NDArray, cos: float, sin: float, along: float, across: float) -> None:
+    """The first two components of cov times factors along and across a heading, in place."""
+    a, b, c = along * cos**2 + across * sin**2, (along - across) * cos * sin, along * sin**2 + across * cos**2
+    for i in range(4):
+        cov[0, i], cov[1, i] = a * cov[0, i] + b * cov[1, i], b * cov[0, i] + c * cov[1, i]
+    for i in range(4):
+        cov[i, 0], cov[i, 1] = a * cov[i, 0] + b * cov[i, 1], b * cov[i, 0] + c * cov[i, 1]
 
 
 @compiled
@@ -35,16 +46,15 @@ def outlined(outline: NDArray, pose: NDArray, length: float, width: float, conto
 
 @compiled
 def edges(
-    box: NDArray, size: NDArray, b: NDArray, anchor: NDArray, more: NDArray, far_var: float, pin: NDArray, edge: NDArray
+    excess: NDArray, b: NDArray, anchor: NDArray, more: NDArray, far_var: float, pin: NDArray, edge: NDArray
 ) -> None:  # fmt: skip
     """(ENDS.36), (ENDS.37): standard deviations edge (4,) of front, rear, left, right.
 
-    box (2,) has the variances of the place along its axes, more (2,) those of the inset, far_var that of what the far
-    end of the length is rounded by; pin as in `Tables`.
+    excess (2,) are the variances of the place along its axes that the grids do not know, more (2,) those of the inset,
+    far_var that of what the far end of the length is rounded by; pin as in `Tables`.
     """
     for a in range(2):
-        known = pin[3 + a] ** 2 + (OUTLINE * max(pin[0] * size[a], pin[1])) ** 2
-        rest = more[a] + pin[2] ** 2 + max(box[a] - known, 0.0)
+        rest = more[a] + pin[2] ** 2 + excess[a]
         near, far = b[3, a] + rest, 2 * b[4, a] - b[3, a] + b[1, a] / 2 + rest
         far += far_var if a == 0 else 0.0
         edge[2 * a] = math.sqrt(near if anchor[a] > 0 else far)
@@ -95,7 +105,7 @@ def sized(
     pose, cov, size, std, edge = f.pose[1, t], f.cov[1, t], f.size[1, t], f.size_std[t], f.edge_std[t]
     pose[:], cov[:] = f.pose[0, t], f.cov[0, t]
     cos, sin, l, w = math.cos(pose[2]), math.sin(pose[2]), f.size[0, t, 0], f.size[0, t, 1]
-    inset, more, place = 0.0, np.zeros(2), np.empty(2)
+    inset, more, place, excess = 0.0, np.zeros(2), np.empty(2), np.empty(2)
     for c in range(len(kind)):
         inset += kind[c] * p.insets[c, 0]  # (ENDS.35)
         more[0] += kind[c] * p.insets[c, 1]
@@ -104,11 +114,16 @@ def sized(
     length = b[0, 0] + far
     place[0] = cos * (cov[0, 0] * cos + cov[0, 1] * sin) + sin * (cov[1, 0] * cos + cov[1, 1] * sin)
     place[1] = sin * (cov[0, 0] * sin - cov[0, 1] * cos) - cos * (cov[1, 0] * sin - cov[1, 1] * cos)
-    edges(place, f.size[0, t], b, anchor, more, far_var, p.pin, edge)
+    for a in range(2):
+        known = p.pin[3 + a] ** 2 + (OUTLINE * max(p.pin[0] * f.size[0, t, a], p.pin[1])) ** 2
+        excess[a] = max(place[a] - known, 0.0)  # (ENDS.36)
+    edges(excess, b, anchor, more, far_var, p.pin, edge)
     x, y = anchor[0] * (b[2, 0] + inset + (l - length) / 2), anchor[1] * (b[2, 1] + (w - b[0, 1]) / 2)  # (ENDS.21)
     pose[0] += cos * x - sin * y
     pose[1] += sin * x + cos * y
-    around(cov, cos, sin, b[4, 0] + more[0] + far_var / 4, b[4, 1])  # (ENDS.20)
+    scaled(cov, cos, sin, math.sqrt(excess[0] / max(place[0], TINY)), math.sqrt(excess[1] / max(place[1], TINY)))
+    least = p.pin[5] ** 2
+    around(cov, cos, sin, b[4, 0] + more[0] + far_var / 4 + least, b[4, 1] + least)  # (ENDS.20)
     outlined(outline, pose, length, b[0, 1], f.contour[1, t])
     speed = math.hypot(f.velocity[t, 0], f.velocity[t, 1])
     out, var = bend(f.m[t, 4], f.std[t, 1], speed, b[0, 1], kind, p.hinges)

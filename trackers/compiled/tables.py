@@ -116,7 +116,7 @@ class Tables(NamedTuple):
     bend_at: NDArray  # (B', K) where on the grid a load of them ends
     enough_bent: float
     enough_aside: float
-    pin: NDArray  # (5,) share, least, spread in a face, spread of the offsets (2)
+    pin: NDArray  # (6,) share, least, spread in a face, spread of the offsets (2), least of the centre
     insets: NDArray  # (C, 2)
     roundings: NDArray  # (3, C)
     hinges: NDArray  # (2, C)
@@ -144,7 +144,7 @@ class Tables(NamedTuple):
             np.reshape([(c, *load[:2], *load.log_ratios.ravel()) for c, load in size.prior.loads], (-1, 7)),
             np.reshape([one[:2] for one in bends], (-1, 2)), np.reshape(at, (-1, K)),
             size.enough_bent, size.enough_aside,
-            [size.pin, size.least_pin, size.face_std, *offset_std], *size.prior[-3:], sheet,
+            [size.pin, size.least_pin, size.face_std, *offset_std, size.centre_std], *size.prior[-3:], sheet,
             [size.outliers, size.independent, size.part_weight, size.offset_share, *offset_std, size.standing,
              size.unseen_share, size.length.birth_std, size.open_above],
         )  # fmt: skip

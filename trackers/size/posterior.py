@@ -31,6 +31,7 @@ BEND_ERROR = 0.5  # of what stands out, as a share of it
 BESIDE = 0.5  # sine of the angle off the axis from which on the far end is seen as it is
 STANDS = 1.0  # [m/s] below which a body stands
 OUTLINE = 2.5  # pins of the size that the place of the inner filter is uncertain by, as it does not know the outline
+TINY = 1e-12  # [m^2]
 FAR = 2.5  # lengths from which on both ends are about as near to a sensor
 ROLLED_ABOVE = 0.75  # steps of mean offset from which the box is moved instead
 
@@ -77,6 +78,7 @@ class SizePosterior:
     pin: float = 0.03  # standard deviation of the size in the filter of the place, as a share of it
     least_pin: float = 0.02  # [m]
     face_std: float = 0.03  # [m] how well it is known where in a face its detections are
+    centre_std: float = 0.05  # [m] of the centre, however much was seen of both ends: outlines differ
     part_weight: float = 0.3  # of scans that show a part of the width
     enough_bent: float = 5.0  # detections of a body in a bend after which it is taken for bent
     enough_aside: float = 5.0  # detections from beside it after which its far end is seen as it is
@@ -262,12 +264,14 @@ class SizePosterior:
         out, out_var = (vector(x, np.zeros(x.shape)) for x in (inset, square - inset**2))
         more, more_var = self._rounded(state)
         size = b.size + more
-        placed = _placed(state, box, size, b.centre_var + out_var + more_var / 4, out)
+        excess = self._excess(box)
+        var = b.centre_var + out_var + more_var / 4 + self.centre_std**2
+        placed = _placed(state, _without_offsets(box, excess), size, var, out)
         contour = box.contour
         if contour is not None:
             scale = (size / box.size)[..., None, :]
             contour = to_world(placed.pose, to_frame(box.pose, contour) * scale)
-        kind, edge_std = b.kind.copy(), self._edge_std(state, box, out_var, more_var)
+        kind, edge_std = b.kind.copy(), self._edge_std(state, excess, out_var, more_var)
         whole = placed._replace(
             size_std=np.sqrt(b.size_var + more_var), contour=contour, class_probability=kind, edge_std=edge_std
         )
@@ -283,13 +287,15 @@ class SizePosterior:
         rest = square - mean**2 + (ROUNDING_ERROR * mean) ** 2
         return vector(mean, np.zeros(mean.shape)), vector(rest, np.zeros(mean.shape))
 
-    def _edge_std(self, state: SizeState, box: Estimate, out_var: NDArray, more_var: NDArray) -> NDArray:
+    def _excess(self, box: Estimate) -> NDArray:
+        """Variances (..., 2) [m^2] of the place along the axes of the box, beyond those of what the grids know."""
+        known = np.array([grid.offset_std for grid in self.grids]) ** 2 + (OUTLINE * self.pin_std(box.size)) ** 2
+        return np.maximum(_along_axes(box) - known, 0.0)  # (ENDS.36)
+
+    def _edge_std(self, state: SizeState, excess: NDArray, out_var: NDArray, more_var: NDArray) -> NDArray:
         """Standard deviations (..., 4) [m] of the edges, by the grids, which know them better than the box alone."""
         b = state.belief
-        M = rotation(box.pose[..., 2])
-        place = np.sum(M * (box.cov[..., :2, :2] @ M), -2)
-        known = np.array([grid.offset_std for grid in self.grids]) ** 2 + (OUTLINE * self.pin_std(box.size)) ** 2
-        more = out_var + self.face_std**2 + np.maximum(place - known, 0.0)  # (ENDS.36)
+        more = out_var + self.face_std**2 + excess  # (ENDS.36)
         near = b.offset_var + more  # (ENDS.36)
         far = 2 * b.centre_var - b.offset_var + b.size_var / 2 + more_var + more  # (ENDS.37)
         front, rear = (np.where(state.anchor * end > 0, near, far) for end in (1, -1))
@@ -347,6 +353,21 @@ def _curvature(box: Estimate) -> NDArray:
 
 def _speed(box: Estimate) -> NDArray:
     return np.maximum(np.hypot(*np.moveaxis(box.velocity, -1, 0)), SLOWEST)
+
+
+def _along_axes(box: Estimate) -> NDArray:
+    """Variances (..., 2) [m^2] of the place along the axes of the box."""
+    M = rotation(box.pose[..., 2])
+    return np.asarray(np.sum(M * (box.cov[..., :2, :2] @ M), -2))
+
+
+def _without_offsets(box: Estimate, excess: NDArray) -> Estimate:
+    """The box with a place that has these variances (..., 2) [m^2] along its axes."""
+    M, cov = rotation(box.pose[..., 2]), box.cov.copy()
+    S = (M * np.sqrt(excess / np.maximum(_along_axes(box), TINY))[..., None, :]) @ M.mT
+    cov[..., :2, :] = S @ cov[..., :2, :]
+    cov[..., :2] = cov[..., :2] @ S.mT
+    return box._replace(cov=symmetrize(cov))  # (ENDS.20)
 
 
 def _placed(state: SizeState, box: Estimate, size: NDArray, var: NDArray, out: NDArray | float = 0.0) -> Estimate:
