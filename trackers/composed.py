@@ -369,4 +369,6 @@ def composed(filter: Any, size: str = "off", motion: bool = False, compiled: boo
         raise ValueError(f"size must be one of {', '.join(LAYERS)}, got {size!r}")
     if size == "off" and not motion:
         return filter
-    return Composed(filter, MotionModes() if motion else None, SizePosterior() if size == "ends" else None, compiled)
+    allows = any(getattr(filter, "position_std", ()))  # for outlines, in the covariance of its place
+    ends = SizePosterior(once=allows) if size == "ends" else None
+    return Composed(filter, MotionModes() if motion else None, ends, compiled)

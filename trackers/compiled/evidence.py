@@ -164,7 +164,7 @@ def move(
 ) -> bool:  # fmt: skip
     """(MODE.10) to (MODE.23): modes in place, after the place's filter took their moments to m_new (7,), P_new (7, 7).
 
-    mean (7,) and cov (7, 7) are the moments, before and after; ahead (1,) [m] driven forward. settings (5,): std,
+    mean (7,) and cov (7, 7) are the moments, before and after; ahead (1,) [m] driven. settings (5,): std,
     common_std, clip, backwards, backed. False where something is not definite.
     """
     s, Lam, log_l, measured = np.empty(7), np.empty((7, 7)), np.zeros(len(mu)), False

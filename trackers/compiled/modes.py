@@ -169,7 +169,7 @@ def reweight(mu: NDArray, log_l: NDArray) -> None:
 
 @compiled
 def driven(m: NDArray, P: NDArray, mu: NDArray, dt: float) -> float:
-    """(MODE.30): how far the body has driven forward for certain."""
+    """(MODE.30): how far the body has driven for certain, forward positive."""
     ahead = 0.0
     for k in range(len(mu)):
         sure = max(abs(m[k, SPEED]) - 2 * math.sqrt(P[k, SPEED, SPEED]), 0.0)
@@ -183,7 +183,7 @@ def forward(
 ) -> float:
     """(MODE.9), (MODE.23): moments mean (7,), cov (7, 7) of the modes, turned round where the body would reverse.
 
-    ahead is how far it has driven forward; returns that afterwards.
+    ahead is how far it has driven for certain, forward positive; returns that afterwards.
     """
     moments(m, P, mu, mean, cov)
     wrong = mean[SPEED] < -backwards and ahead < -backed

@@ -121,8 +121,9 @@ def sized(
     x, y = anchor[0] * (b[2, 0] + inset + (l - length) / 2), anchor[1] * (b[2, 1] + (w - b[0, 1]) / 2)  # (ENDS.21)
     pose[0] += cos * x - sin * y
     pose[1] += sin * x + cos * y
-    scaled(cov, cos, sin, math.sqrt(excess[0] / max(place[0], TINY)), math.sqrt(excess[1] / max(place[1], TINY)))
-    least = p.pin[5] ** 2
+    least = p.pin[5] ** 2 if p.once else 0.0
+    if p.once:
+        scaled(cov, cos, sin, math.sqrt(excess[0] / max(place[0], TINY)), math.sqrt(excess[1] / max(place[1], TINY)))
     around(cov, cos, sin, b[4, 0] + more[0] + far_var / 4 + least, b[4, 1] + least)  # (ENDS.20)
     outlined(outline, pose, length, b[0, 1], f.contour[1, t])
     speed = math.hypot(f.velocity[t, 0], f.velocity[t, 1])

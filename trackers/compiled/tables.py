@@ -117,6 +117,7 @@ class Tables(NamedTuple):
     enough_bent: float
     enough_aside: float
     pin: NDArray  # (6,) share, least, spread in a face, spread of the offsets (2), least of the centre
+    once: bool  # as in `SizePosterior`
     insets: NDArray  # (C, 2)
     roundings: NDArray  # (3, C)
     hinges: NDArray  # (2, C)
@@ -144,7 +145,7 @@ class Tables(NamedTuple):
             np.reshape([(c, *load[:2], *load.log_ratios.ravel()) for c, load in size.prior.loads], (-1, 7)),
             np.reshape([one[:2] for one in bends], (-1, 2)), np.reshape(at, (-1, K)),
             size.enough_bent, size.enough_aside,
-            [size.pin, size.least_pin, size.face_std, *offset_std, size.centre_std], *size.prior[-3:], sheet,
+            [size.pin, size.least_pin, size.face_std, *offset_std, size.centre_std], size.once, *size.prior[-3:], sheet,
             [size.outliers, size.independent, size.part_weight, size.offset_share, *offset_std, size.standing,
              size.unseen_share, size.length.birth_std, size.open_above],
         )  # fmt: skip
@@ -154,7 +155,7 @@ class Tables(NamedTuple):
 def _plain(name: str, value: Any) -> Any:
     """A value as numba is to see it: one type for each field, whatever the parameters are."""
     if np.ndim(value) == 0:
-        return value if name in ("iterations", "log_size") else float(value)
+        return value if name in ("iterations", "log_size", "once") else float(value)
     return np.array(value, float, order="C")
 
 

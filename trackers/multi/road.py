@@ -37,12 +37,11 @@ class RoadMap(NamedTuple):
     def locate(self, xy: NDArray) -> tuple[NDArray, NDArray]:
         """Depth (M,) [m] of points (M, 2) inside the nearest lane, negative outside, and its direction (M,) [rad]."""
         depth, piece = self.nearest(xy)
-        return depth, self.course[piece] if len(self.a) else np.zeros(len(xy))
+        return depth, self.course(piece) if len(self.a) else np.zeros(len(xy))
 
-    @property
-    def course(self) -> NDArray:
-        """Direction (L,) [rad] of the pieces."""
-        ex, ey = (self.b - self.a).T
+    def course(self, piece: NDArray) -> NDArray:
+        """Direction (M,) [rad] of the pieces with these rows (M,)."""
+        ex, ey = (self.b[piece] - self.a[piece]).T
         return np.arctan2(ey, ex)
 
     def nearest(self, xy: NDArray) -> tuple[NDArray, NDArray]:
@@ -61,7 +60,6 @@ class Bends(NamedTuple):
     """How the lanes of a map bend."""
 
     road: RoadMap
-    course: NDArray  # (L,) [rad] direction of the pieces
     curvature: NDArray  # (L,) [1/m] of the lanes at the pieces, positive to the left
 
     @classmethod
@@ -74,12 +72,12 @@ class Bends(NamedTuple):
         lines = [np.concatenate([road.a[i:j], road.b[j - 1 : j]]) for i, j in zip(first, last, strict=True)]
         curvature = np.concatenate([_curvature(line) for line in lines])
         curvature[np.abs(curvature) < STRAIGHT] = 0.0
-        return cls(road, road.course, curvature) if curvature.any() else None
+        return cls(road, curvature) if curvature.any() else None
 
     def at(self, pose: NDArray, beside: float = 0.0) -> NDArray:
         """Curvature (M,) [1/m] of the lane that bodies at pose (M, 3) drive along, up to beside [m] from it, else 0."""
         depth, piece = self.road.nearest(pose[:, :2])
-        along = np.cos(self.course[piece] - pose[:, 2])
+        along = np.cos(self.road.course(piece) - pose[:, 2])
         on = (depth > -beside) & (np.abs(along) > ALONG)
         return np.where(on, np.sign(along) * self.curvature[piece], 0.0)
 

@@ -78,7 +78,8 @@ class SizePosterior:
     pin: float = 0.03  # standard deviation of the size in the filter of the place, as a share of it
     least_pin: float = 0.02  # [m]
     face_std: float = 0.03  # [m] how well it is known where in a face its detections are
-    centre_std: float = 0.05  # [m] of the centre, however much was seen of both ends: outlines differ
+    once: bool = False  # of the covariance of the place only what is beyond offsets and outlines counts for the centre
+    centre_std: float = 0.05  # [m] of the centre then, however much was seen of both ends: outlines differ
     part_weight: float = 0.3  # of scans that show a part of the width
     enough_bent: float = 5.0  # detections of a body in a bend after which it is taken for bent
     enough_aside: float = 5.0  # detections from beside it after which its far end is seen as it is
@@ -265,8 +266,9 @@ class SizePosterior:
         more, more_var = self._rounded(state)
         size = b.size + more
         excess = self._excess(box)
-        var = b.centre_var + out_var + more_var / 4 + self.centre_std**2
-        placed = _placed(state, _without_offsets(box, excess), size, var, out)
+        var = b.centre_var + out_var + more_var / 4
+        known = (_without_offsets(box, excess), var + self.centre_std**2) if self.once else (box, var)
+        placed = _placed(state, known[0], size, known[1], out)
         contour = box.contour
         if contour is not None:
             scale = (size / box.size)[..., None, :]
