@@ -79,7 +79,7 @@ class SizePosterior:
     least_pin: float = 0.02  # [m]
     face_std: float = 0.03  # [m] how well it is known where in a face its detections are
     once: bool = False  # of the covariance of the place only what is beyond offsets and outlines counts for the centre
-    centre_std: float = 0.05  # [m] of the centre then, however much was seen of both ends: outlines differ
+    centre_std: float = 0.1  # [m] of the centre then, however much was seen of both ends: outlines differ
     part_weight: float = 0.3  # of scans that show a part of the width
     enough_bent: float = 5.0  # detections of a body in a bend after which it is taken for bent
     enough_aside: float = 5.0  # detections from beside it after which its far end is seen as it is
