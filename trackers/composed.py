@@ -369,6 +369,5 @@ def composed(filter: Any, size: str = "off", motion: bool = False, compiled: boo
         raise ValueError(f"size must be one of {', '.join(LAYERS)}, got {size!r}")
     if size == "off" and not motion:
         return filter
-    allows = any(getattr(filter, "position_std", ()))  # for outlines, in the covariance of its place
-    ends = SizePosterior(once=allows) if size == "ends" else None
+    ends = SizePosterior(once=any(Abilities.of(filter).position_std or ())) if size == "ends" else None
     return Composed(filter, MotionModes() if motion else None, ends, compiled)

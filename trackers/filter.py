@@ -97,6 +97,9 @@ class Abilities(NamedTuple):
     with_extent: Method = None  # (state, extent): state
     mixed: Method = None  # (state, dt): probabilities (..., K), and of each model its filter and state; None for one
 
+    # Allowances in the covariance of its estimates
+    position_std: tuple[float, float] | None = None  # shares of length and width, for outlines that it does not know
+
     # If that is of x = [px, py, phi, v, omega, s1, s2] as in `trackers.motion.turn`
     log_size: bool | None = None  # whether s1 and s2 are the logarithms of length and width
     size_walk: float | None = None  # random walk of s1 and s2, in their unit / sqrt(s)

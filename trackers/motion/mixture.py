@@ -65,7 +65,8 @@ class MotionModes:
 
     def predicted(self, x: Mixture, place: Any, dt: float) -> Mixture:
         """The modes after dt > 0 [s]: mixing, then the motion of each; place is the contour filter."""
-        v, sure = x.m[..., SPEED], np.maximum(np.abs(x.m[..., SPEED]) - 2 * np.sqrt(x.P[..., SPEED, SPEED]), 0.0)
+        v = x.m[..., SPEED]
+        sure = np.maximum(np.abs(v) - 2 * np.sqrt(x.P[..., SPEED, SPEED]), 0.0)
         ahead = x.ahead + (x.mu * np.sign(v) * sure).sum(-1) * dt  # (MODE.30)
         first = np.eye(len(self.modes.table))[0]
         kept = chain(len(first), self.stay, dt / self.step)

@@ -265,10 +265,11 @@ class SizePosterior:
         out, out_var = (vector(x, np.zeros(x.shape)) for x in (inset, square - inset**2))
         more, more_var = self._rounded(state)
         size = b.size + more
-        excess = self._excess(box)
-        var = b.centre_var + out_var + more_var / 4
-        known = (_without_offsets(box, excess), var + self.centre_std**2) if self.once else (box, var)
-        placed = _placed(state, known[0], size, known[1], out)
+        place, var = _along_axes(box), b.centre_var + out_var + more_var / 4
+        excess = self._excess(place, box.size)
+        if self.once:
+            box, var = _scaled(box, np.sqrt(excess / np.maximum(place, TINY))), var + self.centre_std**2  # (ENDS.20)
+        placed = _placed(state, box, size, var, out)
         contour = box.contour
         if contour is not None:
             scale = (size / box.size)[..., None, :]
@@ -289,10 +290,10 @@ class SizePosterior:
         rest = square - mean**2 + (ROUNDING_ERROR * mean) ** 2
         return vector(mean, np.zeros(mean.shape)), vector(rest, np.zeros(mean.shape))
 
-    def _excess(self, box: Estimate) -> NDArray:
-        """Variances (..., 2) [m^2] of the place along the axes of the box, beyond those of what the grids know."""
-        known = np.array([grid.offset_std for grid in self.grids]) ** 2 + (OUTLINE * self.pin_std(box.size)) ** 2
-        return np.maximum(_along_axes(box) - known, 0.0)  # (ENDS.36)
+    def _excess(self, place: NDArray, size: NDArray) -> NDArray:
+        """What of the variances place (..., 2) [m^2] along the axes of a box the grids do not know."""
+        known = np.array([grid.offset_std for grid in self.grids]) ** 2 + (OUTLINE * self.pin_std(size)) ** 2
+        return np.maximum(place - known, 0.0)  # (ENDS.36)
 
     def _edge_std(self, state: SizeState, excess: NDArray, out_var: NDArray, more_var: NDArray) -> NDArray:
         """Standard deviations (..., 4) [m] of the edges, by the grids, which know them better than the box alone."""
@@ -363,13 +364,13 @@ def _along_axes(box: Estimate) -> NDArray:
     return np.asarray(np.sum(M * (box.cov[..., :2, :2] @ M), -2))
 
 
-def _without_offsets(box: Estimate, excess: NDArray) -> Estimate:
-    """The box with a place that has these variances (..., 2) [m^2] along its axes."""
+def _scaled(box: Estimate, factor: NDArray) -> Estimate:
+    """The box with the errors of its place times factor (..., 2) along its axes."""
     M, cov = rotation(box.pose[..., 2]), box.cov.copy()
-    S = (M * np.sqrt(excess / np.maximum(_along_axes(box), TINY))[..., None, :]) @ M.mT
+    S = (M * factor[..., None, :]) @ M.mT
     cov[..., :2, :] = S @ cov[..., :2, :]
     cov[..., :2] = cov[..., :2] @ S.mT
-    return box._replace(cov=symmetrize(cov))  # (ENDS.20)
+    return box._replace(cov=symmetrize(cov))
 
 
 def _placed(state: SizeState, box: Estimate, size: NDArray, var: NDArray, out: NDArray | float = 0.0) -> Estimate:

@@ -10,11 +10,12 @@ from hypothesis import strategies as st
 
 from testbed.check import draws, laws
 from testbed.check.draws import arrays, check_equal, random_prior
+from tests.trackers.motion.bodies import CAR, seen_body
 from trackers import Scan, find, prior
 from trackers.batch import take
 from trackers.composed import Composed
 from trackers.filter import Abilities
-from trackers.geometry import rotation, unit, wrap_angle
+from trackers.geometry import unit, wrap_angle
 from trackers.motion.mixture import MotionModes, without_rates
 from trackers.motion.modes import FIVE, Modes
 from trackers.motion.rates import Body, ScanRates
@@ -30,32 +31,9 @@ def moving(place, **parameters):
 
 
 MAP, SPLINE, _ = (moving(find(base)) for base in BASES)
-CAR = np.array([4.6, 1.86])
 
 
 random_scan = partial(draws.random_scan, missing=True)
-
-
-def seen_body(rng, centre, heading, velocity, yaw_rate, n, noise=0.1, rate_noise=0.0):
-    """n detections on the lit sides of cars at centre (..., 2), seen from the origin, with the range rates of the body.
-
-    heading, yaw_rate (...), velocity (..., 2) of the centre.
-    """
-    M = rotation(heading)
-    sight = -(M.mT @ centre[..., None])[..., 0]  # from the centre to the sensor
-    x, y = (rng.uniform(-0.5, 0.5, (*np.shape(heading), n)) for _ in range(2))
-    lit = np.where(np.abs(sight) > CAR / 2, np.abs(sight), 0.0) * CAR[::-1]  # seen widths of end and side
-    end = rng.random(x.shape) < (lit[..., 0] / lit.sum(-1))[..., None]
-    toward = np.sign(sight)[..., None, :] / 2
-    body = np.stack([np.where(end, toward[..., 0], x), np.where(end, y, toward[..., 1])], -1) * CAR
-    lever = body @ M.mT
-    z = centre[..., None, :] + lever
-    turn = np.asarray(yaw_rate)[..., None, None] * np.stack([-lever[..., 1], lever[..., 0]], -1)
-    xy = z + rng.normal(0, noise, z.shape)
-    scan = Scan.from_xy(xy, noise=(noise, noise / 30, 0.1))
-    polar = scan.polar.copy()
-    polar[..., 2] = (scan.sight * (velocity[..., None, :] + turn)).sum(-1) + rng.normal(0, rate_noise, end.shape)
-    return scan._replace(polar=polar)
 
 
 def circling(filter, axle, scans=45, seed=0):

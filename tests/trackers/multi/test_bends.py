@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from trackers import Scan, SensorModel, build
-from trackers.geometry import perpendicular, rotation, unit
+from tests.trackers.motion.bodies import CAR, seen_body
+from trackers import SensorModel, build
+from trackers.geometry import unit
 from trackers.multi.road import RoadMap
 
 WIDE = SensorModel(max_range=120.0, fov=2 * np.pi, sigma_range=0.15, sigma_azimuth=0.008, sigma_rate=0.1, clutter=1.0)
@@ -20,20 +21,13 @@ def circle(radius, centre):
     return RoadMap.of([(centre + radius * unit(angle), 4.0)])
 
 
-def scan_of(rng, pose, size, speed, yaw_rate, n=10):
-    """n detections of the sides of a body at pose (3,) that face the origin, where the radar stands."""
-    sight = rotation(pose[2]).T @ -pose[:2]
-    toward = np.sign(sight) / 2
-    end = rng.random(n) < abs(sight[0]) * size[1] / (abs(sight[0]) * size[1] + abs(sight[1]) * size[0])
-    body = rng.uniform(-0.5, 0.5, (n, 2))
-    body = np.where(np.c_[end, ~end], toward, body) * size
-    lever = body @ rotation(pose[2]).T
-    xy = pose[:2] + lever
-    velocity = speed * unit(pose[2]) + yaw_rate * perpendicular(lever)
-    scan = Scan.from_xy(xy, pose=[0.0, 0.0, 0.0], noise=(0.15, 0.008, 0.1))
-    polar = scan.polar + rng.normal(size=(n, 3)) * [0.15, 0.008, 0.1]
-    polar[:, 2] = (scan.sight * velocity).sum(-1) + rng.normal(0, 0.1, n)
-    return scan._replace(polar=polar, delivered=np.array([True]))
+def scan_of(rng, pose, size, speed, yaw_rate):
+    """Ten detections of a body at pose (3,) of a size (2,) [m]."""
+    heading = np.array(pose[2])
+    scan = seen_body(
+        rng, pose[:2], heading, speed * unit(heading), np.array(yaw_rate), 10, noise=0.15, rate_noise=0.1, size=size
+    )
+    return scan._replace(delivered=np.array([True]))
 
 
 def tracker_on(road, **parameters):
@@ -50,7 +44,7 @@ def place_after_an_outage(known, radius=60.0, speed=12.0, silent=20):
     for k in range(30 + silent):
         at = [[np.interp(40.0 + speed * DT * k + d, s, x) for x in line.T] for d in (-0.5, 0.0, 0.5)]
         pose = np.append(at[1], np.arctan2(at[2][1] - at[0][1], at[2][0] - at[0][0]))
-        scan = scan_of(rng, pose, np.array([4.6, 1.86]), speed, 0.0)
+        scan = scan_of(rng, pose, CAR, speed, 0.0)
         if k >= 30:
             scan = scan._replace(mask=np.zeros(10, bool), delivered=np.array([False]))
         tracks, _ = tracker.step(tracks, scan, DT if k else 0.0)
