@@ -20,8 +20,8 @@ from trackers.parameters import check_numbers
 class Lanes(NamedTuple):
     """What the map says at B cells."""
 
-    direction: NDArray  # (B,) [rad] of the lane, of the ego off the lanes
-    on_lane: NDArray  # (B,) bool
+    direction: NDArray  # (B,) [rad] of the lane, off the lanes of the way of the ego
+    along: NDArray  # (B,) how sure it is that others drive along it, 1 on a lane of the map, 0 off the lanes
     ego_speed: float  # [m/s]
     curvature: NDArray | None = None  # (B,) [1/m] of the lane, positive to the left; None: not asked for
 
@@ -48,6 +48,8 @@ class Course:
     lane_std: tuple[float, float] = (12.0, 1.0)  # [m/s] along and across the lane, around the ego's speed, either way
     any_std: float = 15.0  # [m/s] of any direction, around standstill
     any_log_odds: tuple[float, float] = (-3.0, 2.0)  # of any direction against along the lane: on lanes, off them
+    crossed: tuple[float, float] = (3.0, 8.0)  # [m/s] of the ego, without a map: up to the first all is as off lanes,
+    # from the second on as on lanes, for hardly anybody crosses a road on which one drives so fast
     above: float = 4.0  # [m/s] the heading follows the velocity above this speed
     slow_std: float = 0.1  # [rad] of the heading below it
     std_bounds: tuple[float, float] = (0.03, 0.3)  # [rad] of the heading above it
@@ -59,6 +61,9 @@ class Course:
             positive=("sigma_rate", "lane_std", "any_std", "slow_std", "std_bounds", "standing_std"),
             signed=("any_log_odds",),
         )
+        slow, fast = self.crossed
+        if slow >= fast:
+            raise ValueError(f"Course.crossed must be two speeds of which the second is greater, got {self.crossed}")
 
     def of(self, points: Unexplained, W: NDArray, lanes: Lanes, standing: NDArray) -> Motion:
         """Motion of the cells W (B, P) of detections; standing (B,) bool those that seem not to move.
@@ -71,7 +76,8 @@ class Course:
         lane = M * np.square(self.lane_std) @ M.mT
         broad = np.broadcast_to(self.any_std**2 * np.eye(2), lane.shape)
         standing_cov = np.broadcast_to(self.standing_std**2 * np.eye(2), lane.shape)
-        none, odds = np.zeros(len(W)), np.where(lanes.on_lane, *self.any_log_odds)
+        on, off = self.any_log_odds
+        none, odds = np.zeros(len(W)), off + (on - off) * lanes.along
         still = np.zeros_like(along)
         priors = np.stack([along, -along, still, still]), np.stack([lane, lane, broad, standing_cov])
         fits = fit(self._told(points, W, lanes), *priors)  # (4, B, ...)
@@ -86,6 +92,11 @@ class Course:
             heading=np.where(unknown, lanes.direction, motion.heading),
             heading_std=np.where(unknown, self.std_bounds[1], motion.heading_std),
         )
+
+    def uncrossed(self, speed: float) -> float:
+        """How sure it is that others drive along the way of the ego, at its speed [m/s], where there is no map."""
+        slow, fast = self.crossed
+        return float(np.clip((speed - slow) / (fast - slow), 0.0, 1.0))  # (LIFE.53)
 
     def _with_heading(self, velocity: NDArray, cov: NDArray, lane: NDArray, in_lane: NDArray) -> Motion:
         """Headings: of the lane (B,) [rad] for slow cells in_lane (B,) bool, else where the velocity may lead."""

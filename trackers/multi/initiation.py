@@ -20,7 +20,7 @@ from trackers.multi.beside import Taken
 from trackers.multi.cells import Linkage, cut
 from trackers.multi.course import Course, Lanes
 from trackers.multi.evidence import Cells, Evidence
-from trackers.multi.road import Bends, RoadMap
+from trackers.multi.road import Bends, RoadMap, Way
 from trackers.multi.sizes import BirthSize
 from trackers.multi.window import EMPTY, Unexplained, Window, join
 from trackers.parameters import check_numbers
@@ -72,20 +72,22 @@ class Initiation:
 
     def births(
         self, z: SortedScan, candidate: NDArray, points: Unexplained, false_alarms: NDArray, time: float, dt: float,
-        road: RoadMap | None = None, bends: Bends | None = None,
+        road: RoadMap | None = None, bends: Bends | None = None, bend: float = 0.0,
     ) -> Births:  # fmt: skip
         """New tracks from the candidates (M,) bool of a scan and the window before it, in the order of their place.
 
         false_alarms (S,) are those expected of each sensor a scan, time [s] since the first scan, dt [s] since the one
-        before. What is born on one of `bends` turns with it.
+        before. What is born on one of `bends` turns with it. Off the lanes of the map others drive along the way of
+        the ego, which has the curvature bend [1/m].
         """
         j = self._born_here(z, np.flatnonzero(candidate), road)
         crowd = len(j) if len(j) > self.crowd else 0
-        now = self.window.candidates(z, j, None if crowd else road)
+        way = Way.of(z.scan.platform, bend)
+        now = self.window.candidates(z, j, None if crowd else road, way)
         pool = now if crowd else join(points, now)
         if not len(pool.rate):
             return self._none(len(z.rate), pool, crowd)
-        lanes = partial(self._lanes, z, road, bends)
+        lanes = partial(self._lanes, way, road, bends)
         label, cells = self._cells(z, pool, false_alarms, time, dt, lanes, crowd > 0)
         best = np.argsort(-cells.log_odds, kind="stable")[: self.most_births]
         best = best[np.isfinite(cells.log_odds[best])]
@@ -115,7 +117,7 @@ class Initiation:
         silent = np.isnan(z.rate[j])
         if road is None or not len(road.a) or not silent.any():
             return j
-        return j[~silent | self.window.courses(z.xy[j], road, 0.0)[1]]
+        return j[~silent | (road.locate(z.xy[j])[0] > -self.window.beside_lane)]
 
     def _none(self, detections: int, points: Unexplained, crowd: int) -> Births:
         """No new track of a scan with so many detections."""
@@ -138,10 +140,10 @@ class Initiation:
             return cut, self.evidence.judge(points, cut, clutter, chance, newcomers)
         return label, cells
 
-    def _lanes(self, z: SortedScan, road: RoadMap | None, bends: Bends | None, mean: NDArray) -> Lanes:
-        heading = float(z.scan.platform[2])
-        speed = float(z.scan.platform[3:5] @ unit(heading))
-        lanes = Lanes(*self.window.courses(mean, road, heading), speed)
+    def _lanes(self, way: Way, road: RoadMap | None, bends: Bends | None, mean: NDArray) -> Lanes:
+        direction, on_lane = self.window.courses(mean, road, way)
+        sure = 0.0 if road is not None else self.course.uncrossed(way.speed)
+        lanes = Lanes(direction, np.where(on_lane, 1.0, sure), way.speed)
         if bends is None:
             return lanes
         pose = np.concatenate([mean, lanes.direction[:, None]], -1)

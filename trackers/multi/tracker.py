@@ -29,7 +29,7 @@ from trackers.multi.leftovers import Suppression
 from trackers.multi.outage import SensorOutage, without
 from trackers.multi.partial import as_if_whole
 from trackers.multi.reidentification import LostTracks, Reidentification
-from trackers.multi.road import Bends, RoadMap
+from trackers.multi.road import Bends, RoadMap, bent
 from trackers.multi.silence import Silence
 from trackers.multi.tracks import BEFORE, BEHIND, NO_TRACK, REPORT_ABOVE, Event, Memory, Rest, Seen, StepInfo, Tracks
 from trackers.multi.visibility import SensorArray, Visibility, predict_visibility
@@ -131,6 +131,9 @@ class MultiObjectTracker:
         life = self._compiled if len(tracks.id) and available() else None
         scan, implausible = (scan, 0) if life is not None and life.plausible(scan) else self._admit(scan)
         tracks = self._predict(tracks, dt, life)
+        if self.road is None:
+            memory = tracks.memory
+            tracks = tracks._replace(memory=memory._replace(bend=bent(memory.bend, scan.platform, dt)))
         if self._fold is not None:
             scan = unfolded(scan, tracks, self.association, self.sensor_array, self._fold)
         seen = self._seen(tracks, scan, dt) if life is None else life.seen(tracks, scan, dt)
@@ -301,8 +304,9 @@ class MultiObjectTracker:
         points = self.initiation.window.predict(memory.unexplained, dt)
         points = keep(points, self.suppression.unexplained(points, tracks.estimate, tracks.existence))
         births = self.initiation.births(
-            z, candidate, points, self.sensor_array.clutter, memory.time + dt, dt, self.road, self._bends
-        )
+            z, candidate, points, self.sensor_array.clutter, memory.time + dt, dt, self.road, self._bends,
+            memory.bend or 0.0,
+        )  # fmt: skip
         tracks = self._waited(tracks, births.unexplained, dt)
         events = []
         if births.crowd:

@@ -38,6 +38,7 @@ class Memory(NamedTuple):
     """What is known beside the tracks; it has no axis T."""
 
     time: float = 0.0  # [s] since the first scan
+    bend: float | None = None  # [1/m] of the way of the ego; None: before the first scan, or there is a map
     unexplained: Unexplained = EMPTY  # unexplained detections of the last scans
     out: NDArray | None = None  # (S,) probability that a sensor delivered nothing in the last scan; None before it
     lost: LostTracks | None = None  # confirmed tracks that died; None before the first

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from trackers.batch import concatenate, keep
 from trackers.geometry import dot, unit
 from trackers.multi.association import SortedScan
-from trackers.multi.road import RoadMap
+from trackers.multi.road import RoadMap, Way
 from trackers.parameters import check_numbers
 
 
@@ -28,7 +28,7 @@ class Unexplained(NamedTuple):
     clutter: NDArray  # (P,) [1/(m^2 m/s)] intensity by the data sheet, [1/m^2] where the rate is not measured
     sensor: NDArray  # (P,) int
     place: NDArray  # (P, 2) [m] of the sensor
-    course: NDArray  # (P,) [rad] direction of the lane where it was seen; of the ego off the lanes
+    course: NDArray  # (P,) [rad] direction of the lane where it was seen; off the lanes that of the way of the ego
     off_lane: NDArray  # (P,) bool, off the lanes of the map
     age: NDArray  # (P,) [s], 0: of the present scan
 
@@ -74,10 +74,10 @@ class Window:
     def __post_init__(self) -> None:
         check_numbers(self)
 
-    def candidates(self, z: SortedScan, j: NDArray, road: RoadMap | None) -> Unexplained:
+    def candidates(self, z: SortedScan, j: NDArray, road: RoadMap | None, way: Way) -> Unexplained:
         """The detections with rows j (P,) of a scan."""
         scan = z.scan
-        course, on_lane = self.courses(z.xy[j], road, float(scan.platform[2]))
+        course, on_lane = self.courses(z.xy[j], road, way)
         off_lane = ~on_lane & (road is not None)
         return Unexplained(
             z.xy[j], z.sight[j], z.rate[j], z.var_along[j], z.var_across[j], z.clutter[j], z.sensor[j],
@@ -102,13 +102,14 @@ class Window:
         useful = ((along > self.along_sight) | ~self.moves(points)) & (np.hypot(*d.T) > self.beyond) & points.measured
         return keep(points, useful)  # (LIFE.2)
 
-    def courses(self, xy: NDArray, road: RoadMap | None, heading: float) -> tuple[NDArray, NDArray]:
-        """Direction (P,) [rad] of the lanes at points (P, 2), the ego's heading off the lanes; and bool (P,) which."""
+    def courses(self, xy: NDArray, road: RoadMap | None, way: Way) -> tuple[NDArray, NDArray]:
+        """Direction (P,) [rad] of the lanes at points (P, 2), off the lanes that of the way; and bool (P,) which."""
+        along = way.direction(xy)
         if road is None:
-            return np.full(len(xy), heading), np.zeros(len(xy), bool)
+            return along, np.zeros(len(xy), bool)
         depth, direction = road.locate(xy)
         on_lane = depth > -self.beside_lane
-        return np.where(on_lane, direction, heading), on_lane
+        return np.where(on_lane, direction, along), on_lane
 
 
 def join(old: Unexplained, new: Unexplained) -> Unexplained:

@@ -110,21 +110,23 @@ class HalfHidden(Road):
         return scan._replace(polar=polar)
 
 
+def beside_itself(whole, seed):
+    """How far aside [m] of a half hidden car its track is, in the mean from 2 s on."""
+    tracker, aside = replace(build("imm-spline", (RADAR,)), as_whole=whole), []
+
+    def note(road, scan, tracks, info):
+        e = tracks.reported.estimate
+        far = np.flatnonzero(np.hypot(*(e.pose[:, :2] - road.cars[1, :2]).T) < 4)
+        if road.time > 2 and len(far):
+            aside.append(e.pose[far[0], 1])
+
+    drive(tracker, HalfHidden([(55, -0.9, 0, 25.0), (115, 0, 0, 25.0)], seed=seed), 8.0, note)
+    assert len(aside) > 80
+    return np.mean(aside)
+
+
 def test_a_car_half_hidden_far_ahead_is_where_it_is():
     """Without it stands beside itself by a quarter of its width."""
-    off = {}
-    for whole in (False, True):
-        tracker = replace(build("imm-spline", (RADAR,)), as_whole=whole)
-        aside = []
-
-        def note(road, scan, tracks, info, aside=aside):
-            e = tracks.reported.estimate
-            far = np.flatnonzero(np.hypot(*(e.pose[:, :2] - road.cars[1, :2]).T) < 4)
-            if road.time > 2 and len(far):
-                aside.append(e.pose[far[0], 1])
-
-        drive(tracker, HalfHidden([(55, -0.9, 0, 25.0), (115, 0, 0, 25.0)]), 8.0, note)
-        assert len(aside) > 80
-        off[whole] = np.mean(aside)
+    off = {whole: np.mean([beside_itself(whole, seed) for seed in range(5)]) for whole in (False, True)}
     assert off[False] > 0.3
-    assert abs(off[True]) < off[False] / 2
+    assert abs(off[True]) < 0.65 * off[False]

@@ -284,9 +284,9 @@ def test_on_a_lane_of_the_map_a_vehicle_is_born_along_the_lane():
 
 
 def test_a_vehicle_across_the_line_of_sight_points_where_its_velocity_is_open():
-    """Straight ahead, range rate near zero, no map: it stands across the sight and not along the ego's heading."""
+    """Straight ahead, range rate near zero, no map, a slow ego: it stands across the sight, not along its heading."""
     xy = np.c_[np.full(5, 60.0), np.linspace(-2, 2, 5)]
-    scan = scan_of(xy, NOISE, np.full(5, 1.2))._replace(platform=np.array([0.0, 0, 0, 10, 0, 0]))
+    scan = scan_of(xy, NOISE, np.full(5, 1.2))._replace(platform=np.array([0.0, 0, 0, 2, 0, 0]))
     z, _ = MultiObjectTracker(RandomMatrix(), (WIDE,)).association.prepare(
         scan, MultiObjectTracker(RandomMatrix(), (WIDE,)).sensor_array
     )

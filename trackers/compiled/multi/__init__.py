@@ -137,8 +137,9 @@ class Life:
     def rest(self, seen: Seen, updated: Tracks, dt: float) -> Rest:
         """Existence and leftovers of a step, whose tracks have their estimates after the update."""
         memory, tracks = seen.tracks.memory, seen.tracks
+        way = (*seen.z.scan.platform[:3].tolist(), memory.bend or 0.0)
         found = self.finish(self._boxes(updated.estimate), tracks.existence, seen.info.log_ratio, seen.owner,
-                            self._detections(seen.z), self.Pool(*memory.unexplained), float(seen.z.scan.platform[2]),
+                            self._detections(seen.z), self.Pool(*memory.unexplained), way,
                             memory.time + dt, float(dt), tracks.divided, self.rules)  # fmt: skip
         return Rest(found[0], found[1], Unexplained(*found[2]), *found[3:])
 
