@@ -128,6 +128,16 @@ def test_a_step_from_any_state_is_the_same(drive, seed, k, dt):
         check(tracker, [(tracks, scan, dt)], patch)
 
 
+@pytest.mark.parametrize("bend", [-0.01, 0.01])
+def test_what_no_track_explains_beside_an_ego_that_turns_is_the_same(bend, monkeypatch):
+    """Without a map it drives along the way of the ego, which bends."""
+    tracker, steps = recorded("imm-spline", "dense-traffic", 30, 8)
+    assert tracker.road is None
+    steps = [(t._replace(memory=t.memory._replace(bend=bend)), scan, dt) for t, scan, dt in steps[3:]]
+    after = [tracks.memory.unexplained for tracks, _ in check(tracker, steps, monkeypatch)]
+    assert max(np.ptp(loose.course) for loose in after if len(loose.course)) > 0.5
+
+
 def test_what_is_changed_has_all_that_is_rare(drive):
     tracker, steps = drive
     kinds, seen = set(), {"out": 0, "alarms": 0, "calm": 0, "hidden": 0, "end": 0}
