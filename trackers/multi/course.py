@@ -18,7 +18,7 @@ from trackers.parameters import check_numbers
 
 
 class Lanes(NamedTuple):
-    """What the map says at B cells."""
+    """What the map, or without one the way of the ego, says at B cells."""
 
     direction: NDArray  # (B,) [rad] of the lane, off the lanes of the way of the ego
     along: NDArray  # (B,) how sure it is that others drive along it, 1 on a lane of the map, 0 off the lanes
