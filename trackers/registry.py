@@ -14,6 +14,7 @@ from trackers.htg.online import HTGOnline
 from trackers.lookup import check_types, find_own, is_own, look_up, parameters_of, parse, with_parameters
 from trackers.multi.association import Association
 from trackers.multi.ground import GroundTest
+from trackers.multi.reidentification import Reidentification
 from trackers.multi.tracker import MultiObjectTracker
 from trackers.pmht import AdaptiveSpline, Learner, SplinePmht, Walk
 from trackers.random_matrix.adaptation import GaussNewton
@@ -50,7 +51,8 @@ OURS = MappingProxyType(
         "ground": GroundTest(),
         "edge_sigmas": 1.0,
         "as_whole": True,
-        "association": Association(static_inside=(0.5, 1.2)),
+        "association": Association(static_inside=(0.5, 1.2), fades=0.25),
+        "reidentification": Reidentification(hidden=0.6),
     }
 )
 

@@ -61,6 +61,8 @@ class Association:
     surface_std: float = 0.2  # [m] roughness of the box as a model of the outline
     own_above: float = 0.3  # least probability to own a detection
     least_expected: float = 0.5  # a track expects at least so many detections where one falls into its gates
+    fades: float = np.inf  # [s] time constant with which these become fewer while no sensor should see the track
+    surprise: float = 0.02  # and the share that stays
     alarms: tuple[float, float] = (20.0, 5.0)  # more than these, and times those of the data sheet, are false alarms
     alarm_cell: tuple[float, float, float] = (5.0, 5.0, 4.0)  # [m, m, m/s] in which they count as one
     static_rate: float = 0.4  # [m/s] least threshold below which a detection counts as static
@@ -68,7 +70,7 @@ class Association:
     static_inside: tuple[float, float] = (0.5, 0.5)  # [m] depth inside a lane for that; most for births
 
     def __post_init__(self) -> None:
-        check_numbers(self, positive=("position_gate", "rate_gate", "rate_std"))
+        check_numbers(self, positive=("position_gate", "rate_gate", "rate_std", "fades"), unlimited=("fades",))
 
     def prepare(self, scan: Scan, sensors: SensorArray, road: RoadMap | None = None) -> tuple[SortedScan, NDArray]:
         """The M detections under the mask, sorted, and their indices (M,) in the scan; road is the map of the lanes.
@@ -123,13 +125,15 @@ class Association:
         expected: NDArray,
         z: SortedScan,
         false_alarms: NDArray | None = None,
+        hidden: NDArray | None = None,
     ) -> Claims:
         """Pairs inside both gates, and the owner of each of the M detections.
 
         estimate and existence (T,) are those of the predicted tracks, expected (S, T) their expected detections by
         sensor. `log_spatial` is that of the filter with the state (T,), see `trackers.filter.Abilities`; None stands
         for a density that is even over the box. false_alarms (S,) are those of the data sheets, with which those of
-        this scan are compared; None: the clutter is that of the data sheets.
+        this scan are compared; None: the clutter is that of the data sheets. hidden (T,) [s] is how long no sensor
+        should have seen a track; None: some should.
         """
         track, detection, log_box = self.inside_gate(estimate, z)
         log_rate, near = self.inside_rate_gate(estimate, z, track, detection)
@@ -137,7 +141,9 @@ class Association:
         if log_spatial is not None:
             log_box = log_spatial(state, z.scan, track, detection)
         clutter = z.clutter if false_alarms is None else z.clutter * self._excess(z, detection, false_alarms)[z.sensor]
-        gam = np.maximum(expected[z.sensor[detection], track], self.least_expected)
+        unseen = np.zeros(len(existence)) if hidden is None else hidden
+        least = self.least_expected * np.maximum(np.exp(-unseen / self.fades), self.surprise)  # (MOT.64)
+        gam = np.maximum(expected[z.sensor[detection], track], least[track])
         gain = gam * np.exp(log_box + log_rate) / clutter[detection]  # (MOT.20)
         weight, M = existence[track] * gain, len(z.rate)
         best, owner = np.zeros(M), np.full(M, -1)

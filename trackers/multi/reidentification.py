@@ -35,6 +35,7 @@ class Reidentification:
     span: float = 8.0  # [s]
     least_hits: int = 8  # of a track that is remembered
     most: int = 50  # tracks remembered, the latest
+    hidden: float = np.inf  # [s] that no sensor should have seen a track, from which on it is sought like a lost one
     wander: tuple[float, float] = (1.5, 0.3)  # [m/s in a second] of its velocity, along and across, growing as sqrt(t)
     sudden: tuple[float, float] = (2.0, 0.5)  # [m/s] error of the velocity of a track that got lost
     misplaced: tuple[float, float] = (1.5, 1.0)  # [m] error of its place along and across
@@ -44,7 +45,7 @@ class Reidentification:
     longer: float = 1.5  # [m] by which a cell may be longer than the remembered vehicle
 
     def __post_init__(self) -> None:
-        check_numbers(self, positive=("most", "newcomer_speed"))
+        check_numbers(self, positive=("most", "newcomer_speed"), unlimited=("hidden",))
 
     def remember(self, lost: LostTracks | None, died: LostTracks) -> LostTracks:
         """The memory with the tracks that died and had been seen often enough."""

@@ -185,7 +185,8 @@ class MultiObjectTracker:
         hidden, noise = tracks.hidden, tracks.noise
         if hidden is not None and noise is not None:
             works = np.any(np.asarray(tracks.memory.out) < 0.5)
-            hidden = np.where(some, 0.0, hidden + dt * (view.hidden & works))
+            unseen = view.hidden | (view.certain.max(0) == 0)
+            hidden = np.where(some, 0.0, hidden + dt * (unseen & works))
             noise = np.where(some, least(z.var_across, owner, len(some)), noise)
         hits = tracks.hits + some  # (MOT.26)
         estimate = self.filter.estimate(state)
@@ -238,7 +239,14 @@ class MultiObjectTracker:
         tracks = tracks._replace(existence=alive, memory=tracks.memory._replace(out=out))
         gate = tracks.estimate if self.can.reach is None else self.can.reach(tracks.state)
         claims = self.association.claim(
-            self.can.log_spatial, tracks.state, gate, tracks.existence, view.expected, z, self.sensor_array.clutter
+            self.can.log_spatial,
+            tracks.state,
+            gate,
+            tracks.existence,
+            view.expected,
+            z,
+            self.sensor_array.clutter,
+            tracks.hidden,
         )
         z = z._replace(clutter=claims.clutter)
         return Seen(tracks, z, order, claims.owner, view, self._weigh(tracks, view, claims))
@@ -319,7 +327,7 @@ class MultiObjectTracker:
 
     def _create_tracks(self, tracks: Tracks, z: SortedScan, births: Births) -> tuple[Tracks, list[Event]]:
         """The tracks and those born, updated with their detections of this scan; a lost vehicle gets its id back."""
-        B, memory, lost = len(births.existence), tracks.memory, tracks.memory.lost
+        B, memory, lost = len(births.existence), tracks.memory, self._lost(tracks)
         state, hits, returned = self.filter.init(births.estimate), births.hits, np.zeros(B, bool)
         id = tracks.next_id + np.arange(B)
         if lost is not None and len(lost.id):
@@ -330,7 +338,9 @@ class MultiObjectTracker:
             state = select(returned, self._restart(old.state, known), state)
             hits = hits + np.where(returned, old.hits, 0)
             id = np.where(returned, old.id, tracks.next_id + np.cumsum(~returned) - 1)
-            memory = memory._replace(lost=keep(lost, ~np.isin(lost.id, id)))
+            tracks = tracks.rows(~np.isin(tracks.id, id))
+            if memory.lost is not None:
+                memory = memory._replace(lost=keep(memory.lost, ~np.isin(memory.lost.id, id)))
         state, info = self._begun(state, z, births.owner, B)
         estimate = self.filter.estimate(state)
         born = Tracks(
@@ -455,6 +465,17 @@ class MultiObjectTracker:
             for i, n, reason in zip(old.id, new_id, why, strict=True)
         ]
         return tracks._replace(state=state, estimate=self.filter.estimate(state)).and_born(born), events
+
+    def _lost(self, tracks: Tracks) -> LostTracks | None:
+        """The vehicles that a birth may be: those of dead tracks, and of tracks that are unseen for long."""
+        lost, hidden = tracks.memory.lost, tracks.hidden
+        if hidden is None:
+            return lost
+        away = np.flatnonzero(tracks.confirmed & (hidden > self.reidentification.hidden))
+        if not len(away):
+            return lost
+        found = LostTracks(tracks.id, tracks.hits, hidden, tracks.estimate, tracks.state)
+        return self.reidentification.remember(lost, take(found, away))
 
     def _exclude(self, tracks: Tracks) -> tuple[Tracks, list[Event]]:
         score = tracks.existence * np.minimum(tracks.hits, 50)

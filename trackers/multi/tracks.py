@@ -22,7 +22,7 @@ from trackers.multi.window import EMPTY, Unexplained
 NO_TRACK = -1  # id in an event about a scan
 BEHIND, BEFORE = 0, 1  # where there is empty ground at a track
 REPORT_ABOVE = 0.5  # existence probability above which a track is output, (MOT.48)
-HIDDEN, ASIDE = 0.25, 0.9  # [s] hidden, and [m] of lateral std beside noise, beyond both of which it is not, (MOT.48)
+HIDDEN, ASIDE = 0.25, 0.9  # [s] unseen, and [m] of lateral std beside noise, beyond both of which it is not, (MOT.48)
 
 
 class Event(NamedTuple):
@@ -60,7 +60,7 @@ class Tracks(NamedTuple):
     estimate: Estimate  # leading axis T
     next_id: int = 0
     memory: Memory = Memory()
-    hidden: NDArray | None = None  # (T,) [s] behind others since its last detection; None: it is not known
+    hidden: NDArray | None = None  # (T,) [s] unseen by all sensors since its last detection; None: not known
     noise: NDArray | None = None  # (T,) [m^2] least across the line of sight, of its last detections; None: not known
 
     @property
@@ -76,7 +76,7 @@ class Tracks(NamedTuple):
 
     @property
     def astray(self) -> NDArray:
-        """Mask (T,) of tracks behind others for a while, of which it is not known in which lane they are."""
+        """Mask (T,) of tracks unseen for a while, of which it is not known in which lane they are."""
         if self.hidden is None or self.noise is None:
             return np.zeros(len(self.id), bool)
         n = perpendicular(unit(self.estimate.pose[:, 2]))

@@ -95,7 +95,9 @@ def changed(rng, tracks, scan):
     divided = np.argwhere(rng.random((len(tracks.id), 2)) < 0.2)
     divided[:, 0] = tracks.id[divided[:, 0]]
     out = rng.choice([0.0, 0.4, 0.9], len(RADAR.models)) if rng.random() < 0.5 else None
-    tracks = tracks._replace(existence=existence, memory=tracks.memory._replace(divided=divided, out=out))
+    hidden = rng.choice([0.0, 0.1, 0.7, 3.0], len(tracks.id))
+    tracks = tracks._replace(existence=existence, hidden=hidden)
+    tracks = tracks._replace(memory=tracks.memory._replace(divided=divided, out=out))
     polar, mask, noise = scan.polar.copy(), scan.mask & (rng.random(M) < rng.choice([1.0, 0.5, 0.0])), scan.noise.copy()
     still = rng.random(M) < rng.choice([0.0, 0.3])
     polar[still, 2] -= scan.ground_rate[still]

@@ -137,3 +137,32 @@ def test_the_noise_across_a_lane_is_what_counts():
     scan = scan_of([(48.7, 0.0)], (0.1, 0.02, 0.1), 0.0)
     z, _ = Association(static_inside=(0.5, 1.2)).prepare(scan, SensorArray.of((QUIET,)), road)
     assert z.in_lane.tolist() == [True]
+
+
+def test_what_no_sensor_should_have_seen_for_a_while_hardly_shows_a_detection():
+    """Behind others for 0.1 s a track expects exp(-0.1 / 0.25) of half a detection, for 3 s a fiftieth of it.
+
+    What sensors expect to see of it counts whatever its past.
+    """
+    tracker = MultiObjectTracker(KnownObjects(), (QUIET,))
+    z, _ = tracker.association.prepare(scan_of([(48.2, 0.0)], noise=(0.1, 0.001, 0.1)), tracker.sensor_array)
+    rule, known = Association(fades=0.25), box(50, 0)
+
+    def gain(expected, hidden):
+        hidden = None if hidden is None else np.array([hidden])
+        return rule.claim(None, None, known, np.array([0.9]), np.array([[expected]]), z, None, hidden).gain.item()
+
+    assert gain(0.0, None) == gain(0.0, 0.0) == gain(0.5, 3.0)
+    assert gain(0.0, 0.1) / gain(0.0, 0.0) == pytest.approx(np.exp(-0.4))
+    assert gain(0.0, 3.0) / gain(0.0, 0.0) == pytest.approx(0.02)
+    assert gain(2.0, 3.0) == gain(2.0, 0.0) == pytest.approx(4 * gain(0.0, 0.0))
+
+
+def test_a_hidden_track_leaves_a_lone_detection_beside_it_to_the_false_alarms():
+    """Three metres aside of where it should be by now, after two seconds behind a truck and in the first moment."""
+    e = prior(np.array([[20.0, 0, np.pi / 2], [50, 0, 0]]), size=[[12.0, 2.5], [4.5, 1.9]], position_std=[0.1, 1.0])
+    radar, scan = SensorModel(max_range=200.0, fov=np.pi, clutter=5.0), scan_of([(50.0, 3.0)], (0.1, 0.01, 0.1))
+    for hidden, owner in ((2.0, -1), (0.0, 1)):
+        tracker = MultiObjectTracker(KnownObjects(), (radar,), association=Association(fades=0.25))
+        tracks = tracks_of(e, [0.99, 0.6])._replace(hidden=np.array([0.0, hidden]), noise=np.zeros(2))
+        assert tracker.step(tracks, scan, 0.0)[1].owner.tolist() == [owner]

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.trackers.multi.known_objects import KnownObjects, scan_of, tracks_of
 from tests.trackers.rear_sides import Road, drive
-from trackers import find, prior
+from trackers import MultiObjectTracker, SensorModel, find, prior
 from trackers.batch import take
 from trackers.multi.reidentification import LostTracks, Reidentification
 from trackers.multi.road import RoadMap
@@ -64,6 +65,22 @@ def test_place_speed_and_length_decide(pose, velocity, length, row):
     gone = gone_of([(100.0, 0.0, 0.0)], (25.0, 0.0), age=1.0)
     born = prior([pose], velocity=velocity, position_std=0.9, velocity_std=0.7)
     assert RULE.match(gone, born, np.array([length])).tolist() == [row]
+
+
+@pytest.mark.parametrize(("least", "hidden", "ids"), [(0.6, 1.0, [0]), (0.6, 0.5, [0, 1]), (np.inf, 1.0, [0, 1])])
+def test_a_vehicle_that_appears_beside_its_hidden_track_is_that_track(least, hidden, ids):
+    """Three metres aside, beyond the gate of a track that claims 0.3 m; in plain view it would be another vehicle."""
+    e = prior([(60.0, 0.0, 0.0)], velocity=(25.0, 0.0), position_std=0.3, velocity_std=0.5)
+    tracker = MultiObjectTracker(KnownObjects(), (SensorModel(max_range=200.0, fov=np.pi),))
+    tracker = replace(tracker, reidentification=Reidentification(hidden=least))
+    tracks = tracks_of(e, 0.6)._replace(hidden=np.array([hidden]), noise=np.zeros(1))
+    seen = [(57.8, 2.2), (57.9, 2.6), (57.8, 3.0), (57.9, 3.4), (57.8, 3.8)]
+    tracks, info = tracker.step(tracks, scan_of(seen, (0.1, 0.001, 0.1), 25.0), 0.0)
+    assert sorted(tracks.id.tolist()) == ids
+    assert [event.kind for event in info.events if event.kind in ("born", "returned")] == [
+        "returned" if ids == [0] else "born"
+    ]
+    assert tracks.estimate.pose[-1, 1] == pytest.approx(3.0, abs=0.2)
 
 
 def test_of_two_that_it_could_be_it_is_neither():

@@ -251,6 +251,18 @@ def test_a_track_counts_as_hidden_behind_another_and_not_in_plain_view_or_withou
     assert tracks.hidden[tracks.id == 1] == pytest.approx(hidden)
 
 
+@pytest.mark.parametrize(("std", "hidden"), [(0.1, 0.0), (3.0, 0.3)])
+def test_a_track_of_which_no_sensor_is_sure_counts_as_hidden(std, hidden):
+    """At the edge of the view, 30 degrees and 50 m from the radar, a box 3.9 m wide may be outside of it by 3 m."""
+    e = prior([(2.3 + 50 * np.cos(np.pi / 6), 25.0, 0.0)], size=(4.5, 1.9), position_std=std)
+    tracker = MultiObjectTracker(KnownObjects(), (RADAR,), edge_sigmas=1.0)
+    tracks = tracks_of(e, 0.9999)._replace(hidden=np.zeros(1), noise=np.zeros(1))
+    scan = scan_of(np.zeros((0, 2)), (0.1, 0.01, 0.1))._replace(delivered=np.array([True]))
+    for _ in range(3):
+        tracks, _ = tracker.step(tracks, scan, 0.1)
+    assert tracks.hidden == pytest.approx([hidden])
+
+
 def test_a_duplicate_inside_a_box_goes():
     e = prior(np.array([[20.0, 0, 0], [20.5, 0.2, 0.1]]), velocity=(20.0, 0.0))
     verdict = Exclusion().apply(e, np.array([1.0, 2.0]))

@@ -122,9 +122,10 @@ class Life:
         told = scan.delivered is not None
         before = np.zeros(S) if tracks.memory.out is None else tracks.memory.out
         out = 1.0 - scan.delivered if told else whole(before)  # type: ignore[operator]
+        hidden = np.zeros(len(tracks.id)) if tracks.hidden is None else tracks.hidden
         z, v, c = self.see(order, *fields, sensor, whole(scan.platform), self._boxes(tracks.estimate),
-                           self._sizes(tracks.state), whole(tracks.existence), tracks.hits, told, out, float(dt),
-                           self.rules)  # fmt: skip
+                           self._sizes(tracks.state), whole(tracks.existence), tracks.hits, whole(hidden), told, out,
+                           float(dt), self.rules)  # fmt: skip
         tracks = tracks._replace(existence=c.alive, memory=tracks.memory._replace(out=v.out))
         of_scan = Scan(z.polar, np.ones(len(order), bool), z.pose, z.velocity, z.noise, z.sensor, scan.platform)
         sorted_scan = SortedScan(of_scan, *z[5:10], z.sensor, *z[10:])  # type: ignore[call-arg]

@@ -117,7 +117,7 @@ def rate_density(t: int, j: int, g: Boxes, z: Detections, rate_gate: float, rate
 @compiled
 def gate(g: Boxes, x: Sizes, z: Detections, p: Rules) -> tuple[NDArray, NDArray, NDArray]:
     """(MOT.14) to (MOT.19): tracks, detections and log densities (G,) of the pairs inside both gates."""
-    position_gate, rate_gate, rate_std, surface, _, _ = p.association
+    position_gate, rate_gate, rate_std, surface, _, _, _, _ = p.association
     T, M, sized, noise = len(g.pose), len(z.rate), len(x.pose) > 0, 0.0
     for j in range(M):
         noise = max(noise, z.var_along[j], z.var_across[j])
@@ -183,9 +183,9 @@ def measure_clutter(z: Detections, detection: NDArray, p: Rules) -> None:
 
 
 @compiled
-def claim(g: Boxes, x: Sizes, z: Detections, v: View, alive: NDArray, p: Rules) -> Claimed:
+def claim(g: Boxes, x: Sizes, z: Detections, v: View, alive: NDArray, hidden: NDArray, p: Rules) -> Claimed:
     """(MOT.20) to (MOT.24): the owners of the detections, whose clutter is measured, and ratios of existence."""
-    _, _, _, _, own_above, least_expected = p.association
+    _, _, _, _, own_above, least_expected, fades, surprise = p.association
     _, _, _, _, k, floor, cap, missing, least, most, _ = p.existence
     track, detection, log = gate(g, x, z, p)
     measure_clutter(z, detection, p)
@@ -193,7 +193,8 @@ def claim(g: Boxes, x: Sizes, z: Detections, v: View, alive: NDArray, p: Rules) 
     best, total, best_gain, owner = np.zeros(M), np.zeros(M), np.zeros(M), np.full(M, -1)
     for i in range(len(track)):
         t, j = track[i], detection[i]
-        gain = max(v.expected[z.sensor[j], t], least_expected) * math.exp(log[i]) / z.clutter[j]  # (MOT.20)
+        some = least_expected * max(math.exp(-hidden[t] / fades), surprise)  # (MOT.64)
+        gain = max(v.expected[z.sensor[j], t], some) * math.exp(log[i]) / z.clutter[j]  # (MOT.20)
         total[j] += alive[t] * gain
         if alive[t] * gain > best[j]:  # of equals the first
             best[j], best_gain[j], owner[j] = alive[t] * gain, gain, t

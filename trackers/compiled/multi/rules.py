@@ -164,7 +164,8 @@ class Rules(NamedTuple):
             sheets_of(t),
             lanes_of(t.road),
             *(tuple(map(float, values)) for values in (
-                (a.position_gate, a.rate_gate, a.rate_std, a.surface_std, a.own_above, a.least_expected),
+                (a.position_gate, a.rate_gate, a.rate_std, a.surface_std, a.own_above, a.least_expected,
+                 a.fades, a.surprise),
                 (*a.alarms, *a.alarm_cell),
                 (a.static_rate, *a.static_density, *a.static_inside),
                 (e.life_visible, e.life_hidden, e.life_silent, e.life_outside, e.dispersion, e.miss_floor, e.pair_cap,

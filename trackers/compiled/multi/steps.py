@@ -42,8 +42,8 @@ def plausible(
 @compiled
 def seen(
     order: NDArray, polar: NDArray, pose: NDArray, velocity: NDArray, noise: NDArray, sensor: NDArray,
-    platform: NDArray, box: Boxes, size: Sizes, existence: NDArray, hits: NDArray, told: bool, before: NDArray,
-    dt: float, p: Rules,
+    platform: NDArray, box: Boxes, size: Sizes, existence: NDArray, hits: NDArray, hidden: NDArray, told: bool,
+    before: NDArray, dt: float, p: Rules,
 ) -> tuple[Detections, View, Claimed]:  # fmt: skip
     """The sorted scan, what sensors should see of predicted tracks, and the claims.
 
@@ -61,7 +61,7 @@ def seen(
             heard[s] = True
         silence(view, before, heard, existence, p)
     survive(view, existence, dt, p, alive)
-    return z, view, claim(reach(box, size, p.sheets) if len(size.pose) else box, size, z, view, alive, p)
+    return z, view, claim(reach(box, size, p.sheets) if len(size.pose) else box, size, z, view, alive, hidden, p)
 
 
 @compiled
