@@ -67,6 +67,7 @@ class GroundTest:
     rate: float = 2.0  # [m/s] difference of the range rate up to which they do
     gaps: tuple[int, ...] = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 40, 48)  # [cells] widths of empty ground that are tried
     beside: int = 6  # [cells] on each side of the gap, from which the density in it is foretold
+    facing: float = 0.5  # share of the detections of a vehicle whose side is in no view, that its end at the gap has
     face: int = 4  # [cells] at both ends of a box that is seen end-on, where its face may be
     denser: float = 2.5  # most by which more detections than expected beside a gap, no wider than that, count for it
     thin: float = 0.5  # share of the expected detections that one vehicle may show in a stretch
@@ -244,7 +245,7 @@ class GroundTest:
         behind, ahead = (n >= self.least for n in (H, H[:, -1:] - H))
         w, edges = np.array(self.gaps)[:, None], np.arange(b, CELLS + 1 - b)  # (W, 1), (P,)
         first, last = edges + 0 * w, np.minimum(edges + w, CELLS - b)  # (W, P) edges where a gap begins and ends
-        ratio = self._of_sides(S, X, first, last)
+        ratio = self._of_sides(S, X, H, first, last)
         low, high = ((edge < x).sum(1)[:, None, None] for x in (-deep, deep))
         other, known = self._of_insides(E, low, high, first, last)
         ratio = np.where(known, np.maximum(ratio, other), ratio)  # (LIFE.49)
@@ -256,15 +257,19 @@ class GroundTest:
         ratio, gap = ratio[rows, best][:, 0], edge[rows, np.stack([first, last], -1).reshape(-1, 2)[best[:, 0]]]
         return Split(ratio > self.surer, ratio, vector(-end[:, 0], gap[:, 0]), vector(gap[:, 1], end[:, 0]))
 
-    def _of_sides(self, S: NDArray, X: NDArray, first: NDArray, last: NDArray) -> NDArray:
+    def _of_sides(self, S: NDArray, X: NDArray, H: NDArray, first: NDArray, last: NDArray) -> NDArray:
         """Log likelihood ratio (D, W, P) of empty ground from edges first to last (W, P), by the sides in view.
 
-        S and X (D, CELLS + 1) are sums of the detections and of those expected of one vehicle.
+        S and X (D, CELLS + 1) are sums of the detections and of those expected of one vehicle, H of those on any side.
         """
         b = self.beside
-        flank = S[:, b:] - S[:, :-b]  # detections of the cells beside a gap, from their first edge on
-        dense = np.where(flank < self.least, 0.0, flank / np.maximum(X[:, b:] - X[:, :-b], 1e-9))
-        denser = np.minimum(dense[:, first - b], dense[:, last])  # (D, W, P)
+        shown, due, hits = (a[:, b:] - a[:, :-b] for a in (S, X, H))  # in so many cells from each edge on
+        dense = np.where(shown < self.least, 0.0, shown / np.maximum(due, 1e-9))
+        behind, ahead = first - b, last  # where the cells on both sides of a gap begin
+        denser = np.minimum(dense[:, behind], dense[:, ahead])  # (D, W, P)
+        for one, other, all_of in ((behind, ahead, H[:, first]), (ahead, behind, H[:, -1:, None] - H[:, last])):
+            face = hits[:, one] > np.maximum(self.facing * all_of, self.least)
+            denser = np.where(face & (due[:, one] < self.stray * due[:, other]), dense[:, other], denser)
         most = np.where(last - first <= b, self.denser, 1.0)
         return self._empty((X[:, last] - X[:, first]) * np.minimum(denser, most), S[:, last] - S[:, first])  # (LIFE.33)
 

@@ -176,6 +176,23 @@ def test_what_is_seen_end_on_is_compared_with_what_both_parts_show_of_their_insi
     assert less == pytest.approx(evidence - 2.0 * np.log(test.thin / test.stray))
 
 
+@pytest.mark.parametrize("ahead", [False, True])
+@pytest.mark.parametrize(("face", "due", "evidence"), [(1.0, 0.0, True), (5.0, 0.0, False), (1.0, 1.0, False)])
+def test_of_a_vehicle_whose_side_is_in_no_view_the_face_at_the_gap_is_enough(ahead, face, due, evidence):
+    """12 m, of which the side of one half and a gap of 2 m beside it are in view; of the other half a face is hit.
+
+    A bus whose far face is hit has none at the gap, and what should show its side there and does not may be bent.
+    """
+    x, test = PLACE if ahead else -PLACE, GroundTest(gaps=(8,))
+    side, gap, rest = (x > -6) & (x < -1), (x > -1) & (x < 1), (x > 1) & (x < 6)
+    hits = 20.0 * ((face < x) & (x < face + STEP)) + 0.2 * rest
+    ground = untouched(np.zeros(1, int), np.zeros((1, 2)))._replace(hits=(side + hits)[None])
+    estimate = box(0, 12.0, 0.0, 10.0)
+    seen = ground._replace(seen=1.0 * side[None], expected=1.0 * (side | gap)[None] + due * rest)
+    ratio = [test.split(each, estimate).ratio[0] for each in (ground, seen)]
+    assert np.diff(ratio) == pytest.approx((test.thin - test.stray) * 8 if evidence else 0.0)
+
+
 @pytest.mark.parametrize("inside", [0.0, 1.0])
 def test_a_face_says_nothing_of_the_inside(inside):
     """Of the rear part only the face is seen, and 1 m: how many detections its inside would give is not known."""
