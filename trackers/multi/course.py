@@ -18,11 +18,12 @@ from trackers.parameters import check_numbers
 
 
 class Lanes(NamedTuple):
-    """What the map, or without one the way of the ego, says at B cells."""
+    """What the map, or without one the way of the ego and the tracks, says at B cells."""
 
     direction: NDArray  # (B,) [rad] of the lane, off the lanes of the way of the ego
     along: NDArray  # (B,) how sure it is that others drive along it, 1 on a lane of the map, 0 off the lanes
     ego_speed: float  # [m/s]
+    direction_std: NDArray  # (B,) [rad]
     curvature: NDArray | None = None  # (B,) [1/m] of the lane, positive to the left; None: not asked for
 
 
@@ -73,7 +74,9 @@ class Course:
         """
         along = lanes.ego_speed * unit(lanes.direction)
         M = np.stack([unit(lanes.direction), perpendicular(unit(lanes.direction))], -1)
-        lane = M * np.square(self.lane_std) @ M.mT
+        std = np.stack(np.broadcast_arrays(*self.lane_std, lanes.direction_std)[:2], -1)
+        std[:, 1] = np.hypot(std[:, 1], lanes.ego_speed * np.minimum(lanes.direction_std, 1.0))  # (LIFE.55)
+        lane = M * np.square(std)[:, None] @ M.mT
         broad = np.broadcast_to(self.any_std**2 * np.eye(2), lane.shape)
         standing_cov = np.broadcast_to(self.standing_std**2 * np.eye(2), lane.shape)
         on, off = self.any_log_odds

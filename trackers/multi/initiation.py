@@ -20,8 +20,9 @@ from trackers.multi.beside import Taken
 from trackers.multi.cells import Linkage, cut
 from trackers.multi.course import Course, Lanes
 from trackers.multi.evidence import Cells, Evidence
-from trackers.multi.road import Bends, RoadMap, Way
+from trackers.multi.road import Bend, RoadMap
 from trackers.multi.sizes import BirthSize
+from trackers.multi.way import Way
 from trackers.multi.window import EMPTY, Unexplained, Window, join
 from trackers.parameters import check_numbers
 from trackers.random_matrix.feldmann import visible_offset
@@ -72,22 +73,22 @@ class Initiation:
 
     def births(
         self, z: SortedScan, candidate: NDArray, points: Unexplained, false_alarms: NDArray, time: float, dt: float,
-        road: RoadMap | None = None, bends: Bends | None = None, bend: float = 0.0,
+        road: RoadMap | None = None, bend: Bend | None = None, way: Way | None = None,
     ) -> Births:  # fmt: skip
         """New tracks from the candidates (M,) bool of a scan and the window before it, in the order of their place.
 
         false_alarms (S,) are those expected of each sensor a scan, time [s] since the first scan, dt [s] since the one
-        before. What is born on one of `bends` turns with it. Off the lanes of the map others drive along the way of
-        the ego, which has the curvature bend [1/m].
+        before. What is born turns with its lane, of the curvature that bend gives (B,) [1/m] at poses (B, 3).
+        Off the lanes of the map others drive along the way.
         """
         j = self._born_here(z, np.flatnonzero(candidate), road)
         crowd = len(j) if len(j) > self.crowd else 0
-        way = Way.of(z.scan.platform, bend)
+        way = way or Way.of(z.scan.platform)
         now = self.window.candidates(z, j, None if crowd else road, way)
         pool = now if crowd else join(points, now)
         if not len(pool.rate):
             return self._none(len(z.rate), pool, crowd)
-        lanes = partial(self._lanes, way, road, bends)
+        lanes = partial(self._lanes, way, road, bend)
         label, cells = self._cells(z, pool, false_alarms, time, dt, lanes, crowd > 0)
         best = np.argsort(-cells.log_odds, kind="stable")[: self.most_births]
         best = best[np.isfinite(cells.log_odds[best])]
@@ -140,14 +141,14 @@ class Initiation:
             return cut, self.evidence.judge(points, cut, clutter, chance, newcomers)
         return label, cells
 
-    def _lanes(self, way: Way, road: RoadMap | None, bends: Bends | None, mean: NDArray) -> Lanes:
+    def _lanes(self, way: Way, road: RoadMap | None, bend: Bend | None, mean: NDArray) -> Lanes:
         direction, on_lane = self.window.courses(mean, road, way)
-        sure = 0.0 if road is not None else self.course.uncrossed(way.speed)
-        lanes = Lanes(direction, np.where(on_lane, 1.0, sure), way.speed)
-        if bends is None:
-            return lanes
-        pose = np.concatenate([mean, lanes.direction[:, None]], -1)
-        return lanes._replace(curvature=bends.at(pose, self.window.beside_lane))
+        if road is None:
+            sure, std = np.full(len(mean), self.course.uncrossed(way.speed)), way.direction_std(mean)
+        else:
+            sure, std = on_lane.astype(float), np.zeros(len(mean))
+        curvature = None if bend is None else bend(np.concatenate([mean, direction[:, None]], -1))
+        return Lanes(direction, sure, way.speed, std, curvature)
 
     def _cut(self, points: Unexplained, label: NDArray, cells: Cells, lanes: Callable[[NDArray], Lanes]) -> NDArray:
         """Labels (P,) after those cells that may be born and are wider than any vehicle are cut."""

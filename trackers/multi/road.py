@@ -4,18 +4,20 @@ Standing vehicles are born on a lane and nowhere else, since their range rate do
 and vehicles turn as their lane does. Equations: docs/methods/multi-object-tracking.md, section 7.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trackers.geometry import cross, to_frame, unit
+from trackers.geometry import cross
 
 ARC = 8.0  # [m] along a lane, back and ahead, over which its curvature is taken: the pieces of a map are rough
 STRAIGHT, SHARPEST = 1e-4, 0.15  # [1/m] curvatures of a map below that are none, and above that are a corner's
 ALONG = 0.7  # least cosine between a body and the lane that it drives on
-LOOK_BACK = 150.0  # [m] of the way of the ego over which its bend is taken: a change of lanes is none
-ROLLING = 1.0  # [m/s] of the ego, above which its yaw rate says how its way bends
+
+
+Bend = Callable[[NDArray], NDArray]  # curvature (M,) [1/m] of the road that bodies at poses (M, 3) drive along
 
 
 class RoadMap(NamedTuple):
@@ -56,35 +58,6 @@ class RoadMap(NamedTuple):
         depth = self.half_width - np.hypot(dx - t * ex, dy - t * ey)  # (MOT.27)
         best = depth.argmax(-1)
         return depth[np.arange(len(xy)), best], best
-
-
-class Way(NamedTuple):
-    """The road as the ego drives it, a circle: where no map has a lane, others are taken to drive along it."""
-
-    pose: NDArray  # (3,) of the ego
-    speed: float  # [m/s] of the ego along its heading
-    bend: float = 0.0  # [1/m] curvature, positive to the left
-
-    @classmethod
-    def of(cls, platform: NDArray, bend: float = 0.0) -> "Way":
-        """That of a platform (6,), as in a scan."""
-        return cls(platform[:3], float(platform[3:5] @ unit(platform[2])), bend)
-
-    def direction(self, xy: NDArray) -> NDArray:
-        """Direction (M,) [rad] of the road at points (M, 2): of the circles about the same centre."""
-        x, y = to_frame(self.pose, xy).T
-        return np.asarray(self.pose[2] + np.arctan2(self.bend * x, 1 - self.bend * y))  # (LIFE.51)
-
-
-def bent(before: float | None, platform: NDArray, dt: float) -> float:
-    """The bend [1/m] of the ego's way after dt [s], before it was that; None: this is the first scan."""
-    way = Way.of(platform)
-    if way.speed < ROLLING:
-        return before or 0.0
-    bend = float(np.clip(platform[5] / way.speed, -SHARPEST, SHARPEST))
-    if before is None:
-        return bend
-    return before + (1 - np.exp(-way.speed * dt / LOOK_BACK)) * (bend - before)  # (LIFE.52)
 
 
 class Bends(NamedTuple):

@@ -6,7 +6,7 @@ Order of a step and equations: docs/methods/multi-object-tracking.md. The tracke
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -29,10 +29,11 @@ from trackers.multi.leftovers import Suppression
 from trackers.multi.outage import SensorOutage, without
 from trackers.multi.partial import as_if_whole
 from trackers.multi.reidentification import LostTracks, Reidentification
-from trackers.multi.road import Bends, RoadMap, bent
+from trackers.multi.road import Bend, Bends, RoadMap
 from trackers.multi.silence import Silence
 from trackers.multi.tracks import BEFORE, BEHIND, NO_TRACK, REPORT_ABOVE, Event, Memory, Rest, Seen, StepInfo, Tracks
 from trackers.multi.visibility import SensorArray, Visibility, predict_visibility
+from trackers.multi.way import Way
 from trackers.multi.window import Unexplained
 from trackers.parameters import check_numbers
 from trackers.scan import Scan, SensorModel
@@ -130,10 +131,9 @@ class MultiObjectTracker:
         check_step(dt)
         life = self._compiled if len(tracks.id) and available() else None
         scan, implausible = (scan, 0) if life is not None and life.plausible(scan) else self._admit(scan)
-        tracks = self._predict(tracks, dt, life)
         if self.road is None:
-            memory = tracks.memory
-            tracks = tracks._replace(memory=memory._replace(bend=bent(memory.bend, scan.platform, dt)))
+            tracks = tracks._replace(memory=tracks.memory._replace(way=self._way(tracks, scan.platform)))
+        tracks = self._predict(tracks, dt, life)
         if self._fold is not None:
             scan = unfolded(scan, tracks, self.association, self.sensor_array, self._fold)
         seen = self._seen(tracks, scan, dt) if life is None else life.seen(tracks, scan, dt)
@@ -152,10 +152,23 @@ class MultiObjectTracker:
         tracks_new = updated._replace(confirmed=updated.confirmed | fresh)
         return tracks_new, info._replace(owner=owner, events=tuple(events), implausible=int(implausible))
 
+    def _way(self, tracks: Tracks, platform: NDArray) -> Way:
+        """The road as the ego drives it to this platform (6,), and the tracks that were reported."""
+        before = tracks.memory.way or Way.of(platform)
+        return before.followed(platform, take(tracks.estimate, np.flatnonzero(tracks.confirmed)))
+
+    def _bend(self, way: Way | None, beside: float = 0.0) -> Bend | None:
+        """How the lanes bend, those of the map up to beside [m] from them; None: they do not, or nobody asks for it."""
+        if self.can.on_lanes is None:
+            return None
+        if self.road is None:
+            return None if way is None else way.curvature
+        return None if self._bends is None else partial(self._bends.at, beside=beside)
+
     def _predict(self, tracks: Tracks, dt: float, life: Any = None) -> Tracks:
-        before = tracks.state
-        if self._bends is not None and self.can.on_lanes is not None:
-            before = self.can.on_lanes(before, self._bends.at(tracks.estimate.pose))  # (MODE.34)
+        before, bend = tracks.state, self._bend(tracks.memory.way)
+        if bend is not None and self.can.on_lanes is not None:
+            before = self.can.on_lanes(before, bend(tracks.estimate.pose))  # (MODE.34)
         state = None if life is None else life.predict(before, dt)
         state = self.filter.predict(before, dt) if state is None else state
         return tracks._replace(state=state, estimate=self.filter.estimate(state), age=tracks.age + dt)
@@ -312,8 +325,8 @@ class MultiObjectTracker:
         points = self.initiation.window.predict(memory.unexplained, dt)
         points = keep(points, self.suppression.unexplained(points, tracks.estimate, tracks.existence))
         births = self.initiation.births(
-            z, candidate, points, self.sensor_array.clutter, memory.time + dt, dt, self.road, self._bends,
-            memory.bend or 0.0,
+            z, candidate, points, self.sensor_array.clutter, memory.time + dt, dt, self.road,
+            self._bend(memory.way, self.initiation.window.beside_lane), memory.way,
         )  # fmt: skip
         tracks = self._waited(tracks, births.unexplained, dt)
         events = []

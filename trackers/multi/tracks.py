@@ -17,6 +17,7 @@ from trackers.multi.beside import Taken
 from trackers.multi.ground import NOTHING, Ground
 from trackers.multi.reidentification import LostTracks
 from trackers.multi.visibility import Visibility
+from trackers.multi.way import Way
 from trackers.multi.window import EMPTY, Unexplained
 
 NO_TRACK = -1  # id in an event about a scan
@@ -38,7 +39,7 @@ class Memory(NamedTuple):
     """What is known beside the tracks; it has no axis T."""
 
     time: float = 0.0  # [s] since the first scan
-    bend: float | None = None  # [1/m] of the way of the ego; None: before the first scan, or there is a map
+    way: Way | None = None  # that of the ego and of the tracks; None: before the first scan, or there is a map
     unexplained: Unexplained = EMPTY  # unexplained detections of the last scans
     out: NDArray | None = None  # (S,) probability that a sensor delivered nothing in the last scan; None before it
     lost: LostTracks | None = None  # confirmed tracks that died; None before the first

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from trackers.batch import concatenate, keep
 from trackers.geometry import dot, unit
 from trackers.multi.association import SortedScan
-from trackers.multi.road import RoadMap, Way
+from trackers.multi.road import RoadMap
+from trackers.multi.way import Way
 from trackers.parameters import check_numbers
 
 

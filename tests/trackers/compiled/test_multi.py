@@ -130,12 +130,20 @@ def test_a_step_from_any_state_is_the_same(drive, seed, k, dt):
         check(tracker, [(tracks, scan, dt)], patch)
 
 
+def turned(platform, bend):
+    """The platform (6,) with the yaw rate of such a bend [1/m]."""
+    return np.append(platform[:5], bend * np.hypot(*platform[3:5]))
+
+
 @pytest.mark.parametrize("bend", [-0.01, 0.01])
 def test_what_no_track_explains_beside_an_ego_that_turns_is_the_same(bend, monkeypatch):
     """Without a map it drives along the way of the ego, which bends."""
     tracker, steps = recorded("imm-spline", "dense-traffic", 30, 8)
     assert tracker.road is None
-    steps = [(t._replace(memory=t.memory._replace(bend=bend)), scan, dt) for t, scan, dt in steps[3:]]
+    steps = [
+        (t._replace(memory=t.memory._replace(way=None)), scan._replace(platform=turned(scan.platform, bend)), dt)
+        for t, scan, dt in steps[3:]
+    ]
     after = [tracks.memory.unexplained for tracks, _ in check(tracker, steps, monkeypatch)]
     assert max(np.ptp(loose.course) for loose in after if len(loose.course)) > 0.5
 

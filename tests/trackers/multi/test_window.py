@@ -254,7 +254,7 @@ def seeming_to_stand(direction):
         xy, unit(np.arctan2(xy[:, 1], xy[:, 0])), zero, one, one, one, zero.astype(int), np.zeros((n, 2)),
         direction * one, zero > 0, zero,
     )  # fmt: skip
-    lanes = Lanes(np.array([direction]), np.array([True]), 10.0)
+    lanes = Lanes(np.array([direction]), np.array([1.0]), 10.0, np.zeros(1))
     return Course().of(cell, np.ones((1, n), bool), lanes, np.array([True]))
 
 

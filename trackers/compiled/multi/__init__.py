@@ -23,6 +23,7 @@ from trackers.multi.leftovers import Suppression
 from trackers.multi.outage import SensorOutage
 from trackers.multi.tracks import Rest, Seen, StepInfo, Tracks
 from trackers.multi.visibility import Visibility
+from trackers.multi.way import Way
 from trackers.multi.window import Unexplained, Window
 from trackers.scan import Scan
 from trackers.size.likelihood import TOGETHER
@@ -138,7 +139,7 @@ class Life:
     def rest(self, seen: Seen, updated: Tracks, dt: float) -> Rest:
         """Existence and leftovers of a step, whose tracks have their estimates after the update."""
         memory, tracks = seen.tracks.memory, seen.tracks
-        way = (*seen.z.scan.platform[:3].tolist(), memory.bend or 0.0)
+        way = (memory.way or Way.of(seen.z.scan.platform)).direction(seen.z.xy)
         found = self.finish(self._boxes(updated.estimate), tracks.existence, seen.info.log_ratio, seen.owner,
                             self._detections(seen.z), self.Pool(*memory.unexplained), way,
                             memory.time + dt, float(dt), tracks.divided, self.rules)  # fmt: skip

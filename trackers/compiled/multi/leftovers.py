@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.compiled.multi.jit import compiled
-from trackers.compiled.multi.rules import Boxes, Detections, Numbers, Pool, Rules
+from trackers.compiled.multi.rules import Boxes, Detections, Pool, Rules
 from trackers.compiled.multi.view import locate
 
 
@@ -45,17 +45,13 @@ def candidates(z: Detections, owner: NDArray, box: Boxes, existence: NDArray, p:
 
 
 @compiled
-def led(way: Numbers, x: float, y: float) -> float:
-    """(LIFE.51): direction of the way of the ego (x, y, heading, bend) at a point."""
-    dx, dy, c, s = x - way[0], y - way[1], math.cos(way[2]), math.sin(way[2])
-    return way[2] + math.atan2(way[3] * (c * dx + s * dy), 1 - way[3] * (c * dy - s * dx))
-
-
-@compiled
 def gather(
-    old: Pool, free: NDArray, z: Detections, way: Numbers, dt: float, box: Boxes, existence: NDArray, p: Rules
+    old: Pool, free: NDArray, z: Detections, way: NDArray, dt: float, box: Boxes, existence: NDArray, p: Rules
 ) -> tuple[Pool, int]:
-    """(LIFE.1): the window after dt without what tracks explain, then the free detections; and the number of these."""
+    """(LIFE.1): the window after dt without what tracks explain, then the free detections; and the number of these.
+
+    way (M,) [rad] is the direction of the way of the ego at the detections.
+    """
     span, standing, _, _, moving, beside, _ = p.window
     P, lanes, k = len(old.rate) + len(free), p.lanes, 0
     o = Pool(
@@ -84,7 +80,7 @@ def gather(
             continue
         o.xy[k], o.sight[k], o.rate[k], o.place[k] = z.xy[j], z.sight[j], z.rate[j], z.pose[j, :2]
         o.var_along[k], o.var_across[k], o.clutter[k] = z.var_along[j], z.var_across[j], z.clutter[j]
-        o.sensor[k], o.course[k], o.age[k] = z.sensor[j], direction if on else led(way, z.xy[j, 0], z.xy[j, 1]), 0.0
+        o.sensor[k], o.course[k], o.age[k] = z.sensor[j], direction if on else way[j], 0.0
         o.off_lane[k], k = lanes.known and not on, k + 1
     return cut(o, np.arange(k)), k - before
 

@@ -10,7 +10,7 @@ from trackers.compiled.multi.claims import claim, reach, share
 from trackers.compiled.multi.jit import compiled
 from trackers.compiled.multi.leftovers import candidates, gather, quiet, remembered
 from trackers.compiled.multi.partial import turned
-from trackers.compiled.multi.rules import Boxes, Claimed, Detections, Limits, Numbers, Pool, Rules, Sizes, View
+from trackers.compiled.multi.rules import Boxes, Claimed, Detections, Limits, Pool, Rules, Sizes, View
 from trackers.compiled.multi.view import see, silence, sort, survive, within
 
 
@@ -126,7 +126,7 @@ def apart(box: Boxes, divided: NDArray, p: Rules) -> bool:
 
 @compiled
 def rest(
-    box: Boxes, alive: NDArray, log_ratio: NDArray, owner: NDArray, z: Detections, window: Pool, way: Numbers,
+    box: Boxes, alive: NDArray, log_ratio: NDArray, owner: NDArray, z: Detections, window: Pool, way: NDArray,
     time: float, dt: float, divided: NDArray, p: Rules,
 ) -> Rest:  # fmt: skip
     """Existence after the scan, leftovers and the window, and what of the rest of a step has to be done."""
