@@ -31,6 +31,7 @@ class Way(NamedTuple):
     place: NDArray = np.zeros(0)  # (N,) [m] along it, of headings that are known
     weight: NDArray = np.zeros(0)  # (N,) [1/rad] of how they deviate from that of the ego
     information: NDArray = np.zeros((0, 0))  # (N, N) [1/rad^2]
+    travelled: NDArray = np.zeros(1)  # (K,) [m] places of the poses of the ego
 
     @classmethod
     def of(cls, platform: NDArray) -> "Way":
@@ -42,12 +43,12 @@ class Way(NamedTuple):
         trail = self.driven
         if len(trail) > 1 and np.hypot(*(trail[-1, :2] - trail[-2, :2])) < 0.99 * STEP:
             trail = trail[:-1]
-        way = Way(np.concatenate([trail, platform[None, :3]]), _speed(platform))
-        driven = way.driven[way._travelled > -LENGTH]
+        driven = np.concatenate([trail, platform[None, :3]])
+        driven = driven[_travelled(driven) > -LENGTH]
         if len(self.driven) == 1 or len(driven) == 1:
             driven = _arc(platform)
         driven[:, 2] = np.unwrap(driven[:, 2])
-        return way._replace(driven=driven)._among(others)
+        return Way(driven, _speed(platform), travelled=_travelled(driven))._among(others)
 
     def _among(self, others: Estimate) -> "Way":
         place, guess = self._project(others.pose[:, :2])
@@ -55,7 +56,7 @@ class Way(NamedTuple):
         var = others.heading_std**2 + ASLANT**2
         along = off**2 < CROSSING**2 * (self._variance(place) + var)
         row = np.flatnonzero(along & (np.hypot(*others.velocity.T) > FAST))
-        place = np.append(self._travelled, place[row])
+        place = np.append(self.travelled, place[row])
         off = np.append(self.driven[:, 2] - self.driven[-1, 2], off[row])
         var = np.append(np.full(len(self.driven), self._aside**2), var[row])
         information = np.linalg.inv(self._covariance(place, place) + np.diag(var))
@@ -63,8 +64,7 @@ class Way(NamedTuple):
 
     def direction(self, xy: NDArray) -> NDArray:
         """Direction (M,) [rad] of the road at points (M, 2)."""
-        k = self._covariance(self._project(xy)[0], self.place)
-        return np.asarray(self.driven[-1, 2] + k @ self.weight)  # (LIFE.52)
+        return self._heading(self._project(xy)[0])
 
     def direction_std(self, xy: NDArray) -> NDArray:
         """Standard deviation (M,) [rad] of the direction at points (M, 2)."""
@@ -74,19 +74,17 @@ class Way(NamedTuple):
 
     def curvature(self, pose: NDArray) -> NDArray:
         """Curvature (M,) [1/m] of the road that bodies at pose (M, 3) drive along, positive to the left, else 0."""
-        along = np.cos(self.direction(pose[:, :2]) - pose[:, 2])
         place, _ = self._project(pose[:, :2])
+        along = np.cos(self._heading(place) - pose[:, 2])
         k = self._slope(place, self.place)
         c = k @ self.weight  # (LIFE.52)
         var = self._sharp**2 * (1 + np.abs(place) / WINDING) - ((k @ self.information) * k).sum(-1)  # (LIFE.52)
         sure = np.maximum(1 - var / np.maximum(c**2, 1e-12), 0.0)  # (LIFE.56)
         return np.where(np.abs(along) > ALONG, np.sign(along) * sure * c, 0.0)
 
-    @property
-    def _travelled(self) -> NDArray:
-        """Places (K,) [m] of the poses of the ego."""
-        steps = np.hypot(*np.diff(self.driven[:, :2], axis=0).T)
-        return np.append(-np.cumsum(steps[::-1])[::-1], 0.0)
+    def _heading(self, s: NDArray) -> NDArray:
+        """Direction (M,) [rad] of the road at places s (M,) [m]."""
+        return np.asarray(self.driven[-1, 2] + self._covariance(s, self.place) @ self.weight)  # (LIFE.52)
 
     def _project(self, xy: NDArray) -> tuple[NDArray, NDArray]:
         """Places (M,) [m] of points (M, 2) along the way, and heading (M,) [rad] of the ego where it was nearest."""
@@ -94,7 +92,7 @@ class Way(NamedTuple):
         at = self.driven[near]
         x, y = to_frame(at, xy[:, None])[:, 0].T
         beyond = ((near == len(self.driven) - 1) & (x > 0)) | ((near == 0) & (x < 0))
-        return self._travelled[near] + np.where(beyond, np.copysign(np.hypot(x, y), x), x), at[:, 2]  # (LIFE.54)
+        return self.travelled[near] + np.where(beyond, np.copysign(np.hypot(x, y), x), x), at[:, 2]  # (LIFE.54)
 
     @property
     def _aside(self) -> float:
@@ -127,6 +125,12 @@ class Way(NamedTuple):
 
 def _speed(platform: NDArray) -> float:
     return float(platform[3:5] @ unit(platform[2]))
+
+
+def _travelled(driven: NDArray) -> NDArray:
+    """Places (K,) [m] of poses (K, 3) that were driven, the last one at 0."""
+    steps = np.hypot(*np.diff(driven[:, :2], axis=0).T)
+    return np.append(-np.cumsum(steps[::-1])[::-1], 0.0)
 
 
 def _arc(platform: NDArray) -> NDArray:

@@ -139,7 +139,8 @@ class Life:
     def rest(self, seen: Seen, updated: Tracks, dt: float) -> Rest:
         """Existence and leftovers of a step, whose tracks have their estimates after the update."""
         memory, tracks = seen.tracks.memory, seen.tracks
-        way = (memory.way or Way.of(seen.z.scan.platform)).direction(seen.z.xy)
+        way, loose = np.zeros(len(seen.owner)), seen.owner < 0
+        way[loose] = (memory.way or Way.of(seen.z.scan.platform)).direction(seen.z.xy[loose])
         found = self.finish(self._boxes(updated.estimate), tracks.existence, seen.info.log_ratio, seen.owner,
                             self._detections(seen.z), self.Pool(*memory.unexplained), way,
                             memory.time + dt, float(dt), tracks.divided, self.rules)  # fmt: skip

@@ -50,7 +50,7 @@ def gather(
 ) -> tuple[Pool, int]:
     """(LIFE.1): the window after dt without what tracks explain, then the free detections; and the number of these.
 
-    way (M,) [rad] is the direction of the way of the ego at the detections.
+    way (M,) [rad] is the direction of the way of the ego at those detections that no track has.
     """
     span, standing, _, _, moving, beside, _ = p.window
     P, lanes, k = len(old.rate) + len(free), p.lanes, 0
