@@ -74,9 +74,9 @@ class Course:
         """
         along = lanes.ego_speed * unit(lanes.direction)
         M = np.stack([unit(lanes.direction), perpendicular(unit(lanes.direction))], -1)
-        std = np.stack(np.broadcast_arrays(*self.lane_std, lanes.direction_std)[:2], -1)
-        std[:, 1] = np.hypot(std[:, 1], lanes.ego_speed * np.minimum(lanes.direction_std, 1.0))  # (LIFE.55)
-        lane = M * np.square(std)[:, None] @ M.mT
+        forth, across = self.lane_std
+        across = np.hypot(across, lanes.ego_speed * np.minimum(lanes.direction_std, 1.0))  # (LIFE.55)
+        lane = M * np.square(np.stack([np.full_like(across, forth), across], -1))[:, None] @ M.mT
         broad = np.broadcast_to(self.any_std**2 * np.eye(2), lane.shape)
         standing_cov = np.broadcast_to(self.standing_std**2 * np.eye(2), lane.shape)
         on, off = self.any_log_odds

@@ -16,7 +16,6 @@ ARC = 8.0  # [m] along a lane, back and ahead, over which its curvature is taken
 STRAIGHT, SHARPEST = 1e-4, 0.15  # [1/m] curvatures of a map below that are none, and above that are a corner's
 ALONG = 0.7  # least cosine between a body and the lane that it drives on
 
-
 Bend = Callable[[NDArray], NDArray]  # curvature (M,) [1/m] of the road that bodies at poses (M, 3) drive along
 
 

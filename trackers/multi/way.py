@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.estimate import Estimate
-from trackers.geometry import to_frame, unit
+from trackers.geometry import to_frame, unit, wrap_angle
 from trackers.multi.road import ALONG, SHARPEST
 
 STEP, LENGTH = 10.0, 195.0  # [m] between the poses of the ego that are kept, and how far back they go
@@ -52,31 +52,35 @@ class Way(NamedTuple):
 
     def _among(self, others: Estimate) -> "Way":
         place, guess = self._project(others.pose[:, :2])
-        off = guess + _half_turn(others.pose[:, 2] - guess) - self.driven[-1, 2]
+        off = guess + wrap_angle(2 * (others.pose[:, 2] - guess)) / 2 - self.driven[-1, 2]
         var = others.heading_std**2 + ASLANT**2
-        along = off**2 < CROSSING**2 * (self._variance(place) + var)
+        along = off**2 < CROSSING**2 * (self._covariance(place, place) + var)
         row = np.flatnonzero(along & (np.hypot(*others.velocity.T) > FAST))
         place = np.append(self.travelled, place[row])
         off = np.append(self.driven[:, 2] - self.driven[-1, 2], off[row])
         var = np.append(np.full(len(self.driven), self._aside**2), var[row])
-        information = np.linalg.inv(self._covariance(place, place) + np.diag(var))
+        information = np.linalg.inv(self._covariance(place[:, None], place) + np.diag(var))
         return self._replace(place=place, weight=information @ off, information=information)  # (LIFE.52)
 
     def direction(self, xy: NDArray) -> NDArray:
         """Direction (M,) [rad] of the road at points (M, 2)."""
+        if not len(self.place):  # with a map in each step
+            return np.full(len(xy), self.driven[-1, 2])
         return self._heading(self._project(xy)[0])
 
     def direction_std(self, xy: NDArray) -> NDArray:
         """Standard deviation (M,) [rad] of the direction at points (M, 2)."""
         place, _ = self._project(xy)
-        k = self._covariance(place, self.place)
-        return np.sqrt(np.maximum(self._variance(place) - ((k @ self.information) * k).sum(-1), 0))  # (LIFE.52)
+        k = self._covariance(place[:, None], self.place)
+        return np.sqrt(
+            np.maximum(self._covariance(place, place) - ((k @ self.information) * k).sum(-1), 0)
+        )  # (LIFE.52)
 
     def curvature(self, pose: NDArray) -> NDArray:
         """Curvature (M,) [1/m] of the road that bodies at pose (M, 3) drive along, positive to the left, else 0."""
         place, _ = self._project(pose[:, :2])
         along = np.cos(self._heading(place) - pose[:, 2])
-        k = self._slope(place, self.place)
+        k = self._slope(place[:, None], self.place)
         c = k @ self.weight  # (LIFE.52)
         var = self._sharp**2 * (1 + np.abs(place) / WINDING) - ((k @ self.information) * k).sum(-1)  # (LIFE.52)
         sure = np.maximum(1 - var / np.maximum(c**2, 1e-12), 0.0)  # (LIFE.56)
@@ -84,7 +88,7 @@ class Way(NamedTuple):
 
     def _heading(self, s: NDArray) -> NDArray:
         """Direction (M,) [rad] of the road at places s (M,) [m]."""
-        return np.asarray(self.driven[-1, 2] + self._covariance(s, self.place) @ self.weight)  # (LIFE.52)
+        return np.asarray(self.driven[-1, 2] + self._covariance(s[:, None], self.place) @ self.weight)  # (LIFE.52)
 
     def _project(self, xy: NDArray) -> tuple[NDArray, NDArray]:
         """Places (M,) [m] of points (M, 2) along the way, and heading (M,) [rad] of the ego where it was nearest."""
@@ -105,22 +109,18 @@ class Way(NamedTuple):
         """Standard deviation [1/m] of the curvature."""
         return ACROSS / max(self.speed, SLOW) ** 2  # (LIFE.51)
 
-    def _variance(self, s: NDArray) -> NDArray:
-        """Variance (M,) [rad^2] of the direction at places s (M,) [m], before more is known than the ego's heading."""
-        return np.asarray(HEADING**2 + self._sharp**2 * (s**2 + np.abs(s) ** 3 / (3 * WINDING)))  # (LIFE.51)
-
     def _covariance(self, s: NDArray, t: NDArray) -> NDArray:
-        """Covariance (M, N) [rad^2] of the directions at places s (M,) and t (N,) [m]."""
-        st, a, b = s[:, None] * t, np.abs(s)[:, None], np.abs(t)
+        """Covariance (...) [rad^2] of the directions at places s and t (...) [m]."""
+        st, a, b = s * t, np.abs(s), np.abs(t)
         near, far = np.minimum(a, b), np.maximum(a, b)
         walk = (st > 0) * near**2 * (3 * far - near) / (6 * WINDING)
         return np.asarray(HEADING**2 + self._sharp**2 * (st + walk))  # (LIFE.51)
 
     def _slope(self, s: NDArray, t: NDArray) -> NDArray:
-        """Covariance (M, N) [rad/m] of the curvatures at places s (M,) with the directions at t (N,) [m]."""
-        a, b = np.abs(s)[:, None], np.abs(t)
-        walk = np.where(s[:, None] * t > 0, np.where(a < b, a * (2 * b - a), b**2) / (2 * WINDING), 0.0)
-        return np.asarray(self._sharp**2 * (t + np.sign(s)[:, None] * walk))  # (LIFE.52)
+        """Covariance (...) [rad/m] of the curvatures at places s (...) [m] with the directions at t (...) [m]."""
+        a, b = np.abs(s), np.abs(t)
+        walk = np.where(s * t > 0, np.where(a < b, a * (2 * b - a), b**2) / (2 * WINDING), 0.0)
+        return np.asarray(self._sharp**2 * (t + np.sign(s) * walk))  # (LIFE.52)
 
 
 def _speed(platform: NDArray) -> float:
@@ -141,8 +141,3 @@ def _arc(platform: NDArray) -> NDArray:
     steps = STEP * np.sinc(bend * STEP / (2 * np.pi)) * unit((heading[1:] + heading[:-1]) / 2)
     back = np.concatenate([np.cumsum(steps[::-1], 0)[::-1], np.zeros((1, 2))])
     return np.concatenate([platform[:2] - back, heading[:, None]], -1)
-
-
-def _half_turn(angle: NDArray) -> NDArray:
-    """Angle [rad] between two ways without a direction of travel."""
-    return np.asarray((angle + np.pi / 2) % np.pi - np.pi / 2)

@@ -98,8 +98,8 @@ def test_the_road_is_that_of_a_curvature_that_walks_at_random():
     off = np.array([-0.5, -0.25, -0.03, 0.1, 0.27, 0.55])
     K, slope, free = walked(np.append(seen, asked))
     n, var = len(seen), np.array([0.01, 0.01, 0.01, 0.02, 0.03, 0.04]) ** 2
-    gain = K[n:, :n] @ np.linalg.inv(K[:n, :n] + np.diag(var))
     known = np.linalg.inv(K[:n, :n] + np.diag(var))
+    gain = K[n:, :n] @ known
     way = Way(np.array([[0.0, 0.0, 0.3]]), 20.0, seen.astype(float), known @ off, known)
     xy = asked[:, None] * unit(0.3)
     np.testing.assert_allclose(way.direction(xy) - 0.3, gain @ off, atol=2e-4)
@@ -178,7 +178,7 @@ def test_an_ego_that_is_elsewhere_at_once_has_driven_nothing():
 
 
 def test_a_change_of_lanes_of_the_ego_bends_the_road_a_little_and_only_for_a_while():
-    """Its heading is up to 0.075 rad off; up to 60 m ahead the road is then so at most 0.2 rad, and 60 m on 0.02."""
+    """Its heading is off by 0.075 rad at most, the road up to 60 m ahead then by 0.2 rad, and by 0.02 from 100 m on."""
     s = np.arange(-200.0, 201.0, 2.0)
     y = 3.6 / (1 + np.exp(-s / 12.0))
     poses, worst, way = np.c_[s, y, np.arctan2(np.gradient(y, s), 1.0)], [], None
@@ -241,7 +241,7 @@ def test_without_a_map_a_track_is_expected_to_turn_as_the_way_of_the_ego_bends()
 
 
 def test_the_less_is_known_of_the_road_the_less_of_the_speed_across_of_what_is_born():
-    """A car 70 m ahead of an ego that has driven straight on; between them one that drives along, or nobody."""
+    """A car 70 m ahead of an ego that has driven straight on; beside that three others do so, or nobody."""
     xy = np.array([70.0, 0.0]) + np.random.default_rng(2).normal(0, 0.4, (6, 2))
     scan = detections_of(xy, (0.15, 0.008, 0.1), np.zeros(6))._replace(velocity=np.array([[20.0, 0.0]]))
     tracker, way = build("imm-spline", (WIDE,)), Way.of(platform())
