@@ -12,7 +12,6 @@ from tests.trackers.multi.known_objects import scan_of
 from tests.trackers.rear_sides import RADAR, Road, drive
 from trackers import SensorModel, build, prior
 from trackers.multi.association import Association
-from trackers.multi.course import Course
 from trackers.multi.partial import as_if_whole
 from trackers.multi.visibility import SensorArray
 
@@ -111,11 +110,9 @@ class HalfHidden(Road):
         return scan._replace(polar=polar)
 
 
-def beside_itself(whole, crossed, seed):
-    """How far aside [m] of a half hidden car its track is, in the mean from 2 s on, born on a road crossed so."""
+def beside_itself(whole, seed):
+    """How far aside [m] of a half hidden car its track is, in the mean from 2 s on."""
     tracker, aside = replace(build("imm-spline", (RADAR,)), as_whole=whole), []
-    born = tracker.initiation
-    tracker = replace(tracker, initiation=replace(born, course=replace(born.course, crossed=crossed)))
 
     def note(road, scan, tracks, info):
         e = tracks.reported.estimate
@@ -128,9 +125,8 @@ def beside_itself(whole, crossed, seed):
     return np.mean(aside)
 
 
-@pytest.mark.parametrize(("crossed", "most"), [((50.0, 60.0), 0.5), (Course().crossed, 0.65)])
-def test_a_car_half_hidden_far_ahead_is_where_it_is(crossed, most):
-    """Without it stands beside itself by a quarter of its width; born along the road it keeps a little more of that."""
-    off = {whole: np.mean([beside_itself(whole, crossed, seed) for seed in range(5)]) for whole in (False, True)}
+def test_a_car_half_hidden_far_ahead_is_where_it_is():
+    """Without it stands beside itself by a quarter of its width; born along the road it keeps half of that."""
+    off = {whole: np.mean([beside_itself(whole, seed) for seed in range(5)]) for whole in (False, True)}
     assert off[False] > 0.3
-    assert abs(off[True]) < most * off[False]
+    assert abs(off[True]) < 0.6 * off[False]

@@ -8,15 +8,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
+from scipy.stats import norm
 
 from tests.trackers.multi.known_objects import KnownObjects, scan_of, tracks_of
 from trackers import MultiObjectTracker, RandomMatrix, Scan, SensorModel, prior
-from trackers.geometry import unit
+from trackers.geometry import dot, perpendicular, unit
 from trackers.multi.cells import Linkage, components
 from trackers.multi.course import Course, Lanes
-from trackers.multi.initiation import Initiation
 from trackers.multi.road import RoadMap
-from trackers.multi.window import EMPTY, Unexplained, Window
+from trackers.multi.window import Unexplained, Window
 
 DT = 1 / 15
 FRONT = SensorModel(max_range=174.0, fov=np.deg2rad(20), sigma_range=0.25, sigma_azimuth=0.0087, clutter=3.0)
@@ -283,16 +283,58 @@ def test_on_a_lane_of_the_map_a_vehicle_is_born_along_the_lane():
     np.testing.assert_allclose(tracks.estimate.pose[0, 2], np.pi / 2, atol=0.1)
 
 
-def test_a_vehicle_across_the_line_of_sight_points_where_its_velocity_is_open():
-    """Straight ahead, range rate near zero, no map, a slow ego: it stands across the sight, not along its heading."""
-    xy = np.c_[np.full(5, 60.0), np.linspace(-2, 2, 5)]
-    scan = scan_of(xy, NOISE, np.full(5, 1.2))._replace(platform=np.array([0.0, 0, 0, 2, 0, 0]))
-    z, _ = MultiObjectTracker(RandomMatrix(), (WIDE,)).association.prepare(
-        scan, MultiObjectTracker(RandomMatrix(), (WIDE,)).sensor_array
-    )
-    births = Initiation().births(z, np.ones(5, bool), EMPTY, np.ones(1), 0.0, 0.0)
-    assert abs(np.sin(births.estimate.pose[0, 2])) > 0.95
-    assert births.estimate.cov[0, 3, 3] > 4**2
+def cell_of(xy, rate):
+    """Detections (P, 2) [m] of one scan of a radar at the origin, with range rates (P,) [m/s], as one cell."""
+    xy, n = np.asarray(xy, float), len(rate)
+    one, zero = np.ones(n), np.zeros(n)
+    return Unexplained(
+        xy, unit(np.arctan2(xy[:, 1], xy[:, 0])), np.asarray(rate, float), one, one, one, zero.astype(int),
+        np.zeros((n, 2)), zero, zero > 0, zero,
+    )  # fmt: skip
+
+
+def velocity_of(cell, along, speed):
+    """Velocity (2,) [m/s] of one cell about an ego that drives so fast along x, which it is so sure to drive along."""
+    lanes = Lanes(np.zeros(1), np.array([along]), speed, np.zeros(1))
+    return Course().of(cell, np.ones((1, len(cell.rate)), bool), lanes, np.array([False])).velocity[0]
+
+
+def likeliest(cell, along, speed):
+    """The same by search over all velocities: odds, prior and likelihood of each, hypothesis by hypothesis."""
+    c, grid = Course(), np.arange(-40.0, 40.0, 0.1)
+    v = np.stack(np.meshgrid(grid, grid, indexing="ij"), -1)
+    middle, across = cell.xy.mean(0), perpendicular(cell.sight)
+    lever = dot(cell.xy - middle, across)
+    log_p = norm.logpdf(cell.rate, v @ cell.sight.T, np.hypot(c.sigma_rate, c.turn_std * lever)).sum(-1)
+    normal = lambda mean, std: norm.logpdf(v, mean, std).sum(-1)  # noqa: E731
+    odds = c.any_log_odds[1] + (c.any_log_odds[0] - c.any_log_odds[1]) * along
+    hypotheses = [normal([s * speed, 0.0], c.lane_std) for s in (1, -1)] + [normal([0.0, 0.0], c.any_std) + odds]
+    best = np.max(hypotheses, 0) + log_p
+    return v.reshape(-1, 2)[best.argmax()]
+
+
+JAM = cell_of([(35.1, -4.3), (35.4, -4.8), (36.3, -5.2)], [4.7, 4.5, 5.6])  # of two cars of a queue, as in stop-and-go
+NEAR = np.array([(10.0, -6.0), (10.0, -4.0), (10.0, -2.0)])
+CROSSING = cell_of(NEAR, unit(np.arctan2(NEAR[:, 1], NEAR[:, 0])) @ [0.0, 12.0])  # at 12 m/s
+
+
+@pytest.mark.parametrize(
+    ("cell", "along", "speed"),
+    [(JAM, 0.0, 2.3), (JAM, 1.0, 20.0), (CROSSING, 0.0, 2.0)],
+    ids=["queue", "fast-road", "crossing"],
+)
+def test_a_cell_has_the_likeliest_velocity(cell, along, speed):
+    np.testing.assert_allclose(velocity_of(cell, along, speed), likeliest(cell, along, speed), atol=0.1)
+
+
+def test_two_cars_of_a_queue_in_one_cell_without_a_map_do_not_cross_the_road():
+    """By the likeliest hypothesis, whatever its velocity, they crossed it: any velocity is likelier than all are."""
+    assert abs(velocity_of(JAM, 0.0, 2.3)[1]) < 2
+
+
+def test_range_rates_that_turn_over_a_near_cell_tell_that_it_crosses():
+    """Those of its two ends differ by 4 m/s, which no turn explains."""
+    np.testing.assert_allclose(velocity_of(CROSSING, 0.0, 2.0), [0.0, 12.0], atol=1.0)
 
 
 # What stands
