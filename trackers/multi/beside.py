@@ -71,18 +71,22 @@ class BesideTest:
         of_scan = Taken(id[owner[new]], z.xy[new], z.var_across[new], z.scan.pose[new, :2], np.zeros(len(new)), new)
         return concatenate([old, of_scan])
 
-    def pairs(self, taken: Taken, id: NDArray, velocity: NDArray) -> list[Pair]:
+    def pairs(self, taken: Taken, id: NDArray, velocity: NDArray, curvature: NDArray | float = 0.0) -> list[Pair]:
         """Those of the tracks with ids (D,) and velocities (D, 2) [m/s] that took detections of two lanes.
 
-        Both vehicles have a detection in this scan, so that they can start from it.
+        curvature (D,) [1/m] is that of their lanes, positive to the left. Both vehicles have a detection in this scan,
+        so that they can start from it.
         """
-        found = []
+        found, bend = [], np.broadcast_to(curvature, len(id))
         for k, speed in enumerate(np.hypot(*velocity.T)):
-            mine = np.flatnonzero(taken.id == id[k])
-            if len(mine) < 2 * self.least or speed < self.fast:
+            rows = np.flatnonzero(taken.id == id[k])
+            if len(rows) < 2 * self.least or speed < self.fast:
                 continue
-            if self._wide(taken.xy[mine] - taken.place[mine], taken.var[mine]):
-                two, across, along, parts = self._apart(take(taken, mine), speed, velocity[k] / speed)
+            mine, along = take(taken, rows), velocity[k] / speed
+            sag = bend[k] * (speed * mine.age) ** 2 / 2  # (LIFE.58)
+            mine = mine._replace(xy=mine.xy - sag[:, None] * perpendicular(along))  # (LIFE.58)
+            if self._wide(mine.xy - mine.place, mine.var):
+                two, across, along, parts = self._apart(mine, speed, along)
                 if two and all((part.row >= 0).any() for part in parts):
                     found.append(Pair(k, across, speed * along, parts))
         return found

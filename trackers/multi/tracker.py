@@ -444,7 +444,9 @@ class MultiObjectTracker:
         """The tracks after those that took detections of two lanes became two, of the long ones with rows d (D,)."""
         memory, M = tracks.memory, len(seen.z.rate)
         taken = test.observe(memory.taken, d, tracks.id, seen.z, seen.owner, dt)
-        pairs = test.pairs(taken, tracks.id[d], tracks.estimate.velocity[d])
+        bend = self._bend(memory.way)
+        curvature = 0.0 if bend is None else bend(tracks.estimate.pose[d])
+        pairs = test.pairs(taken, tracks.id[d], tracks.estimate.velocity[d], curvature)
         if not pairs:
             return tracks._replace(memory=memory._replace(taken=taken)), []
         d = d[[pair.track for pair in pairs]]

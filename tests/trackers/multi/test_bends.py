@@ -8,6 +8,7 @@ import pytest
 from tests.trackers.motion.bodies import CAR, seen_body
 from trackers import SensorModel, build
 from trackers.geometry import unit
+from trackers.multi.beside import BesideTest
 from trackers.multi.road import RoadMap
 
 WIDE = SensorModel(max_range=120.0, fov=2 * np.pi, sigma_range=0.15, sigma_azimuth=0.008, sigma_rate=0.1, clutter=1.0)
@@ -95,3 +96,21 @@ def test_without_bends_nothing_is_asked_of_the_filter(road):
 
 def test_a_filter_without_motion_modes_knows_no_bends():
     assert replace(build("rm-feldmann", (WIDE,)), road=circle(60.0, np.zeros(2)))._bends is None
+
+
+def test_whether_a_long_track_is_two_beside_each_other_is_asked_with_the_bend_of_its_lane():
+    asked = []
+
+    class Asked(BesideTest):
+        def pairs(self, *of):
+            asked.append(np.broadcast_to(of[3], len(of[1])))
+            return []
+
+    rng, tracker = np.random.default_rng(0), tracker_on(circle(100.0, np.zeros(2)))
+    tracker = replace(tracker, ground=replace(tracker.ground, lanes=Asked()))
+    tracks, truck = tracker.start(), np.array([10.8, 2.5])
+    for k in range(15):
+        angle = 0.15 * DT * k
+        pose = np.append(100.0 * unit(angle), angle + np.pi / 2)
+        tracks, _ = tracker.step(tracks, scan_of(rng, pose, truck, 15.0, 0.15), DT if k else 0.0)
+    np.testing.assert_allclose(asked[-1], [0.01], rtol=0.05)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from hypothesis import given
-from hypothesis.strategies import floats
+from hypothesis.strategies import booleans, floats
 
 from tests.trackers.multi.known_objects import KnownObjects, scan_of, tracks_of
 from trackers import MultiObjectTracker, SensorModel, prior
@@ -108,11 +108,15 @@ def test_without_the_test_they_stay_one():
     assert after((truck, car), 45, ground=never)[1] == []
 
 
-def lanes_of(each, speed=20.0, course=0.0):
-    """Each so many detections of two lanes 4 m apart, in turn over two seconds; all turned by a course [rad]."""
+def lanes_of(each, speed=20.0, course=0.0, curvature=0.0):
+    """Each so many detections of two lanes 4 m apart, in turn over two seconds; all turned by a course [rad].
+
+    The lanes have a curvature [1/m].
+    """
     age = np.repeat(np.linspace(2.0, 0.0, each), 2)
     ahead = np.tile([False, True], each)
     xy = np.c_[np.where(ahead, 9.0, 0.0) - speed * age, np.where(ahead, 4.0, 0.0)] + [120.0, 0.0]
+    xy[:, 1] += curvature * (speed * age) ** 2 / 2
     turn = np.array([[np.cos(course), np.sin(course)], [-np.sin(course), np.cos(course)]])
     P = 2 * each
     return Taken(np.full(P, 7), xy @ turn, np.full(P, 0.64), np.zeros((P, 2)), age, np.arange(P)), ahead
@@ -150,6 +154,19 @@ def test_the_step_is_the_same_in_every_direction(course):
     (pair,) = BesideTest().pairs(taken, np.array([7]), velocity)
     np.testing.assert_array_equal(pair.parts[1].row, taken.row[ahead])
     assert pair.across == pytest.approx(4.0, abs=1e-6)
+
+
+@given(course=floats(-3.1, 3.1), left=booleans())
+def test_in_a_bend_the_lanes_are_told_apart_by_the_curvature_of_the_road(course, left):
+    """A radius of 250 m, 1.6 m/s^2 across; the twin does not know of it, and takes it for one vehicle that turns."""
+    curvature = 0.004 if left else -0.004
+    straight, bent = (lanes_of(15, course=course, curvature=c)[0] for c in (0.0, curvature))
+    ask = np.array([7]), 20.0 * np.array([[np.cos(course), np.sin(course)]])
+    (pair,) = BesideTest().pairs(bent, *ask, np.array([curvature]))
+    (same,) = BesideTest().pairs(straight, *ask)
+    assert pair.across == pytest.approx(same.across)
+    np.testing.assert_allclose(pair.parts[0].xy, same.parts[0].xy, atol=1e-6)
+    assert BesideTest().pairs(bent, *ask) == []
 
 
 def test_a_vehicle_that_turns_is_one():
