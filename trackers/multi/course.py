@@ -25,6 +25,7 @@ class Lanes(NamedTuple):
     ego_speed: float  # [m/s]
     direction_std: NDArray  # (B,) [rad]
     curvature: NDArray | None = None  # (B,) [1/m] of the lane, positive to the left; None: not asked for
+    mapped: bool = False  # there is a map, off whose lanes others drive anywhere
 
 
 class Motion(NamedTuple):
@@ -84,7 +85,7 @@ class Course:
         still = np.zeros_like(along)
         priors = np.stack([along, -along, still, still]), np.stack([lane, lane, broad, standing_cov])
         fits = fit(self._told(points, W, lanes), *priors)  # (4, B, ...)
-        density = fits[2][:3] - 0.5 * np.linalg.slogdet(fits[1][:3])[1]  # (LIFE.14)
+        density = fits[2][:3] - (0.0 if lanes.mapped else 0.5) * np.linalg.slogdet(fits[1][:3])[1]  # (LIFE.14)
         best, b = np.argmax(density + np.stack([none, none, odds]), 0), np.arange(len(W))  # (LIFE.14)
         velocity, cov = fits[0][best, b], fits[1][best, b]
         either = mixture(*([a[k] for a in fits] for k in (3, 0)))

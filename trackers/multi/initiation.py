@@ -148,7 +148,7 @@ class Initiation:
         else:
             sure, std = on_lane.astype(float), np.zeros(len(mean))
         curvature = None if bend is None else bend(np.concatenate([mean, direction[:, None]], -1))
-        return Lanes(direction, sure, way.speed, std, curvature)
+        return Lanes(direction, sure, way.speed, std, curvature, road is not None)
 
     def _cut(self, points: Unexplained, label: NDArray, cells: Cells, lanes: Callable[[NDArray], Lanes]) -> NDArray:
         """Labels (P,) after those cells that may be born and are wider than any vehicle are cut."""
