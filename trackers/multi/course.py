@@ -85,8 +85,10 @@ class Course:
         still = np.zeros_like(along)
         priors = np.stack([along, -along, still, still]), np.stack([lane, lane, broad, standing_cov])
         fits = fit(self._told(points, W, lanes), *priors)  # (4, B, ...)
-        density = fits[2][:3] - (0.0 if lanes.mapped else 0.5) * np.linalg.slogdet(fits[1][:3])[1]  # (LIFE.14)
-        best, b = np.argmax(density + np.stack([none, none, odds]), 0), np.arange(len(W))  # (LIFE.14)
+        log_p, b = fits[2][:3] + np.stack([none, none, odds]), np.arange(len(W))
+        if not lanes.mapped:
+            log_p -= np.linalg.slogdet(fits[1][:3])[1] / 2  # (LIFE.14)
+        best = np.argmax(log_p, 0)  # (LIFE.14)
         velocity, cov = fits[0][best, b], fits[1][best, b]
         either = mixture(*([a[k] for a in fits] for k in (3, 0)))
         velocity = np.where(standing[:, None], either[0], velocity)

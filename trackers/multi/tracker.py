@@ -444,7 +444,7 @@ class MultiObjectTracker:
         """The tracks after those that took detections of two lanes became two, of the long ones with rows d (D,)."""
         memory, M = tracks.memory, len(seen.z.rate)
         taken = test.observe(memory.taken, d, tracks.id, seen.z, seen.owner, dt)
-        bend = self._bend(memory.way)
+        bend = self._bend(memory.way) if len(taken.id) else None
         curvature = 0.0 if bend is None else bend(tracks.estimate.pose[d])
         pairs = test.pairs(taken, tracks.id[d], tracks.estimate.velocity[d], curvature)
         if not pairs:

@@ -107,7 +107,7 @@ def test_whether_a_long_track_is_two_beside_each_other_is_asked_with_the_bend_of
             return []
 
     rng, tracker = np.random.default_rng(0), tracker_on(circle(100.0, np.zeros(2)))
-    tracker = replace(tracker, ground=replace(tracker.ground, lanes=Asked()))
+    tracker = replace(tracker, ground=replace(tracker.ground, lanes=Asked(noisy=0.0)))
     tracks, truck = tracker.start(), np.array([10.8, 2.5])
     for k in range(15):
         angle = 0.15 * DT * k

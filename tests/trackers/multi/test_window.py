@@ -15,8 +15,9 @@ from trackers import MultiObjectTracker, RandomMatrix, Scan, SensorModel, prior
 from trackers.geometry import dot, perpendicular, unit
 from trackers.multi.cells import Linkage, components
 from trackers.multi.course import Course, Lanes
+from trackers.multi.initiation import Initiation
 from trackers.multi.road import RoadMap
-from trackers.multi.window import Unexplained, Window
+from trackers.multi.window import EMPTY, Unexplained, Window
 
 DT = 1 / 15
 FRONT = SensorModel(max_range=174.0, fov=np.deg2rad(20), sigma_range=0.25, sigma_azimuth=0.0087, clutter=3.0)
@@ -283,6 +284,18 @@ def test_on_a_lane_of_the_map_a_vehicle_is_born_along_the_lane():
     np.testing.assert_allclose(tracks.estimate.pose[0, 2], np.pi / 2, atol=0.1)
 
 
+def test_a_vehicle_across_the_line_of_sight_points_where_its_velocity_is_open():
+    """Straight ahead, range rate near zero, off the lanes of a map: it stands across the sight, not along the way."""
+    xy = np.c_[np.full(5, 60.0), np.linspace(-2, 2, 5)]
+    scan = scan_of(xy, NOISE, np.full(5, 1.2))._replace(platform=np.array([0.0, 0, 0, 2, 0, 0]))
+    z, _ = MultiObjectTracker(RandomMatrix(), (WIDE,)).association.prepare(
+        scan, MultiObjectTracker(RandomMatrix(), (WIDE,)).sensor_array
+    )
+    births = Initiation().births(z, np.ones(5, bool), EMPTY, np.ones(1), 0.0, 0.0, RoadMap.of([]))
+    assert abs(np.sin(births.estimate.pose[0, 2])) > 0.95
+    assert births.estimate.cov[0, 3, 3] > 4**2
+
+
 def cell_of(xy, rate):
     """Detections (P, 2) [m] of one scan of a radar at the origin, with range rates (P,) [m/s], as one cell."""
     xy, n = np.asarray(xy, float), len(rate)
@@ -293,9 +306,9 @@ def cell_of(xy, rate):
     )  # fmt: skip
 
 
-def velocity_of(cell, along, speed):
+def velocity_of(cell, along, speed, mapped=False):
     """Velocity (2,) [m/s] of one cell about an ego that drives so fast along x, which it is so sure to drive along."""
-    lanes = Lanes(np.zeros(1), np.array([along]), speed, np.zeros(1))
+    lanes = Lanes(np.zeros(1), np.array([along]), speed, np.zeros(1), mapped=mapped)
     return Course().of(cell, np.ones((1, len(cell.rate)), bool), lanes, np.array([False])).velocity[0]
 
 
@@ -328,8 +341,9 @@ def test_a_cell_has_the_likeliest_velocity(cell, along, speed):
 
 
 def test_two_cars_of_a_queue_in_one_cell_without_a_map_do_not_cross_the_road():
-    """By the likeliest hypothesis, whatever its velocity, they crossed it: any velocity is likelier than all are."""
+    """The twin is off the lanes of a map: by the likeliest hypothesis, whatever its velocity, they cross it."""
     assert abs(velocity_of(JAM, 0.0, 2.3)[1]) < 2
+    assert abs(velocity_of(JAM, 0.0, 2.3, mapped=True)[1]) > 10
 
 
 def test_range_rates_that_turn_over_a_near_cell_tell_that_it_crosses():
