@@ -26,11 +26,12 @@ from trackers.multi.folding import unfolded
 from trackers.multi.ground import NOTHING, GroundTest
 from trackers.multi.initiation import Births, Initiation
 from trackers.multi.leftovers import Suppression
+from trackers.multi.neighbours import InFile, Neighbours
 from trackers.multi.outage import SensorOutage, without
 from trackers.multi.partial import as_if_whole
 from trackers.multi.reidentification import LostTracks, Reidentification
 from trackers.multi.road import Bend, Bends, RoadMap
-from trackers.multi.silence import Silence
+from trackers.multi.silence import Quiet, Silence
 from trackers.multi.tracks import BEFORE, BEHIND, NO_TRACK, REPORT_ABOVE, Event, Memory, Rest, Seen, StepInfo, Tracks
 from trackers.multi.visibility import SensorArray, Visibility, predict_visibility
 from trackers.multi.way import Way
@@ -64,6 +65,7 @@ class MultiObjectTracker:
     complete_above: float = 0.75  # visible share of an object's span from which an update teaches its class
     road: RoadMap | None = None  # map of the lanes; without it no standing vehicle is born
     silence: Silence | None = field(default_factory=Silence)  # of radars about lengths; None: says nothing
+    neighbours: Neighbours | None = field(default_factory=Neighbours)  # bound lengths; None: they do not
     ground: GroundTest | None = None  # divides long tracks over empty ground; None: they stay one
 
     def __post_init__(self) -> None:
@@ -208,16 +210,25 @@ class MultiObjectTracker:
     def _quieted(self, state: Any, seen: Seen, some: NDArray) -> Any:
         """The state after what the silence of sensors says of tracks with other detections, some (T,) bool."""
         tracks, out, can, silence = seen.tracks, np.asarray(seen.tracks.memory.out), self.can, self.silence
-        if silence is None or can.quiet is None or can.reach is None:
+        if can.quiet is None or can.reach is None:
             return state
-        rows = silence.asked(tracks.estimate, some, seen.z, seen.owner, out, self.sensor_array)
-        if not len(rows):
+        estimate, none, neighbours = tracks.estimate, np.zeros(0, int), self.neighbours
+        rows = silence.asked(estimate, some, seen.z, seen.owner, out, self.sensor_array) if silence else none
+        asked = neighbours.asked(estimate, some, tracks.age, tracks.divided) if neighbours else InFile(none, none)
+        if not len(rows) and not len(asked.rows):
             return state
-        quiet = silence.quiet(
-            rows, take(can.reach(tracks.state), rows), tracks.estimate, self._hides(tracks), seen.z, seen.owner, out,
-            self.sensor_array, self.rate_factor,
-        )  # fmt: skip
-        return state if quiet is None else can.quiet(state, *quiet)
+        longest, said = can.reach(tracks.state), list[Quiet | None]()
+        if silence and len(rows):
+            hides = self._hides(tracks)
+            said.append(silence.quiet(
+                rows, take(longest, rows), estimate, hides, seen.z, seen.owner, out, self.sensor_array,
+                self.rate_factor,
+            ))  # fmt: skip
+        if neighbours and len(asked.rows):
+            said.append(neighbours.bound(asked, take(longest, asked.rows), estimate))
+        for quiet in said:
+            state = state if quiet is None else can.quiet(state, *quiet)
+        return state
 
     def _hides(self, tracks: Tracks) -> NDArray:
         """Which tracks (T,) bool are sure enough to hide others."""
