@@ -190,7 +190,7 @@ class Composed:
         return state._replace(size=self.size.loosened(state.size, where))
 
     def quiet(self, state: ComposedState, rows: NDArray, length: NDArray, log_p: NDArray) -> ComposedState:
-        """State after sensors were silent, with a log probability log_p (R, C) if rows (R,) have length (R, C) [m]."""
+        """State after what is so improbable, log_p (R, C), if rows (R,) have length (R, C) [m], such as silence."""
         return state._replace(size=self.size.quieted(state.size, rows, length, log_p))
 
     def restart(self, state: ComposedState, estimate: Estimate) -> ComposedState:

@@ -80,7 +80,7 @@ class Abilities(NamedTuple):
     reach: Method = None  # (state): the estimate with the greatest box that is possible, its size_std 0
     update_among: Method = None  # (state, scan, every (M,), owner (M,)): update that knows what others hide
     learn_where: Method = None  # (state, where (...)): state whose next scan shows these objects completely
-    quiet: Method = None  # (state, rows (R,), length (R, C) [m], log_p (R, C)): state after so improbable a silence
+    quiet: Method = None  # (state, rows (R,), length (R, C) [m], log_p (R, C)): state after what is so improbable
     on_lanes: Method = None  # (state, curvature (...) [1/m]): state of objects whose lanes bend so
     loosen: Method = None  # (state, where (...)): state of which the near end of these objects may lie elsewhere
 

@@ -16,6 +16,7 @@ from trackers.geometry import UNIT_BOX, to_frame, to_world, unit
 from trackers.parameters import check_numbers
 
 GRID = np.stack(np.meshgrid(np.linspace(-0.4, 0.4, 5), np.linspace(-1 / 3, 1 / 3, 3), indexing="ij"), -1).reshape(-1, 2)
+PARALLEL = 0.9  # cosine between the headings of two in file
 
 
 class ExclusionResult(NamedTuple):
@@ -106,14 +107,12 @@ class Exclusion:
 
     def one_vehicle(self, estimate: Estimate) -> NDArray:
         """Pairs (T, T) bool in one lane, one behind the other, nearer than two vehicles drive at their speed."""
-        heading, length = estimate.pose[:, 2], estimate.size[:, 0]
-        away = np.abs(to_frame(estimate.pose, estimate.pose[:, :2]))  # (T, T, 2) of b from a, along and across a
-        gap = away[..., 0] - (length[:, None] + length) / 2
+        length = estimate.size[:, 0]
+        ahead, pairs = in_file(estimate.pose, estimate.pose, self.lane)  # b from a
+        gap = np.abs(ahead) - (length[:, None] + length) / 2
         most, base, slope = self.gap
         limit = np.minimum(most, base + slope * (estimate.velocity**2).sum(-1))  # (MOT.44)
-        parallel = np.cos(heading[:, None] - heading) > 0.9
-        pairs = (away[..., 1] < self.lane) & (gap < limit[:, None]) & parallel  # (MOT.44)
-        pairs &= distances(estimate.velocity) < self.speed
+        pairs &= (gap < limit[:, None]) & (distances(estimate.velocity) < self.speed)  # (MOT.44)
         pairs &= pairs.T
         np.fill_diagonal(pairs, False)
         return pairs
@@ -124,6 +123,13 @@ class Exclusion:
         gap = along - (estimate.size[a, 0] + estimate.size[b, 0]) / 2
         _, base, slope = self.gap
         return np.asarray((gap < base) & (slope * (estimate.velocity[a] ** 2).sum(-1) > base))  # (MOT.52)
+
+
+def in_file(pose: NDArray, others: NDArray, lane: float) -> tuple[NDArray, NDArray]:
+    """How far ahead (R, T) [m] of poses (R, 3) others (T, 3) are, and whether in a lane [m] with them, and parallel."""
+    forth, aside = np.moveaxis(to_frame(pose, others[:, :2]), -1, 0)
+    parallel = np.cos(pose[:, 2][:, None] - others[:, 2]) > PARALLEL
+    return forth, (np.abs(aside) < lane) & parallel  # (MOT.44)
 
 
 def ahead(estimate: Estimate, a: NDArray, b: NDArray) -> NDArray:

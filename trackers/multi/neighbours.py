@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import log_ndtr
 
+from trackers.batch import take
 from trackers.estimate import Estimate
-from trackers.geometry import dot, perpendicular, unit
-from trackers.multi.silence import LENGTHS, SHORTEST, Quiet
+from trackers.geometry import to_frame
+from trackers.multi.exclusion import in_file
+from trackers.multi.silence import Quiet, tried
 from trackers.parameters import check_numbers
-
-PARALLEL = 0.9  # cosine between their headings
 
 
 class InFile(NamedTuple):
@@ -48,16 +48,14 @@ class Neighbours:
         """
         pose, std = estimate.pose, estimate.size_std[:, 0]
         known = std <= self.unsure
-        rows = np.flatnonzero(some & ~known) if known.any() else np.zeros(0, int)
-        along = unit(pose[rows, 2])[:, None]
-        d = pose[:, :2] - pose[rows, None, :2]  # (R, T, 2)
-        ahead = dot(d, along)
-        in_file = known & (np.abs(dot(d, perpendicular(along))) < self.lane)
-        in_file &= np.cos(pose[:, 2] - pose[rows, 2][:, None]) > PARALLEL
+        rows = np.flatnonzero(some & ~known)
+        if not len(rows):
+            return InFile(rows, np.zeros((0, len(std))))
+        ahead, bounds = in_file(pose[rows], pose, self.lane)
         apart = np.where(ahead > 0, divided[:, 0], divided[:, 1])
-        in_file &= apart | (np.minimum(age, age[rows, None]) > self.settled)
-        found = in_file.any(-1)
-        return InFile(rows[found], np.where(in_file, ahead, np.nan)[found])
+        bounds &= known & (apart | (np.minimum(age, age[rows, None]) > self.settled))
+        found = bounds.any(-1)
+        return InFile(rows[found], np.where(bounds, ahead, np.nan)[found])
 
     def bound(self, asked: InFile, longest: Estimate, estimate: Estimate) -> Quiet | None:
         """What the room up to the next vehicle says of the lengths of those R asked for, None: nothing.
@@ -66,17 +64,15 @@ class Neighbours:
         estimate (T,) are all tracks.
         """
         rows, pose, size, std = asked.rows, estimate.pose, estimate.size, estimate.size_std
-        far = np.sign(dot(longest.pose[:, :2] - pose[rows, :2], unit(pose[rows, 2])))  # where the far end is
-        ahead = far[:, None] * asked.ahead
-        in_file = ahead > 0
-        room = np.where(in_file, ahead - (size[:, 0] - size[rows, :1]) / 2, np.inf)  # (MOT.65)
-        next_ = room.argmin(-1)
-        room = room.min(-1)
+        far = np.sign(to_frame(pose[rows], longest.pose[:, None, :2])[..., 0])  # (R, 1) where the far end is
+        away = far * asked.ahead
+        rooms = np.where(away > 0, away - (size[:, 0] - size[rows, :1]) / 2, np.inf)  # (MOT.65)
+        next_, room = rooms.argmin(-1), rooms.min(-1)
         tight = (room > self.least_room) & (room < size[rows, 0] + std[rows, 0])
         if not tight.any():
             return None
         rows, room, next_ = rows[tight], room[tight, None], next_[tight]
-        length = SHORTEST + np.linspace(0.0, 1.0, LENGTHS) * (longest.size[tight, :1] - SHORTEST)
+        length = tried(take(longest, tight))
         of_room = np.maximum(std[next_, :1], self.least_std)
         log_p = np.maximum(log_ndtr((room - length) / of_room), np.log(self.least))
         return Quiet(rows, length, self.weight * log_p)  # (MOT.66)

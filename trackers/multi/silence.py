@@ -39,6 +39,11 @@ class Pairs(NamedTuple):
     span: NDArray  # (P,) [rad] up to where it ends
 
 
+def tried(longest: Estimate) -> NDArray:
+    """Lengths (R, C) [m] up to those of the greatest boxes (R,)."""
+    return SHORTEST + np.linspace(0.0, 1.0, LENGTHS) * (longest.size[:, :1] - SHORTEST)
+
+
 @dataclass(frozen=True)
 class Silence:
     """When the silence of a sensor speaks against a length, and how loud."""
@@ -86,8 +91,7 @@ class Silence:
         pairs = self._pairs(rows, longest, z, owner, out, sensors, poses)
         if not len(pairs.row):
             return None
-        share = np.linspace(0.0, 1.0, LENGTHS)
-        length = SHORTEST + share * (longest.size[:, :1] - SHORTEST)  # (R, C)
+        length = tried(longest)
         Gam = rate_factor * self._expected(pairs, length, rows, longest, estimate, occluder, sensors, poses)
         none = np.maximum((1 + Gam / self.dispersion) ** -self.dispersion, self.least)  # (MOT.57)
         log_p = np.zeros(length.shape)

@@ -31,7 +31,7 @@ from trackers.multi.outage import SensorOutage, without
 from trackers.multi.partial import as_if_whole
 from trackers.multi.reidentification import LostTracks, Reidentification
 from trackers.multi.road import Bend, Bends, RoadMap
-from trackers.multi.silence import Quiet, Silence
+from trackers.multi.silence import Silence
 from trackers.multi.tracks import BEFORE, BEHIND, NO_TRACK, REPORT_ABOVE, Event, Memory, Rest, Seen, StepInfo, Tracks
 from trackers.multi.visibility import SensorArray, Visibility, predict_visibility
 from trackers.multi.way import Way
@@ -208,7 +208,7 @@ class MultiObjectTracker:
         return tracks._replace(state=state, estimate=estimate, hits=hits, hidden=hidden, noise=noise), info
 
     def _quieted(self, state: Any, seen: Seen, some: NDArray) -> Any:
-        """The state after what the silence of sensors says of tracks with other detections, some (T,) bool."""
+        """The state after what silent sensors and neighbours say of tracks with detections, some (T,) bool."""
         tracks, out, can, silence = seen.tracks, np.asarray(seen.tracks.memory.out), self.can, self.silence
         if can.quiet is None or can.reach is None:
             return state
@@ -217,15 +217,16 @@ class MultiObjectTracker:
         asked = neighbours.asked(estimate, some, tracks.age, tracks.divided) if neighbours else InFile(none, none)
         if not len(rows) and not len(asked.rows):
             return state
-        longest, said = can.reach(tracks.state), list[Quiet | None]()
-        if silence and len(rows):
-            hides = self._hides(tracks)
-            said.append(silence.quiet(
-                rows, take(longest, rows), estimate, hides, seen.z, seen.owner, out, self.sensor_array,
+        longest = can.reach(tracks.state)
+        said = (
+            silence.quiet(
+                rows, take(longest, rows), estimate, self._hides(tracks), seen.z, seen.owner, out, self.sensor_array,
                 self.rate_factor,
-            ))  # fmt: skip
-        if neighbours and len(asked.rows):
-            said.append(neighbours.bound(asked, take(longest, asked.rows), estimate))
+            )
+            if silence and len(rows)
+            else None,
+            neighbours.bound(asked, take(longest, asked.rows), estimate) if neighbours and len(asked.rows) else None,
+        )  # fmt: skip
         for quiet in said:
             state = state if quiet is None else can.quiet(state, *quiet)
         return state

@@ -1,4 +1,4 @@
-"""The room up to the next vehicle in file bounds a length; by hand, and a newborn in a column."""
+"""The room up to the next vehicle in file bounds a length; by hand, and what the tracker does with it."""
 
 from dataclasses import replace
 
@@ -18,8 +18,7 @@ FRONT, ROOM = -12.0, 7.0  # [m] end in view of the track in question, and from t
 MOST = 19.0  # [m] its greatest length
 
 
-def said(next_=(FRONT - ROOM, -4.0, 0.0, 0.3), std=3.0, length=6.0, age=5.0, empty=(False, False), away=-1.0, more=(),
-         neighbours=None):  # fmt: skip
+def said(next_=(FRONT - ROOM, -4.0, 0.0, 0.3), std=3.0, length=6.0, age=5.0, empty=(False, False), away=-1.0, more=()):
     """What the room says of the length of the first track.
 
     next_: end that faces it, y, heading, and standard deviation of the length of the next one, which is 4.5 m long;
@@ -35,7 +34,7 @@ def said(next_=(FRONT - ROOM, -4.0, 0.0, 0.3), std=3.0, length=6.0, age=5.0, emp
     longest = longest._replace(pose=far, size=np.array([[MOST, 1.9]]))
     divided = np.zeros((len(pose), 2), bool)
     divided[1] = empty
-    who = neighbours or Neighbours()
+    who = Neighbours()
     asked = who.asked(estimate, np.ones(len(pose), bool), np.full(len(pose), age), divided)
     if 0 not in asked.rows:
         return None
