@@ -20,6 +20,7 @@ from trackers.linalg import quadratic
 from trackers.motion.mixture import ANGLES, Mixture, MotionModes, followed, resized, without_rates
 from trackers.pmht.joint import notes_of
 from trackers.scan import Scan, SensorModel
+from trackers.shade import Shade
 from trackers.size.hidden import Around
 from trackers.size.posterior import Pin, SizePosterior, SizeState
 from trackers.validation import definite, guarded_predict, guarded_update, unguarded
@@ -120,16 +121,17 @@ class Composed:
 
     @guarded_update
     def update(
-        self, state: ComposedState, scan: Scan, every: Scan | None = None, owner: NDArray | None = None
-    ) -> tuple[ComposedState, Any]:
+        self, state: ComposedState, scan: Scan, every: Scan | None = None, owner: NDArray | None = None,
+        shade: Shade | None = None,
+    ) -> tuple[ComposedState, Any]:  # fmt: skip
         """Measurement update: place, then motion, then size; without a detection the state is returned as it came.
 
-        Of tracks (T,), `every` (M,) may be the scan that their detections are from, and owner (M,) the track of each,
-        -1 for none: what others hide of a track is no evidence of its size.
+        Of tracks (T,), `every` (M,) may be the scan that their detections are from, owner (M,) the track of each, -1
+        for none, and shade what tracks hide: what others hide of a track is no evidence of its size.
         """
         some = np.asarray(scan.mask.any(-1))
         core = self.core if some.any() else None
-        if core is not None and (found := core.update(*state, scan)) is not None:
+        if core is not None and (found := core.update(*state, scan, shade)) is not None:
             return self.remembered(found), informed(found, scan.mask.sum(-1))
         old, motion, size = self._filled(state), state.motion, state.size
         if self.motion is None:
@@ -144,7 +146,7 @@ class Composed:
             return state, info
         if self.size is not None:
             before, box = self.box(state).pose, self._boxed(motion, place)
-            around = None if every is None or owner is None else Around(every, owner)
+            around = None if every is None or owner is None else Around(every, owner, shade)
             size, pin = self.size.corrected(size, before, box, scan, around)
             motion, place = self._pinned(motion, place, box, pin)
         if not some.all():

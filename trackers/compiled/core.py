@@ -32,6 +32,7 @@ from trackers.motion.rates import ScanRates
 from trackers.pmht.filter import SplinePmht
 from trackers.pmht.state import SplineState
 from trackers.scan import Scan
+from trackers.shade import NO_SHADE, Shade
 from trackers.size.belief import Belief
 from trackers.size.fleet import Fleet
 from trackers.size.grid import Grid
@@ -105,16 +106,20 @@ class Core:
             return None
         return self._step(motion, place, size, x, found, np.zeros(len(which), int))
 
-    def update(self, motion: Mixture, place: Place, size: SizeState, scan: Scan) -> Step | None:
-        """The state after a scan, some of whose detections are under the mask."""
+    def update(
+        self, motion: Mixture, place: Place, size: SizeState, scan: Scan, shade: Shade | None = None
+    ) -> Step | None:
+        """The state after a scan, some of whose detections are under the mask; shade is what tracks (T,) hide."""
         beyond = scan.sensor.max(initial=0) >= self.sheets or scan.sensor.min(initial=0) < 0
         if beyond or scan.mask.sum(-1).max() > TOGETHER:
             return None
         start = np.zeros(motion.mu[..., 0].size + 1, int)
         np.cumsum(scan.mask.sum(-1).reshape(-1), out=start[1:])
-        return self.update_rows(motion, place, size, self._detections(scan), start)
+        return self.update_rows(motion, place, size, self._detections(scan), start, shade or NO_SHADE)
 
-    def update_rows(self, motion: Mixture, place: Place, size: SizeState, z: NDArray, start: NDArray) -> Step | None:
+    def update_rows(
+        self, motion: Mixture, place: Place, size: SizeState, z: NDArray, start: NDArray, shade: Shade
+    ) -> Step | None:
         """The same for detections z (G, 14), in columns as in `tables`; those of row t are start[t] to start[t + 1]."""
         before = self._which(motion, place)
         if before is None:
@@ -124,7 +129,7 @@ class Core:
         T, which = len(before), before.copy()
         x, found, state = Rows(*(a.copy() for a in rows_of(motion, size, T))), self._found(T), np.zeros(T, int)
         complete = whole(size.fully_visible, BOOL).reshape(T)
-        update_all(x, which, complete, self._known(z), start, self.tables, found, state)
+        update_all(x, which, complete, self._known(z), start, shade, self.tables, found, state)
         if (state == UNUSABLE).any():
             return None
         if (which != before).any():

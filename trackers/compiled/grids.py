@@ -184,12 +184,13 @@ def believe(
 @compiled
 def multiply(
     grid: NDArray, eps: float, p: NDArray, depth: float, sigma: float, face: float, far: bool, least: float,
-    behind: NDArray, rounding: NDArray, near_room: NDArray, far_room: NDArray, cut: bool,
+    behind: NDArray, rounding: NDArray, near_room: NDArray, far_room: NDArray, cut: bool, through: float,
 ) -> None:  # fmt: skip
     """(ENDS.2) to (ENDS.5): p (K, N) times the density of one detection, of which a part `face` is of a face.
 
     behind (2,) and rounding (2,) are mean and spread; near_room (N,) and far_room (K + N - 1,) what the sensor can see
-    up to both ends, where its range or field of view cuts the body.
+    up to both ends, where its range, its field of view or others cut the body; of the rest of the part that is not of a
+    face a share `through` is seen all the same.
     """
     K, N = p.shape
     first, step, first_offset = grid[0], grid[1], grid[2]
@@ -212,6 +213,7 @@ def multiply(
         if cut:
             for n in range(N):
                 seen = length / max(far_room[s + n] - near_room[n] - rounding[0], least)
+                seen += through * (1 - seen)  # (ENDS.51)
                 row[n] *= (to_anchor[n] - far_end[n]) * h * seen + floor[n] + on_far[n]  # (ENDS.5)
         else:
             for n in range(N):

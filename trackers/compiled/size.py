@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from trackers.compiled.grids import flip, multiply, roll
 from trackers.compiled.jit import compiled
-from trackers.compiled.linear import bell, wrap
+from trackers.compiled.linear import bell, ndtr, wrap
 from trackers.compiled.tables import POSE, RANGE, SENSOR, SIZE_ACROSS, SIZE_ALONG, UX, UY
 from trackers.compiled.vector import exponentials, logarithms
+from trackers.shade import Shade
 
 WIDER = 1.0  # [m] as in `trackers.size.hidden`
 FAR, ROLLED_ABOVE = 2.5, 0.75  # as in `trackers.size.posterior`
@@ -20,6 +21,8 @@ SIDE, BESIDE = math.sin(math.radians(10.0)), 0.5  # as in `trackers.size.evidenc
 ACROSS = 10  # places, as in `trackers.size.evidence`
 LEAST_SHOWN, LEAST = 0.05, 1e-300  # as in `trackers.size.evidence` and `.grid`
 NOTHING = 1e-9  # as in `trackers.size.visible`
+SHADED = 0.98  # as in `trackers.size.hidden`
+NEARER, LEAST_STD, FROM_EDGE = 1.0, 1e-6, 9.0  # as in `trackers.shade`
 
 
 @compiled
@@ -50,13 +53,57 @@ def cut_off(box: NDArray, size: NDArray, pose: NDArray, max_range: float, fov: f
 
 
 @compiled
+def hides(
+    shade: Shade, s: int, row: int, azimuth: NDArray, distance: NDArray, std: float, visible: NDArray
+) -> None:  # fmt: skip
+    """(MOT.60): visible (K,) times the probability that no other track hides azimuths (K,) [rad] of a track `row`.
+
+    distance (K,) [m] are those of the places from the sensor s, std [rad] is common to all azimuths.
+    """
+    K, wide, furthest = len(azimuth), 0.0, 0.0
+    about = azimuth[K // 2]
+    for k in range(K):
+        wide, furthest = max(wide, abs(wrap(azimuth[k] - about))), max(furthest, distance[k])
+    for o in range(len(shade.row)):
+        of_edge, half = max(math.hypot(std, shade.std[s, o]), LEAST_STD), shade.half[s, o]
+        if shade.row[o] == row or shade.nearest[s, o] + NEARER >= furthest:
+            continue
+        if abs(wrap(shade.middle[s, o] - about)) >= wide + half + FROM_EDGE * of_edge:
+            continue
+        for k in range(K):
+            if shade.nearest[s, o] + NEARER < distance[k]:
+                to_edge = wrap(shade.middle[s, o] - azimuth[k])
+                visible[k] *= 1 - (ndtr((to_edge + half) / of_edge) - ndtr((to_edge - half) / of_edge))
+
+
+@compiled
+def in_the_shade(
+    shade: Shade, s: int, row: int, anchor: NDArray, size: NDArray, place: NDArray, box: NDArray, pose: NDArray,
+    grid: NDArray, visible: NDArray,
+) -> bool:  # fmt: skip
+    """Whether other tracks hide the side that faces a sensor at `place`, and how much is visible (C,) of its cells."""
+    if not len(shade.row):
+        return False
+    first, step, C = grid[4], grid[5], len(visible)
+    cos, sin, y = math.cos(box[2]), math.sin(box[2]), min(max(place[1], -size[1] / 2), size[1] / 2)
+    azimuth, distance = np.empty(C), np.empty(C)
+    for c in range(C):
+        x = anchor[0] * (size[0] / 2 - (first + step * c + step / 2))
+        dx, dy = box[0] + cos * x - sin * y - pose[0], box[1] + sin * x + cos * y - pose[1]
+        azimuth[c], distance[c] = math.atan2(dy, dx) - pose[2], math.hypot(dx, dy)
+    hides(shade, s, row, azimuth, distance, 0.0, visible)
+    return visible.min() < SHADED
+
+
+@compiled
 def room(
     axis: int, anchor: NDArray, size: NDArray, place: NDArray, box: NDArray, pose: NDArray, max_range: float,
-    fov: float, grid: NDArray, near: NDArray, far: NDArray, near_room: NDArray, far_room: NDArray,
+    fov: float, grid: NDArray, near: NDArray, far: NDArray, visible: NDArray, near_room: NDArray, far_room: NDArray,
 ) -> float:  # fmt: skip
     """(ENDS.7), (ENDS.8): what the sensor sees up to each end, near_room (N,) and far_room (K + N - 1,), and its share.
 
-    near (C, N) and far (C, K + N - 1) are the length of each cell before each end.
+    near (C, N) and far (C, K + N - 1) are the length of each cell before each end, visible (C,) is how much of each
+    cell others leave.
     """
     first, step, C, deeper = grid[4], grid[5], int(grid[6]), int(grid[7])
     seen, share, other = np.empty(C, np.bool_), 0.0, 1 - axis
@@ -70,8 +117,8 @@ def room(
     shown = np.zeros(C)
     for c in range(C):
         if seen[c]:
-            edge, shown[c] = first + step * c, 1.0
-            share += min(max(size[axis] - edge, 0.0), step) - min(max(-edge, 0.0), step)
+            edge, shown[c] = first + step * c, visible[c]
+            share += visible[c] * (min(max(size[axis] - edge, 0.0), step) - min(max(-edge, 0.0), step))
     np.dot(shown, near, near_room)
     np.dot(shown, far, far_room)
     return share / size[axis] if share > NOTHING * size[axis] else 0.0
@@ -245,11 +292,11 @@ def from_behind(
 def read(
     A_l: NDArray, A_w: NDArray, behind: NDArray, anchor: NDArray, was: NDArray, after: NDArray, size: NDArray,
     whole: bool, z: NDArray, grid_l: NDArray, near_l: NDArray, far_l: NDArray, grid_w: NDArray, near_w: NDArray,
-    far_w: NDArray, sheet: NDArray, settings: NDArray, stands: bool, length_var: float,
+    far_w: NDArray, sheet: NDArray, settings: NDArray, stands: bool, length_var: float, shade: Shade, row: int,
 ) -> tuple[int, int]:  # fmt: skip
     """(ENDS.2) to (ENDS.11), (ENDS.38), (ENDS.39), (ENDS.45): grids A_l, A_w, behind (2, D) and anchor (2,) in place.
 
-    z are detections of a box, was and after (3,) its pose before and after the scan.
+    z are detections of a box, was and after (3,) its pose before and after the scan, row its track.
 
     sheet (S, 14): max_range, fov, inside, grazing, weight, depth (2), rounding (2, 2), least_room (2), surface.
     settings (10,): outliers, independent, part_weight, offset_share, spread of the offsets (2), standing, unseen_share,
@@ -266,6 +313,7 @@ def read(
             middle[a] += place[i, a] / M
     face_anchor(A_l, A_w, grid_l, grid_w, size, middle, anchor, length_var > settings[9] ** 2, box, z, sight, sheet)
     end, shown, cut, as_of = np.zeros((M, 2), np.int64), np.zeros((M, 2)), np.zeros(M, np.bool_), np.empty(M, np.int64)
+    dark, whole_end = np.zeros(M, np.bool_), np.ones(int(grid_w[6]))
     N, W, D, V = near_l.shape[1], near_w.shape[1], far_l.shape[1], far_w.shape[1]
     rooms_l, rooms_fl, rooms_w, rooms_fw = np.empty((M, N)), np.empty((M, D)), np.empty((M, W)), np.empty((M, V))
     seen, ends, sides, weight, unseen = np.ones((M, 2)), 0.0, 0.0, 0.0, 0.0
@@ -275,15 +323,21 @@ def read(
             first = j if z[j, SENSOR] == z[i, SENSOR] else first
         as_of[i] = first
         if first < i:  # of the same sensor
-            cut[i], seen[i, 0], seen[i, 1] = cut[first], seen[first, 0], seen[first, 1]
+            cut[i], dark[i], seen[i, 0], seen[i, 1] = cut[first], dark[first], seen[first, 0], seen[first, 1]
         else:
-            fov = blurred(z[i], sight[i], size, s[1])
+            fov, visible = blurred(z[i], sight[i], size, s[1]), np.ones(int(grid_l[6]))
             cut[i] = cut_off(box, size, pose, s[0], fov)
+            dark[i] = abs(place[i, 1]) > size[1] / 2 and in_the_shade(
+                shade, int(z[i, SENSOR]), row, anchor, size, place[i], box, pose, grid_l, visible
+            )
+            if not dark[i]:
+                visible[:] = 1.0
+            if cut[i] or dark[i]:
+                seen[i, 1] = room(0, anchor, size, place[i], box, pose, s[0], fov, grid_l, near_l, far_l, visible,
+                                  rooms_l[i], rooms_fl[i])  # fmt: skip
             if cut[i]:
-                seen[i, 1] = room(0, anchor, size, place[i], box, pose, s[0], fov, grid_l, near_l, far_l, rooms_l[i],
-                                  rooms_fl[i])  # fmt: skip
-                seen[i, 0] = room(1, anchor, size, place[i], box, pose, s[0], fov, grid_w, near_w, far_w, rooms_w[i],
-                                  rooms_fw[i])  # fmt: skip
+                seen[i, 0] = room(1, anchor, size, place[i], box, pose, s[0], fov, grid_w, near_w, far_w, whole_end,
+                                  rooms_w[i], rooms_fw[i])  # fmt: skip
         for a in range(2):
             beyond = anchor[a] * place[i, a]
             end[i, a] = 1 if beyond > size[a] / 2 else (-1 if beyond < -size[a] / 2 else 0)
@@ -302,10 +356,12 @@ def read(
         s, j = sheet[int(z[i, SENSOR])], as_of[i]
         total = shown[i, 0] + shown[i, 1]
         f = (1 - s[2]) / total if total > 0 else 0.0
-        multiply(grid_l, settings[0], p, size[0] / 2 - anchor[0] * xy[i, 0], std[i, 0],
-                 f * shown[i, 0], end[i, 0] < 0, s[11], s[5:7], s[7:9], rooms_l[j], rooms_fl[j], cut[i])  # fmt: skip
+        through = s[2] * shown[i, 0] / total / (1 - f * shown[i, 0]) if dark[i] and total > 0 else 0.0  # (ENDS.51)
+        multiply(grid_l, settings[0], p, size[0] / 2 - anchor[0] * xy[i, 0], std[i, 0], f * shown[i, 0],
+                 end[i, 0] < 0, s[11], s[5:7], s[7:9], rooms_l[j], rooms_fl[j], cut[i] or dark[i], through)  # fmt: skip
         multiply(grid_w, settings[0], q, size[1] / 2 - anchor[1] * xy[i, 1], std[i, 1],
-                 f * shown[i, 1], end[i, 1] < 0, s[12], s[5:7], s[9:11], rooms_w[j], rooms_fw[j], cut[i])  # fmt: skip
+                 f * shown[i, 1], end[i, 1] < 0, s[12], s[5:7], s[9:11], rooms_w[j], rooms_fw[j], cut[i],
+                 0.0)  # fmt: skip
         if anchor[0] < 0 and end[i, 0] > 0:
             from_behind(grid_l, size[0] / 2 - anchor[0] * xy[i, 0], std[i, 0], f * shown[i, 0], end[i, 1] != 0,
                         sight[i, 1], size[0], s[5:7], weight, behind)  # fmt: skip

@@ -11,6 +11,7 @@ from trackers.compiled.linear import cholesky, wrap
 from trackers.compiled.modes import LENGTH, OMEGA, PHI, SPEED, WIDTH, metres
 from trackers.compiled.sized import STRAIGHT, around, curvature, outlined, sized
 from trackers.compiled.tables import UNUSABLE, Found, Rows, Tables
+from trackers.shade import Shade
 
 AXLE_STD, CREEP, ROUNDING = 0.15, 1.0, 1e-9  # as in `trackers.motion.mixture` and `.turn`
 STANDS = 1.0  # [m/s] as in `trackers.size.posterior`
@@ -111,11 +112,12 @@ def sound(P: NDArray) -> bool:
 
 @compiled
 def update(
-    x: Rows, which: NDArray, whole: NDArray, z: NDArray, start: NDArray, p: Tables, f: Found, state: NDArray
-) -> None:
+    x: Rows, which: NDArray, whole: NDArray, z: NDArray, start: NDArray, shade: Shade, p: Tables, f: Found,
+    state: NDArray,
+) -> None:  # fmt: skip
     """All rows with detections after them, in place; state (T,) int: 0, 1 where lost, 2 where it cannot be used.
 
-    Detections of row t are start[t] to start[t + 1] of z.
+    Detections of row t are start[t] to start[t + 1] of z; shade is what of other rows hides them.
     """
     m, P, length, width = np.empty(7), np.empty((7, 7)), np.empty(x.length.shape[1:]), np.empty(x.width.shape[1:])
     box, was, shift, std = np.empty(3), np.empty(2), np.empty(2), np.empty(2)
@@ -143,7 +145,7 @@ def update(
             speed = math.hypot(f.m[t, SPEED], f.m[t, OMEGA] * was[0] * np.dot(x.mu[t], p.axle))
             off_axis, beside = size.read(x.length[t], x.width[t], x.behind[t], x.anchor[t], before, box, was, whole[t],
                                          mine, p.grid_l, p.near_l, p.far_l, p.grid_w, p.near_w, p.far_w, p.sheet,
-                                         p.size, speed < STANDS, x.belief[t, 1, 0])  # fmt: skip
+                                         p.size, speed < STANDS, x.belief[t, 1, 0], shade, t)  # fmt: skip
             x.aside[t] += beside
             if curvature(f.m[t, OMEGA], math.sqrt(f.P[t, OMEGA, OMEGA]), speed) < STRAIGHT:
                 x.bent[t] = max(x.bent[t] - off_axis, 0.0)

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from trackers.estimate import Estimate
 from trackers.geometry import rotation, to_frame, unit, vector, wrap_angle
 from trackers.multi.association import SortedScan
-from trackers.multi.visibility import NEARER, SHADOW, SensorArray, angular_spans, entered, first_shadows
+from trackers.multi.visibility import SHADOW, SensorArray, angular_spans, entered, first_shadows
 from trackers.parameters import check_numbers
+from trackers.shade import NEARER
 
 LENGTHS = 12  # that are tried, from SHORTEST up to the greatest that is possible
 SHORTEST = 1.5  # [m]

@@ -28,7 +28,7 @@ from trackers.multi.initiation import Births, Initiation
 from trackers.multi.leftovers import Suppression
 from trackers.multi.neighbours import InFile, Neighbours
 from trackers.multi.outage import SensorOutage, without
-from trackers.multi.partial import as_if_whole
+from trackers.multi.partial import as_if_whole, shade_of
 from trackers.multi.reidentification import LostTracks, Reidentification
 from trackers.multi.road import Bend, Bends, RoadMap
 from trackers.multi.silence import Silence
@@ -61,7 +61,7 @@ class MultiObjectTracker:
     occlude_hits: int = 4  # and its hits, to be exceeded
     rate_factor: float = 0.8  # of the data sheets' expected counts
     edge_sigmas: float = 0.0  # of the place of a track: what is so near to the edge of a view is not sure to be in it
-    as_whole: bool = False  # detections of what is hidden in part are turned to where those of the whole would be
+    as_whole: bool = False  # what others hide in part is taken for whole: detections are turned, sides may be longer
     complete_above: float = 0.75  # visible share of an object's span from which an update teaches its class
     road: RoadMap | None = None  # map of the lanes; without it no standing vehicle is born
     silence: Silence | None = field(default_factory=Silence)  # of radars about lengths; None: says nothing
@@ -188,14 +188,16 @@ class MultiObjectTracker:
             hides = self._hides(tracks) if self.as_whole else None
             found = None if life is None else life.update(seen, hides)
             if found is None:
-                turned = z
+                turned, around = z, [z.scan, owner]
                 if hides is not None:
-                    turned = as_if_whole(z, owner, tracks.estimate, hides, view.share, self.sensor_array)
-                around = () if self.can.update_among is None else (z.scan, owner)
+                    shade = shade_of(tracks.estimate, hides, self.sensor_array, z.scan.platform)
+                    turned = as_if_whole(z, owner, tracks.estimate, shade, view.share, self.sensor_array)
+                    around.append(shade)
                 if self.can.learn_where is not None:
                     state = self.can.learn_where(state, view.complete > self.complete_above)
                 share = gather(turned, shares(owner, len(tracks.id), self.most_detections))
-                found = guarded(self.can.update_among or self.filter.update, state, share, *around)
+                among = self.can.update_among
+                found = guarded(among, state, share, *around) if among else guarded(self.filter.update, state, share)
             state, info = found[0], reported(info, found[1])
         hidden, noise = tracks.hidden, tracks.noise
         if hidden is not None and noise is not None:

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from trackers.estimate import Estimate
 from trackers.geometry import box_corners, compose, cross, dot, perpendicular, rotation, to_frame, unit, wrap_angle
 from trackers.scan import SensorModel
+from trackers.shade import NEARER
 
 RAYS = 9
 STEPS = (np.arange(RAYS) + 0.5) / RAYS  # places of the rays, as shares of the span of a box
-NEARER = 1.0  # [m] an occluder must be this much nearer on the same ray; else a duplicate would hide its twin
 MANY = 32  # pairs of sensor and track from which on rays are cast at the boxes in their direction only
 SHADOW = 0.5  # [m] added to an occluder on every side: tracks of half hidden vehicles lie beside their vehicles
 LEAST_END = 0.5  # share of the rays on front and rear below which the near end of a box is hidden

@@ -1,7 +1,7 @@
-"""The part of a body that a sensor can see: range and field of view cut it off, and other detections may hide it.
+"""The part of a body that a sensor can see: range and field of view cut it off, and others may hide it.
 
-The latter for sensors with a ray for each small angle: one that ends before the body has not seen it. Equations:
-docs/methods/size-from-both-ends.md, section 3.
+Other detections hide it from sensors with a ray for each small angle: one that ends before the body has not seen it.
+Other tracks keep its side in the shade. Equations: docs/methods/size-from-both-ends.md, section 3.
 """
 
 from typing import NamedTuple
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from trackers.geometry import box_corners, to_world, wrap_angle
 from trackers.scan import Scan
+from trackers.shade import Shade
 from trackers.size.grid import Grid
 from trackers.size.hits import Boxes, Hits, Lit, views
 from trackers.size.visible import Cells, Room, in_view, room
@@ -18,6 +19,7 @@ from trackers.size.visible import Cells, Room, in_view, room
 CELLS = (Cells(-2.5, 0.25, 98), Cells(-0.5, 0.1, 39))  # along the side, and across the end
 DEEPER = (4, 1)  # cells further inwards that have to be in view, too
 WIDER = 1.0  # [m] by which a body may reach beyond its box
+SHADED = 0.98  # probability to be seen of the least visible cell along a side, below which the side is in the shade
 
 
 class Around(NamedTuple):
@@ -25,30 +27,34 @@ class Around(NamedTuple):
 
     scan: Scan  # (M,)
     owner: NDArray  # (M,) row of the object, -1 for none
+    shade: Shade | None = None  # what of other objects hides them; None: it is not known
+    rows: NDArray | None = None  # (H,) of the objects that count, in that; None: all of them
 
     def among(self, rows: NDArray) -> "Around":
         """The same where rows (H,) are all objects that count."""
         place = np.full(max(self.owner.max(initial=-1), rows.max()) + 2, -1)  # the last one is that of none
         place[rows] = np.arange(len(rows))
-        return Around(self.scan, place[self.owner])
+        return Around(self.scan, place[self.owner], self.shade, rows)
 
 
 def open_rooms(
     grids: tuple[Grid, Grid], hits: Hits, boxes: Boxes, sides: Lit, around: Around | None
 ) -> list[list[Room]]:
-    """Rooms of length and of width that range, field of view and the detections of others leave to the detections.
+    """Rooms of length and of width that range, field of view and others leave to the detections.
 
-    Only detections of bodies that are cut off have one, and those of faces that are seen by sensors whose detections
-    hide.
+    Only detections of bodies that are cut off have one, those of faces that are seen by sensors whose detections hide,
+    and, of length, those of sides in the shade.
     """
     key = hits.row * (hits.which.max() + 1) + hits.which
     _, first, pair = np.unique(key, return_index=True, return_inverse=True)  # P pairs of object and sensor
     fov = views(hits, boxes)
     cut = _cut_off(hits, boxes, first, fov[first])
     hides = np.zeros(len(first), bool) if around is None else hits.sensor.hiding[first, 0] > 0
+    visible, shaded = _visible(hits, boxes, first, around), np.zeros((2, len(first)), bool)
+    shaded[0] = (visible.min(-1) < SHADED) & ~hides & (sides.end[first, 1] != 0)
     rooms: list[list[Room]] = []
     for axis, grid in enumerate(grids):
-        looks = cut | (hides & (sides.end[first, 1 - axis] != 0))
+        looks = cut | shaded[axis] | (hides & (sides.end[first, 1 - axis] != 0))
         if not looks.any():
             rooms.append([])
             continue
@@ -58,9 +64,22 @@ def open_rooms(
         seen[:, : -DEEPER[axis]] &= seen[:, DEEPER[axis] :].copy()  # (ENDS.8)
         if around is not None and hides[looks].any():
             seen &= ~_hidden(points, hits, g, around)  # (ENDS.29)
-        size, cells = boxes.size[hits.row[rows], axis], seen[(looks.cumsum() - 1)[pair[rows]]]
-        rooms.append([room(grid, CELLS[axis], cells, rows, size)])
+        dark = shaded[axis, looks]
+        if dark.any():
+            seen = np.where(dark[:, None], visible[looks], 1.0) * seen
+        of_row = (looks.cumsum() - 1)[pair[rows]]
+        rooms.append([room(grid, CELLS[axis], seen[of_row], rows, boxes.size[hits.row[rows], axis], dark[of_row])])
     return rooms
+
+
+def _visible(hits: Hits, boxes: Boxes, g: NDArray, around: Around | None) -> NDArray:
+    """Probabilities (P, C) that no other object hides the cells along the side from the sensors of hits g (P,)."""
+    if around is None or around.shade is None or not len(around.shade.row):
+        return np.ones((len(g), CELLS[0].number))
+    v = _on_face(hits, boxes, g, 0) - hits.pose[g, None, :2]
+    azimuth = np.arctan2(v[..., 1], v[..., 0]) - hits.pose[g, None, 2]
+    row = hits.row[g] if around.rows is None else around.rows[hits.row[g]]
+    return around.shade.seen(hits.which[g], row, azimuth, np.hypot(v[..., 0], v[..., 1]))  # (MOT.60)
 
 
 def _cut_off(hits: Hits, boxes: Boxes, g: NDArray, fov: NDArray) -> NDArray:

@@ -114,6 +114,11 @@ def depths(hits: Hits, boxes: Boxes, facing: Lit, rooms: list[list[Room]]) -> li
     inside = inside_depth(hits)
     half, anchor = boxes.size[hits.row] / 2, boxes.anchor[hits.row]
     d = half - anchor * hits.xy  # (ENDS.2)
+    through = np.zeros(face.shape)
+    for axis, some in enumerate(rooms):
+        for one in some:
+            g = one.rows[one.shaded & np.isinf(inside[one.rows, axis])]
+            through[g, axis] = entered[g, axis] / (1 - face[g, axis])  # (ENDS.51)
     return [
         Depths(
             d[:, axis],
@@ -122,6 +127,7 @@ def depths(hits: Hits, boxes: Boxes, facing: Lit, rooms: list[list[Room]]) -> li
             end[:, axis] < 0,
             entered[:, axis],
             inside[:, axis],
+            through[:, axis],
             rooms[axis],
             hits.sensor.least_room[:, axis],
             hits.sensor.depth,

@@ -26,6 +26,7 @@ class Depths(NamedTuple):
     far: NDArray  # (G,) bool, that is the far end
     entered: NDArray  # (G,) probability to come from inside, through that end
     inside: NDArray  # (G,) [m] mean depth along the axis of those; inf: even over the body
+    through: NDArray  # (G,) share of what is even over the body that a sensor sees wherever its side is in the shade
     rooms: list[Room]  # of those whose sensors could not see all of the body
     least: NDArray  # (G,) [m] least room
     behind: NDArray  # (G, 2) [m] mean depth behind a face, and its spread
@@ -53,7 +54,10 @@ def log_likelihood(grid: Grid, z: Depths, start: NDArray, eps: float) -> NDArray
         shown = by_size_and_offset(room.far, N) - room.near[:, None]  # in place from here on: a large array
         shown -= inner[g, None]
         np.maximum(shown, z.least[g, None, None], out=shown)
-        p[g] *= np.divide(length[g, :, None], shown, out=shown)  # (ENDS.5)
+        np.divide(length[g, :, None], shown, out=shown)
+        if room.shaded.any():
+            shown += z.through[g, None, None] * (1 - shown)  # (ENDS.51)
+        p[g] *= shown  # (ENDS.5)
     p *= ((1 - eps) * even[:, None] / length)[..., None]  # (ENDS.5)
     behind, var = z.behind[:, 0], z.sigma**2 + z.behind[:, 1] ** 2
     height = (1 - eps) * z.face / np.sqrt(2 * np.pi * var)

@@ -41,6 +41,7 @@ class Room(NamedTuple):
     near: NDArray  # (R, N) up to the anchor end of a body with offset o_n
     far: NDArray  # (R, K + N - 1) up to its other end, in the order of `likelihood.by_size_and_offset`
     share: NDArray  # (R,) of the face of the box along which the cells lie
+    shaded: NDArray  # (R,) bool, others hide some of it: what is seen through the end is seen all the same
 
 
 def in_view(points: NDArray, pose: NDArray, max_range: NDArray, fov: NDArray) -> NDArray:
@@ -51,15 +52,15 @@ def in_view(points: NDArray, pose: NDArray, max_range: NDArray, fov: NDArray) ->
     return near & (np.abs(wrap_angle(azimuth)) < fov[:, None] / 2)  # (ENDS.7)
 
 
-def room(grid: Grid, cells: Cells, seen: NDArray, rows: NDArray, size: NDArray) -> Room:
-    """What the detections rows (R,) leave room for, whose sensors see the cells where seen (R, C) is true.
+def room(grid: Grid, cells: Cells, seen: NDArray, rows: NDArray, size: NDArray, shaded: NDArray) -> Room:
+    """What the detections rows (R,) leave room for, whose sensors see so much of each cell, seen (R, C) from 0 to 1.
 
-    size (R,) [m] are those of the boxes.
+    size (R,) [m] are those of the boxes, shaded (R,) bool as in `Room`.
     """
     near, far = shares_of_cells(grid, cells)
     inner, outer = (np.clip(x - cells.edges, 0.0, cells.step) for x in (np.zeros(1), size[:, None]))
     share = (seen * (outer - inner)).sum(-1) / size  # (ENDS.8)
-    return Room(rows, seen @ near, seen @ far, np.where(share > NOTHING, share, 0.0))
+    return Room(rows, seen @ near, seen @ far, np.where(share > NOTHING, share, 0.0), shaded)
 
 
 @lru_cache(maxsize=16)

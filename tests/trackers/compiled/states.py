@@ -13,6 +13,7 @@ from trackers.composed import Composed
 from trackers.estimate import prior
 from trackers.multi.tracker import MultiObjectTracker
 from trackers.scan import Scan
+from trackers.shade import Shade
 
 STATES = int(os.environ.get("STATES", 20))  # of each scenario, in the slow tests
 RADAR = find_radar("surround")
@@ -37,7 +38,7 @@ def recorded(name, scenario, decisions, seed=0):
         update_among = update
 
     parts = NUMPY[name].place, NUMPY[name].motion, NUMPY[name].size
-    tracker = MultiObjectTracker(Watched(*parts, compiled=False), RADAR.models)
+    tracker = MultiObjectTracker(Watched(*parts, compiled=False), RADAR.models, as_whole=True)
     with closing(gym.make(f"testbed/{scenario}-v0", tracker=tracker, radar="surround:compiled=off")) as env:
         env.reset(seed=seed)
         for _ in range(decisions):
@@ -105,6 +106,16 @@ def detections(rng, box, M):
     mask[rng.random(T) < 0.2] = False
     polar[~mask] = rng.choice([np.nan, 0.0])
     return Scan(polar, mask, pose, rng.normal(0, 5, (T, M, 2)), noise, which)
+
+
+def shaded(rng, T):
+    """A scan that is nobody's, its owners, and what hides T tracks or some of them."""
+    S, O = len(RADAR.models), rng.integers(0, 4)
+    middle, half = rng.uniform(-np.pi, np.pi, (S, O)), rng.uniform(0.05, 1.5, (S, O))
+    shade = Shade(
+        rng.integers(0, T + 2, O), middle, half, rng.choice([0.0, 0.01, 0.1], (S, O)), rng.uniform(1, 30, (S, O))
+    )
+    return Scan.from_xy(np.zeros((1, 2))), np.array([-1]), shade
 
 
 def assert_same(new, old, name="state", part=1e-8):

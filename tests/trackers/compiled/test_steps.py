@@ -13,7 +13,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarios import SCENARIOS
-from tests.trackers.compiled.states import COMPILED, NAMES, NUMPY, RADAR, STATES, assert_same, check, drawn, recorded
+from tests.trackers.compiled.states import (
+    COMPILED,
+    NAMES,
+    NUMPY,
+    RADAR,
+    STATES,
+    assert_same,
+    check,
+    drawn,
+    recorded,
+    shaded,
+)
 from trackers import build, find
 from trackers.batch import take
 from trackers.compiled import REFUSED, available
@@ -33,6 +44,11 @@ def test_a_step_from_each_state_of_a_scenario_is_the_same(name, scenario):
     assert len(calls) > 60
     for call in calls:
         check(name, call)
+    if scenario == "truck-convoy":  # where sides are in the shade of other trucks
+        updates = [call for call in calls if call[0] == "update"]
+        alone = [COMPILED[name].update(*call[1:5])[0] for call in updates]
+        among = [COMPILED[name].update(*call[1:])[0] for call in updates]
+        assert any((a.size.length != b.size.length).any() for a, b in zip(alone, among, strict=True))
 
 
 @pytest.mark.slow
@@ -57,6 +73,7 @@ def test_a_step_from_any_state_is_the_same(name, seed, T, M, dt):
     state, scan = drawn(name, np.random.default_rng(seed), T, M)
     check(name, ("predict", state, dt), 1e-6)
     check(name, ("update", state, scan), 1e-6)
+    check(name, ("update", state, scan, *shaded(np.random.default_rng(seed), T)), 1e-6)
 
 
 @pytest.mark.parametrize("name", NAMES)

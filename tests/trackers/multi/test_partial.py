@@ -10,9 +10,10 @@ from scipy.stats import norm
 
 from tests.trackers.multi.known_objects import scan_of
 from tests.trackers.rear_sides import RADAR, Road, drive
-from trackers import SensorModel, build, prior
+from trackers import SensorModel, build, find, prior
+from trackers.composed import Composed
 from trackers.multi.association import Association
-from trackers.multi.partial import as_if_whole
+from trackers.multi.partial import as_if_whole, shade_of
 from trackers.multi.road import RoadMap
 from trackers.multi.visibility import SensorArray
 
@@ -28,7 +29,8 @@ def turn(places, std=1e-5, hides=True, share=0.5, noise=NOISE):
     array = SensorArray.of((AHEAD,))
     z, _ = Association().prepare(scan_of([(FACE, 0.0)], noise), array)
     occluder = np.full(len(places), hides)
-    new = as_if_whole(z, np.zeros(1, int), estimate, occluder, np.full((1, len(places)), share), array)
+    shade = shade_of(estimate, occluder, array, z.scan.platform)
+    new = as_if_whole(z, np.zeros(1, int), estimate, shade, np.full((1, len(places)), share), array)
     np.testing.assert_allclose(new.xy, new.scan.points(new.sight))
     np.testing.assert_allclose(new.rate, new.scan.rates(new.sight))
     np.testing.assert_array_equal(new.scan.polar[:, [0, 2]], z.scan.polar[:, [0, 2]])
@@ -132,3 +134,24 @@ def test_a_car_half_hidden_far_ahead_is_where_it_is(road, most):
     off = {whole: np.mean([beside_itself(whole, road, seed) for seed in range(5)]) for whole in (False, True)}
     assert off[False] > 0.3
     assert abs(off[True]) < most * off[False]
+
+
+@pytest.mark.parametrize("whole", [True, False])
+def test_the_filter_hears_what_hides_others(whole):
+    """And only then: a filter whose `update_among` takes four arguments serves trackers without `as_whole`."""
+    known, heard = find("imm-spline", compiled=False).on((RADAR,)), []
+
+    class Listening(Composed):
+        def update_among(self, state, scan, every, owner, *shade):
+            heard.append((len(scan.mask), *shade))
+            return super().update_among(state, scan, every, owner, *shade)
+
+    filter = Listening(known.place, known.motion, known.size, compiled=False)
+    tracker = replace(build("imm-spline", (RADAR,)), filter=filter, as_whole=whole)
+    drive(tracker, Road([(55, -0.9, 0, 25.0), (115, 0, 0, 25.0)], seed=1), 3.0, lambda *_: None)
+    assert {len(one) for one in heard} == {2 if whole else 1}
+    if whole:
+        among_two = [shade for tracks, shade in heard if tracks == 2 and len(shade.row) == 2]
+        near, far = np.sort(among_two[-1].nearest[0])
+        assert near == pytest.approx(55 - 2.3 - RADAR.mount[0], abs=1.5)
+        assert far == pytest.approx(115 - 2.3 - RADAR.mount[0], abs=2.5)

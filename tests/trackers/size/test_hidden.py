@@ -10,9 +10,10 @@ from trackers import Scan, SensorModel, find, prior
 from trackers.batch import stack
 from trackers.geometry import unit
 from trackers.scan import DepthProfile
+from trackers.shade import Shade
 from trackers.size.grid import LENGTH, WIDTH
 from trackers.size.hidden import CELLS, Around, open_rooms
-from trackers.size.hits import Boxes, hits_of, lit, views
+from trackers.size.hits import Boxes, depths, hits_of, lit, views
 from trackers.size.profile import Profiles
 from trackers.size.visible import room
 
@@ -118,7 +119,7 @@ def test_far_away_noise_hides_where_a_view_ends_and_near_by_it_does_not():
 def test_a_face_of_which_rounding_is_in_view_is_not_seen(size):
     """A motorcycle as wide as thirteen cells, where the sensor sees what is beyond: width and last cell may differ."""
     beyond = CELLS[1].edges[None] > 0.75
-    got = room(GRIDS[1], CELLS[1], beyond, np.array([0]), np.array([size]))
+    got = room(GRIDS[1], CELLS[1], beyond, np.array([0]), np.array([size]), np.zeros(1, bool))
     np.testing.assert_array_equal(got.share, 0.0)
 
 
@@ -150,3 +151,85 @@ def test_a_car_whose_rear_is_partly_hidden_is_no_narrower():
 def test_where_nothing_hides_the_same_car_is_taken_for_a_narrow_vehicle():
     width, _ = width_after(replace(OUTLINE, hides_within=0.0))
     assert width < 1.3
+
+
+ASLANT = np.array([32.25, 4.0, 0.0])  # a car to the left ahead, whose right side is seen, from 30 to 34.5 m at y = 3.1
+SPARSE = SensorModel(max_range=200.0, fov=2.0, profile=DepthProfile(inside=0.2))
+
+
+def between(x0, x1, row=7, nearest=10.0):
+    """What hides the part of that side from x0 to x1 [m]."""
+    low, high = np.arctan2(3.1, [x1, x0])
+    one = ([[(low + high) / 2]], [[(high - low) / 2]], [[0.0]], [[nearest]])
+    return Shade(np.array([row]), *map(np.array, one))
+
+
+def rooms_of(shade, model=SPARSE, row=3):
+    """Rooms of length and width of the car, which is track `row`, its hits, boxes and lit ends."""
+    boxes = Boxes(ASLANT[None], np.array([[4.5, 1.8]]), np.array([[-1.0, -1.0]]))
+    scan = Scan.from_xy(np.array([[30.1, 4.0], [30.2, 3.2]]), noise=(0.1, 0.001, np.nan))
+    hits = hits_of(scan, (np.arange(2),), np.zeros(2, int), boxes.pose, Profiles.of((model,)), 0.2)
+    around = Around(scan, np.zeros(2, int), shade, np.array([row]))
+    return open_rooms(GRIDS, hits, boxes, lit(hits, boxes), around), hits, boxes
+
+
+def test_of_a_side_in_the_shade_the_rest_is_open():
+    (of_length, of_width), *_ = rooms_of(between(31.0, 33.0))
+    assert of_width == []
+    n = 10  # no offset
+    L = GRIDS[0].sizes
+    got = of_length[0].far[0, len(L) - 1 - np.arange(len(L)) + n] - of_length[0].near[0, n]
+    np.testing.assert_allclose(got, np.minimum(L, 1.0) + np.maximum(L - 3.0, 0.0), atol=0.13)
+    np.testing.assert_allclose(of_length[0].share, 2.5 / 4.5, atol=0.03)
+    assert of_length[0].shaded.all()
+
+
+@pytest.mark.parametrize(
+    ("shade", "model"),
+    [
+        (between(31.0, 33.0, row=3), SPARSE),  # itself
+        (between(31.0, 33.0, nearest=34.0), SPARSE),  # no nearer
+        (between(70.0, 80.0), SPARSE),  # beyond what any vehicle reaches
+        (between(31.0, 33.0), replace(SPARSE, profile=OUTLINE)),  # a sensor whose detections say what hides
+        (None, SPARSE),
+    ],
+)
+def test_what_no_other_track_hides_has_no_room_for_it(shade, model):
+    rooms, *_ = rooms_of(shade, model)
+    assert not any(room.shaded.any() for some in rooms for room in some)
+    assert model is not SPARSE or rooms == [[], []]
+
+
+def test_what_is_made_through_the_end_is_seen_wherever_the_side_is_in_the_shade():
+    """(ENDS.51): nu eta of what is even over the body, where the side counts as far as it is seen."""
+    rooms, hits, boxes = rooms_of(between(31.0, 33.0))
+    facing = lit(hits, boxes)
+    z = depths(hits, boxes, facing, rooms)
+    end, side = facing.shown.T * [[1.0], [rooms[0][0].share[0]]]
+    eta = end / (end + side)
+    np.testing.assert_allclose(z[0].through, 0.2 * eta / (1 - 0.8 * eta))
+    np.testing.assert_allclose(z[0].face, 0.8 * eta)
+    np.testing.assert_array_equal(z[1].through, 0.0)
+    np.testing.assert_array_equal(depths(hits, boxes, facing, [[], []])[0].through, 0.0)
+
+
+def truck_of_which_the_rear_is_seen(shade, scans=80):
+    """Length and its std of a truck aslant, of which only the rear has detections, by a radar that shows no inside."""
+    rng, f = np.random.default_rng(3), sized(sensors=(replace(SPARSE, profile=DepthProfile(inside=0.01)),))
+    state = f.init(stack([prior((32.25, 4.35, 0.0), size=(4.5, 2.5))]))
+    for _ in range(scans):
+        xy = np.c_[30.0 + rng.exponential(0.12, 3), 4.35 + rng.uniform(-1.25, 1.25, 3)] + rng.normal(0, 0.1, (3, 2))
+        scan = Scan.from_xy(xy, noise=(0.1, 0.003, np.nan))
+        share = Scan.from_xy(xy[None], noise=(0.1, 0.003, np.nan))
+        state = f.update_among(f.predict(state, DT), share, scan, np.zeros(3, int), shade)[0]
+    e = f.estimate(state)
+    return e.size[0, 0], e.size_std[0, 0]
+
+
+def test_a_truck_of_which_others_leave_only_the_rear_in_view_may_be_long():
+    """It was 2 m long, and sure of it: its side has no detections, for it cannot have any."""
+    length, std = truck_of_which_the_rear_is_seen(between(30.3, 60.0))
+    assert length + 2 * std > 12.0
+    assert std > 1.0
+    short, sure = truck_of_which_the_rear_is_seen(None)
+    assert short + 3 * sure < 3.0  # the twin

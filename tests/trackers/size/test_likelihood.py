@@ -24,10 +24,15 @@ def drawn(grid, G, rng):
         inside=np.where(rng.random(G) < 0.5, rng.uniform(0.1, 2.0, G), np.inf),
         rooms=[
             Room(
-                np.array([1, 4]), rng.uniform(0, 1, (2, N)), rng.uniform(1, 5, (2, len(grid.sizes) + N - 1)), np.ones(2)
-            ),
-            Room(np.array([2]), rng.uniform(0, 1, (1, N)), rng.uniform(1, 5, (1, len(grid.sizes) + N - 1)), np.ones(1)),
+                rows,
+                rng.uniform(0, 1, (len(rows), N)),
+                rng.uniform(1, 5, (len(rows), len(grid.sizes) + N - 1)),
+                np.ones(len(rows)),
+                shaded,
+            )
+            for rows, shaded in ((np.array([1, 4]), np.array([True, False])), (np.array([2]), np.array([False])))
         ],
+        through=rng.uniform(0, 0.3, G) * np.isin(np.arange(G), 1),  # of what is in the shade
         least=rng.uniform(0.5, 1.0, G),
         behind=rng.uniform(0.05, 0.3, (G, 2)),
         rounding=np.stack([rng.uniform(0, 0.3, G), rng.uniform(0, 0.2, G)], -1),
@@ -53,7 +58,8 @@ def by_hand(grid, z, j, k, n):
         x = np.linspace(0, L, 4001)
         fall = np.exp(-x / m) / (m * (1 - np.exp(-L / m)))
         inside = z.entered[j] * trapezoid(fall * norm.pdf(delta - x, 0, z.sigma[j]), x)
-    return (1 - EPS) * (face + inside + share * even / max(room - r, z.least[j])) + EPS / grid.span
+    shown = (1 - z.through[j]) / max(room - r, z.least[j]) + z.through[j] / max(L - r, z.least[j])  # (ENDS.51)
+    return (1 - EPS) * (face + inside + share * even * shown) + EPS / grid.span
 
 
 @pytest.mark.parametrize("grid", [LENGTH, WIDTH], ids=["length", "width"])
@@ -81,7 +87,7 @@ def seen(distance, max_range, fov=2 * np.pi, heading=0.0):
     """Length [m] that a sensor at the origin leaves room for, (K, N), of a body that begins so far ahead."""
     points = np.stack([distance + CELLS[0].middles, np.zeros(CELLS[0].number)], -1)[None]
     mask = in_view(points, np.array([[0.0, 0.0, heading]]), np.array([max_range]), np.array([fov]))
-    got = room(LENGTH, CELLS[0], mask, np.array([0]), np.array([10.0]))
+    got = room(LENGTH, CELLS[0], mask, np.array([0]), np.array([10.0]), np.zeros(1, bool))
     assert got.share[0] == pytest.approx(np.clip(max_range - distance, 0, 10) / 10 if fov > 1 else 0.0)
     return (by_size_and_offset(got.far, len(LENGTH.offsets)) - got.near[:, None])[0]
 

@@ -26,6 +26,7 @@ from trackers.multi.visibility import Visibility
 from trackers.multi.way import Way
 from trackers.multi.window import Unexplained, Window
 from trackers.scan import Scan
+from trackers.shade import NO_SHADE
 from trackers.size.likelihood import TOGETHER
 from trackers.size.posterior import SizePosterior
 
@@ -102,14 +103,16 @@ class Life:
         if self.core is None:
             return None
         T, (motion, place, size) = len(seen.tracks.id), seen.tracks.state
-        z = self._detections(seen.z)
+        z, shade = self._detections(seen.z), NO_SHADE
         if occluder is not None:
             box, platform = self._boxes(seen.tracks.estimate), whole(seen.z.scan.platform)
-            sight, rate = self.turn(seen.owner, z, box, occluder, seen.view.share, platform, self.rules.sheets.mount)
+            sight, rate, shade = self.turn(
+                seen.owner, z, box, occluder, seen.view.share, platform, self.rules.sheets.mount
+            )
             z = z._replace(sight=sight, rate=rate)
         rows, start = self.share(seen.owner, z, T, self.most)
         size = size._replace(fully_visible=seen.view.complete > self.complete)
-        found = self.core.update_rows(motion, place, size, rows, start)
+        found = self.core.update_rows(motion, place, size, rows, start, shade)
         return None if found is None else (self.filter.remembered(found), informed(found, np.diff(start)))
 
     def seen(self, tracks: Tracks, scan: Scan, dt: float) -> Seen | None:
