@@ -151,7 +151,7 @@ def test_what_no_track_explains_beside_an_ego_that_turns_is_the_same(bend, monke
 def test_what_is_changed_has_all_that_is_rare(drive):
     tracker, steps = drive
     kinds, seen = set(), {"out": 0, "alarms": 0, "calm": 0, "hidden": 0, "end": 0}
-    for seed in range(120):
+    for seed in range(240):
         tracks, scan = changed(np.random.default_rng(seed), *steps[3 + seed % 50][:2])
         new, info = tracker.step(tracks, scan, 1 / 15)
         kinds |= {event.kind for event in info.events}
