@@ -210,6 +210,8 @@ def test_what_is_made_through_the_end_is_seen_wherever_the_side_is_in_the_shade(
     np.testing.assert_allclose(z[0].through, 0.2 * eta / (1 - 0.8 * eta))
     np.testing.assert_allclose(z[0].face, 0.8 * eta)
     np.testing.assert_array_equal(z[1].through, 0.0)
+    one_of_two = [[rooms[0][0]._replace(shaded=np.array([True, False]))], []]  # a view cuts off the other one
+    np.testing.assert_array_equal(depths(hits, boxes, facing, one_of_two)[0].through > 0, [True, False])
     np.testing.assert_array_equal(depths(hits, boxes, facing, [[], []])[0].through, 0.0)
 
 
