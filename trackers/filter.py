@@ -78,7 +78,7 @@ class Abilities(NamedTuple):
     # Association and gates
     log_spatial: Method = None  # (state, scan, track (G,), detection (G,)): log density (G,) [1/m^2] of these pairs
     reach: Method = None  # (state): the estimate with the greatest box that is possible, its size_std 0
-    update_among: Method = None  # (state, scan, every (M,), owner (M,), and of `as_whole` shade): what others hide
+    update_among: Method = None  # (state, scan, every (M,), owner (M,), with `as_whole` a `Shade`): update among others
     learn_where: Method = None  # (state, where (...)): state whose next scan shows these objects completely
     quiet: Method = None  # (state, rows (R,), length (R, C) [m], log_p (R, C)): state after what is so improbable
     on_lanes: Method = None  # (state, curvature (...) [1/m]): state of objects whose lanes bend so
