@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from trackers.compiled.grids import flip, multiply, roll
 from trackers.compiled.jit import compiled
-from trackers.compiled.linear import bell, ndtr, wrap
+from trackers.compiled.linear import bell, wrap
+from trackers.compiled.shade import hides
 from trackers.compiled.tables import POSE, RANGE, SENSOR, SIZE_ACROSS, SIZE_ALONG, UX, UY
 from trackers.compiled.vector import exponentials, logarithms
 from trackers.shade import Shade
@@ -22,7 +23,6 @@ ACROSS = 10  # places, as in `trackers.size.evidence`
 LEAST_SHOWN, LEAST = 0.05, 1e-300  # as in `trackers.size.evidence` and `.grid`
 NOTHING = 1e-9  # as in `trackers.size.visible`
 SHADED = 0.98  # as in `trackers.size.hidden`
-NEARER, LEAST_STD, FROM_EDGE = 1.0, 1e-6, 9.0  # as in `trackers.shade`
 
 
 @compiled
@@ -50,30 +50,6 @@ def cut_off(box: NDArray, size: NDArray, pose: NDArray, max_range: float, fov: f
             if not in_view(x, y, box, pose, max_range, fov):
                 return True
     return False
-
-
-@compiled
-def hides(
-    shade: Shade, s: int, row: int, azimuth: NDArray, distance: NDArray, std: float, visible: NDArray
-) -> None:  # fmt: skip
-    """(MOT.60): visible (K,) times the probability that no other track hides azimuths (K,) [rad] of a track `row`.
-
-    distance (K,) [m] are those of the places from the sensor s, std [rad] is common to all azimuths.
-    """
-    K, wide, furthest = len(azimuth), 0.0, 0.0
-    about = azimuth[K // 2]
-    for k in range(K):
-        wide, furthest = max(wide, abs(wrap(azimuth[k] - about))), max(furthest, distance[k])
-    for o in range(len(shade.row)):
-        of_edge, half = max(math.hypot(std, shade.std[s, o]), LEAST_STD), shade.half[s, o]
-        if shade.row[o] == row or shade.nearest[s, o] + NEARER >= furthest:
-            continue
-        if abs(wrap(shade.middle[s, o] - about)) >= wide + half + FROM_EDGE * of_edge:
-            continue
-        for k in range(K):
-            if shade.nearest[s, o] + NEARER < distance[k]:
-                to_edge = wrap(shade.middle[s, o] - azimuth[k])
-                visible[k] *= 1 - (ndtr((to_edge + half) / of_edge) - ndtr((to_edge - half) / of_edge))
 
 
 @compiled

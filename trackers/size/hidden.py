@@ -50,8 +50,10 @@ def open_rooms(
     fov = views(hits, boxes)
     cut = _cut_off(hits, boxes, first, fov[first])
     hides = np.zeros(len(first), bool) if around is None else hits.sensor.hiding[first, 0] > 0
-    visible, shaded = _visible(hits, boxes, first, around), np.zeros((2, len(first)), bool)
-    shaded[0] = (visible.min(-1) < SHADED) & ~hides & (sides.end[first, 1] != 0)
+    visible, shaded = np.ones((len(first), CELLS[0].number)), np.zeros((2, len(first)), bool)
+    side = ~hides & (sides.end[first, 1] != 0)
+    visible[side] = _visible(hits, boxes, first[side], around)
+    shaded[0] = visible.min(-1) < SHADED
     rooms: list[list[Room]] = []
     for axis, grid in enumerate(grids):
         looks = cut | shaded[axis] | (hides & (sides.end[first, 1 - axis] != 0))

@@ -9,7 +9,7 @@ from trackers.compiled.linear import wrap
 from trackers.compiled.multi.jit import compiled
 from trackers.compiled.multi.rules import Boxes, Detections
 from trackers.compiled.multi.view import azimuth_std, span, stand
-from trackers.compiled.size import hides
+from trackers.compiled.shade import hides
 from trackers.shade import Shade
 
 PLACES, LEAST_SEEN = 16, 0.02  # as in `trackers.multi.partial`
