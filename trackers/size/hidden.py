@@ -50,9 +50,8 @@ def open_rooms(
     fov = views(hits, boxes)
     cut = _cut_off(hits, boxes, first, fov[first])
     hides = np.zeros(len(first), bool) if around is None else hits.sensor.hiding[first, 0] > 0
-    visible, shaded = np.ones((len(first), CELLS[0].number)), np.zeros((2, len(first)), bool)
-    side = ~hides & (sides.end[first, 1] != 0)
-    visible[side] = _visible(hits, boxes, first[side], around)
+    visible = _visible(hits, boxes, first, ~hides & (sides.end[first, 1] != 0), around)
+    shaded = np.zeros((2, len(first)), bool)
     shaded[0] = visible.min(-1) < SHADED
     rooms: list[list[Room]] = []
     for axis, grid in enumerate(grids):
@@ -74,14 +73,20 @@ def open_rooms(
     return rooms
 
 
-def _visible(hits: Hits, boxes: Boxes, g: NDArray, around: Around | None) -> NDArray:
-    """Probabilities (P, C) that no other object hides the cells along the side from the sensors of hits g (P,)."""
+def _visible(hits: Hits, boxes: Boxes, g: NDArray, asked: NDArray, around: Around | None) -> NDArray:
+    """Probabilities (P, C) that no other object hides the cells along the side from the sensors of hits g (P,).
+
+    1 for those that are not asked for (P,) bool.
+    """
+    visible = np.ones((len(g), CELLS[0].number))
     if around is None or around.shade is None or not len(around.shade.row):
-        return np.ones((len(g), CELLS[0].number))
+        return visible
+    g = g[asked]
     v = _on_face(hits, boxes, g, 0) - hits.pose[g, None, :2]
     azimuth = np.arctan2(v[..., 1], v[..., 0]) - hits.pose[g, None, 2]
     row = hits.row[g] if around.rows is None else around.rows[hits.row[g]]
-    return around.shade.seen(hits.which[g], row, azimuth, np.hypot(v[..., 0], v[..., 1]))  # (MOT.60)
+    visible[asked] = around.shade.seen(hits.which[g], row, azimuth, np.hypot(v[..., 0], v[..., 1]))  # (MOT.60)
+    return visible
 
 
 def _cut_off(hits: Hits, boxes: Boxes, g: NDArray, fov: NDArray) -> NDArray:
