@@ -106,11 +106,12 @@ class DepthProfile:
     hides_within: float = 0.0  # [rad] a detection hides what is behind it, so far to either side; 0: it hides nothing
     hides_behind: float = 0.7  # [m] and so much further away
     patchy: bool = False  # sides have stretches without detections; else these lie all along what is seen of a side
+    slant: float = 1.0  # 1: `depth` lies along the line of sight, and is less behind a face seen aslant; 0: across it
 
     def __post_init__(self) -> None:
-        shares = (self.inside, self.grazing, self.weight)
-        if not (min(shares) >= 0 and max(shares) <= 1):
-            raise ValueError(f"inside, grazing and weight must be within 0 and 1, got {shares}")
+        shares = (self.inside, self.grazing, self.weight, self.slant)
+        if not all(0 <= share <= 1 for share in shares):
+            raise ValueError(f"inside, grazing, weight and slant must be within 0 and 1, got {shares}")
         lengths = (self.depth, self.depth_std, *self.rounding, *self.rounding_std, *self.least_room)
         if not (min(lengths) >= 0 and min(self.surface_std, self.inside_depth) > 0):
             raise ValueError(

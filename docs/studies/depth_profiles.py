@@ -18,7 +18,7 @@ from testbed.files import write_json
 from testbed.learn.detections import TrainingDetections, read
 from trackers.geometry import unit
 from trackers.scan import DepthProfile, SensorModel
-from trackers.size.hits import LEAST_SLOPE
+from trackers.size.hits import LEAST_SLOPE, face_depth
 from trackers.size.profile import Profiles
 from trackers.size.spatial import density
 
@@ -31,6 +31,7 @@ LIMITS = {  # of what is learned
     "inside_depth": (0.1, 20.0),
     "depth": (0.0, 1.0),
     "depth_std": (0.005, 1.0),
+    "slant": (0.0, 1.0),
     "grazing": (0.0, 1.0),
     "surface_std": (0.02, 0.6),
 }
@@ -56,7 +57,8 @@ def log_density(profile: DepthProfile, z: Known) -> NDArray:
     sigma, inner, spread = np.sqrt(var), *p.rounding.transpose(2, 0, 1)
     even = (ndtr(behind / sigma) - ndtr((behind - z.size + inner) / np.hypot(sigma, spread))) / (z.size - inner)
     deep = p.inside_depth[:, None] * np.maximum(np.abs(z.sight), LEAST_SLOPE)
-    found = density((1 - profile.inside) * share, profile.inside * share, p, behind, z.size, var, even, deep)
+    depth = face_depth(p, z.sight)
+    found = density((1 - profile.inside) * share, profile.inside * share, depth, behind, z.size, var, even, deep)
     return np.log((1 - OUTLIERS) * found + OUTLIERS / AREA)
 
 

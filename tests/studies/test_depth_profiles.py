@@ -16,7 +16,7 @@ def drawn(profile, rng, G=6000, noise=0.08):
     axis = (rng.random(G) > shown[:, 0] / shown.sum(-1)).astype(int)  # 0: through an end, 1: through a side
     g = np.arange(G)
     L = size[g, axis]
-    depth = rng.normal(profile.depth, profile.depth_std, G)
+    depth = rng.normal(profile.depth, profile.depth_std, G) * np.abs(sight[g, axis]) ** profile.slant
     mean = profile.inside_depth * np.abs(sight[g, axis])
     x = rng.random(G)
     deep = -mean * np.log1p(-x * -np.expm1(-L / mean)) if np.isfinite(profile.inside_depth) else x * L
@@ -32,7 +32,7 @@ def drawn(profile, rng, G=6000, noise=0.08):
     "truth",
     [
         pytest.param(DepthProfile(inside=0.25, depth=0.2, depth_std=0.1, grazing=0.3), marks=pytest.mark.slow),
-        DepthProfile(inside=0.5, inside_depth=0.8, depth=0.1, depth_std=0.05, grazing=0.6),
+        DepthProfile(inside=0.5, inside_depth=0.8, depth=0.1, depth_std=0.05, grazing=0.6, slant=0.0),
     ],
 )
 def test_the_profile_that_detections_were_drawn_from_is_found_again(truth):
@@ -41,6 +41,7 @@ def test_the_profile_that_detections_were_drawn_from_is_found_again(truth):
     assert got.inside == pytest.approx(truth.inside, abs=0.06)
     assert got.depth == pytest.approx(truth.depth, abs=0.05)
     assert got.grazing == pytest.approx(truth.grazing, abs=0.1)
+    assert got.slant == pytest.approx(truth.slant, abs=0.25)
     if np.isfinite(truth.inside_depth):
         assert got.inside_depth == pytest.approx(truth.inside_depth, rel=0.25)
     assert value >= log_density(truth, z).mean()

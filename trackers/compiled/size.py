@@ -274,7 +274,8 @@ def read(
 
     z are detections of a box, was and after (3,) its pose before and after the scan, row its track.
 
-    sheet (S, 14): max_range, fov, inside, grazing, weight, depth (2), rounding (2, 2), least_room (2), surface.
+    sheet (S, 15): max_range, fov, inside, grazing, weight, depth (2), rounding (2, 2), least_room (2), surface,
+    slant.
     settings (10,): outliers, independent, part_weight, offset_share, spread of the offsets (2), standing, unseen_share,
     spread of the offset of the length at birth, open_above.
     Returns the numbers of detections that were made off the axis, and from beside the body.
@@ -332,15 +333,19 @@ def read(
         s, j = sheet[int(z[i, SENSOR])], as_of[i]
         total = shown[i, 0] + shown[i, 1]
         f = (1 - s[2]) / total if total > 0 else 0.0
+        deep = np.empty((2, 2))
+        for a in range(2):
+            deep[a] = s[5:7] * abs(sight[i, a]) ** s[14]  # (ENDS.52)
         through = s[2] * shown[i, 0] / total / (1 - f * shown[i, 0]) if dark[i] and total > 0 else 0.0  # (ENDS.51)
         multiply(grid_l, settings[0], p, size[0] / 2 - anchor[0] * xy[i, 0], std[i, 0], f * shown[i, 0],
-                 end[i, 0] < 0, s[11], s[5:7], s[7:9], rooms_l[j], rooms_fl[j], cut[i] or dark[i], through)  # fmt: skip
+                 end[i, 0] < 0, s[11], deep[0], s[7:9], rooms_l[j], rooms_fl[j], cut[i] or dark[i],
+                 through)  # fmt: skip
         multiply(grid_w, settings[0], q, size[1] / 2 - anchor[1] * xy[i, 1], std[i, 1],
-                 f * shown[i, 1], end[i, 1] < 0, s[12], s[5:7], s[9:11], rooms_w[j], rooms_fw[j], cut[i],
+                 f * shown[i, 1], end[i, 1] < 0, s[12], deep[1], s[9:11], rooms_w[j], rooms_fw[j], cut[i],
                  0.0)  # fmt: skip
         if anchor[0] < 0 and end[i, 0] > 0:
             from_behind(grid_l, size[0] / 2 - anchor[0] * xy[i, 0], std[i, 0], f * shown[i, 0], end[i, 1] != 0,
-                        sight[i, 1], size[0], s[5:7], weight, behind)  # fmt: skip
+                        sight[i, 1], size[0], deep[0], weight, behind)  # fmt: skip
     sharper = (max(1.0, settings[3] * (1 - on_end[0]) / weight), max(1.0, settings[3] * (1 - on_end[1]) / weight))
     if unseen > 0 and settings[7] > 0:
         loosen(A_l, grid_l, settings[7] * unseen, settings[8])

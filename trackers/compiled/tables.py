@@ -121,7 +121,7 @@ class Tables(NamedTuple):
     insets: NDArray  # (C, 2)
     roundings: NDArray  # (3, C)
     hinges: NDArray  # (2, C)
-    sheet: NDArray  # (S, 14) see `size.read`
+    sheet: NDArray  # (S, 15) see `size.read`
     size: NDArray  # (9,) see `size.read`
 
     @classmethod
@@ -133,7 +133,7 @@ class Tables(NamedTuple):
         offset_std = size.length.offset_std, size.width.offset_std
         sheet = np.column_stack([
             q.max_range, q.fov, q.inside, q.grazing, q.weight, q.depth, q.rounding[:, 0], q.rounding[:, 1],
-            q.least_room, q.surface_std,
+            q.least_room, q.surface_std, q.slant,
         ])  # fmt: skip
         values = (
             [[m.speed_walk, m.yaw_walk, m.axle, m.lateral] for m in M.table],

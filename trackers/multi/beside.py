@@ -1,8 +1,8 @@
-"""A long track far away: one vehicle, or two in neighbouring lanes that noise across the line of sight joins.
+"""A long track: one vehicle, or two in neighbouring lanes that noise across the line of sight joins.
 
-There the gate of a track reaches over the next lane, and what it takes from that lane starts no track of its own. Along
-the line of sight detections are sharp: where those behind and those ahead lie in different lanes, there are two
-vehicles. Equations: docs/methods/life-cycle-of-tracks.md, section 7.
+Far away its gate reaches over the next lane, as does that of a new track nearer by, whose length is not known yet. What
+it takes from that lane starts no track of its own. Along the line of sight detections are sharp: where those behind and
+those ahead lie in different lanes, there are two vehicles. Equations: docs/methods/life-cycle-of-tracks.md, section 7.
 """
 
 from collections.abc import Sequence
@@ -46,13 +46,13 @@ class BesideTest:
     """When a long track is two vehicles in neighbouring lanes."""
 
     memory: float = 3.0  # [s]
-    noisy: float = 0.5  # [m] least noise across of a detection: below it no gate reaches over the next lane
+    noisy: float = 0.15  # [m] least noise across of a detection: nearer than that two lanes are told apart at once
     wide: float = 1.0  # [m] least spread across the line of sight, beside the noise, of what may be of two lanes
     fast: float = 8.0  # [m/s] below it a body with a hinge may bend so far
     curved: float = 1.0  # [m/s^2] across, from which on the way is curved, and nothing is said of it
     body: float = 0.6  # [m] standard deviation across a vehicle of what is seen of it
     within: float = 1.5  # [m] between the means of two parts of one vehicle, as of its rear and of a side, at most
-    lanes: tuple[float, float] = (2.3, 6.0)  # [m] between the means of two vehicles
+    lanes: tuple[float, float] = (2.8, 6.0)  # [m] between the means of two vehicles
     independent: float = 0.5  # share of the detections: those of one scan are not independent
     surer: float = 4.0  # standard deviations beyond `within` from which it is two
     least: int = 4  # detections of each of the two

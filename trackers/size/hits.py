@@ -111,7 +111,7 @@ def depths(hits: Hits, boxes: Boxes, facing: Lit, rooms: list[list[Room]]) -> li
         for one in some:  # the cells along one axis lie on the face that belongs to the other
             shown[one.rows, 1 - axis] *= one.share  # (ENDS.4)
     face, entered = faces(hits, shown)
-    inside = inside_depth(hits)
+    inside, behind = inside_depth(hits), face_depth(hits.sensor, hits.sight)
     half, anchor = boxes.size[hits.row] / 2, boxes.anchor[hits.row]
     d = half - anchor * hits.xy  # (ENDS.2)
     through = np.zeros(face.shape)
@@ -130,11 +130,16 @@ def depths(hits: Hits, boxes: Boxes, facing: Lit, rooms: list[list[Room]]) -> li
             through[:, axis],
             rooms[axis],
             hits.sensor.least_room[:, axis],
-            hits.sensor.depth,
+            behind[:, axis],
             hits.sensor.rounding[:, axis],
         )
         for axis in range(2)
     ]
+
+
+def face_depth(sensor: Profiles, sight: NDArray) -> NDArray:
+    """Mean depth behind a face and its spread (G, 2, 2) [m], of both axes, at lines of sight (G, 2) in these axes."""
+    return sensor.depth[:, None] * (np.abs(sight) ** sensor.slant[:, None])[..., None]  # (ENDS.52)
 
 
 def inside_depth(hits: Hits) -> NDArray:

@@ -16,6 +16,7 @@ class Profiles(NamedTuple):
     inside: NDArray  # (S,)
     inside_depth: NDArray  # (S,) [m]
     depth: NDArray  # (S, 2) [m] mean and spread behind a face
+    slant: NDArray  # (S,)
     grazing: NDArray  # (S,)
     surface_std: NDArray  # (S,) [m]
     weight: NDArray  # (S,)
@@ -33,6 +34,7 @@ class Profiles(NamedTuple):
             inside=np.array([q.inside for q in p], float),
             inside_depth=np.array([q.inside_depth for q in p], float),
             depth=np.array([(q.depth, q.depth_std) for q in p], float),
+            slant=np.array([q.slant for q in p], float),
             grazing=np.array([q.grazing for q in p], float),
             surface_std=np.array([q.surface_std for q in p], float),
             weight=np.array([q.weight for q in p], float),

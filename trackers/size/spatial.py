@@ -10,9 +10,8 @@ from scipy.special import ndtr
 
 from trackers.size.belief import Belief
 from trackers.size.grid import Grid
-from trackers.size.hits import Boxes, Hits, faces, inside_depth, lit
+from trackers.size.hits import Boxes, Hits, face_depth, faces, inside_depth, lit
 from trackers.size.likelihood import decay
-from trackers.size.profile import Profiles
 
 LEAST_DENSITY = 1e-300
 
@@ -33,21 +32,21 @@ def log_spatial(grids: tuple[Grid, Grid], hits: Hits, boxes: Boxes, belief: Beli
         far = ndtr((d[:, axis, None] - grid.sizes) / s[:, None])
         even[:, axis] = ((ndtr(d[:, axis] / s)[:, None] - far) * (p / grid.sizes)[row]).sum(-1)  # (ENDS.26)
     behind = np.where(end < 0, belief.size[row] - d, d)
-    x = (hits.sensor, behind, belief.size[row], var, even, inside_depth(hits))
+    x = (face_depth(hits.sensor, hits.sight), behind, belief.size[row], var, even, inside_depth(hits))
     return np.log(np.maximum(density(face, entered, *x), LEAST_DENSITY))
 
 
 def density(
-    face: NDArray, entered: NDArray, sensor: Profiles, behind: NDArray, size: NDArray, var: NDArray, even: NDArray,
+    face: NDArray, entered: NDArray, depth: NDArray, behind: NDArray, size: NDArray, var: NDArray, even: NDArray,
     inside: NDArray,
 ) -> NDArray:  # fmt: skip
     """Density (G,) [1/m^2] of detections in the axes of their bodies, (ENDS.27).
 
-    face and entered (G, 2) as of `hits.faces`; behind (G, 2) [m] depth behind the end and the side that face the
-    sensor, size (G, 2) [m], var (G, 2) [m^2] noise, even (G, 2) [1/m] densities of what is spread over the body,
-    inside (G, 2) [m] mean depth of what is not.
+    face and entered (G, 2) as of `hits.faces`, depth (G, 2, 2) as of `hits.face_depth`; behind (G, 2) [m] depth behind
+    the end and the side that face the sensor, size (G, 2) [m], var (G, 2) [m^2] noise, even (G, 2) [1/m] densities of
+    what is spread over the body, inside (G, 2) [m] mean depth of what is not.
     """
-    mean, spread = sensor.depth.T[..., None]
+    mean, spread = np.moveaxis(depth, -1, 0)
     var_face = var + spread**2
     near = np.exp(-0.5 * (behind - mean) ** 2 / var_face) / np.sqrt(2 * np.pi * var_face)  # (ENDS.25)
     deep = np.where(np.isinf(inside), even, shallow(behind, size, np.sqrt(var), inside))

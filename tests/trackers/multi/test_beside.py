@@ -45,16 +45,16 @@ def car(rng, count):
     return np.c_[np.full(count, 112.0), rng.uniform(-0.9, 0.9, count)]
 
 
-def seen(rng, bodies, further):
+def seen(rng, bodies, further, noise=NOISE):
     """Detections of the bodies, three each, with noise; all of it further away by so much [m]."""
     xy = np.concatenate([body(rng, 3) for body in bodies])
     xy[:, 0] += further
-    r, a = np.hypot(*xy.T), np.arctan2(xy[:, 1], xy[:, 0]) + rng.normal(0, NOISE[1], len(xy))
-    r = r + rng.normal(0, NOISE[0], len(xy))
+    r, a = np.hypot(*xy.T), np.arctan2(xy[:, 1], xy[:, 0]) + rng.normal(0, noise[1], len(xy))
+    r = r + rng.normal(0, noise[0], len(xy))
     return np.c_[r * np.cos(a), r * np.sin(a)]
 
 
-def after(bodies, scans, seed=0, further=0.0, y=2.0, ground=IN_FILE_NEVER):
+def after(bodies, scans, seed=0, further=0.0, y=2.0, ground=IN_FILE_NEVER, noise=NOISE):
     """The tracks after so many scans of the bodies, or as soon as one is divided, the divisions, and how far all is.
 
     One track of 13 m has all of it at first.
@@ -67,7 +67,7 @@ def after(bodies, scans, seed=0, further=0.0, y=2.0, ground=IN_FILE_NEVER):
     tracks = tracks_of(one, existence=0.99)
     for _ in range(scans):
         further += SPEED * DT
-        tracks, info = tracker.step(tracks, scan_of(seen(rng, bodies, further), NOISE), DT)
+        tracks, info = tracker.step(tracks, scan_of(seen(rng, bodies, further, noise), noise), DT)
         found = [e for e in info.events if e.kind == "divided"]
         assert not found or not len(tracks.memory.taken.id)  # what was taken is forgotten, each begins anew
         events += found
@@ -94,9 +94,31 @@ def test_a_truck_seen_from_behind_and_aside_stays_one(seed):
     assert events == []
 
 
+def bus(rng, count):
+    """The left edge of a rear at 103 m, and the front half of the right side, of a bus in the lane at 4 m."""
+    edge = np.c_[np.full(count, 103.0), rng.uniform(4.75, 5.25, count)]
+    side = np.c_[rng.uniform(109.0, 114.0, count), np.full(count, 2.75)]
+    return np.where(rng.random((count, 1)) < 0.5, side, edge)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_nearer_by_too_two_of_neighbouring_lanes_become_two_tracks(seed):
+    """A new track, whose length is not known yet, took both, 20 and 29 m ahead, with 0.2 m of noise across."""
+    assert [e.kind for e in after((truck, car), 30, seed, further=-83.0)[1]] == ["divided"]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_an_edge_of_a_rear_and_a_side_lie_no_lane_apart(seed):
+    """2.25 m; the negative twin has lanes so narrow."""
+    assert after((bus, bus), 30, seed, further=-83.0, y=4.0)[1] == []
+    narrow = replace(IN_FILE_NEVER, lanes=BesideTest(lanes=(1.8, 6.0)))
+    assert after((bus, bus), 30, seed, further=-83.0, y=4.0, ground=narrow)[1] != []
+
+
 def test_where_detections_are_sharp_nothing_is_taken_from_the_next_lane():
-    """Below 60 m the noise is less than 0.5 m, and a step across is a turned or a bent body."""
-    tracks, events, further = after((truck, car), 30, further=-90.0)
+    """With less than 0.15 m of noise a step across is a turned or a bent body."""
+    sharp = (0.2, 0.002, 0.1)
+    tracks, events, further = after((truck, car), 30, further=-90.0, noise=sharp)
     assert further < -45
     assert events == []
     assert len(tracks.memory.taken.id) == 0

@@ -78,6 +78,8 @@ def test_with_the_default_profile_outlines_are_read_worse():
     assert with_profile("lidar-1deg", DepthProfile()) < with_profile("lidar-1deg") - 0.01
 
 
-def test_with_the_default_profile_these_vehicles_are_found_as_well_by_the_imaging_radar():
-    """0.908 either way; what the profile gains shows in traffic, not here."""
-    assert with_profile("imaging", DepthProfile()) == pytest.approx(with_profile("imaging"), abs=0.01)
+def test_with_the_default_profile_these_vehicles_are_found_worse_by_the_imaging_radar_by_the_slant_alone():
+    """0.890 and 0.908; what else the profile gains shows in traffic, not here."""
+    own = with_profile("imaging")
+    assert with_profile("imaging", DepthProfile()) < own - 0.01
+    assert with_profile("imaging", DepthProfile(slant=0.0)) == pytest.approx(own, abs=0.01)

@@ -92,8 +92,9 @@ def size_density(t: int, j: int, x: Sizes, z: Detections, s: Sheets) -> float:
         for k in range(len(p)):
             if p[k] > 1e-17:  # less cannot be seen in the sum
                 total_even += (top - step((d - sizes[k]) / sigma)) * p[k] / sizes[k]  # (ENDS.26)
-        behind, var_face = x.mean[t, a] - d if end[a] < 0 else d, var + depth_std**2
-        near = bell(-0.5 * (behind - depth) ** 2 / var_face) / math.sqrt(2 * math.pi * var_face)  # (ENDS.25)
+        behind, less = x.mean[t, a] - d if end[a] < 0 else d, abs(sight[a]) ** f[5]  # (ENDS.52)
+        var_face = var + (less * depth_std) ** 2
+        near = bell(-0.5 * (behind - less * depth) ** 2 / var_face) / math.sqrt(2 * math.pi * var_face)  # (ENDS.25)
         even[a], through[a] = total_even, (1 - inside) * share * near + inside * share * total_even
         rest -= share
     density = through[0] * even[1] + through[1] * even[0] + rest * even[0] * even[1]  # (ENDS.27)

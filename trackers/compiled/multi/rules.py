@@ -105,7 +105,7 @@ class Sheets(NamedTuple):
     clutter_density: NDArray  # (S,)
     clutter_density_2d: NDArray  # (S,)
     rates: NDArray  # (S, 3)
-    profile: NDArray  # (S, 5) inside, grazing, surface_std, mean depth and its spread
+    profile: NDArray  # (S, 6) inside, grazing, surface_std, mean depth and its spread, slant
     lengths: NDArray  # (K,) [m] of the size posterior
     widths: NDArray  # (K',) [m]
     impossible: float
@@ -188,9 +188,9 @@ def sheets_of(t: Any) -> Sheets:
     """The data sheets of a tracker."""
     s, size = t.sensor_array, getattr(t.filter, "size", None)
     if size is None:
-        return Sheets(*map(plain, s[:8]), np.zeros((len(s.fov), 5)), np.ones(1), np.ones(1), 0.0, 0.0)  # type: ignore[arg-type, call-arg]
+        return Sheets(*map(plain, s[:8]), np.zeros((len(s.fov), 6)), np.ones(1), np.ones(1), 0.0, 0.0)  # type: ignore[arg-type, call-arg]
     q = size.profiles
-    profile = np.column_stack([q.inside, q.grazing, q.surface_std, q.depth])
+    profile = np.column_stack([q.inside, q.grazing, q.surface_std, q.depth, q.slant])
     sizes = size.length.sizes, size.width.sizes
     return Sheets(*map(plain, s[:8]), profile, *sizes, size.impossible, size.sigma)  # type: ignore[arg-type, call-arg]
 
