@@ -36,13 +36,13 @@ def facing(sensor: Sensor, x: float, y: float, heading_deg: float) -> Sensor:
 # Detections of the outline alone: their error is that no outline is a box, which is the same in each scan.
 OUTLINE = DepthProfile(
     inside=0.02, depth=0.1, depth_std=0.07, surface_std=0.1, weight=0.35, rounding=(0.1, 0.08),
-    rounding_std=(0.1, 0.05), least_room=(0.5, 0.1), hides_within=0.0105, slant=0.0,
+    rounding_std=(0.1, 0.05), least_room=(0.5, 0.1), hides_within=0.0105,
 )  # fmt: skip
 
 # Many detections of the inside, few of them deep: learned from the imaging radar, docs/results/profiles.json.
 # They crowd where a vehicle reflects, at its ends and wheels: a stretch without any is no gap between two vehicles.
 SHALLOW = DepthProfile(
-    inside=0.333, inside_depth=1.3, depth=0.153, depth_std=0.17, grazing=0.0, surface_std=0.0795, patchy=True, slant=0.0
+    inside=0.333, inside_depth=1.3, depth=0.153, depth_std=0.17, grazing=0.0, surface_std=0.0795, patchy=True
 )  # fmt: skip
 
 LONG_RANGE = Sensor(

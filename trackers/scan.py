@@ -106,14 +106,19 @@ class DepthProfile:
     hides_within: float = 0.0  # [rad] a detection hides what is behind it, so far to either side; 0: it hides nothing
     hides_behind: float = 0.7  # [m] and so much further away
     patchy: bool = False  # sides have stretches without detections; else these lie all along what is seen of a side
-    slant: float = 1.0  # 1: `depth` lies along the line of sight, and is less behind a face seen aslant; 0: across it
+    slant: float | None = None  # 1: `depth` lies along the line of sight, less behind a face seen aslant; 0: behind it;
+    # None is replaced by 1, but by 0 for outlines, which hide, and where the inside has a depth along the line of sight
 
     def __post_init__(self) -> None:
-        shares = (self.inside, self.grazing, self.weight, self.slant)
+        slant = self.slant
+        if slant is None:
+            slant = float(np.isinf(self.inside_depth) and self.hides_within == 0)
+            object.__setattr__(self, "slant", slant)
+        shares = (self.inside, self.grazing, self.weight, slant)
         if not all(0 <= share <= 1 for share in shares):
             raise ValueError(f"inside, grazing, weight and slant must be within 0 and 1, got {shares}")
         lengths = (self.depth, self.depth_std, *self.rounding, *self.rounding_std, *self.least_room)
-        if not (min(lengths) >= 0 and min(self.surface_std, self.inside_depth) > 0):
+        if not (all(x >= 0 for x in lengths) and self.surface_std > 0 and self.inside_depth > 0):
             raise ValueError(
                 "depth, depth_std, rounding, rounding_std and least_room must be at least 0, surface_std and "
                 f"inside_depth positive, got {lengths}, {self.surface_std} and {self.inside_depth} m"

@@ -76,12 +76,12 @@ def _profile(table: Loaded, row: int) -> DepthProfile:
     usual = DepthProfile()
     values: dict[str, Any] = {}
     for one in fields(DepthProfile):
-        default = getattr(usual, one.name)
+        name, default = f"profile_{one.name}", getattr(usual, one.name)
         if one.name in TWO_SIDED:
             sides = (f"profile_{one.name}_along", f"profile_{one.name}_across")
             values[one.name] = tuple(_cell(table, name, row, d) for name, d in zip(sides, default, strict=True))
-        else:
-            values[one.name] = _cell(table, f"profile_{one.name}", row, default)
+        elif name in table and not isnan(table[name][row]):  # else its default, which may depend on the others
+            values[one.name] = float(table[name][row])
     return DepthProfile(**values)
 
 

@@ -201,3 +201,12 @@ def test_the_commands_show_what_there_is(tmp_path, monkeypatch):
     assert wrong.exit_code == 2
     assert "out: d has a table" in wrong.stderr
     assert CliRunner().invoke(app, ["replay", "nowhere"]).exit_code == 2
+
+
+def test_a_default_of_a_depth_profile_may_depend_on_what_the_sheet_says(tmp_path):
+    """Where detections of the inside thin out, depths do not lie along the line of sight unless the sheet says so."""
+    tables = made(0.2)
+    tables["sensors"] |= {"profile_inside_depth": [1.3, None]}
+    assert [m.profile.slant for m in read(save(tables, tmp_path / "few")).sensors.models] == [0.0, 1.0]
+    tables["sensors"] |= {"profile_slant": [0.7, None]}
+    assert [m.profile.slant for m in read(save(tables, tmp_path / "more")).sensors.models] == [0.7, 1.0]

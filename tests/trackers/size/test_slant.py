@@ -57,6 +57,19 @@ def test_the_depth_of_a_face_by_hand(slant):
     np.testing.assert_allclose(found[..., 1], 0.1 * less)
 
 
+@pytest.mark.parametrize(
+    ("given", "slant"), [({}, 1.0), ({"hides_within": 0.01}, 0.0), ({"inside_depth": 1.3}, 0.0), ({"slant": 0.5}, 0.5)]
+)
+def test_outlines_and_an_inside_that_thins_out_have_none_unless_they_say_so(given, slant):
+    assert DepthProfile(**given).slant == slant
+
+
+@pytest.mark.parametrize("field", ["depth", "depth_std", "surface_std", "inside_depth", "grazing"])
+def test_a_value_that_is_not_a_number_is_refused(field):
+    with pytest.raises(ValueError, match=field):
+        DepthProfile(**{field: np.nan})
+
+
 @pytest.mark.parametrize("slant", [-0.1, 1.1, np.nan])
 def test_a_slant_beyond_its_range_is_refused(slant):
     with pytest.raises(ValueError, match="slant must be within 0 and 1"):
