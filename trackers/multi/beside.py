@@ -46,13 +46,13 @@ class BesideTest:
     """When a long track is two vehicles in neighbouring lanes."""
 
     memory: float = 3.0  # [s]
-    noisy: float = 0.15  # [m] least noise across of a detection: nearer than that two lanes are told apart at once
+    noisy: float = 0.2  # [m] least noise across of a detection: nearer than that two lanes are told apart at once
     wide: float = 1.0  # [m] least spread across the line of sight, beside the noise, of what may be of two lanes
     fast: float = 8.0  # [m/s] below it a body with a hinge may bend so far
     curved: float = 1.0  # [m/s^2] across, from which on the way is curved, and nothing is said of it
     body: float = 0.6  # [m] standard deviation across a vehicle of what is seen of it
     within: float = 1.5  # [m] between the means of two parts of one vehicle, as of its rear and of a side, at most
-    lanes: tuple[float, float] = (2.8, 6.0)  # [m] between the means of two vehicles
+    lanes: tuple[float, float] = (3.0, 6.0)  # [m] between the means of two vehicles
     independent: float = 0.5  # share of the detections: those of one scan are not independent
     surer: float = 4.0  # standard deviations beyond `within` from which it is two
     least: int = 4  # detections of each of the two
