@@ -46,7 +46,7 @@ class BesideTest:
     """When a long track is two vehicles in neighbouring lanes."""
 
     memory: float = 3.0  # [s]
-    noisy: float = 0.2  # [m] least noise across of a detection: nearer than that two lanes are told apart at once
+    noisy: float = 0.2  # [m] least noise across of a detection: a step across that is sharper is a turned or bent body
     wide: float = 1.0  # [m] least spread across the line of sight, beside the noise, of what may be of two lanes
     fast: float = 8.0  # [m/s] below it a body with a hinge may bend so far
     curved: float = 1.0  # [m/s^2] across, from which on the way is curved, and nothing is said of it
