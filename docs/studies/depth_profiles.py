@@ -18,7 +18,7 @@ from testbed.files import write_json
 from testbed.learn.detections import TrainingDetections, read
 from trackers.geometry import unit
 from trackers.scan import DepthProfile, SensorModel
-from trackers.size.hits import LEAST_SLOPE, face_depth
+from trackers.size.hits import face_depth, inside_depth
 from trackers.size.profile import Profiles
 from trackers.size.spatial import density
 
@@ -56,8 +56,7 @@ def log_density(profile: DepthProfile, z: Known) -> NDArray:
     var = z.var + profile.surface_std**2
     sigma, inner, spread = np.sqrt(var), *p.rounding.transpose(2, 0, 1)
     even = (ndtr(behind / sigma) - ndtr((behind - z.size + inner) / np.hypot(sigma, spread))) / (z.size - inner)
-    deep = p.inside_depth[:, None] * np.maximum(np.abs(z.sight), LEAST_SLOPE)
-    depth = face_depth(p, z.sight)
+    depth, deep = (of(p, z.sight) for of in (face_depth, inside_depth))
     found = density((1 - profile.inside) * share, profile.inside * share, depth, behind, z.size, var, even, deep)
     return np.log((1 - OUTLIERS) * found + OUTLIERS / AREA)
 

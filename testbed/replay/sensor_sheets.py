@@ -76,10 +76,10 @@ def _profile(table: Loaded, row: int) -> DepthProfile:
     usual = DepthProfile()
     values: dict[str, Any] = {}
     for one in fields(DepthProfile):
-        name, default = f"profile_{one.name}", getattr(usual, one.name)
+        name = f"profile_{one.name}"
         if one.name in TWO_SIDED:
-            sides = (f"profile_{one.name}_along", f"profile_{one.name}_across")
-            values[one.name] = tuple(_cell(table, name, row, d) for name, d in zip(sides, default, strict=True))
+            sides = zip((f"{name}_along", f"{name}_across"), getattr(usual, one.name), strict=True)
+            values[one.name] = tuple(_cell(table, side, row, default) for side, default in sides)
         elif name in table and not isnan(table[name][row]):  # else its default, which may depend on the others
             values[one.name] = float(table[name][row])
     return DepthProfile(**values)

@@ -328,12 +328,11 @@ def read(
         ends += abs(sight[i, 0]) * size[1] if end[i, 0] != 0 else 0.0
         sides += abs(sight[i, 1]) * size[0] if end[i, 1] != 0 else 0.0
         weight += s[4] / M * min(1.0, settings[6 if stands else 1] / M)  # (ENDS.9)
-    p, q = np.ones(A_l.shape), np.ones(A_w.shape)
+    p, q, deep = np.ones(A_l.shape), np.ones(A_w.shape), np.empty((2, 2))
     for i in range(M):
         s, j = sheet[int(z[i, SENSOR])], as_of[i]
         total = shown[i, 0] + shown[i, 1]
         f = (1 - s[2]) / total if total > 0 else 0.0
-        deep = np.empty((2, 2))
         for a in range(2):
             deep[a] = s[5:7] * abs(sight[i, a]) ** s[14]  # (ENDS.52)
         through = s[2] * shown[i, 0] / total / (1 - f * shown[i, 0]) if dark[i] and total > 0 else 0.0  # (ENDS.51)

@@ -111,7 +111,7 @@ def depths(hits: Hits, boxes: Boxes, facing: Lit, rooms: list[list[Room]]) -> li
         for one in some:  # the cells along one axis lie on the face that belongs to the other
             shown[one.rows, 1 - axis] *= one.share  # (ENDS.4)
     face, entered = faces(hits, shown)
-    inside, behind = inside_depth(hits), face_depth(hits.sensor, hits.sight)
+    inside, behind = (of(hits.sensor, hits.sight) for of in (inside_depth, face_depth))
     half, anchor = boxes.size[hits.row] / 2, boxes.anchor[hits.row]
     d = half - anchor * hits.xy  # (ENDS.2)
     through = np.zeros(face.shape)
@@ -142,6 +142,6 @@ def face_depth(sensor: Profiles, sight: NDArray) -> NDArray:
     return sensor.depth[:, None] * (np.abs(sight) ** sensor.slant[:, None])[..., None]  # (ENDS.52)
 
 
-def inside_depth(hits: Hits) -> NDArray:
-    """Mean depth (G, 2) [m] along the axes of detections from inside, inf where they are even over the body."""
-    return hits.sensor.inside_depth[:, None] * np.maximum(np.abs(hits.sight), LEAST_SLOPE)  # (ENDS.31)
+def inside_depth(sensor: Profiles, sight: NDArray) -> NDArray:
+    """The same (G, 2) [m] of detections from inside, inf where they are even over the body."""
+    return sensor.inside_depth[:, None] * np.maximum(np.abs(sight), LEAST_SLOPE)  # (ENDS.31)

@@ -32,8 +32,9 @@ def log_spatial(grids: tuple[Grid, Grid], hits: Hits, boxes: Boxes, belief: Beli
         far = ndtr((d[:, axis, None] - grid.sizes) / s[:, None])
         even[:, axis] = ((ndtr(d[:, axis] / s)[:, None] - far) * (p / grid.sizes)[row]).sum(-1)  # (ENDS.26)
     behind = np.where(end < 0, belief.size[row] - d, d)
-    x = (face_depth(hits.sensor, hits.sight), behind, belief.size[row], var, even, inside_depth(hits))
-    return np.log(np.maximum(density(face, entered, *x), LEAST_DENSITY))
+    depth, inside = (of(hits.sensor, hits.sight) for of in (face_depth, inside_depth))
+    found = density(face, entered, depth, behind, belief.size[row], var, even, inside)
+    return np.log(np.maximum(found, LEAST_DENSITY))
 
 
 def density(
