@@ -2,10 +2,11 @@
 
 Far away its gate reaches over the next lane, as does that of a new track nearer by, whose length is not known yet. What
 it takes from that lane starts no track of its own. Along the line of sight detections are sharp: where those behind and
-those ahead lie in different lanes, there are two vehicles. Equations: docs/methods/life-cycle-of-tracks.md, section 7.
+those ahead lie in different lanes, there are two vehicles. Far away there are, too, where they crowd in two lanes.
+Equations: docs/methods/life-cycle-of-tracks.md, section 7.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -16,6 +17,10 @@ from trackers.batch import concatenate, keep, take
 from trackers.geometry import perpendicular
 from trackers.multi.association import SortedScan
 from trackers.parameters import check_numbers
+
+STEP = 0.5  # [m] of the places across that two vehicles abreast are tried at
+SHARES = (0.25, 0.5, 0.75)  # of the detections that are of the one on the left
+STRAY = 0.1  # share of the detections of a track that are of neither
 
 
 class Taken(NamedTuple):
@@ -36,9 +41,12 @@ class Pair(NamedTuple):
     """A track that is two vehicles, which share its speed."""
 
     track: int  # place among those that were asked about
-    across: float  # [m] from the lane of the one behind to that of the one ahead, positive to the left
+    across: float  # [m] from the lane of the first to that of the second, positive to the left
     velocity: NDArray  # (2,) [m/s] of both
     parts: tuple[Taken, Taken]  # of the one behind and of the one ahead, where they should be now
+
+
+Rule = Callable[[Taken, NDArray, NDArray, float], tuple[bool, float, NDArray]]
 
 
 @dataclass(frozen=True)
@@ -56,9 +64,14 @@ class BesideTest:
     independent: float = 0.5  # share of the detections: those of one scan are not independent
     surer: float = 4.0  # standard deviations beyond `within` from which it is two
     least: int = 4  # detections of each of the two
+    far: float = 0.5  # [m] mean noise across of the detections, from which two abreast are told apart
+    bent: float = 1.2  # [m] as `body`, of a vehicle that is turned or bent
+    likelier: float = 2.0  # log likelihood ratio from which it is two abreast
+    crowd: int = 12  # detections of each of two abreast
+    level: float = 0.3  # difference from a half of how often the left one of two detections is ahead
 
     def __post_init__(self) -> None:
-        check_numbers(self, positive=("least",))
+        check_numbers(self, positive=("least", "crowd"))
 
     def observe(self, taken: Taken, d: NDArray, id: NDArray, z: SortedScan, owner: NDArray, dt: float) -> Taken:
         """What the tracks with rows d (D,) of ids id (T,) took, after a scan of M detections with their owners (M,)."""
@@ -85,10 +98,11 @@ class BesideTest:
             mine, along = take(taken, rows), velocity[k] / speed
             sag = bend[k] * (speed * mine.age) ** 2 / 2  # (LIFE.58)
             mine = mine._replace(xy=mine.xy - sag[:, None] * perpendicular(along))  # (LIFE.58)
-            if self._wide(mine.xy - mine.place, mine.var):
-                two, across, along, parts = self._apart(mine, speed, along)
-                if two and all((part.row >= 0).any() for part in parts):
-                    found.append(Pair(k, across, speed * along, parts))
+            if not self._wide(mine.xy - mine.place, mine.var):
+                continue
+            noisy = mine.var.mean() > self.far**2 and abs(bend[k]) * speed**2 < 2 * self.curved
+            rules = (self._behind, self._abreast) if noisy else (self._behind,)
+            found += [pair for rule in rules if (pair := self._two(k, mine, speed, along, rule))][:1]
         return found
 
     def _wide(self, away: NDArray, var: NDArray) -> bool:
@@ -97,21 +111,22 @@ class BesideTest:
         y = away @ perpendicular(sight) / np.hypot(*sight)
         return bool(y.var() > var.mean() + self.wide**2)  # (LIFE.44)
 
-    def _apart(self, mine: Taken, speed: float, along: NDArray) -> tuple[bool, float, NDArray, tuple[Taken, Taken]]:
-        """Whether detections lie in two lanes, how far apart these are, along which unit vector, and both parts.
+    def _two(self, track: int, mine: Taken, speed: float, along: NDArray, rule: Rule) -> Pair | None:
+        """The vehicles that detections are of, if there are two by a rule.
 
         The direction of the track may be the way from one vehicle to the other, so it is that in which the detections
         moved, and then that in which both groups did.
         """
-        ahead = np.zeros(len(mine.id), bool)
+        second = np.zeros(len(mine.id), bool)
         for _ in range(2):
-            along, std, straight = self._course(mine, along, ahead)  # (LIFE.40)
+            along, std, straight = self._course(mine, along, second)  # (LIFE.40)
             now = mine._replace(xy=mine.xy + mine.age[:, None] * (speed * along))  # (LIFE.41)
-            x, y = now.xy @ along, now.xy @ perpendicular(along)
-            order = np.argsort(x, kind="stable")
-            found, across, first = self._cut(x[order], y[order], mine.var[order], std / speed)
-            ahead[order] = np.arange(len(order)) >= first
-        return found and straight, across, along, (take(now, ~ahead), take(now, ahead))
+            found, across, second = rule(now, now.xy @ along, now.xy @ perpendicular(along), std / speed)
+        parts = take(now, ~second), take(now, second)
+        if found and (parts[1].xy.mean(0) - parts[0].xy.mean(0)) @ along < 0:  # the one behind comes first
+            parts, across = parts[::-1], -across
+        both = found and straight and all((part.row >= 0).any() for part in parts)
+        return Pair(track, across, speed * along, parts) if both else None
 
     def _course(self, mine: Taken, along: NDArray, ahead: NDArray) -> tuple[NDArray, float, bool]:
         """Unit vector (2,) along which detections of two groups moved, the std [m/s] of their speed across it.
@@ -129,12 +144,13 @@ class BesideTest:
         straight = abs(bend) < max(self.curved, 2 * sharp)  # (LIFE.45)
         return along, float(y.std() / np.sqrt(self.independent * total)), bool(straight)  # (LIFE.40)
 
-    def _cut(self, x: NDArray, y: NDArray, var: NDArray, turn: float) -> tuple[bool, float, int]:
-        """Whether detections (P,) in the order of x lie in two lanes, how far apart these are, the first one ahead.
+    def _behind(self, mine: Taken, x: NDArray, y: NDArray, turn: float) -> tuple[bool, float, NDArray]:
+        """Whether detections (P,) lie in one lane and, ahead of them, in another; how far apart, and which are ahead.
 
-        turn [rad] is the standard deviation of the direction of x.
+        x and y [m] are their places along and across, turn [rad] is the standard deviation of the direction of x.
         """
-        w = self.independent / (var + self.body**2)
+        order = np.argsort(x, kind="stable")
+        x, y, w = x[order], y[order], self.independent / (mine.var[order] + self.body**2)
         W, X, Y = np.cumsum(w), np.cumsum(w * x), np.cumsum(w * y)
         last = np.arange(self.least - 1, len(y) - self.least)  # the last one behind
         behind, ahead = W[last], W[-1] - W[last]
@@ -142,7 +158,35 @@ class BesideTest:
         sure = (np.abs(across) - self.within) / np.sqrt(1 / behind + 1 / ahead + (turn * along) ** 2)  # (LIFE.42)
         k = int(sure.argmax())
         found = sure[k] > self.surer and self.lanes[0] < abs(across[k]) < self.lanes[1]
-        return bool(found), float(across[k]), int(last[k]) + 1
+        return bool(found), float(across[k]), np.isin(np.arange(len(x)), order[last[k] + 1 :])
+
+    def _abreast(self, mine: Taken, x: NDArray, y: NDArray, turn: float) -> tuple[bool, float, NDArray]:
+        """Whether detections (P,) crowd in two lanes, neither ahead; how far apart, and which are on the left."""
+        places = np.median(y) + np.arange(-self.lanes[1], self.lanes[1] + STEP / 2, STEP)
+        near, bent = (density(y, places, mine.var + std**2) for std in (self.body, self.bent))
+        one = max(self._likelihood(each)[1] for each in (near, bent))
+        best, across, left = -np.inf, 0.0, np.zeros(len(y), bool)
+        for apart in range(int(np.ceil(self.lanes[0] / STEP)), int(self.lanes[1] / STEP) + 1):
+            right, other = near[:, :-apart], near[:, apart:]
+            for share in SHARES:
+                k, two = self._likelihood((1 - share) * right + share * other)
+                if two > best:
+                    best, across = two, apart * STEP
+                    left = share * other[:, k] > (1 - share) * right[:, k]
+        if not self.crowd <= left.sum() <= len(y) - self.crowd:
+            return False, across, left
+        level = abs(np.mean(x[left, None] > x[~left]) - 0.5) < self.level  # (LIFE.61)
+        return bool(level and self.independent * (best - one) > self.likelier), across, left  # (LIFE.60)
+
+    def _likelihood(self, p: NDArray) -> tuple[int, float]:
+        """The most likely column of densities p (P, C) [1/m], and its log likelihood, (LIFE.59)."""
+        total = np.log((1 - STRAY) * p + STRAY / (2 * self.lanes[1])).sum(0)  # (LIFE.59)
+        return int(total.argmax()), float(total.max())
+
+
+def density(y: NDArray, places: NDArray, var: NDArray) -> NDArray:
+    """Gaussian densities (P, C) [1/m] of y (P,) [m] about places (C,) with variances (P,)."""
+    return np.exp(-0.5 * (y[:, None] - places) ** 2 / var[:, None]) / np.sqrt(2 * np.pi * var[:, None])
 
 
 def centred(values: NDArray, ahead: NDArray) -> NDArray:

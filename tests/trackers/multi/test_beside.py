@@ -136,7 +136,7 @@ def test_where_detections_are_sharp_nothing_is_taken_from_the_next_lane():
 
 def test_without_the_test_they_stay_one():
     """The negative twin: with the same scans."""
-    never = replace(IN_FILE_NEVER, lanes=BesideTest(surer=1e9))
+    never = replace(IN_FILE_NEVER, lanes=BesideTest(surer=1e9, likelier=1e9))
     assert after((truck, car), 45, ground=never)[1] == []
 
 
@@ -163,8 +163,8 @@ def test_the_step_is_that_of_means_by_hand():
     sure = (4.0 - 1.5) / np.sqrt(2 / 6)
     velocity = np.array([[18.0, 8.0]])
     speed, id = np.hypot(18.0, 8.0), np.array([7])
-    assert BesideTest(surer=sure + 0.01).pairs(taken, id, velocity) == []
-    (pair,) = BesideTest(surer=sure - 0.01).pairs(taken, id, velocity)
+    assert BesideTest(surer=sure + 0.01, far=9.0).pairs(taken, id, velocity) == []
+    (pair,) = BesideTest(surer=sure - 0.01, far=9.0).pairs(taken, id, velocity)
     assert pair.track == 0
     assert pair.across == pytest.approx(4.0)
     np.testing.assert_allclose(pair.velocity, [speed, 0.0], atol=1e-9)
@@ -209,6 +209,74 @@ def test_a_vehicle_that_turns_is_one():
     ask = taken, np.array([7]), np.array([[18.0, 0.0]])
     assert BesideTest().pairs(*ask) == []
     assert len(BesideTest(curved=20.0).pairs(*ask)) == 1  # the negative twin
+
+
+def abreast(rng, count):
+    """A rear of 1.9 m at 103 m in the lane at 0 m, beside that of the truck."""
+    return np.c_[np.full(count, 103.0), rng.uniform(-0.95, 0.95, count)]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_two_abreast_far_away_become_two_tracks(seed):
+    """No place along the lanes is between them. The negative twin takes only noise that there is none of."""
+    tracks, events, _ = after((van, abreast), 45, seed)
+    assert [e.kind for e in events] == ["divided"]
+    np.testing.assert_allclose(np.sort(tracks.estimate.pose[:, 1]), [0.0, 4.0], atol=1.2)
+    assert after((van, abreast), 45, seed, ground=replace(IN_FILE_NEVER, lanes=BesideTest(far=9.0)))[1] == []
+
+
+def crowds(each, curvature=0.0):
+    """Each so many detections of variance 0.64 in lanes at -2 and 2 m, in turn over three seconds, none ahead.
+
+    The lanes have a curvature [1/m].
+    """
+    age = np.repeat(np.linspace(3.0, 0.0, each), 2)
+    left = np.tile([False, True], each)
+    along = np.arange(2 * each) // 2 % 3
+    xy = np.c_[along - 20.0 * age, np.where(left, 2.0, -2.0) + curvature * (20.0 * age) ** 2 / 2] + [120.0, 0.0]
+    return Taken(np.full(2 * each, 7), xy, np.full(2 * each, 0.64), np.zeros((2 * each, 2)), age, np.arange(2 * each))
+
+
+ASK = np.array([7]), np.array([[20.0, 0.0]])
+
+
+def test_how_much_likelier_two_abreast_are_by_hand():
+    """40 detections 2 m from the middle, of variance 0.64 and of the body, a tenth of them from anywhere in 12 m."""
+
+    def log_density(off, var, share=1.0):
+        return np.log(0.9 * share * sum(np.exp(-0.5 * d**2 / var) for d in off) / np.sqrt(2 * np.pi * var) + 0.1 / 12)
+
+    one, two = log_density((2.0,), 0.64 + 1.44), log_density((0.0, 4.0), 0.64 + 0.36, 0.5)
+    more = 0.5 * 40 * (two - one)
+    (pair,) = BesideTest(likelier=more - 0.01).pairs(crowds(20), *ASK)
+    assert abs(pair.across) == pytest.approx(4.0, abs=0.01)
+    assert {tuple(part.row.tolist()) for part in pair.parts} == {tuple(range(0, 40, 2)), tuple(range(1, 40, 2))}
+    for options in ({"likelier": more + 0.01}, {"far": 0.81}, {"fast": 21.0}, {"crowd": 21}):
+        assert BesideTest(**options).pairs(crowds(20), *ASK) == []
+
+
+def test_a_vehicle_that_changes_lanes_is_one():
+    """4 m in 3 s, and the lane of two seconds before it; the negative twin is in both all the time."""
+    two = crowds(30)
+    one = two.xy.copy()
+    one[:, 1] = np.where(np.arange(60) < 20, 0.0, 2.0 - 2.0 * np.cos(np.pi * (3.0 - two.age) / 3.0))
+    assert BesideTest().pairs(two._replace(xy=one), *ASK) == []
+    assert len(BesideTest().pairs(two, *ASK)) == 1
+
+
+def test_of_two_one_behind_the_other_nothing_is_said_of_two_abreast():
+    """Left and 5 m ahead; detections lie within 2 m along, as in the negative twin."""
+    assert len(BesideTest(surer=1e9).pairs(crowds(20), *ASK)) == 1
+    two = crowds(20)
+    two.xy[1::2, 0] += 5.0
+    assert BesideTest(surer=1e9).pairs(two, *ASK) == []
+    assert len(BesideTest(surer=1e9, level=0.51).pairs(two, *ASK)) == 1
+
+
+def test_in_a_sharp_bend_nothing_is_said_of_two_abreast():
+    """1.9 and 2.1 m/s^2 across."""
+    assert len(BesideTest().pairs(crowds(20, 1.9 / 400), *ASK, np.array([1.9 / 400]))) == 1
+    assert BesideTest().pairs(crowds(20, 2.1 / 400), *ASK, np.array([2.1 / 400])) == []
 
 
 def test_what_was_taken_is_forgotten_with_time_and_with_its_track():
