@@ -181,38 +181,13 @@ def innovation(
 
 
 @compiled
-def displacement(z: NDArray, at: NDArray, pi: NDArray, jump: NDArray, S: NDArray) -> None:
-    """(PMHT.18): jump (2,) from the ellipses at (2, L), of weights pi (M, L), to the detections z (M, 2).
-
-    To the covariance S (2, 2) of the innovation is added how far the ellipses lie apart.
-    """
-    M, L = pi.shape
-    for k in range(2):
-        jump[k] = 0.0
-        for i in range(M):
-            jump[k] += z[i, k] / M
-            for l in range(L):
-                jump[k] -= at[k, l] * pi[i, l] / M
-    x, y = -jump[0], -jump[1]  # the mean of the ellipses
-    for i in range(M):
-        x += z[i, 0] / M
-        y += z[i, 1] / M
-    for i in range(M):
-        for l in range(L):
-            share = pi[i, l] / M**2
-            S[0, 0] += share * (at[0, l] - x) ** 2  # (PMHT.41)
-            S[0, 1] += share * (at[0, l] - x) * (at[1, l] - y)
-            S[1, 1] += share * (at[1, l] - y) ** 2
-
-
-@compiled
 def update(
     m: NDArray, P: NDArray, mu: NDArray, Sigma: NDArray, table: NDArray, detections: NDArray, view: NDArray,
     settings: NDArray, iterations: int, m_new: NDArray, P_new: NDArray, eps: NDArray, S: NDArray,
 ) -> int:  # fmt: skip
     """The moments after M detections, and the innovation: 0, 1 where the object was lost, 2 where nothing is definite.
 
-    settings (8,): widened, unseen, interior, eps, lost_below, inflation, search, doubt.
+    settings (7,): widened, unseen, interior, eps, lost_below, inflation, doubt.
     """
     M, L = len(detections), mu.shape[1]
     z, R, sensor = np.empty((M, 2)), np.empty((M, 3)), np.empty((M, 5))
@@ -226,18 +201,16 @@ def update(
     place(m, 0.0, 0.0, mu, Sigma, 1.0, at, E, box)
     share = associate(z, R, sensor, at, E, box, 0.0, 0.0, m[PHI], C, table, widened, unseen, interior, alarms, w)
     innovation(z, R, w, c, h, E, eps, S)
-    lost, wider, x, y = share < settings[4], 1.0, 0.0, 0.0
-    if lost:
-        pi, jump, spread = np.empty((M, L)), np.zeros(2), np.empty((2, 2))
-        for i in range(M):
-            see(table, at, m[PHI], sensor[i], unseen, pi[i])
-        innovation(z, R, pi, c, h, E, jump, spread)
-        displacement(z, at, pi, jump, spread)
-        x, y = jump
-        off = spread[1, 1] * x * x - 2 * spread[0, 1] * x * y + spread[0, 0] * y * y
-        lost = off <= M * settings[6] ** 2 * (spread[0, 0] * spread[1, 1] - spread[0, 1] ** 2)  # (PMHT.41)
+    lost, wider = share < settings[4], 1.0
     if lost:  # (PMHT.18)
-        wider = settings[5]
+        wider, x, y, pi = settings[5], 0.0, 0.0, np.empty(L)
+        for i in range(M):
+            see(table, at, m[PHI], sensor[i], unseen, pi)
+            x += z[i, 0] / M
+            y += z[i, 1] / M
+            for l in range(L):
+                x -= at[0, l] * pi[l] / M
+                y -= at[1, l] * pi[l] / M
         wide = P.copy()
         wide[0, 0] += x * x
         wide[0, 1] += x * y
@@ -255,7 +228,7 @@ def update(
             place(m_new, x, y, mu, Sigma, wider, at, E, box)
             associate(z, R, sensor, at, E, box, x, y, m_new[PHI], none, table, widened, unseen, interior, alarms, w)
         synthesise(w, z, R, n, zs, Rs)
-        doubt = settings[7] if k == iterations - 1 else 0.0
+        doubt = settings[6] if k == iterations - 1 else 0.0
         if not joint_update(m, T, c, h, C, E, n, zs, Rs, w, z, doubt, m_new, P_new):
             return 2
         m_new[LENGTH], m_new[WIDTH] = max(m_new[LENGTH], LEAST_SIZE), max(m_new[WIDTH], LEAST_SIZE)

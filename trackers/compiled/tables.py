@@ -99,7 +99,7 @@ class Tables(NamedTuple):
     outline: NDArray  # (Q, C, 2)
     place_std: NDArray  # (2,)
     cover: NDArray  # (S, 2) half the opening angle and the range of each sensor; none: they see everywhere
-    spline: NDArray  # (8,) see `spline.update`
+    spline: NDArray  # (7,) see `spline.update`
     iterations: int
     truck_above: float
     grid_l: NDArray  # (8,) see `grids`, of the length and of the width
@@ -174,8 +174,7 @@ def _contours(place: Any) -> tuple[Any, ...]:
     """The same of the models of a contour."""
     p, Sigma, visible = place.contours
     mu = np.stack([(place.N @ one).T for one in p])
-    spline = [place.widened, place.unseen, place.interior, place.eps, place.lost_below, place.inflation, place.search,
-              place.doubt]  # fmt: skip
+    spline = [place.widened, place.unseen, place.interior, place.eps, place.lost_below, place.inflation, place.doubt]
     cover = np.reshape([(s.fov / 2, s.max_range) for s in place.sensors], (-1, 2))
     none = np.zeros((0, 22)), np.zeros((0, 1, 1, 6, 6)), np.zeros(9)
     return (*none, mu, np.stack([columns(one) for one in Sigma]), visible, place.outline(p, Sigma), place.position_std,

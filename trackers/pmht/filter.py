@@ -17,7 +17,7 @@ from trackers.batch import Memoised, select
 from trackers.estimate import Estimate, check_estimate
 from trackers.geometry import rotation
 from trackers.held_gaussian import LENGTH, prior_moments, resized
-from trackers.linalg import outer, quadratic
+from trackers.linalg import outer
 from trackers.motion.turn import PHI
 from trackers.parameters import check_numbers
 from trackers.pmht import joint
@@ -33,15 +33,7 @@ from trackers.pmht.association import (
     synthesise,
     unit_ellipses,
 )
-from trackers.pmht.joint import (
-    EllipseUpdate,
-    PredictedEllipses,
-    SplineInfo,
-    innovation,
-    moments,
-    nothing,
-    predict_ellipses,
-)
+from trackers.pmht.joint import EllipseUpdate, SplineInfo, innovation, nothing, predict_ellipses
 from trackers.pmht.model import DEGREE, SplineModel, chain, outlines, resolve
 from trackers.pmht.state import LEAST_SIZE, SplineState, Walk, estimate_of, predicted
 from trackers.pmht.visibility import View, directions, visibility_table, weights
@@ -74,7 +66,6 @@ class SplinePmht:
     grazing: float = 0.5  # (PMHT.21)
     lost_below: float = 0.5  # explained share of a scan below which the association is lost, (PMHT.17)
     inflation: float = 9.0  # factor of the ellipses' covariances in the scan after that, (PMHT.18)
-    search: float = 4.0  # standard deviations that each detection of it may account for in the search, (PMHT.41)
     outward: float = 0.0  # standard deviations of the ellipses that the drawn contour lies outside the curve
     position_std: tuple[float, float] = (0.0, 0.0)  # shares of length and width added to the std of the place
     sensors: tuple[SensorModel, ...] = ()  # data sheets, in the order of `Scan.sensor`; none: they see everywhere
@@ -88,7 +79,7 @@ class SplinePmht:
             raise ValueError(f"visibility must be one of {', '.join(VISIBILITIES)}, got {self.visibility!r}")
         if isinstance(self.form, str) and self.form not in FORMS:
             raise ValueError(f"form must be {', '.join(FORMS)} or an EllipseUpdate, got {self.form!r}")
-        check_numbers(self, positive=("iterations", "sigma", "widened", "search"), unlimited=("search",))
+        check_numbers(self, positive=("iterations", "sigma", "widened"))
         if not (self.inflation > 1 and self.lost_below <= 1 and self.unseen <= 1):
             raise ValueError(
                 f"inflation must be > 1, lost_below and unseen at most 1, got {self.inflation}, {self.lost_below}, "
@@ -155,15 +146,11 @@ class SplinePmht:
         ellipses = self.ellipses(state.p, state.Sigma)
         m, P, expected = state.m, state.P, predict_ellipses(state.m, state.P, ellipses.mu)
         w, E, share = self._associate(state, ellipses, m, detections, sensor, expected.C)
-        lost = (share < self.lost_below) & (n > 0)
+        info = innovation(expected, w, E, detections, share, (share < self.lost_below) & (n > 0))
         wider: NDArray | float = 1.0
-        if lost.any():
-            jump, near = self._displacement(state, ellipses, detections, sensor, expected, E)
-            lost &= near
-        info = innovation(expected, w, E, detections, share, lost)
-        if lost.any():  # (PMHT.18): the object is taken to be where its detections are
-            wider = np.where(lost, self.inflation, 1.0)[..., None, None]
-            jump = np.where(lost[..., None], jump, 0.0)
+        if info.lost.any():  # (PMHT.18): the object is taken to be where its detections are
+            wider = np.where(info.lost, self.inflation, 1.0)[..., None, None]
+            jump = np.where(info.lost[..., None], self._displacement(state, ellipses, detections, sensor), 0.0)
             m, P = m.copy(), P.copy()
             m[..., :2] += jump  # (PMHT.18)
             P[..., :2, :2] += outer(jump)  # (PMHT.18)
@@ -215,27 +202,13 @@ class SplinePmht:
         return w, E, own / np.maximum(detections.mask.sum(-1), 1)  # (PMHT.17)
 
     def _displacement(
-        self,
-        state: SplineState,
-        ellipses: UnitEllipses,
-        detections: RelativeDetections,
-        sensor: View,
-        expected: PredictedEllipses,
-        E: NDArray,
-    ) -> tuple[NDArray, NDArray]:
-        """Mean of the detections less that of the ellipses which their sensors can see, (..., 2) [m].
-
-        And whether (...) so many detections are likelier from an object so far from where it should be than false.
-        """
+        self, state: SplineState, ellipses: UnitEllipses, detections: RelativeDetections, sensor: View
+    ) -> NDArray:
+        """Mean of the detections less that of the ellipses which their sensors can see, (..., 2) [m]."""
         placed = place(ellipses, state.m, state.m[..., :2])
-        pi = np.exp(self.log_weights(state.visible, placed.c, state.m[..., PHI], sensor)) * detections.mask[..., None]
-        n = np.maximum(detections.mask.sum(-1), 1)[..., None, None]
-        each, weight = detections.mask[..., None] / n, pi.sum(-2)[..., None] / n  # (..., M, 1), (..., L, 1)
-        mean = placed.c @ weight
-        jump = (detections.z @ each - mean)[..., 0]  # (PMHT.18)
-        apart = placed.c - mean
-        S = moments(expected, pi, E, detections)[1] + (apart * weight.mT) @ apart.mT / n  # (PMHT.41)
-        return jump, quadratic(jump, S) <= n[..., 0, 0] * self.search**2  # (PMHT.41)
+        pi = np.exp(self.log_weights(state.visible, placed.c, state.m[..., PHI], sensor))
+        each = (detections.mask / np.maximum(detections.mask.sum(-1, keepdims=True), 1))[..., None]  # (..., M, 1)
+        return (detections.z @ each)[..., 0] - (placed.c @ (pi * each).sum(-2)[..., None])[..., 0]  # (PMHT.18)
 
     def log_weights(self, visible: NDArray, c: NDArray, phi: NDArray, sensor: View) -> NDArray:
         """Log prior (..., M or 1, L) of the ellipses at c (..., 2, L) [m] for the sensors of M detections."""

@@ -144,10 +144,10 @@ class SplineInfo(NamedTuple):
         return np.where(self.n > 0, quadratic(self.eps, self.S), np.nan)
 
 
-def moments(
-    expected: PredictedEllipses, w: NDArray, E: NDArray, detections: RelativeDetections
-) -> tuple[NDArray, NDArray]:
-    """Innovation (..., 2) of the mean detection under ellipses of weights w (..., M, L), and its covariance."""
+def innovation(
+    expected: PredictedEllipses, w: NDArray, E: NDArray, detections: RelativeDetections, share: NDArray, lost: NDArray
+) -> SplineInfo:
+    """Innovation of the mean detection under the ellipses that the detections were shared out to, (PMHT.19)."""
     n = detections.mask.sum(-1)
     part = w.sum(-2)
     part = (part / np.maximum(part.sum(-1, keepdims=True), 1e-12))[..., None]  # (..., L, 1)
@@ -159,15 +159,8 @@ def moments(
     noise = (E @ part + R) / count[..., None]
     S = h.mT @ h + matrices(noise)[..., 0, :, :]  # (PMHT.19)
     some = n > 0
-    return np.where(some[..., None], eps, 0.0), np.where(some[..., None, None], S, I2)
-
-
-def innovation(
-    expected: PredictedEllipses, w: NDArray, E: NDArray, detections: RelativeDetections, share: NDArray, lost: NDArray
-) -> SplineInfo:
-    """Innovation of the mean detection under the ellipses that the detections were shared out to, (PMHT.19)."""
-    n = detections.mask.sum(-1)
-    return SplineInfo(n, *moments(expected, w, E, detections), np.where(n > 0, share, np.nan), lost, notes_of(lost))
+    S = np.where(some[..., None, None], S, I2)
+    return SplineInfo(n, np.where(some[..., None], eps, 0.0), S, np.where(some, share, np.nan), lost, notes_of(lost))
 
 
 def notes_of(lost: NDArray) -> tuple[Note, ...]:

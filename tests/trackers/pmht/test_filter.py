@@ -266,36 +266,6 @@ def test_a_lost_association_is_noted_and_recovered_at_once():
     assert again.share > 0.9
 
 
-@pytest.mark.parametrize(("count", "sought"), [(1, False), (40, True)])
-def test_one_false_alarm_moves_no_object_but_many_detections_there_do(count, sought):
-    """As many standard deviations off as 40 detections account for, and one does not."""
-    pose, rng = np.array([30.0, 5.0, 0.4]), np.random.default_rng(7)
-    start = PAPER.init(prior(pose, size=SIZE, position_std=0.5))
-    found, info = PAPER.update(start, outline_scan(rng, np.add(pose, [10.0, 0.0, 0.0]), count))
-    assert info.share < 0.5
-    assert info.lost == sought
-    assert abs(found.m[0] - (40.0 if sought else 30.0)) < 0.6
-    moved, info = replace(PAPER, search=np.inf).update(start, outline_scan(rng, np.add(pose, [10.0, 0.0, 0.0]), 1))
-    assert info.lost
-    assert moved.m[0] > 36.0
-
-
-def test_how_far_one_detection_may_be_off_is_a_number_of_standard_deviations():
-    """Worked by hand: of one ellipse, seen from everywhere, with the covariances of place, ellipse and noise."""
-    one = replace(PAPER, search=4.0)
-    pose = np.zeros(3)
-    state = one.init(prior(pose, size=SIZE, position_std=0.5, size_std=1e-3, heading_std=1e-3))
-    mu, Sigma = one.N @ state.p, MODEL.Sigma
-    c, E = mu * SIZE, np.einsum("i,lij,j->lij", SIZE, Sigma, SIZE)
-    S = 0.25 * np.eye(2) + E.mean(0) + 0.05**2 * np.eye(2) + np.cov(c.T, bias=True)
-    limit = 4.0 * np.sqrt(S[0, 0])
-    for factor, lost in ((0.97, True), (1.03, False)):
-        at = np.add(c.mean(0), [factor * limit, 0.0])
-        _, info = one.update(state, Scan.from_xy(at[None]))
-        assert info.share < 0.5
-        assert info.lost == lost
-
-
 def test_clutter_is_left_out_when_its_density_is_known():
     rng = np.random.default_rng(8)
     pose, wrong = np.array([30.0, 5.0, 0.4]), {0.0: [], 0.05: []}
