@@ -8,6 +8,7 @@ Equations: docs/methods/life-cycle-of-tracks.md, section 7.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +22,7 @@ from trackers.parameters import check_numbers
 STEP = 0.5  # [m] of the places across that two vehicles abreast are tried at
 SHARES = (0.25, 0.5, 0.75)  # of the detections that are of the one on the left
 STRAY = 0.1  # share of the detections of a track that are of neither
+SOME = 100  # densities whose product is no less than a float can be
 
 
 class Taken(NamedTuple):
@@ -162,26 +164,33 @@ class BesideTest:
 
     def _abreast(self, mine: Taken, x: NDArray, y: NDArray, turn: float) -> tuple[bool, float, NDArray]:
         """Whether detections (P,) crowd in two lanes, neither ahead; how far apart, and which are on the left."""
+        if len(y) < 2 * self.crowd:
+            return False, 0.0, np.zeros(len(y), bool)
         places = np.median(y) + np.arange(-self.lanes[1], self.lanes[1] + STEP / 2, STEP)
-        near, bent = (density(y, places, mine.var + std**2) for std in (self.body, self.bent))
-        one = max(self._likelihood(each)[1] for each in (near, bent))
-        best, across, left = -np.inf, 0.0, np.zeros(len(y), bool)
-        for apart in range(int(np.ceil(self.lanes[0] / STEP)), int(self.lanes[1] / STEP) + 1):
-            right, other = near[:, :-apart], near[:, apart:]
-            for share in SHARES:
-                k, two = self._likelihood((1 - share) * right + share * other)
-                if two > best:
-                    best, across = two, apart * STEP
-                    left = share * other[:, k] > (1 - share) * right[:, k]
+        near, bent = (self._with_stray(density(y, places, mine.var + std**2)) for std in (self.body, self.bent))
+        gaps = range(int(np.ceil(self.lanes[0] / STEP)), int(self.lanes[1] / STEP) + 1)
+        tried = [
+            (*likeliest((1 - part) * near[:, :-gap] + part * near[:, gap:]), gap, part)
+            for gap, part in product(gaps, SHARES)
+        ]
+        two, k, apart, share = max(tried, key=lambda one: one[0])
+        more = two - max(likeliest(each)[0] for each in (near, bent))
+        right, other = density(y, places[[k, k + apart]], mine.var + self.body**2).T
+        left = share * other > (1 - share) * right
         if not self.crowd <= left.sum() <= len(y) - self.crowd:
-            return False, across, left
+            return False, apart * STEP, left
         level = abs(np.mean(x[left, None] > x[~left]) - 0.5) < self.level  # (LIFE.61)
-        return bool(level and self.independent * (best - one) > self.likelier), across, left  # (LIFE.60)
+        return bool(level and self.independent * more > self.likelier), apart * STEP, left  # (LIFE.60)
 
-    def _likelihood(self, p: NDArray) -> tuple[int, float]:
-        """The most likely column of densities p (P, C) [1/m], and its log likelihood, (LIFE.59)."""
-        total = np.log((1 - STRAY) * p + STRAY / (2 * self.lanes[1])).sum(0)  # (LIFE.59)
-        return int(total.argmax()), float(total.max())
+    def _with_stray(self, p: NDArray) -> NDArray:
+        return (1 - STRAY) * p + STRAY / (2 * self.lanes[1])  # (LIFE.59)
+
+
+def likeliest(p: NDArray) -> tuple[float, int]:
+    """The greatest log likelihood of the columns of densities p (P, C) [1/m], and whose it is."""
+    some = np.multiply.reduceat(p, np.arange(0, len(p), SOME), axis=0)
+    total = np.log(some).sum(0)  # (LIFE.59): a logarithm of each would take twice as long
+    return float(total.max()), int(total.argmax())
 
 
 def density(y: NDArray, places: NDArray, var: NDArray) -> NDArray:

@@ -10,7 +10,7 @@ from hypothesis.strategies import booleans, floats
 from tests.trackers.multi.known_objects import KnownObjects, scan_of, tracks_of
 from trackers import MultiObjectTracker, SensorModel, prior
 from trackers.multi.association import Association
-from trackers.multi.beside import NOTHING, BesideTest, Taken, owners
+from trackers.multi.beside import NOTHING, BesideTest, Taken, likeliest, owners
 from trackers.multi.ground import GroundTest
 from trackers.multi.initiation import Initiation
 from trackers.multi.visibility import SensorArray
@@ -253,6 +253,16 @@ def test_how_much_likelier_two_abreast_are_by_hand():
     assert {tuple(part.row.tolist()) for part in pair.parts} == {tuple(range(0, 40, 2)), tuple(range(1, 40, 2))}
     for options in ({"likelier": more + 0.01}, {"far": 0.81}, {"fast": 21.0}, {"crowd": 21}):
         assert BesideTest(**options).pairs(crowds(20), *ASK) == []
+
+
+def test_the_likelihood_of_many_detections_is_the_sum_of_logarithms():
+    """Of as many as three seconds can have, all of them stray: their product is no float."""
+    p = np.random.default_rng(0).uniform(0.1 / 12, 0.5, (400, 3))
+    p[:, 1], p[:, 2] = 0.1 / 12, 0.4
+    value, column = likeliest(p)
+    assert column == 2
+    assert value == pytest.approx(400 * np.log(0.4))
+    assert likeliest(p[:, 1:2])[0] == pytest.approx(400 * np.log(0.1 / 12))
 
 
 def test_a_vehicle_that_changes_lanes_is_one():
