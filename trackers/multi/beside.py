@@ -43,7 +43,7 @@ class Pair(NamedTuple):
     """A track that is two vehicles, which share its speed."""
 
     track: int  # place among those that were asked about
-    across: float  # [m] from the lane of the first to that of the second, positive to the left
+    across: float  # [m] from the lane of the one behind to that of the one ahead, positive to the left
     velocity: NDArray  # (2,) [m/s] of both
     parts: tuple[Taken, Taken]  # of the one behind and of the one ahead, where they should be now
 
@@ -74,6 +74,10 @@ class BesideTest:
 
     def __post_init__(self) -> None:
         check_numbers(self, positive=("least", "crowd"))
+        if not self.lanes[0] + STEP <= self.lanes[1]:
+            raise ValueError(
+                f"BesideTest.lanes must be two distances {STEP} m apart or more, the lesser first, got {self.lanes}"
+            )
 
     def observe(self, taken: Taken, d: NDArray, id: NDArray, z: SortedScan, owner: NDArray, dt: float) -> Taken:
         """What the tracks with rows d (D,) of ids id (T,) took, after a scan of M detections with their owners (M,)."""
@@ -104,7 +108,8 @@ class BesideTest:
                 continue
             noisy = mine.var.mean() > self.far**2 and abs(bend[k]) * speed**2 < 2 * self.curved
             rules = (self._behind, self._abreast) if noisy else (self._behind,)
-            found += [pair for rule in rules if (pair := self._two(k, mine, speed, along, rule))][:1]
+            pair = next(filter(None, (self._two(k, mine, speed, along, rule) for rule in rules)), None)
+            found += [pair] if pair else []
         return found
 
     def _wide(self, away: NDArray, var: NDArray) -> bool:
@@ -130,17 +135,17 @@ class BesideTest:
         both = found and straight and all((part.row >= 0).any() for part in parts)
         return Pair(track, across, speed * along, parts) if both else None
 
-    def _course(self, mine: Taken, along: NDArray, ahead: NDArray) -> tuple[NDArray, float, bool]:
+    def _course(self, mine: Taken, along: NDArray, second: NDArray) -> tuple[NDArray, float, bool]:
         """Unit vector (2,) along which detections of two groups moved, the std [m/s] of their speed across it.
 
         And whether they moved straight ahead. Without a time between them the vector is `along`.
         """
-        t, xy = centred(-mine.age, ahead), centred(mine.xy, ahead)
+        t, xy = centred(-mine.age, second), centred(mine.xy, second)
         total = np.maximum(t @ t, 1e-9)
         v = t @ xy / total  # (LIFE.40)
         along = v / np.hypot(*v) if np.hypot(*v) > 0 else along
         y = (xy - t[:, None] * v) @ perpendicular(along)
-        q = centred(mine.age**2 / 2, ahead)
+        q = centred(mine.age**2 / 2, second)
         q = q - (q @ t / total) * t
         bend, sharp = q @ y / max(q @ q, 1e-9), y.std() / np.sqrt(self.independent * max(q @ q, 1e-9))
         straight = abs(bend) < max(self.curved, 2 * sharp)  # (LIFE.45)
@@ -167,7 +172,11 @@ class BesideTest:
         if len(y) < 2 * self.crowd:
             return False, 0.0, np.zeros(len(y), bool)
         places = np.median(y) + np.arange(-self.lanes[1], self.lanes[1] + STEP / 2, STEP)
-        near, bent = (self._with_stray(density(y, places, mine.var + std**2)) for std in (self.body, self.bent))
+        any_place = STRAY / (2 * self.lanes[1])  # [1/m]
+        near, bent = (
+            (1 - STRAY) * density(y, places, mine.var + std**2) + any_place  # (LIFE.59)
+            for std in (self.body, self.bent)
+        )
         gaps = range(int(np.ceil(self.lanes[0] / STEP)), int(self.lanes[1] / STEP) + 1)
         tried = [
             (*likeliest((1 - part) * near[:, :-gap] + part * near[:, gap:]), gap, part)
@@ -182,9 +191,6 @@ class BesideTest:
         level = abs(np.mean(x[left, None] > x[~left]) - 0.5) < self.level  # (LIFE.61)
         return bool(level and self.independent * more > self.likelier), apart * STEP, left  # (LIFE.60)
 
-    def _with_stray(self, p: NDArray) -> NDArray:
-        return (1 - STRAY) * p + STRAY / (2 * self.lanes[1])  # (LIFE.59)
-
 
 def likeliest(p: NDArray) -> tuple[float, int]:
     """The greatest log likelihood of the columns of densities p (P, C) [1/m], and whose it is."""
@@ -198,10 +204,10 @@ def density(y: NDArray, places: NDArray, var: NDArray) -> NDArray:
     return np.exp(-0.5 * (y[:, None] - places) ** 2 / var[:, None]) / np.sqrt(2 * np.pi * var[:, None])
 
 
-def centred(values: NDArray, ahead: NDArray) -> NDArray:
-    """Values (P, ...) less the mean of their group, of those ahead (P,) bool or of the others."""
+def centred(values: NDArray, second: NDArray) -> NDArray:
+    """Values (P, ...) less the mean of their group, of the second (P,) bool or of the first."""
     values = values.copy()
-    for group in (ahead, ~ahead):
+    for group in (second, ~second):
         values[group] -= values[group].mean(0) if group.any() else 0.0
     return values
 

@@ -265,6 +265,13 @@ def test_the_likelihood_of_many_detections_is_the_sum_of_logarithms():
     assert likeliest(p[:, 1:2])[0] == pytest.approx(400 * np.log(0.1 / 12))
 
 
+def test_lanes_between_which_no_distance_is_tried_are_refused():
+    (pair,) = BesideTest(lanes=(5.8, 6.3)).pairs(crowds(20), *ASK)
+    assert abs(pair.across) == 6.0
+    with pytest.raises(ValueError, match="lanes must be two distances"):
+        BesideTest(lanes=(5.8, 6.2))
+
+
 def test_a_vehicle_that_changes_lanes_is_one():
     """4 m in 3 s, and the lane of two seconds before it; the negative twin is in both all the time."""
     two = crowds(30)
