@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.special import ndtr
 
+from trackers.batch import take
 from trackers.estimate import Estimate
-from trackers.geometry import cross, dot, rotation, to_frame, unit
+from trackers.geometry import cross, dot, rotation, to_frame, unit, vector
 from trackers.multi.road import RoadMap
 from trackers.multi.visibility import SensorArray
 from trackers.parameters import check_numbers
@@ -63,6 +64,8 @@ class Association:
     least_expected: float = 0.5  # a track expects at least so many detections where one falls into its gates
     fades: float = np.inf  # [s] time constant with which these become fewer while no sensor should see the track
     surprise: float = 0.02  # and the share that stays
+    settled: float = 1.0  # [s] age of a track that takes no single detection of a scan from so far outside its box:
+    stray: float = 1.5  # [m]
     alarms: tuple[float, float] = (20.0, 5.0)  # more than these, and times those of the data sheet, are false alarms
     alarm_cell: tuple[float, float, float] = (5.0, 5.0, 4.0)  # [m, m, m/s] in which they count as one
     static_rate: float = 0.4  # [m/s] least threshold below which a detection counts as static
@@ -168,9 +171,7 @@ class Association:
 
     def inside_gate(self, estimate: Estimate, z: SortedScan) -> tuple[NDArray, NDArray, NDArray]:
         """Pairs (G,) inside the position gate, and the log density (G,) [1/m^2] of a box blurred by all noise."""
-        M = rotation(estimate.pose[:, 2])
-        P = (M.mT @ estimate.cov[:, :2, :2] @ M).diagonal(axis1=-2, axis2=-1)
-        own = P + self.surface_std**2 + estimate.size_std**2 / 4
+        M, own = self._own(estimate)
         half = (estimate.size / 2)[:, None]
         if len(own) * len(z.rate) < FEW_PAIRS:
             rows, xy, along, across = None, z.xy, z.var_along, z.var_across
@@ -180,10 +181,7 @@ class Association:
             xy, along, across = z.xy[rows], z.var_along[rows], z.var_across[rows]
             cos2 = (z.sight[rows] @ M)[..., 0] ** 2
         e = to_frame(estimate.pose, xy)  # (T, M or K, 2)
-        sin2 = 1 - cos2
-        C = np.empty(e.shape)
-        C[..., 0] = along * cos2 + across * sin2  # (MOT.14a)
-        C[..., 1] = along * sin2 + across * cos2  # (MOT.14b)
+        C = _noise(cos2, along, across)
         C += own[:, None]  # (MOT.14a), (MOT.14b)
         d2 = np.maximum(np.abs(e) - half, 0.0) ** 2 / C
         inside = d2[..., 0] + d2[..., 1] < self.position_gate  # (MOT.15)
@@ -194,6 +192,31 @@ class Association:
         a = np.abs(e)
         mass = ndtr((half - a) / s) - ndtr((-half - a) / s)
         return track, detection, np.log(np.maximum(mass, 1e-300) / (2 * half)).sum(-1)  # (MOT.16)
+
+    def strays(self, estimate: Estimate, age: NDArray, z: SortedScan, owner: NDArray) -> NDArray:
+        """Mask (M,) of the detections that are the only one of a track older than `settled` and far outside its box.
+
+        estimate (T,) are the predicted tracks, age (T,) [s] theirs, owner (M,) the track of each detection, -1 for
+        none. Far is outside the position gate of a box that ends `stray` further out than the estimated one.
+        """
+        count = np.bincount(owner[owner >= 0], minlength=len(age))
+        stray = np.isin(owner, np.flatnonzero((count == 1) & (age > self.settled)))
+        lone = np.flatnonzero(stray)
+        if not len(lone):
+            return stray
+        box = take(estimate, owner[lone])
+        M, own = self._own(box)
+        cos2 = dot(z.sight[lone], M[..., 0]) ** 2
+        C = own + _noise(cos2, z.var_along[lone], z.var_across[lone])  # (MOT.14a), (MOT.14b)
+        outside = np.abs(to_frame(box.pose, z.xy[lone, None])[:, 0]) - box.size / 2 - self.stray
+        stray[lone] = (np.maximum(outside, 0.0) ** 2 / C).sum(-1) >= self.position_gate  # (MOT.67)
+        return stray
+
+    def _own(self, estimate: Estimate) -> tuple[NDArray, NDArray]:
+        """Rotations (T, 2, 2) of boxes, and the variances (T, 2) [m^2] along their axes without noise of detections."""
+        M = rotation(estimate.pose[:, 2])
+        P = (M.mT @ estimate.cov[:, :2, :2] @ M).diagonal(axis1=-2, axis2=-1)
+        return M, P + self.surface_std**2 + estimate.size_std**2 / 4
 
     def _nearby(self, estimate: Estimate, own: NDArray, z: SortedScan) -> tuple[NDArray, NDArray]:
         """Rows (T, K) of the detections that may be inside the position gates, in rising order, and bool which are any.
@@ -223,6 +246,15 @@ class Association:
         d2 = np.where(measured, (g - ghat) ** 2 / var, 0.0)  # (MOT.19)
         log_rate = np.where(measured, -0.5 * (d2 + np.log(2 * np.pi * var)), 0.0)  # (MOT.19)
         return log_rate, d2 < self.rate_gate
+
+
+def _noise(cos2: NDArray, along: NDArray, across: NDArray) -> NDArray:
+    """Variances (..., 2) [m^2] along the axes of boxes of the noise along and across lines of sight.
+
+    cos2 is the square of the cosine of the angle between a line of sight and the first axis.
+    """
+    sin2 = 1 - cos2
+    return vector(along * cos2 + across * sin2, along * sin2 + across * cos2)  # (MOT.14a), (MOT.14b)
 
 
 def shares(owner: NDArray, tracks: int, most: int) -> NDArray:

@@ -138,7 +138,7 @@ class MultiObjectTracker:
         tracks = self._predict(tracks, dt, life)
         if self._fold is not None:
             scan = unfolded(scan, tracks, self.association, self.sensor_array, self._fold)
-        seen = self._seen(tracks, scan, dt) if life is None else life.seen(tracks, scan, dt)
+        seen = self._without_strays(self._seen(tracks, scan, dt) if life is None else life.seen(tracks, scan, dt))
         updated, info = self._update(seen, life, dt)
         rest = None if life is None else life.rest(seen, updated, dt)
         existence = self.existence.update(seen.tracks.existence, info.log_ratio) if rest is None else rest.existence
@@ -277,6 +277,19 @@ class MultiObjectTracker:
         )
         z = z._replace(clutter=claims.clutter)
         return Seen(tracks, z, order, claims.owner, view, self._weigh(tracks, view, claims))
+
+    def _without_strays(self, seen: Seen) -> Seen:
+        """The same without claims of single detections far outside the boxes of tracks that are not new."""
+        tracks, info = seen.tracks, seen.info
+        stray = self.association.strays(tracks.estimate, tracks.age, seen.z, seen.owner)
+        if not stray.any():
+            return seen
+        detections, log_ratio = info.detections.copy(), info.log_ratio.copy()
+        rows = seen.owner[stray]
+        detections[rows] = 0
+        log_ratio[rows] = self.existence.log_ratio(detections[rows], info.expected[rows], np.zeros(len(rows)))
+        owner = np.where(stray, -1, seen.owner)
+        return seen._replace(owner=owner, info=info._replace(detections=detections, log_ratio=log_ratio))
 
     def _admit(self, scan: Scan) -> Admitted:
         """The scan without implausible detections; raises ValueError for one of no use."""

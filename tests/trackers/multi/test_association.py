@@ -1,5 +1,7 @@
 """Gates and owners on scans made by hand: a radar at the origin faces along x to boxes 4 m long and 2 m wide."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 
@@ -166,3 +168,37 @@ def test_a_hidden_track_leaves_a_lone_detection_beside_it_to_the_false_alarms():
         tracker = MultiObjectTracker(KnownObjects(), (radar,), association=Association(fades=0.25))
         tracks = tracks_of(e, [0.99, 0.6])._replace(hidden=np.array([0.0, hidden]), noise=np.zeros(2))
         assert tracker.step(tracks, scan, 0.0)[1].owner.tolist() == [owner]
+
+
+@dataclass(frozen=True)
+class PerhapsTrucks(KnownObjects):
+    """The same of unknown length: gates reach 20 m further, at either end."""
+
+    def reach(self, state):
+        return state._replace(size=state.size + np.array([40.0, 0.0]))
+
+
+@pytest.mark.parametrize(
+    ("places", "age", "owner"),
+    [
+        ([44.5], 1.1, [0]),
+        ([44.4], 1.1, [-1]),
+        ([44.4], 0.9, [0]),
+        ([44.4, 44.4], 1.1, [0, 0]),
+        ([44.4, 50.0], 1.1, [0, 0]),
+    ],
+)
+def test_a_single_detection_far_outside_its_box_is_none_of_a_track_that_is_not_new(places, age, owner):
+    """The rear is at 48 m, the gate sqrt(10 x 0.42) = 2.05 m, and 1.5 m are granted: it ends at 44.45 m.
+
+    Without its detection the track is one that was missed: no hit, no update, and it exists less surely.
+    """
+    tracker = MultiObjectTracker(PerhapsTrucks(), (QUIET,))
+    tracks = tracks_of(box(50, 0))._replace(age=np.array([age]))
+    scan = scan_of([(x, 0.0) for x in places], (0.3, 0.001, 0.1))
+    new, info = tracker.step(tracks, scan, 0.0)
+    assert info.owner.tolist() == owner
+    assert info.detections.tolist() == [owner.count(0)]
+    assert new.hits.tolist() == [9 + (0 in owner)]
+    missed = tracker.step(tracks, scan_of([(10.0, 9.0)], (0.3, 0.001, 0.1)), 0.0)[1]
+    assert (info.log_ratio == missed.log_ratio).tolist() == [0 not in owner]
