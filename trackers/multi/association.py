@@ -64,8 +64,8 @@ class Association:
     least_expected: float = 0.5  # a track expects at least so many detections where one falls into its gates
     fades: float = np.inf  # [s] time constant with which these become fewer while no sensor should see the track
     surprise: float = 0.02  # and the share that stays
-    settled: float = 1.0  # [s] age of a track that takes no single detection of a scan from so far outside its box:
-    stray: float = 1.5  # [m]
+    settled: float = 1.0  # [s] age from which a track takes no single detection of a scan from far outside its box,
+    stray: float = 1.5  # [m] so far beyond the gate; inf s: it takes all
     alarms: tuple[float, float] = (20.0, 5.0)  # more than these, and times those of the data sheet, are false alarms
     alarm_cell: tuple[float, float, float] = (5.0, 5.0, 4.0)  # [m, m, m/s] in which they count as one
     static_rate: float = 0.4  # [m/s] least threshold below which a detection counts as static
@@ -73,7 +73,9 @@ class Association:
     static_inside: tuple[float, float] = (0.5, 0.5)  # [m] depth inside a lane for that; most for births
 
     def __post_init__(self) -> None:
-        check_numbers(self, positive=("position_gate", "rate_gate", "rate_std", "fades"), unlimited=("fades",))
+        check_numbers(
+            self, positive=("position_gate", "rate_gate", "rate_std", "fades"), unlimited=("fades", "settled")
+        )
 
     def prepare(self, scan: Scan, sensors: SensorArray, road: RoadMap | None = None) -> tuple[SortedScan, NDArray]:
         """The M detections under the mask, sorted, and their indices (M,) in the scan; road is the map of the lanes.

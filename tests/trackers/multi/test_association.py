@@ -202,3 +202,5 @@ def test_a_single_detection_far_outside_its_box_is_none_of_a_track_that_is_not_n
     assert new.hits.tolist() == [9 + (0 in owner)]
     missed = tracker.step(tracks, scan_of([(10.0, 9.0)], (0.3, 0.001, 0.1)), 0.0)[1]
     assert (info.log_ratio == missed.log_ratio).tolist() == [0 not in owner]
+    takes_all = MultiObjectTracker(PerhapsTrucks(), (QUIET,), association=Association(settled=np.inf))
+    assert takes_all.step(tracks, scan, 0.0)[1].owner.tolist() == [0] * len(places)
