@@ -64,8 +64,8 @@ class Association:
     least_expected: float = 0.5  # a track expects at least so many detections where one falls into its gates
     fades: float = np.inf  # [s] time constant with which these become fewer while no sensor should see the track
     surprise: float = 0.02  # and the share that stays
-    settled: float = 1.0  # [s] age from which a track takes no single detection of a scan from far outside its box,
-    stray: float = 1.5  # [m] so far beyond the gate; inf s: it takes all
+    settled: float = 1.0  # [s] age from which a track takes no single detection of a scan from far outside its box
+    stray: float = 1.5  # [m] by which the gate for that one reaches further than that of the box
     alarms: tuple[float, float] = (20.0, 5.0)  # more than these, and times those of the data sheet, are false alarms
     alarm_cell: tuple[float, float, float] = (5.0, 5.0, 4.0)  # [m, m, m/s] in which they count as one
     static_rate: float = 0.4  # [m/s] least threshold below which a detection counts as static
@@ -195,14 +195,14 @@ class Association:
         mass = ndtr((half - a) / s) - ndtr((-half - a) / s)
         return track, detection, np.log(np.maximum(mass, 1e-300) / (2 * half)).sum(-1)  # (MOT.16)
 
-    def strays(self, estimate: Estimate, age: NDArray, z: SortedScan, owner: NDArray) -> NDArray:
+    def strays(self, estimate: Estimate, age: NDArray, detections: NDArray, z: SortedScan, owner: NDArray) -> NDArray:
         """Mask (M,) of the detections that are the only one of a track older than `settled` and far outside its box.
 
-        estimate (T,) are the predicted tracks, age (T,) [s] theirs, owner (M,) the track of each detection, -1 for
-        none. Far is outside the position gate of a box that ends `stray` further out than the estimated one.
+        estimate (T,) are the predicted tracks, age (T,) [s] and detections (T,) theirs, owner (M,) the track of each
+        detection, -1 for none. Far is outside the position gate of a box that ends `stray` further out than the
+        estimated one.
         """
-        count = np.bincount(owner[owner >= 0], minlength=len(age))
-        stray = np.isin(owner, np.flatnonzero((count == 1) & (age > self.settled)))
+        stray = np.isin(owner, np.flatnonzero((detections == 1) & (age > self.settled)))
         lone = np.flatnonzero(stray)
         if not len(lone):
             return stray

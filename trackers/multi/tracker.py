@@ -281,7 +281,7 @@ class MultiObjectTracker:
     def _without_strays(self, seen: Seen) -> Seen:
         """The same without claims of single detections far outside the boxes of tracks that are not new."""
         tracks, info = seen.tracks, seen.info
-        stray = self.association.strays(tracks.estimate, tracks.age, seen.z, seen.owner)
+        stray = self.association.strays(tracks.estimate, tracks.age, info.detections, seen.z, seen.owner)
         if not stray.any():
             return seen
         detections, log_ratio = info.detections.copy(), info.log_ratio.copy()
